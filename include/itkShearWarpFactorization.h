@@ -1,0 +1,164 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#ifndef itkShearWarpFactorization_h
+#define itkShearWarpFactorization_h
+
+#include "itkImageBase.h"
+#include "itkMatrix.h"
+#include "itkShearWarpKernels.h"
+#include "itkTransform.h"
+
+#include <vector>
+
+namespace itk
+{
+/** \class ShearWarpFactorization
+ * \brief Factors the view of a 3D image into a permutation of its axes, a shear and a 2D warp.
+ *
+ * With the index of a voxel (relative to the start of the image's region) permuted so that the principal
+ * axis comes third, (i, j, k), the view of the image is
+ * \f[ M_{view} P^{-1} = M_{warp} M_{shear} \f]
+ * (Fang et al., Magn Reson Med 47:696-700, 2002, appendix). The shear moves slice k by whole and fractional
+ * voxels, (i, j) -> (i + s_a k + t_a, j + s_b k + t_b), onto the intermediate image; the warp takes pixels of the
+ * intermediate image to the view plane. Here, as everywhere in this module, coordinates of the view plane are in
+ * the units of the view transform's input (mm, for a rigid transform of an image in mm).
+ *
+ * The principal axis is the one along which a ray's index changes most, so that |s_a| <= 1 and |s_b| <= 1
+ * for anisotropic voxels and affine views too. The published translations are twice too large for negative
+ * shears; here t_a = max(0, -s_a (n_k - 1)), and t_b likewise, so that every slice lies at a non-negative offset.
+ *
+ * \ingroup ShearWarpMIP
+ */
+class ShearWarpMIP_EXPORT ShearWarpFactorization
+{
+public:
+  using TransformType = Transform<double, 3, 3>;
+  using InputImageBaseType = ImageBase<3>;
+  using OutputImageBaseType = ImageBase<2>;
+  using PermutationType = FixedArray<unsigned int, 3>;
+  using Vector2Type = Vector<double, 2>;
+  using Point2Type = Point<double, 2>;
+  using Matrix3Type = Matrix<double, 3, 3>;
+  using Matrix4Type = Matrix<double, 4, 4>;
+
+  /** Factors the view of \a image, over its largest possible region, by \a viewTransform, which takes view space to
+   * the image's physical space. \a output gives the grid in the view plane: size, spacing and origin.
+   * Throws ExceptionObject as VerifyViewTransform() does. */
+  ShearWarpFactorization(const TransformType *       viewTransform,
+                         const InputImageBaseType *  image,
+                         const OutputImageBaseType * output);
+
+  /** Index axis of the image (0, 1, 2) along which its slices are taken. */
+  unsigned int
+  GetPrincipalAxis() const
+  {
+    return m_Permutation[2];
+  }
+
+  /** The image's axes in the order i, j, k. */
+  const PermutationType &
+  GetPermutation() const
+  {
+    return m_Permutation;
+  }
+
+  /** (s_a, s_b): intermediate pixels from one slice to the next. */
+  const Vector2Type &
+  GetShear() const
+  {
+    return m_Shear;
+  }
+
+  /** (t_a, t_b), in intermediate pixels. */
+  const Vector2Type &
+  GetTranslation() const
+  {
+    return m_Translation;
+  }
+
+  /** Size of the intermediate image, in pixels. */
+  const Size<2> &
+  GetIntermediateSize() const
+  {
+    return m_IntermediateSize;
+  }
+
+  /** M_view P^-1 = [m_ij]: (i, j, k, 1) to view space. */
+  const Matrix4Type &
+  GetViewMatrix() const
+  {
+    return m_ViewMatrix;
+  }
+
+  /** M_shear: (i, j, k, 1) to intermediate column, row, slice. */
+  Matrix4Type
+  GetShearMatrix() const;
+
+  /** M_warp2D: intermediate column, row, 1 to the view plane. */
+  Matrix3Type
+  GetWarpMatrix() const;
+
+  /** Column, row, 1 of the output grid to intermediate column, row, 1: the inverse of the warp, after the grid's
+   * spacing and origin. */
+  Matrix3Type
+  GetOutputToIntermediateMatrix() const;
+
+  /** The place of each slice in the intermediate image. */
+  const std::vector<ShearWarp::SlicePlacement> &
+  GetSlicePlacements() const
+  {
+    return m_SlicePlacements;
+  }
+
+  /** For each row of the intermediate image, the columns that some slice reaches. */
+  const std::vector<ShearWarp::ColumnSpan> &
+  GetReachedColumns() const
+  {
+    return m_ReachedColumns;
+  }
+
+  /** Throws ExceptionObject, with the value, if the transform is not linear, not finite or singular. */
+  static void
+  VerifyViewTransform(const TransformType * viewTransform);
+
+  /** Corners of the bounding box, in the view plane, of the physical extent of \a image: its voxels, not only their
+   * centres. */
+  static void
+  ComputeProjectedBounds(const TransformType *      viewTransform,
+                         const InputImageBaseType * image,
+                         Point2Type &               lower,
+                         Point2Type &               upper);
+
+  /** The smallest spacing of \a image, in units of the view plane's two axes. */
+  static Vector2Type
+  ComputeProjectedSpacing(const TransformType * viewTransform, const InputImageBaseType * image);
+
+private:
+  PermutationType                        m_Permutation;
+  Vector2Type                            m_Shear;
+  Vector2Type                            m_Translation;
+  Size<2>                                m_IntermediateSize;
+  Matrix4Type                            m_ViewMatrix;
+  Vector2Type                            m_OutputSpacing;
+  Point2Type                             m_OutputOrigin;
+  std::vector<ShearWarp::SlicePlacement> m_SlicePlacements;
+  std::vector<ShearWarp::ColumnSpan>     m_ReachedColumns;
+};
+} // namespace itk
+
+#endif

@@ -1,0 +1,298 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#ifndef itkShearWarpMIPImageFilter_hxx
+#define itkShearWarpMIPImageFilter_hxx
+
+#include "itkIdentityTransform.h"
+#include "itkTotalProgressReporter.h"
+
+#include "itksys/SystemInformation.hxx"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+
+namespace itk
+{
+template <typename TInputImage, typename TOutputImage>
+ShearWarpMIPImageFilter<TInputImage, TOutputImage>::ShearWarpMIPImageFilter()
+{
+  Self::AddRequiredInputName("Transform");
+  this->SetTransform(IdentityTransform<double, 3>::New());
+}
+
+template <typename TInputImage, typename TOutputImage>
+void
+ShearWarpMIPImageFilter<TInputImage, TOutputImage>::SetSize(const SizeType & size)
+{
+  if (m_FitSize || m_Size != size)
+  {
+    m_Size = size;
+    m_FitSize = false;
+    this->Modified();
+  }
+}
+
+template <typename TInputImage, typename TOutputImage>
+void
+ShearWarpMIPImageFilter<TInputImage, TOutputImage>::SetOutputSpacing(const SpacingType & spacing)
+{
+  if (m_FitOutputSpacing || m_OutputSpacing != spacing)
+  {
+    m_OutputSpacing = spacing;
+    m_FitOutputSpacing = false;
+    this->Modified();
+  }
+}
+
+template <typename TInputImage, typename TOutputImage>
+void
+ShearWarpMIPImageFilter<TInputImage, TOutputImage>::SetOutputOrigin(const OriginPointType & origin)
+{
+  if (m_FitOutputOrigin || m_OutputOrigin != origin)
+  {
+    m_OutputOrigin = origin;
+    m_FitOutputOrigin = false;
+    this->Modified();
+  }
+}
+
+template <typename TInputImage, typename TOutputImage>
+void
+ShearWarpMIPImageFilter<TInputImage, TOutputImage>::FitOutputGrid()
+{
+  if (!(m_FitSize && m_FitOutputSpacing && m_FitOutputOrigin))
+  {
+    m_Size.Fill(0);
+    m_OutputSpacing.Fill(0.0);
+    m_OutputOrigin.Fill(0.0);
+    m_FitSize = m_FitOutputSpacing = m_FitOutputOrigin = true;
+    this->Modified();
+  }
+}
+
+template <typename TInputImage, typename TOutputImage>
+void
+ShearWarpMIPImageFilter<TInputImage, TOutputImage>::VerifyPreconditions() ITKv5_CONST
+{
+  Superclass::VerifyPreconditions();
+  if (!this->GetTransformInput()->GetSource())
+  {
+    ShearWarpFactorization::VerifyViewTransform(this->GetTransform());
+  }
+
+  for (unsigned int axis = 0; axis < OutputImageDimension; ++axis)
+  {
+    if (!m_FitSize && m_Size[axis] == 0)
+    {
+      itkExceptionMacro("Size must not be zero, but it is " << m_Size << '.');
+    }
+    if (!m_FitOutputSpacing && !(m_OutputSpacing[axis] > 0.0 && std::isfinite(m_OutputSpacing[axis])))
+    {
+      itkExceptionMacro("OutputSpacing must be positive and finite, but it is " << m_OutputSpacing << '.');
+    }
+    if (!m_FitOutputOrigin && !std::isfinite(m_OutputOrigin[axis]))
+    {
+      itkExceptionMacro("OutputOrigin must be finite, but it is " << m_OutputOrigin << '.');
+    }
+  }
+}
+
+template <typename TInputImage, typename TOutputImage>
+void
+ShearWarpMIPImageFilter<TInputImage, TOutputImage>::VerifyInputInformation() ITKv5_CONST
+{
+  Superclass::VerifyInputInformation();
+
+  const InputImageType * input = this->GetInput();
+  if (input->GetLargestPossibleRegion().GetNumberOfPixels() == 0)
+  {
+    itkExceptionMacro("The input must not be empty, but its region is " << input->GetLargestPossibleRegion());
+  }
+  for (unsigned int axis = 0; axis < InputImageDimension; ++axis)
+  {
+    if (!(input->GetSpacing()[axis] > 0.0 && std::isfinite(input->GetSpacing()[axis])))
+    {
+      itkExceptionMacro("The input's spacing must be positive and finite, but it is " << input->GetSpacing() << '.');
+    }
+    if (!std::isfinite(input->GetOrigin()[axis]))
+    {
+      itkExceptionMacro("The input's origin must be finite, but it is " << input->GetOrigin() << '.');
+    }
+  }
+}
+
+template <typename TInputImage, typename TOutputImage>
+void
+ShearWarpMIPImageFilter<TInputImage, TOutputImage>::GenerateOutputInformation()
+{
+  const InputImageType * input = this->GetInput();
+  const TransformType *  transform = this->GetTransform();
+  OriginPointType        lower;
+  OriginPointType        upper;
+  ShearWarpFactorization::ComputeProjectedBounds(transform, input, lower, upper);
+
+  const SpacingType spacing =
+    m_FitOutputSpacing ? ShearWarpFactorization::ComputeProjectedSpacing(transform, input) : m_OutputSpacing;
+  OriginPointType                 origin = m_OutputOrigin;
+  Vector<double, OutputImageDimension> size;
+  for (unsigned int axis = 0; axis < OutputImageDimension; ++axis)
+  {
+    const double start = m_FitOutputOrigin ? lower[axis] : origin[axis] - 0.5 * spacing[axis];
+    // an extent that exceeds whole pixels by rounding errors only needs no further pixel
+    const double fitted = std::max(1.0, std::ceil((upper[axis] - start) / spacing[axis] - 1e-6));
+    size[axis] = m_FitSize ? fitted : static_cast<double>(m_Size[axis]);
+    if (m_FitOutputOrigin)
+    {
+      origin[axis] = 0.5 * (lower[axis] + upper[axis]) - 0.5 * (size[axis] - 1.0) * spacing[axis];
+    }
+  }
+
+  static const double memory = []() {
+    itksys::SystemInformation system;
+    system.RunMemoryCheck();
+    return 1024.0 * 1024.0 * static_cast<double>(system.GetTotalPhysicalMemory());
+  }();
+  const double bytes = size[0] * size[1] * sizeof(OutputPixelType);
+  if (!(bytes <= memory))
+  {
+    itkExceptionMacro("Size must fit in memory, but an output of size "
+                      << size << ", spacing " << spacing << ", takes " << bytes << " bytes and this computer has "
+                      << memory << '.');
+  }
+
+  OutputImageType * output = this->GetOutput();
+  output->SetLargestPossibleRegion(
+    SizeType{ { static_cast<SizeValueType>(size[0]), static_cast<SizeValueType>(size[1]) } });
+  output->SetSpacing(spacing);
+  output->SetOrigin(origin);
+  typename OutputImageType::DirectionType direction;
+  direction.SetIdentity();
+  output->SetDirection(direction);
+}
+
+template <typename TInputImage, typename TOutputImage>
+void
+ShearWarpMIPImageFilter<TInputImage, TOutputImage>::GenerateInputRequestedRegion()
+{
+  const_cast<InputImageType *>(this->GetInput())->SetRequestedRegionToLargestPossibleRegion();
+}
+
+template <typename TInputImage, typename TOutputImage>
+void
+ShearWarpMIPImageFilter<TInputImage, TOutputImage>::EnlargeOutputRequestedRegion(DataObject * output)
+{
+  output->SetRequestedRegionToLargestPossibleRegion();
+}
+
+template <typename TInputImage, typename TOutputImage>
+template <typename TFunction>
+void
+ShearWarpMIPImageFilter<TInputImage, TOutputImage>::Parallelize(SizeValueType     count,
+                                                                float             progressWeight,
+                                                                const TFunction & process)
+{
+  constexpr SizeValueType band = 8;
+  MultiThreaderBase *     multiThreader = this->GetMultiThreader();
+  multiThreader->SetNumberOfWorkUnits(this->GetNumberOfWorkUnits());
+  multiThreader->ParallelizeArray(
+    0,
+    (count + band - 1) / band,
+    [&](SizeValueType index) {
+      const SizeValueType   begin = index * band;
+      const SizeValueType   end = std::min(begin + band, count);
+      TotalProgressReporter progress(this, count, 100, progressWeight);
+      progress.CheckAbortGenerateData();
+      process(begin, end);
+      progress.Completed(end - begin);
+    },
+    nullptr);
+}
+
+template <typename TInputImage, typename TOutputImage>
+void
+ShearWarpMIPImageFilter<TInputImage, TOutputImage>::GenerateData()
+{
+  using Clock = std::chrono::steady_clock;
+  const auto secondsSince = [](Clock::time_point start) {
+    return std::chrono::duration<double>(Clock::now() - start).count();
+  };
+
+  this->AllocateOutputs();
+  const InputImageType * input = this->GetInput();
+  OutputImageType *      output = this->GetOutput();
+
+  const ShearWarpFactorization factorization(this->GetTransform(), input, output);
+  m_PrincipalAxis = factorization.GetPrincipalAxis();
+
+  const auto preparationStart = Clock::now();
+  const bool prepared = m_PreparedVolume.IsPrepared(input, m_PrincipalAxis);
+  const auto parallelize = [this](SizeValueType count, const auto & process) { this->Parallelize(count, 0.4f, process); };
+  const auto slices = m_PreparedVolume.GetSlices(input, m_PrincipalAxis, parallelize);
+  m_PreparationSeconds = prepared ? 0.0 : secondsSince(preparationStart);
+
+  const auto      projectionStart = Clock::now();
+  const Size<2> & size = factorization.GetIntermediateSize();
+  const auto      pixels = ImportImageContainer<SizeValueType, InputPixelType>::New();
+  pixels->Reserve(size[0] * size[1]);
+  const ShearWarp::IntermediateImage<InputPixelType> intermediate{ pixels->GetImportPointer(),
+                                                                   static_cast<std::ptrdiff_t>(size[0]),
+                                                                   static_cast<std::ptrdiff_t>(size[1]),
+                                                                   factorization.GetReachedColumns().data() };
+  this->Parallelize(size[1], prepared ? 0.9f : 0.5f, [&](SizeValueType begin, SizeValueType end) {
+    ShearWarp::ProjectSlices(slices, factorization.GetSlicePlacements().data(), begin, end, intermediate);
+  });
+  m_ProjectionSeconds = secondsSince(projectionStart);
+
+  const auto warpStart = Clock::now();
+  const auto               map = factorization.GetOutputToIntermediateMatrix();
+  const ShearWarp::AffineMap2D outputToIntermediate{ map(0, 0), map(0, 1), map(0, 2), map(1, 0), map(1, 1), map(1, 2) };
+  const SizeType           outputSize = output->GetBufferedRegion().GetSize();
+  this->Parallelize(outputSize[1], 0.1f, [&](SizeValueType begin, SizeValueType end) {
+    ShearWarp::WarpRows<InputPixelType>(intermediate,
+                                        outputToIntermediate,
+                                        begin,
+                                        end,
+                                        outputSize[0],
+                                        m_DefaultPixelValue,
+                                        output->GetBufferPointer() + begin * outputSize[0]);
+  });
+  m_WarpSeconds = secondsSince(warpStart);
+}
+
+template <typename TInputImage, typename TOutputImage>
+void
+ShearWarpMIPImageFilter<TInputImage, TOutputImage>::PrintSelf(std::ostream & os, Indent indent) const
+{
+  Superclass::PrintSelf(os, indent);
+  const auto fitted = [](bool fit) { return fit ? " (fitted)" : ""; };
+  os << indent << "Transform: " << this->GetTransform() << std::endl;
+  os << indent << "Size: " << m_Size << fitted(m_FitSize) << std::endl;
+  os << indent << "OutputSpacing: " << m_OutputSpacing << fitted(m_FitOutputSpacing) << std::endl;
+  os << indent << "OutputOrigin: " << m_OutputOrigin << fitted(m_FitOutputOrigin) << std::endl;
+  os << indent << "DefaultPixelValue: "
+     << static_cast<typename NumericTraits<OutputPixelType>::PrintType>(m_DefaultPixelValue) << std::endl;
+  os << indent << "PrincipalAxis: " << m_PrincipalAxis << std::endl;
+  os << indent << "PreparationSeconds: " << m_PreparationSeconds << std::endl;
+  os << indent << "ProjectionSeconds: " << m_ProjectionSeconds << std::endl;
+  os << indent << "WarpSeconds: " << m_WarpSeconds << std::endl;
+  os << indent << "PreparedVolumeSizeInBytes: " << this->GetPreparedVolumeSizeInBytes() << std::endl;
+}
+} // namespace itk
+
+#endif

@@ -1,0 +1,92 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#ifndef itkShearWarpMIPView_h
+#define itkShearWarpMIPView_h
+
+#include "ShearWarpMIPExport.h"
+#include "itkAffineTransform.h"
+#include "itkImageBase.h"
+
+#include <iosfwd>
+
+namespace itk
+{
+/** \class ShearWarpMIPViewEnums
+ * \brief Enumerations of ShearWarpMIPView.
+ * \ingroup ShearWarpMIP
+ */
+class ShearWarpMIPViewEnums
+{
+public:
+  /** \class Direction
+   * \ingroup ShearWarpMIP
+   * The side of the patient from which the viewer looks. */
+  enum class Direction : uint8_t
+  {
+    Anterior,
+    Posterior,
+    Left,
+    Right,
+    Superior,
+    Inferior
+  };
+};
+
+/** Writes the enumerator's name. */
+ShearWarpMIP_EXPORT std::ostream &
+operator<<(std::ostream & out, ShearWarpMIPViewEnums::Direction value);
+
+/** \class ShearWarpMIPView
+ * \brief Makes view transforms for ShearWarpMIPImageFilter from anatomical directions.
+ *
+ * Physical space is ITK's: x to the patient's left, y to posterior, z to superior (LPS), in mm. View space has u to the
+ * right of the picture, v down the picture and w away from the viewer; it is right-handed, so that no view is
+ * mirrored. Its origin is the centre of the image.
+ *
+ * | direction | right of the picture (u) | down (v)  | away from the viewer (w) |
+ * |-----------|--------------------------|-----------|--------------------------|
+ * | Anterior  | left                     | inferior  | posterior                |
+ * | Posterior | right                    | inferior  | anterior                 |
+ * | Left      | posterior                | inferior  | right                    |
+ * | Right     | anterior                 | inferior  | left                     |
+ * | Superior  | right                    | posterior | inferior                 |
+ * | Inferior  | left                     | posterior | superior                 |
+ *
+ * \ingroup ShearWarpMIP
+ */
+class ShearWarpMIPView
+{
+public:
+  using DirectionEnum = ShearWarpMIPViewEnums::Direction;
+  using TransformType = AffineTransform<double, 3>;
+
+  /** The rigid transform, from view space to physical space, of a view of \a image from \a direction. From there the
+   * viewer moves around the image's centre: first by \a azimuth degrees towards the right of the picture, about the
+   * picture's vertical axis, then by \a elevation degrees towards the top of the picture. From anterior, azimuth 90
+   * is the left view (positive angles are left anterior oblique, positive elevations are cranial).
+   * Throws ExceptionObject if \a image is null, or an angle is not finite. */
+  static ShearWarpMIP_EXPORT TransformType::Pointer
+  MakeTransform(const ImageBase<3> * image, DirectionEnum direction, double azimuth = 0.0, double elevation = 0.0);
+
+  /** The physical position, in mm, of the centre of \a image's largest possible region. */
+  static ShearWarpMIP_EXPORT Point<double, 3>
+  GetCentre(const ImageBase<3> * image);
+};
+} // namespace itk
+
+#endif

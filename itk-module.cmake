@@ -1,0 +1,20 @@
+set(DOCUMENTATION
+    "Maximum intensity projection (MIP) of 3D images from any direction, exact and at the speed of memory, by
+shear-warp factorization and reduced resampling: Fang et al., Fast Maximum Intensity Projection Algorithm
+Using Shear Warp Factorization and Reduced Resampling, Magn Reson Med 47:696-700, 2002.")
+
+itk_module(
+  ShearWarpMIP
+  ENABLE_SHARED
+  DEPENDS
+  ITKCommon
+  ITKTransform
+  ITKImageFilterBase
+  TEST_DEPENDS
+  ITKTestKernel
+  ITKGoogleTest
+  ITKImageGrid
+  ITKImageStatistics
+  EXCLUDE_FROM_DEFAULT
+  DESCRIPTION
+  "${DOCUMENTATION}")

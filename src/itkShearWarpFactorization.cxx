@@ -1,0 +1,298 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#include "itkShearWarpFactorization.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace itk
+{
+namespace
+{
+
+/** View to physical space: p = matrix * q + offset. */
+struct LinearView
+{
+  Matrix<double, 3, 3> matrix;
+  Vector<double, 3>    offset;
+};
+
+/** Works for every transform class. A power of two as step keeps the digits of the matrix. */
+LinearView
+GetLinearView(const Transform<double, 3, 3> * transform)
+{
+  constexpr double step = 1024.0;
+  LinearView       view;
+  view.offset = transform->TransformPoint(Point<double, 3>(0.0)).GetVectorFromOrigin();
+  for (unsigned int column = 0; column < 3; ++column)
+  {
+    Point<double, 3> ahead(0.0);
+    Point<double, 3> behind(0.0);
+    ahead[column] = step;
+    behind[column] = -step;
+    const auto difference = transform->TransformPoint(ahead) - transform->TransformPoint(behind);
+    for (unsigned int row = 0; row < 3; ++row)
+    {
+      view.matrix(row, column) = difference[row] / (2 * step);
+    }
+  }
+  return view;
+}
+
+Vector<double, 3>
+GetColumn(const Matrix<double, 3, 3> & matrix, unsigned int column)
+{
+  Vector<double, 3> result;
+  for (unsigned int row = 0; row < 3; ++row)
+  {
+    result[row] = matrix(row, column);
+  }
+  return result;
+}
+
+double
+GetDeterminant(const Matrix<double, 3, 3> & matrix)
+{
+  return CrossProduct(GetColumn(matrix, 0), GetColumn(matrix, 1)) * GetColumn(matrix, 2);
+}
+
+/** The image's index axes in physical space: direction times spacing. */
+Matrix<double, 3, 3>
+GetIndexToPhysical(const ImageBase<3> * image)
+{
+  Matrix<double, 3, 3> matrix = image->GetDirection();
+  for (unsigned int row = 0; row < 3; ++row)
+  {
+    for (unsigned int column = 0; column < 3; ++column)
+    {
+      matrix(row, column) *= image->GetSpacing()[column];
+    }
+  }
+  return matrix;
+}
+
+/** Physical position of the first voxel of the image's largest possible region. */
+Vector<double, 3>
+GetFirstVoxel(const ImageBase<3> * image)
+{
+  Point<double, 3> point;
+  image->TransformIndexToPhysicalPoint(image->GetLargestPossibleRegion().GetIndex(), point);
+  return point.GetVectorFromOrigin();
+}
+
+ShearWarpFactorization::PermutationType
+MakePermutation(unsigned int principalAxis)
+{
+  ShearWarpFactorization::PermutationType permutation;
+  permutation[0] = principalAxis == 0 ? 1 : 0;
+  permutation[1] = principalAxis == 2 ? 1 : 2;
+  permutation[2] = principalAxis;
+  return permutation;
+}
+
+} // namespace
+
+ShearWarpFactorization::ShearWarpFactorization(const TransformType *       viewTransform,
+                                               const InputImageBaseType *  image,
+                                               const OutputImageBaseType * output)
+  : m_OutputSpacing(output->GetSpacing())
+  , m_OutputOrigin(output->GetOrigin())
+{
+  VerifyViewTransform(viewTransform);
+  const LinearView           view = GetLinearView(viewTransform);
+  const Matrix<double, 3, 3> physicalToView(view.matrix.GetInverse());
+  const Matrix<double, 3, 3> indexToView = physicalToView * GetIndexToPhysical(image);
+  const Vector<double, 3>    firstVoxel = physicalToView * (GetFirstVoxel(image) - view.offset);
+
+  // the ray in index space
+  const Vector<double, 3> ray = GetColumn(Matrix<double, 3, 3>(indexToView.GetInverse()), 2);
+  unsigned int            principalAxis = 2;
+  for (const unsigned int axis : { 1, 0 })
+  {
+    principalAxis = std::abs(ray[axis]) > std::abs(ray[principalAxis]) ? axis : principalAxis;
+  }
+  m_Permutation = MakePermutation(principalAxis);
+
+  m_ViewMatrix.SetIdentity();
+  for (unsigned int row = 0; row < 3; ++row)
+  {
+    for (unsigned int column = 0; column < 3; ++column)
+    {
+      m_ViewMatrix(row, column) = indexToView(row, m_Permutation[column]);
+    }
+    m_ViewMatrix(row, 3) = firstVoxel[row];
+  }
+
+  Size<3> size;
+  for (unsigned int axis = 0; axis < 3; ++axis)
+  {
+    size[axis] = image->GetLargestPossibleRegion().GetSize(m_Permutation[axis]);
+  }
+  for (unsigned int axis = 0; axis < 2; ++axis)
+  {
+    m_Shear[axis] = -ray[m_Permutation[axis]] / ray[principalAxis];
+    m_Translation[axis] = m_Shear[axis] < 0 ? -m_Shear[axis] * static_cast<double>(size[2] - 1) : 0.0;
+  }
+
+  m_SlicePlacements.reserve(size[2]);
+  std::int32_t lastColumn = 0;
+  std::int32_t lastRow = 0;
+  for (SizeValueType k = 0; k < size[2]; ++k)
+  {
+    const auto offset = m_Shear * static_cast<double>(k) + m_Translation;
+    m_SlicePlacements.push_back({ ShearWarp::QuantizePosition(offset[0]), ShearWarp::QuantizePosition(offset[1]) });
+    lastColumn = std::max(lastColumn, m_SlicePlacements.back().FirstColumn());
+    lastRow = std::max(lastRow, m_SlicePlacements.back().FirstRow());
+  }
+  m_IntermediateSize = { { size[0] + lastColumn, size[1] + lastRow } };
+
+  // slices side by side overlap, so the columns that they reach in a row are one span
+  const auto columns = static_cast<std::int32_t>(size[0]);
+  m_ReachedColumns.assign(m_IntermediateSize[1], { static_cast<std::int32_t>(m_IntermediateSize[0]), 0 });
+  for (const auto & placement : m_SlicePlacements)
+  {
+    const std::int32_t begin = placement.FirstColumn();
+    for (SizeValueType j = 0; j < size[1]; ++j)
+    {
+      ShearWarp::ColumnSpan & span = m_ReachedColumns[placement.FirstRow() + j];
+      span = { std::min(span.begin, begin), std::max(span.end, begin + columns) };
+    }
+  }
+}
+
+ShearWarpFactorization::Matrix4Type
+ShearWarpFactorization::GetShearMatrix() const
+{
+  Matrix4Type shear;
+  shear.SetIdentity();
+  for (unsigned int axis = 0; axis < 2; ++axis)
+  {
+    shear(axis, 2) = m_Shear[axis];
+    shear(axis, 3) = m_Translation[axis];
+  }
+  return shear;
+}
+
+ShearWarpFactorization::Matrix3Type
+ShearWarpFactorization::GetWarpMatrix() const
+{
+  const Matrix4Type & m = m_ViewMatrix;
+  Matrix3Type         warp;
+  warp.SetIdentity();
+  for (unsigned int row = 0; row < 2; ++row)
+  {
+    warp(row, 0) = m(row, 0);
+    warp(row, 1) = m(row, 1);
+    warp(row, 2) = m(row, 3) - m_Translation[0] * m(row, 0) - m_Translation[1] * m(row, 1);
+  }
+  return warp;
+}
+
+ShearWarpFactorization::Matrix3Type
+ShearWarpFactorization::GetOutputToIntermediateMatrix() const
+{
+  Matrix3Type outputToView;
+  outputToView.SetIdentity();
+  for (unsigned int axis = 0; axis < 2; ++axis)
+  {
+    outputToView(axis, axis) = m_OutputSpacing[axis];
+    outputToView(axis, 2) = m_OutputOrigin[axis];
+  }
+  return Matrix3Type(GetWarpMatrix().GetInverse()) * outputToView;
+}
+
+void
+ShearWarpFactorization::VerifyViewTransform(const TransformType * viewTransform)
+{
+  if (!viewTransform)
+  {
+    itkGenericExceptionMacro("Transform is required but not set.");
+  }
+  if (!viewTransform->IsLinear())
+  {
+    itkGenericExceptionMacro("Transform must be linear, but it is a " << viewTransform->GetNameOfClass() << '.');
+  }
+  const LinearView view = GetLinearView(viewTransform);
+  bool             finite = true;
+  for (unsigned int row = 0; row < 3; ++row)
+  {
+    finite = finite && std::isfinite(view.offset[row]);
+    for (unsigned int column = 0; column < 3; ++column)
+    {
+      finite = finite && std::isfinite(view.matrix(row, column));
+    }
+  }
+  if (!finite)
+  {
+    itkGenericExceptionMacro("Transform must be finite, but its matrix is\n"
+                             << view.matrix << "and its offset " << view.offset << '.');
+  }
+  const double determinant = GetDeterminant(view.matrix);
+  const double volume = GetColumn(view.matrix, 0).GetNorm() * GetColumn(view.matrix, 1).GetNorm() *
+                        GetColumn(view.matrix, 2).GetNorm();
+  if (!(std::abs(determinant) > 1e-12 * volume))
+  {
+    itkGenericExceptionMacro("Transform must be invertible, but the determinant of its matrix\n"
+                             << view.matrix << "is " << determinant << '.');
+  }
+}
+
+void
+ShearWarpFactorization::ComputeProjectedBounds(const TransformType *      viewTransform,
+                                               const InputImageBaseType * image,
+                                               Point2Type &               lower,
+                                               Point2Type &               upper)
+{
+  VerifyViewTransform(viewTransform);
+  const LinearView           view = GetLinearView(viewTransform);
+  const Matrix<double, 3, 3> physicalToView(view.matrix.GetInverse());
+  const Matrix<double, 3, 3> indexToView = physicalToView * GetIndexToPhysical(image);
+  const Vector<double, 3>    firstVoxel = physicalToView * (GetFirstVoxel(image) - view.offset);
+  const Size<3>              size = image->GetLargestPossibleRegion().GetSize();
+
+  for (unsigned int row = 0; row < 2; ++row)
+  {
+    double centre = firstVoxel[row];
+    double halfExtent = 0.0;
+    for (unsigned int axis = 0; axis < 3; ++axis)
+    {
+      const auto count = static_cast<double>(size[axis]);
+      centre += indexToView(row, axis) * 0.5 * (count - 1.0);
+      halfExtent += std::abs(indexToView(row, axis)) * 0.5 * count;
+    }
+    lower[row] = centre - halfExtent;
+    upper[row] = centre + halfExtent;
+  }
+}
+
+ShearWarpFactorization::Vector2Type
+ShearWarpFactorization::ComputeProjectedSpacing(const TransformType * viewTransform, const InputImageBaseType * image)
+{
+  VerifyViewTransform(viewTransform);
+  const LinearView view = GetLinearView(viewTransform);
+  const auto &     spacing = image->GetSpacing();
+  Vector2Type      projected;
+  for (unsigned int axis = 0; axis < 2; ++axis)
+  {
+    projected[axis] =
+      *std::min_element(spacing.Begin(), spacing.End()) / GetColumn(view.matrix, axis).GetNorm();
+  }
+  return projected;
+}
+
+} // namespace itk

@@ -1,0 +1,135 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#include "itkShearWarpMIPView.h"
+
+#include "itkContinuousIndex.h"
+#include "itkMath.h"
+
+#include <cmath>
+#include <ostream>
+
+namespace itk
+{
+namespace
+{
+using VectorType = Vector<double, 3>;
+
+struct ViewAxes
+{
+  VectorType u, v, w;
+};
+
+ViewAxes
+GetAxes(ShearWarpMIPViewEnums::Direction direction)
+{
+  const auto make = [](double x, double y, double z) {
+    const double components[] = { x, y, z };
+    return VectorType(components);
+  };
+  const auto left = make(1, 0, 0);
+  const auto posterior = make(0, 1, 0);
+  const auto superior = make(0, 0, 1);
+  using Direction = ShearWarpMIPViewEnums::Direction;
+  switch (direction)
+  {
+    case Direction::Anterior:
+      return { left, -superior, posterior };
+    case Direction::Posterior:
+      return { -left, -superior, -posterior };
+    case Direction::Left:
+      return { posterior, -superior, -left };
+    case Direction::Right:
+      return { -posterior, -superior, left };
+    case Direction::Superior:
+      return { -left, posterior, -superior };
+    case Direction::Inferior:
+      return { left, posterior, superior };
+  }
+  itkGenericExceptionMacro("Direction must be one of the six enumerators, but it is "
+                           << static_cast<int>(direction) << '.');
+}
+
+/** Turns \a from towards \a to, both unit vectors at a right angle, and \a to along with it. Multiples of 90 degrees
+ * are exact. */
+void
+Turn(VectorType & from, VectorType & to, double degrees)
+{
+  const double quarters = std::round(degrees / 90.0);
+  const double rest = (degrees - 90.0 * quarters) * Math::pi_over_180;
+  const double cosines[4] = { std::cos(rest), -std::sin(rest), -std::cos(rest), std::sin(rest) };
+  const auto   quadrant = static_cast<int>(quarters - 4.0 * std::floor(quarters / 4.0));
+  const double cosine = cosines[quadrant];
+  const double sine = cosines[(quadrant + 3) % 4];
+  const auto   turned = from * cosine + to * sine;
+  to = to * cosine - from * sine;
+  from = turned;
+}
+} // namespace
+
+std::ostream &
+operator<<(std::ostream & out, ShearWarpMIPViewEnums::Direction value)
+{
+  static constexpr const char * names[] = { "Anterior", "Posterior", "Left", "Right", "Superior", "Inferior" };
+  const auto                    index = static_cast<unsigned int>(value);
+  return out << "itk::ShearWarpMIPViewEnums::Direction::" << (index < 6 ? names[index] : "INVALID VALUE");
+}
+
+ShearWarpMIPView::TransformType::Pointer
+ShearWarpMIPView::MakeTransform(const ImageBase<3> * image, DirectionEnum direction, double azimuth, double elevation)
+{
+  if (!std::isfinite(azimuth) || !std::isfinite(elevation))
+  {
+    itkGenericExceptionMacro("Azimuth and elevation must be finite, but they are " << azimuth << " and " << elevation
+                                                                                   << '.');
+  }
+  ViewAxes axes = GetAxes(direction);
+  Turn(axes.u, axes.w, azimuth);
+  Turn(axes.v, axes.w, -elevation);
+
+  TransformType::MatrixType matrix;
+  for (unsigned int row = 0; row < 3; ++row)
+  {
+    matrix(row, 0) = axes.u[row];
+    matrix(row, 1) = axes.v[row];
+    matrix(row, 2) = axes.w[row];
+  }
+  auto transform = TransformType::New();
+  transform->SetMatrix(matrix);
+  transform->SetOffset(GetCentre(image).GetVectorFromOrigin());
+  return transform;
+}
+
+Point<double, 3>
+ShearWarpMIPView::GetCentre(const ImageBase<3> * image)
+{
+  if (!image)
+  {
+    itkGenericExceptionMacro("The image is required but not set.");
+  }
+  const ImageRegion<3> &     region = image->GetLargestPossibleRegion();
+  ContinuousIndex<double, 3> index;
+  for (unsigned int axis = 0; axis < 3; ++axis)
+  {
+    index[axis] =
+      static_cast<double>(region.GetIndex(axis)) + 0.5 * (static_cast<double>(region.GetSize(axis)) - 1.0);
+  }
+  Point<double, 3> centre;
+  image->TransformContinuousIndexToPhysicalPoint(index, centre);
+  return centre;
+}
+} // namespace itk

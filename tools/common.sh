@@ -1,0 +1,37 @@
+# Shared by the scripts in this folder; sourced, not run.
+
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+cache=${SHEARWARPMIP_CACHE:-${XDG_CACHE_HOME:-$HOME/.cache}/itk-shearwarpmip}
+jobs=${JOBS:-$(nproc)}
+
+say() { printf '%s\n' "$*" >&2; }
+die() { say "$(basename "$0"): $*"; exit 1; }
+
+# as_root COMMAND...: runs it as root, through sudo where that is needed.
+as_root() {
+  if [ "$(id -u)" -eq 0 ]; then "$@"
+  elif command -v sudo >/dev/null; then sudo "$@"
+  else die "needs root or sudo to run: $*"
+  fi
+}
+
+# need_packages NAME...: installs those Debian packages that are missing.
+need_packages() {
+  local missing=() name
+  for name in "$@"; do
+    [ "$(dpkg-query -W -f='${db:Status-Status}' "$name" 2>/dev/null)" = installed ] || missing+=("$name")
+  done
+  [ ${#missing[@]} -gt 0 ] || return 0
+  command -v apt-get >/dev/null || die "please install: ${missing[*]}"
+  say "installing Debian packages: ${missing[*]}"
+  as_root apt-get update -qq >&2 || say "apt-get update failed; trying with the lists that are here"
+  as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}" >&2
+}
+
+# seconds COMMAND...: runs it and says on standard error how long it took.
+timed() {
+  local what=$1 start=$SECONDS
+  shift
+  "$@"
+  say "$what: $((SECONDS - start)) s"
+}

@@ -1,0 +1,159 @@
+#!/usr/bin/env bash
+# Prints the path of an ITK build tree that this module, its tests and its Python wrapping build
+# against. The first call makes it (ITK's source from Debian's source package, a trimmed build);
+# later calls find it in the cache. What happens is told on standard error.
+#
+#   ITK_DIR=<dir>         an ITK build tree that you have already: printed, nothing is built
+#   ITK_SOURCE_DIR=<dir>  ITK source that you have already: built, nothing is downloaded
+#   PYTHON=<program>      the Python to wrap for (3.11 or later)      [/usr/bin/python3]
+#   JOBS=<n>              parallel compile jobs                       [all cores]
+#   XDG_CACHE_HOME=<dir>  the cache is itk-shearwarpmip/ inside       [~/.cache]
+#
+# Usage: itk-build-tree.sh [--tools | --source]
+#   --tools   prints the folder of cmake, ninja, swig and castxml instead
+#   --source  prints ITK's source folder instead; its .ExternalData holds ITK's test images
+set -euo pipefail
+. "$(dirname "${BASH_SOURCE[0]}")/common.sh"
+
+what=${1:-}
+case $what in
+  '' | --tools | --source) ;;
+  *) sed -n '2,/^set/{/^set/d;s/^# \{0,1\}//;p}' "${BASH_SOURCE[0]}" >&2; exit 1 ;;
+esac
+
+python=${PYTHON:-/usr/bin/python3}
+tool_versions=('cmake==3.31.10' 'ninja==1.13.0' 'swig==4.3.1' 'castxml==0.4.5')
+
+# The trimmed tree: what the module, its program, its tests and its wrapping use.
+options=(
+  -DCMAKE_BUILD_TYPE=Release -DCMAKE_CXX_STANDARD=17
+  '-DCMAKE_C_FLAGS_RELEASE=-O2 -DNDEBUG' '-DCMAKE_CXX_FLAGS_RELEASE=-O2 -DNDEBUG'
+  -DBUILD_SHARED_LIBS=OFF -DCMAKE_POSITION_INDEPENDENT_CODE=ON
+  -DBUILD_TESTING=OFF -DBUILD_EXAMPLES=OFF -DITK_FORBID_DOWNLOADS=ON
+  -DITK_USE_KWSTYLE=OFF -DITK_USE_CLANG_FORMAT=OFF
+  -DITK_BUILD_DEFAULT_MODULES=OFF -DITKGroup_Core=OFF
+)
+for module in Common Transform ImageFilterBase ImageStatistics ImageGrid TestKernel GoogleTest \
+  IOGDCM IOMeta IONIFTI IONRRD IOPNG IOTransformBase IOTransformInsightLegacy; do
+  options+=("-DModule_ITK$module=ON")
+done
+options+=(
+  -DITK_WRAP_PYTHON=ON -DITK_USE_PYTHON_LIMITED_API=ON '-DITK_WRAP_IMAGE_DIMS=2;3'
+  -DITK_WRAP_unsigned_char=ON -DITK_WRAP_signed_short=ON -DITK_WRAP_unsigned_short=ON
+  -DITK_WRAP_float=ON -DITK_WRAP_double=ON
+)
+for library in SWIG CASTXML GDCM PNG TIFF JPEG ZLIB EXPAT EIGEN; do
+  options+=("-DITK_USE_SYSTEM_$library=ON")
+done
+
+# complete DIR KEY: whether DIR was finished with that key.
+complete() { [ "$(cat "$1/.complete" 2>/dev/null)" = "$2" ]; }
+
+# make_once DIR KEY COMMAND: runs COMMAND to fill DIR, unless that was done with this key before.
+make_once() {
+  complete "$1" "$2" && return
+  rm -rf "$1"
+  mkdir -p "$1"
+  "$3" "$1"
+  printf '%s\n' "$2" > "$1/.complete"
+}
+
+make_tools() {
+  "$python" -m venv "$1"
+  "$1/bin/pip" install --quiet --disable-pip-version-check "${tool_versions[@]}" >&2
+  # PyPI's swig is a Python script that isolated builds cannot run; the program itself needs its library's path
+  local swig
+  swig=$("$1/bin/python" -c 'import os, swig; print(os.path.join(os.path.dirname(swig.__file__), "data"))')
+  rm "$1/bin/swig"
+  printf '#!/bin/sh\nSWIG_LIB=%q exec %q "$@"\n' "$swig"/share/swig/* "$swig/bin/swig" > "$1/bin/swig"
+  chmod +x "$1/bin/swig"
+  "$1/bin/swig" -version >/dev/null
+}
+
+# ITK's source from the archive that this machine already uses, without touching its package sources.
+make_source() {
+  local parts=$1/apt codename archive apt
+  codename=$(. /etc/os-release && echo "${VERSION_CODENAME:-}")
+  archive=$(apt-get indextargets --format '$(REPO_URI) $(RELEASE)' 'Created-By: Packages' |
+    awk -v release="$codename" '$2 == release { print $1; exit }')
+  [ -n "$archive" ] || die "no Debian archive is configured here: set ITK_SOURCE_DIR or ITK_DIR"
+  mkdir -p "$parts/lists/partial" "$parts/cache/archives/partial"
+  echo "deb-src [signed-by=/usr/share/keyrings/debian-archive-keyring.gpg] $archive sid main" > "$parts/sources.list"
+  apt=(apt-get -qq -o "Dir::Etc::sourcelist=$parts/sources.list" -o Dir::Etc::sourceparts=-
+    -o "Dir::State::lists=$parts/lists" -o "Dir::Cache=$parts/cache" -o "APT::Sandbox::User=$(id -un)")
+  (cd "$parts" && "${apt[@]}" update && "${apt[@]}" source --download-only insighttoolkit5) >&2
+  dpkg-source --skip-patches -x "$parts"/insighttoolkit5_*.dsc "$1/source" >&2
+  rm -rf "$parts"
+}
+
+make_tree() {
+  local log=$1.log
+  export PATH=$tools/bin:$PATH
+  say "building ITK in $1 (log: $log)"
+  configure_tree "$1" > "$log" 2>&1 && build_tree "$1" >> "$log" 2>&1 || {
+    tail -n 30 "$log" >&2
+    die "ITK did not build, see $log"
+  }
+}
+
+configure_tree() {
+  cp "$root/tools/itk-unity-build.cmake" "$1/"
+  cmake -S "$source" -B "$1" -G Ninja "${options[@]}" -DPython3_EXECUTABLE="$tools/bin/python" \
+    -DCMAKE_PROJECT_INCLUDE="$1/itk-unity-build.cmake"
+}
+
+# All static libraries, the test driver, and the wrapping's interface files; no Python module is compiled.
+build_tree() {
+  local libraries
+  mapfile -t libraries < <(ninja -C "$1" -t targets all | sed -n 's|^\(lib/.*\.a\): .*|\1|p' | grep -v itktestlib)
+  ninja -C "$1" -j "$jobs" "${libraries[@]}" itkTestDriver ITKCommonSwig ITKTransformSwig ITKImageFilterBaseSwig
+}
+
+if [ "$what" = '' ] && [ -n "${ITK_DIR:-}" ]; then
+  [ -f "$ITK_DIR/ITKConfig.cmake" ] || die "ITK_DIR=$ITK_DIR holds no ITKConfig.cmake"
+  echo "$ITK_DIR"
+  exit
+fi
+
+need_packages build-essential dpkg-dev python3-dev python3-venv \
+  libgdcm-dev libpng-dev libtiff-dev libjpeg-dev zlib1g-dev libexpat1-dev libeigen3-dev
+mkdir -p "$cache"
+exec 9> "$cache/lock"
+flock 9
+
+tools=$cache/tools
+make_once "$tools" "$("$python" --version) ${tool_versions[*]}" make_tools
+if [ "$what" = --tools ]; then
+  echo "$tools/bin"
+  exit
+fi
+
+find_source() {
+  if [ -n "${ITK_SOURCE_DIR:-}" ]; then
+    source=$(cd "$ITK_SOURCE_DIR" && pwd)
+  else
+    make_once "$cache/itk-source" 5.4 make_source
+    source=$cache/itk-source/source
+  fi
+  [ -f "$source/CMake/itkVersion.cmake" ] || die "no ITK source in $source"
+}
+
+find_source
+if [ "$what" = --source ]; then
+  echo "$source"
+  exit
+fi
+
+version=$(awk -F'"' '/set\(ITK_VERSION_(MAJOR|MINOR|PATCH)/ { v = v s $2; s = "." } END { print v }' "$source/CMake/itkVersion.cmake")
+key=$(printf '%s\n' "$source" "$version" "$(c++ --version)" "$("$python" --version)" "${tool_versions[@]}" "${options[@]}" \
+  "$(cat "$root/tools/itk-unity-build.cmake")" | sha256sum | cut -c1-12)
+tree=$cache/itk-$version-$key
+
+# Building again mends what is missing in a finished tree; what cannot be mended is fetched and made anew.
+if complete "$tree" "$key" && ! PATH=$tools/bin:$PATH build_tree "$tree" > "$tree.log" 2>&1; then
+  say "the cached ITK is broken (log: $tree.log); making it anew"
+  rm -rf "$tree" "$cache/itk-source"
+  find_source
+fi
+make_once "$tree" "$key" make_tree
+echo "$tree"
