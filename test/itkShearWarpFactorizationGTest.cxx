@@ -1,0 +1,498 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#include "itkShearWarpFactorization.h"
+
+#include "itkShearWarpMIPTestHelper.h"
+
+#include "itkBSplineTransform.h"
+#include "itkCompositeTransform.h"
+#include "itkEuler3DTransform.h"
+#include "itkIdentityTransform.h"
+#include "itkScaleTransform.h"
+#include "itkSimilarity3DTransform.h"
+#include "itkTranslationTransform.h"
+#include "itkVersorRigid3DTransform.h"
+
+#include <gtest/gtest.h>
+
+#include <set>
+#include <utility>
+
+namespace
+{
+using namespace itk::ShearWarpMIPTest;
+using itk::ShearWarpFactorization;
+
+using GeometryType = itk::ImageBase<3>;
+using GridType = itk::ImageBase<2>;
+
+GridType::Pointer
+MakeGrid(double spacingU = 1.0, double spacingV = 1.0, double originU = 0.0, double originV = 0.0)
+{
+  auto grid = GridType::New();
+  grid->SetRegions(itk::Size<2>{ { 8, 8 } });
+  grid->SetSpacing(MakeVector2(spacingU, spacingV));
+  grid->SetOrigin(MakePoint2(originU, originV));
+  return grid;
+}
+
+GeometryType::Pointer
+MakeGeometry(const itk::Size<3> & size, const itk::Vector<double, 3> & spacing)
+{
+  auto geometry = GeometryType::New();
+  geometry->SetRegions(size);
+  geometry->SetSpacing(spacing);
+  return geometry;
+}
+
+/** A homogeneous 4x4 matrix times (x, y, z, 1). */
+itk::Vector<double, 4>
+Apply(const ShearWarpFactorization::Matrix4Type & matrix, double x, double y, double z)
+{
+  itk::Vector<double, 4> position;
+  position[0] = x;
+  position[1] = y;
+  position[2] = z;
+  position[3] = 1.0;
+  return matrix * position;
+}
+
+itk::Vector<double, 3>
+Apply(const ShearWarpFactorization::Matrix3Type & matrix, double x, double y)
+{
+  return matrix * MakeVector3(x, y, 1.0);
+}
+
+double
+ToDouble(const itk::ShearWarp::SamplingPosition & position)
+{
+  return position.whole + position.fraction / 32768.0;
+}
+
+/** View coordinates of (i, j, k), voxels from the first one in the order of \a permutation: by the image and the
+ * transform's own inverse. */
+PointType
+ToView(const itk::Transform<double, 3, 3> *            inverse,
+       const GeometryType *                            image,
+       const ShearWarpFactorization::PermutationType & permutation,
+       double                                          i,
+       double                                          j,
+       double                                          k)
+{
+  const double                    ijk[] = { i, j, k };
+  itk::ContinuousIndex<double, 3> index;
+  for (unsigned int n = 0; n < 3; ++n)
+  {
+    index[permutation[n]] = static_cast<double>(image->GetLargestPossibleRegion().GetIndex(permutation[n])) + ijk[n];
+  }
+  PointType physical;
+  image->TransformContinuousIndexToPhysicalPoint(index, physical);
+  return inverse->TransformPoint(physical);
+}
+
+template <typename TFunction>
+std::string
+GetExceptionDescription(const TFunction & function)
+{
+  try
+  {
+    function();
+  }
+  catch (const itk::ExceptionObject & exception)
+  {
+    return exception.GetDescription();
+  }
+  return "no exception";
+}
+
+#define EXPECT_NAMES(expression, text)                                                             \
+  {                                                                                                \
+    const std::string description = GetExceptionDescription([&] { expression; });                  \
+    EXPECT_NE(description.find(text), std::string::npos) << "the exception says: " << description; \
+  }
+
+itk::BSplineTransform<double, 3>::Pointer
+MakeBSpline()
+{
+  return itk::BSplineTransform<double, 3>::New();
+}
+
+/** Everything that holds for every factorization. */
+void
+ExpectFactors(const ShearWarpFactorization &       factorization,
+              const itk::Transform<double, 3, 3> * view,
+              const GeometryType *                 image,
+              const GridType *                     grid)
+{
+  const auto & permutation = factorization.GetPermutation();
+  ASSERT_EQ(permutation[2], factorization.GetPrincipalAxis());
+  ASSERT_LT(permutation[0], permutation[1]);
+  ASSERT_EQ((std::set<unsigned int>{ permutation[0], permutation[1], permutation[2] }),
+            (std::set<unsigned int>{ 0, 1, 2 }));
+  const auto size = image->GetLargestPossibleRegion().GetSize();
+  const auto columns = static_cast<double>(size[permutation[0]]);
+  const auto rows = static_cast<double>(size[permutation[1]]);
+  const auto slices = static_cast<double>(size[permutation[2]]);
+
+  const auto & shear = factorization.GetShear();
+  const auto & translation = factorization.GetTranslation();
+  for (unsigned int n = 0; n < 2; ++n)
+  {
+    ASSERT_LE(std::abs(shear[n]), 1.0 + 1e-12);
+    ASSERT_NEAR(translation[n], std::max(0.0, -shear[n] * (slices - 1)), 1e-12 * slices);
+  }
+
+  // warp after shear is the view, and a voxel's slice moves as the shear says
+  const auto inverse = view->GetInverseTransform();
+  ASSERT_TRUE(inverse);
+  const auto warp = factorization.GetWarpMatrix();
+  const auto outputToIntermediate = factorization.GetOutputToIntermediateMatrix();
+  for (int corner = 0; corner < 8; ++corner)
+  {
+    const double i = corner & 1 ? columns - 1 : -0.5;
+    const double j = corner & 2 ? rows - 0.5 : 0.0;
+    const double k = corner & 4 ? slices - 1 : 0.0;
+    const auto   expected = ToView(inverse, image, permutation, i, j, k);
+    const auto   viewed = Apply(factorization.GetViewMatrix(), i, j, k);
+    const auto   sheared = Apply(factorization.GetShearMatrix(), i, j, k);
+    const auto   warped = Apply(warp, sheared[0], sheared[1]);
+    ASSERT_EQ(sheared[2], k);
+    ASSERT_EQ(sheared[3], 1.0);
+    ASSERT_EQ(warped[2], 1.0);
+    for (unsigned int n = 0; n < 3; ++n)
+    {
+      ASSERT_NEAR(viewed[n], expected[n], 1e-9);
+    }
+    ASSERT_NEAR(warped[0], expected[0], 1e-9);
+    ASSERT_NEAR(warped[1], expected[1], 1e-9);
+
+    // the output's pixel there is the intermediate one
+    const auto   origin = grid->GetOrigin();
+    const double column = (expected[0] - origin[0]) / grid->GetSpacing()[0];
+    const double row = (expected[1] - origin[1]) / grid->GetSpacing()[1];
+    const auto   back = Apply(outputToIntermediate, column, row);
+    ASSERT_NEAR(back[0], sheared[0], 1e-9);
+    ASSERT_NEAR(back[1], sheared[1], 1e-9);
+    ASSERT_NEAR(back[2], 1.0, 1e-12);
+  }
+
+  // slices at their quantized offsets, exactly within the intermediate image
+  const auto & placements = factorization.GetSlicePlacements();
+  ASSERT_EQ(placements.size(), size[permutation[2]]);
+  double       lowestColumn = 1e9, lowestRow = 1e9;
+  double       endColumn = 0, endRow = 0;
+  const auto & intermediateSize = factorization.GetIntermediateSize();
+  const auto & reached = factorization.GetReachedColumns();
+  ASSERT_EQ(reached.size(), intermediateSize[1]);
+  std::vector<std::set<std::int32_t>> reachedByRow(intermediateSize[1]);
+  for (std::size_t k = 0; k < placements.size(); ++k)
+  {
+    const double column = ToDouble(placements[k].column);
+    const double row = ToDouble(placements[k].row);
+    ASSERT_NEAR(column, shear[0] * static_cast<double>(k) + translation[0], 0.5001 / 32768.0);
+    ASSERT_NEAR(row, shear[1] * static_cast<double>(k) + translation[1], 0.5001 / 32768.0);
+    lowestColumn = std::min(lowestColumn, column);
+    lowestRow = std::min(lowestRow, row);
+    // pixel p meets the slice where -1/2 <= p - column < columns - 1/2
+    const double firstColumn = std::ceil(column - 0.5);
+    const double firstRow = std::ceil(row - 0.5);
+    endColumn = std::max(endColumn, firstColumn + columns);
+    endRow = std::max(endRow, firstRow + rows);
+    for (double q = firstRow; q < firstRow + rows; ++q)
+    {
+      ASSERT_LT(q, static_cast<double>(reachedByRow.size()));
+      for (double p = firstColumn; p < firstColumn + columns; ++p)
+      {
+        reachedByRow[static_cast<std::size_t>(q)].insert(static_cast<std::int32_t>(p));
+      }
+    }
+  }
+  ASSERT_EQ(lowestColumn, 0.0);
+  ASSERT_EQ(lowestRow, 0.0);
+  ASSERT_EQ(endColumn, static_cast<double>(intermediateSize[0]));
+  ASSERT_EQ(endRow, static_cast<double>(intermediateSize[1]));
+  for (std::size_t q = 0; q < reached.size(); ++q)
+  {
+    std::set<std::int32_t> span;
+    for (std::int32_t p = reached[q].begin; p < reached[q].end; ++p)
+    {
+      span.insert(span.end(), p);
+    }
+    ASSERT_EQ(reachedByRow[q], span) << "in row " << q;
+  }
+}
+} // namespace
+
+TEST(ShearWarpFactorization, WarpAfterShearIsTheViewForRandomViewsOfRandomImages)
+{
+  Random                                     random(101);
+  std::set<std::pair<unsigned int, bool>>    axes;
+  std::set<std::tuple<unsigned, bool, bool>> shearSigns;
+  for (int repeat = 0; repeat < 6000; ++repeat)
+  {
+    auto image = GeometryType::New();
+    SetRandomGeometry(random, image, MakeRandomSize(random, 1, 12));
+    const auto view = MakeRandomView(random, AllViewKinds[repeat % 3], image);
+    const auto grid =
+      MakeGrid(random.Uniform(0.2, 3), random.Uniform(0.2, 3), random.Uniform(-50, 50), random.Uniform(-50, 50));
+    const ShearWarpFactorization factorization(view, image, grid);
+    ExpectFactors(factorization, view, image, grid);
+    if (HasFatalFailure())
+    {
+      FAIL() << "in repetition " << repeat;
+    }
+
+    // the ray's index changes most along the principal axis
+    const auto toIndex = [&](double w) {
+      const PointType                 physical = view->TransformPoint(MakePoint3(0, 0, w));
+      itk::ContinuousIndex<double, 3> index;
+      // of no consequence whether it is inside
+      static_cast<void>(image->TransformPhysicalPointToContinuousIndex(physical, index));
+      return index;
+    };
+    const auto         ray = toIndex(1000.0) - toIndex(0.0);
+    const unsigned int axis = factorization.GetPrincipalAxis();
+    for (unsigned int n = 0; n < 3; ++n)
+    {
+      ASSERT_LE(std::abs(ray[n]), std::abs(ray[axis]) * (1 + 1e-9));
+    }
+    axes.insert({ axis, ray[axis] > 0 });
+    shearSigns.insert({ axis, factorization.GetShear()[0] > 0, factorization.GetShear()[1] > 0 });
+  }
+  EXPECT_EQ(axes.size(), 6u) << "every axis from both sides";
+  EXPECT_EQ(shearSigns.size(), 12u) << "every axis with both signs of both shears";
+}
+
+TEST(ShearWarpFactorization, ShearIsTheTangentOfTheTilt)
+{
+  // looking along z, turned about x: s_b = tan(angle) up to sign
+  const auto image = MakeGeometry({ { 10, 20, 30 } }, MakeVector3(1, 1, 1));
+  for (const double degrees : { -40.0, -10.0, 0.0, 25.0, 44.0 })
+  {
+    const double angle = degrees * itk::Math::pi_over_180;
+    const auto   view = MakeView(
+      MakeMatrix({ { 1, 0, 0 }, { 0, std::cos(angle), -std::sin(angle) }, { 0, std::sin(angle), std::cos(angle) } }),
+      MakePoint3(0, 0, 0));
+    const ShearWarpFactorization factorization(view, image, MakeGrid());
+    EXPECT_EQ(factorization.GetPrincipalAxis(), 2u);
+    EXPECT_NEAR(factorization.GetShear()[0], 0.0, 1e-15);
+    EXPECT_NEAR(factorization.GetShear()[1], std::tan(angle), 1e-14);
+  }
+}
+
+TEST(ShearWarpFactorization, PrincipalAxisIsChosenInIndexSpace)
+{
+  // 50 degrees from z towards x: nearer to x in physical space, but the voxels are four times longer along x
+  const double angle = 50.0 * itk::Math::pi_over_180;
+  const auto   view = MakeView(
+    MakeMatrix({ { std::cos(angle), 0, std::sin(angle) }, { 0, 1, 0 }, { -std::sin(angle), 0, std::cos(angle) } }),
+    MakePoint3(0, 0, 0));
+  const ShearWarpFactorization isotropic(view, MakeGeometry({ { 9, 9, 9 } }, MakeVector3(1, 1, 1)), MakeGrid());
+  EXPECT_EQ(isotropic.GetPrincipalAxis(), 0u);
+  const ShearWarpFactorization anisotropic(view, MakeGeometry({ { 9, 9, 9 } }, MakeVector3(4, 1, 1)), MakeGrid());
+  EXPECT_EQ(anisotropic.GetPrincipalAxis(), 2u);
+  EXPECT_NEAR(anisotropic.GetShear()[0], -std::tan(angle) / 4, 1e-14);
+}
+
+TEST(ShearWarpFactorization, TranslationsAreHalfOfThePublishedOnes)
+{
+  Random random(102);
+  int    negative = 0;
+  for (int repeat = 0; repeat < 200; ++repeat)
+  {
+    auto image = GeometryType::New();
+    SetRandomGeometry(random, image, MakeRandomSize(random, 2, 12));
+    const auto                   view = MakeRandomView(random, AllViewKinds[repeat % 3], image);
+    const ShearWarpFactorization factorization(view, image, MakeGrid());
+    const auto &                 m = factorization.GetViewMatrix();
+    const double                 determinant = m(0, 0) * m(1, 1) - m(1, 0) * m(0, 1);
+    const double                 published[2] = { (m(1, 1) * m(0, 2) - m(0, 1) * m(1, 2)) / determinant,
+                                                  (m(0, 0) * m(1, 2) - m(1, 0) * m(0, 2)) / determinant };
+    const double                 last =
+      static_cast<double>(image->GetLargestPossibleRegion().GetSize(factorization.GetPrincipalAxis())) - 1.0;
+    for (unsigned int n = 0; n < 2; ++n)
+    {
+      EXPECT_NEAR(factorization.GetShear()[n], published[n], 1e-9);
+      const double sign = published[n] < 0 ? -1.0 : 1.0;
+      EXPECT_NEAR(2.0 * factorization.GetTranslation()[n], (sign - 1.0) * published[n] * last, 1e-8);
+      negative += published[n] < 0;
+    }
+  }
+  EXPECT_GT(negative, 100);
+}
+
+TEST(ShearWarpFactorization, EveryLinearTransformClassWorks)
+{
+  std::vector<itk::Transform<double, 3, 3>::Pointer> transforms;
+  transforms.push_back(itk::IdentityTransform<double, 3>::New().GetPointer());
+
+  auto translation = itk::TranslationTransform<double, 3>::New();
+  translation->SetOffset(MakeVector3(3, -4, 5.5));
+  transforms.push_back(translation.GetPointer());
+
+  auto scale = itk::ScaleTransform<double, 3>::New();
+  scale->Scale(MakeVector3(0.7, 1.3, -2.0));
+  scale->SetCenter(MakePoint3(1, 2, 3));
+  transforms.push_back(scale.GetPointer());
+
+  auto euler = itk::Euler3DTransform<double>::New();
+  euler->SetCenter(MakePoint3(4, 5, 6));
+  euler->SetRotation(0.3, -0.9, 2.2);
+  euler->SetTranslation(MakeVector3(1, 2, 3));
+  transforms.push_back(euler.GetPointer());
+
+  auto versor = itk::VersorRigid3DTransform<double>::New();
+  versor->SetRotation(MakeVector3(0.6, 0.0, 0.8), 1.1);
+  versor->SetTranslation(MakeVector3(-1, 2, 9));
+  transforms.push_back(versor.GetPointer());
+
+  auto similarity = itk::Similarity3DTransform<double>::New();
+  similarity->SetRotation(MakeVector3(0.0, 0.6, 0.8), 2.1);
+  similarity->SetScale(1.7);
+  transforms.push_back(similarity.GetPointer());
+
+  Random random(103);
+  transforms.push_back(MakeView(MakeRandomViewMatrix(random, ViewKind::Affine), MakePoint3(7, 8, 9)).GetPointer());
+
+  auto composite = itk::CompositeTransform<double, 3>::New();
+  composite->AddTransform(euler);
+  composite->AddTransform(translation);
+  composite->AddTransform(scale);
+  transforms.push_back(composite.GetPointer());
+
+  auto nested = itk::CompositeTransform<double, 3>::New();
+  nested->AddTransform(composite);
+  nested->AddTransform(versor);
+  transforms.push_back(nested.GetPointer());
+
+  auto image = GeometryType::New();
+  SetRandomGeometry(random, image, { { 7, 9, 11 } });
+  const auto grid = MakeGrid(0.5, 0.7, -10, 4);
+  for (const auto & transform : transforms)
+  {
+    SCOPED_TRACE(transform->GetNameOfClass());
+    const ShearWarpFactorization factorization(transform, image, grid);
+    ExpectFactors(factorization, transform, image, grid);
+  }
+}
+
+TEST(ShearWarpFactorization, TransformErrorsNameTheValue)
+{
+  const auto verify = [](const itk::Transform<double, 3, 3> * transform) {
+    return GetExceptionDescription([=] { ShearWarpFactorization::VerifyViewTransform(transform); });
+  };
+  const auto expect = [](const std::string & description, std::initializer_list<const char *> texts) {
+    for (const char * text : texts)
+    {
+      EXPECT_NE(description.find(text), std::string::npos) << "'" << text << "' is not in: " << description;
+    }
+  };
+  expect(verify(nullptr), { "Transform", "not set" });
+  expect(verify(MakeBSpline()), { "Transform", "linear", "BSplineTransform" });
+
+  auto composite = itk::CompositeTransform<double, 3>::New();
+  composite->AddTransform(itk::TranslationTransform<double, 3>::New());
+  composite->AddTransform(MakeBSpline());
+  expect(verify(composite), { "Transform", "linear", "CompositeTransform" });
+
+  auto                     view = ViewType::New();
+  ViewType::ParametersType parameters = view->GetParameters();
+  parameters[4] = std::numeric_limits<double>::quiet_NaN();
+  view->SetParameters(parameters);
+  expect(verify(view), { "Transform", "finite", "nan" });
+  parameters[4] = 1.0;
+  parameters[10] = std::numeric_limits<double>::infinity();
+  view->SetParameters(parameters);
+  expect(verify(view), { "Transform", "finite", "inf" });
+
+  parameters.Fill(0.0);
+  parameters[0] = 2.5;
+  parameters[4] = 7.25;
+  view->SetParameters(parameters);
+  expect(verify(view), { "Transform", "invertible", "2.5", "7.25", "determinant" });
+}
+
+TEST(ShearWarpFactorization, ConstructorAndProjectedGridVerifyTheTransform)
+{
+  const auto image = MakeGeometry({ { 3, 3, 3 } }, MakeVector3(1, 1, 1));
+  const auto spline = MakeBSpline();
+  EXPECT_NAMES(ShearWarpFactorization(spline, image, MakeGrid()), "BSplineTransform");
+  EXPECT_NAMES(ShearWarpFactorization::ComputeProjectedSpacing(spline, image), "BSplineTransform");
+  ShearWarpFactorization::Point2Type lower, upper;
+  EXPECT_NAMES(ShearWarpFactorization::ComputeProjectedBounds(spline, image, lower, upper), "BSplineTransform");
+}
+
+TEST(ShearWarpFactorization, SmallTransformsOfFullRankAreNotSingular)
+{
+  for (const double scale : { 1e-9, 1e-3, 1e6 })
+  {
+    EXPECT_NO_THROW(
+      ShearWarpFactorization::VerifyViewTransform(MakeView(MakeDiagonal(scale, scale, scale), MakePoint3(0, 0, 0))));
+  }
+}
+
+TEST(ShearWarpFactorization, ProjectedBoundsAreThoseOfTheEightCorners)
+{
+  Random random(104);
+  for (int repeat = 0; repeat < 500; ++repeat)
+  {
+    auto image = GeometryType::New();
+    SetRandomGeometry(random, image, MakeRandomSize(random, 1, 12));
+    const auto                         view = MakeRandomView(random, AllViewKinds[repeat % 3], image);
+    const auto                         inverse = view->GetInverseTransform();
+    ShearWarpFactorization::Point2Type lower, upper;
+    ShearWarpFactorization::ComputeProjectedBounds(view, image, lower, upper);
+
+    const auto                              size = image->GetLargestPossibleRegion().GetSize();
+    ShearWarpFactorization::PermutationType identity;
+    identity[0] = 0;
+    identity[1] = 1;
+    identity[2] = 2;
+    double expectedLower[2] = { 1e9, 1e9 };
+    double expectedUpper[2] = { -1e9, -1e9 };
+    for (int corner = 0; corner < 8; ++corner)
+    {
+      const auto end = [&](int axis) { return (corner >> axis & 1) ? static_cast<double>(size[axis]) - 0.5 : -0.5; };
+      const auto point = ToView(inverse, image, identity, end(0), end(1), end(2));
+      for (int n = 0; n < 2; ++n)
+      {
+        expectedLower[n] = std::min(expectedLower[n], point[n]);
+        expectedUpper[n] = std::max(expectedUpper[n], point[n]);
+      }
+    }
+    for (unsigned int n = 0; n < 2; ++n)
+    {
+      ASSERT_NEAR(lower[n], expectedLower[n], 1e-9);
+      ASSERT_NEAR(upper[n], expectedUpper[n], 1e-9);
+    }
+  }
+}
+
+TEST(ShearWarpFactorization, ProjectedSpacingIsTheSmallestScaledByTheTransform)
+{
+  Random     random(105);
+  const auto image = MakeGeometry({ { 3, 3, 3 } }, MakeVector3(2.0, 0.75, 1.5));
+  const auto rigid = MakeView(MakeRandomRotation(random), MakePoint3(0, 0, 0));
+  const auto same = ShearWarpFactorization::ComputeProjectedSpacing(rigid, image);
+  EXPECT_NEAR(same[0], 0.75, 1e-12);
+  EXPECT_NEAR(same[1], 0.75, 1e-12);
+  const auto scaled = MakeView(MakeRandomRotation(random) * MakeDiagonal(0.5, -3.0, 10.0), MakePoint3(0, 0, 0));
+  const auto projected = ShearWarpFactorization::ComputeProjectedSpacing(scaled, image);
+  EXPECT_NEAR(projected[0], 1.5, 1e-12);
+  EXPECT_NEAR(projected[1], 0.25, 1e-12);
+}

@@ -1,0 +1,600 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#include "itkShearWarpKernels.h"
+
+#include "itkShearWarpMIPTestHelper.h"
+
+#include <gtest/gtest.h>
+
+#include <array>
+
+namespace
+{
+namespace Kernels = itk::ShearWarp;
+using namespace itk::ShearWarpMIPTest;
+
+constexpr std::ptrdiff_t OddLengths[] = { 1, 2, 3, 17, 31 };
+constexpr std::int32_t   Half = Kernels::One / 2;
+constexpr std::int32_t   RimFractions[] = { 0, 1, Half - 1, Half, Half + 1, Kernels::One - 1 };
+constexpr std::ptrdiff_t Guard = 64;
+
+std::int64_t
+ToQuantized(const Kernels::SamplingPosition & position)
+{
+  return position.whole * WholePixel + position.fraction;
+}
+
+/** A stack with padded rows and slices, and random placements. The padding would win every maximum. */
+template <typename TPixel>
+class SlicesFixture
+{
+public:
+  SlicesFixture(Random & random, std::ptrdiff_t columns, std::ptrdiff_t rows, std::ptrdiff_t slices)
+  {
+    m_Stack.columns = columns;
+    m_Stack.rows = rows;
+    m_Stack.slices = slices;
+    m_Stack.rowStride = columns + 3;
+    m_Stack.sliceStride = m_Stack.rowStride * (rows + 2);
+    m_Voxels.assign(Guard + m_Stack.sliceStride * slices + Guard, std::numeric_limits<TPixel>::max());
+    m_Stack.voxels = m_Voxels.data() + Guard;
+    this->Fill([&random](std::ptrdiff_t) { return MakeRandomPixel<TPixel>(random); });
+    m_Placements.resize(slices);
+  }
+
+  std::ptrdiff_t
+  GetNumberOfSlices() const
+  {
+    return m_Stack.slices;
+  }
+
+  template <typename TFunction>
+  void
+  Fill(const TFunction & value)
+  {
+    std::ptrdiff_t n = 0;
+    for (std::ptrdiff_t k = 0; k < m_Stack.slices; ++k)
+    {
+      for (std::ptrdiff_t j = 0; j < m_Stack.rows; ++j)
+      {
+        for (std::ptrdiff_t i = 0; i < m_Stack.columns; ++i)
+        {
+          m_Voxels[Guard + k * m_Stack.sliceStride + j * m_Stack.rowStride + i] = value(n++);
+        }
+      }
+    }
+  }
+
+  void
+  Place(std::ptrdiff_t slice, std::int64_t column, std::int64_t row)
+  {
+    const auto position = [](std::int64_t quantized) {
+      return Kernels::SamplingPosition{ static_cast<std::int32_t>(quantized >> 15),
+                                        static_cast<std::int32_t>(quantized & (Kernels::One - 1)) };
+    };
+    m_Placements[slice] = { position(column), position(row) };
+  }
+
+  /** Projects in bands that begin at \a splits; checks that only the asked rows are written. */
+  std::vector<TPixel>
+  Project(std::vector<std::ptrdiff_t> splits = {})
+  {
+    std::int32_t lastColumn = 0;
+    std::int32_t lastRow = 0;
+    for (const auto & placement : m_Placements)
+    {
+      lastColumn = std::max(lastColumn, placement.FirstColumn());
+      lastRow = std::max(lastRow, placement.FirstRow());
+    }
+    columns = m_Stack.columns + lastColumn;
+    rows = m_Stack.rows + lastRow;
+    const TPixel        untouched{ 77 };
+    std::vector<TPixel> memory(Guard + columns * rows + Guard, untouched);
+    splits.push_back(rows);
+    std::ptrdiff_t begin = 0;
+    for (const std::ptrdiff_t end : splits)
+    {
+      const std::vector<TPixel> before = memory;
+      Kernels::ProjectSlices<TPixel>(
+        m_Stack, m_Placements.data(), begin, end, { memory.data() + Guard, columns, rows, nullptr });
+      const auto first = static_cast<std::ptrdiff_t>(Guard + begin * columns);
+      const auto last = static_cast<std::ptrdiff_t>(Guard + end * columns);
+      EXPECT_TRUE(std::equal(before.begin(), before.begin() + first, memory.begin()));
+      EXPECT_TRUE(std::equal(before.begin() + last, before.end(), memory.begin() + last));
+      begin = end;
+    }
+    return { memory.begin() + Guard, memory.end() - Guard };
+  }
+
+  /** False where no slice has a sample. */
+  bool
+  Evaluate(std::ptrdiff_t p, std::ptrdiff_t q, TPixel & maximum) const
+  {
+    bool isReached = false;
+    for (std::ptrdiff_t k = 0; k < m_Stack.slices; ++k)
+    {
+      const auto voxel = [&](std::int64_t i, std::int64_t j) {
+        return m_Stack.voxels[k * m_Stack.sliceStride + j * m_Stack.rowStride + i];
+      };
+      TPixel sample{};
+      if (SampleSlice(voxel,
+                      m_Stack.columns,
+                      m_Stack.rows,
+                      p * WholePixel - ToQuantized(m_Placements[k].column),
+                      q * WholePixel - ToQuantized(m_Placements[k].row),
+                      sample) &&
+          (!isReached || sample > maximum))
+      {
+        maximum = sample;
+        isReached = true;
+      }
+    }
+    return isReached;
+  }
+
+  /** Compares every pixel that some slice reaches. */
+  void
+  ExpectProjectionFollowsRule()
+  {
+    const std::vector<TPixel> pixels = this->Project();
+    for (std::ptrdiff_t q = 0; q < rows; ++q)
+    {
+      for (std::ptrdiff_t p = 0; p < columns; ++p)
+      {
+        TPixel expected{};
+        if (this->Evaluate(p, q, expected))
+        {
+          ASSERT_TRUE(HaveSameBits(expected, pixels[q * columns + p]))
+            << "at (" << p << ", " << q << "): " << +pixels[q * columns + p] << " instead of " << +expected;
+        }
+      }
+    }
+  }
+
+  std::ptrdiff_t columns{ 0 }, rows{ 0 };
+
+private:
+  Kernels::SliceStack<TPixel>          m_Stack;
+  std::vector<TPixel>                  m_Voxels;
+  std::vector<Kernels::SlicePlacement> m_Placements;
+};
+
+template <typename TPixel>
+class ShearWarpKernelsTyped : public testing::Test
+{};
+using AllPixelTypes = testing::Types<char,
+                                     signed char,
+                                     unsigned char,
+                                     short,
+                                     unsigned short,
+                                     int,
+                                     unsigned int,
+                                     long,
+                                     unsigned long,
+                                     long long,
+                                     unsigned long long,
+                                     float,
+                                     double>;
+TYPED_TEST_SUITE(ShearWarpKernelsTyped, AllPixelTypes, );
+
+template <typename TPixel>
+class ShearWarpKernelsFloating : public testing::Test
+{};
+using FloatingTypes = testing::Types<float, double>;
+TYPED_TEST_SUITE(ShearWarpKernelsFloating, FloatingTypes, );
+
+/** Runs WarpRows over the whole output, split before row \a split. */
+template <typename TPixel>
+std::vector<TPixel>
+Warp(const std::vector<TPixel> &              pixels,
+     const std::vector<Kernels::ColumnSpan> & reached,
+     const Kernels::AffineMap2D &             map,
+     std::ptrdiff_t                           columns,
+     std::ptrdiff_t                           rows,
+     TPixel                                   background,
+     std::ptrdiff_t                           split)
+{
+  std::vector<TPixel>                      copy = pixels;
+  const auto                               intermediateRows = static_cast<std::ptrdiff_t>(reached.size());
+  const Kernels::IntermediateImage<TPixel> intermediate{
+    copy.data(), static_cast<std::ptrdiff_t>(pixels.size()) / intermediateRows, intermediateRows, reached.data()
+  };
+  const TPixel        untouched{ 77 };
+  std::vector<TPixel> output(Guard + columns * rows + Guard, untouched);
+  Kernels::WarpRows<TPixel>(intermediate, map, 0, split, columns, background, output.data() + Guard);
+  EXPECT_EQ(std::count(output.begin() + Guard + split * columns, output.end(), untouched),
+            Guard + (rows - split) * columns);
+  Kernels::WarpRows<TPixel>(
+    intermediate, map, split, rows, columns, background, output.data() + Guard + split * columns);
+  EXPECT_EQ(std::count(output.begin(), output.begin() + Guard, untouched), Guard);
+  EXPECT_EQ(std::count(output.end() - Guard, output.end(), untouched), Guard);
+  return { output.begin() + Guard, output.end() - Guard };
+}
+} // namespace
+
+TEST(ShearWarpKernels, QuantizePositionRoundsToNearestHalfUpward)
+{
+  const auto expect = [](double position, std::int32_t whole, std::int32_t fraction) {
+    const auto quantized = Kernels::QuantizePosition(position);
+    EXPECT_EQ(quantized.whole, whole) << position;
+    EXPECT_EQ(quantized.fraction, fraction) << position;
+  };
+  constexpr double unit = 1.0 / Kernels::One;
+  expect(0.0, 0, 0);
+  expect(-0.0, 0, 0);
+  expect(0.5, 0, Half);
+  expect(3.25, 3, Kernels::One / 4);
+  expect(-0.25, -1, 3 * (Kernels::One / 4));
+  expect(-1.0, -1, 0);
+  expect(-2.75, -3, Kernels::One / 4);
+  expect(0.4999 * unit, 0, 0);
+  expect(0.5 * unit, 0, 1);
+  expect(-0.5 * unit, 0, 0);
+  expect(-0.5001 * unit, -1, Kernels::One - 1);
+  expect(1.5 * unit, 0, 2);
+  // up to the next whole pixel
+  expect(1.0 - 0.25 * unit, 1, 0);
+  expect(5.0 - 0.5 * unit, 5, 0);
+  expect(5.0 - 0.75 * unit, 4, Kernels::One - 1);
+  expect(-3.0 - 0.25 * unit, -3, 0);
+  expect(1.0e9, 1000000000, 0);
+  expect(-1.0e9 + 0.5, -1000000000, Half);
+}
+
+TEST(ShearWarpKernels, QuantizePositionIsWithinHalfAUnit)
+{
+  Random random(1);
+  for (int n = 0; n < 100000; ++n)
+  {
+    const double position = random.Uniform(-5000, 5000);
+    const auto   quantized = Kernels::QuantizePosition(position);
+    ASSERT_GE(quantized.fraction, 0);
+    ASSERT_LT(quantized.fraction, Kernels::One);
+    ASSERT_NEAR(quantized.whole + static_cast<double>(quantized.fraction) / Kernels::One, position, 0.5 / Kernels::One);
+  }
+}
+
+TEST(ShearWarpKernels, BilinearWeightsAreNotNegativeAndSumToOne)
+{
+  std::vector<std::int32_t> fractions;
+  for (std::int32_t x = 0; x < Kernels::One; x += 13)
+  {
+    fractions.push_back(x);
+  }
+  for (const std::int32_t base : { 0, Half, Kernels::One })
+  {
+    for (std::int32_t x = std::max(0, base - 40); x < std::min(Kernels::One, base + 40); ++x)
+    {
+      fractions.push_back(x);
+    }
+  }
+  for (const std::int32_t x : fractions)
+  {
+    for (const std::int32_t y : fractions)
+    {
+      const Kernels::BilinearWeights weights(x, y);
+      ASSERT_GE(std::min({ weights.aa, weights.ab, weights.ba, weights.bb }), 0) << x << ' ' << y;
+      ASSERT_EQ(weights.aa + weights.ab + weights.ba + weights.bb, Kernels::One) << x << ' ' << y;
+      ASSERT_EQ(weights.aa + weights.ab, y);
+      ASSERT_EQ(weights.aa + weights.ba, x);
+      // half a unit, from above
+      const std::int64_t error = std::int64_t{ weights.aa } * Kernels::One - std::int64_t{ x } * y;
+      ASSERT_GT(error, -Half) << x << ' ' << y;
+      ASSERT_LE(error, Half) << x << ' ' << y;
+    }
+  }
+}
+
+TEST(ShearWarpKernels, SlicePlacementStartsHalfAVoxelBeforeTheFirstCentre)
+{
+  const auto firstOf = [](std::int32_t fraction) {
+    const Kernels::SlicePlacement placement{ { 5, fraction }, { 7, fraction } };
+    EXPECT_EQ(placement.FirstColumn() + 2, placement.FirstRow());
+    return placement.FirstColumn();
+  };
+  EXPECT_EQ(firstOf(0), 5);
+  EXPECT_EQ(firstOf(Half), 5);
+  EXPECT_EQ(firstOf(Half + 1), 6);
+  EXPECT_EQ(firstOf(Kernels::One - 1), 6);
+}
+
+TYPED_TEST(ShearWarpKernelsTyped, ProjectSlicesFollowsTheRuleAtEveryRim)
+{
+  Random random(2);
+  for (const auto columns : OddLengths)
+  {
+    for (const auto rows : OddLengths)
+    {
+      for (const auto x : RimFractions)
+      {
+        for (const auto y : RimFractions)
+        {
+          SlicesFixture<TypeParam> slices(random, columns, rows, 1);
+          slices.Place(0, random.Integer(0, 2) * WholePixel + x, random.Integer(0, 2) * WholePixel + y);
+          slices.ExpectProjectionFollowsRule();
+        }
+      }
+    }
+  }
+}
+
+TYPED_TEST(ShearWarpKernelsTyped, ProjectSlicesTakesTheMaximumOfManySlices)
+{
+  Random random(3);
+  for (int repeat = 0; repeat < 40; ++repeat)
+  {
+    SlicesFixture<TypeParam> slices(
+      random, OddLengths[random.Integer(0, 4)], OddLengths[random.Integer(0, 4)], random.Integer(2, 9));
+    for (std::ptrdiff_t k = 0; k < slices.GetNumberOfSlices(); ++k)
+    {
+      slices.Place(k, random.Integer(0, 4 * WholePixel), random.Integer(0, 4 * WholePixel));
+    }
+    slices.ExpectProjectionFollowsRule();
+  }
+}
+
+TYPED_TEST(ShearWarpKernelsTyped, ProjectSlicesIsExactAtTheLimitsOfTheType)
+{
+  // the difference of two voxels must be finite
+  constexpr bool           isFloating = std::is_floating_point_v<TypeParam>;
+  constexpr TypeParam      high = std::numeric_limits<TypeParam>::max() / (isFloating ? 2 : 1);
+  constexpr TypeParam      low = std::numeric_limits<TypeParam>::lowest() / (isFloating ? 2 : 1);
+  const TypeParam          step = isFloating ? std::numeric_limits<TypeParam>::denorm_min() : TypeParam{ 1 };
+  Random                   random(4);
+  SlicesFixture<TypeParam> slices(random, 17, 3, 1);
+  for (int repeat = 0; repeat < 100; ++repeat)
+  {
+    slices.Place(0, random.Integer(0, WholePixel), random.Integer(0, WholePixel));
+    slices.Fill([=](std::ptrdiff_t) { return high; });
+    slices.ExpectProjectionFollowsRule();
+    slices.Fill([=](std::ptrdiff_t) { return low; });
+    slices.ExpectProjectionFollowsRule();
+    slices.Fill([=](std::ptrdiff_t n) { return n % 2 == 0 ? high : low; });
+    slices.ExpectProjectionFollowsRule();
+    slices.Fill([&](std::ptrdiff_t) {
+      return static_cast<TypeParam>(high - step * static_cast<TypeParam>(random.Integer(0, 9)));
+    });
+    slices.ExpectProjectionFollowsRule();
+    slices.Fill([&](std::ptrdiff_t) {
+      return static_cast<TypeParam>(low + step * static_cast<TypeParam>(random.Integer(0, 9)));
+    });
+    slices.ExpectProjectionFollowsRule();
+    slices.Fill(
+      [&](std::ptrdiff_t) { return static_cast<TypeParam>(step * static_cast<TypeParam>(random.Integer(0, 2))); });
+    slices.ExpectProjectionFollowsRule();
+  }
+}
+
+TYPED_TEST(ShearWarpKernelsTyped, ProjectSlicesKeepsConstantsAndTheRangeOfTheVoxels)
+{
+  Random random(5);
+  for (int repeat = 0; repeat < 200; ++repeat)
+  {
+    SlicesFixture<TypeParam> slices(random, 3, 2, 1);
+    slices.Place(0, random.Integer(0, WholePixel), random.Integer(0, WholePixel));
+    const auto constant = MakeRandomPixel<TypeParam>(random);
+    slices.Fill([=](std::ptrdiff_t) { return constant; });
+    slices.ExpectProjectionFollowsRule();
+    TypeParam sample{};
+    for (std::ptrdiff_t p = 0; p < slices.columns; ++p)
+    {
+      if (slices.Evaluate(p, 0, sample))
+      {
+        ASSERT_EQ(sample, constant);
+      }
+    }
+    const auto other = MakeRandomPixel<TypeParam>(random);
+    slices.Fill([=](std::ptrdiff_t n) { return n % 2 == 0 ? constant : other; });
+    const auto pixels = slices.Project();
+    for (std::ptrdiff_t n = 0; n < slices.columns * slices.rows; ++n)
+    {
+      if (slices.Evaluate(n % slices.columns, n / slices.columns, sample))
+      {
+        ASSERT_GE(pixels[n], std::min(constant, other));
+        ASSERT_LE(pixels[n], std::max(constant, other));
+      }
+    }
+  }
+}
+
+TYPED_TEST(ShearWarpKernelsTyped, ProjectSlicesGivesTheSameRowsHoweverTheyAreSplit)
+{
+  Random                   random(6);
+  SlicesFixture<TypeParam> slices(random, 17, 31, 5);
+  for (int k = 0; k < 5; ++k)
+  {
+    slices.Place(k, k * 20011, k * 30011);
+  }
+  const std::vector<TypeParam> whole = slices.Project();
+  std::vector<std::ptrdiff_t>  everyRow;
+  for (std::ptrdiff_t row = 0; row <= slices.rows; ++row)
+  {
+    EXPECT_EQ(slices.Project({ row }), whole) << "split before row " << row;
+    EXPECT_EQ(slices.Project({ row / 3, row }), whole) << "split before row " << row;
+    everyRow.push_back(row);
+  }
+  EXPECT_EQ(slices.Project(everyRow), whole);
+}
+
+TYPED_TEST(ShearWarpKernelsTyped, WarpRowsFollowsTheRule)
+{
+  Random random(7);
+  for (int repeat = 0; repeat < 150; ++repeat)
+  {
+    const std::ptrdiff_t   columns = OddLengths[random.Integer(0, 4)];
+    const std::ptrdiff_t   rows = OddLengths[random.Integer(0, 4)];
+    std::vector<TypeParam> pixels(columns * rows);
+    std::generate(pixels.begin(), pixels.end(), [&random] { return MakeRandomPixel<TypeParam>(random); });
+    std::vector<Kernels::ColumnSpan> reached(rows);
+    for (auto & span : reached)
+    {
+      const auto a = random.Integer(0, columns);
+      const auto b = random.Integer(0, columns);
+      const bool isWhole = random.Integer(0, 2) == 0;
+      span = { static_cast<std::int32_t>(isWhole ? 0 : a), static_cast<std::int32_t>(isWhole ? columns : b) };
+    }
+    // multiples of a power of two, so that every order of operations is exact
+    const auto fixed = [&random](double limit) {
+      const auto steps = static_cast<std::int64_t>(limit * 1024);
+      return static_cast<double>(random.Integer(-steps, steps)) / 1024.0;
+    };
+    Kernels::AffineMap2D map{ fixed(1.5), fixed(1.5), fixed(9), fixed(1.5), fixed(1.5), fixed(9) };
+    if (repeat % 10 == 0)
+    {
+      map = { 0.5, 0, -1.5, 0, 0.5, -1.5 };
+    }
+    const auto             background = MakeRandomPixel<TypeParam>(random);
+    const std::ptrdiff_t   width = random.Integer(1, 40);
+    const std::ptrdiff_t   height = random.Integer(1, 40);
+    std::vector<TypeParam> output =
+      Warp(pixels, reached, map, width, height, background, static_cast<std::ptrdiff_t>(random.Integer(0, height)));
+
+    const auto pixel = [&](std::int64_t p, std::int64_t q, TypeParam & value) {
+      if (q < 0 || q >= rows || p < reached[q].begin || p >= reached[q].end)
+      {
+        return false;
+      }
+      value = pixels[q * columns + p];
+      return true;
+    };
+    for (std::ptrdiff_t n = 0; n < width * height; ++n)
+    {
+      const auto x = static_cast<double>(n % width);
+      const auto y = static_cast<double>(n / width);
+      const auto expected = InterpolateReached(
+        pixel, Quantize(map.xx * x + map.xy * y + map.x0), Quantize(map.yx * x + map.yy * y + map.y0), background);
+      ASSERT_TRUE(HaveSameBits(expected, output[n])) << "at " << n << ": " << +output[n] << " instead of " << +expected;
+    }
+  }
+}
+
+TYPED_TEST(ShearWarpKernelsTyped, WarpRowsNeverMixesUnreachedPixelsIn)
+{
+  // the left column alone is reached, and the position moves across it
+  const std::vector<TypeParam> pixels{ 50, 100, 50, 100 };
+  const auto output = Warp<TypeParam>(pixels, { { 0, 1 }, { 0, 1 } }, { 0.125, 0, -1.5, 0, 0, 0.5 }, 24, 1, 7, 0);
+  for (int n = 0; n < 24; ++n)
+  {
+    const double column = 0.125 * n - 1.5;
+    EXPECT_EQ(output[n], column > -1.0 && column < 1.0 ? 50 : 7) << "at column " << column;
+  }
+}
+
+TYPED_TEST(ShearWarpKernelsTyped, WarpRowsGivesBackgroundForPositionsFarOutsideOrNotANumber)
+{
+  const double infinity = std::numeric_limits<double>::infinity();
+  const double notANumber = std::numeric_limits<double>::quiet_NaN();
+  for (const double position : { -1.0, 2.0, 1.0e300, -1.0e300, infinity, -infinity, notANumber })
+  {
+    const std::vector<TypeParam> pixels{ 50, 60, 70, 80 };
+    for (const auto & map : { Kernels::AffineMap2D{ 0, 0, position, 0, 0, 0.5 }, { 0, 0, 0.5, 0, 0, position } })
+    {
+      EXPECT_EQ(Warp<TypeParam>(pixels, { { 0, 2 }, { 0, 2 } }, map, 1, 1, 7, 0).front(), 7) << position;
+    }
+  }
+}
+
+TYPED_TEST(ShearWarpKernelsTyped, WarpRowsStaysWithinTheRangeOfItsPixels)
+{
+  Random random(8);
+  for (int repeat = 0; repeat < 2000; ++repeat)
+  {
+    std::vector<TypeParam> pixels(4);
+    std::generate(pixels.begin(), pixels.end(), [&random] { return MakeRandomPixel<TypeParam>(random); });
+    if (repeat % 2 == 0)
+    {
+      std::fill(pixels.begin(), pixels.end(), pixels.front());
+    }
+    const auto value = Warp<TypeParam>(pixels,
+                                       { { 0, 2 }, { 0, 2 } },
+                                       { 0, 0, random.Uniform(-0.9, 1.9), 0, 0, random.Uniform(-0.9, 1.9) },
+                                       1,
+                                       1,
+                                       0,
+                                       0)
+                         .front();
+    ASSERT_GE(value, *std::min_element(pixels.begin(), pixels.end()));
+    ASSERT_LE(value, *std::max_element(pixels.begin(), pixels.end()));
+  }
+}
+
+TYPED_TEST(ShearWarpKernelsTyped, TransposeSliceSwapsColumnsAndRows)
+{
+  Random random(9);
+  for (const std::ptrdiff_t columns : { 1, 2, 3, 17, 31, 32, 33, 65 })
+  {
+    for (const std::ptrdiff_t rows : { 1, 2, 3, 17, 31, 32, 33, 65 })
+    {
+      std::vector<TypeParam> input(columns * rows);
+      std::generate(input.begin(), input.end(), [&random] { return MakeRandomPixel<TypeParam>(random); });
+      const TypeParam        untouched{ 77 };
+      std::vector<TypeParam> output(Guard + columns * rows + Guard, untouched);
+      Kernels::TransposeSlice(input.data(), columns, rows, output.data() + Guard);
+      for (std::ptrdiff_t n = 0; n < columns * rows; ++n)
+      {
+        ASSERT_EQ(output[Guard + (n % columns) * rows + n / columns], input[n]);
+      }
+      EXPECT_EQ(std::count(output.begin(), output.begin() + Guard, untouched), Guard);
+      EXPECT_EQ(std::count(output.end() - Guard, output.end(), untouched), Guard);
+    }
+  }
+}
+
+TYPED_TEST(ShearWarpKernelsFloating, NotANumberNeverWins)
+{
+  constexpr TypeParam notANumber = std::numeric_limits<TypeParam>::quiet_NaN();
+  Random              random(10);
+  for (int bad = 0; bad < 2; ++bad)
+  {
+    SlicesFixture<TypeParam> slices(random, 3, 3, 2);
+    slices.Fill([=](std::ptrdiff_t n) { return n / 9 == bad ? notANumber : TypeParam{ -5 }; });
+    slices.Place(0, 0, 0);
+    slices.Place(1, 0, 0);
+    EXPECT_EQ(slices.Project(), std::vector<TypeParam>(9, -5));
+  }
+
+  SlicesFixture<TypeParam> slices(random, 5, 1, 1);
+  slices.Fill([=](std::ptrdiff_t n) { return n == 2 ? notANumber : TypeParam{ 1 }; });
+  slices.Place(0, 0, 0);
+  constexpr TypeParam none = -std::numeric_limits<TypeParam>::infinity();
+  EXPECT_EQ(slices.Project(), (std::vector<TypeParam>{ 1, 1, none, 1, 1 }));
+  slices.Place(0, 1, 0);
+  EXPECT_EQ(slices.Project(), (std::vector<TypeParam>{ 1, 1, none, none, 1 }));
+}
+
+TYPED_TEST(ShearWarpKernelsFloating, MinusInfinityCountsAsNoSample)
+{
+  constexpr TypeParam    infinity = std::numeric_limits<TypeParam>::infinity();
+  std::vector<TypeParam> pixels(4, -infinity);
+  EXPECT_EQ(Warp<TypeParam>(pixels, { { 0, 2 }, { 0, 2 } }, { 0, 0, 0.5, 0, 0, 0.5 }, 1, 1, 7, 0).front(), 7);
+  pixels[3] = 20;
+  EXPECT_EQ(Warp<TypeParam>(pixels, { { 0, 2 }, { 0, 2 } }, { 0, 0, 0.5, 0, 0, 0.5 }, 1, 1, 7, 0).front(), 20);
+}
+
+TYPED_TEST(ShearWarpKernelsFloating, InfinityWinsWhereItHasWeight)
+{
+  constexpr TypeParam      infinity = std::numeric_limits<TypeParam>::infinity();
+  Random                   random(11);
+  SlicesFixture<TypeParam> slices(random, 5, 1, 1);
+  slices.Fill([=](std::ptrdiff_t n) { return n == 2 ? infinity : TypeParam{ 1 }; });
+  slices.Place(0, 0, 0);
+  EXPECT_EQ(slices.Project(), (std::vector<TypeParam>{ 1, 1, infinity, 1, 1 }));
+  const std::vector<TypeParam> pixels{ 1, infinity, 1, 1 };
+  EXPECT_EQ(Warp<TypeParam>(pixels, { { 0, 2 }, { 0, 2 } }, { 0, 0, 0.5, 0, 0, 0.5 }, 1, 1, 7, 0).front(), infinity);
+  EXPECT_EQ(Warp<TypeParam>(pixels, { { 0, 2 }, { 0, 2 } }, { 0, 0, 0.0, 0, 0, 0.5 }, 1, 1, 7, 0).front(), 1);
+}

@@ -1,0 +1,675 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#ifndef itkShearWarpMIPTestHelper_h
+#define itkShearWarpMIPTestHelper_h
+
+#include "itkAffineTransform.h"
+#include "itkImage.h"
+#include "itkImageRegionIterator.h"
+#include "itkMatrix.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <limits>
+#include <random>
+#include <type_traits>
+#include <vector>
+
+/** Random images and views, and an evaluation of the sampling rule that shares no code with the module: from transform,
+ * image and output grid alone. */
+namespace itk::ShearWarpMIPTest
+{
+using MatrixType = Matrix<double, 3, 3>;
+using PointType = Point<double, 3>;
+using ViewBaseType = MatrixOffsetTransformBase<double, 3, 3>;
+using ViewType = AffineTransform<double, 3>;
+
+/** The same numbers with every standard library. */
+class Random
+{
+public:
+  explicit Random(std::uint64_t seed)
+    : m_Engine(seed)
+  {}
+
+  double
+  Uniform(double low, double high)
+  {
+    return low + (high - low) * (static_cast<double>(m_Engine() >> 11) * 0x1.0p-53);
+  }
+
+  /** Of [low, high]. */
+  std::int64_t
+  Integer(std::int64_t low, std::int64_t high)
+  {
+    return low + static_cast<std::int64_t>(m_Engine() % static_cast<std::uint64_t>(high - low + 1));
+  }
+
+  std::uint64_t
+  Bits()
+  {
+    return m_Engine();
+  }
+
+private:
+  std::mt19937_64 m_Engine;
+};
+
+inline PointType
+MakePoint3(double x, double y, double z)
+{
+  const double components[] = { x, y, z };
+  return PointType(components);
+}
+
+inline Vector<double, 3>
+MakeVector3(double x, double y, double z)
+{
+  const double components[] = { x, y, z };
+  return Vector<double, 3>(components);
+}
+
+inline Vector<double, 2>
+MakeVector2(double x, double y)
+{
+  const double components[] = { x, y };
+  return Vector<double, 2>(components);
+}
+
+inline Point<double, 2>
+MakePoint2(double x, double y)
+{
+  const double components[] = { x, y };
+  return Point<double, 2>(components);
+}
+
+inline MatrixType
+MakeMatrix(const double (&rows)[3][3])
+{
+  MatrixType matrix;
+  for (unsigned int row = 0; row < 3; ++row)
+  {
+    for (unsigned int column = 0; column < 3; ++column)
+    {
+      matrix(row, column) = rows[row][column];
+    }
+  }
+  return matrix;
+}
+
+inline MatrixType
+MakeDiagonal(double x, double y, double z)
+{
+  return MakeMatrix({ { x, 0, 0 }, { 0, y, 0 }, { 0, 0, z } });
+}
+
+/** Uniformly distributed over all rotations: of a random unit quaternion. */
+inline MatrixType
+MakeRandomRotation(Random & random)
+{
+  double a, b, c, d, squaredNorm;
+  do
+  {
+    a = random.Uniform(-1, 1);
+    b = random.Uniform(-1, 1);
+    c = random.Uniform(-1, 1);
+    d = random.Uniform(-1, 1);
+    squaredNorm = a * a + b * b + c * c + d * d;
+  } while (squaredNorm > 1.0 || squaredNorm < 0.01);
+  const double s = 2.0 / squaredNorm;
+  return MakeMatrix({ { 1 - s * (c * c + d * d), s * (b * c - a * d), s * (b * d + a * c) },
+                      { s * (b * c + a * d), 1 - s * (b * b + d * d), s * (c * d - a * b) },
+                      { s * (b * d - a * c), s * (c * d + a * b), 1 - s * (b * b + c * c) } });
+}
+
+enum class ViewKind
+{
+  Rigid,
+  Affine,
+  Mirrored
+};
+
+constexpr ViewKind AllViewKinds[] = { ViewKind::Rigid, ViewKind::Affine, ViewKind::Mirrored };
+
+inline MatrixType
+MakeRandomViewMatrix(Random & random, ViewKind kind)
+{
+  MatrixType matrix = MakeRandomRotation(random);
+  if (kind == ViewKind::Affine)
+  {
+    const auto scale = [&random] { return random.Uniform(0.5, 2.0); };
+    const auto skew = [&random] { return random.Uniform(-0.4, 0.4); };
+    const auto x = scale(), y = scale(), z = scale();
+    const auto xy = skew(), xz = skew(), yz = skew();
+    matrix = matrix * MakeMatrix({ { x, xy, xz }, { 0, y, yz }, { 0, 0, z } }) * MakeRandomRotation(random);
+  }
+  if (kind == ViewKind::Mirrored)
+  {
+    matrix = matrix * MakeDiagonal(-1, 1, 1);
+  }
+  return matrix;
+}
+
+inline ViewType::Pointer
+MakeView(const MatrixType & matrix, const PointType & origin)
+{
+  auto view = ViewType::New();
+  view->SetMatrix(matrix);
+  view->SetOffset(origin.GetVectorFromOrigin());
+  return view;
+}
+
+inline PointType
+GetCentre(const ImageBase<3> * image)
+{
+  const auto &               region = image->GetLargestPossibleRegion();
+  ContinuousIndex<double, 3> index;
+  for (unsigned int axis = 0; axis < 3; ++axis)
+  {
+    index[axis] = static_cast<double>(region.GetIndex(axis)) + 0.5 * (static_cast<double>(region.GetSize(axis)) - 1.0);
+  }
+  PointType centre;
+  image->TransformContinuousIndexToPhysicalPoint(index, centre);
+  return centre;
+}
+
+/** A view whose origin is somewhere near the image's centre. */
+inline ViewType::Pointer
+MakeRandomView(Random & random, ViewKind kind, const ImageBase<3> * image)
+{
+  PointType origin = GetCentre(image);
+  for (unsigned int axis = 0; axis < 3; ++axis)
+  {
+    origin[axis] += random.Uniform(-20, 20);
+  }
+  return MakeView(MakeRandomViewMatrix(random, kind), origin);
+}
+
+/** Anisotropic, oblique, off the origin, with a start index that is not zero; every third is left-handed. */
+inline void
+SetRandomGeometry(Random & random, ImageBase<3> * image, const Size<3> & size)
+{
+  ImageRegion<3>    region;
+  Vector<double, 3> spacing;
+  PointType         origin;
+  for (unsigned int axis = 0; axis < 3; ++axis)
+  {
+    region.SetIndex(axis, random.Integer(-9, 9));
+    region.SetSize(axis, size[axis]);
+    spacing[axis] = random.Uniform(0.3, 3.0);
+    origin[axis] = random.Uniform(-100, 100);
+  }
+  image->SetRegions(region);
+  image->SetSpacing(spacing);
+  image->SetOrigin(origin);
+  image->SetDirection(MakeRandomRotation(random) * MakeDiagonal(1, 1, random.Integer(0, 2) == 0 ? -1 : 1));
+}
+
+inline Size<3>
+MakeRandomSize(Random & random, SizeValueType low, SizeValueType high)
+{
+  Size<3> size;
+  for (auto & length : size)
+  {
+    length = static_cast<SizeValueType>(random.Integer(low, high));
+  }
+  return size;
+}
+
+template <typename TPixel>
+TPixel
+MakeRandomPixel(Random & random)
+{
+  if constexpr (std::is_floating_point_v<TPixel>)
+  {
+    return static_cast<TPixel>(random.Uniform(-1000, 1000));
+  }
+  else
+  {
+    const std::uint64_t bits = random.Bits();
+    switch (bits % 8)
+    {
+      case 0:
+        return std::numeric_limits<TPixel>::max();
+      case 1:
+        return std::numeric_limits<TPixel>::lowest();
+      default:
+        return static_cast<TPixel>(bits >> 7);
+    }
+  }
+}
+
+template <typename TPixel, unsigned int VDimension>
+void
+FillRandom(Random & random, Image<TPixel, VDimension> * image)
+{
+  const SizeValueType count = image->GetBufferedRegion().GetNumberOfPixels();
+  std::generate_n(image->GetBufferPointer(), count, [&random] { return MakeRandomPixel<TPixel>(random); });
+}
+
+template <typename TPixel>
+typename Image<TPixel, 3>::Pointer
+MakeRandomImage(Random & random, const Size<3> & size)
+{
+  auto image = Image<TPixel, 3>::New();
+  SetRandomGeometry(random, image, size);
+  image->Allocate();
+  FillRandom(random, image.GetPointer());
+  return image;
+}
+
+/** Spacing 1, identity direction, origin and index zero. */
+template <typename TPixel>
+typename Image<TPixel, 3>::Pointer
+MakePlainImage(const Size<3> & size, TPixel value = TPixel{})
+{
+  auto image = Image<TPixel, 3>::New();
+  image->SetRegions(size);
+  image->Allocate();
+  image->FillBuffer(value);
+  return image;
+}
+
+template <typename TPixel>
+bool
+HaveSameBits(TPixel a, TPixel b)
+{
+  return std::memcmp(&a, &b, sizeof(TPixel)) == 0;
+}
+
+template <typename TPixel>
+bool
+HaveSameBits(const Image<TPixel, 2> * a, const Image<TPixel, 2> * b)
+{
+  return a->GetBufferedRegion() == b->GetBufferedRegion() &&
+         std::memcmp(a->GetBufferPointer(),
+                     b->GetBufferPointer(),
+                     a->GetBufferedRegion().GetNumberOfPixels() * sizeof(TPixel)) == 0;
+}
+
+template <typename TPixel>
+typename Image<TPixel, 2>::Pointer
+Copy(const Image<TPixel, 2> * image)
+{
+  auto copy = Image<TPixel, 2>::New();
+  copy->CopyInformation(image);
+  copy->SetRegions(image->GetBufferedRegion());
+  copy->Allocate();
+  std::copy_n(image->GetBufferPointer(), image->GetBufferedRegion().GetNumberOfPixels(), copy->GetBufferPointer());
+  return copy;
+}
+
+constexpr std::int64_t WholePixel = 1 << 15;
+
+/** To the nearest 1/2^15. */
+inline std::int64_t
+Quantize(long double position)
+{
+  return static_cast<std::int64_t>(std::floor(position * 32768.0L + 0.5L));
+}
+
+inline std::int64_t
+DivideDown(std::int64_t dividend, std::int64_t divisor)
+{
+  return dividend / divisor - (dividend % divisor < 0 ? 1 : 0);
+}
+
+/** Products of two fractions in 1/2^15, in 1/2^15: {{a a, a b}, {b a, b b}}. */
+struct CornerWeights
+{
+  CornerWeights(std::int64_t ofFirstColumn, std::int64_t ofFirstRow)
+  {
+    const std::int64_t x = ofFirstColumn;
+    const std::int64_t y = ofFirstRow;
+    const std::int64_t both = DivideDown(2 * x * y + WholePixel, 2 * WholePixel);
+    weights[0] = both;
+    weights[1] = y - both;
+    weights[2] = x - both;
+    weights[3] = WholePixel - x - y + both;
+  }
+  std::int64_t weights[4];
+};
+
+/** The weighted mean, rounded once and half upward, exact for every integer type: in two halves of 32 bits. */
+template <typename TPixel>
+TPixel
+RoundedMean(const TPixel (&values)[4], const std::int64_t (&weights)[4])
+{
+  constexpr std::int64_t base = std::int64_t{ 1 } << 32;
+  std::int64_t           high = 0;
+  std::int64_t           low = 0;
+  std::int64_t           sum = 0;
+  for (int n = 0; n < 4; ++n)
+  {
+    const auto         bits = static_cast<std::uint64_t>(values[n]);
+    const bool         isNegative = values[n] < TPixel{};
+    const std::int64_t upper = static_cast<std::int64_t>(bits >> 32) - (isNegative ? base : 0);
+    high += weights[n] * upper;
+    low += weights[n] * static_cast<std::int64_t>(bits & 0xffffffffu);
+    sum += weights[n];
+  }
+  const std::int64_t quotient = DivideDown(high, sum);
+  const std::int64_t rest = (high - quotient * sum) * base + low;
+  const std::int64_t rounded = DivideDown(2 * rest + sum, 2 * sum);
+  return static_cast<TPixel>(static_cast<std::uint64_t>(quotient) * static_cast<std::uint64_t>(base) +
+                             static_cast<std::uint64_t>(rounded));
+}
+
+/** The sample of a slice of columns x rows voxels at (column, row), in 1/2^15 voxel; false where the slice does
+ * not reach. voxel(column, row) gives its voxels. */
+template <typename TPixel, typename TVoxel>
+bool
+SampleSlice(const TVoxel & voxel,
+            std::int64_t   columns,
+            std::int64_t   rows,
+            std::int64_t   column,
+            std::int64_t   row,
+            TPixel &       sample)
+{
+  constexpr std::int64_t half = WholePixel / 2;
+  if (column < -half || column >= columns * WholePixel - half || row < -half || row >= rows * WholePixel - half)
+  {
+    return false;
+  }
+  // b: the voxel at or behind the position, a: the one before it
+  const std::int64_t columnB = -DivideDown(-column, WholePixel);
+  const std::int64_t rowB = -DivideDown(-row, WholePixel);
+  const std::int64_t x = columnB * WholePixel - column;
+  const std::int64_t y = rowB * WholePixel - row;
+
+  const auto edge = [&](std::int64_t i, std::int64_t j) -> TPixel {
+    return voxel(std::clamp<std::int64_t>(i, 0, columns - 1), std::clamp<std::int64_t>(j, 0, rows - 1));
+  };
+  const TPixel values[4] = {
+    edge(columnB - 1, rowB - 1), edge(columnB, rowB - 1), edge(columnB - 1, rowB), edge(columnB, rowB)
+  };
+  if constexpr (std::is_floating_point_v<TPixel>)
+  {
+    const auto blend = [](TPixel a, TPixel b, TPixel weight) {
+      const TPixel difference = a - b;
+      const TPixel step = weight * difference;
+      return weight == TPixel{} ? b : b + step;
+    };
+    const TPixel weightX = static_cast<TPixel>(x) / TPixel{ WholePixel };
+    const TPixel weightY = static_cast<TPixel>(y) / TPixel{ WholePixel };
+    sample = blend(blend(values[0], values[1], weightX), blend(values[2], values[3], weightX), weightY);
+  }
+  else
+  {
+    sample = RoundedMean(values, CornerWeights(x, y).weights);
+  }
+  return true;
+}
+
+/** The warp's interpolation at (column, row), in 1/2^15 pixel. pixel(column, row, value) is false where there is none.
+ */
+template <typename TPixel, typename TPixelAt>
+TPixel
+InterpolateReached(const TPixelAt & pixel, std::int64_t column, std::int64_t row, TPixel background)
+{
+  const std::int64_t  i = DivideDown(column, WholePixel);
+  const std::int64_t  j = DivideDown(row, WholePixel);
+  const CornerWeights next(column - i * WholePixel, row - j * WholePixel);
+  // from the first corner on
+  std::int64_t weights[4] = { next.weights[3], next.weights[2], next.weights[1], next.weights[0] };
+  TPixel       values[4] = {};
+  std::int64_t sum = 0;
+  for (int n = 0; n < 4; ++n)
+  {
+    if (weights[n] == 0 || !pixel(i + n % 2, j + n / 2, values[n]))
+    {
+      weights[n] = 0;
+      values[n] = TPixel{};
+    }
+    sum += weights[n];
+  }
+  if (sum == 0)
+  {
+    return background;
+  }
+  if constexpr (std::is_floating_point_v<TPixel>)
+  {
+    double mean = 0.0;
+    TPixel lowest = std::numeric_limits<TPixel>::infinity();
+    TPixel highest = -lowest;
+    for (int n = 0; n < 4; ++n)
+    {
+      if (weights[n] != 0)
+      {
+        const double term = static_cast<double>(weights[n]) * static_cast<double>(values[n]);
+        mean += term;
+        lowest = std::min(lowest, values[n]);
+        highest = std::max(highest, values[n]);
+      }
+    }
+    return std::clamp(static_cast<TPixel>(mean / static_cast<double>(sum)), lowest, highest);
+  }
+  else
+  {
+    return RoundedMean(values, weights);
+  }
+}
+
+/** The projection of an image, pixel by pixel. */
+template <typename TPixel>
+class BruteForceProjection
+{
+public:
+  using ImageType = Image<TPixel, 3>;
+
+  BruteForceProjection(const ViewBaseType * view, const ImageType * image)
+    : m_Image(image)
+  {
+    long double indexToPhysical[3][3];
+    long double viewMatrix[3][3];
+    for (int row = 0; row < 3; ++row)
+    {
+      for (int column = 0; column < 3; ++column)
+      {
+        const long double spacing = image->GetSpacing()[column];
+        indexToPhysical[row][column] = image->GetDirection()(row, column) * spacing;
+        viewMatrix[row][column] = view->GetMatrix()(row, column);
+      }
+    }
+    // c = M q + m by Cramer's rule, c relative to the start of the region
+    const long double determinant = Determinant(indexToPhysical);
+    const auto        solve = [&](const long double(&right)[3], long double(&solution)[3]) {
+      for (int axis = 0; axis < 3; ++axis)
+      {
+        long double replaced[3][3];
+        std::memcpy(replaced, indexToPhysical, sizeof(replaced));
+        for (int row = 0; row < 3; ++row)
+        {
+          replaced[row][axis] = right[row];
+        }
+        solution[axis] = Determinant(replaced) / determinant;
+      }
+    };
+    for (int column = 0; column < 3; ++column)
+    {
+      const long double right[3] = { viewMatrix[0][column], viewMatrix[1][column], viewMatrix[2][column] };
+      solve(right, m_Axes[column]);
+    }
+    long double right[3];
+    for (int row = 0; row < 3; ++row)
+    {
+      right[row] = static_cast<long double>(view->GetOffset()[row]) - image->GetOrigin()[row];
+    }
+    solve(right, m_Offset);
+    for (unsigned int axis = 0; axis < 3; ++axis)
+    {
+      m_Offset[axis] -= image->GetLargestPossibleRegion().GetIndex(axis);
+      m_Length[axis] = static_cast<std::int64_t>(image->GetLargestPossibleRegion().GetSize(axis));
+    }
+
+    const long double(&ray)[3] = m_Axes[2];
+    m_K = 2;
+    m_K = std::abs(ray[1]) > std::abs(ray[m_K]) ? 1 : m_K;
+    m_K = std::abs(ray[0]) > std::abs(ray[m_K]) ? 0 : m_K;
+    m_I = m_K == 0 ? 1 : 0;
+    m_J = m_K == 2 ? 1 : 2;
+    const int across[2] = { m_I, m_J };
+    for (int n = 0; n < 2; ++n)
+    {
+      m_Shear[n] = -ray[across[n]] / ray[m_K];
+      m_Translation[n] = std::max(0.0L, -m_Shear[n] * (m_Length[m_K] - 1));
+      m_MemoLength[n] = m_Length[across[n]] + m_Length[m_K] + 2;
+    }
+    m_Memo.resize(m_MemoLength[0] * m_MemoLength[1]);
+    m_MemoState.resize(m_Memo.size(), Unknown);
+  }
+
+  unsigned int
+  GetPrincipalAxis() const
+  {
+    return static_cast<unsigned int>(m_K);
+  }
+
+  bool
+  LooksAlongAxis() const
+  {
+    return m_Axes[2][m_K] > 0;
+  }
+
+  TPixel
+  Evaluate(double u, double v, TPixel background)
+  {
+    long double c[3];
+    for (int axis = 0; axis < 3; ++axis)
+    {
+      c[axis] = m_Axes[0][axis] * u + m_Axes[1][axis] * v + m_Offset[axis];
+    }
+    const long double column = c[m_I] + m_Shear[0] * c[m_K] + m_Translation[0];
+    const long double row = c[m_J] + m_Shear[1] * c[m_K] + m_Translation[1];
+    const auto        isOutside = [](long double position, std::int64_t length) {
+      return !(position > -2.0L && position < length + 2.0L);
+    };
+    if (isOutside(column, m_MemoLength[0]) || isOutside(row, m_MemoLength[1]))
+    {
+      return background;
+    }
+    return InterpolateReached(
+      [this](std::int64_t p, std::int64_t q, TPixel & value) { return this->GetIntermediate(p, q, value); },
+      Quantize(column),
+      Quantize(row),
+      background);
+  }
+
+  typename Image<TPixel, 2>::Pointer
+  Evaluate(const ImageBase<2> * grid, TPixel background)
+  {
+    auto output = Image<TPixel, 2>::New();
+    output->CopyInformation(grid);
+    output->SetRegions(grid->GetLargestPossibleRegion());
+    output->Allocate();
+    ImageRegionIterator<Image<TPixel, 2>> it(output, output->GetBufferedRegion());
+    for (; !it.IsAtEnd(); ++it)
+    {
+      const auto & index = it.GetIndex();
+      it.Set(this->Evaluate(grid->GetOrigin()[0] + grid->GetSpacing()[0] * static_cast<double>(index[0]),
+                            grid->GetOrigin()[1] + grid->GetSpacing()[1] * static_cast<double>(index[1]),
+                            background));
+    }
+    return output;
+  }
+
+private:
+  enum State : char
+  {
+    Unknown,
+    None,
+    Known
+  };
+
+  static long double
+  Determinant(const long double (&m)[3][3])
+  {
+    return m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1]) - m[0][1] * (m[1][0] * m[2][2] - m[1][2] * m[2][0]) +
+           m[0][2] * (m[1][0] * m[2][1] - m[1][1] * m[2][0]);
+  }
+
+  bool
+  GetIntermediate(std::int64_t p, std::int64_t q, TPixel & value)
+  {
+    if (p < 0 || p >= m_MemoLength[0] || q < 0 || q >= m_MemoLength[1])
+    {
+      return false;
+    }
+    const auto place = static_cast<std::size_t>(q * m_MemoLength[0] + p);
+    if (m_MemoState[place] == Unknown)
+    {
+      m_MemoState[place] = this->ComputeIntermediate(p, q, m_Memo[place]) ? Known : None;
+    }
+    value = m_Memo[place];
+    return m_MemoState[place] == Known;
+  }
+
+  bool
+  ComputeIntermediate(std::int64_t p, std::int64_t q, TPixel & maximum) const
+  {
+    const std::int64_t strides[3] = { 1, m_Length[0], m_Length[0] * m_Length[1] };
+    const TPixel *     voxels = m_Image->GetBufferPointer();
+    bool               isReached = false;
+    for (std::int64_t k = 0; k < m_Length[m_K]; ++k)
+    {
+      const auto voxel = [&](std::int64_t i, std::int64_t j) {
+        return voxels[i * strides[m_I] + j * strides[m_J] + k * strides[m_K]];
+      };
+      TPixel sample{};
+      if (SampleSlice(voxel,
+                      m_Length[m_I],
+                      m_Length[m_J],
+                      p * WholePixel - Quantize(m_Shear[0] * k + m_Translation[0]),
+                      q * WholePixel - Quantize(m_Shear[1] * k + m_Translation[1]),
+                      sample) &&
+          IsNumber(sample) && (!isReached || sample > maximum))
+      {
+        maximum = sample;
+        isReached = true;
+      }
+    }
+    return isReached;
+  }
+
+  static bool
+  IsNumber(TPixel sample)
+  {
+    if constexpr (std::is_floating_point_v<TPixel>)
+    {
+      return sample > -std::numeric_limits<TPixel>::infinity();
+    }
+    return sample == sample;
+  }
+
+  const ImageType *   m_Image;
+  long double         m_Axes[3][3]; // of view space, in index space
+  long double         m_Offset[3];
+  std::int64_t        m_Length[3];
+  int                 m_I, m_J, m_K;
+  long double         m_Shear[2];
+  long double         m_Translation[2];
+  std::int64_t        m_MemoLength[2];
+  std::vector<TPixel> m_Memo;
+  std::vector<State>  m_MemoState;
+};
+
+} // namespace itk::ShearWarpMIPTest
+
+#endif
