@@ -1,0 +1,185 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#include "Input.h"
+
+#include "itkGDCMImageIO.h"
+#include "itkGDCMSeriesFileNames.h"
+#include "itkImageFileReader.h"
+#include "itkImageIOFactory.h"
+#include "itkImageSeriesReader.h"
+#include "itkMetaDataObject.h"
+#include "itkTransformFileReader.h"
+
+#include <sstream>
+#include <stdexcept>
+
+namespace
+{
+using FileNames = std::vector<std::string>;
+
+void
+RequireExistence(const std::filesystem::path & path)
+{
+  if (!std::filesystem::exists(path))
+  {
+    throw std::runtime_error("'" + path.string() + "' does not exist");
+  }
+}
+
+FileNames
+FindSeries(const std::filesystem::path & folder, const std::string & series)
+{
+  const auto seriesFileNames = itk::GDCMSeriesFileNames::New();
+  seriesFileNames->SetUseSeriesDetails(false);
+  seriesFileNames->SetDirectory(folder.string());
+  const auto & uids = seriesFileNames->GetSeriesUIDs();
+  if (uids.empty())
+  {
+    throw std::runtime_error("no DICOM series in the folder '" + folder.string() + "'");
+  }
+
+  FileNames   found;
+  std::string present;
+  for (const std::string & uid : uids)
+  {
+    const FileNames & files = seriesFileNames->GetFileNames(uid);
+    if (series.empty() ? files.size() > found.size() : uid == series)
+    {
+      found = files;
+    }
+    present += (present.empty() ? "" : ", ") + uid + " (" + std::to_string(files.size()) + " files)";
+  }
+  if (found.empty())
+  {
+    throw std::runtime_error("--series " + series + " is not in '" + folder.string() + "', which has " + present);
+  }
+  return found;
+}
+
+void
+RequireScalarVolume(const itk::ImageIOBase & io, const std::string & name)
+{
+  const unsigned int dimension = io.GetNumberOfDimensions();
+  unsigned int       dimensionUsed = dimension;
+  while (dimensionUsed > 3 && io.GetDimensions(dimensionUsed - 1) == 1)
+  {
+    --dimensionUsed;
+  }
+  if (dimensionUsed != 3)
+  {
+    throw std::runtime_error("'" + name + "' has " + std::to_string(dimension) + " dimensions; 3 are needed");
+  }
+  if (io.GetPixelType() != itk::IOPixelEnum::SCALAR || io.GetNumberOfComponents() != 1)
+  {
+    throw std::runtime_error("'" + name + "' has pixels of type " +
+                             itk::ImageIOBase::GetPixelTypeAsString(io.GetPixelType()) + " with " +
+                             std::to_string(io.GetNumberOfComponents()) + " components; scalars are needed");
+  }
+}
+
+void
+WarnOfUnevenSlices(const itk::MetaDataDictionary & dictionary, const WarningFunction & warn)
+{
+  double deviation = 0.0;
+  if (itk::ExposeMetaData(dictionary, "ITK_non_uniform_sampling_deviation", deviation) && deviation > 0.0)
+  {
+    std::ostringstream message;
+    message << "the slices are not evenly spaced: one is " << deviation << " mm away from where it should be";
+    warn(message.str());
+  }
+}
+} // namespace
+
+ScalarImage
+ReadVolume(const std::filesystem::path & path, const std::string & series, const WarningFunction & warn)
+{
+  RequireExistence(path);
+  const bool isFolder = std::filesystem::is_directory(path);
+  if (!isFolder && !series.empty())
+  {
+    throw std::runtime_error("--series is for a DICOM folder, but '" + path.string() + "' is a file");
+  }
+  const FileNames files = isFolder ? FindSeries(path, series) : FileNames{ path.string() };
+
+  const itk::ImageIOBase::Pointer io =
+    isFolder ? itk::ImageIOBase::Pointer(itk::GDCMImageIO::New())
+             : itk::ImageIOFactory::CreateImageIO(files.front().c_str(), itk::IOFileModeEnum::ReadMode);
+  if (!io)
+  {
+    throw std::runtime_error("'" + path.string() + "' is not an image that ITK can read");
+  }
+  io->SetFileName(files.front());
+  io->ReadImageInformation();
+  RequireScalarVolume(*io, path.string());
+
+  const itk::IOComponentEnum componentType = io->GetComponentType();
+  const auto                 read = [&](auto tag) -> itk::ImageBase<3>::Pointer {
+    using ImageType = itk::Image<typename decltype(tag)::Type, 3>;
+    typename ImageType::Pointer image;
+    if (files.size() == 1)
+    {
+      const auto reader = itk::ImageFileReader<ImageType>::New();
+      reader->SetImageIO(io);
+      reader->SetFileName(files.front());
+      reader->Update();
+      image = reader->GetOutput();
+    }
+    else
+    {
+      const auto reader = itk::ImageSeriesReader<ImageType>::New();
+      reader->SetImageIO(io);
+      reader->SetFileNames(files);
+      reader->Update();
+      image = reader->GetOutput();
+      WarnOfUnevenSlices(image->GetMetaDataDictionary(), warn);
+    }
+    image->DisconnectPipeline();
+    return image.GetPointer();
+  };
+  return { DispatchPixelType(componentType, read), componentType };
+}
+
+itk::Transform<double, 3, 3>::Pointer
+ReadLinearTransform(const std::filesystem::path & path)
+{
+  RequireExistence(path);
+  const auto reader = itk::TransformFileReaderTemplate<double>::New();
+  reader->SetFileName(path.string());
+  try
+  {
+    reader->Update();
+  }
+  catch (const itk::ExceptionObject &)
+  {
+    throw std::runtime_error("'" + path.string() + "' is not a transform that ITK can read");
+  }
+
+  const auto & transforms = *reader->GetTransformList();
+  if (transforms.size() != 1)
+  {
+    throw std::runtime_error("'" + path.string() + "' holds " + std::to_string(transforms.size()) +
+                             " transforms; 1 is needed");
+  }
+  const auto transform = dynamic_cast<itk::Transform<double, 3, 3> *>(transforms.front().GetPointer());
+  if (!transform || !transform->IsLinear())
+  {
+    throw std::runtime_error("'" + path.string() + "' holds a " + transforms.front()->GetTransformTypeAsString() +
+                             "; a linear 3D transform is needed");
+  }
+  return transform;
+}

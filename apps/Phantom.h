@@ -1,0 +1,28 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#ifndef Phantom_h
+#define Phantom_h
+
+#include "ScalarImage.h"
+
+/** Makes a synthetic head as time-of-flight MR angiography shows it, the same each time. The patient has an aneurysm at
+ * the left middle cerebral artery's bifurcation and a stenosis of 60 % in the right one's trunk. */
+ScalarImage
+MakePhantom();
+
+#endif

@@ -1,0 +1,81 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#ifndef ScalarImage_h
+#define ScalarImage_h
+
+#include "itkImage.h"
+#include "itkImageIOBase.h"
+
+/** A 3D image of one of ITK's scalar pixel types. */
+struct ScalarImage
+{
+  itk::ImageBase<3>::Pointer image;
+  itk::IOComponentEnum       componentType{ itk::IOComponentEnum::UNKNOWNCOMPONENTTYPE };
+};
+
+template <typename TPixel>
+struct PixelTag
+{
+  using Type = TPixel;
+};
+
+/** Returns function(PixelTag<T>()), where T is the pixel type that \a componentType names. */
+template <typename TFunction>
+auto
+DispatchPixelType(itk::IOComponentEnum componentType, const TFunction & function)
+{
+  switch (componentType)
+  {
+    case itk::IOComponentEnum::UCHAR:
+      return function(PixelTag<unsigned char>());
+    case itk::IOComponentEnum::CHAR:
+      return function(PixelTag<signed char>());
+    case itk::IOComponentEnum::USHORT:
+      return function(PixelTag<unsigned short>());
+    case itk::IOComponentEnum::SHORT:
+      return function(PixelTag<short>());
+    case itk::IOComponentEnum::UINT:
+      return function(PixelTag<unsigned int>());
+    case itk::IOComponentEnum::INT:
+      return function(PixelTag<int>());
+    case itk::IOComponentEnum::ULONG:
+      return function(PixelTag<unsigned long>());
+    case itk::IOComponentEnum::LONG:
+      return function(PixelTag<long>());
+    case itk::IOComponentEnum::ULONGLONG:
+      return function(PixelTag<unsigned long long>());
+    case itk::IOComponentEnum::LONGLONG:
+      return function(PixelTag<long long>());
+    case itk::IOComponentEnum::FLOAT:
+      return function(PixelTag<float>());
+    case itk::IOComponentEnum::DOUBLE:
+      return function(PixelTag<double>());
+    default:
+      itkGenericExceptionMacro("Pixels of type " << itk::ImageIOBase::GetComponentTypeAsString(componentType)
+                                                 << " are not supported.");
+  }
+}
+
+template <typename TPixel>
+itk::Image<TPixel, 3> &
+CastImage(const ScalarImage & scalarImage)
+{
+  return dynamic_cast<itk::Image<TPixel, 3> &>(*scalarImage.image);
+}
+
+#endif
