@@ -33,9 +33,7 @@ namespace itk
 class ShearWarpMIPViewEnums
 {
 public:
-  /** \class Direction
-   * \ingroup ShearWarpMIP
-   * The side of the patient from which the viewer looks. */
+  /** The side of the patient from which the viewer looks. */
   enum class Direction : uint8_t
   {
     Anterior,
@@ -58,14 +56,13 @@ operator<<(std::ostream & out, ShearWarpMIPViewEnums::Direction value);
  * right of the picture, v down the picture and w away from the viewer; it is right-handed, so that no view is
  * mirrored. Its origin is the centre of the image.
  *
- * | direction | right of the picture (u) | down (v)  | away from the viewer (w) |
- * |-----------|--------------------------|-----------|--------------------------|
- * | Anterior  | left                     | inferior  | posterior                |
- * | Posterior | right                    | inferior  | anterior                 |
- * | Left      | posterior                | inferior  | right                    |
- * | Right     | anterior                 | inferior  | left                     |
- * | Superior  | right                    | posterior | inferior                 |
- * | Inferior  | left                     | posterior | superior                 |
+ * Towards which side of the patient u, v and w point:
+ * - Anterior: left, inferior, posterior
+ * - Posterior: right, inferior, anterior
+ * - Left: posterior, inferior, right
+ * - Right: anterior, inferior, left
+ * - Superior: right, posterior, inferior
+ * - Inferior: left, posterior, superior
  *
  * \ingroup ShearWarpMIP
  */

@@ -64,9 +64,10 @@ make_tools() {
   # PyPI's swig is a Python script that isolated builds cannot run; the program itself needs its library's path
   local swig
   swig=$("$1/bin/python" -c 'import os, swig; print(os.path.join(os.path.dirname(swig.__file__), "data"))')
-  rm "$1/bin/swig"
+  rm "$1"/bin/swig*
   printf '#!/bin/sh\nSWIG_LIB=%q exec %q "$@"\n' "$swig"/share/swig/* "$swig/bin/swig" > "$1/bin/swig"
   chmod +x "$1/bin/swig"
+  ln -s swig "$1/bin/swig4.0"
   "$1/bin/swig" -version >/dev/null
 }
 
@@ -122,7 +123,7 @@ exec 9> "$cache/lock"
 flock 9
 
 tools=$cache/tools
-make_once "$tools" "$("$python" --version) ${tool_versions[*]}" make_tools
+make_once "$tools" "$("$python" --version) ${tool_versions[*]} $(declare -f make_tools | sha256sum)" make_tools
 if [ "$what" = --tools ]; then
   echo "$tools/bin"
   exit

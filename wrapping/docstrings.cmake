@@ -1,0 +1,52 @@
+# Python docstrings from the headers' Doxygen comments: Doxygen's XML through ITK's converter to SWIG.
+# ITK's own switch for this (ITK_WRAP_DOC) does not work for modules outside of its source tree.
+
+find_package(Doxygen QUIET)
+if(NOT DOXYGEN_FOUND)
+  message(WARNING "Doxygen was not found: the Python classes get no docstrings.")
+endif()
+
+set(ShearWarpMIP_DOXYGEN_DIR ${CMAKE_CURRENT_BINARY_DIR}/doxygen)
+if(DOXYGEN_FOUND)
+  file(GLOB headers ${ShearWarpMIP_SOURCE_DIR}/include/*.h)
+  set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${headers})
+  string(REPLACE ";" " " headers "${headers}")
+  file(MAKE_DIRECTORY ${ShearWarpMIP_DOXYGEN_DIR})
+  file(
+    WRITE ${ShearWarpMIP_DOXYGEN_DIR}/Doxyfile
+    "INPUT = ${headers}
+OUTPUT_DIRECTORY = ${ShearWarpMIP_DOXYGEN_DIR}
+GENERATE_HTML = NO
+GENERATE_LATEX = NO
+GENERATE_XML = YES
+CASE_SENSE_NAMES = YES
+QUIET = YES
+WARNINGS = NO
+MACRO_EXPANSION = YES
+EXPAND_ONLY_PREDEF = YES
+PREDEFINED = ITK_TEMPLATE_EXPORT= ShearWarpMIP_EXPORT= ITKv5_CONST=const \\
+  \"itkSetMacro(name,type)=void Set##name(type);\" \\
+  \"itkGetConstMacro(name,type)=type Get##name() const;\" \\
+  \"itkGetConstReferenceMacro(name,type)=const type & Get##name() const;\" \\
+  \"itkSetGetDecoratedObjectInputMacro(name,type)=void Set##name(const type *);\"
+")
+  execute_process(COMMAND ${DOXYGEN_EXECUTABLE} ${ShearWarpMIP_DOXYGEN_DIR}/Doxyfile COMMAND_ERROR_IS_FATAL ANY)
+endif()
+
+# shear_warp_mip_docstrings(CLASS SWIG_NAME...): docstrings of itk::CLASS for its wrapped names, in the current submodule.
+macro(shear_warp_mip_docstrings class)
+  if(DOXYGEN_FOUND)
+    set(xml_file ${ShearWarpMIP_DOXYGEN_DIR}/xml/classitk_1_1${class}.xml)
+    # the converter leaves out static functions
+    file(READ ${xml_file} xml)
+    string(REPLACE "public-static-func" "public-func" xml "${xml}")
+    file(WRITE ${xml_file} "${xml}")
+    string(REPLACE ";" "\t" swig_names "${ARGN}")
+    file(WRITE ${ShearWarpMIP_DOXYGEN_DIR}/${class}.conf "${xml_file}\titk::${class}\t${swig_names}\n")
+    execute_process(
+      COMMAND ${Python3_EXECUTABLE} ${WRAP_ITK_CMAKE_DIR}/Generators/Doc/itk_doxy2swig.py
+              ${ShearWarpMIP_DOXYGEN_DIR}/${class}.conf ${ShearWarpMIP_DOXYGEN_DIR}/${class}_doc.i
+      COMMAND_ERROR_IS_FATAL ANY)
+    string(APPEND ITK_WRAP_PYTHON_SWIG_EXT "%include \"${ShearWarpMIP_DOXYGEN_DIR}/${class}_doc.i\"\n")
+  endif()
+endmacro()
