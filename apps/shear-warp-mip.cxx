@@ -413,12 +413,14 @@ Run(const Options & options, Messages & messages)
 std::string
 MakeOneLine(std::string text)
 {
-  // ITK begins with the class and address: "ITK ERROR: Class(0x123): "
-  const auto address = text.find("(0x");
-  const auto end = text.find("): ");
-  if (address < end && end != std::string::npos)
+  // ITK begins with "ITK ERROR: ", mostly followed by the class and address: "Class(0x123): "
+  for (const std::string end : { "ITK ERROR: ", "): " })
   {
-    text.erase(0, end + 3);
+    const auto position = text.find(end);
+    if (position != std::string::npos && (position == 0 || text.rfind("(0x", position) != std::string::npos))
+    {
+      text.erase(0, position + end.size());
+    }
   }
   std::istringstream words(text);
   std::string        line;

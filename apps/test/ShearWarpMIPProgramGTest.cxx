@@ -1,0 +1,662 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#include "itkBSplineTransform.h"
+#include "itkGDCMImageIO.h"
+#include "itkImageFileReader.h"
+#include "itkImageFileWriter.h"
+#include "itkImageRegionIteratorWithIndex.h"
+#include "itkMetaDataObject.h"
+#include "itkRGBPixel.h"
+#include "itkShearWarpMIPImageFilter.h"
+#include "itkShearWarpMIPView.h"
+#include "itkTransformFileWriter.h"
+#include "itkVersion.h"
+
+#include <gtest/gtest.h>
+
+#include <sys/wait.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <map>
+#include <random>
+#include <sstream>
+
+namespace
+{
+namespace fs = std::filesystem;
+using Direction = itk::ShearWarpMIPViewEnums::Direction;
+using PixelType = short;
+using VolumeType = itk::Image<PixelType, 3>;
+using PictureType = itk::Image<PixelType, 2>;
+using FilterType = itk::ShearWarpMIPImageFilter<VolumeType>;
+using ViewTransformType = itk::ShearWarpMIPView::TransformType;
+
+std::string
+ReadText(const fs::path & path)
+{
+  std::ifstream      file(path, std::ios::binary);
+  std::ostringstream text;
+  text << file.rdbuf();
+  return text.str();
+}
+
+template <typename TPixel>
+typename itk::Image<TPixel, 3>::Pointer
+MakeVolume(TPixel lowest)
+{
+  const auto   volume = itk::Image<TPixel, 3>::New();
+  const double spacing[] = { 0.7, 0.9, 1.3 };
+  const double origin[] = { -40.0, 12.5, 3.0 };
+  volume->SetRegions(itk::Size<3>{ { 20, 18, 12 } });
+  volume->SetSpacing(spacing);
+  volume->SetOrigin(origin);
+  volume->Allocate();
+  itk::ImageRegionIteratorWithIndex<itk::Image<TPixel, 3>> it(volume, volume->GetBufferedRegion());
+  for (; !it.IsAtEnd(); ++it)
+  {
+    const auto & index = it.GetIndex();
+    it.Set(static_cast<TPixel>(lowest + static_cast<TPixel>((7 * index[0] + 5 * index[1] + 11 * index[2]) % 101)));
+  }
+  return volume;
+}
+
+template <typename TPicture>
+std::vector<typename TPicture::PixelType>
+GetPixels(const TPicture * picture)
+{
+  const auto * const begin = picture->GetBufferPointer();
+  return { begin, begin + picture->GetBufferedRegion().GetNumberOfPixels() };
+}
+
+class ShearWarpMIPProgram : public testing::Test
+{
+protected:
+  struct Result
+  {
+    int         status;
+    std::string output;
+    std::string messages;
+  };
+
+  void
+  SetUp() override
+  {
+    m_Folder = fs::temp_directory_path() / ("shear-warp-mip-test-" + std::to_string(std::random_device()()));
+    fs::create_directory(m_Folder);
+    m_Volume = MakeVolume<PixelType>(10);
+    this->WriteImage<VolumeType>(m_Volume, "in.nrrd");
+  }
+
+  void
+  TearDown() override
+  {
+    fs::remove_all(m_Folder);
+  }
+
+  Result
+  Run(const std::string & arguments) const
+  {
+    const std::string command =
+      "cd '" + m_Folder.string() + "' && '" SHEAR_WARP_MIP_PROGRAM "' " + arguments + " >stdout.txt 2>stderr.txt";
+    const int    status = std::system(command.c_str());
+    const Result result{ WIFEXITED(status) ? WEXITSTATUS(status) : -1,
+                         ReadText(m_Folder / "stdout.txt"),
+                         ReadText(m_Folder / "stderr.txt") };
+    fs::remove(m_Folder / "stdout.txt");
+    fs::remove(m_Folder / "stderr.txt");
+    return result;
+  }
+
+  void
+  ExpectSuccess(const std::string & arguments) const
+  {
+    SCOPED_TRACE(arguments);
+    const Result result = this->Run(arguments);
+    EXPECT_EQ(result.status, 0);
+    EXPECT_EQ(result.output, "");
+    EXPECT_EQ(result.messages, "");
+  }
+
+  /** One line that has \a mention, and no file changed. */
+  void
+  ExpectFailure(const std::string & arguments, const std::string & mention) const
+  {
+    SCOPED_TRACE(arguments);
+    std::ofstream(m_Folder / "out.png") << "kept";
+    const auto   before = this->GetContents();
+    const Result result = this->Run(arguments);
+    EXPECT_EQ(result.status, 1);
+    EXPECT_EQ(result.output, "");
+    EXPECT_EQ(result.messages.find("shear-warp-mip: "), 0u) << result.messages;
+    EXPECT_EQ(result.messages.find('\n'), result.messages.size() - 1) << result.messages;
+    EXPECT_NE(result.messages.find(mention), std::string::npos) << result.messages;
+    EXPECT_TRUE(before == this->GetContents());
+  }
+
+  std::map<fs::path, std::string>
+  GetContents() const
+  {
+    std::map<fs::path, std::string> contents;
+    for (const auto & entry : fs::recursive_directory_iterator(m_Folder))
+    {
+      contents[entry.path()] = entry.is_regular_file() ? ReadText(entry.path()) : "";
+    }
+    return contents;
+  }
+
+  template <typename TImage>
+  void
+  WriteImage(const TImage * image, const std::string & name) const
+  {
+    itk::WriteImage(image, this->GetPath(name));
+  }
+
+  template <typename TImage = PictureType>
+  typename TImage::Pointer
+  Read(const std::string & name) const
+  {
+    return itk::ReadImage<TImage>(this->GetPath(name));
+  }
+
+  std::string
+  GetPath(const std::string & name) const
+  {
+    return (m_Folder / name).string();
+  }
+
+  ViewTransformType::Pointer
+  MakeTransform(Direction direction, double azimuth = 0.0, double elevation = 0.0) const
+  {
+    return itk::ShearWarpMIPView::MakeTransform(m_Volume, direction, azimuth, elevation);
+  }
+
+  PictureType::Pointer
+  Project(
+    const itk::Transform<double, 3, 3> *      transform,
+    const std::function<void(FilterType &)> & setUp = [](FilterType &) {}) const
+  {
+    const auto filter = FilterType::New();
+    filter->SetInput(m_Volume);
+    filter->SetTransform(transform);
+    setUp(*filter);
+    filter->Update();
+    return filter->GetOutput();
+  }
+
+  void
+  ExpectPicture(const std::string & name, const PictureType * expected) const
+  {
+    SCOPED_TRACE(name);
+    const auto picture = this->Read(name);
+    EXPECT_EQ(picture->GetBufferedRegion(), expected->GetBufferedRegion());
+    for (unsigned int axis = 0; axis < 2; ++axis)
+    {
+      // NIfTI has floats
+      EXPECT_NEAR(picture->GetSpacing()[axis], expected->GetSpacing()[axis], 1e-6);
+      EXPECT_NEAR(picture->GetOrigin()[axis], expected->GetOrigin()[axis], 1e-5);
+    }
+    EXPECT_EQ(GetPixels(picture.GetPointer()), GetPixels(expected));
+  }
+
+  template <typename TPixel>
+  void
+  ExpectPixelTypeKept()
+  {
+    using ImageType = itk::Image<TPixel, 3>;
+    const auto volume = MakeVolume<TPixel>(20);
+    this->WriteImage<ImageType>(volume, "typed.nrrd");
+    this->ExpectSuccess("typed.nrrd out.mha");
+    const auto filter = itk::ShearWarpMIPImageFilter<ImageType>::New();
+    filter->SetInput(volume);
+    filter->SetTransform(this->MakeTransform(Direction::Anterior));
+    filter->Update();
+
+    const auto reader = itk::ImageFileReader<itk::Image<TPixel, 2>>::New();
+    reader->SetFileName(this->GetPath("out.mha"));
+    reader->Update();
+    const std::size_t bytes = reader->GetImageIO()->GetComponentSize();
+    EXPECT_EQ(bytes, sizeof(TPixel));
+    EXPECT_EQ(GetPixels(reader->GetOutput()), GetPixels(filter->GetOutput()));
+  }
+
+  /** Writes an image that is 0 but for a voxel at the left, anterior, superior. */
+  void
+  WriteLandmark() const
+  {
+    const auto landmark = VolumeType::New();
+    landmark->SetRegions(itk::Size<3>{ { 15, 15, 15 } });
+    landmark->Allocate(true);
+    landmark->SetPixel({ { 12, 3, 11 } }, 1000);
+    this->WriteImage<VolumeType>(landmark, "landmark.nrrd");
+  }
+
+  static std::string
+  FindLandmark(const std::vector<PixelType> & pixels, std::size_t width)
+  {
+    const auto        brightest = std::max_element(pixels.begin(), pixels.end()) - pixels.begin();
+    const std::size_t height = pixels.size() / width;
+    const std::string row = 2 * (brightest / width) < height ? "top " : "bottom ";
+    return row + (2 * (brightest % width) < width ? "left" : "right");
+  }
+
+  void
+  WriteDICOMSeries(const std::string & uid, const std::string & prefix, itk::SizeValueType slices) const
+  {
+    fs::create_directories(m_Folder / "dicom");
+    for (itk::SizeValueType slice = 0; slice < slices; ++slice)
+    {
+      const auto image = VolumeType::New();
+      image->SetRegions(itk::Size<3>{ { 8, 8, 1 } });
+      const double spacing[] = { 1.0, 1.0, 2.0 };
+      const double origin[] = { 0.0, 0.0, 2.0 * static_cast<double>(slice) };
+      image->SetSpacing(spacing);
+      image->SetOrigin(origin);
+      image->Allocate();
+      image->FillBuffer(static_cast<PixelType>(100 + slice));
+
+      auto &     dictionary = image->GetMetaDataDictionary();
+      const auto io = itk::GDCMImageIO::New();
+      io->KeepOriginalUIDOn();
+      itk::EncapsulateMetaData<std::string>(dictionary, "0008|0060", "MR");
+      itk::EncapsulateMetaData<std::string>(dictionary, "0008|0018", uid + "." + std::to_string(slice + 1));
+      itk::EncapsulateMetaData<std::string>(dictionary, "0020|000d", "1.2.3");
+      itk::EncapsulateMetaData<std::string>(dictionary, "0020|000e", uid);
+      itk::EncapsulateMetaData<std::string>(dictionary, "0020|0013", std::to_string(slice + 1));
+      const auto writer = itk::ImageFileWriter<VolumeType>::New();
+      writer->SetImageIO(io);
+      writer->SetInput(image);
+      writer->SetFileName(this->GetPath("dicom/" + prefix + std::to_string(slice) + ".dcm"));
+      writer->Update();
+    }
+  }
+
+  fs::path            m_Folder;
+  VolumeType::Pointer m_Volume;
+};
+
+TEST_F(ShearWarpMIPProgram, KeepsValuesInEachFormat)
+{
+  const auto expected = this->Project(this->MakeTransform(Direction::Anterior));
+  for (const std::string name : { "out.mha", "out.nrrd", "out.nii", "out.nii.gz" })
+  {
+    this->ExpectSuccess("in.nrrd " + name);
+    this->ExpectPicture(name, expected);
+  }
+}
+
+TEST_F(ShearWarpMIPProgram, KeepsPixelTypes)
+{
+  this->ExpectPixelTypeKept<signed char>();
+  this->ExpectPixelTypeKept<unsigned char>();
+  this->ExpectPixelTypeKept<unsigned short>();
+  this->ExpectPixelTypeKept<int>();
+  this->ExpectPixelTypeKept<unsigned long long>();
+  this->ExpectPixelTypeKept<float>();
+  this->ExpectPixelTypeKept<double>();
+}
+
+TEST_F(ShearWarpMIPProgram, TakesViewAndAngles)
+{
+  this->ExpectSuccess("in.nrrd out.nrrd --view left --azimuth -30.5 --elevation 20");
+  this->ExpectPicture("out.nrrd", this->Project(this->MakeTransform(Direction::Left, -30.5, 20.0)));
+}
+
+TEST_F(ShearWarpMIPProgram, ShowsPatientFromEachSide)
+{
+  this->WriteLandmark();
+  const std::map<std::string, std::string> expected = { { "anterior", "top right" }, { "posterior", "top left" },
+                                                        { "left", "top left" },      { "right", "top right" },
+                                                        { "superior", "top left" },  { "inferior", "top right" } };
+  for (const auto & [view, place] : expected)
+  {
+    this->ExpectSuccess("landmark.nrrd out.nrrd --view " + view);
+    const auto picture = this->Read("out.nrrd");
+    EXPECT_EQ(FindLandmark(GetPixels(picture.GetPointer()), picture->GetBufferedRegion().GetSize(0)), place) << view;
+  }
+}
+
+TEST_F(ShearWarpMIPProgram, TurnsAboutEachAxis)
+{
+  this->WriteLandmark();
+  // after a quarter of a turn from anterior: seen from the left, from below, and with the right side down
+  const std::map<std::string, std::string> expected = { { "superior", "top left" },
+                                                        { "left", "top right" },
+                                                        { "posterior", "top left" } };
+  for (const auto & [axis, place] : expected)
+  {
+    this->ExpectSuccess("landmark.nrrd out.nrrd --frames 4 --axis " + axis);
+    const auto stack = this->Read<VolumeType>("out.nrrd");
+    const auto size = stack->GetBufferedRegion().GetSize();
+    ASSERT_EQ(size[2], 4u);
+    const auto * const frame = stack->GetBufferPointer() + size[0] * size[1];
+    EXPECT_EQ(FindLandmark({ frame, frame + size[0] * size[1] }, size[0]), place) << axis;
+  }
+}
+
+TEST_F(ShearWarpMIPProgram, StacksFramesOnOneGrid)
+{
+  this->ExpectSuccess("in.nrrd out.nrrd --frames 5 --elevation 10 --background 3");
+  const auto stack = this->Read<VolumeType>("out.nrrd");
+  const auto size = stack->GetBufferedRegion().GetSize();
+  ASSERT_EQ(size[2], 5u);
+  EXPECT_EQ(stack->GetSpacing()[2], 1.0);
+
+  itk::SizeValueType widest = 0;
+  for (unsigned int k = 0; k < 5; ++k)
+  {
+    const auto turn = itk::AffineTransform<double, 3>::New();
+    turn->SetCenter(itk::ShearWarpMIPView::GetCentre(m_Volume));
+    turn->Rotate3D(itk::Vector<double, 3>(std::array<double, 3>{ 0, 0, 1 }.data()), k * itk::Math::twopi / 5);
+    const auto transform = this->MakeTransform(Direction::Anterior, 0.0, 10.0);
+    transform->Compose(turn);
+    widest = std::max(widest, this->Project(transform)->GetBufferedRegion().GetSize(0));
+
+    const auto         expected = this->Project(transform, [&](FilterType & filter) {
+      filter.SetSize({ { size[0], size[1] } });
+      filter.SetOutputSpacing(itk::Vector<double, 2>(stack->GetSpacing().GetDataPointer()));
+      filter.SetOutputOrigin(itk::Point<double, 2>(stack->GetOrigin().GetDataPointer()));
+      filter.SetDefaultPixelValue(3);
+    });
+    const auto         pixels = GetPixels(expected.GetPointer());
+    const auto * const frame = stack->GetBufferPointer() + k * pixels.size();
+    for (std::size_t i = 0; i < pixels.size(); ++i)
+    {
+      ASSERT_NEAR(frame[i], pixels[i], 1) << "frame " << k << ", pixel " << i;
+    }
+  }
+  EXPECT_GE(size[0], widest);
+  EXPECT_LE(size[0], widest + 1);
+}
+
+TEST_F(ShearWarpMIPProgram, NumbersPictures)
+{
+  this->ExpectSuccess("in.nrrd out.png --frames 3 --window 0 100");
+  EXPECT_FALSE(fs::exists(m_Folder / "out.png"));
+  EXPECT_FALSE(fs::exists(m_Folder / "out-003.png"));
+  const auto size = this->Read("out-000.png")->GetBufferedRegion();
+  EXPECT_EQ(this->Read("out-001.png")->GetBufferedRegion(), size);
+  EXPECT_EQ(this->Read("out-002.png")->GetBufferedRegion(), size);
+  EXPECT_EQ(this->GetContents().size(), 4u);
+}
+
+TEST_F(ShearWarpMIPProgram, WindowsPictures)
+{
+  this->ExpectSuccess("in.nrrd out.nrrd --azimuth 30");
+  this->ExpectSuccess("in.nrrd out.png --azimuth 30 --window 60 100");
+  const auto values = GetPixels(this->Read("out.nrrd").GetPointer());
+  const auto windowed = GetPixels(this->Read("out.png").GetPointer());
+  ASSERT_EQ(values.size(), windowed.size());
+  for (std::size_t i = 0; i < values.size(); ++i)
+  {
+    EXPECT_EQ(windowed[i], std::lround(255.0 * std::clamp((values[i] - 60) / 40.0, 0.0, 1.0)));
+  }
+
+  this->ExpectSuccess("in.nrrd robust.png --azimuth 30");
+  const auto             robust = GetPixels(this->Read("robust.png").GetPointer());
+  std::vector<PixelType> shown;
+  std::copy_if(values.begin(), values.end(), std::back_inserter(shown), [](PixelType value) { return value != 0; });
+  std::sort(shown.begin(), shown.end());
+  const auto   last = static_cast<double>(shown.size() - 1);
+  const double low = shown[std::lround(0.01 * last)];
+  const double high = shown[std::lround(0.998 * last)];
+  for (std::size_t i = 0; i < values.size(); ++i)
+  {
+    EXPECT_EQ(robust[i], std::lround(255.0 * std::clamp((values[i] - low) / (high - low), 0.0, 1.0)));
+  }
+}
+
+TEST_F(ShearWarpMIPProgram, TakesTransform)
+{
+  const auto transform = this->MakeTransform(Direction::Right, 12.0, -7.0);
+  transform->Scale(1.5, true);
+  const auto writer = itk::TransformFileWriterTemplate<double>::New();
+  writer->SetInput(transform);
+  writer->SetFileName(this->GetPath("view.tfm"));
+  writer->Update();
+  this->ExpectSuccess("in.nrrd out.nrrd --transform view.tfm");
+  this->ExpectPicture("out.nrrd", this->Project(transform));
+}
+
+TEST_F(ShearWarpMIPProgram, TakesGrid)
+{
+  const auto transform = this->MakeTransform(Direction::Anterior, 30.0);
+  this->ExpectSuccess("--azimuth 30 --spacing 0.5,0.8 in.nrrd out.nrrd");
+  const double spacing[] = { 0.5, 0.8 };
+  this->ExpectPicture("out.nrrd", this->Project(transform, [&](FilterType & filter) {
+    filter.SetOutputSpacing(itk::Vector<double, 2>(spacing));
+  }));
+  this->ExpectSuccess("--azimuth 30 --size 40 30 --spacing .5 --background -5 in.nrrd out.nrrd");
+  this->ExpectPicture("out.nrrd", this->Project(transform, [](FilterType & filter) {
+    filter.SetOutputSpacing(itk::Vector<double, 2>(0.5));
+    filter.SetSize({ { 40, 30 } });
+    filter.SetDefaultPixelValue(-5);
+  }));
+}
+
+TEST_F(ShearWarpMIPProgram, BackgroundIsMinimumBelowZero)
+{
+  const auto volume = MakeVolume<PixelType>(-1000);
+  this->WriteImage<VolumeType>(volume, "ct.nrrd");
+  this->ExpectSuccess("ct.nrrd out.nrrd --size 100 100");
+  EXPECT_EQ(GetPixels(this->Read("out.nrrd").GetPointer()).front(), -1000);
+  this->ExpectSuccess("in.nrrd out.nrrd --size 100 100");
+  EXPECT_EQ(GetPixels(this->Read("out.nrrd").GetPointer()).front(), 0);
+}
+
+TEST_F(ShearWarpMIPProgram, SameBytesWithAnyNumberOfThreads)
+{
+  this->ExpectSuccess("in.nrrd one.nrrd --frames 6 --threads 1");
+  this->ExpectSuccess("in.nrrd two.nrrd --frames 6 --threads 2");
+  EXPECT_EQ(ReadText(m_Folder / "one.nrrd"), ReadText(m_Folder / "two.nrrd"));
+}
+
+TEST_F(ShearWarpMIPProgram, AcceptsFurtherDimensionsOfOne)
+{
+  using ImageType = itk::Image<PixelType, 4>;
+  const auto image = ImageType::New();
+  image->SetRegions(itk::Size<4>{ { 5, 6, 7, 1 } });
+  image->Allocate(true);
+  this->WriteImage<ImageType>(image, "four.nrrd");
+  this->ExpectSuccess("four.nrrd out.nrrd");
+}
+
+TEST_F(ShearWarpMIPProgram, ReadsDICOMSeries)
+{
+  this->WriteDICOMSeries("1.2.3.4", "a", 3);
+  this->WriteDICOMSeries("1.2.3.5", "b", 6);
+  this->WriteDICOMSeries("1.2.3.6", "c", 4);
+  this->ExpectSuccess("dicom out.nrrd --spacing 1");
+  EXPECT_EQ(this->Read("out.nrrd")->GetBufferedRegion().GetSize(1), 12u);
+  EXPECT_EQ(GetPixels(this->Read("out.nrrd").GetPointer()).front(), 105);
+  this->ExpectSuccess("dicom out.nrrd --spacing 1 --series 1.2.3.4");
+  EXPECT_EQ(this->Read("out.nrrd")->GetBufferedRegion().GetSize(1), 6u);
+  this->ExpectFailure("dicom out.png --series 1.2", "1.2.3.4 (3 files), 1.2.3.5 (6 files), 1.2.3.6 (4 files)");
+  this->ExpectFailure("in.nrrd out.png --series 1.2.3.4", "in.nrrd");
+}
+
+TEST_F(ShearWarpMIPProgram, WarnsOfMissingSlices)
+{
+  this->WriteDICOMSeries("1.2.3.4", "a", 6);
+  fs::remove(m_Folder / "dicom" / "a3.dcm");
+  const Result result = this->Run("dicom out.nrrd");
+  EXPECT_EQ(result.status, 0);
+  EXPECT_EQ(result.messages.find("shear-warp-mip: warning: the slices are not evenly spaced"), 0u) << result.messages;
+}
+
+TEST_F(ShearWarpMIPProgram, TellsWhatItDoes)
+{
+  const Result help = this->Run("--help");
+  EXPECT_EQ(help.status, 0);
+  EXPECT_EQ(help.messages, "");
+  for (const std::string option : { "--view",
+                                    "--azimuth",
+                                    "--elevation",
+                                    "--transform",
+                                    "--spacing",
+                                    "--size",
+                                    "--background",
+                                    "--window",
+                                    "--frames",
+                                    "--axis",
+                                    "--series",
+                                    "--threads",
+                                    "--verbose",
+                                    "--write-phantom",
+                                    "--version",
+                                    "Examples" })
+  {
+    EXPECT_NE(help.output.find(option), std::string::npos) << option;
+  }
+
+  const Result version = this->Run("--version");
+  EXPECT_EQ(version.status, 0);
+  EXPECT_EQ(version.output.find("shear-warp-mip "), 0u);
+  EXPECT_NE(version.output.find(itk::Version::GetITKVersion()), std::string::npos);
+
+  const Result verbose = this->Run("in.nrrd out.png --frames 2 --view left --verbose");
+  EXPECT_EQ(verbose.status, 0);
+  for (const std::string text : { "in.nrrd", "[20, 18, 12]", "0.7", "short", "transposed", "axis 0", "frame 1", " ms" })
+  {
+    EXPECT_NE(verbose.messages.find(text), std::string::npos) << text << " in " << verbose.messages;
+  }
+}
+
+TEST_F(ShearWarpMIPProgram, WritesPhantom)
+{
+  this->ExpectSuccess("--write-phantom one.mha");
+  this->ExpectSuccess("--write-phantom two.mha");
+  EXPECT_TRUE(ReadText(m_Folder / "one.mha") == ReadText(m_Folder / "two.mha"));
+  const auto phantom = this->Read<VolumeType>("one.mha");
+  EXPECT_EQ(phantom->GetBufferedRegion().GetSize(), (itk::Size<3>{ { 256, 256, 128 } }));
+  // the aneurysm, and the same place on the other side
+  EXPECT_GT(phantom->GetPixel({ { 174, 114, 55 } }), 600);
+  EXPECT_LT(phantom->GetPixel({ { 81, 114, 55 } }), 300);
+  this->ExpectFailure("--write-phantom out.png", ".mha .nrrd .nii .nii.gz");
+}
+
+TEST_F(ShearWarpMIPProgram, RefusesWrongOptions)
+{
+  this->ExpectFailure("", "INPUT");
+  this->ExpectFailure("in.nrrd", "OUTPUT");
+  this->ExpectFailure("in.nrrd out.png more", "more");
+  this->ExpectFailure("in.nrrd out.png --bogus", "--bogus");
+  this->ExpectFailure("in.nrrd out.png --view above", "--view");
+  this->ExpectFailure("in.nrrd out.png --azimuth inf", "--azimuth");
+  this->ExpectFailure("in.nrrd out.png --elevation up", "--elevation");
+  this->ExpectFailure("in.nrrd out.png --size 0 5", "--size");
+  this->ExpectFailure("in.nrrd out.png --size -3 5", "--size");
+  this->ExpectFailure("in.nrrd out.png --size 5", "--size");
+  for (const std::string spacing : { "0", "-1", "nan", "inf", "wide", "1,2,3" })
+  {
+    this->ExpectFailure("in.nrrd out.png --spacing " + spacing, "--spacing");
+  }
+  this->ExpectFailure("in.nrrd out.png --window 7 7", "--window");
+  this->ExpectFailure("in.nrrd out.png --window 7 nan", "--window");
+  this->ExpectFailure("in.nrrd out.png --background 40000", "--background");
+  this->ExpectFailure("in.nrrd out.png --background 0.5", "--background");
+  this->ExpectFailure("in.nrrd out.png --background nan", "--background");
+  this->ExpectFailure("in.nrrd out.png --frames 0", "--frames");
+  this->ExpectFailure("in.nrrd out.png --frames 99999999999", "--frames");
+  this->ExpectFailure("in.nrrd out.png --axis left", "--axis");
+  this->ExpectFailure("in.nrrd out.png --frames 2 --axis up", "--axis");
+  this->ExpectFailure("in.nrrd out.png --threads 0", "--threads");
+  this->ExpectFailure("in.nrrd out.png --transform a.tfm --azimuth 3", "--transform");
+}
+
+TEST_F(ShearWarpMIPProgram, RefusesWrongInput)
+{
+  this->ExpectFailure("missing.nrrd out.png", "missing.nrrd");
+
+  for (const std::string name : { "text.nii", "text.mha", "text.nrrd", "text.dcm", "text" })
+  {
+    std::ofstream(m_Folder / name) << "no image\n";
+    this->ExpectFailure(name + " out.png", name);
+  }
+
+  const std::string whole = ReadText(m_Folder / "in.nrrd");
+  std::ofstream(m_Folder / "cut.nrrd", std::ios::binary) << whole.substr(0, whole.size() - 1000);
+  this->ExpectFailure("cut.nrrd out.png", "cut.nrrd");
+
+  this->WriteImage<PictureType>(this->Project(this->MakeTransform(Direction::Left)), "flat.nrrd");
+  this->ExpectFailure("flat.nrrd out.png", "flat.nrrd");
+
+  using ColourType = itk::Image<itk::RGBPixel<unsigned char>, 3>;
+  const auto colour = ColourType::New();
+  colour->SetRegions(itk::Size<3>{ { 4, 4, 4 } });
+  colour->Allocate(true);
+  this->WriteImage<ColourType>(colour, "colour.nrrd");
+  this->ExpectFailure("colour.nrrd out.png", "colour.nrrd");
+
+  using ComplexType = itk::Image<std::complex<float>, 3>;
+  const auto complex = ComplexType::New();
+  complex->SetRegions(itk::Size<3>{ { 4, 4, 4 } });
+  complex->Allocate(true);
+  this->WriteImage<ComplexType>(complex, "complex.nii");
+  this->ExpectFailure("complex.nii out.png", "complex.nii");
+
+  using TimeSeriesType = itk::Image<PixelType, 4>;
+  const auto timeSeries = TimeSeriesType::New();
+  timeSeries->SetRegions(itk::Size<4>{ { 4, 4, 4, 2 } });
+  timeSeries->Allocate(true);
+  this->WriteImage<TimeSeriesType>(timeSeries, "times.nii");
+  this->ExpectFailure("times.nii out.png", "times.nii");
+
+  fs::create_directory(m_Folder / "empty");
+  this->ExpectFailure("empty out.png", "empty");
+}
+
+TEST_F(ShearWarpMIPProgram, RefusesWrongTransform)
+{
+  this->ExpectFailure("in.nrrd out.png --transform missing.tfm", "missing.tfm");
+  for (const std::string name : { "text.tfm", "text.txt", "text" })
+  {
+    std::ofstream(m_Folder / name) << "no transform\n";
+    this->ExpectFailure("in.nrrd out.png --transform " + name, name);
+  }
+
+  const auto expectRefused = [this](const itk::Object * transform, const std::string & mention) {
+    const auto writer = itk::TransformFileWriterTemplate<double>::New();
+    writer->SetInput(transform);
+    writer->SetFileName(this->GetPath("wrong.tfm"));
+    writer->Update();
+    this->ExpectFailure("in.nrrd out.png --transform wrong.tfm", mention);
+  };
+  expectRefused(itk::BSplineTransform<double, 3, 3>::New(), "wrong.tfm");
+  expectRefused(itk::AffineTransform<double, 2>::New(), "wrong.tfm");
+  const auto flat = itk::AffineTransform<double, 3>::New();
+  flat->Scale(itk::Vector<double, 3>(std::array<double, 3>{ 1.0, 1.0, 0.0 }.data()));
+  expectRefused(flat, "invertible");
+}
+
+TEST_F(ShearWarpMIPProgram, RefusesWrongOutput)
+{
+  this->ExpectFailure("in.nrrd out.jpg", ".mha .nrrd .nii .nii.gz .png");
+  this->ExpectFailure("in.nrrd out", ".png");
+  this->ExpectFailure("in.nrrd .png", ".png");
+  this->ExpectFailure("in.nrrd nowhere/out.png", "nowhere/out.png");
+  fs::create_directory(m_Folder / "folder.png");
+  this->ExpectFailure("in.nrrd folder.png", "folder.png");
+  this->ExpectFailure("in.nrrd out.png --size 99999999 99999999", "memory");
+  this->ExpectFailure("in.nrrd out.png --size 9999 9999 --frames 1000000", "memory");
+}
+} // namespace
