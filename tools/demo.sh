@@ -1,0 +1,84 @@
+#!/usr/bin/env bash
+# Builds the program shear-warp-mip and shows what it does: six anatomical views, a turning series as
+# 36 pictures, as a stack with the image's values, and as an animation. What is missing on a Debian or Ubuntu
+# machine is installed, as root or through sudo.
+#
+#   JOBS=<n>              parallel compile jobs                   [all cores]
+#   XDG_CACHE_HOME=<dir>  the cache is itk-shearwarpmip/ inside   [~/.cache]
+#
+# Usage: demo.sh [IMAGE [FOLDER]]
+#   IMAGE   a 3D image that ITK reads, or a DICOM folder          [a synthetic MR angiogram of a head]
+#   FOLDER  where the pictures go                                 [demo-output]
+set -euo pipefail
+. "$(dirname "${BASH_SOURCE[0]}")/common.sh"
+
+case ${1:-} in
+  -*) sed -n '2,/^set/{/^set/d;s/^# \{0,1\}//;p}' "${BASH_SOURCE[0]}" >&2
+    case $1 in -h | --help) exit 0 ;; *) exit 1 ;; esac ;;
+esac
+[ $# -le 2 ] || die "at most an image and a folder, see --help"
+image=${1:-}
+folder=${2:-demo-output}
+[ -z "$image" ] || [ -e "$image" ] || die "'$image' does not exist"
+
+build=$cache/demo-build
+program=$build/apps/shear-warp-mip
+
+configure_and_build() {
+  # Debian's package, not an ITK that happens to be in the environment
+  env -u ITK_DIR cmake -S "$root" -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=Release -DBUILD_TESTING=OFF \
+    -DShearWarpMIP_BUILD_APPS=ON &&
+    ninja -C "$build" -j "$jobs" shear-warp-mip
+}
+
+# A broken or moved build folder is made anew.
+build_program() {
+  mkdir -p "$cache"
+  configure_and_build > "$build.log" 2>&1 && return
+  rm -rf "$build"
+  configure_and_build > "$build.log" 2>&1 || {
+    tail -n 30 "$build.log" >&2
+    die "the program did not build, see $build.log"
+  }
+}
+
+render_views() {
+  local view
+  for view in anterior posterior left right superior inferior; do
+    "$program" "$image" "$folder/$view.png" --view "$view"
+  done
+}
+
+render_cine() {
+  "$program" "$image" "$folder/cine.png" --frames 36
+  "$program" "$image" "$folder/cine.nrrd" --frames 36
+}
+
+animate() {
+  /usr/bin/python3 - "$folder" << 'PYTHON'
+import pathlib, sys
+from PIL import Image
+
+folder = pathlib.Path(sys.argv[1])
+first, *others = [Image.open(path) for path in sorted(folder.glob("cine-*.png"))]
+first.save(folder / "cine.gif", save_all=True, append_images=others, duration=80, loop=0)
+PYTHON
+}
+
+timed "installed what building needs" need_packages build-essential cmake ninja-build libinsighttoolkit5-dev \
+  libcli11-dev python3-pil
+timed "built the program" build_program
+mkdir -p "$folder"
+if [ -z "$image" ]; then
+  image=$folder/phantom.nrrd
+  timed "made a synthetic angiogram" "$program" --write-phantom "$image"
+fi
+timed "rendered six views" render_views
+timed "rendered 36 frames, as pictures and as a stack" render_cine
+timed "made the animation" animate
+
+say "
+The pictures are in $(cd "$folder" && pwd):
+  anterior.png posterior.png left.png right.png superior.png inferior.png
+  cine-000.png to cine-035.png, cine.gif (animated), cine.nrrd (with the image's values)
+The program is $program; try it with --help."
