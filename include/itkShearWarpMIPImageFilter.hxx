@@ -263,7 +263,7 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::GenerateData()
   const auto               map = factorization.GetOutputToIntermediateMatrix();
   const ShearWarp::AffineMap2D outputToIntermediate{ map(0, 0), map(0, 1), map(0, 2), map(1, 0), map(1, 1), map(1, 2) };
   const SizeType           outputSize = output->GetBufferedRegion().GetSize();
-  this->Parallelize(outputSize[1], 0.1f, [&](SizeValueType begin, SizeValueType end) {
+  this->Parallelize(outputSize[1], 0.09f, [&](SizeValueType begin, SizeValueType end) {
     ShearWarp::WarpRows<InputPixelType>(intermediate,
                                         outputToIntermediate,
                                         begin,
@@ -273,6 +273,9 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::GenerateData()
                                         output->GetBufferPointer() + begin * outputSize[0]);
   });
   m_WarpSeconds = secondsSince(warpStart);
+
+  // the weights sum to less: ITK's progress wraps around to 0 where rounding takes it beyond 1
+  this->UpdateProgress(1.0f);
 }
 
 template <typename TInputImage, typename TOutputImage>
