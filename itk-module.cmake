@@ -15,6 +15,9 @@ itk_module(
   ITKGoogleTest
   ITKImageGrid
   ITKImageStatistics
+  ITKIOGDCM
+  ITKIOMeta
+  ITKIONRRD
   EXCLUDE_FROM_DEFAULT
   DESCRIPTION
   "${DOCUMENTATION}")

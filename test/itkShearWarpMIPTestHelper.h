@@ -296,7 +296,7 @@ HaveSameBits(TPixel a, TPixel b)
 
 template <typename TPixel>
 bool
-HaveSameBits(const Image<TPixel, 2> * a, const Image<TPixel, 2> * b)
+HaveSamePixels(const Image<TPixel, 2> * a, const Image<TPixel, 2> * b)
 {
   return a->GetBufferedRegion() == b->GetBufferedRegion() &&
          std::memcmp(a->GetBufferPointer(),

@@ -1,0 +1,612 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#include "itkShearWarpMIPImageFilter.h"
+
+#include "itkShearWarpMIPTestHelper.h"
+
+#include "itkBSplineTransform.h"
+#include "itkCastImageFilter.h"
+#include "itkCommand.h"
+#include "itkCompositeTransform.h"
+#include "itkEuler3DTransform.h"
+#include "itkStreamingImageFilter.h"
+
+#include <gtest/gtest.h>
+
+#include <sstream>
+
+namespace
+{
+using namespace itk::ShearWarpMIPTest;
+
+using ImageType = itk::Image<short, 3>;
+using OutputType = itk::Image<short, 2>;
+using FilterType = itk::ShearWarpMIPImageFilter<ImageType>;
+
+/** Counts how often a process object executes. */
+class ExecutionCounter
+{
+public:
+  explicit ExecutionCounter(itk::ProcessObject * process)
+  {
+    auto command = itk::CStyleCommand::New();
+    command->SetClientData(&m_Count);
+    command->SetCallback([](itk::Object *, const itk::EventObject &, void * count) { ++*static_cast<int *>(count); });
+    process->AddObserver(itk::StartEvent(), command);
+  }
+  ITK_DISALLOW_COPY_AND_MOVE(ExecutionCounter);
+
+  int
+  GetCount() const
+  {
+    return m_Count;
+  }
+
+private:
+  int m_Count{ 0 };
+};
+
+/** Aborts when the progress reaches a limit, and keeps what was reported. */
+class ProgressRecorder
+{
+public:
+  explicit ProgressRecorder(itk::ProcessObject * process)
+    : m_Process(process)
+  {
+    auto command = itk::CStyleCommand::New();
+    command->SetClientData(this);
+    command->SetCallback([](itk::Object *, const itk::EventObject &, void * data) {
+      auto * recorder = static_cast<ProgressRecorder *>(data);
+      recorder->progress.push_back(recorder->m_Process->GetProgress());
+      if (recorder->progress.back() >= recorder->abortAt)
+      {
+        recorder->m_Process->AbortGenerateDataOn();
+      }
+    });
+    process->AddObserver(itk::ProgressEvent(), command);
+  }
+  ITK_DISALLOW_COPY_AND_MOVE(ProgressRecorder);
+
+  std::vector<float> progress;
+  float              abortAt{ 2.0f };
+
+private:
+  itk::ProcessObject * m_Process;
+};
+
+/** Looks along index axis \a axis of an image of identity direction, a little from the side. */
+ViewType::Pointer
+MakeViewAlong(unsigned int axis)
+{
+  auto euler = itk::Euler3DTransform<double>::New();
+  euler->SetRotation(0.1, 0.2, 0.3);
+  MatrixType permutation;
+  permutation.Fill(0.0);
+  permutation(axis, 2) = 1.0;
+  permutation((axis + 1) % 3, 0) = 1.0;
+  permutation((axis + 2) % 3, 1) = 1.0;
+  return MakeView(euler->GetMatrix() * permutation, MakePoint3(5, 5, 5));
+}
+
+ImageType::Pointer
+MakeTestImage(std::uint64_t seed, const itk::Size<3> & size = { { 40, 41, 42 } })
+{
+  Random     random(seed);
+  const auto image = MakePlainImage<short>(size);
+  FillRandom(random, image.GetPointer());
+  return image;
+}
+
+/** What a filter that was never used before gives. */
+OutputType::Pointer
+ProjectAfresh(const ImageType * image, const itk::Transform<double, 3, 3> * view)
+{
+  const auto filter = FilterType::New();
+  filter->SetInput(image);
+  filter->SetTransform(view);
+  filter->Update();
+  OutputType::Pointer output = filter->GetOutput();
+  output->DisconnectPipeline();
+  return output;
+}
+
+class ShearWarpMIPPipeline : public testing::Test
+{
+protected:
+  void
+  SetUp() override
+  {
+    m_Image = MakeTestImage(501);
+    m_Filter = FilterType::New();
+    m_Filter->SetInput(m_Image);
+    m_Filter->SetTransform(MakeViewAlong(0));
+  }
+
+  /** Updates, and expects an exception that says every one of \a texts. */
+  void
+  ExpectError(std::initializer_list<const char *> texts)
+  {
+    try
+    {
+      m_Filter->Update();
+      ADD_FAILURE() << "no exception, expected: " << *texts.begin();
+    }
+    catch (const itk::ExceptionObject & exception)
+    {
+      const std::string description = exception.GetDescription();
+      for (const char * text : texts)
+      {
+        EXPECT_NE(description.find(text), std::string::npos) << "'" << text << "' is not in: " << description;
+      }
+    }
+  }
+
+  void
+  ExpectWorksAgain()
+  {
+    EXPECT_NO_THROW(m_Filter->Update());
+    EXPECT_TRUE(HaveSamePixels(ProjectAfresh(m_Image, m_Filter->GetTransform()).GetPointer(), m_Filter->GetOutput()));
+  }
+
+  ImageType::Pointer  m_Image;
+  FilterType::Pointer m_Filter;
+};
+
+constexpr itk::SizeValueType ImageBytes = 40 * 41 * 42 * sizeof(short);
+} // namespace
+
+TEST_F(ShearWarpMIPPipeline, ChangingTheViewPreparesNothingAgain)
+{
+  EXPECT_EQ(m_Filter->GetPreparedVolumeSizeInBytes(), 0u);
+  for (int repeat = 0; repeat < 3; ++repeat)
+  {
+    for (const unsigned int axis : { 0, 1, 2 })
+    {
+      const bool isFirst = repeat == 0 && axis == 0;
+      m_Filter->SetTransform(MakeViewAlong(axis));
+      m_Filter->Update();
+      EXPECT_EQ(m_Filter->GetPrincipalAxis(), axis);
+      EXPECT_EQ(m_Filter->GetPreparedVolumeSizeInBytes(), ImageBytes);
+      EXPECT_EQ(m_Filter->GetPreparationSeconds() > 0.0, isFirst);
+      EXPECT_GT(m_Filter->GetProjectionSeconds(), 0.0);
+      EXPECT_GT(m_Filter->GetWarpSeconds(), 0.0);
+    }
+  }
+  m_Filter->SetDefaultPixelValue(5);
+  m_Filter->SetTransform(MakeViewAlong(0));
+  m_Filter->SetOutputSpacing(MakeVector2(2, 2));
+  m_Filter->Update();
+  EXPECT_EQ(m_Filter->GetPreparationSeconds(), 0.0) << "parameters prepare nothing either";
+}
+
+TEST_F(ShearWarpMIPPipeline, OnlyViewsAlongXPrepare)
+{
+  for (const unsigned int axis : { 1, 2 })
+  {
+    m_Filter->SetTransform(MakeViewAlong(axis));
+    m_Filter->Update();
+    EXPECT_EQ(m_Filter->GetPreparationSeconds(), 0.0);
+    EXPECT_EQ(m_Filter->GetPreparedVolumeSizeInBytes(), 0u);
+  }
+}
+
+TEST_F(ShearWarpMIPPipeline, ChangedPixelsPrepareAgain)
+{
+  m_Filter->Update();
+  const auto before = Copy(m_Filter->GetOutput());
+  Random     random(502);
+  FillRandom(random, m_Image.GetPointer());
+  m_Image->Modified();
+  m_Filter->Update();
+  EXPECT_GT(m_Filter->GetPreparationSeconds(), 0.0);
+  EXPECT_FALSE(HaveSamePixels(before.GetPointer(), m_Filter->GetOutput()));
+  ExpectWorksAgain();
+}
+
+TEST_F(ShearWarpMIPPipeline, AnotherInputPreparesAgain)
+{
+  m_Filter->Update();
+  const auto other = MakeTestImage(503);
+  m_Filter->SetInput(other);
+  m_Filter->Update();
+  EXPECT_GT(m_Filter->GetPreparationSeconds(), 0.0);
+  EXPECT_TRUE(HaveSamePixels(ProjectAfresh(other, m_Filter->GetTransform()).GetPointer(), m_Filter->GetOutput()));
+  m_Filter->SetInput(m_Image);
+  ExpectWorksAgain();
+}
+
+TEST_F(ShearWarpMIPPipeline, ChangedUpstreamSourcePreparesAgain)
+{
+  using CastType = itk::CastImageFilter<ImageType, ImageType>;
+  const auto cast = CastType::New();
+  cast->InPlaceOff();
+  cast->SetInput(m_Image);
+  m_Filter->SetInput(cast->GetOutput());
+  m_Filter->Update();
+  Random random(504);
+  FillRandom(random, m_Image.GetPointer());
+  m_Image->Modified();
+  m_Filter->Update();
+  EXPECT_GT(m_Filter->GetPreparationSeconds(), 0.0);
+  ExpectWorksAgain();
+}
+
+TEST_F(ShearWarpMIPPipeline, ChangedGeometryOfTheInputTakesEffect)
+{
+  m_Filter->Update();
+  m_Image->SetSpacing(MakeVector3(1.0, 2.0, 0.5));
+  ExpectWorksAgain();
+  m_Image->SetOrigin(MakePoint3(1.0, 2.0, 0.5));
+  ExpectWorksAgain();
+}
+
+TEST_F(ShearWarpMIPPipeline, TransformMutatedInPlaceTakesEffect)
+{
+  const auto euler = itk::Euler3DTransform<double>::New();
+  euler->SetRotation(0.2, 0.3, 0.4);
+  m_Filter->SetTransform(euler);
+  const ExecutionCounter executions(m_Filter);
+  m_Filter->Update();
+  const auto before = Copy(m_Filter->GetOutput());
+  euler->SetRotation(1.2, 0.3, 0.4);
+  euler->Modified(); // ITK's SetRotation() does not say so
+  m_Filter->Update();
+  EXPECT_EQ(executions.GetCount(), 2);
+  EXPECT_FALSE(HaveSamePixels(before.GetPointer(), m_Filter->GetOutput()));
+  ExpectWorksAgain();
+}
+
+TEST_F(ShearWarpMIPPipeline, NoChangeExecutesNothing)
+{
+  m_Filter->SetSize({ { 20, 20 } });
+  m_Filter->SetOutputSpacing(MakeVector2(1.5, 1.5));
+  m_Filter->SetOutputOrigin(MakePoint2(-10, -10));
+  m_Filter->SetDefaultPixelValue(3);
+  const ExecutionCounter executions(m_Filter);
+  m_Filter->Update();
+  m_Filter->Update();
+  m_Filter->SetSize({ { 20, 20 } });
+  m_Filter->SetOutputSpacing(MakeVector2(1.5, 1.5));
+  m_Filter->SetOutputOrigin(MakePoint2(-10, -10));
+  m_Filter->SetDefaultPixelValue(3);
+  m_Filter->SetTransform(m_Filter->GetTransform());
+  m_Filter->SetInput(m_Image);
+  m_Filter->Update();
+  m_Filter->UpdateLargestPossibleRegion();
+  EXPECT_EQ(executions.GetCount(), 1);
+  m_Filter->SetDefaultPixelValue(4);
+  m_Filter->Update();
+  EXPECT_EQ(executions.GetCount(), 2);
+  m_Filter->FitOutputGrid();
+  m_Filter->Update();
+  m_Filter->FitOutputGrid();
+  m_Filter->Update();
+  EXPECT_EQ(executions.GetCount(), 3);
+}
+
+TEST_F(ShearWarpMIPPipeline, SettingAPartOfTheGridToItsInitialValueStillCounts)
+{
+  m_Filter->Update();
+  m_Filter->SetOutputOrigin(MakePoint2(0.0, 0.0));
+  m_Filter->Update();
+  EXPECT_EQ(m_Filter->GetOutput()->GetOrigin(), MakePoint2(0.0, 0.0));
+  m_Filter->SetOutputSpacing(MakeVector2(0.0, 0.0));
+  ExpectError({ "OutputSpacing", "0, 0" });
+}
+
+TEST_F(ShearWarpMIPPipeline, ReleasePreparedVolumeFreesItUntilItIsNeeded)
+{
+  m_Filter->Update();
+  const auto before = Copy(m_Filter->GetOutput());
+  m_Filter->ReleasePreparedVolume();
+  EXPECT_EQ(m_Filter->GetPreparedVolumeSizeInBytes(), 0u);
+  m_Filter->Modified();
+  m_Filter->Update();
+  EXPECT_GT(m_Filter->GetPreparationSeconds(), 0.0);
+  EXPECT_EQ(m_Filter->GetPreparedVolumeSizeInBytes(), ImageBytes);
+  EXPECT_TRUE(HaveSamePixels(before.GetPointer(), m_Filter->GetOutput()));
+}
+
+TEST_F(ShearWarpMIPPipeline, WorksBetweenTwoOtherFilters)
+{
+  using FloatImageType = itk::Image<float, 3>;
+  const auto before = itk::CastImageFilter<ImageType, FloatImageType>::New();
+  before->SetInput(m_Image);
+  const auto filter = itk::ShearWarpMIPImageFilter<FloatImageType>::New();
+  filter->SetInput(before->GetOutput());
+  const auto after = itk::CastImageFilter<itk::Image<float, 2>, itk::Image<double, 2>>::New();
+  after->SetInput(filter->GetOutput());
+  for (const unsigned int axis : { 0, 1, 2, 0 })
+  {
+    const auto view = MakeViewAlong(axis);
+    filter->SetTransform(view);
+    after->UpdateLargestPossibleRegion();
+    BruteForceProjection<float> bruteForce(view, before->GetOutput());
+    const auto                  expected = bruteForce.Evaluate(after->GetOutput(), 0.0f);
+    const auto                  count = expected->GetBufferedRegion().GetNumberOfPixels();
+    EXPECT_TRUE(std::equal(
+      expected->GetBufferPointer(), expected->GetBufferPointer() + count, after->GetOutput()->GetBufferPointer()));
+  }
+}
+
+TEST_F(ShearWarpMIPPipeline, StreamingDownstreamEqualsTheWholeAndExecutesOnce)
+{
+  const ExecutionCounter executions(m_Filter);
+  const auto             streaming = itk::StreamingImageFilter<OutputType, OutputType>::New();
+  streaming->SetInput(m_Filter->GetOutput());
+  streaming->SetNumberOfStreamDivisions(5);
+  streaming->Update();
+  EXPECT_EQ(executions.GetCount(), 1);
+  const auto whole = ProjectAfresh(m_Image, m_Filter->GetTransform());
+  EXPECT_TRUE(HaveSamePixels(whole.GetPointer(), streaming->GetOutput()));
+}
+
+TEST_F(ShearWarpMIPPipeline, RequestedPartEnlargesToTheWholeOutput)
+{
+  m_Filter->UpdateOutputInformation();
+  m_Filter->GetOutput()->SetRequestedRegion(itk::ImageRegion<2>({ { 3, 4 } }, { { 5, 6 } }));
+  m_Filter->GetOutput()->PropagateRequestedRegion();
+  EXPECT_EQ(m_Filter->GetOutput()->GetRequestedRegion(), m_Filter->GetOutput()->GetLargestPossibleRegion());
+  m_Filter->Update();
+  EXPECT_EQ(m_Filter->GetOutput()->GetBufferedRegion(), m_Filter->GetOutput()->GetLargestPossibleRegion());
+}
+
+TEST_F(ShearWarpMIPPipeline, UpstreamMayReleaseItsData)
+{
+  const auto cast = itk::CastImageFilter<ImageType, ImageType>::New();
+  cast->InPlaceOff();
+  cast->SetInput(m_Image);
+  cast->ReleaseDataFlagOn();
+  m_Filter->SetInput(cast->GetOutput());
+  for (const unsigned int axis : { 0, 0, 1, 2, 0 })
+  {
+    const auto view = MakeViewAlong(axis);
+    m_Filter->SetTransform(view);
+    m_Filter->Update();
+    EXPECT_TRUE(HaveSamePixels(ProjectAfresh(m_Image, view).GetPointer(), m_Filter->GetOutput()));
+    EXPECT_EQ(cast->GetOutput()->GetBufferedRegion().GetNumberOfPixels(), 0u) << "released";
+  }
+}
+
+TEST_F(ShearWarpMIPPipeline, ProgressRisesToOneThroughAllPhases)
+{
+  for (const unsigned int workUnits : { 1, 2 })
+  {
+    m_Filter->SetNumberOfWorkUnits(workUnits);
+    m_Filter->ReleasePreparedVolume();
+    // a first view along x, with a preparation, and a second one without
+    for (const bool isPrepared : { false, true })
+    {
+      m_Filter->Modified();
+      ProgressRecorder recorder(m_Filter);
+      m_Filter->Update();
+      m_Filter->RemoveAllObservers();
+      ASSERT_GT(recorder.progress.size(), 5u) << isPrepared;
+      EXPECT_TRUE(std::is_sorted(recorder.progress.begin(), recorder.progress.end()));
+      EXPECT_EQ(recorder.progress.back(), 1.0f);
+      EXPECT_EQ(m_Filter->GetProgress(), 1.0f);
+      if (workUnits == 1)
+      {
+        float last = 0.0f;
+        for (const float progress : recorder.progress)
+        {
+          EXPECT_LE(progress - last, 0.25f) << "no phase is silent";
+          last = progress;
+        }
+      }
+    }
+  }
+}
+
+TEST_F(ShearWarpMIPPipeline, AbortThrowsAndTheNextUpdateIsRight)
+{
+  m_Filter->SetNumberOfWorkUnits(1);
+  // the preparation, the projection, and the warp
+  for (const float abortAt : { 0.05f, 0.6f, 0.92f })
+  {
+    m_Filter->ReleasePreparedVolume();
+    m_Filter->Modified();
+    ProgressRecorder recorder(m_Filter);
+    recorder.abortAt = abortAt;
+    EXPECT_THROW(m_Filter->Update(), itk::ProcessAborted) << "at progress " << abortAt;
+    EXPECT_LT(recorder.progress.back(), 1.0f);
+    m_Filter->RemoveAllObservers();
+    EXPECT_EQ(m_Filter->GetPreparedVolumeSizeInBytes(), abortAt < 0.4f ? 0u : ImageBytes);
+    ExpectWorksAgain();
+  }
+}
+
+TEST_F(ShearWarpMIPPipeline, ErrorsOfTheTransformNameIt)
+{
+  m_Filter->SetTransform(nullptr);
+  ExpectError({ "Transform", "not set" });
+
+  const auto spline = itk::BSplineTransform<double, 3>::New();
+  m_Filter->SetTransform(spline);
+  ExpectError({ "Transform", "linear", "BSplineTransform" });
+
+  const auto composite = itk::CompositeTransform<double, 3>::New();
+  composite->AddTransform(ViewType::New());
+  composite->AddTransform(spline);
+  m_Filter->SetTransform(composite);
+  ExpectError({ "Transform", "linear", "CompositeTransform" });
+
+  const auto singular = ViewType::New();
+  auto       parameters = singular->GetParameters();
+  parameters[8] = 0.0;
+  parameters[0] = 3.25;
+  singular->SetParameters(parameters);
+  m_Filter->SetTransform(singular);
+  ExpectError({ "Transform", "invertible", "3.25" });
+
+  const auto notFinite = ViewType::New();
+  parameters[8] = std::numeric_limits<double>::quiet_NaN();
+  notFinite->SetParameters(parameters);
+  m_Filter->SetTransform(notFinite);
+  ExpectError({ "Transform", "finite", "nan", "3.25" });
+
+  m_Filter->SetTransform(MakeViewAlong(1));
+  ExpectWorksAgain();
+}
+
+TEST_F(ShearWarpMIPPipeline, ErrorsOfTheOutputGridNameParameterAndValue)
+{
+  const double notANumber = std::numeric_limits<double>::quiet_NaN();
+  const double infinity = std::numeric_limits<double>::infinity();
+  m_Filter->SetSize({ { 12, 0 } });
+  ExpectError({ "Size", "[12, 0]" });
+  m_Filter->FitOutputGrid();
+  for (const double bad : { 0.0, -1.5, notANumber, infinity })
+  {
+    std::ostringstream value;
+    value << bad;
+    m_Filter->SetOutputSpacing(MakeVector2(0.75, bad));
+    ExpectError({ "OutputSpacing", "0.75", value.str().c_str() });
+  }
+  m_Filter->FitOutputGrid();
+  for (const double bad : { notANumber, infinity, -infinity })
+  {
+    std::ostringstream value;
+    value << bad;
+    m_Filter->SetOutputOrigin(MakePoint2(bad, 0.75));
+    ExpectError({ "OutputOrigin", value.str().c_str(), "0.75" });
+  }
+  m_Filter->FitOutputGrid();
+  ExpectWorksAgain();
+}
+
+TEST_F(ShearWarpMIPPipeline, OutputLargerThanTheMemoryIsAnErrorThatNamesIt)
+{
+  m_Filter->SetSize({ { itk::SizeValueType{ 1 } << 40, itk::SizeValueType{ 1 } << 40 } });
+  ExpectError({ "Size", "memory" });
+  m_Filter->FitOutputGrid();
+  m_Filter->SetOutputSpacing(MakeVector2(1e-12, 1.0));
+  ExpectError({ "spacing", "memory", "1e-12" });
+  m_Filter->FitOutputGrid();
+  m_Filter->SetOutputOrigin(MakePoint2(-1e300, 0.0));
+  ExpectError({ "memory" });
+  m_Filter->FitOutputGrid();
+  ExpectWorksAgain();
+}
+
+TEST_F(ShearWarpMIPPipeline, ErrorsOfTheInputNameTheValue)
+{
+  m_Filter->SetInput(nullptr);
+  ExpectError({ "Primary" });
+
+  const auto empty = ImageType::New();
+  empty->SetRegions(itk::Size<3>{ { 7, 0, 5 } });
+  empty->Allocate();
+  m_Filter->SetInput(empty);
+  ExpectError({ "input", "empty", "[7, 0, 5]" });
+
+  const double notANumber = std::numeric_limits<double>::quiet_NaN();
+  const auto   image = MakeTestImage(505);
+  m_Filter->SetInput(image);
+  image->SetOrigin(MakePoint3(0.75, 0.0, notANumber));
+  ExpectError({ "origin", "0.75", "nan" });
+
+  m_Filter->SetInput(m_Image);
+  ExpectWorksAgain();
+}
+
+TEST_F(ShearWarpMIPPipeline, ErrorsLeaveTheUpstreamUntouched)
+{
+  const auto cast = itk::CastImageFilter<ImageType, ImageType>::New();
+  cast->InPlaceOff();
+  cast->SetInput(m_Image);
+  const ExecutionCounter executions(cast);
+  m_Filter->SetInput(cast->GetOutput());
+  m_Filter->SetOutputSpacing(MakeVector2(-1, 1));
+  ExpectError({ "OutputSpacing" });
+  EXPECT_EQ(executions.GetCount(), 0) << "parameters are checked before anything is computed";
+}
+
+TEST_F(ShearWarpMIPPipeline, SetGetAndPrintEveryParameter)
+{
+  const auto print = [this] {
+    std::ostringstream out;
+    m_Filter->Print(out);
+    return out.str();
+  };
+  const auto expectPrinted = [&](std::initializer_list<const char *> texts) {
+    const std::string printed = print();
+    for (const char * text : texts)
+    {
+      EXPECT_NE(printed.find(text), std::string::npos) << "'" << text << "' is not in:\n" << printed;
+    }
+  };
+  EXPECT_STREQ(m_Filter->GetNameOfClass(), "ShearWarpMIPImageFilter");
+  EXPECT_EQ(m_Filter->GetDefaultPixelValue(), 0);
+  expectPrinted({ "Transform: ",
+                  "Size: [0, 0] (fitted)",
+                  "OutputSpacing: [0, 0] (fitted)",
+                  "OutputOrigin: [0, 0] (fitted)",
+                  "DefaultPixelValue: 0\n",
+                  "PrincipalAxis: 2",
+                  "PreparationSeconds: 0",
+                  "ProjectionSeconds: 0",
+                  "WarpSeconds: 0",
+                  "PreparedVolumeSizeInBytes: 0" });
+
+  m_Filter->SetSize({ { 11, 12 } });
+  m_Filter->SetOutputSpacing(MakeVector2(1.5, 2.5));
+  m_Filter->SetOutputOrigin(MakePoint2(-3.5, 4.5));
+  m_Filter->SetDefaultPixelValue(-77);
+  m_Filter->Update();
+  EXPECT_EQ(m_Filter->GetSize(), (itk::Size<2>{ { 11, 12 } }));
+  EXPECT_EQ(m_Filter->GetOutputSpacing(), MakeVector2(1.5, 2.5));
+  EXPECT_EQ(m_Filter->GetOutputOrigin(), MakePoint2(-3.5, 4.5));
+  EXPECT_EQ(m_Filter->GetDefaultPixelValue(), -77);
+  EXPECT_EQ(m_Filter->GetPrincipalAxis(), 0u);
+  expectPrinted({ "Size: [11, 12]\n",
+                  "OutputSpacing: [1.5, 2.5]\n",
+                  "OutputOrigin: [-3.5, 4.5]\n",
+                  "DefaultPixelValue: -77\n",
+                  "PrincipalAxis: 0",
+                  "PreparedVolumeSizeInBytes: 137760" });
+
+  const auto bytes = itk::ShearWarpMIPImageFilter<itk::Image<unsigned char, 3>>::New();
+  bytes->SetDefaultPixelValue(65);
+  std::ostringstream out;
+  bytes->Print(out);
+  EXPECT_NE(out.str().find("DefaultPixelValue: 65\n"), std::string::npos) << "a number, not a letter";
+}
+
+TEST_F(ShearWarpMIPPipeline, TransformIsTheIdentityByDefault)
+{
+  const auto filter = FilterType::New();
+  filter->SetInput(m_Image);
+  filter->Update();
+  ASSERT_NE(filter->GetTransform(), nullptr);
+  EXPECT_EQ(filter->GetTransform()->TransformPoint(MakePoint3(1, 2, 3)), MakePoint3(1, 2, 3));
+  EXPECT_EQ(filter->GetPrincipalAxis(), 2u);
+  EXPECT_EQ(filter->GetOutput()->GetBufferedRegion().GetSize(), (itk::Size<2>{ { 40, 41 } }));
+}
+
+TEST_F(ShearWarpMIPPipeline, CopiesOfTheOutputSurviveTheNextView)
+{
+  m_Filter->Update();
+  OutputType::Pointer first = m_Filter->GetOutput();
+  const auto          expected = Copy(first.GetPointer());
+  first->DisconnectPipeline();
+  m_Filter->SetTransform(MakeViewAlong(2));
+  m_Filter->Update();
+  EXPECT_TRUE(HaveSamePixels(expected.GetPointer(), first.GetPointer()));
+  ExpectWorksAgain();
+}
