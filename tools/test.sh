@@ -1,0 +1,85 @@
+#!/usr/bin/env bash
+# Builds and tests everything, in build/ of this checkout:
+#
+#   installed  library, program and their tests against Debian's installed ITK
+#   tree       the same against an ITK 5.4 build tree (tools/itk-build-tree.sh makes it once and caches it),
+#              with real clinical images from ITK's test data
+#   module     the module inside ITK's source tree, with nothing but the folders that ITK takes
+#   python     the wheel, in a fresh environment beside PyPI's itk of the same version; the sdist
+#
+# Usage: test.sh [installed | tree | module | python]...    [all four]
+# Installs what is missing, as root or with sudo. Environment: see itk-build-tree.sh.
+set -euo pipefail
+. "$(dirname "${BASH_SOURCE[0]}")/common.sh"
+
+build=$root/build
+export CTEST_OUTPUT_ON_FAILURE=1 CTEST_PARALLEL_LEVEL=$jobs
+
+stages=("$@")
+[ ${#stages[@]} -gt 0 ] || stages=(installed tree module python)
+for stage in "${stages[@]}"; do
+  case $stage in
+    installed | tree | module | python) ;;
+    *) sed -n '2,/^set/{/^set/d;s/^# \{0,1\}//;p}' "${BASH_SOURCE[0]}" >&2; exit 1 ;;
+  esac
+done
+
+# configure_build_test DIR OPTION...
+configure_build_test() {
+  local dir=$1
+  shift
+  cmake -S "$root" -B "$dir" -G Ninja -DCMAKE_BUILD_TYPE=Release -DBUILD_TESTING=ON \
+    '-DCMAKE_CXX_FLAGS=-Wall -Wextra' "$@"
+  cmake --build "$dir" --parallel "$jobs"
+  (cd "$dir" && ctest --no-tests=error)
+}
+
+use_tree() {
+  tree=$("$root/tools/itk-build-tree.sh")
+  source=$("$root/tools/itk-build-tree.sh" --source)
+  PATH=$("$root/tools/itk-build-tree.sh" --tools):$PATH
+}
+
+test_installed() {
+  need_packages build-essential cmake ninja-build libinsighttoolkit5-dev libcli11-dev libgtest-dev
+  configure_build_test "$build/installed"
+}
+
+test_tree() {
+  need_packages libcli11-dev
+  use_tree
+  configure_build_test "$build/tree" -DITK_DIR="$tree" -DITK_WRAP_PYTHON=OFF \
+    -DITK_USE_KWSTYLE=OFF -DITK_USE_CLANG_FORMAT=OFF \
+    -DExternalData_OBJECT_STORES="$source/.ExternalData" \
+    -DCMAKE_ARCHIVE_OUTPUT_DIRECTORY="$build/tree/lib" -DCMAKE_LIBRARY_OUTPUT_DIRECTORY="$build/tree/lib" \
+    -DCMAKE_RUNTIME_OUTPUT_DIRECTORY="$build/tree/bin"
+}
+
+test_python() {
+  need_packages binutils doxygen python3-venv
+  use_tree
+  local dir=$build/python python=${PYTHON:-/usr/bin/python3} version wheel
+  version=$(sed -n 's/^ *set(PACKAGE_VERSION "\(.*\)").*/\1/p' "$tree/ITKConfigVersion.cmake" | head -n 1)
+  rm -rf "$dir"
+
+  "$python" -m venv "$dir/build-env"
+  "$dir/build-env/bin/pip" install --quiet --disable-pip-version-check build
+  # the wheel is built from the sdist
+  ITK_DIR=$tree "$dir/build-env/bin/python" -m build --outdir "$dir/dist" "$root"
+  wheel=$(echo "$dir"/dist/itk_shearwarpmip-*-cp311-abi3-*.whl)
+  if env -u ITK_DIR "$dir/build-env/bin/pip" wheel --no-deps --wheel-dir "$dir/none" "$dir"/dist/*.tar.gz \
+    > "$dir/no-tree.log" 2>&1 || ! grep -q 'tools/itk-build-tree.sh' "$dir/no-tree.log"; then
+    die "without an ITK build tree the sdist must say what it needs, see $dir/no-tree.log"
+  fi
+
+  "$python" -m venv "$dir/env"
+  "$dir/env/bin/pip" install --quiet --disable-pip-version-check "itk==$version" "$wheel[test]"
+  # SWIG's types warn at import
+  "$dir/env/bin/python" -m pytest -W error -W 'ignore:builtin type' "$root/wrapping/test"
+}
+
+for stage in "${stages[@]}"; do
+  say "== $stage"
+  timed "$stage" "test_$stage"
+done
+say "all passed: ${stages[*]}"
