@@ -96,10 +96,8 @@ ReadCardiacMR(itk::SizeValueType phase)
   auto image = ImageType::New();
   image->CopyInformation(all);
   image->SetRegions(itk::Size<3>{ { allSize[0], allSize[1], allSize[2] / phases } });
-  // the file's slices are isotropic, what is read as their distance is not
-  auto spacing = all->GetSpacing();
-  spacing[2] = spacing[0];
-  image->SetSpacing(spacing);
+  // PixelSpacing and SpacingBetweenSlices of the file, which GDCM does not find
+  image->SetSpacing(MakeVector3(1.8518518, 1.8518518, 1.85));
   image->Allocate();
   const itk::SizeValueType slice = allSize[0] * allSize[1];
   for (itk::SizeValueType z = 0; z < allSize[2] / phases; ++z)
