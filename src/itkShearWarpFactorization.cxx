@@ -65,6 +65,13 @@ GetColumn(const Matrix<double, 3, 3> & matrix, unsigned int column)
   return result;
 }
 
+bool
+IsFinite(const Matrix<double, 3, 3> & matrix)
+{
+  const auto * const elements = matrix.GetVnlMatrix().data_block();
+  return std::all_of(elements, elements + 9, [](double element) { return std::isfinite(element); });
+}
+
 double
 GetDeterminant(const Matrix<double, 3, 3> & matrix)
 {
@@ -228,16 +235,7 @@ ShearWarpFactorization::VerifyViewTransform(const TransformType * viewTransform)
     itkGenericExceptionMacro("Transform must be linear, but it is a " << viewTransform->GetNameOfClass() << '.');
   }
   const LinearView view = GetLinearView(viewTransform);
-  bool             finite = true;
-  for (unsigned int row = 0; row < 3; ++row)
-  {
-    finite = finite && std::isfinite(view.offset[row]);
-    for (unsigned int column = 0; column < 3; ++column)
-    {
-      finite = finite && std::isfinite(view.matrix(row, column));
-    }
-  }
-  if (!finite)
+  if (!IsFinite(view.matrix) || !std::isfinite(view.offset.GetSquaredNorm()))
   {
     itkGenericExceptionMacro("Transform must be finite, but its matrix is\n"
                              << view.matrix << "and its offset " << view.offset << '.');
@@ -245,7 +243,7 @@ ShearWarpFactorization::VerifyViewTransform(const TransformType * viewTransform)
   const double determinant = GetDeterminant(view.matrix);
   const double volume = GetColumn(view.matrix, 0).GetNorm() * GetColumn(view.matrix, 1).GetNorm() *
                         GetColumn(view.matrix, 2).GetNorm();
-  if (!(std::abs(determinant) > 1e-12 * volume))
+  if (!(std::abs(determinant) > 1e-12 * volume) || !IsFinite(Matrix<double, 3, 3>(view.matrix.GetInverse())))
   {
     itkGenericExceptionMacro("Transform must be invertible, but the determinant of its matrix\n"
                              << view.matrix << "is " << determinant << '.');
