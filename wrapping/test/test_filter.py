@@ -1,0 +1,510 @@
+"""The filter as Python users call it: functional and object interface, kinds of input, pipeline."""
+
+import itk
+import numpy as np
+import oracle
+import pytest
+import xarray
+
+Anterior = itk.ShearWarpMIPViewEnums.Direction_Anterior
+
+
+def filter_type(image):
+    return itk.ShearWarpMIPImageFilter[type(image), itk.Image[itk.template(image)[1][0], 2]]
+
+
+def rotation(x=0.0, y=0.0, z=0.0):
+    transform = itk.Euler3DTransform[itk.D].New()
+    transform.SetRotation(x, y, z)
+    return transform
+
+
+# Functional and object interface
+
+
+def test_functional_interface_with_keywords(image, oblique_view):
+    mip = itk.shear_warp_mip_image_filter(
+        image,
+        transform=oblique_view,
+        size=[60, 40],
+        output_spacing=[0.5, 0.75],
+        output_origin=[-15.0, -14.0],
+        default_pixel_value=-1024,
+    )
+    assert type(mip) is itk.Image[itk.SS, 2]
+    assert list(itk.size(mip)) == [60, 40]
+    assert list(mip.GetSpacing()) == [0.5, 0.75]
+    assert list(mip.GetOrigin()) == [-15.0, -14.0]
+    assert itk.array_from_image(mip)[0, 0] == -1024
+    np.testing.assert_array_equal(
+        itk.array_from_image(mip), oracle.project(image, oblique_view, mip, -1024)
+    )
+
+
+def test_functional_and_object_interface_agree(image, oblique_view):
+    expected = itk.shear_warp_mip_image_filter(image, transform=oblique_view)
+
+    mip = filter_type(image).New()
+    mip.SetInput(image)
+    mip.SetTransform(oblique_view)
+    mip.Update()
+
+    np.testing.assert_array_equal(
+        itk.array_from_image(mip.GetOutput()), itk.array_from_image(expected)
+    )
+    assert mip.GetOutput().GetSpacing() == expected.GetSpacing()
+    assert mip.GetOutput().GetOrigin() == expected.GetOrigin()
+
+
+def test_setters_and_getters(image, oblique_view):
+    mip = filter_type(image).New(image)
+    assert mip.GetTransform().GetNameOfClass() == "IdentityTransform"
+    assert mip.GetDefaultPixelValue() == 0
+    assert mip.GetPreparedVolumeSizeInBytes() == 0
+
+    mip.SetTransform(oblique_view)
+    mip.SetSize([12, 34])
+    mip.SetOutputSpacing([0.25, 0.5])
+    mip.SetOutputOrigin([-1.0, 2.0])
+    mip.SetDefaultPixelValue(-5)
+    parameters = list(oblique_view.GetParameters())
+    assert list(mip.GetTransform().GetParameters()) == parameters
+    assert list(mip.GetTransformInput().Get().GetParameters()) == parameters
+    assert list(mip.GetSize()) == [12, 34]
+    assert list(mip.GetOutputSpacing()) == [0.25, 0.5]
+    assert list(mip.GetOutputOrigin()) == [-1.0, 2.0]
+    assert mip.GetDefaultPixelValue() == -5
+
+    mip.Update()
+    assert mip.GetPrincipalAxis() in (0, 1, 2)
+    assert mip.GetPreparationSeconds() >= 0.0
+    assert mip.GetProjectionSeconds() > 0.0
+    assert mip.GetWarpSeconds() > 0.0
+    for name in ("Transform", "Size", "OutputSpacing", "OutputOrigin", "DefaultPixelValue"):
+        assert f"{name}: " in str(mip)
+
+
+def test_grid_is_fitted_again(image, oblique_view):
+    mip = filter_type(image).New(image, Transform=oblique_view)
+
+    def grid() -> list[list[float]]:
+        output = mip.GetOutput()
+        return [
+            list(values) for values in (itk.size(output), output.GetSpacing(), output.GetOrigin())
+        ]
+
+    mip.Update()
+    fitted = grid()
+    mip.SetSize([3, 4])
+    mip.SetOutputSpacing([2.0, 3.0])
+    mip.SetOutputOrigin([0.0, 0.0])
+    mip.Update()
+    assert grid() == [[3, 4], [2.0, 3.0], [0.0, 0.0]]
+
+    mip.FitOutputGrid()
+    mip.Update()
+    assert grid() == fitted
+
+
+def test_fitted_grid_holds_the_whole_image(image):
+    for azimuth in range(0, 180, 15):
+        view = itk.ShearWarpMIPView.MakeTransform(image, Anterior, azimuth, 25.0)
+        mip = itk.shear_warp_mip_image_filter(image, transform=view, default_pixel_value=-9999)
+        pixels = itk.array_from_image(mip)
+        spacing = np.array(list(mip.GetSpacing()))
+        assert spacing == pytest.approx(0.7)
+        centre = np.array(list(mip.GetOrigin())) + 0.5 * spacing * (
+            np.array(pixels.shape[::-1]) - 1
+        )
+        assert centre == pytest.approx(0.0, abs=1e-9)
+
+        # beyond the image's extent the interpolation reaches less than a voxel
+        margin = 4
+        wider = itk.shear_warp_mip_image_filter(
+            image,
+            transform=view,
+            size=[n + 2 * margin for n in pixels.shape[::-1]],
+            output_origin=list(np.array(list(mip.GetOrigin())) - margin * spacing),
+            default_pixel_value=-9999,
+        )
+        around = itk.array_from_image(wider)
+        inside = np.s_[margin:-margin, margin:-margin]
+        np.testing.assert_array_equal(around[inside], pixels)
+        around[inside] = -9999
+        assert (around[[0, -1]] == -9999).all() and (around[:, [0, -1]] == -9999).all()
+        assert (around > -9999).sum() < 0.05 * (pixels > -9999).sum()
+
+
+def make_composite():
+    composite = itk.CompositeTransform[itk.D, 3].New()
+    composite.AddTransform(rotation(x=0.4))
+    composite.AddTransform(rotation(z=0.3))
+    return composite
+
+
+def make_versor():
+    transform = itk.VersorRigid3DTransform[itk.D].New()
+    transform.SetRotation([0.0, 1.0, 0.5], 0.7)
+    return transform
+
+
+def make_similarity():
+    transform = itk.Similarity3DTransform[itk.D].New()
+    transform.SetRotation([1.0, 1.0, 0.0], 0.9)
+    transform.SetScale(1.25)
+    return transform
+
+
+def make_affine():
+    transform = itk.AffineTransform[itk.D, 3].New()
+    transform.Rotate3D([1.0, 2.0, 3.0], 1.1)
+    transform.Shear(0, 1, 0.2)
+    return transform
+
+
+def make_translation():
+    transform = itk.TranslationTransform[itk.D, 3].New()
+    transform.SetOffset([1.25, -3.5, 8.0])
+    return transform
+
+
+def make_scale():
+    transform = itk.ScaleTransform[itk.D, 3].New()
+    transform.SetScale([0.5, 1.5, 2.0])
+    return transform
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        make_affine,
+        make_composite,
+        make_scale,
+        make_similarity,
+        make_translation,
+        make_versor,
+        lambda: rotation(0.3, 0.2, 1.0),
+        itk.IdentityTransform[itk.D, 3].New,
+    ],
+    ids=[
+        "Affine",
+        "Composite",
+        "Scale",
+        "Similarity3D",
+        "Translation",
+        "VersorRigid3D",
+        "Euler3D",
+        "Identity",
+    ],
+)
+def test_any_linear_transform_class(make, image):
+    transform = make()
+    mip = itk.shear_warp_mip_image_filter(image, transform=transform, default_pixel_value=-3000)
+    pixels = itk.array_from_image(mip)
+    assert pixels.max() > 0
+    np.testing.assert_array_equal(pixels, oracle.project(image, transform, mip, -3000))
+
+
+# Kinds of input
+
+
+def test_one_bright_voxel_lands_in_its_place():
+    voxels = np.zeros((5, 6, 7), np.uint8)
+    voxels[1, 2, 3] = 200
+    along_z = itk.shear_warp_mip_image_filter(voxels)
+    assert along_z.shape == (6, 7)
+    assert np.argwhere(along_z).tolist() == [[2, 3]]
+    assert along_z[2, 3] == 200
+
+    # u along x, v along z, w along -y: columns are x, rows are z
+    along_y = itk.shear_warp_mip_image_filter(voxels, transform=rotation(x=np.pi / 2))
+    assert along_y.shape == (5, 7)
+    assert np.argwhere(along_y > 150).tolist() == [[1, 3]]
+
+
+def test_numpy_array_gives_numpy_array(rng):
+    voxels = rng.integers(0, 255, (5, 6, 7), np.uint8)
+    view = rotation(0.1, 0.2, 0.3)
+    pixels = itk.shear_warp_mip_image_filter(voxels, transform=view)
+    expected = itk.shear_warp_mip_image_filter(itk.image_from_array(voxels), transform=view)
+    assert isinstance(pixels, np.ndarray) and isinstance(expected, itk.Image)
+    assert pixels.dtype == np.uint8
+    np.testing.assert_array_equal(pixels, itk.array_from_image(expected))
+
+
+def test_output_array_outlives_filter_and_input(rng):
+    expected = rng.integers(0, 255, (5, 6, 7), np.uint8).max(axis=0)
+    rng = np.random.default_rng(20021)
+    pixels = itk.shear_warp_mip_image_filter(rng.integers(0, 255, (5, 6, 7), np.uint8))
+    np.zeros((500, 500)) + 1  # reuses what was freed
+    np.testing.assert_array_equal(pixels, expected)
+
+
+@pytest.mark.filterwarnings("ignore:Because the input array was not contiguous")
+@pytest.mark.parametrize(
+    "select",
+    [
+        lambda a: a[::2, ::-1, 1::3],
+        lambda a: a[2:6, 3:9, 4:8],
+        lambda a: a.transpose(1, 0, 2),
+        lambda a: a.transpose(2, 0, 1),
+        lambda a: np.broadcast_to(a[3], a.shape),
+    ],
+    ids=["strided", "part", "swapped", "rolled", "broadcast"],
+)
+def test_arrays_that_are_not_contiguous(select, rng):
+    voxels = select(rng.integers(0, 60_000, (9, 10, 11), np.uint16))
+    assert not voxels.flags.c_contiguous and not voxels.flags.f_contiguous
+    view = rotation(0.4, 0.3, 0.2)
+    np.testing.assert_array_equal(itk.shear_warp_mip_image_filter(voxels), voxels.max(axis=0))
+    np.testing.assert_array_equal(
+        itk.shear_warp_mip_image_filter(voxels, transform=view),
+        itk.shear_warp_mip_image_filter(np.ascontiguousarray(voxels), transform=view),
+    )
+
+
+def test_fortran_order_means_xyz_as_everywhere_in_itk(rng):
+    voxels = rng.integers(0, 60_000, (9, 10, 11), np.uint16)
+    xyz = voxels.T
+    assert list(itk.size(itk.image_from_array(xyz))) == list(xyz.shape)
+    np.testing.assert_array_equal(itk.shear_warp_mip_image_filter(xyz), voxels.max(axis=0))
+
+
+def test_read_only_array_is_read_in_place(rng):
+    voxels = rng.integers(0, 60_000, (5, 6, 7), np.uint16)
+    voxels.flags.writeable = False
+    before = voxels.copy()
+    np.testing.assert_array_equal(itk.shear_warp_mip_image_filter(voxels), voxels.max(axis=0))
+    np.testing.assert_array_equal(voxels, before)
+
+
+def test_data_array_gives_data_array(rng):
+    voxels = xarray.DataArray(
+        rng.integers(0, 60_000, (4, 5, 6), np.uint16),
+        dims=("z", "y", "x"),
+        coords={
+            "z": 100.0 + 3.0 * np.arange(4),
+            "y": -7.0 + 2.0 * np.arange(5),
+            "x": 40.0 + 1.5 * np.arange(6),
+        },
+    )
+    mip = itk.shear_warp_mip_image_filter(voxels, output_spacing=[1.5, 2.0])
+    assert isinstance(mip, xarray.DataArray)
+    assert mip.dims == ("y", "x")
+    assert mip.dtype == np.uint16
+    np.testing.assert_allclose(mip.coords["y"], voxels.coords["y"], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(mip.coords["x"], voxels.coords["x"], rtol=0, atol=1e-9)
+    np.testing.assert_array_equal(mip.values, voxels.values.max(axis=0))
+
+    image = itk.image_from_xarray(voxels)
+    view = itk.ShearWarpMIPView.MakeTransform(image, Anterior, 20.0)
+    turned = itk.shear_warp_mip_image_filter(voxels, transform=view)
+    expected = itk.shear_warp_mip_image_filter(image, transform=view)
+    assert turned.dims == ("y", "x")
+    np.testing.assert_array_equal(turned.values, itk.array_from_image(expected))
+    assert float(turned.coords["x"][0]) == expected.GetOrigin()[0]
+    assert float(turned.coords["y"][1] - turned.coords["y"][0]) == pytest.approx(
+        expected.GetSpacing()[1]
+    )
+
+
+def test_volume_one_voxel_thick():
+    voxels = np.full((1, 4, 5), 9, np.uint8)
+    edge_on = itk.shear_warp_mip_image_filter(voxels, transform=rotation(x=np.pi / 2))
+    assert edge_on.shape == (1, 5)
+    assert (edge_on == 9).all()
+
+
+# Pipeline
+
+
+def count_events(process, event) -> list:
+    events = []
+    process.AddObserver(event, lambda: events.append(None))
+    return events
+
+
+@pytest.mark.parametrize("extension", [".nrrd", ".mha"])
+def test_pipeline_from_reader_to_writer(extension, image, tmp_path):
+    itk.imwrite(image, tmp_path / f"volume{extension}")
+    view = make_affine()
+
+    reader = itk.ImageFileReader[type(image)].New(FileName=str(tmp_path / f"volume{extension}"))
+    cast = itk.CastImageFilter[type(image), itk.Image[itk.F, 3]].New(reader.GetOutput())
+    mip = filter_type(cast.GetOutput()).New(cast.GetOutput(), Transform=view)
+    writer = itk.ImageFileWriter.New(mip.GetOutput(), FileName=str(tmp_path / f"mip{extension}"))
+    reads = count_events(reader, itk.EndEvent())
+    projections = count_events(mip, itk.EndEvent())
+
+    writer.Update()
+    assert (len(reads), len(projections)) == (1, 1)
+    written = itk.imread(tmp_path / f"mip{extension}")
+    expected = oracle.project(cast.GetOutput(), view, mip.GetOutput())
+    np.testing.assert_array_equal(itk.array_from_image(written), expected)
+    assert list(written.GetSpacing()) == pytest.approx(list(mip.GetOutput().GetSpacing()))
+    assert list(written.GetOrigin()) == pytest.approx(list(mip.GetOutput().GetOrigin()))
+
+    mip.Update()
+    mip.SetDefaultPixelValue(mip.GetDefaultPixelValue())
+    mip.Update()
+    assert (len(reads), len(projections)) == (1, 1)
+
+    view.Rotate3D([1.0, 0.0, 0.0], 0.3)
+    writer.Update()
+    assert (len(reads), len(projections)) == (1, 2)  # the transform was changed in place
+    changed = itk.array_from_image(itk.imread(tmp_path / f"mip{extension}"))
+    np.testing.assert_array_equal(changed, oracle.project(cast.GetOutput(), view, mip.GetOutput()))
+
+    reader.Modified()
+    mip.Update()
+    assert (len(reads), len(projections)) == (2, 3)
+
+
+@pytest.mark.parametrize("order", ["extract, mip", "mip, extract"])
+def test_works_beside_other_filters(order, isolated):
+    outcome = isolated(f"""
+image = itk.image_from_array(np.ones((9, 9, 9), np.int16))
+def extract():
+    return itk.extract_image_filter(image, extraction_region=image.GetLargestPossibleRegion())
+def mip():
+    return itk.shear_warp_mip_image_filter(image)
+for run in ({order}, {order}):
+    assert np.asarray(run()).max() == 1
+""")
+    assert outcome.code == 0, outcome.text
+
+
+def test_leaves_the_global_threader_alone(isolated):
+    outcome = isolated("""
+itk.shear_warp_mip_image_filter(np.ones((9, 9, 9), np.int16))
+print(itk.MultiThreaderBase.GetGlobalDefaultThreader())
+""")
+    default = isolated("print(itk.MultiThreaderBase.GetGlobalDefaultThreader())")
+    assert outcome == default, outcome.text
+
+
+# Cine
+
+
+def test_cine_prepares_once(rng):
+    image = itk.image_from_array(rng.integers(0, 60_000, (40, 50, 60), np.uint16))
+    mip = filter_type(image).New(image)
+    axes, preparations, held = [], [], []
+    for azimuth in range(0, 360, 15):
+        view = itk.ShearWarpMIPView.MakeTransform(image, Anterior, float(azimuth))
+        mip.SetTransform(view)
+        mip.Update()
+        axes.append(mip.GetPrincipalAxis())
+        preparations.append(mip.GetPreparationSeconds())
+        held.append(mip.GetPreparedVolumeSizeInBytes())
+    assert set(axes) == {0, 1}
+    first = axes.index(0)
+    volume = 40 * 50 * 60 * 2
+    assert held == [0] * first + [volume] * (len(held) - first)
+    assert [n for n, seconds in enumerate(preparations) if seconds > 0] == [first]
+
+    image.Modified()
+    mip.SetTransform(rotation(y=np.pi / 2))
+    mip.Update()
+    assert mip.GetPreparationSeconds() > 0
+    assert mip.GetPreparedVolumeSizeInBytes() == volume
+
+
+def test_cine_follows_changed_voxels(image):
+    """A view along x uses the prepared copy: it must not be an old one."""
+    view = rotation(y=np.pi / 2)
+    mip = filter_type(image).New(image, Transform=view)
+    mip.Update()
+    itk.array_view_from_image(image)[4, 5, 6] = 5000
+    image.Modified()
+    mip.Update()
+    pixels = itk.array_from_image(mip.GetOutput())
+    np.testing.assert_array_equal(pixels, oracle.project(image, view, mip.GetOutput()))
+
+
+def test_release_prepared_volume(image):
+    view = itk.AffineTransform[itk.D, 3].New()
+    x_axis = itk.array_from_matrix(image.GetDirection())[:, [1, 2, 0]]
+    view.SetMatrix(itk.matrix_from_array(x_axis))
+    mip = filter_type(image).New(image, Transform=view)
+    mip.Update()
+    before = itk.array_from_image(mip.GetOutput())
+    assert mip.GetPrincipalAxis() == 0
+    assert mip.GetPreparedVolumeSizeInBytes() == 9 * 11 * 14 * 2
+    mip.ReleasePreparedVolume()
+    assert mip.GetPreparedVolumeSizeInBytes() == 0
+    mip.Modified()
+    mip.Update()
+    assert mip.GetPreparationSeconds() > 0
+    np.testing.assert_array_equal(itk.array_from_image(mip.GetOutput()), before)
+
+
+@pytest.mark.parametrize("how", ["mip.ReleasePreparedVolume()", "del mip"])
+def test_memory_of_the_prepared_volume_is_freed(how, isolated):
+    outcome = isolated(f"""
+def resident():
+    with open("/proc/self/status") as status:
+        return next(int(line.split()[1]) / 1024 for line in status if line.startswith("VmRSS"))
+
+image = itk.image_view_from_array(np.ones((256, 1024, 1024), np.uint8))
+view = itk.Euler3DTransform[itk.D].New()
+view.SetRotation(0.0, np.pi / 2, 0.0)
+mip = itk.ShearWarpMIPImageFilter.New(image, Transform=view)
+before = resident()
+mip.Update()
+held = resident() - before
+{how}
+freed = before + held - resident()
+assert 250 < held < 290, held
+assert 250 < freed < 290, freed
+""")
+    assert outcome.code == 0, outcome.text
+
+
+def test_functional_interface_keeps_no_prepared_volume(isolated):
+    outcome = isolated("""
+def resident():
+    with open("/proc/self/status") as status:
+        return next(int(line.split()[1]) / 1024 for line in status if line.startswith("VmRSS"))
+
+image = itk.image_view_from_array(np.ones((256, 1024, 1024), np.uint8))
+view = itk.Euler3DTransform[itk.D].New()
+view.SetRotation(0.0, np.pi / 2, 0.0)
+before = resident()
+mip = itk.shear_warp_mip_image_filter(image, transform=view)
+assert resident() - before < 30, resident() - before
+assert itk.size(mip)[0] == 256
+""")
+    assert outcome.code == 0, outcome.text
+
+
+# Progress and abort
+
+
+def test_progress_reaches_observers(rng):
+    image = itk.image_from_array(rng.integers(0, 255, (80, 90, 100), np.uint8))
+    mip = filter_type(image).New(image, Transform=rotation(0.1, 0.2, 0.3))
+    mip.SetNumberOfWorkUnits(1)
+    seen = []
+    mip.AddObserver(itk.ProgressEvent(), lambda: seen.append(mip.GetProgress()))
+    mip.Update()
+    assert len(seen) > 5
+    assert seen == sorted(seen)
+    assert 0.0 <= seen[0] < 0.5
+    assert mip.GetProgress() == pytest.approx(1.0)
+
+
+def test_abort_from_the_observer(rng):
+    image = itk.image_from_array(rng.integers(0, 255, (80, 90, 100), np.uint8))
+    mip = filter_type(image).New(image, Transform=rotation(0.1, 0.2, 0.3))
+    mip.SetNumberOfWorkUnits(1)
+    tag = mip.AddObserver(itk.ProgressEvent(), lambda: mip.AbortGenerateDataOn())
+    aborts = count_events(mip, itk.AbortEvent())
+    with pytest.raises(RuntimeError, match="AbortGenerateData"):
+        mip.Update()
+    assert aborts
+    mip.RemoveObserver(tag)
+    mip.AbortGenerateDataOff()
+    mip.Update()
+    expected = oracle.project(image, mip.GetTransform(), mip.GetOutput())
+    np.testing.assert_array_equal(itk.array_from_image(mip.GetOutput()), expected)

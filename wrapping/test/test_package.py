@@ -1,0 +1,117 @@
+"""Docstrings, type stubs and the wheel."""
+
+import ast
+import shutil
+import subprocess
+from importlib import metadata
+from pathlib import Path
+
+import itk
+import pytest
+
+SETTERS = {"SetTransform", "SetSize", "SetOutputSpacing", "SetOutputOrigin", "SetDefaultPixelValue"}
+METHODS = SETTERS | {
+    "GetTransform",
+    "GetSize",
+    "GetOutputSpacing",
+    "GetOutputOrigin",
+    "GetDefaultPixelValue",
+    "FitOutputGrid",
+    "GetPrincipalAxis",
+    "GetPreparationSeconds",
+    "GetProjectionSeconds",
+    "GetWarpSeconds",
+    "ReleasePreparedVolume",
+    "GetPreparedVolumeSizeInBytes",
+}
+
+
+@pytest.fixture(scope="module")
+def files() -> list[Path]:
+    return [Path(file.locate()) for file in metadata.files("itk-shearwarpmip")]
+
+
+def test_docstrings():
+    mip = itk.ShearWarpMIPImageFilter[itk.Image[itk.SS, 3], itk.Image[itk.SS, 2]]
+    for documented in (itk.shear_warp_mip_image_filter, mip):
+        text = " ".join(documented.__doc__.split())
+        assert "Maximum intensity projection (MIP) of a 3D image from any direction" in text
+    for documented, text in (
+        (mip.SetOutputSpacing, "units of view space"),
+        (mip.SetTransform, "identity by default"),
+        (mip.ReleasePreparedVolume, "Frees the memory"),
+        (itk.ShearWarpMIPView.MakeTransform, "azimuth degrees"),
+        (itk.ShearWarpFactorization, "principal axis"),
+    ):
+        assert text in " ".join(documented.__doc__.split())
+
+
+def test_every_method_is_there_for_every_pixel_type():
+    types = [pair[0] for pair in itk.ShearWarpMIPImageFilter.keys()]
+    assert {itk.template(each)[1][0] for each in types} == {itk.UC, itk.SS, itk.US, itk.F, itk.D}
+    for mip in itk.ShearWarpMIPImageFilter.values():
+        assert METHODS <= set(dir(mip))
+
+
+def test_type_stubs(files):
+    stubs = [file for file in files if file.suffix == ".pyi"]
+    assert any(stub.name.startswith("ShearWarpMIPImageFilter") for stub in stubs)
+    assert any(stub.name.startswith("ShearWarpMIPView") for stub in stubs)
+    named = set()
+    for stub in stubs:
+        named |= {
+            node.name
+            for node in ast.walk(ast.parse(stub.read_text()))
+            if isinstance(node, ast.FunctionDef)
+        }
+    assert METHODS <= named
+    assert {"MakeTransform", "GetCentre"} <= named
+    # every other stub that one imports is there
+    for stub in stubs:
+        for node in ast.walk(ast.parse(stub.read_text())):
+            if (
+                isinstance(node, ast.ImportFrom)
+                and node.level == 1
+                and "ShearWarp" in (node.module or "")
+            ):
+                assert (stub.parent / f"{node.module}.pyi").exists() or (
+                    stub.parent / f"{node.module}.py"
+                ).exists()
+
+
+def test_metadata(files):
+    assert metadata.requires("itk-shearwarpmip")[0].replace(" ", "") in (
+        "itk==5.4.*",
+        "itk<5.5,>=5.4",
+    )
+    wheel = next(file for file in files if file.name == "WHEEL").read_text()
+    assert "Tag: cp311-abi3-" in wheel
+    assert "Root-Is-Purelib: false" in wheel
+
+
+def test_needs_runtime_libraries_only(files):
+    readelf = shutil.which("readelf")
+    if not readelf:
+        pytest.skip("readelf is not installed")
+    libraries = [file for file in files if ".so" in file.name]
+    assert libraries
+    for library in libraries:
+        dynamic = subprocess.run(
+            [readelf, "-d", library], check=True, capture_output=True, text=True
+        ).stdout
+        needed = {
+            line.split("[")[1].rstrip("]").split(".so")[0]
+            for line in dynamic.splitlines()
+            if "(NEEDED)" in line
+        }
+        assert needed
+        assert needed <= {
+            "libc",
+            "libm",
+            "libstdc++",
+            "libgcc_s",
+            "libpthread",
+            "libdl",
+            "ld-linux-x86-64",
+            "ld-linux-aarch64",
+        }
