@@ -1,0 +1,144 @@
+"""The example programs, as processes, and the notebook."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import itk
+import nbclient
+import nbformat
+import numpy as np
+import pytest
+from PIL import Image
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+PROGRAMS = ["rotating_mip.py", "mip_pipeline.py"]
+
+
+def run(program: str, *arguments) -> subprocess.CompletedProcess:
+    command = [sys.executable, EXAMPLES / program, *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120)
+
+
+@pytest.fixture(scope="module")
+def volume(tmp_path_factory) -> Path:
+    """A bright tube along the long axis at the patient's left, in noise; slices are 3 mm apart."""
+    voxels = np.random.default_rng(1).normal(100.0, 5.0, (20, 30, 40))
+    voxels[:, 13:17, 30:34] = 1000.0
+    image = itk.image_from_array(voxels.astype(np.int32))
+    image.SetSpacing([1.0, 1.0, 3.0])
+    path = tmp_path_factory.mktemp("volume") / "tube.nrrd"
+    itk.imwrite(image, path)
+    return path
+
+
+def test_rotating_mip(volume, tmp_path):
+    outcome = run("rotating_mip.py", volume, tmp_path / "tube.gif", "--frames", 8)
+    assert outcome.returncode == 0, outcome.stderr
+    assert outcome.stdout.startswith("8 frames of 50 x 60 pixels of 1 mm: ")
+    assert "ms per frame" in outcome.stdout
+
+    columns = []
+    with Image.open(tmp_path / "tube.gif") as animation:
+        assert (animation.n_frames, animation.size) == (8, (50, 60))
+        assert animation.info["loop"] == 0
+        for frame in range(8):
+            animation.seek(frame)
+            grey = np.asarray(animation.convert("L"))
+            bright = np.argwhere(grey > 200)
+            assert np.ptp(bright[:, 0]) == 59  # 20 slices of 3 mm
+            columns.append(bright[:, 1].mean() - 24.5)
+    turn = np.radians(np.arange(8) * 45.0)
+    assert columns == pytest.approx(list(12.0 * np.cos(turn)), abs=0.8)
+
+
+def test_rotating_mip_as_webp_from_above(volume, tmp_path):
+    outcome = run(
+        "rotating_mip.py", volume, tmp_path / "tube.webp", "--frames", 3, "--elevation", 20
+    )
+    assert outcome.returncode == 0, outcome.stderr
+    with Image.open(tmp_path / "tube.webp") as animation:
+        assert (animation.format, animation.n_frames) == ("WEBP", 3)
+
+
+def test_rotating_mip_of_a_dicom_folder(tmp_path):
+    voxels = np.zeros((6, 16, 16), np.int16)
+    voxels[:, 6:10, 6:10] = 500
+    folder = tmp_path / "series"
+    folder.mkdir()
+    dictionary = {"0020|000e": "1.2.3.4", "0020|000d": "1.2.3", "0008|0060": "CT"}
+    for z, voxel_slice in enumerate(voxels):
+        image = itk.image_from_array(voxel_slice[np.newaxis])
+        image.SetOrigin([0.0, 0.0, 2.5 * z])
+        image.SetSpacing([1.0, 1.0, 2.5])
+        meta = itk.MetaDataDictionary()
+        position = {"0020|0032": f"0\\0\\{2.5 * z}", "0020|0013": str(z)}
+        for key, value in (dictionary | position).items():
+            meta[key] = value
+        image.SetMetaDataDictionary(meta)
+        writer = itk.ImageFileWriter.New(image, FileName=str(folder / f"{z}.dcm"))
+        dicom = itk.GDCMImageIO.New(KeepOriginalUID=True)
+        writer.SetImageIO(dicom)
+        writer.Update()
+    outcome = run("rotating_mip.py", folder, tmp_path / "series.gif", "--frames", 2)
+    assert outcome.returncode == 0, outcome.stderr
+    assert outcome.stdout.startswith("2 frames of 16 x 15 pixels of 1 mm")
+
+
+def test_mip_pipeline(volume, tmp_path):
+    outcome = run("mip_pipeline.py", volume, tmp_path / "tube.png", "--sigma", 1.5)
+    assert outcome.returncode == 0, outcome.stderr
+    assert "tube.png" in outcome.stdout
+    with Image.open(tmp_path / "tube.png") as picture:
+        grey = np.asarray(picture.convert("L")).astype(float)
+    left, right = np.array_split(grey[grey.shape[0] // 3 : -grey.shape[0] // 6], 2, axis=1)
+    for panel in (left, right):
+        profile = panel.mean(axis=0)
+        assert profile.max() > 150
+        assert profile.argmax() > 0.6 * profile.size  # the patient's left is on the right
+    assert np.median(right) <= np.median(left)
+
+
+@pytest.mark.parametrize("program", PROGRAMS)
+def test_help(program):
+    outcome = run(program, "--help")
+    assert outcome.returncode == 0
+    assert "usage:" in outcome.stdout and "image" in outcome.stdout
+
+
+@pytest.mark.parametrize("program", PROGRAMS)
+@pytest.mark.parametrize(
+    "name, text",
+    [
+        ("missing.nrrd", "does not exist"),
+        ("text.nrrd", "is not an image"),
+        ("flat.mha", "has 2 dimensions, not 3"),
+    ],
+)
+def test_errors_are_one_line(program, name, text, tmp_path):
+    (tmp_path / "text.nrrd").write_text("no image")
+    itk.imwrite(itk.image_from_array(np.zeros((4, 5), np.uint8)), tmp_path / "flat.mha")
+    outcome = run(program, tmp_path / name, tmp_path / "out.png")
+    assert outcome.returncode == 1
+    assert outcome.stderr.startswith(f"error: {tmp_path / name} ")
+    assert text in outcome.stderr
+    assert outcome.stderr.count("\n") == 1
+
+
+def test_rotating_mip_refuses_an_unknown_format(volume, tmp_path):
+    outcome = run("rotating_mip.py", volume, tmp_path / "tube.avi")
+    assert outcome.returncode == 1
+    assert outcome.stderr == "error: the output must end in .gif, .webp, .png, not tube.avi\n"
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_notebook():
+    notebook = nbformat.read(EXAMPLES / "shear_warp_mip.ipynb", as_version=4)
+    assert not any(cell.get("outputs") for cell in notebook.cells)
+    nbclient.NotebookClient(notebook, timeout=120, kernel_name="python3").execute()
+    outputs = [output for cell in notebook.cells for output in cell.get("outputs", [])]
+    pictures = [output for output in outputs if "image/png" in output.get("data", {})]
+    text = "".join(output.text for output in outputs if output.get("name") == "stdout")
+    assert len(pictures) == 4
+    assert "prepared for 1 of 12 views" in text
+    assert float(text.rsplit(maxsplit=1)[1]) > 0.98
