@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
 # Builds and tests everything, in build/ of this checkout:
 #
-#   installed  library, program and their tests against Debian's installed ITK
-#   tree       the same against an ITK 5.4 build tree (tools/itk-build-tree.sh makes it once and caches it),
-#              with real clinical images from ITK's test data
+#   tree       library, program and their tests against an ITK 5.4 build tree (tools/itk-build-tree.sh makes it once
+#              and caches it), with real clinical images from ITK's test data
+#   installed  the same against Debian's installed ITK, with those images if `tree` went before
 #   module     the module inside ITK's source tree, with nothing but the folders that ITK takes
 #   python     the wheel, in a fresh environment beside PyPI's itk of the same version; the sdist
 #
-# Usage: test.sh [installed | tree | module | python]...    [all four]
+# Usage: test.sh [tree | installed | module | python]...    [all four]
 # Installs what is missing, as root or with sudo. Environment: see itk-build-tree.sh.
 set -euo pipefail
 . "$(dirname "${BASH_SOURCE[0]}")/common.sh"
@@ -16,10 +16,10 @@ build=$root/build
 export CTEST_OUTPUT_ON_FAILURE=1 CTEST_PARALLEL_LEVEL=$jobs
 
 stages=("$@")
-[ ${#stages[@]} -gt 0 ] || stages=(installed tree module python)
+[ ${#stages[@]} -gt 0 ] || stages=(tree installed module python)
 for stage in "${stages[@]}"; do
   case $stage in
-    installed | tree | module | python) ;;
+    tree | installed | module | python) ;;
     *) sed -n '2,/^set/{/^set/d;s/^# \{0,1\}//;p}' "${BASH_SOURCE[0]}" >&2; exit 1 ;;
   esac
 done
@@ -42,7 +42,9 @@ use_tree() {
 
 test_installed() {
   need_packages build-essential cmake ninja-build libinsighttoolkit5-dev libcli11-dev libgtest-dev
-  configure_build_test "$build/installed"
+  local images=$build/tree/ExternalData/test/Input
+  [ -d "$images" ] || images=
+  configure_build_test "$build/installed" -DShearWarpMIP_TEST_IMAGES="$images"
 }
 
 test_tree() {
@@ -53,6 +55,33 @@ test_tree() {
     -DExternalData_OBJECT_STORES="$source/.ExternalData" \
     -DCMAKE_ARCHIVE_OUTPUT_DIRECTORY="$build/tree/lib" -DCMAKE_LIBRARY_OUTPUT_DIRECTORY="$build/tree/lib" \
     -DCMAKE_RUNTIME_OUTPUT_DIRECTORY="$build/tree/bin"
+}
+
+# ITK's source as links, beside it the module; both at fixed places, so that ITK is compiled only once.
+test_module() {
+  need_packages rsync
+  use_tree
+  local dir=$cache/itk-module module entry
+  module=$dir/source/Modules/External/ShearWarpMIP
+  if [ "$(cat "$dir/tree" 2>/dev/null)" != "$tree" ]; then
+    rm -rf "$dir"
+    mkdir -p "$module"
+    for entry in "$source"/* "$source"/Modules/*; do
+      [ "$entry" = "$source/Modules" ] || ln -s "$entry" "$dir/source/${entry#"$source/"}"
+    done
+    echo "$tree" > "$dir/tree"
+  fi
+  rsync -a --delete "$root"/{include,src,test,wrapping,CMakeLists.txt,itk-module.cmake} "$module"
+  cmake -S "$dir/source" -B "$dir/build" -G Ninja -DCMAKE_BUILD_TYPE=Release -DBUILD_TESTING=ON -DBUILD_EXAMPLES=OFF \
+    -DCMAKE_PROJECT_INCLUDE="$root/tools/itk-unity-build.cmake" \
+    -DITK_BUILD_DEFAULT_MODULES=OFF -DITKGroup_Core=OFF -DModule_ShearWarpMIP=ON -DITK_FORBID_DOWNLOADS=ON \
+    -DITK_USE_KWSTYLE=OFF -DITK_USE_CLANG_FORMAT=OFF -DITK_USE_SYSTEM_GDCM=ON -DITK_USE_SYSTEM_EIGEN=ON \
+    -DExternalData_OBJECT_STORES="$source/.ExternalData" > "$dir/configure.log" 2>&1 || {
+    tail -n 30 "$dir/configure.log" >&2
+    die "ITK with the module did not configure"
+  }
+  ninja -C "$dir/build" -j "$jobs" ShearWarpMIPGTestDriver
+  (cd "$dir/build/Modules/External/ShearWarpMIP" && ctest --no-tests=error)
 }
 
 test_python() {
