@@ -93,6 +93,20 @@ def test_view_along_an_axis_is_the_plain_maximum(axis, dtype, rng):
     np.testing.assert_array_equal(pixels, voxels.max(axis=2 - axis))
 
 
+@pytest.mark.parametrize("shear", [(0.5, 0.5), (-0.5, 0.5), (0.25, -0.5), (-0.75, -0.25)])
+@pytest.mark.parametrize("dtype", DTYPES)
+def test_positions_half_way_between_voxels(dtype, shear, rng):
+    """Shears without rounding errors: samples and outer half voxels are ties, rounded by rule."""
+    image = itk.image_from_array(random_voxels(rng, (8, 9, 10), dtype))
+    view = itk.AffineTransform[itk.D, 3].New()
+    matrix = np.eye(3)
+    matrix[:2, 2] = shear
+    view.SetMatrix(itk.matrix_from_array(matrix))
+    mip = itk.shear_warp_mip_image_filter(image, transform=view, output_spacing=[0.5, 0.25])
+    expected = oracle.project(image, view, mip)
+    np.testing.assert_array_equal(itk.array_from_image(mip), expected)
+
+
 @pytest.mark.parametrize("dtype", DTYPES)
 def test_a_constant_stays_that_constant(dtype, image, oblique_view):
     value = 0.1 if dtype.startswith("float") else np.iinfo(dtype).max
