@@ -44,13 +44,13 @@ template <typename TPixel>
 class SlicesFixture
 {
 public:
-  SlicesFixture(Random & random, std::ptrdiff_t columns, std::ptrdiff_t rows, std::ptrdiff_t slices)
+  SlicesFixture(Random & random, std::ptrdiff_t sliceColumns, std::ptrdiff_t sliceRows, std::ptrdiff_t slices)
   {
-    m_Stack.columns = columns;
-    m_Stack.rows = rows;
+    m_Stack.columns = sliceColumns;
+    m_Stack.rows = sliceRows;
     m_Stack.slices = slices;
-    m_Stack.rowStride = columns + 3;
-    m_Stack.sliceStride = m_Stack.rowStride * (rows + 2);
+    m_Stack.rowStride = sliceColumns + 3;
+    m_Stack.sliceStride = m_Stack.rowStride * (sliceRows + 2);
     m_Voxels.assign(Guard + m_Stack.sliceStride * slices + Guard, std::numeric_limits<TPixel>::max());
     m_Stack.voxels = m_Voxels.data() + Guard;
     this->Fill([&random](std::ptrdiff_t) { return MakeRandomPixel<TPixel>(random); });

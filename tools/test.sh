@@ -31,7 +31,7 @@ configure_build_test() {
   cmake -S "$root" -B "$dir" -G Ninja -DCMAKE_BUILD_TYPE=Release -DBUILD_TESTING=ON \
     '-DCMAKE_CXX_FLAGS=-Wall -Wextra' "$@"
   cmake --build "$dir" --parallel "$jobs"
-  (cd "$dir" && ctest --no-tests=error)
+  ctest --test-dir "$dir" --no-tests=error
 }
 
 use_tree() {
@@ -81,7 +81,8 @@ test_module() {
     die "ITK with the module did not configure"
   }
   ninja -C "$dir/build" -j "$jobs" ShearWarpMIPGTestDriver
-  (cd "$dir/build/Modules/External/ShearWarpMIP" && ctest --no-tests=error)
+  ctest --test-dir "$dir/build/Modules/External/ShearWarpMIP" --no-tests=error
+  ctest --test-dir "$dir/build/Modules/External/ShearWarpMIP/test" --no-tests=error
 }
 
 test_python() {
