@@ -58,7 +58,7 @@ public:
 
   /** Factors the view of \a image, over its largest possible region, by \a viewTransform, which takes view space to
    * the image's physical space. \a output gives the grid in the view plane: size, spacing and origin.
-   * Throws ExceptionObject as VerifyViewTransform() does. */
+   * Throws ExceptionObject as VerifyViewTransform() does, and for a null image, as all functions here do. */
   ShearWarpFactorization(const TransformType *       viewTransform,
                          const InputImageBaseType *  image,
                          const OutputImageBaseType * output);

@@ -102,6 +102,15 @@ GetFirstVoxel(const ImageBase<3> * image)
   return point.GetVectorFromOrigin();
 }
 
+void
+VerifyImage(const DataObject * image, const char * name)
+{
+  if (!image)
+  {
+    itkGenericExceptionMacro("The " << name << " is required but not set.");
+  }
+}
+
 ShearWarpFactorization::PermutationType
 MakePermutation(unsigned int principalAxis)
 {
@@ -117,10 +126,13 @@ MakePermutation(unsigned int principalAxis)
 ShearWarpFactorization::ShearWarpFactorization(const TransformType *       viewTransform,
                                                const InputImageBaseType *  image,
                                                const OutputImageBaseType * output)
-  : m_OutputSpacing(output->GetSpacing())
-  , m_OutputOrigin(output->GetOrigin())
 {
   VerifyViewTransform(viewTransform);
+  VerifyImage(image, "input image");
+  VerifyImage(output, "output image");
+  m_OutputSpacing = output->GetSpacing();
+  m_OutputOrigin = output->GetOrigin();
+
   const LinearView           view = GetLinearView(viewTransform);
   const Matrix<double, 3, 3> physicalToView(view.matrix.GetInverse());
   const Matrix<double, 3, 3> indexToView = physicalToView * GetIndexToPhysical(image);
@@ -257,6 +269,8 @@ ShearWarpFactorization::ComputeProjectedBounds(const TransformType *      viewTr
                                                Point2Type &               upper)
 {
   VerifyViewTransform(viewTransform);
+  VerifyImage(image, "input image");
+
   const LinearView           view = GetLinearView(viewTransform);
   const Matrix<double, 3, 3> physicalToView(view.matrix.GetInverse());
   const Matrix<double, 3, 3> indexToView = physicalToView * GetIndexToPhysical(image);
@@ -282,6 +296,8 @@ ShearWarpFactorization::Vector2Type
 ShearWarpFactorization::ComputeProjectedSpacing(const TransformType * viewTransform, const InputImageBaseType * image)
 {
   VerifyViewTransform(viewTransform);
+  VerifyImage(image, "input image");
+
   const LinearView view = GetLinearView(viewTransform);
   const auto &     spacing = image->GetSpacing();
   Vector2Type      projected;

@@ -99,7 +99,8 @@ make_tree() {
 
 configure_tree() {
   cp "$root/tools/itk-unity-build.cmake" "$1/"
-  cmake -S "$source" -B "$1" -G Ninja "${options[@]}" -DPython3_EXECUTABLE="$tools/bin/python" \
+  # exceptions name source files: relative to ITK, not to this machine
+  cmake -S "$source" -B "$1" -G Ninja "${options[@]}" "-DCMAKE_CXX_FLAGS=-fmacro-prefix-map=$source/=" -DPython3_EXECUTABLE="$tools/bin/python" \
     -DCMAKE_PROJECT_INCLUDE="$1/itk-unity-build.cmake"
 }
 
@@ -147,7 +148,7 @@ fi
 
 version=$(awk -F'"' '/set\(ITK_VERSION_(MAJOR|MINOR|PATCH)/ { v = v s $2; s = "." } END { print v }' "$source/CMake/itkVersion.cmake")
 key=$(printf '%s\n' "$source" "$version" "$(c++ --version)" "$("$python" --version)" "${tool_versions[@]}" "${options[@]}" \
-  "$(cat "$root/tools/itk-unity-build.cmake")" | sha256sum | cut -c1-12)
+  "$(declare -f configure_tree build_tree; cat "$root/tools/itk-unity-build.cmake")" | sha256sum | cut -c1-12)
 tree=$cache/itk-$version-$key
 
 # Building again mends what is missing in a finished tree; what cannot be mended is fetched and made anew.

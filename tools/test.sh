@@ -44,7 +44,14 @@ test_installed() {
   need_packages build-essential cmake ninja-build libinsighttoolkit5-dev libcli11-dev libgtest-dev
   local images=$build/tree/ExternalData/test/Input
   [ -d "$images" ] || images=
-  configure_build_test "$build/installed" -DShearWarpMIP_TEST_IMAGES="$images"
+  configure_build_test "$build/installed" -DShearWarpMIP_TEST_IMAGES="$images" -DCMAKE_INSTALL_PREFIX="$build/prefix"
+
+  # as another project uses it
+  cmake --install "$build/installed" > /dev/null
+  cmake -S "$root/examples" -B "$build/examples" -G Ninja -DCMAKE_BUILD_TYPE=Release -DCMAKE_PREFIX_PATH="$build/prefix"
+  cmake --build "$build/examples" --parallel "$jobs"
+  "$build/prefix/bin/shear-warp-mip" --write-phantom "$build/examples/phantom.nrrd"
+  "$build/examples/MaximumIntensityProjection" "$build/examples/phantom.nrrd" "$build/examples/mip.nrrd" 30
 }
 
 test_tree() {

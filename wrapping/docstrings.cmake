@@ -41,8 +41,8 @@ macro(shear_warp_mip_docstrings class)
     file(READ ${xml_file} xml)
     string(REPLACE "public-static-func" "public-func" xml "${xml}")
     file(WRITE ${xml_file} "${xml}")
-    string(REPLACE ";" "\t" swig_names "${ARGN}")
-    file(WRITE ${ShearWarpMIP_DOXYGEN_DIR}/${class}.conf "${xml_file}\titk::${class}\t${swig_names}\n")
+    string(REPLACE ";" "\t" tabbed_names "${ARGN}")
+    file(WRITE ${ShearWarpMIP_DOXYGEN_DIR}/${class}.conf "${xml_file}\titk::${class}\t${tabbed_names}\n")
     execute_process(
       COMMAND ${Python3_EXECUTABLE} ${WRAP_ITK_CMAKE_DIR}/Generators/Doc/itk_doxy2swig.py
               ${ShearWarpMIP_DOXYGEN_DIR}/${class}.conf ${ShearWarpMIP_DOXYGEN_DIR}/${class}_doc.i

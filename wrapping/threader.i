@@ -1,0 +1,42 @@
+// ITK's default threader is a global of the process. PyPI's ITK chooses TBB, which the ITK linked into this module does
+// not have: a filter of ours is made with the thread pool, and the global stays as it was.
+
+%{
+#include "itkMultiThreaderBase.h"
+
+namespace
+{
+class DefaultThreaderGuard
+{
+public:
+  using Threader = itk::MultiThreaderBaseEnums::Threader;
+
+  DefaultThreaderGuard()
+    : m_Threader(itk::MultiThreaderBase::GetGlobalDefaultThreader())
+  {
+    itk::MultiThreaderBase::SetGlobalDefaultThreader(Threader::Pool);
+  }
+  ~DefaultThreaderGuard() { itk::MultiThreaderBase::SetGlobalDefaultThreader(m_Threader); }
+
+private:
+  const Threader m_Threader;
+};
+}
+%}
+
+%pythoncode %{
+# the first to ask chooses the default: PyPI's ITK shall
+import itk.ITKCommonBasePython
+itk.ITKCommonBasePython.itkMultiThreaderBase.GetGlobalDefaultThreader()
+%}
+
+%define SHEAR_WARP_MIP_MAKE_WITH_THREAD_POOL(function)
+%exception function {
+  try {
+    const DefaultThreaderGuard guard;
+    $action
+  } catch (const std::exception & e) {
+    SWIG_exception_fail(SWIG_RuntimeError, e.what());
+  }
+}
+%enddef
