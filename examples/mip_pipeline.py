@@ -91,7 +91,7 @@ def main() -> None:
     show(left, before, "Volume")
     show(right, after, "Vesselness")
     try:
-        figure.savefig(arguments.output, dpi=150)
+        figure.savefig(arguments.output, dpi=150, bbox_inches="tight")
     except (OSError, ValueError) as error:
         sys.exit(f"error: {arguments.output} can't be written: {error}")
     print(f"{arguments.output}: azimuth {arguments.azimuth:g}, elevation {arguments.elevation:g}")
