@@ -72,11 +72,18 @@ make_tools() {
 }
 
 # ITK's source from the archive that this machine already uses, without touching its package sources.
+find_archive() {
+  apt-get indextargets --format '$(REPO_URI) $(RELEASE)' 'Created-By: Packages' |
+    awk -v release="$(. /etc/os-release && echo "${VERSION_CODENAME:-}")" '$2 == release && !found { print $1; found = 1 }'
+}
+
 make_source() {
-  local parts=$1/apt codename archive apt
-  codename=$(. /etc/os-release && echo "${VERSION_CODENAME:-}")
-  archive=$(apt-get indextargets --format '$(REPO_URI) $(RELEASE)' 'Created-By: Packages' |
-    awk -v release="$codename" '$2 == release { print $1; exit }')
+  local parts=$1/apt archive apt
+  archive=$(find_archive)
+  if [ -z "$archive" ]; then
+    as_root apt-get update -qq >&2
+    archive=$(find_archive)
+  fi
   [ -n "$archive" ] || die "no Debian archive is configured here: set ITK_SOURCE_DIR or ITK_DIR"
   mkdir -p "$parts/lists/partial" "$parts/cache/archives/partial"
   echo "deb-src [signed-by=/usr/share/keyrings/debian-archive-keyring.gpg] $archive sid main" > "$parts/sources.list"
