@@ -23,8 +23,8 @@ main(int argc, char * argv[])
 
     auto mip = itk::ShearWarpMIPImageFilter<ImageType>::New();
     mip->SetInput(image);
-    mip->SetTransform(itk::ShearWarpMIPView::MakeTransform(
-      image, itk::ShearWarpMIPViewEnums::Direction::Anterior, std::atof(argv[3])));
+    mip->SetTransform(
+      itk::ShearWarpMIPView::MakeTransform(image, itk::ShearWarpMIPViewEnums::Direction::Anterior, std::atof(argv[3])));
     itk::WriteImage(mip->GetOutput(), argv[2]);
   }
   catch (const itk::ExceptionObject & error)

@@ -33,8 +33,8 @@
  * see SamplingPosition and BilinearWeights. Integer samples are the weighted sum rounded once, half upward.
  * Floating-point samples are three linear interpolations `b + x * (a - b)`, along columns first, each in
  * the pixel's own precision and without contraction; the result is never outside the range of the four
- * voxels, because x is at most 1 - 2^-15, unless their difference overflows. A voxel of weight zero takes no part. A sample that is not a
- * number never wins, and one of minus infinity counts as no sample.
+ * voxels, because x is at most 1 - 2^-15, unless their difference overflows. A voxel of weight zero takes no part. A
+ * sample that is not a number never wins, and one of minus infinity counts as no sample.
  */
 namespace itk::ShearWarp
 {

@@ -105,19 +105,28 @@ public:
    * is changed in place takes effect at the next Update(). */
   itkSetGetDecoratedObjectInputMacro(Transform, TransformType);
 
-  /** Size of the output, in pixels. */
+  /** Size of the output, in pixels; zero while it is fitted. */
   void
-  SetSize(const SizeType & size);
+  SetSize(const SizeType & size)
+  {
+    this->SetGridParameter(m_Size, m_FitSize, size);
+  }
   itkGetConstReferenceMacro(Size, SizeType);
 
-  /** Spacing of the output, in units of view space. */
+  /** Spacing of the output, in units of view space; zero while it is fitted. */
   void
-  SetOutputSpacing(const SpacingType & spacing);
+  SetOutputSpacing(const SpacingType & spacing)
+  {
+    this->SetGridParameter(m_OutputSpacing, m_FitOutputSpacing, spacing);
+  }
   itkGetConstReferenceMacro(OutputSpacing, SpacingType);
 
-  /** Position of the output's first pixel centre in the view plane, in units of view space. */
+  /** Position of the output's first pixel centre in the view plane, in units of view space; zero while it is fitted. */
   void
-  SetOutputOrigin(const OriginPointType & origin);
+  SetOutputOrigin(const OriginPointType & origin)
+  {
+    this->SetGridParameter(m_OutputOrigin, m_FitOutputOrigin, origin);
+  }
   itkGetConstReferenceMacro(OutputOrigin, OriginPointType);
 
   /** Fits Size, OutputSpacing and OutputOrigin to the view again: undoes their setting. */
@@ -180,8 +189,13 @@ protected:
   PrintSelf(std::ostream & os, Indent indent) const override;
 
 private:
-  /** Calls \a process(begin, end) in parallel for bands that make up [0, count). Adds \a progressWeight to the progress;
-   * throws ProcessAborted between two bands. */
+  /** Sets one of the output grid's parameters, which is no longer fitted then. */
+  template <typename TParameter>
+  void
+  SetGridParameter(TParameter & parameter, bool & fit, const TParameter & value);
+
+  /** Calls \a process(begin, end) in parallel for bands that make up [0, count). Adds \a progressWeight to the
+   * progress; throws ProcessAborted between two bands. */
   template <typename TFunction>
   void
   Parallelize(SizeValueType count, float progressWeight, const TFunction & process);

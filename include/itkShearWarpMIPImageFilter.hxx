@@ -37,37 +37,16 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::ShearWarpMIPImageFilter()
 }
 
 template <typename TInputImage, typename TOutputImage>
+template <typename TParameter>
 void
-ShearWarpMIPImageFilter<TInputImage, TOutputImage>::SetSize(const SizeType & size)
+ShearWarpMIPImageFilter<TInputImage, TOutputImage>::SetGridParameter(TParameter &       parameter,
+                                                                     bool &             fit,
+                                                                     const TParameter & value)
 {
-  if (m_FitSize || m_Size != size)
+  if (fit || parameter != value)
   {
-    m_Size = size;
-    m_FitSize = false;
-    this->Modified();
-  }
-}
-
-template <typename TInputImage, typename TOutputImage>
-void
-ShearWarpMIPImageFilter<TInputImage, TOutputImage>::SetOutputSpacing(const SpacingType & spacing)
-{
-  if (m_FitOutputSpacing || m_OutputSpacing != spacing)
-  {
-    m_OutputSpacing = spacing;
-    m_FitOutputSpacing = false;
-    this->Modified();
-  }
-}
-
-template <typename TInputImage, typename TOutputImage>
-void
-ShearWarpMIPImageFilter<TInputImage, TOutputImage>::SetOutputOrigin(const OriginPointType & origin)
-{
-  if (m_FitOutputOrigin || m_OutputOrigin != origin)
-  {
-    m_OutputOrigin = origin;
-    m_FitOutputOrigin = false;
+    parameter = value;
+    fit = false;
     this->Modified();
   }
 }
@@ -149,7 +128,7 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::GenerateOutputInformation()
 
   const SpacingType spacing =
     m_FitOutputSpacing ? ShearWarpFactorization::ComputeProjectedSpacing(transform, input) : m_OutputSpacing;
-  OriginPointType                 origin = m_OutputOrigin;
+  OriginPointType                      origin = m_OutputOrigin;
   Vector<double, OutputImageDimension> size;
   for (unsigned int axis = 0; axis < OutputImageDimension; ++axis)
   {
@@ -171,9 +150,9 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::GenerateOutputInformation()
   const double bytes = size[0] * size[1] * sizeof(OutputPixelType);
   if (!(bytes <= memory))
   {
-    itkExceptionMacro("Size must fit in memory, but an output of size "
-                      << size << ", spacing " << spacing << ", takes " << bytes << " bytes and this computer has "
-                      << memory << '.');
+    itkExceptionMacro("Size must fit in memory, but an output of size " << size << ", spacing " << spacing << ", takes "
+                                                                        << bytes << " bytes and this computer has "
+                                                                        << memory << '.');
   }
 
   OutputImageType * output = this->GetOutput();
@@ -242,7 +221,9 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::GenerateData()
 
   const auto preparationStart = Clock::now();
   const bool prepared = m_PreparedVolume.IsPrepared(input, m_PrincipalAxis);
-  const auto parallelize = [this](SizeValueType count, const auto & process) { this->Parallelize(count, 0.4f, process); };
+  const auto parallelize = [this](SizeValueType count, const auto & process) {
+    this->Parallelize(count, 0.4f, process);
+  };
   const auto slices = m_PreparedVolume.GetSlices(input, m_PrincipalAxis, parallelize);
   m_PreparationSeconds = prepared ? 0.0 : secondsSince(preparationStart);
 
@@ -259,10 +240,10 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::GenerateData()
   });
   m_ProjectionSeconds = secondsSince(projectionStart);
 
-  const auto warpStart = Clock::now();
-  const auto               map = factorization.GetOutputToIntermediateMatrix();
+  const auto                   warpStart = Clock::now();
+  const auto                   map = factorization.GetOutputToIntermediateMatrix();
   const ShearWarp::AffineMap2D outputToIntermediate{ map(0, 0), map(0, 1), map(0, 2), map(1, 0), map(1, 1), map(1, 2) };
-  const SizeType           outputSize = output->GetBufferedRegion().GetSize();
+  const SizeType               outputSize = output->GetBufferedRegion().GetSize();
   this->Parallelize(outputSize[1], 0.09f, [&](SizeValueType begin, SizeValueType end) {
     ShearWarp::WarpRows<InputPixelType>(intermediate,
                                         outputToIntermediate,
@@ -288,8 +269,9 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::PrintSelf(std::ostream & os,
   os << indent << "Size: " << m_Size << fitted(m_FitSize) << std::endl;
   os << indent << "OutputSpacing: " << m_OutputSpacing << fitted(m_FitOutputSpacing) << std::endl;
   os << indent << "OutputOrigin: " << m_OutputOrigin << fitted(m_FitOutputOrigin) << std::endl;
-  os << indent << "DefaultPixelValue: "
-     << static_cast<typename NumericTraits<OutputPixelType>::PrintType>(m_DefaultPixelValue) << std::endl;
+  os << indent
+     << "DefaultPixelValue: " << static_cast<typename NumericTraits<OutputPixelType>::PrintType>(m_DefaultPixelValue)
+     << std::endl;
   os << indent << "PrincipalAxis: " << m_PrincipalAxis << std::endl;
   os << indent << "PreparationSeconds: " << m_PreparationSeconds << std::endl;
   os << indent << "ProjectionSeconds: " << m_ProjectionSeconds << std::endl;

@@ -253,8 +253,8 @@ ShearWarpFactorization::VerifyViewTransform(const TransformType * viewTransform)
                              << view.matrix << "and its offset " << view.offset << '.');
   }
   const double determinant = GetDeterminant(view.matrix);
-  const double volume = GetColumn(view.matrix, 0).GetNorm() * GetColumn(view.matrix, 1).GetNorm() *
-                        GetColumn(view.matrix, 2).GetNorm();
+  const double volume =
+    GetColumn(view.matrix, 0).GetNorm() * GetColumn(view.matrix, 1).GetNorm() * GetColumn(view.matrix, 2).GetNorm();
   if (!(std::abs(determinant) > 1e-12 * volume) || !IsFinite(Matrix<double, 3, 3>(view.matrix.GetInverse())))
   {
     itkGenericExceptionMacro("Transform must be invertible, but the determinant of its matrix\n"
@@ -303,8 +303,7 @@ ShearWarpFactorization::ComputeProjectedSpacing(const TransformType * viewTransf
   Vector2Type      projected;
   for (unsigned int axis = 0; axis < 2; ++axis)
   {
-    projected[axis] =
-      *std::min_element(spacing.Begin(), spacing.End()) / GetColumn(view.matrix, axis).GetNorm();
+    projected[axis] = *std::min_element(spacing.Begin(), spacing.End()) / GetColumn(view.matrix, axis).GetNorm();
   }
   return projected;
 }

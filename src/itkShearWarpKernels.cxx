@@ -100,8 +100,8 @@ public:
     if constexpr (sizeof(TPixel) < sizeof(std::int64_t))
     {
       using Sum = std::conditional_t<(sizeof(TPixel) > 2), std::int64_t, std::int32_t>;
-      const Sum sum = Sum{ m_Weights.aa } * aa + Sum{ m_Weights.ab } * ab + Sum{ m_Weights.ba } * ba +
-                      Sum{ m_Weights.bb } * bb;
+      const Sum sum =
+        Sum{ m_Weights.aa } * aa + Sum{ m_Weights.ab } * ab + Sum{ m_Weights.ba } * ba + Sum{ m_Weights.bb } * bb;
       return static_cast<TPixel>((sum + One / 2) >> FractionBits);
     }
     else
@@ -256,16 +256,19 @@ TransposeSlice(const TPixel * input, std::ptrdiff_t columns, std::ptrdiff_t rows
   }
 }
 
-#define INSTANTIATE(TPixel)                                                                                          \
-  template void ProjectSlices<TPixel>(                                                                               \
-    const SliceStack<TPixel> &, const SlicePlacement *, std::ptrdiff_t, std::ptrdiff_t, const IntermediateImage<TPixel> &); \
-  template void WarpRows<TPixel>(const IntermediateImage<TPixel> &,                                                  \
-                                 const AffineMap2D &,                                                                \
-                                 std::ptrdiff_t,                                                                     \
-                                 std::ptrdiff_t,                                                                     \
-                                 std::ptrdiff_t,                                                                     \
-                                 TPixel,                                                                             \
-                                 TPixel *);                                                                          \
+#define INSTANTIATE(TPixel)                                               \
+  template void ProjectSlices<TPixel>(const SliceStack<TPixel> &,         \
+                                      const SlicePlacement *,             \
+                                      std::ptrdiff_t,                     \
+                                      std::ptrdiff_t,                     \
+                                      const IntermediateImage<TPixel> &); \
+  template void WarpRows<TPixel>(const IntermediateImage<TPixel> &,       \
+                                 const AffineMap2D &,                     \
+                                 std::ptrdiff_t,                          \
+                                 std::ptrdiff_t,                          \
+                                 std::ptrdiff_t,                          \
+                                 TPixel,                                  \
+                                 TPixel *);                               \
   template void TransposeSlice<TPixel>(const TPixel *, std::ptrdiff_t, std::ptrdiff_t, TPixel *)
 
 INSTANTIATE(char);

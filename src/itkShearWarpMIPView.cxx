@@ -60,8 +60,8 @@ GetAxes(ShearWarpMIPViewEnums::Direction direction)
     case Direction::Inferior:
       return { left, posterior, superior };
   }
-  itkGenericExceptionMacro("Direction must be one of the six enumerators, but it is "
-                           << static_cast<int>(direction) << '.');
+  itkGenericExceptionMacro("Direction must be one of the six enumerators, but it is " << static_cast<int>(direction)
+                                                                                      << '.');
 }
 
 /** Turns \a from towards \a to, both unit vectors at a right angle, and \a to along with it. Multiples of 90 degrees
@@ -125,8 +125,7 @@ ShearWarpMIPView::GetCentre(const ImageBase<3> * image)
   ContinuousIndex<double, 3> index;
   for (unsigned int axis = 0; axis < 3; ++axis)
   {
-    index[axis] =
-      static_cast<double>(region.GetIndex(axis)) + 0.5 * (static_cast<double>(region.GetSize(axis)) - 1.0);
+    index[axis] = static_cast<double>(region.GetIndex(axis)) + 0.5 * (static_cast<double>(region.GetSize(axis)) - 1.0);
   }
   Point<double, 3> centre;
   image->TransformContinuousIndexToPhysicalPoint(index, centre);
