@@ -102,7 +102,16 @@ make_tree() {
     tail -n 30 "$log" >&2
     die "ITK did not build, see $log"
   }
+  list_files "$1" > "$1/.files"
 }
+
+# Sizes and names of what is built against. Modules built against the tree add files of their own to it.
+list_files() {
+  (cd "$1" && find lib Wrapping/Typedefs "$source"/{Modules,.ExternalData} -type f ! -name '*ShearWarp*' -printf '%s %p\n' | sort)
+}
+
+# intact DIR: whether the finished tree still has all its files, as long as they were.
+intact() { [ -z "$(comm -23 "$1/.files" <(list_files "$1") 2>&1)" ]; }
 
 configure_tree() {
   cp "$root/tools/itk-unity-build.cmake" "$1/"
@@ -158,9 +167,8 @@ key=$(printf '%s\n' "$source" "$version" "$(c++ --version)" "$("$python" --versi
   "$(declare -f configure_tree build_tree; cat "$root/tools/itk-unity-build.cmake")" | sha256sum | cut -c1-12)
 tree=$cache/itk-$version-$key
 
-# Building again mends what is missing in a finished tree; what cannot be mended is fetched and made anew.
-if complete "$tree" "$key" && ! PATH=$tools/bin:$PATH build_tree "$tree" > "$tree.log" 2>&1; then
-  say "the cached ITK is broken (log: $tree.log); making it anew"
+if complete "$tree" "$key" && ! intact "$tree"; then
+  say "the cached ITK is broken; making it anew"
   rm -rf "$tree" "$cache/itk-source"
   find_source
 fi

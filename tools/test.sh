@@ -40,7 +40,8 @@ use_tree() {
   PATH=$("$root/tools/itk-build-tree.sh" --tools):$PATH
 }
 
-test_installed() {
+test_installed() (
+  unset ITK_DIR
   need_packages build-essential cmake ninja-build libinsighttoolkit5-dev libcli11-dev libgtest-dev
   local images=$build/tree/ExternalData/test/Input
   [ -d "$images" ] || images=
@@ -52,7 +53,7 @@ test_installed() {
   cmake --build "$build/examples" --parallel "$jobs"
   "$build/prefix/bin/shear-warp-mip" --write-phantom "$build/examples/phantom.nrrd"
   "$build/examples/MaximumIntensityProjection" "$build/examples/phantom.nrrd" "$build/examples/mip.nrrd" 30
-}
+)
 
 test_tree() {
   need_packages libcli11-dev
