@@ -28,7 +28,7 @@ need_packages() {
   as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}" >&2
 }
 
-# seconds COMMAND...: runs it and says on standard error how long it took.
+# timed WHAT COMMAND...: runs the command and says on standard error how long it took.
 timed() {
   local what=$1 start=$SECONDS
   shift
