@@ -85,13 +85,18 @@ def main() -> None:
     before = itk.shear_warp_mip_image_filter(image, transform=view, default_pixel_value=darkest)
     after = itk.shear_warp_mip_image_filter(vesselness(image, arguments.sigma), transform=view)
 
+    (columns, rows), (x, y) = itk.size(before), before.GetSpacing()
     figure, (left, right) = plt.subplots(
-        1, 2, figsize=(10, 5), facecolor="black", layout="constrained"
+        1,
+        2,
+        figsize=(10, 5 * (rows * y) / (columns * x) + 0.4),
+        facecolor="black",
+        layout="constrained",
     )
     show(left, before, "Volume")
     show(right, after, "Vesselness")
     try:
-        figure.savefig(arguments.output, dpi=150, bbox_inches="tight")
+        figure.savefig(arguments.output, dpi=150)
     except (OSError, ValueError) as error:
         sys.exit(f"error: {arguments.output} can't be written: {error}")
     print(f"{arguments.output}: azimuth {arguments.azimuth:g}, elevation {arguments.elevation:g}")
