@@ -47,7 +47,7 @@ public:
 
 /** Writes the enumerator's name. */
 ShearWarpMIP_EXPORT std::ostream &
-                    operator<<(std::ostream & out, ShearWarpMIPViewEnums::Direction value);
+operator<<(std::ostream & out, ShearWarpMIPViewEnums::Direction value);
 
 /** \class ShearWarpMIPView
  * \brief Makes view transforms for ShearWarpMIPImageFilter from anatomical directions.
@@ -82,7 +82,7 @@ public:
 
   /** The physical position, in mm, of the centre of \a image's largest possible region. */
   static ShearWarpMIP_EXPORT Point<double, 3>
-                             GetCentre(const ImageBase<3> * image);
+  GetCentre(const ImageBase<3> * image);
 };
 } // namespace itk
 

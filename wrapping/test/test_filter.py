@@ -439,9 +439,8 @@ def test_release_prepared_volume(image):
     np.testing.assert_array_equal(itk.array_from_image(mip.GetOutput()), before)
 
 
-@pytest.mark.parametrize("how", ["mip.ReleasePreparedVolume()", "del mip"])
-def test_memory_of_the_prepared_volume_is_freed(how, isolated):
-    outcome = isolated(f"""
+# resident memory in MiB, and a view along x of 256 MiB
+_LARGE_X_VIEW = """
 def resident():
     with open("/proc/self/status") as status:
         return next(int(line.split()[1]) / 1024 for line in status if line.startswith("VmRSS"))
@@ -449,6 +448,12 @@ def resident():
 image = itk.image_view_from_array(np.ones((256, 1024, 1024), np.uint8))
 view = itk.Euler3DTransform[itk.D].New()
 view.SetRotation(0.0, np.pi / 2, 0.0)
+"""
+
+
+@pytest.mark.parametrize("how", ["mip.ReleasePreparedVolume()", "del mip"])
+def test_memory_of_the_prepared_volume_is_freed(how, isolated):
+    outcome = isolated(f"""{_LARGE_X_VIEW}
 mip = itk.ShearWarpMIPImageFilter.New(image, Transform=view)
 before = resident()
 mip.Update()
@@ -462,14 +467,7 @@ assert 250 < freed < 290, freed
 
 
 def test_functional_interface_keeps_no_prepared_volume(isolated):
-    outcome = isolated("""
-def resident():
-    with open("/proc/self/status") as status:
-        return next(int(line.split()[1]) / 1024 for line in status if line.startswith("VmRSS"))
-
-image = itk.image_view_from_array(np.ones((256, 1024, 1024), np.uint8))
-view = itk.Euler3DTransform[itk.D].New()
-view.SetRotation(0.0, np.pi / 2, 0.0)
+    outcome = isolated(f"""{_LARGE_X_VIEW}
 before = resident()
 mip = itk.shear_warp_mip_image_filter(image, transform=view)
 assert resident() - before < 30, resident() - before
