@@ -25,6 +25,26 @@
 
 namespace itk
 {
+/** \class ShearWarpMIPImageFilterEnums
+ * \brief Enumerations of ShearWarpMIPImageFilter.
+ * \ingroup ShearWarpMIP
+ */
+class ShearWarpMIPImageFilterEnums
+{
+public:
+  /** Whether parts of the volume that cannot change the picture are skipped. */
+  enum class ReducedResampling : uint8_t
+  {
+    Off,
+    On,
+    Auto
+  };
+};
+
+/** Writes the enumerator's name. */
+ShearWarpMIP_EXPORT std::ostream &
+operator<<(std::ostream & out, ShearWarpMIPImageFilterEnums::ReducedResampling value);
+
 /** \class ShearWarpMIPImageFilter
  * \brief Maximum intensity projection (MIP) of a 3D image from any direction.
  *
@@ -92,6 +112,7 @@ public:
   using OriginPointType = typename OutputImageType::PointType;
   using TransformType = Transform<double, 3, 3>;
   using DecoratedTransformType = DataObjectDecorator<TransformType>;
+  using ReducedResamplingEnum = ShearWarpMIPImageFilterEnums::ReducedResampling;
 
   static_assert(InputImageDimension == 3, "the input of a projection must have dimension 3");
   static_assert(OutputImageDimension == 2, "the output of a projection must have dimension 2");
@@ -136,6 +157,19 @@ public:
   /** Value of the output where a ray misses the image; 0 by default. */
   itkSetMacro(DefaultPixelValue, OutputPixelType);
   itkGetConstReferenceMacro(DefaultPixelValue, OutputPixelType);
+
+  /** Reduced resampling leaves out parts of slices whose largest voxel is not above what the picture has there already.
+   * It never changes a pixel. Auto, the default, uses it where it saves time. On and Auto keep a table of
+   * block maxima. */
+  itkSetEnumMacro(ReducedResampling, ReducedResamplingEnum);
+  itkGetEnumMacro(ReducedResampling, ReducedResamplingEnum);
+
+  /** The fraction of the volume, 0 to 1, that the last update left out by reduced resampling. */
+  itkGetConstMacro(SkippedFraction, double);
+
+  /** The instruction set of the last update's kernels: "portable", "avx2" or "avx512". The fastest that the processor
+   * has is used, unless the environment variable SHEARWARPMIP_INSTRUCTION_SET names another. */
+  itkGetConstReferenceMacro(InstructionSet, std::string);
 
   /** Index axis of the input, 0, 1 or 2, along which the last update took the slices. */
   itkGetConstMacro(PrincipalAxis, unsigned int);
@@ -209,6 +243,10 @@ private:
   OutputPixelType m_DefaultPixelValue{};
 
   ShearWarpPreparedVolume<InputPixelType> m_PreparedVolume;
+
+  ReducedResamplingEnum m_ReducedResampling{ ReducedResamplingEnum::Auto };
+  double                m_SkippedFraction{ 0.0 };
+  std::string           m_InstructionSet{ "portable" };
 
   unsigned int m_PrincipalAxis{ 2 };
   double       m_PreparationSeconds{ 0.0 };

@@ -272,6 +272,9 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::PrintSelf(std::ostream & os,
   os << indent
      << "DefaultPixelValue: " << static_cast<typename NumericTraits<OutputPixelType>::PrintType>(m_DefaultPixelValue)
      << std::endl;
+  os << indent << "ReducedResampling: " << m_ReducedResampling << std::endl;
+  os << indent << "SkippedFraction: " << m_SkippedFraction << std::endl;
+  os << indent << "InstructionSet: " << m_InstructionSet << std::endl;
   os << indent << "PrincipalAxis: " << m_PrincipalAxis << std::endl;
   os << indent << "PreparationSeconds: " << m_PreparationSeconds << std::endl;
   os << indent << "ProjectionSeconds: " << m_ProjectionSeconds << std::endl;
