@@ -22,25 +22,35 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <limits>
+#include <string>
+#include <vector>
 
 /** The steps of the projection on plain memory: pointers, strides and sizes, no ITK type.
  *
- * Each function is instantiated in the library for every scalar pixel type of ITK (the arithmetic and
- * character types but `bool` and `long double`), and writes only the rows that it is asked for, so that
- * threads can share the work by rows.
+ * Kernels holds one function for each step. Every scalar pixel type of ITK (the arithmetic and character types but
+ * `bool` and `long double`) has portable kernels; 8-bit and 16-bit integers and float have kernels for the
+ * instruction sets of x86-64 too. All give the same bits.
  *
  * Positions are quantized to 1/2^15 voxel, and bilinear weights are integers that sum to 2^15:
  * see SamplingPosition and BilinearWeights. Integer samples are the weighted sum rounded once, half upward.
  * Floating-point samples are three linear interpolations `b + x * (a - b)`, along columns first, each in
  * the pixel's own precision and without contraction; the result is never outside the range of the four
  * voxels, because x is at most 1 - 2^-15, unless their difference overflows. A voxel of weight zero takes no part. A
- * sample that is not a number never wins, and one of minus infinity counts as no sample.
+ * sample that is not a number never wins, one of minus infinity counts as no sample, and a maximum of zero
+ * is +0.
  */
 namespace itk::ShearWarp
 {
 
 constexpr int          FractionBits = 15;
 constexpr std::int32_t One = 1 << FractionBits;
+
+/** Blocks begin and end at multiples of this many rows and slices; block maxima are those of cubes of this length. */
+constexpr std::ptrdiff_t BlockLength = 8;
+
+/** Columns of a tile of the intermediate image; it has BlockLength rows. */
+constexpr std::ptrdiff_t TileColumns = 32;
 
 /** A position along one axis, in 1/2^15 pixel: `whole * 2^15 + fraction`, with 0 <= fraction < 2^15. */
 struct SamplingPosition
@@ -70,8 +80,8 @@ struct BilinearWeights
 /** Where a slice lies in the intermediate image: its voxel (0, 0) is at column `column`, row `row`.
  *
  * Intermediate pixel p meets the slice at voxel column p - column.whole - column.fraction / 2^15.
- * The slice reaches half a voxel beyond its outer voxel centres, so that it always covers as many pixels
- * as it has voxels. */
+ * The slice reaches half a voxel beyond its outer voxel centres, with the outer voxels' values, so that it always
+ * covers as many pixels as it has voxels. */
 struct SlicePlacement
 {
   SamplingPosition column;
@@ -91,13 +101,23 @@ struct SlicePlacement
 };
 
 /** A volume as slices along the principal axis. A slice is `rows` x `columns` voxels, its columns are
- * contiguous in memory; strides are in voxels. */
+ * contiguous in memory; strides are in voxels. No voxel is below `lowest` or above `highest`. */
 template <typename TPixel>
 struct SliceStack
 {
   const TPixel * voxels;
   std::ptrdiff_t columns, rows, slices;
   std::ptrdiff_t rowStride, sliceStride;
+  TPixel         lowest{ std::numeric_limits<TPixel>::lowest() };
+  TPixel         highest{ std::numeric_limits<TPixel>::max() };
+};
+
+/** Rows [rowBegin, rowEnd) of slices [sliceBegin, sliceEnd) of a SliceStack: each a multiple of BlockLength or the
+ * stack's end. */
+struct Block
+{
+  std::ptrdiff_t rowBegin, rowEnd;
+  std::ptrdiff_t sliceBegin, sliceEnd;
 };
 
 /** Columns [begin, end) of an image row. */
@@ -106,14 +126,28 @@ struct ColumnSpan
   std::int32_t begin, end;
 };
 
-/** The intermediate (sheared) image: `rows` x `columns` pixels without padding. `reached[r]` are the columns
- * of row r that some slice reaches; what the other pixels hold is not defined. */
+/** The intermediate (sheared) image: `rows` x `columns` pixels, `rowStride` pixels from row to row. `reached[r]` are
+ * the columns of row r that some slice reaches; what the other pixels hold is not defined. */
 template <typename TPixel>
 struct IntermediateImage
 {
   TPixel *           pixels;
-  std::ptrdiff_t     columns, rows;
+  std::ptrdiff_t     columns, rows, rowStride;
   const ColumnSpan * reached;
+};
+
+/** A view along the slices' axis: the place of each slice, and the image that collects the maxima.
+ *
+ * `active`, if not null, tells which tiles of a block are needed: where
+ * `active[(row - block.rowBegin) / BlockLength * activeStride + column / TileColumns]` is zero, for a row of the
+ * block's slices and a column of the intermediate image, samples may be left out. */
+template <typename TPixel>
+struct ShearedView
+{
+  const SlicePlacement *    placements;
+  IntermediateImage<TPixel> intermediate;
+  const std::uint8_t *      active{ nullptr };
+  std::ptrdiff_t            activeStride{ 0 };
 };
 
 /** Affine map (x, y) -> (xx x + xy y + x0, yx x + yy y + y0). */
@@ -123,35 +157,73 @@ struct AffineMap2D
   double yx, yy, y0;
 };
 
-/** Writes to rows [rowBegin, rowEnd) of \a intermediate the maximum over all slices of the sheared volume's
- * samples: the projection of Fang et al. 2002 (figure 2 and equation 2), one set of weights for a slice.
- * \a placements holds one element per slice. */
+/** The value of a pixel that has met no sample. */
 template <typename TPixel>
-ShearWarpMIP_EXPORT void
-ProjectSlices(const SliceStack<TPixel> &        slices,
-              const SlicePlacement *            placements,
-              std::ptrdiff_t                    rowBegin,
-              std::ptrdiff_t                    rowEnd,
-              const IntermediateImage<TPixel> & intermediate);
+constexpr TPixel NoSample = std::numeric_limits<TPixel>::has_infinity ? -std::numeric_limits<TPixel>::infinity()
+                                                                      : std::numeric_limits<TPixel>::lowest();
 
-/** Writes rows [rowBegin, rowEnd) of an output image of \a columns columns, the first row at \a output: the
- * bilinear interpolation of \a intermediate at \a outputToIntermediate of each pixel's column and row.
- * Intermediate pixels that no slice reached are left out and the weights of the others are scaled to
- * sum to one; where none is left the pixel is \a background. */
+/** The functions of one instruction set. */
 template <typename TPixel>
-ShearWarpMIP_EXPORT void
-WarpRows(const IntermediateImage<TPixel> & intermediate,
-         const AffineMap2D &               outputToIntermediate,
-         std::ptrdiff_t                    rowBegin,
-         std::ptrdiff_t                    rowEnd,
-         std::ptrdiff_t                    columns,
-         TPixel                            background,
-         TPixel *                          output);
+struct Kernels
+{
+  /** "portable", "avx2" or "avx512". */
+  const char * instructionSet;
 
-/** Copies \a rows rows of \a columns pixels at \a input to \a columns rows of \a rows pixels at \a output. */
+  /** Raises the pixels of each of \a count views to the maximum of what they hold and of the samples of a block of
+   * the sheared volume: the projection of Fang et al. 2002 (figure 2 and equation 2), one set of weights for a slice.
+   * Samples belong to the block of the lower of the two rows that they interpolate. */
+  void (*projectBlock)(const SliceStack<TPixel> &  slices,
+                       const Block &               block,
+                       const ShearedView<TPixel> * views,
+                       std::size_t                 count);
+
+  /** The minimum of `rows` x `columns` pixels; `columns` is a multiple of TileColumns. */
+  TPixel (*findMinimum)(const TPixel * pixels, std::ptrdiff_t rowStride, std::ptrdiff_t rows, std::ptrdiff_t columns);
+
+  /** The maximum of each BlockLength columns of `slices` x `rows` rows of `columns` voxels, to ceil(columns /
+   * BlockLength) elements of \a maxima; \a lowest and \a highest are widened to hold every voxel. Not-a-number is
+   * ignored. */
+  void (*findBlockMaxima)(const TPixel * voxels,
+                          std::ptrdiff_t columns,
+                          std::ptrdiff_t rows,
+                          std::ptrdiff_t slices,
+                          std::ptrdiff_t rowStride,
+                          std::ptrdiff_t sliceStride,
+                          TPixel *       maxima,
+                          TPixel &       lowest,
+                          TPixel &       highest);
+
+  /** Writes columns [columnBegin, columnEnd) of row \a row of an output image, that row's first pixel at \a output:
+   * the bilinear interpolation of \a intermediate at \a outputToIntermediate of each pixel's column and row.
+   * Intermediate pixels that no slice reached are left out and the weights of the others are scaled to
+   * sum to one; where none is left the pixel is \a background. */
+  void (*warpRow)(const IntermediateImage<TPixel> & intermediate,
+                  const AffineMap2D &               outputToIntermediate,
+                  std::ptrdiff_t                    row,
+                  std::ptrdiff_t                    columnBegin,
+                  std::ptrdiff_t                    columnEnd,
+                  TPixel                            background,
+                  TPixel *                          output);
+
+  /** Copies \a rows rows of \a columns pixels at \a input to \a columns rows of \a rows pixels at \a output. */
+  void (*transposeSlice)(const TPixel * input, std::ptrdiff_t columns, std::ptrdiff_t rows, TPixel * output);
+};
+
+/** The plain C++ kernels: the definition that the others are tested against. */
 template <typename TPixel>
-ShearWarpMIP_EXPORT void
-TransposeSlice(const TPixel * input, std::ptrdiff_t columns, std::ptrdiff_t rows, TPixel * output);
+ShearWarpMIP_EXPORT const Kernels<TPixel> &
+                          GetPortableKernels();
+
+/** The kernels of the instruction set that the environment variable SHEARWARPMIP_INSTRUCTION_SET names or, if that is
+ * not set, of the best one of this computer. Pixel types without kernels of their own get the portable ones.
+ * Throws std::invalid_argument if this computer does not have the named instruction set. */
+template <typename TPixel>
+ShearWarpMIP_EXPORT const Kernels<TPixel> &
+                          GetKernels();
+
+/** The instruction sets that this computer and this build have, the best one last. */
+ShearWarpMIP_EXPORT std::vector<std::string>
+                    GetInstructionSets();
 
 } // namespace itk::ShearWarp
 

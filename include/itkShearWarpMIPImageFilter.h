@@ -21,30 +21,10 @@
 #include "itkDataObjectDecorator.h"
 #include "itkImageToImageFilter.h"
 #include "itkShearWarpFactorization.h"
-#include "itkShearWarpPreparedVolume.h"
+#include "itkShearWarpProjector.h"
 
 namespace itk
 {
-/** \class ShearWarpMIPImageFilterEnums
- * \brief Enumerations of ShearWarpMIPImageFilter.
- * \ingroup ShearWarpMIP
- */
-class ShearWarpMIPImageFilterEnums
-{
-public:
-  /** Whether parts of the volume that cannot change the picture are skipped. */
-  enum class ReducedResampling : uint8_t
-  {
-    Off,
-    On,
-    Auto
-  };
-};
-
-/** Writes the enumerator's name. */
-ShearWarpMIP_EXPORT std::ostream &
-operator<<(std::ostream & out, ShearWarpMIPImageFilterEnums::ReducedResampling value);
-
 /** \class ShearWarpMIPImageFilter
  * \brief Maximum intensity projection (MIP) of a 3D image from any direction.
  *
@@ -228,11 +208,18 @@ private:
   void
   SetGridParameter(TParameter & parameter, bool & fit, const TParameter & value);
 
-  /** Calls \a process(begin, end) in parallel for bands that make up [0, count). Adds \a progressWeight to the
-   * progress; throws ProcessAborted between two bands. */
+  const ShearWarp::Kernels<InputPixelType> &
+  ChooseKernels() const;
+
+  SizeValueType
+  GetNumberOfWorkers();
+
+  /** Calls \a process(n, step, worker) in parallel for each n of [0, count) and, one after the other, each step of
+   * [0, steps); calls with the same worker, less than GetNumberOfWorkers(), do not overlap. Adds \a progressWeight to
+   * the progress; throws ProcessAborted between two calls. */
   template <typename TFunction>
   void
-  Parallelize(SizeValueType count, float progressWeight, const TFunction & process);
+  Parallelize(SizeValueType count, SizeValueType steps, float progressWeight, const TFunction & process);
 
   SizeType        m_Size{ { 0, 0 } };
   SpacingType     m_OutputSpacing{ 0.0 };
@@ -243,6 +230,7 @@ private:
   OutputPixelType m_DefaultPixelValue{};
 
   ShearWarpPreparedVolume<InputPixelType> m_PreparedVolume;
+  ShearWarpProjector<InputPixelType>      m_Projector;
 
   ReducedResamplingEnum m_ReducedResampling{ ReducedResamplingEnum::Auto };
   double                m_SkippedFraction{ 0.0 };

@@ -24,8 +24,10 @@
 #include "itksys/SystemInformation.hxx"
 
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <cmath>
+#include <stdexcept>
 
 namespace itk
 {
@@ -180,25 +182,52 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::EnlargeOutputRequestedRegion
 }
 
 template <typename TInputImage, typename TOutputImage>
+auto
+ShearWarpMIPImageFilter<TInputImage, TOutputImage>::ChooseKernels() const -> const ShearWarp::Kernels<InputPixelType> &
+{
+  try
+  {
+    return ShearWarp::GetKernels<InputPixelType>();
+  }
+  catch (const std::invalid_argument & error)
+  {
+    itkExceptionMacro(<< error.what());
+  }
+}
+
+template <typename TInputImage, typename TOutputImage>
+SizeValueType
+ShearWarpMIPImageFilter<TInputImage, TOutputImage>::GetNumberOfWorkers()
+{
+  return std::min(this->GetNumberOfWorkUnits(), this->GetMultiThreader()->GetMaximumNumberOfThreads());
+}
+
+template <typename TInputImage, typename TOutputImage>
 template <typename TFunction>
 void
 ShearWarpMIPImageFilter<TInputImage, TOutputImage>::Parallelize(SizeValueType     count,
+                                                                SizeValueType     steps,
                                                                 float             progressWeight,
                                                                 const TFunction & process)
 {
-  constexpr SizeValueType band = 8;
-  MultiThreaderBase *     multiThreader = this->GetMultiThreader();
-  multiThreader->SetNumberOfWorkUnits(this->GetNumberOfWorkUnits());
+  const SizeValueType workers = std::min(count, this->GetNumberOfWorkers());
+  MultiThreaderBase * multiThreader = this->GetMultiThreader();
+  multiThreader->SetNumberOfWorkUnits(static_cast<ThreadIdType>(workers));
+  std::atomic<SizeValueType> next{ 0 };
   multiThreader->ParallelizeArray(
     0,
-    (count + band - 1) / band,
-    [&](SizeValueType index) {
-      const SizeValueType   begin = index * band;
-      const SizeValueType   end = std::min(begin + band, count);
-      TotalProgressReporter progress(this, count, 100, progressWeight);
-      progress.CheckAbortGenerateData();
-      process(begin, end);
-      progress.Completed(end - begin);
+    workers,
+    [&](SizeValueType worker) {
+      TotalProgressReporter progress(this, count * steps, 100, progressWeight);
+      for (SizeValueType n = next++; n < count; n = next++)
+      {
+        for (SizeValueType step = 0; step < steps; ++step)
+        {
+          progress.CheckAbortGenerateData();
+          process(n, step, worker);
+          progress.CompletedPixel();
+        }
+      }
     },
     nullptr);
 }
@@ -218,40 +247,45 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::GenerateData()
 
   const ShearWarpFactorization factorization(this->GetTransform(), input, output);
   m_PrincipalAxis = factorization.GetPrincipalAxis();
+  const ShearWarp::Kernels<InputPixelType> & kernels = this->ChooseKernels();
+  m_InstructionSet = kernels.instructionSet;
 
   const auto preparationStart = Clock::now();
   const bool prepared = m_PreparedVolume.IsPrepared(input, m_PrincipalAxis);
-  const auto parallelize = [this](SizeValueType count, const auto & process) {
-    this->Parallelize(count, 0.4f, process);
-  };
-  const auto slices = m_PreparedVolume.GetSlices(input, m_PrincipalAxis, parallelize);
+  m_PreparedVolume.Prepare(input, m_PrincipalAxis, kernels, [this](SizeValueType count, const auto & process) {
+    this->Parallelize(count, 1, 0.2f, [&process](SizeValueType n, SizeValueType, SizeValueType) { process(n); });
+  });
   m_PreparationSeconds = prepared ? 0.0 : secondsSince(preparationStart);
 
-  const auto      projectionStart = Clock::now();
-  const Size<2> & size = factorization.GetIntermediateSize();
-  const auto      pixels = ImportImageContainer<SizeValueType, InputPixelType>::New();
-  pixels->Reserve(size[0] * size[1]);
-  const ShearWarp::IntermediateImage<InputPixelType> intermediate{ pixels->GetImportPointer(),
-                                                                   static_cast<std::ptrdiff_t>(size[0]),
-                                                                   static_cast<std::ptrdiff_t>(size[1]),
-                                                                   factorization.GetReachedColumns().data() };
-  this->Parallelize(size[1], prepared ? 0.9f : 0.5f, [&](SizeValueType begin, SizeValueType end) {
-    ShearWarp::ProjectSlices(slices, factorization.GetSlicePlacements().data(), begin, end, intermediate);
-  });
+  const auto projectionStart = Clock::now();
+  const auto intermediate =
+    m_Projector.Project(m_PreparedVolume,
+                        factorization,
+                        kernels,
+                        m_ReducedResampling,
+                        this->GetNumberOfWorkers(),
+                        [this, prepared](SizeValueType count, SizeValueType steps, float share, const auto & process) {
+                          this->Parallelize(count, steps, share * (prepared ? 0.9f : 0.5f), process);
+                        });
+  m_SkippedFraction = m_Projector.GetSkippedFraction();
   m_ProjectionSeconds = secondsSince(projectionStart);
 
   const auto                   warpStart = Clock::now();
   const auto                   map = factorization.GetOutputToIntermediateMatrix();
   const ShearWarp::AffineMap2D outputToIntermediate{ map(0, 0), map(0, 1), map(0, 2), map(1, 0), map(1, 1), map(1, 2) };
   const SizeType               outputSize = output->GetBufferedRegion().GetSize();
-  this->Parallelize(outputSize[1], 0.09f, [&](SizeValueType begin, SizeValueType end) {
-    ShearWarp::WarpRows<InputPixelType>(intermediate,
-                                        outputToIntermediate,
-                                        begin,
-                                        end,
-                                        outputSize[0],
-                                        m_DefaultPixelValue,
-                                        output->GetBufferPointer() + begin * outputSize[0]);
+  constexpr SizeValueType      band = 16;
+  this->Parallelize((outputSize[1] + band - 1) / band, 1, 0.09f, [&](SizeValueType n, SizeValueType, SizeValueType) {
+    for (SizeValueType row = n * band; row < std::min((n + 1) * band, outputSize[1]); ++row)
+    {
+      kernels.warpRow(intermediate,
+                      outputToIntermediate,
+                      row,
+                      0,
+                      outputSize[0],
+                      m_DefaultPixelValue,
+                      output->GetBufferPointer() + row * outputSize[0]);
+    }
   });
   m_WarpSeconds = secondsSince(warpStart);
 

@@ -19,17 +19,31 @@
 #define itkShearWarpPreparedVolume_h
 
 #include "itkImage.h"
-#include "itkImportImageContainer.h"
+#include "itkShearWarpBuffer.h"
 #include "itkShearWarpKernels.h"
 
 namespace itk
 {
+namespace ShearWarp
+{
+/** The maxima of a volume's cubes of BlockLength voxels a side, permuted as its slices are; not-a-number is
+ * ignored. Strides are in elements. */
+template <typename TPixel>
+struct BlockMaxima
+{
+  const TPixel * maxima;
+  std::ptrdiff_t columns, rows, slices;
+  std::ptrdiff_t columnStride, rowStride, sliceStride;
+};
+} // namespace ShearWarp
+
 /** \class ShearWarpPreparedVolume
- * \brief An image as stacks of slices along each of its axes, rows contiguous in memory.
+ * \brief An image as stacks of slices along each of its axes, rows contiguous in memory, and its block maxima.
  *
  * Along y and z the slices are those of the image itself. Along x they come from one transposed copy, of the
  * image's size, which is made when it is first needed and kept until the image changes. (Fang et al. 2002
- * keep three permuted copies.)
+ * keep three permuted copies.) Block maxima, of 1/512 of the image's size, are those of cubes, so that all axes share
+ * them.
  *
  * \ingroup ShearWarpMIP
  */
@@ -40,52 +54,70 @@ public:
   using Self = ShearWarpPreparedVolume;
   using ImageType = Image<TPixel, 3>;
   using SliceStackType = ShearWarp::SliceStack<TPixel>;
+  using BlockMaximaType = ShearWarp::BlockMaxima<TPixel>;
 
-  /** Whether GetSlices() would return without copying anything. */
+  /** Whether Prepare() would return at once. */
   bool
   IsPrepared(const ImageType * image, unsigned int principalAxis) const
   {
-    return principalAxis != 0 || this->HoldsCopyOf(image);
+    return this->IsOf(image) && (principalAxis != 0 || m_Transposed.GetSizeInBytes() > 0);
   }
 
-  /** Slices of \a image along index axis \a principalAxis (0, 1, 2), with the image's other axes, in their order, as
-   * columns and rows. They refer to the image's memory or to this object's.
-   * \a parallelize(count, function) calls function(begin, end) for ranges that make up [0, count). If it
-   * throws, nothing is kept. Throws MemoryAllocationError if there is no memory for the copy. */
+  /** Makes what GetSlices() and GetBlockMaxima() need for \a image and index axis \a principalAxis (0, 1, 2); frees
+   * what was made for another image, or before this one was modified.
+   * \a parallelize(count, function) calls function(n) for each n of [0, count). If it throws, what it should
+   * have made is not kept. Throws MemoryAllocationError if there is no memory. */
   template <typename TParallelize>
-  SliceStackType
-  GetSlices(const ImageType * image, unsigned int principalAxis, const TParallelize & parallelize);
-
-  /** Frees the copy, if there is one. */
   void
-  Release()
-  {
-    m_Transposed = nullptr;
-  }
+  Prepare(const ImageType *                  image,
+          unsigned int                       principalAxis,
+          const ShearWarp::Kernels<TPixel> & kernels,
+          const TParallelize &               parallelize);
 
-  /** Bytes that the copy holds. */
+  /** Slices of the prepared image along its index axis \a principalAxis, with its other axes, in their order, as
+   * columns and rows. They refer to the image's memory or to this object's. */
+  SliceStackType
+  GetSlices(unsigned int principalAxis) const;
+
+  BlockMaximaType
+  GetBlockMaxima(unsigned int principalAxis) const;
+
+  /** Frees all memory. */
+  void
+  Release();
+
+  /** Bytes that the copy and the block maxima hold. */
   SizeValueType
   GetSizeInBytes() const
   {
-    return m_Transposed ? m_Transposed->Size() * sizeof(TPixel) : 0;
+    return m_Transposed.GetSizeInBytes() + m_BlockMaxima.GetSizeInBytes();
   }
 
 private:
-  using ContainerType = ImportImageContainer<SizeValueType, TPixel>;
-
   bool
-  HoldsCopyOf(const ImageType * image) const
+  IsOf(const ImageType * image) const
   {
-    return m_Transposed && m_Image == image && m_ImageMTime == image->GetMTime();
+    return m_Image == image && m_ImageMTime == image->GetMTime() && m_Voxels == image->GetBufferPointer();
   }
 
   template <typename TParallelize>
-  static typename ContainerType::Pointer
-  Transpose(const ImageType * image, const TParallelize & parallelize);
+  void
+  FindBlockMaxima(const ShearWarp::Kernels<TPixel> & kernels, const TParallelize & parallelize);
 
-  typename ContainerType::Pointer m_Transposed;
-  const ImageType *               m_Image{ nullptr }; // together with m_ImageMTime an identity, not dereferenced
-  ModifiedTimeType                m_ImageMTime{ 0 };
+  template <typename TParallelize>
+  void
+  Transpose(const ShearWarp::Kernels<TPixel> & kernels, const TParallelize & parallelize);
+
+  ShearWarpBuffer m_Transposed;
+  ShearWarpBuffer m_BlockMaxima;
+  TPixel          m_Lowest{};
+  TPixel          m_Highest{};
+
+  // an identity; the image itself is not dereferenced
+  const ImageType * m_Image{ nullptr };
+  ModifiedTimeType  m_ImageMTime{ 0 };
+  const TPixel *    m_Voxels{ nullptr };
+  std::ptrdiff_t    m_Size[3]{ 0, 0, 0 };
 };
 } // namespace itk
 

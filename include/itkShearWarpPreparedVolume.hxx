@@ -18,61 +18,131 @@
 #ifndef itkShearWarpPreparedVolume_hxx
 #define itkShearWarpPreparedVolume_hxx
 
+#include <algorithm>
+#include <mutex>
+
 namespace itk
 {
 template <typename TPixel>
 template <typename TParallelize>
-auto
-ShearWarpPreparedVolume<TPixel>::GetSlices(const ImageType *    image,
-                                           unsigned int         principalAxis,
-                                           const TParallelize & parallelize) -> SliceStackType
+void
+ShearWarpPreparedVolume<TPixel>::Prepare(const ImageType *                  image,
+                                         unsigned int                       principalAxis,
+                                         const ShearWarp::Kernels<TPixel> & kernels,
+                                         const TParallelize &               parallelize)
 {
-  if (!this->HoldsCopyOf(image))
+  if (!this->IsOf(image))
   {
     this->Release();
-  }
-  if (!this->IsPrepared(image, principalAxis))
-  {
-    m_Transposed = Self::Transpose(image, parallelize);
+    m_Voxels = image->GetBufferPointer();
+    std::copy_n(image->GetBufferedRegion().GetSize().begin(), 3, m_Size);
+    this->FindBlockMaxima(kernels, parallelize);
     m_Image = image;
     m_ImageMTime = image->GetMTime();
   }
-
-  const Size<3>        size = image->GetBufferedRegion().GetSize();
-  const std::ptrdiff_t x = size[0];
-  const std::ptrdiff_t y = size[1];
-  const std::ptrdiff_t z = size[2];
-  switch (principalAxis)
+  if (!this->IsPrepared(image, principalAxis))
   {
-    case 0:
-      return { m_Transposed->GetImportPointer(), y, z, x, x * y, y };
-    case 1:
-      return { image->GetBufferPointer(), x, z, y, x * y, x };
-    default:
-      return { image->GetBufferPointer(), x, y, z, x, x * y };
+    this->Transpose(kernels, parallelize);
   }
 }
 
 template <typename TPixel>
-template <typename TParallelize>
-auto
-ShearWarpPreparedVolume<TPixel>::Transpose(const ImageType * image, const TParallelize & parallelize) ->
-  typename ContainerType::Pointer
+void
+ShearWarpPreparedVolume<TPixel>::Release()
 {
-  const Size<3>       size = image->GetBufferedRegion().GetSize();
-  const SizeValueType slice = size[0] * size[1];
-  auto                transposed = ContainerType::New();
-  transposed->Reserve(slice * size[2]);
+  m_Image = nullptr;
+  m_Transposed.Release();
+  m_BlockMaxima.Release();
+}
 
-  const TPixel * const input = image->GetBufferPointer();
-  TPixel * const       output = transposed->GetImportPointer();
-  parallelize(size[2], [=](SizeValueType begin, SizeValueType end) {
-    for (SizeValueType z = begin; z < end; ++z)
-    {
-      ShearWarp::TransposeSlice(input + z * slice, size[0], size[1], output + z * slice);
-    }
+template <typename TPixel>
+template <typename TParallelize>
+void
+ShearWarpPreparedVolume<TPixel>::FindBlockMaxima(const ShearWarp::Kernels<TPixel> & kernels,
+                                                 const TParallelize &               parallelize)
+{
+  using ShearWarp::BlockLength;
+  const std::ptrdiff_t x = m_Size[0];
+  const std::ptrdiff_t y = m_Size[1];
+  const std::ptrdiff_t z = m_Size[2];
+  const auto           blocks = [](std::ptrdiff_t size) { return (size + BlockLength - 1) / BlockLength; };
+  ShearWarpBuffer      maxima;
+  maxima.Reserve(blocks(x) * blocks(y) * blocks(z) * sizeof(TPixel));
+
+  m_Lowest = NumericTraits<TPixel>::max();
+  m_Highest = NumericTraits<TPixel>::NonpositiveMin();
+  std::mutex mutex;
+  parallelize(static_cast<SizeValueType>(blocks(y) * blocks(z)), [&](SizeValueType n) {
+    const std::ptrdiff_t row = static_cast<std::ptrdiff_t>(n) % blocks(y) * BlockLength;
+    const std::ptrdiff_t slice = static_cast<std::ptrdiff_t>(n) / blocks(y) * BlockLength;
+    TPixel               lowest = NumericTraits<TPixel>::max();
+    TPixel               highest = NumericTraits<TPixel>::NonpositiveMin();
+    kernels.findBlockMaxima(m_Voxels + (slice * y + row) * x,
+                            x,
+                            std::min(BlockLength, y - row),
+                            std::min(BlockLength, z - slice),
+                            x,
+                            x * y,
+                            maxima.GetPointer<TPixel>() + n * blocks(x),
+                            lowest,
+                            highest);
+    const std::lock_guard<std::mutex> lock(mutex);
+    m_Lowest = std::min(m_Lowest, lowest);
+    m_Highest = std::max(m_Highest, highest);
   });
-  return transposed;
+  m_BlockMaxima = std::move(maxima);
+}
+
+template <typename TPixel>
+template <typename TParallelize>
+void
+ShearWarpPreparedVolume<TPixel>::Transpose(const ShearWarp::Kernels<TPixel> & kernels, const TParallelize & parallelize)
+{
+  const std::ptrdiff_t slice = m_Size[0] * m_Size[1];
+  ShearWarpBuffer      transposed;
+  transposed.Reserve(slice * m_Size[2] * sizeof(TPixel));
+  parallelize(static_cast<SizeValueType>(m_Size[2]), [&](SizeValueType z) {
+    kernels.transposeSlice(m_Voxels + z * slice, m_Size[0], m_Size[1], transposed.GetPointer<TPixel>() + z * slice);
+  });
+  m_Transposed = std::move(transposed);
+}
+
+template <typename TPixel>
+auto
+ShearWarpPreparedVolume<TPixel>::GetSlices(unsigned int principalAxis) const -> SliceStackType
+{
+  const std::ptrdiff_t x = m_Size[0];
+  const std::ptrdiff_t y = m_Size[1];
+  const std::ptrdiff_t z = m_Size[2];
+  switch (principalAxis)
+  {
+    case 0:
+      return { m_Transposed.GetPointer<TPixel>(), y, z, x, x * y, y, m_Lowest, m_Highest };
+    case 1:
+      return { m_Voxels, x, z, y, x * y, x, m_Lowest, m_Highest };
+    default:
+      return { m_Voxels, x, y, z, x, x * y, m_Lowest, m_Highest };
+  }
+}
+
+template <typename TPixel>
+auto
+ShearWarpPreparedVolume<TPixel>::GetBlockMaxima(unsigned int principalAxis) const -> BlockMaximaType
+{
+  const auto blocks = [](std::ptrdiff_t size) { return (size + ShearWarp::BlockLength - 1) / ShearWarp::BlockLength; };
+  const std::ptrdiff_t x = blocks(m_Size[0]);
+  const std::ptrdiff_t y = blocks(m_Size[1]);
+  const std::ptrdiff_t z = blocks(m_Size[2]);
+  const auto *         maxima = m_BlockMaxima.GetPointer<TPixel>();
+  switch (principalAxis)
+  {
+    case 0:
+      return { maxima, y, z, x, x, x * y, 1 };
+    case 1:
+      return { maxima, x, z, y, 1, x * y, x };
+    default:
+      return { maxima, x, y, z, 1, x, x * y };
+  }
 }
 } // namespace itk
 

@@ -24,6 +24,7 @@ operator<<(std::ostream & out, ShearWarpMIPImageFilterEnums::ReducedResampling v
 {
   static constexpr const char * names[] = { "Off", "On", "Auto" };
   const auto                    index = static_cast<unsigned int>(value);
-  return out << "itk::ShearWarpMIPImageFilterEnums::ReducedResampling::" << (index < 3 ? names[index] : "INVALID VALUE");
+  return out << "itk::ShearWarpMIPImageFilterEnums::ReducedResampling::"
+             << (index < 3 ? names[index] : "INVALID VALUE");
 }
 } // namespace itk

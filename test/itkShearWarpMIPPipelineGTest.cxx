@@ -167,7 +167,8 @@ protected:
   FilterType::Pointer m_Filter;
 };
 
-constexpr itk::SizeValueType ImageBytes = 40 * 41 * 42 * sizeof(short);
+constexpr itk::SizeValueType BlockMaximaBytes = 5 * 6 * 6 * sizeof(short);
+constexpr itk::SizeValueType PreparedBytes = 40 * 41 * 42 * sizeof(short) + BlockMaximaBytes;
 } // namespace
 
 TEST_F(ShearWarpMIPPipeline, ChangingTheViewPreparesNothingAgain)
@@ -181,7 +182,7 @@ TEST_F(ShearWarpMIPPipeline, ChangingTheViewPreparesNothingAgain)
       m_Filter->SetTransform(MakeViewAlong(axis));
       m_Filter->Update();
       EXPECT_EQ(m_Filter->GetPrincipalAxis(), axis);
-      EXPECT_EQ(m_Filter->GetPreparedVolumeSizeInBytes(), ImageBytes);
+      EXPECT_EQ(m_Filter->GetPreparedVolumeSizeInBytes(), PreparedBytes);
       EXPECT_EQ(m_Filter->GetPreparationSeconds() > 0.0, isFirst);
       EXPECT_GT(m_Filter->GetProjectionSeconds(), 0.0);
       EXPECT_GT(m_Filter->GetWarpSeconds(), 0.0);
@@ -194,14 +195,14 @@ TEST_F(ShearWarpMIPPipeline, ChangingTheViewPreparesNothingAgain)
   EXPECT_EQ(m_Filter->GetPreparationSeconds(), 0.0) << "parameters prepare nothing either";
 }
 
-TEST_F(ShearWarpMIPPipeline, OnlyViewsAlongXPrepare)
+TEST_F(ShearWarpMIPPipeline, OnlyViewsAlongXCopyTheVolume)
 {
   for (const unsigned int axis : { 1, 2 })
   {
     m_Filter->SetTransform(MakeViewAlong(axis));
     m_Filter->Update();
-    EXPECT_EQ(m_Filter->GetPreparationSeconds(), 0.0);
-    EXPECT_EQ(m_Filter->GetPreparedVolumeSizeInBytes(), 0u);
+    EXPECT_EQ(m_Filter->GetPreparationSeconds() > 0.0, axis == 1) << "the block maxima serve all axes";
+    EXPECT_EQ(m_Filter->GetPreparedVolumeSizeInBytes(), BlockMaximaBytes);
   }
 }
 
@@ -318,7 +319,7 @@ TEST_F(ShearWarpMIPPipeline, ReleasePreparedVolumeFreesItUntilItIsNeeded)
   m_Filter->Modified();
   m_Filter->Update();
   EXPECT_GT(m_Filter->GetPreparationSeconds(), 0.0);
-  EXPECT_EQ(m_Filter->GetPreparedVolumeSizeInBytes(), ImageBytes);
+  EXPECT_EQ(m_Filter->GetPreparedVolumeSizeInBytes(), PreparedBytes);
   EXPECT_TRUE(HaveSamePixels(before.GetPointer(), m_Filter->GetOutput()));
 }
 
@@ -385,6 +386,8 @@ TEST_F(ShearWarpMIPPipeline, UpstreamMayReleaseItsData)
 
 TEST_F(ShearWarpMIPPipeline, ProgressRisesToOneThroughAllPhases)
 {
+  Random random(503);
+  m_Filter->SetInput(MakeRandomImage<short>(random, { { 150, 150, 150 } }));
   for (const unsigned int workUnits : { 1, 2 })
   {
     m_Filter->SetNumberOfWorkUnits(workUnits);
@@ -426,9 +429,17 @@ TEST_F(ShearWarpMIPPipeline, AbortThrowsAndTheNextUpdateIsRight)
     EXPECT_THROW(m_Filter->Update(), itk::ProcessAborted) << "at progress " << abortAt;
     EXPECT_LT(recorder.progress.back(), 1.0f);
     m_Filter->RemoveAllObservers();
-    EXPECT_EQ(m_Filter->GetPreparedVolumeSizeInBytes(), abortAt < 0.4f ? 0u : ImageBytes);
+    EXPECT_EQ(m_Filter->GetPreparedVolumeSizeInBytes(), abortAt < 0.4f ? 0u : PreparedBytes);
     ExpectWorksAgain();
   }
+}
+
+TEST_F(ShearWarpMIPPipeline, AnUnknownInstructionSetIsAnError)
+{
+  itksys::SystemTools::PutEnv("SHEARWARPMIP_INSTRUCTION_SET=abacus");
+  ExpectError({ "SHEARWARPMIP_INSTRUCTION_SET", "abacus", "portable" });
+  itksys::SystemTools::UnPutEnv("SHEARWARPMIP_INSTRUCTION_SET");
+  ExpectWorksAgain();
 }
 
 TEST_F(ShearWarpMIPPipeline, ErrorsOfTheTransformNameIt)
@@ -558,6 +569,9 @@ TEST_F(ShearWarpMIPPipeline, SetGetAndPrintEveryParameter)
                   "OutputSpacing: [0, 0] (fitted)",
                   "OutputOrigin: [0, 0] (fitted)",
                   "DefaultPixelValue: 0\n",
+                  "ReducedResampling: itk::ShearWarpMIPImageFilterEnums::ReducedResampling::Auto",
+                  "SkippedFraction: 0",
+                  "InstructionSet: portable",
                   "PrincipalAxis: 2",
                   "PreparationSeconds: 0",
                   "ProjectionSeconds: 0",
@@ -579,7 +593,7 @@ TEST_F(ShearWarpMIPPipeline, SetGetAndPrintEveryParameter)
                   "OutputOrigin: [-3.5, 4.5]\n",
                   "DefaultPixelValue: -77\n",
                   "PrincipalAxis: 0",
-                  "PreparedVolumeSizeInBytes: 137760" });
+                  "PreparedVolumeSizeInBytes: 138120" });
 
   const auto bytes = itk::ShearWarpMIPImageFilter<itk::Image<unsigned char, 3>>::New();
   bytes->SetDefaultPixelValue(65);

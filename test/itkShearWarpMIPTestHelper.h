@@ -22,6 +22,11 @@
 #include "itkImage.h"
 #include "itkImageRegionIterator.h"
 #include "itkMatrix.h"
+#include "itkShearWarpKernels.h"
+
+#include "itksys/SystemTools.hxx"
+
+#include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
@@ -294,6 +299,29 @@ HaveSameBits(TPixel a, TPixel b)
   return std::memcmp(&a, &b, sizeof(TPixel)) == 0;
 }
 
+/** Every zero is +0 in a maximum. */
+template <typename TPixel>
+TPixel
+WithoutSignOfZero(TPixel value)
+{
+  return value == TPixel{} ? TPixel{} : value;
+}
+
+/** Calls \a function(name) for each instruction set of this computer, while that is the chosen one. */
+template <typename TFunction>
+void
+ForEachInstructionSet(const TFunction & function)
+{
+  constexpr const char * variable = "SHEARWARPMIP_INSTRUCTION_SET";
+  for (const std::string & name : ShearWarp::GetInstructionSets())
+  {
+    itksys::SystemTools::PutEnv(std::string(variable) + '=' + name);
+    SCOPED_TRACE(name);
+    function(name);
+  }
+  itksys::SystemTools::UnPutEnv(variable);
+}
+
 template <typename TPixel>
 bool
 HaveSamePixels(const Image<TPixel, 2> * a, const Image<TPixel, 2> * b)
@@ -391,8 +419,9 @@ SampleSlice(const TVoxel & voxel,
   // b: the voxel at or behind the position, a: the one before it
   const std::int64_t columnB = -DivideDown(-column, WholePixel);
   const std::int64_t rowB = -DivideDown(-row, WholePixel);
-  const std::int64_t x = columnB * WholePixel - column;
-  const std::int64_t y = rowB * WholePixel - row;
+  // the outer half voxels have the edge's value
+  const std::int64_t x = columnB < 1 || columnB >= columns ? 0 : columnB * WholePixel - column;
+  const std::int64_t y = rowB < 1 || rowB >= rows ? 0 : rowB * WholePixel - row;
 
   const auto edge = [&](std::int64_t i, std::int64_t j) -> TPixel {
     return voxel(std::clamp<std::int64_t>(i, 0, columns - 1), std::clamp<std::int64_t>(j, 0, rows - 1));
@@ -645,6 +674,7 @@ private:
         isReached = true;
       }
     }
+    maximum = isReached ? WithoutSignOfZero(maximum) : maximum;
     return isReached;
   }
 

@@ -27,7 +27,7 @@ namespace
 {
 using namespace itk::ShearWarpMIPTest;
 
-/** Counts the calls, and splits the work into bands of three. */
+/** Counts the calls. */
 struct CountingParallelize
 {
   template <typename TFunction>
@@ -35,13 +35,25 @@ struct CountingParallelize
   operator()(itk::SizeValueType count, const TFunction & function) const
   {
     ++calls;
-    for (itk::SizeValueType begin = 0; begin < count; begin += 3)
+    for (itk::SizeValueType n = 0; n < count; ++n)
     {
-      function(begin, std::min(begin + 3, count));
+      function(n);
     }
   }
   mutable int calls{ 0 };
 };
+
+template <typename TPixel, typename TParallelize>
+itk::ShearWarp::SliceStack<TPixel>
+GetSlices(itk::ShearWarpPreparedVolume<TPixel> & volume,
+          const itk::Image<TPixel, 3> *          image,
+          unsigned int                           axis,
+          const TParallelize &                   parallelize)
+{
+  volume.Prepare(image, axis, itk::ShearWarp::GetKernels<TPixel>(), parallelize);
+  EXPECT_TRUE(volume.IsPrepared(image, axis));
+  return volume.GetSlices(axis);
+}
 
 template <typename TPixel>
 void
@@ -92,13 +104,81 @@ TYPED_TEST(ShearWarpPreparedVolumeTyped, GivesTheImagesVoxelsAlongEachAxis)
     const CountingParallelize               parallelize;
     for (unsigned int axis = 0; axis < 3; ++axis)
     {
-      ExpectSlicesOf<TypeParam>(image, axis, volume.GetSlices(image, axis, parallelize));
+      ExpectSlicesOf<TypeParam>(image, axis, GetSlices<TypeParam>(volume, image, axis, parallelize));
     }
-    EXPECT_EQ(volume.GetSizeInBytes(), size[0] * size[1] * size[2] * sizeof(TypeParam));
+    EXPECT_EQ(volume.GetSizeInBytes(),
+              (size[0] * size[1] * size[2] + (size[0] + 7) / 8 * ((size[1] + 7) / 8) * ((size[2] + 7) / 8)) *
+                sizeof(TypeParam));
   }
 }
 
-TEST(ShearWarpPreparedVolume, AlongYAndZNothingIsCopied)
+TYPED_TEST(ShearWarpPreparedVolumeTyped, GivesTheMaximaOfCubesAlongEachAxis)
+{
+  Random random(209);
+  for (const itk::Size<3> & size : { itk::Size<3>{ { 1, 1, 1 } }, { { 9, 8, 7 } }, { { 77, 26, 11 } } })
+  {
+    const auto image = MakeRandomImage<TypeParam>(random, size);
+    const auto voxels = image->GetBufferPointer();
+    const auto count = size[0] * size[1] * size[2];
+    ForEachInstructionSet([&](const std::string &) {
+      itk::ShearWarpPreparedVolume<TypeParam> volume;
+      const CountingParallelize               parallelize;
+      for (unsigned int axis = 0; axis < 3; ++axis)
+      {
+        const auto slices = GetSlices<TypeParam>(volume, image, axis, parallelize);
+        EXPECT_EQ(slices.lowest, *std::min_element(voxels, voxels + count));
+        EXPECT_EQ(slices.highest, *std::max_element(voxels, voxels + count));
+        const auto blocks = volume.GetBlockMaxima(axis);
+        ASSERT_EQ(blocks.columns, (slices.columns + 7) / 8);
+        ASSERT_EQ(blocks.rows, (slices.rows + 7) / 8);
+        ASSERT_EQ(blocks.slices, (slices.slices + 7) / 8);
+        for (std::ptrdiff_t n = 0; n < blocks.columns * blocks.rows * blocks.slices; ++n)
+        {
+          const std::ptrdiff_t column = n % blocks.columns;
+          const std::ptrdiff_t row = n / blocks.columns % blocks.rows;
+          const std::ptrdiff_t slice = n / blocks.columns / blocks.rows;
+          TypeParam            maximum = std::numeric_limits<TypeParam>::lowest();
+          for (std::ptrdiff_t k = slice * 8; k < std::min(slice * 8 + 8, slices.slices); ++k)
+          {
+            for (std::ptrdiff_t j = row * 8; j < std::min(row * 8 + 8, slices.rows); ++j)
+            {
+              for (std::ptrdiff_t i = column * 8; i < std::min(column * 8 + 8, slices.columns); ++i)
+              {
+                maximum = std::max(maximum, slices.voxels[k * slices.sliceStride + j * slices.rowStride + i]);
+              }
+            }
+          }
+          ASSERT_EQ(blocks.maxima[column * blocks.columnStride + row * blocks.rowStride + slice * blocks.sliceStride],
+                    maximum);
+        }
+      }
+    });
+  }
+}
+
+TEST(ShearWarpPreparedVolume, NotANumberIsNoMaximum)
+{
+  Random     random(210);
+  const auto image = MakeRandomImage<float>(random, { { 40, 9, 3 } });
+  float *    voxels = image->GetBufferPointer();
+  const auto count = image->GetBufferedRegion().GetNumberOfPixels();
+  std::fill(voxels, voxels + count, std::numeric_limits<float>::quiet_NaN());
+  voxels[50] = 3;
+  voxels[400] = -7;
+  ForEachInstructionSet([&](const std::string &) {
+    itk::ShearWarpPreparedVolume<float> volume;
+    const CountingParallelize           parallelize;
+    const auto                          slices = GetSlices<float>(volume, image, 2, parallelize);
+    EXPECT_EQ(slices.lowest, -7);
+    EXPECT_EQ(slices.highest, 3);
+    const auto blocks = volume.GetBlockMaxima(2);
+    EXPECT_EQ(blocks.maxima[1], 3);
+    EXPECT_EQ(blocks.maxima[0], -7);
+    EXPECT_EQ(blocks.maxima[2], -std::numeric_limits<float>::infinity());
+  });
+}
+
+TEST(ShearWarpPreparedVolume, AlongYAndZNoVoxelIsCopied)
 {
   Random                    random(202);
   const auto                image = MakeRandomImage<short>(random, { { 4, 5, 6 } });
@@ -106,11 +186,10 @@ TEST(ShearWarpPreparedVolume, AlongYAndZNothingIsCopied)
   const CountingParallelize parallelize;
   for (const unsigned int axis : { 1, 2 })
   {
-    EXPECT_TRUE(volume.IsPrepared(image, axis));
-    EXPECT_EQ(volume.GetSlices(image, axis, parallelize).voxels, image->GetBufferPointer());
+    EXPECT_EQ(GetSlices<short>(volume, image, axis, parallelize).voxels, image->GetBufferPointer());
   }
-  EXPECT_EQ(parallelize.calls, 0);
-  EXPECT_EQ(volume.GetSizeInBytes(), 0u);
+  EXPECT_EQ(parallelize.calls, 1);
+  EXPECT_EQ(volume.GetSizeInBytes(), sizeof(short));
 }
 
 TEST(ShearWarpPreparedVolume, AlongXTheCopyIsMadeOnceAndKept)
@@ -120,13 +199,13 @@ TEST(ShearWarpPreparedVolume, AlongXTheCopyIsMadeOnceAndKept)
   VolumeType                volume;
   const CountingParallelize parallelize;
   EXPECT_FALSE(volume.IsPrepared(image, 0));
-  const auto slices = volume.GetSlices(image, 0, parallelize);
+  const auto slices = GetSlices<short>(volume, image, 0, parallelize);
   EXPECT_TRUE(volume.IsPrepared(image, 0));
-  volume.GetSlices(image, 1, parallelize);
-  volume.GetSlices(image, 2, parallelize);
-  EXPECT_EQ(volume.GetSlices(image, 0, parallelize).voxels, slices.voxels);
-  EXPECT_EQ(parallelize.calls, 1);
-  EXPECT_EQ(volume.GetSizeInBytes(), 4u * 5u * 6u * sizeof(short));
+  GetSlices<short>(volume, image, 1, parallelize);
+  GetSlices<short>(volume, image, 2, parallelize);
+  EXPECT_EQ(GetSlices<short>(volume, image, 0, parallelize).voxels, slices.voxels);
+  EXPECT_EQ(parallelize.calls, 2);
+  EXPECT_EQ(volume.GetSizeInBytes(), (4u * 5u * 6u + 1u) * sizeof(short));
 }
 
 TEST(ShearWarpPreparedVolume, AModifiedImageIsCopiedAgain)
@@ -135,12 +214,12 @@ TEST(ShearWarpPreparedVolume, AModifiedImageIsCopiedAgain)
   const auto                image = MakeRandomImage<short>(random, { { 4, 5, 6 } });
   VolumeType                volume;
   const CountingParallelize parallelize;
-  volume.GetSlices(image, 0, parallelize);
+  GetSlices<short>(volume, image, 0, parallelize);
   FillRandom(random, image.GetPointer());
   image->Modified();
   EXPECT_FALSE(volume.IsPrepared(image, 0));
-  ExpectSlicesOf<short>(image, 0, volume.GetSlices(image, 0, parallelize));
-  EXPECT_EQ(parallelize.calls, 2);
+  ExpectSlicesOf<short>(image, 0, GetSlices<short>(volume, image, 0, parallelize));
+  EXPECT_EQ(parallelize.calls, 4);
 }
 
 TEST(ShearWarpPreparedVolume, AnotherImageIsCopiedAgain)
@@ -150,11 +229,11 @@ TEST(ShearWarpPreparedVolume, AnotherImageIsCopiedAgain)
   const auto                second = MakeRandomImage<short>(random, { { 4, 5, 6 } });
   VolumeType                volume;
   const CountingParallelize parallelize;
-  volume.GetSlices(first, 0, parallelize);
+  GetSlices<short>(volume, first, 0, parallelize);
   EXPECT_FALSE(volume.IsPrepared(second, 0));
-  ExpectSlicesOf<short>(second, 0, volume.GetSlices(second, 0, parallelize));
-  ExpectSlicesOf<short>(first, 0, volume.GetSlices(first, 0, parallelize));
-  EXPECT_EQ(parallelize.calls, 3);
+  ExpectSlicesOf<short>(second, 0, GetSlices<short>(volume, second, 0, parallelize));
+  ExpectSlicesOf<short>(first, 0, GetSlices<short>(volume, first, 0, parallelize));
+  EXPECT_EQ(parallelize.calls, 6);
 }
 
 TEST(ShearWarpPreparedVolume, AChangedImageSeenAlongZFreesTheCopy)
@@ -163,10 +242,10 @@ TEST(ShearWarpPreparedVolume, AChangedImageSeenAlongZFreesTheCopy)
   const auto                image = MakeRandomImage<short>(random, { { 4, 5, 6 } });
   VolumeType                volume;
   const CountingParallelize parallelize;
-  volume.GetSlices(image, 0, parallelize);
+  GetSlices<short>(volume, image, 0, parallelize);
   image->Modified();
-  volume.GetSlices(image, 2, parallelize);
-  EXPECT_EQ(volume.GetSizeInBytes(), 0u);
+  GetSlices<short>(volume, image, 2, parallelize);
+  EXPECT_EQ(volume.GetSizeInBytes(), sizeof(short));
 }
 
 TEST(ShearWarpPreparedVolume, ReleaseFreesTheCopy)
@@ -176,12 +255,12 @@ TEST(ShearWarpPreparedVolume, ReleaseFreesTheCopy)
   VolumeType                volume;
   const CountingParallelize parallelize;
   volume.Release();
-  volume.GetSlices(image, 0, parallelize);
+  GetSlices<short>(volume, image, 0, parallelize);
   volume.Release();
   EXPECT_EQ(volume.GetSizeInBytes(), 0u);
   EXPECT_FALSE(volume.IsPrepared(image, 0));
-  ExpectSlicesOf<short>(image, 0, volume.GetSlices(image, 0, parallelize));
-  EXPECT_EQ(parallelize.calls, 2);
+  ExpectSlicesOf<short>(image, 0, GetSlices<short>(volume, image, 0, parallelize));
+  EXPECT_EQ(parallelize.calls, 4);
 }
 
 TEST(ShearWarpPreparedVolume, KeepsNothingIfPreparationThrows)
@@ -191,11 +270,11 @@ TEST(ShearWarpPreparedVolume, KeepsNothingIfPreparationThrows)
   VolumeType                volume;
   const CountingParallelize parallelize;
   const auto                failing = [](itk::SizeValueType, const auto & function) {
-    function(0, 1);
+    function(0);
     throw std::runtime_error("stopped");
   };
-  EXPECT_THROW(volume.GetSlices(image, 0, failing), std::runtime_error);
+  EXPECT_THROW(GetSlices<short>(volume, image, 0, failing), std::runtime_error);
   EXPECT_FALSE(volume.IsPrepared(image, 0));
   EXPECT_EQ(volume.GetSizeInBytes(), 0u);
-  ExpectSlicesOf<short>(image, 0, volume.GetSlices(image, 0, parallelize));
+  ExpectSlicesOf<short>(image, 0, GetSlices<short>(volume, image, 0, parallelize));
 }

@@ -1,0 +1,148 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#ifndef itkShearWarpProjector_h
+#define itkShearWarpProjector_h
+
+#include "itkShearWarpFactorization.h"
+#include "itkShearWarpPreparedVolume.h"
+
+#include <vector>
+
+namespace itk
+{
+/** \class ShearWarpMIPImageFilterEnums
+ * \brief Enumerations of ShearWarpMIPImageFilter.
+ * \ingroup ShearWarpMIP
+ */
+class ShearWarpMIPImageFilterEnums
+{
+public:
+  /** Whether parts of the volume that cannot change the picture are skipped. */
+  enum class ReducedResampling : uint8_t
+  {
+    Off,
+    On,
+    Auto
+  };
+};
+
+/** Writes the enumerator's name. */
+ShearWarpMIP_EXPORT std::ostream &
+                    operator<<(std::ostream & out, ShearWarpMIPImageFilterEnums::ReducedResampling value);
+
+/** \class ShearWarpProjector
+ * \brief Projects a prepared volume to the intermediate image, by several threads.
+ *
+ * The volume is divided into blocks of rows and slices. Each thread takes the next block and raises an intermediate
+ * image of its own; the maximum over the threads' images is the result. It does not depend on who took which block.
+ *
+ * Reduced resampling (Fang et al. 2002, figure 3) by tiles: before a thread projects eight slices of a block, it
+ * compares the maximum of the cubes that a tile's samples come from with the least pixel that the tile has already. A
+ * sample is never above the maximum of its voxels, so where that is not greater nothing can change.
+ *
+ * The memory is kept from one projection to the next.
+ *
+ * \ingroup ShearWarpMIP
+ */
+template <typename TPixel>
+class ShearWarpProjector
+{
+public:
+  using ReducedResamplingEnum = ShearWarpMIPImageFilterEnums::ReducedResampling;
+  using IntermediateImageType = ShearWarp::IntermediateImage<TPixel>;
+
+  /** Projects \a volume, prepared for the factorization's principal axis. The result refers to this object's memory and
+   * is valid until the next projection. \a parallelize(count, steps, share, function) calls function(n, step, worker)
+   * for each n of [0, count) and, one after the other, each step of [0, steps); calls with the same worker, less than
+   * \a workers, do not overlap. \a share is the part of the whole time that this is expected to take. Throws
+   * MemoryAllocationError. */
+  template <typename TParallelize>
+  IntermediateImageType
+  Project(const ShearWarpPreparedVolume<TPixel> & volume,
+          const ShearWarpFactorization &          factorization,
+          const ShearWarp::Kernels<TPixel> &      kernels,
+          ReducedResamplingEnum                   reducedResampling,
+          SizeValueType                           workers,
+          const TParallelize &                    parallelize);
+
+  /** The fraction of tiles that the last projection left out. */
+  double
+  GetSkippedFraction() const;
+
+private:
+  /** What one thread has projected: rows [rowBegin, rowEnd) of the intermediate image. */
+  struct Worker
+  {
+    ShearWarpBuffer           pixels;
+    std::ptrdiff_t            rowBegin{ 0 }, rowEnd{ 0 };
+    std::vector<TPixel>       tileMinima;
+    std::vector<std::uint8_t> isTileChanged;
+    std::vector<std::uint8_t> active;
+    std::vector<TPixel>       columnMaxima;
+    SizeValueType             tiles{ 0 };
+    SizeValueType             skippedTiles{ 0 };
+    std::ptrdiff_t            untestedCubes{ 0 };
+    std::ptrdiff_t            pause{ 0 };
+  };
+
+  void
+  OrderSlices();
+
+  void
+  ProjectRows(Worker &       worker,
+              std::ptrdiff_t rowBegin,
+              std::ptrdiff_t rowEnd,
+              std::ptrdiff_t first,
+              std::ptrdiff_t last) const;
+
+  bool
+  SelectTiles(Worker & worker, const ShearWarp::Block & block) const;
+
+  TPixel
+  GetTileMinimum(Worker & worker, std::ptrdiff_t tileRow, std::ptrdiff_t tileColumn) const;
+
+  void
+  ExtendRows(Worker & worker, std::ptrdiff_t begin, std::ptrdiff_t end) const;
+
+  void
+  FillRows(Worker & worker, std::ptrdiff_t begin, std::ptrdiff_t end) const;
+
+  void
+  MergeRow(std::ptrdiff_t row);
+
+  IntermediateImageType
+  GetImage(const Worker & worker) const;
+
+  std::vector<Worker>         m_Workers;
+  std::vector<std::ptrdiff_t> m_SliceOrder; // the first of each BlockLength slices
+
+  const ShearWarp::Kernels<TPixel> * m_Kernels{ nullptr };
+  const ShearWarpFactorization *     m_Factorization{ nullptr };
+  ShearWarp::SliceStack<TPixel>      m_Slices{};
+  ShearWarp::BlockMaxima<TPixel>     m_BlockMaxima{};
+  ReducedResamplingEnum              m_ReducedResampling{ ReducedResamplingEnum::Off };
+  std::ptrdiff_t                     m_Columns{ 0 }, m_Rows{ 0 }, m_RowStride{ 0 };
+  std::ptrdiff_t                     m_TileColumns{ 0 }, m_TileRows{ 0 };
+};
+} // namespace itk
+
+#ifndef ITK_MANUAL_INSTANTIATION
+#  include "itkShearWarpProjector.hxx"
+#endif
+
+#endif

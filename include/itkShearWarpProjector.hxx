@@ -1,0 +1,372 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#ifndef itkShearWarpProjector_hxx
+#define itkShearWarpProjector_hxx
+
+#include <algorithm>
+#include <cmath>
+
+namespace itk
+{
+template <typename TPixel>
+template <typename TParallelize>
+auto
+ShearWarpProjector<TPixel>::Project(const ShearWarpPreparedVolume<TPixel> & volume,
+                                    const ShearWarpFactorization &          factorization,
+                                    const ShearWarp::Kernels<TPixel> &      kernels,
+                                    ReducedResamplingEnum                   reducedResampling,
+                                    SizeValueType                           workers,
+                                    const TParallelize &                    parallelize) -> IntermediateImageType
+{
+  using ShearWarp::BlockLength;
+  const auto roundUp = [](std::ptrdiff_t size, std::ptrdiff_t step) { return (size + step - 1) / step * step; };
+
+  m_Kernels = &kernels;
+  m_Factorization = &factorization;
+  m_Slices = volume.GetSlices(factorization.GetPrincipalAxis());
+  m_BlockMaxima = volume.GetBlockMaxima(factorization.GetPrincipalAxis());
+  m_ReducedResampling = reducedResampling;
+  if constexpr (std::is_floating_point_v<TPixel>)
+  {
+    // an interpolation whose difference overflows can exceed its voxels
+    if (!std::isfinite(m_Slices.highest - m_Slices.lowest))
+    {
+      m_ReducedResampling = ReducedResamplingEnum::Off;
+    }
+  }
+  m_Columns = static_cast<std::ptrdiff_t>(factorization.GetIntermediateSize()[0]);
+  m_Rows = static_cast<std::ptrdiff_t>(factorization.GetIntermediateSize()[1]);
+  m_TileColumns = roundUp(m_Columns, ShearWarp::TileColumns) / ShearWarp::TileColumns;
+  m_TileRows = roundUp(m_Rows, BlockLength) / BlockLength;
+  // an odd number of tiles, so that rows do not compete for the same lines of the cache
+  m_RowStride = (m_TileColumns | 1) * ShearWarp::TileColumns;
+
+  m_Workers.resize(std::max<SizeValueType>(m_Workers.size(), workers));
+  for (Worker & worker : m_Workers)
+  {
+    worker.rowBegin = worker.rowEnd = 0;
+    worker.tiles = worker.skippedTiles = 0;
+    worker.untestedCubes = worker.pause = 0;
+  }
+
+  // where slices lie side by side a few rows are long runs in memory, else all rows of a slice are
+  constexpr std::ptrdiff_t sliceBytes = 1 << 17;
+  const std::ptrdiff_t     rowBytes = m_Slices.columns * static_cast<std::ptrdiff_t>(sizeof(TPixel));
+  const std::ptrdiff_t     longRuns =
+    m_Slices.sliceStride < m_Slices.rowStride ? 2 * BlockLength : roundUp(sliceBytes / rowBytes + 1, BlockLength);
+  const std::ptrdiff_t fairShare = roundUp(m_Slices.rows / static_cast<std::ptrdiff_t>(2 * workers) + 1, BlockLength);
+  const std::ptrdiff_t blockRows = std::min(longRuns, fairShare);
+  // a step takes milliseconds at most
+  constexpr std::ptrdiff_t stepVoxels = 1 << 21;
+  const std::ptrdiff_t     stepCubes = stepVoxels / (blockRows * m_Slices.columns * BlockLength) + 1;
+  this->OrderSlices();
+
+  const auto blocks = static_cast<SizeValueType>(roundUp(m_Slices.rows, blockRows) / blockRows);
+  const auto cubes = static_cast<std::ptrdiff_t>(m_SliceOrder.size());
+  const auto steps = static_cast<SizeValueType>(roundUp(cubes, stepCubes) / stepCubes);
+  parallelize(blocks, steps, 0.95f, [&](SizeValueType n, SizeValueType step, SizeValueType worker) {
+    const std::ptrdiff_t row = static_cast<std::ptrdiff_t>(n) * blockRows;
+    const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(step) * stepCubes;
+    this->ProjectRows(
+      m_Workers[worker], row, std::min(row + blockRows, m_Slices.rows), first, std::min(first + stepCubes, cubes));
+  });
+
+  this->ExtendRows(m_Workers.front(), 0, m_Rows);
+  constexpr std::ptrdiff_t bandPixels = 1 << 17;
+  const std::ptrdiff_t     bandRows = bandPixels / m_RowStride + 1;
+  const auto               mergeBand = [&](SizeValueType n, SizeValueType, SizeValueType) {
+    const std::ptrdiff_t begin = static_cast<std::ptrdiff_t>(n) * bandRows;
+    for (std::ptrdiff_t row = begin; row < std::min(begin + bandRows, m_Rows); ++row)
+    {
+      this->MergeRow(row);
+    }
+  };
+  parallelize(static_cast<SizeValueType>(roundUp(m_Rows, bandRows) / bandRows), 1, 0.05f, mergeBand);
+  return this->GetImage(m_Workers.front());
+}
+
+template <typename TPixel>
+double
+ShearWarpProjector<TPixel>::GetSkippedFraction() const
+{
+  SizeValueType tiles = 0;
+  SizeValueType skipped = 0;
+  for (const Worker & worker : m_Workers)
+  {
+    tiles += worker.tiles;
+    skipped += worker.skippedTiles;
+  }
+  return tiles == 0 ? 0.0 : static_cast<double>(skipped) / static_cast<double>(tiles);
+}
+
+template <typename TPixel>
+auto
+ShearWarpProjector<TPixel>::GetImage(const Worker & worker) const -> IntermediateImageType
+{
+  return { worker.pixels.template GetPointer<TPixel>(),
+           m_Columns,
+           m_Rows,
+           m_RowStride,
+           m_Factorization->GetReachedColumns().data() };
+}
+
+/** Storage order, but for reduced resampling every few slices first: they soon give all pixels a value. */
+template <typename TPixel>
+void
+ShearWarpProjector<TPixel>::OrderSlices()
+{
+  using ShearWarp::BlockLength;
+  constexpr std::ptrdiff_t seedDistance = 8 * BlockLength;
+  const bool               hasSeeds = m_ReducedResampling != ReducedResamplingEnum::Off;
+  const std::ptrdiff_t     lastCube = (m_Slices.slices - 1) / BlockLength * BlockLength;
+  m_SliceOrder.clear();
+  for (const bool isSeed : { true, false })
+  {
+    for (std::ptrdiff_t slice = 0; slice < m_Slices.slices; slice += BlockLength)
+    {
+      if (isSeed == (hasSeeds && (slice % seedDistance == 0 || slice == lastCube)))
+      {
+        m_SliceOrder.push_back(slice);
+      }
+    }
+  }
+}
+
+/** Projects rows [rowBegin, rowEnd) of the slices of elements [first, last) of m_SliceOrder. */
+template <typename TPixel>
+void
+ShearWarpProjector<TPixel>::ProjectRows(Worker &       worker,
+                                        std::ptrdiff_t rowBegin,
+                                        std::ptrdiff_t rowEnd,
+                                        std::ptrdiff_t first,
+                                        std::ptrdiff_t last) const
+{
+  using ShearWarp::BlockLength;
+  const ShearWarp::SlicePlacement * placements = m_Factorization->GetSlicePlacements().data();
+  ShearWarp::ShearedView<TPixel>    view{ placements, {} };
+  view.activeStride = m_TileColumns;
+  for (std::ptrdiff_t n = first; n < last;)
+  {
+    // one cube's slices, or as many as follow each other untested
+    const bool     isTested = m_ReducedResampling != ReducedResamplingEnum::Off && worker.untestedCubes == 0;
+    std::ptrdiff_t end = n + 1;
+    while (!isTested && end < last && m_SliceOrder[end] == m_SliceOrder[end - 1] + BlockLength &&
+           (m_ReducedResampling == ReducedResamplingEnum::Off || end - n < worker.untestedCubes))
+    {
+      ++end;
+    }
+    const ShearWarp::Block block{
+      rowBegin, rowEnd, m_SliceOrder[n], std::min(m_SliceOrder[end - 1] + BlockLength, m_Slices.slices)
+    };
+    // offsets are monotonic in the slice
+    const std::int32_t firstRow = placements[block.sliceBegin].row.whole;
+    const std::int32_t lastRow = placements[block.sliceEnd - 1].row.whole;
+    this->ExtendRows(
+      worker, rowBegin + std::min(firstRow, lastRow), std::min(rowEnd + std::max(firstRow, lastRow) + 1, m_Rows));
+    view.intermediate = this->GetImage(worker);
+    if (isTested)
+    {
+      if (this->SelectTiles(worker, block))
+      {
+        view.active = worker.active.data();
+        m_Kernels->projectBlock(m_Slices, block, &view, 1);
+      }
+    }
+    else
+    {
+      view.active = nullptr;
+      m_Kernels->projectBlock(m_Slices, block, &view, 1);
+      worker.untestedCubes -= std::min(end - n, worker.untestedCubes);
+      worker.tiles += m_TileColumns * ((rowEnd - rowBegin + BlockLength - 1) / BlockLength) * (end - n);
+      std::fill(worker.isTileChanged.begin(), worker.isTileChanged.end(), 1);
+    }
+    n = end;
+  }
+}
+
+/** Marks the tiles of at most BlockLength slices that may raise a pixel; false if none may. */
+template <typename TPixel>
+bool
+ShearWarpProjector<TPixel>::SelectTiles(Worker & worker, const ShearWarp::Block & block) const
+{
+  using ShearWarp::BlockLength;
+  using ShearWarp::TileColumns;
+  const ShearWarp::SlicePlacement * placements = m_Factorization->GetSlicePlacements().data();
+  const auto &                      first = placements[block.sliceBegin];
+  const auto &                      last = placements[block.sliceEnd - 1];
+  const std::ptrdiff_t              firstColumn = std::min(first.column.whole, last.column.whole);
+  const std::ptrdiff_t              lastColumn = std::max(first.column.whole, last.column.whole);
+  const std::ptrdiff_t              firstRow = std::min(first.row.whole, last.row.whole);
+  const std::ptrdiff_t              lastRow = std::max(first.row.whole, last.row.whole);
+
+  const std::ptrdiff_t blockRows = (block.rowEnd - block.rowBegin + BlockLength - 1) / BlockLength;
+  worker.active.assign(blockRows * m_TileColumns, 0);
+  worker.columnMaxima.resize(m_BlockMaxima.columns);
+  SizeValueType tiles = 0;
+  SizeValueType skipped = 0;
+  for (std::ptrdiff_t blockRow = 0; blockRow < blockRows; ++blockRow)
+  {
+    // a sample needs the row above too
+    const std::ptrdiff_t row = block.rowBegin / BlockLength + blockRow;
+    const TPixel *       cubes =
+      m_BlockMaxima.maxima + row * m_BlockMaxima.rowStride + block.sliceBegin / BlockLength * m_BlockMaxima.sliceStride;
+    const std::ptrdiff_t above = row > 0 ? m_BlockMaxima.rowStride : 0;
+    for (std::ptrdiff_t column = 0; column < m_BlockMaxima.columns; ++column)
+    {
+      const TPixel * cube = cubes + column * m_BlockMaxima.columnStride;
+      worker.columnMaxima[column] = std::max(cube[0], *(cube - above));
+    }
+
+    const std::ptrdiff_t tileRowBegin = (row * BlockLength + firstRow) / BlockLength;
+    // the last row of the volume has the edge's sample too
+    const bool           isLast = row + 1 == m_BlockMaxima.rows;
+    const std::ptrdiff_t lastSample = (isLast ? m_Slices.rows : row * BlockLength + BlockLength - 1) + lastRow;
+    const std::ptrdiff_t tileRowEnd = std::min(lastSample / BlockLength + 1, m_TileRows);
+    for (std::ptrdiff_t tileColumn = firstColumn / TileColumns; tileColumn < m_TileColumns; ++tileColumn)
+    {
+      const std::ptrdiff_t begin = std::max<std::ptrdiff_t>(tileColumn * TileColumns - lastColumn - 1, 0);
+      const std::ptrdiff_t end = std::min(tileColumn * TileColumns + TileColumns - firstColumn, m_Slices.columns);
+      if (tileColumn * TileColumns > lastColumn + m_Slices.columns)
+      {
+        break;
+      }
+      ++tiles;
+      const TPixel * maxima = worker.columnMaxima.data();
+      const TPixel   maximum = *std::max_element(maxima + std::min(begin, m_Slices.columns - 1) / BlockLength,
+                                               maxima + (std::max<std::ptrdiff_t>(end, 1) - 1) / BlockLength + 1);
+      bool           isActive = false;
+      for (std::ptrdiff_t tileRow = tileRowBegin; tileRow < tileRowEnd && !isActive; ++tileRow)
+      {
+        isActive = maximum > this->GetTileMinimum(worker, tileRow, tileColumn);
+      }
+      if (isActive)
+      {
+        worker.active[blockRow * m_TileColumns + tileColumn] = 1;
+        for (std::ptrdiff_t tileRow = tileRowBegin; tileRow < tileRowEnd; ++tileRow)
+        {
+          worker.isTileChanged[tileRow * m_TileColumns + tileColumn] = 1;
+        }
+      }
+      else
+      {
+        ++skipped;
+      }
+    }
+  }
+  worker.tiles += tiles;
+  worker.skippedTiles += skipped;
+
+  if (m_ReducedResampling == ReducedResamplingEnum::Auto)
+  {
+    // where little is skipped, try more and more rarely
+    worker.pause = skipped * 16 < tiles ? std::min<std::ptrdiff_t>(2 * worker.pause + 1, 16) : 0;
+    worker.untestedCubes = worker.pause;
+  }
+  return skipped < tiles;
+}
+
+template <typename TPixel>
+TPixel
+ShearWarpProjector<TPixel>::GetTileMinimum(Worker & worker, std::ptrdiff_t tileRow, std::ptrdiff_t tileColumn) const
+{
+  const std::ptrdiff_t tile = tileRow * m_TileColumns + tileColumn;
+  if (worker.isTileChanged[tile])
+  {
+    worker.isTileChanged[tile] = 0;
+    worker.tileMinima[tile] =
+      m_Kernels->findMinimum(worker.pixels.template GetPointer<TPixel>() +
+                               tileRow * ShearWarp::BlockLength * m_RowStride + tileColumn * ShearWarp::TileColumns,
+                             m_RowStride,
+                             ShearWarp::BlockLength,
+                             ShearWarp::TileColumns);
+  }
+  return worker.tileMinima[tile];
+}
+
+/** Makes the worker's rows contain [begin, end). */
+template <typename TPixel>
+void
+ShearWarpProjector<TPixel>::ExtendRows(Worker & worker, std::ptrdiff_t begin, std::ptrdiff_t end) const
+{
+  using ShearWarp::BlockLength;
+  if (worker.rowBegin == worker.rowEnd)
+  {
+    worker.pixels.Reserve(m_TileRows * BlockLength * m_RowStride * sizeof(TPixel));
+    worker.tileMinima.resize(m_TileRows * m_TileColumns);
+    worker.isTileChanged.assign(m_TileRows * m_TileColumns, 1);
+    worker.rowBegin = worker.rowEnd = begin / BlockLength * BlockLength;
+  }
+  begin = begin / BlockLength * BlockLength;
+  end = (end + BlockLength - 1) / BlockLength * BlockLength;
+  if (begin < worker.rowBegin)
+  {
+    this->FillRows(worker, begin, worker.rowBegin);
+    worker.rowBegin = begin;
+  }
+  if (end > worker.rowEnd)
+  {
+    this->FillRows(worker, worker.rowEnd, end);
+    worker.rowEnd = end;
+  }
+}
+
+/** No sample yet; the maximum where none can come, so that it does not keep a tile from being skipped. */
+template <typename TPixel>
+void
+ShearWarpProjector<TPixel>::FillRows(Worker & worker, std::ptrdiff_t begin, std::ptrdiff_t end) const
+{
+  const auto & reached = m_Factorization->GetReachedColumns();
+  for (std::ptrdiff_t row = begin; row < end; ++row)
+  {
+    TPixel *                    pixels = worker.pixels.template GetPointer<TPixel>() + row * m_RowStride;
+    const ShearWarp::ColumnSpan span = row < m_Rows ? reached[row] : ShearWarp::ColumnSpan{ 0, 0 };
+    std::fill(pixels, pixels + span.begin, NumericTraits<TPixel>::max());
+    std::fill(pixels + span.begin, pixels + span.end, ShearWarp::NoSample<TPixel>);
+    std::fill(pixels + span.end, pixels + m_RowStride, NumericTraits<TPixel>::max());
+  }
+}
+
+/** Raises the first worker's pixels of \a row to those of the others. */
+template <typename TPixel>
+void
+ShearWarpProjector<TPixel>::MergeRow(std::ptrdiff_t row)
+{
+  TPixel * result = m_Workers.front().pixels.template GetPointer<TPixel>() + row * m_RowStride;
+  for (std::size_t n = 1; n < m_Workers.size(); ++n)
+  {
+    if (row >= m_Workers[n].rowBegin && row < m_Workers[n].rowEnd)
+    {
+      const TPixel * pixels = m_Workers[n].pixels.template GetPointer<TPixel>() + row * m_RowStride;
+      for (std::ptrdiff_t p = 0; p < m_Columns; ++p)
+      {
+        result[p] = pixels[p] > result[p] ? pixels[p] : result[p];
+      }
+    }
+  }
+  if constexpr (std::is_floating_point_v<TPixel>)
+  {
+    // which of two zeros was first does not matter
+    for (std::ptrdiff_t p = 0; p < m_Columns; ++p)
+    {
+      result[p] += TPixel{ 0 };
+    }
+  }
+}
+} // namespace itk
+
+#endif

@@ -1,0 +1,174 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#include "itkShearWarpVectorKernelSets.h"
+
+#include <immintrin.h>
+
+#define SHEARWARP_UNROLL _Pragma("GCC unroll 16")
+#define SHEARWARP_INLINE __attribute__((always_inline))
+
+namespace itk::ShearWarp
+{
+namespace
+{
+/** AVX2. */
+struct Lanes
+{
+  static constexpr char           Name[] = "avx2";
+  static constexpr std::ptrdiff_t ShortCount = 16;
+  static constexpr std::ptrdiff_t FloatCount = 8;
+  static constexpr std::ptrdiff_t WarpCount = 4;
+
+  using Short = __m256i;
+  using Int = __m256i;
+  using Float = __m256;
+
+  // clang-format off
+  static Short Load(const unsigned short * p) { return _mm256_loadu_si256(reinterpret_cast<const __m256i *>(p)); }
+  static Short Load(const short * p) { return _mm256_loadu_si256(reinterpret_cast<const __m256i *>(p)); }
+  static Short Load(const unsigned char * p) { return _mm256_cvtepu8_epi16(_mm_loadu_si128(reinterpret_cast<const __m128i *>(p))); }
+  static Short Load(const signed char * p) { return _mm256_cvtepi8_epi16(_mm_loadu_si128(reinterpret_cast<const __m128i *>(p))); }
+  static void Store(unsigned short * p, Short v) { _mm256_storeu_si256(reinterpret_cast<__m256i *>(p), v); }
+  static void Store(short * p, Short v) { _mm256_storeu_si256(reinterpret_cast<__m256i *>(p), v); }
+  static void Store(unsigned char * p, Short v) { _mm_storeu_si128(reinterpret_cast<__m128i *>(p), _mm_packus_epi16(_mm256_castsi256_si128(v), _mm256_extracti128_si256(v, 1))); }
+  static void Store(signed char * p, Short v) { _mm_storeu_si128(reinterpret_cast<__m128i *>(p), _mm_packs_epi16(_mm256_castsi256_si128(v), _mm256_extracti128_si256(v, 1))); }
+  static Short Set(int v) { return _mm256_set1_epi16(static_cast<short>(v)); }
+  static Short SetPairs(int low, int high) { return _mm256_set1_epi32(low | high << 16); }
+  static Short Add(Short a, Short b) { return _mm256_add_epi16(a, b); }
+  static Short Subtract(Short a, Short b) { return _mm256_sub_epi16(a, b); }
+  static Short MultiplyHighRounded(Short a, Short b) { return _mm256_mulhrs_epi16(a, b); }
+  static Short FlipSign(Short v) { return _mm256_xor_si256(v, _mm256_set1_epi16(-32768)); }
+  static Short Maximum(Short maximum, Short v) { return _mm256_max_epi16(maximum, v); }
+  static Short Minimum(Short minimum, Short v) { return _mm256_min_epi16(minimum, v); }
+  static Short MaximumUnsigned(Short maximum, Short v) { return _mm256_max_epu16(maximum, v); }
+  static Short MinimumUnsigned(Short minimum, Short v) { return _mm256_min_epu16(minimum, v); }
+  static Short InterleaveLow(Short a, Short b) { return _mm256_unpacklo_epi16(a, b); }
+  static Short InterleaveHigh(Short a, Short b) { return _mm256_unpackhi_epi16(a, b); }
+
+  static Int SetInt(int v) { return _mm256_set1_epi32(v); }
+  static Int LowestInt() { return _mm256_set1_epi32(-2147483647 - 1); }
+  static Int MaximumInt(Int a, Int b) { return _mm256_max_epi32(a, b); }
+  static Int AddPairProducts(Int sum, Short a, Short b) { return _mm256_add_epi32(sum, _mm256_madd_epi16(a, b)); }
+  static Short PackEvenOdd(Int even, Int odd) { return _mm256_blend_epi16(_mm256_srli_epi32(even, 15), _mm256_slli_epi32(odd, 1), 0xAA); }
+  static Short PackInterleaved(Int low, Int high) { return _mm256_packs_epi32(_mm256_srai_epi32(low, 15), _mm256_srai_epi32(high, 15)); }
+
+  static Float Load(const float * p) { return _mm256_loadu_ps(p); }
+  static void Store(float * p, Float v) { _mm256_storeu_ps(p, v); }
+  static Float SetFloat(float v) { return _mm256_set1_ps(v); }
+  static Float Add(Float a, Float b) { return _mm256_add_ps(a, b); }
+  static Float Subtract(Float a, Float b) { return _mm256_sub_ps(a, b); }
+  static Float Multiply(Float a, Float b) { return _mm256_mul_ps(a, b); }
+  static Float Maximum(Float maximum, Float v) { return _mm256_max_ps(v, maximum); }
+  static Float Minimum(Float minimum, Float v) { return _mm256_min_ps(v, minimum); }
+
+  using Index = __m128i;
+  using Double = __m256d;
+  using Single = __m128;
+
+  static Double SetDouble(double v) { return _mm256_set1_pd(v); }
+  static Double Count(double first) { return _mm256_add_pd(_mm256_set1_pd(first), _mm256_setr_pd(0, 1, 2, 3)); }
+  static Double AddDouble(Double a, Double b) { return _mm256_add_pd(a, b); }
+  static Double MultiplyDouble(Double a, Double b) { return _mm256_mul_pd(a, b); }
+  static Double Floor(Double v) { return _mm256_floor_pd(v); }
+  static bool AreWithin(Double v, double begin, double end) { return _mm256_movemask_pd(_mm256_and_pd(_mm256_cmp_pd(v, _mm256_set1_pd(begin), _CMP_GE_OQ), _mm256_cmp_pd(v, _mm256_set1_pd(end), _CMP_LT_OQ))) == 0xF; }
+  static Index DoubleToIndex(Double v) { return _mm256_cvttpd_epi32(v); }
+  static Double IndexToDouble(Index v) { return _mm256_cvtepi32_pd(v); }
+  static Index SetIndex(int v) { return _mm_set1_epi32(v); }
+  static void StoreIndex(std::int32_t * p, Index v) { _mm_storeu_si128(reinterpret_cast<__m128i *>(p), v); }
+  static Index AddIndex(Index a, Index b) { return _mm_add_epi32(a, b); }
+  static Index SubtractIndex(Index a, Index b) { return _mm_sub_epi32(a, b); }
+  static Index MultiplyIndex(Index a, Index b) { return _mm_mullo_epi32(a, b); }
+  static Index AndIndex(Index a, Index b) { return _mm_and_si128(a, b); }
+  static Index ShiftLeft(Index v, int bits) { return _mm_slli_epi32(v, bits); }
+  static Index ShiftRight(Index v, int bits) { return _mm_srai_epi32(v, bits); }
+  static Index ShiftRightLogical(Index v, int bits) { return _mm_srli_epi32(v, bits); }
+  template <int VSize>
+  static Index Gather(const void * p, Index v) { return _mm_i32gather_epi32(static_cast<const int *>(p), v, VSize); }
+
+  static Single GatherSingle(const float * p, Index v) { return _mm_i32gather_ps(p, v, 4); }
+  static Single SetSingle(float v) { return _mm_set1_ps(v); }
+  static void StoreSingle(float * p, Single v) { _mm_storeu_ps(p, v); }
+  static Single MaximumSingle(Single a, Single b) { return _mm_max_ps(a, b); }
+  static Single MinimumSingle(Single a, Single b) { return _mm_min_ps(a, b); }
+  static Single SelectWhereZero(Index v, Single zero, Single other) { return _mm_blendv_ps(other, zero, _mm_castsi128_ps(_mm_cmpeq_epi32(v, _mm_setzero_si128()))); }
+  static bool AreFinite(Single v) { const Single difference = _mm_sub_ps(v, v); return _mm_movemask_ps(_mm_cmp_ps(difference, difference, _CMP_UNORD_Q)) == 0; }
+  static Double SingleToDouble(Single v) { return _mm256_cvtps_pd(v); }
+  static Single DoubleToSingle(Double v) { return _mm256_cvtpd_ps(v); }
+
+  using Quad = __m128i;
+  static Quad LoadQuad(const void * p) { return _mm_loadu_si128(static_cast<const __m128i *>(p)); }
+  static void StoreQuad(void * p, Quad v) { _mm_storeu_si128(static_cast<__m128i *>(p), v); }
+  static Quad InterleaveQuadLow(Quad a, Quad b, unsigned char) { return _mm_unpacklo_epi8(a, b); }
+  static Quad InterleaveQuadHigh(Quad a, Quad b, unsigned char) { return _mm_unpackhi_epi8(a, b); }
+  static Quad InterleaveQuadLow(Quad a, Quad b, signed char) { return _mm_unpacklo_epi8(a, b); }
+  static Quad InterleaveQuadHigh(Quad a, Quad b, signed char) { return _mm_unpackhi_epi8(a, b); }
+  static Quad InterleaveQuadLow(Quad a, Quad b, unsigned short) { return _mm_unpacklo_epi16(a, b); }
+  static Quad InterleaveQuadHigh(Quad a, Quad b, unsigned short) { return _mm_unpackhi_epi16(a, b); }
+  static Quad InterleaveQuadLow(Quad a, Quad b, short) { return _mm_unpacklo_epi16(a, b); }
+  static Quad InterleaveQuadHigh(Quad a, Quad b, short) { return _mm_unpackhi_epi16(a, b); }
+  static Quad InterleaveQuadLow(Quad a, Quad b, float) { return _mm_unpacklo_epi32(a, b); }
+  static Quad InterleaveQuadHigh(Quad a, Quad b, float) { return _mm_unpackhi_epi32(a, b); }
+
+  static void StoreLine(void * p, const void * line, bool isAligned)
+  {
+    for (int half = 0; half < 2; ++half)
+    {
+      const __m256i v = _mm256_load_si256(static_cast<const __m256i *>(line) + half);
+      __m256i *     target = static_cast<__m256i *>(p) + half;
+      isAligned ? _mm256_stream_si256(target, v) : _mm256_storeu_si256(target, v);
+    }
+  }
+  static void FinishLines() { _mm_sfence(); }
+  static void Prefetch(const char * p) { _mm_prefetch(p, _MM_HINT_T0); }
+  // clang-format on
+};
+
+#include "itkShearWarpVectorKernels.h"
+} // namespace
+
+template <>
+const Kernels<unsigned char> &
+GetAVX2Kernels()
+{
+  return VectorKernels<unsigned char>;
+}
+template <>
+const Kernels<signed char> &
+GetAVX2Kernels()
+{
+  return VectorKernels<signed char>;
+}
+template <>
+const Kernels<unsigned short> &
+GetAVX2Kernels()
+{
+  return VectorKernels<unsigned short>;
+}
+template <>
+const Kernels<short> &
+GetAVX2Kernels()
+{
+  return VectorKernels<short>;
+}
+template <>
+const Kernels<float> &
+GetAVX2Kernels()
+{
+  return VectorKernels<float>;
+}
+} // namespace itk::ShearWarp

@@ -1,0 +1,174 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#include "itkShearWarpVectorKernelSets.h"
+
+#include <immintrin.h>
+
+#define SHEARWARP_UNROLL _Pragma("GCC unroll 16")
+#define SHEARWARP_INLINE __attribute__((always_inline))
+
+namespace itk::ShearWarp
+{
+namespace
+{
+/** AVX-512 F, BW, DQ and VL. */
+struct Lanes
+{
+  static constexpr char           Name[] = "avx512";
+  static constexpr std::ptrdiff_t ShortCount = 32;
+  static constexpr std::ptrdiff_t FloatCount = 16;
+  static constexpr std::ptrdiff_t WarpCount = 8;
+
+  using Short = __m512i;
+  using Int = __m512i;
+  using Float = __m512;
+
+  // clang-format off
+  static Short Load(const unsigned short * p) { return _mm512_loadu_si512(p); }
+  static Short Load(const short * p) { return _mm512_loadu_si512(p); }
+  static Short Load(const unsigned char * p) { return _mm512_cvtepu8_epi16(_mm256_loadu_si256(reinterpret_cast<const __m256i *>(p))); }
+  static Short Load(const signed char * p) { return _mm512_cvtepi8_epi16(_mm256_loadu_si256(reinterpret_cast<const __m256i *>(p))); }
+  static void Store(unsigned short * p, Short v) { _mm512_storeu_si512(p, v); }
+  static void Store(short * p, Short v) { _mm512_storeu_si512(p, v); }
+  static void Store(unsigned char * p, Short v) { _mm256_storeu_si256(reinterpret_cast<__m256i *>(p), _mm512_cvtepi16_epi8(v)); }
+  static void Store(signed char * p, Short v) { _mm256_storeu_si256(reinterpret_cast<__m256i *>(p), _mm512_cvtepi16_epi8(v)); }
+  static Short Set(int v) { return _mm512_set1_epi16(static_cast<short>(v)); }
+  static Short SetPairs(int low, int high) { return _mm512_set1_epi32(low | high << 16); }
+  static Short Add(Short a, Short b) { return _mm512_add_epi16(a, b); }
+  static Short Subtract(Short a, Short b) { return _mm512_sub_epi16(a, b); }
+  static Short MultiplyHighRounded(Short a, Short b) { return _mm512_mulhrs_epi16(a, b); }
+  static Short FlipSign(Short v) { return _mm512_xor_si512(v, _mm512_set1_epi16(-32768)); }
+  static Short Maximum(Short maximum, Short v) { return _mm512_max_epi16(maximum, v); }
+  static Short Minimum(Short minimum, Short v) { return _mm512_min_epi16(minimum, v); }
+  static Short MaximumUnsigned(Short maximum, Short v) { return _mm512_max_epu16(maximum, v); }
+  static Short MinimumUnsigned(Short minimum, Short v) { return _mm512_min_epu16(minimum, v); }
+  static Short InterleaveLow(Short a, Short b) { return _mm512_unpacklo_epi16(a, b); }
+  static Short InterleaveHigh(Short a, Short b) { return _mm512_unpackhi_epi16(a, b); }
+
+  static Int SetInt(int v) { return _mm512_set1_epi32(v); }
+  static Int LowestInt() { return _mm512_set1_epi32(-2147483647 - 1); }
+  static Int MaximumInt(Int a, Int b) { return _mm512_max_epi32(a, b); }
+#ifdef SHEARWARP_VNNI
+  static Int AddPairProducts(Int sum, Short a, Short b) { return _mm512_dpwssd_epi32(sum, a, b); }
+#else
+  static Int AddPairProducts(Int sum, Short a, Short b) { return _mm512_add_epi32(sum, _mm512_madd_epi16(a, b)); }
+#endif
+  static Short PackEvenOdd(Int even, Int odd) { return _mm512_mask_blend_epi16(0xAAAAAAAA, _mm512_srli_epi32(even, 15), _mm512_slli_epi32(odd, 1)); }
+  static Short PackInterleaved(Int low, Int high) { return _mm512_packs_epi32(_mm512_srai_epi32(low, 15), _mm512_srai_epi32(high, 15)); }
+
+  static Float Load(const float * p) { return _mm512_loadu_ps(p); }
+  static void Store(float * p, Float v) { _mm512_storeu_ps(p, v); }
+  static Float SetFloat(float v) { return _mm512_set1_ps(v); }
+  static Float Add(Float a, Float b) { return _mm512_add_ps(a, b); }
+  static Float Subtract(Float a, Float b) { return _mm512_sub_ps(a, b); }
+  static Float Multiply(Float a, Float b) { return _mm512_mul_ps(a, b); }
+  static Float Maximum(Float maximum, Float v) { return _mm512_max_ps(v, maximum); }
+  static Float Minimum(Float minimum, Float v) { return _mm512_min_ps(v, minimum); }
+
+  using Index = __m256i;
+  using Double = __m512d;
+  using Single = __m256;
+
+  static Double SetDouble(double v) { return _mm512_set1_pd(v); }
+  static Double Count(double first) { return _mm512_add_pd(_mm512_set1_pd(first), _mm512_setr_pd(0, 1, 2, 3, 4, 5, 6, 7)); }
+  static Double AddDouble(Double a, Double b) { return _mm512_add_pd(a, b); }
+  static Double MultiplyDouble(Double a, Double b) { return _mm512_mul_pd(a, b); }
+  static Double Floor(Double v) { return _mm512_roundscale_pd(v, _MM_FROUND_TO_NEG_INF | _MM_FROUND_NO_EXC); }
+  static bool AreWithin(Double v, double begin, double end) { return (_mm512_cmp_pd_mask(v, _mm512_set1_pd(begin), _CMP_GE_OQ) & _mm512_cmp_pd_mask(v, _mm512_set1_pd(end), _CMP_LT_OQ)) == 0xFF; }
+  static Index DoubleToIndex(Double v) { return _mm512_cvttpd_epi32(v); }
+  static Double IndexToDouble(Index v) { return _mm512_cvtepi32_pd(v); }
+  static Index SetIndex(int v) { return _mm256_set1_epi32(v); }
+  static void StoreIndex(std::int32_t * p, Index v) { _mm256_storeu_si256(reinterpret_cast<__m256i *>(p), v); }
+  static Index AddIndex(Index a, Index b) { return _mm256_add_epi32(a, b); }
+  static Index SubtractIndex(Index a, Index b) { return _mm256_sub_epi32(a, b); }
+  static Index MultiplyIndex(Index a, Index b) { return _mm256_mullo_epi32(a, b); }
+  static Index AndIndex(Index a, Index b) { return _mm256_and_si256(a, b); }
+  static Index ShiftLeft(Index v, int bits) { return _mm256_slli_epi32(v, bits); }
+  static Index ShiftRight(Index v, int bits) { return _mm256_srai_epi32(v, bits); }
+  static Index ShiftRightLogical(Index v, int bits) { return _mm256_srli_epi32(v, bits); }
+  template <int VSize>
+  static Index Gather(const void * p, Index v) { return _mm256_i32gather_epi32(static_cast<const int *>(p), v, VSize); }
+
+  static Single GatherSingle(const float * p, Index v) { return _mm256_i32gather_ps(p, v, 4); }
+  static Single SetSingle(float v) { return _mm256_set1_ps(v); }
+  static void StoreSingle(float * p, Single v) { _mm256_storeu_ps(p, v); }
+  static Single MaximumSingle(Single a, Single b) { return _mm256_max_ps(a, b); }
+  static Single MinimumSingle(Single a, Single b) { return _mm256_min_ps(a, b); }
+  static Single SelectWhereZero(Index v, Single zero, Single other) { return _mm256_blendv_ps(other, zero, _mm256_castsi256_ps(_mm256_cmpeq_epi32(v, _mm256_setzero_si256()))); }
+  static bool AreFinite(Single v) { const Single difference = _mm256_sub_ps(v, v); return _mm256_movemask_ps(_mm256_cmp_ps(difference, difference, _CMP_UNORD_Q)) == 0; }
+  static Double SingleToDouble(Single v) { return _mm512_cvtps_pd(v); }
+  static Single DoubleToSingle(Double v) { return _mm512_cvtpd_ps(v); }
+
+  using Quad = __m128i;
+  static Quad LoadQuad(const void * p) { return _mm_loadu_si128(static_cast<const __m128i *>(p)); }
+  static void StoreQuad(void * p, Quad v) { _mm_storeu_si128(static_cast<__m128i *>(p), v); }
+  static Quad InterleaveQuadLow(Quad a, Quad b, unsigned char) { return _mm_unpacklo_epi8(a, b); }
+  static Quad InterleaveQuadHigh(Quad a, Quad b, unsigned char) { return _mm_unpackhi_epi8(a, b); }
+  static Quad InterleaveQuadLow(Quad a, Quad b, signed char) { return _mm_unpacklo_epi8(a, b); }
+  static Quad InterleaveQuadHigh(Quad a, Quad b, signed char) { return _mm_unpackhi_epi8(a, b); }
+  static Quad InterleaveQuadLow(Quad a, Quad b, unsigned short) { return _mm_unpacklo_epi16(a, b); }
+  static Quad InterleaveQuadHigh(Quad a, Quad b, unsigned short) { return _mm_unpackhi_epi16(a, b); }
+  static Quad InterleaveQuadLow(Quad a, Quad b, short) { return _mm_unpacklo_epi16(a, b); }
+  static Quad InterleaveQuadHigh(Quad a, Quad b, short) { return _mm_unpackhi_epi16(a, b); }
+  static Quad InterleaveQuadLow(Quad a, Quad b, float) { return _mm_unpacklo_epi32(a, b); }
+  static Quad InterleaveQuadHigh(Quad a, Quad b, float) { return _mm_unpackhi_epi32(a, b); }
+
+  static void StoreLine(void * p, const void * line, bool isAligned)
+  {
+    const __m512i v = _mm512_load_si512(line);
+    isAligned ? _mm512_stream_si512(static_cast<__m512i *>(p), v) : _mm512_storeu_si512(p, v);
+  }
+  static void FinishLines() { _mm_sfence(); }
+  static void Prefetch(const char * p) { _mm_prefetch(p, _MM_HINT_T0); }
+  // clang-format on
+};
+
+#include "itkShearWarpVectorKernels.h"
+} // namespace
+
+template <>
+const Kernels<unsigned char> &
+GetAVX512Kernels()
+{
+  return VectorKernels<unsigned char>;
+}
+template <>
+const Kernels<signed char> &
+GetAVX512Kernels()
+{
+  return VectorKernels<signed char>;
+}
+template <>
+const Kernels<unsigned short> &
+GetAVX512Kernels()
+{
+  return VectorKernels<unsigned short>;
+}
+template <>
+const Kernels<short> &
+GetAVX512Kernels()
+{
+  return VectorKernels<short>;
+}
+template <>
+const Kernels<float> &
+GetAVX512Kernels()
+{
+  return VectorKernels<float>;
+}
+} // namespace itk::ShearWarp

@@ -1,0 +1,36 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#ifndef itkShearWarpVectorKernelSets_h
+#define itkShearWarpVectorKernelSets_h
+
+#include "itkShearWarpKernels.h"
+
+namespace itk::ShearWarp
+{
+/** The kernels of one instruction set, for the processors that have it: unsigned and signed char, unsigned and signed
+ * short, float. */
+template <typename TPixel>
+const Kernels<TPixel> &
+GetAVX2Kernels();
+
+template <typename TPixel>
+const Kernels<TPixel> &
+GetAVX512Kernels();
+} // namespace itk::ShearWarp
+
+#endif

@@ -1,0 +1,1047 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+/* Included by the file of each instruction set, within its anonymous namespace and after its struct Lanes, so that the
+ * linker cannot share what is compiled here. For the same reason nothing here may call an inline function or a template
+ * of another header.
+ *
+ * Lanes has the operations on vectors of 16-bit and 32-bit integers, float and double that are written differently for
+ * each instruction set. */
+
+template <typename T>
+T
+Smaller(T a, T b)
+{
+  return b < a ? b : a;
+}
+
+template <typename T>
+T
+Larger(T a, T b)
+{
+  return a < b ? b : a;
+}
+
+template <typename TPixel>
+constexpr bool IsFloat = static_cast<TPixel>(0.5) != 0;
+
+template <typename TPixel>
+constexpr bool IsUnsignedShort = sizeof(TPixel) == 2 && static_cast<TPixel>(-1) > 0;
+
+template <typename TPixel>
+constexpr std::ptrdiff_t LaneCount = IsFloat<TPixel> ? Lanes::FloatCount : Lanes::ShortCount;
+
+/** The maximum of pixels of type TPixel; 8-bit ones are lanes of 16 bits. For float, \a maximum where \a value is not a
+ * number. */
+template <typename TPixel, typename TVector>
+TVector
+Maximum(TVector maximum, TVector value)
+{
+  if constexpr (IsUnsignedShort<TPixel>)
+  {
+    return Lanes::MaximumUnsigned(maximum, value);
+  }
+  else
+  {
+    return Lanes::Maximum(maximum, value);
+  }
+}
+
+template <typename TPixel, typename TVector>
+TVector
+Minimum(TVector minimum, TVector value)
+{
+  if constexpr (IsUnsignedShort<TPixel>)
+  {
+    return Lanes::MinimumUnsigned(minimum, value);
+  }
+  else
+  {
+    return Lanes::Minimum(minimum, value);
+  }
+}
+
+/** Which of a slice's fractions are not zero: a sample has one, two or four voxels. */
+enum class Fractions
+{
+  None,
+  Column,
+  Row,
+  Both
+};
+
+/** A slice where the view places it: pixel (p, q) is sampled between voxels (p - 1, q - 1) and (p, q) of a slice whose
+ * voxel (0, 0) is at `offset`. */
+struct PlacedSlice
+{
+  std::ptrdiff_t offset;
+  std::ptrdiff_t column, row;
+  std::int32_t   x, y;
+
+  Fractions
+  GetFractions() const
+  {
+    return x == 0 ? (y == 0 ? Fractions::None : Fractions::Row) : (y == 0 ? Fractions::Column : Fractions::Both);
+  }
+};
+
+/** Fetches the lines of rows of voxels in the order of their addresses, a few at each step. */
+class Prefetcher
+{
+public:
+  /** Lines of \a rows rows of \a bytes bytes, within \a steps steps. */
+  void
+  Start(const char * address, std::ptrdiff_t stride, std::ptrdiff_t rows, std::ptrdiff_t bytes, std::ptrdiff_t steps)
+  {
+    m_Address = address;
+    m_Stride = stride;
+    m_Rows = rows;
+    m_Bytes = bytes;
+    m_Column = 0;
+    m_Quota = (rows * ((bytes + Line - 1) / Line) + steps - 1) / steps;
+  }
+
+  void
+  Step()
+  {
+    for (std::ptrdiff_t n = 0; n < m_Quota && m_Rows > 0; ++n)
+    {
+      Lanes::Prefetch(m_Address + m_Column);
+      m_Column += Line;
+      if (m_Column >= m_Bytes)
+      {
+        m_Column = 0;
+        m_Address += m_Stride;
+        --m_Rows;
+      }
+    }
+  }
+
+  static constexpr std::ptrdiff_t Line = 64;
+
+private:
+  const char *   m_Address{ nullptr };
+  std::ptrdiff_t m_Stride{ 0 }, m_Rows{ 0 }, m_Bytes{ 0 }, m_Column{ 0 }, m_Quota{ 0 };
+};
+
+/** A row of tiles: columns [begin, end), at least LaneCount of them, of the rows from `row` on. */
+template <typename TPixel>
+struct TileRow
+{
+  const TPixel *       voxels;
+  std::ptrdiff_t       rowStride;
+  const PlacedSlice *  slices;
+  int                  count;
+  std::ptrdiff_t       row, begin, end;
+  TPixel *             pixels;
+  std::ptrdiff_t       pixelStride;
+  const std::uint8_t * active;
+  std::ptrdiff_t       nextSlice; // distance in voxels
+  Prefetcher *         prefetcher;
+};
+
+/** Raises VRows rows of LaneCount pixels to the samples of `count` slices, all of the same fractions. Short integers:
+ * the difference of two voxels fits in 16 bits unless VWide, and linear interpolation is b + ((a - b) x + 2^14 >> 15).
+ */
+template <typename TPixel, Fractions VFractions, bool VWide, int VRows>
+struct Tile
+{
+  using Short = Lanes::Short;
+  using Int = Lanes::Int;
+  static constexpr bool FlipSign = VWide && IsUnsignedShort<TPixel>;
+
+  static Short
+  Load(const TPixel * voxels)
+  {
+    const Short loaded = Lanes::Load(voxels);
+    return FlipSign ? Lanes::FlipSign(loaded) : loaded;
+  }
+
+  static void
+  Raise(TPixel * pixels, Short sample)
+  {
+    Lanes::Store(pixels, Maximum<TPixel>(Lanes::Load(pixels), sample));
+  }
+
+  static Short
+  Interpolate(Short a, Short b, Short weightOfA)
+  {
+    return Lanes::Add(b, Lanes::MultiplyHighRounded(Lanes::Subtract(a, b), weightOfA));
+  }
+
+  static void
+  Project(const TPixel *      voxels,
+          std::ptrdiff_t      stride,
+          const PlacedSlice * slices,
+          int                 count,
+          std::ptrdiff_t      position,
+          TPixel *            pixels,
+          std::ptrdiff_t      pixelStride)
+  {
+    if constexpr (VFractions == Fractions::None || (!VWide && VFractions != Fractions::Both))
+    {
+      Short maxima[VRows];
+      SHEARWARP_UNROLL
+      for (int r = 0; r < VRows; ++r)
+      {
+        maxima[r] = Lanes::Load(pixels + r * pixelStride);
+      }
+      for (int n = 0; n < count; ++n)
+      {
+        const TPixel * b = voxels + (slices[n].offset + position);
+        const Short    weight = Lanes::Set(VFractions == Fractions::Column ? slices[n].x : slices[n].y);
+        Short          above = VFractions == Fractions::Row ? Lanes::Load(b - stride) : weight;
+        SHEARWARP_UNROLL
+        for (int r = 0; r < VRows; ++r, b += stride)
+        {
+          const Short voxel = Lanes::Load(b);
+          Short       sample = voxel;
+          if constexpr (VFractions == Fractions::Column)
+          {
+            sample = Interpolate(Lanes::Load(b - 1), voxel, weight);
+          }
+          if constexpr (VFractions == Fractions::Row)
+          {
+            sample = Interpolate(above, voxel, weight);
+            above = voxel;
+          }
+          maxima[r] = Maximum<TPixel>(maxima[r], sample);
+        }
+      }
+      SHEARWARP_UNROLL
+      for (int r = 0; r < VRows; ++r)
+      {
+        Lanes::Store(pixels + r * pixelStride, maxima[r]);
+      }
+    }
+    else
+    {
+      if (count == 1)
+      {
+        Sample(voxels, stride, slices[0], position, [=](int r, Int low, Int high) {
+          Raise(pixels + r * pixelStride, Pack(low, high));
+        });
+      }
+      else
+      {
+        Int low[VRows];
+        Int high[VRows];
+        SHEARWARP_UNROLL
+        for (int r = 0; r < VRows; ++r)
+        {
+          low[r] = high[r] = Lanes::LowestInt();
+        }
+        for (int n = 0; n < count; ++n)
+        {
+          Sample(voxels, stride, slices[n], position, [&](int r, Int sampleLow, Int sampleHigh) {
+            low[r] = Lanes::MaximumInt(low[r], sampleLow);
+            high[r] = Lanes::MaximumInt(high[r], sampleHigh);
+          });
+        }
+        SHEARWARP_UNROLL
+        for (int r = 0; r < VRows; ++r)
+        {
+          Raise(pixels + r * pixelStride, Pack(low[r], high[r]));
+        }
+      }
+    }
+  }
+
+  /** Two halves of weighted sums, 2^14 added. The lanes of one half are the even columns, of the other the odd ones;
+   * or, between rows alone, the halves of interleaved vectors. */
+  template <typename TFunction>
+  static SHEARWARP_INLINE void
+  Sample(const TPixel *      voxels,
+         std::ptrdiff_t      stride,
+         const PlacedSlice & slice,
+         std::ptrdiff_t      position,
+         const TFunction &   process)
+  {
+    const TPixel *     b = voxels + (slice.offset + position);
+    const std::int32_t x = slice.x;
+    const std::int32_t y = slice.y;
+    const Int          half = Lanes::SetInt(1 << 14);
+    if constexpr (VFractions == Fractions::Row)
+    {
+      const Short weights = Lanes::SetPairs(y, 32768 - y);
+      Short       above = Load(b - stride);
+      SHEARWARP_UNROLL
+      for (int r = 0; r < VRows; ++r, b += stride)
+      {
+        const Short voxel = Load(b);
+        process(r,
+                Lanes::AddPairProducts(half, Lanes::InterleaveLow(above, voxel), weights),
+                Lanes::AddPairProducts(half, Lanes::InterleaveHigh(above, voxel), weights));
+        above = voxel;
+      }
+    }
+    else if constexpr (VFractions == Fractions::Column)
+    {
+      const Short weights = Lanes::SetPairs(x, 32768 - x);
+      SHEARWARP_UNROLL
+      for (int r = 0; r < VRows; ++r, b += stride)
+      {
+        process(r, Lanes::AddPairProducts(half, Load(b - 1), weights), Lanes::AddPairProducts(half, Load(b), weights));
+      }
+    }
+    else
+    {
+      const std::int32_t aa = (x * y + (1 << 14)) >> 15;
+      const Short        weightsAbove = Lanes::SetPairs(aa, y - aa);
+      const Short        weights = Lanes::SetPairs(x - aa, 32768 - x - y + aa);
+      Short              evenAbove = Load(b - stride - 1);
+      Short              oddAbove = Load(b - stride);
+      SHEARWARP_UNROLL
+      for (int r = 0; r < VRows; ++r, b += stride)
+      {
+        const Short even = Load(b - 1);
+        const Short odd = Load(b);
+        process(r,
+                Lanes::AddPairProducts(Lanes::AddPairProducts(half, evenAbove, weightsAbove), even, weights),
+                Lanes::AddPairProducts(Lanes::AddPairProducts(half, oddAbove, weightsAbove), odd, weights));
+        evenAbove = even;
+        oddAbove = odd;
+      }
+    }
+  }
+
+  static Short
+  Pack(Int low, Int high)
+  {
+    const Short packed =
+      VFractions == Fractions::Row ? Lanes::PackInterleaved(low, high) : Lanes::PackEvenOdd(low, high);
+    return FlipSign ? Lanes::FlipSign(packed) : packed;
+  }
+};
+
+template <Fractions VFractions, bool VWide, int VRows>
+struct Tile<float, VFractions, VWide, VRows>
+{
+  using Float = Lanes::Float;
+
+  static Float
+  Interpolate(Float a, Float b, Float weightOfA)
+  {
+    return Lanes::Add(b, Lanes::Multiply(weightOfA, Lanes::Subtract(a, b)));
+  }
+
+  static Float
+  InterpolateColumns(const float * b, Float x)
+  {
+    const Float voxel = Lanes::Load(b);
+    return VFractions == Fractions::Column || VFractions == Fractions::Both ? Interpolate(Lanes::Load(b - 1), voxel, x)
+                                                                            : voxel;
+  }
+
+  static void
+  Project(const float *       voxels,
+          std::ptrdiff_t      stride,
+          const PlacedSlice * slices,
+          int                 count,
+          std::ptrdiff_t      position,
+          float *             pixels,
+          std::ptrdiff_t      pixelStride)
+  {
+    constexpr bool betweenRows = VFractions == Fractions::Row || VFractions == Fractions::Both;
+    Float          maxima[VRows];
+    SHEARWARP_UNROLL
+    for (int r = 0; r < VRows; ++r)
+    {
+      maxima[r] = Lanes::Load(pixels + r * pixelStride);
+    }
+    for (int n = 0; n < count; ++n)
+    {
+      const float * b = voxels + (slices[n].offset + position);
+      const Float   x = Lanes::SetFloat(static_cast<float>(slices[n].x) / 32768);
+      const Float   y = Lanes::SetFloat(static_cast<float>(slices[n].y) / 32768);
+      Float         above = betweenRows ? InterpolateColumns(b - stride, x) : x;
+      SHEARWARP_UNROLL
+      for (int r = 0; r < VRows; ++r, b += stride)
+      {
+        const Float row = InterpolateColumns(b, x);
+        maxima[r] = Maximum<float>(maxima[r], betweenRows ? Interpolate(above, row, y) : row);
+        above = row;
+      }
+    }
+    SHEARWARP_UNROLL
+    for (int r = 0; r < VRows; ++r)
+    {
+      Lanes::Store(pixels + r * pixelStride, maxima[r]);
+    }
+  }
+};
+
+template <typename TPixel, Fractions VFractions, bool VWide, int VRows>
+void
+ProjectTileRow(const TileRow<TPixel> & row)
+{
+  constexpr std::ptrdiff_t lanes = LaneCount<TPixel>;
+  for (std::ptrdiff_t first = row.begin / lanes * lanes; first < row.end; first += lanes)
+  {
+    if (row.active && !row.active[first / TileColumns])
+    {
+      continue;
+    }
+    // the outer tiles overlap their neighbours, which a maximum allows
+    const std::ptrdiff_t column = Smaller(Larger(first, row.begin), row.end - lanes);
+    if (row.active)
+    {
+      const TPixel * voxels = row.voxels + (row.slices->offset + row.nextSlice + row.row * row.rowStride + column);
+      for (int r = 0; r < VRows; ++r, voxels += row.rowStride)
+      {
+        Lanes::Prefetch(reinterpret_cast<const char *>(voxels - 1));
+        Lanes::Prefetch(reinterpret_cast<const char *>(voxels + lanes - 1));
+      }
+    }
+    else
+    {
+      row.prefetcher->Step();
+    }
+    Tile<TPixel, VFractions, VWide, VRows>::Project(row.voxels,
+                                                    row.rowStride,
+                                                    row.slices,
+                                                    row.count,
+                                                    row.row * row.rowStride + column,
+                                                    row.pixels + column,
+                                                    row.pixelStride);
+  }
+}
+
+template <typename TPixel, bool VWide, int VRows>
+void
+ProjectTileRow(const TileRow<TPixel> & row)
+{
+  switch (row.slices->GetFractions())
+  {
+    case Fractions::None:
+      return ProjectTileRow<TPixel, Fractions::None, VWide, VRows>(row);
+    case Fractions::Column:
+      return ProjectTileRow<TPixel, Fractions::Column, VWide, VRows>(row);
+    case Fractions::Row:
+      return ProjectTileRow<TPixel, Fractions::Row, VWide, VRows>(row);
+    default:
+      return ProjectTileRow<TPixel, Fractions::Both, VWide, VRows>(row);
+  }
+}
+
+/** Projects a block of the volume into one view. */
+template <typename TPixel>
+class BlockProjector
+{
+public:
+  BlockProjector(const SliceStack<TPixel> & stack, const Block & block, bool isOnlyView)
+    : m_Stack(stack)
+    , m_Block(block)
+    , m_IsOnlyView(isOnlyView)
+  {
+    // the difference of two voxels, and an unsigned voxel, as 16-bit signed integers
+    if constexpr (sizeof(TPixel) == 2)
+    {
+      m_IsWide = stack.highest - stack.lowest > 32767 || stack.highest > 32767;
+    }
+  }
+
+  /** Slices [begin, end). */
+  void
+  Project(const ShearedView<TPixel> & view, std::ptrdiff_t begin, std::ptrdiff_t end) const
+  {
+    for (std::ptrdiff_t first = begin, last = begin; first < end; first = last)
+    {
+      PlacedSlice slices[BlockLength];
+      int         count = 0;
+      do
+      {
+        const SlicePlacement & placement = view.placements[last];
+        slices[count] = { last * m_Stack.sliceStride - placement.row.whole * m_Stack.rowStride - placement.column.whole,
+                          placement.column.whole,
+                          placement.row.whole,
+                          placement.column.fraction,
+                          placement.row.fraction };
+        ++last;
+        ++count;
+      } while (last < end && count < BlockLength && !view.active &&
+               HasFractions(view.placements[last], slices[0].GetFractions()));
+      this->ProjectSlices(view, slices, count, first);
+    }
+  }
+
+private:
+  static bool
+  HasFractions(const SlicePlacement & placement, Fractions fractions)
+  {
+    const PlacedSlice slice{ 0, 0, 0, placement.column.fraction, placement.row.fraction };
+    return slice.GetFractions() == fractions;
+  }
+
+  /** Slices of the same fractions, the first of index \a first. */
+  void
+  ProjectSlices(const ShearedView<TPixel> & view, const PlacedSlice * slices, int count, std::ptrdiff_t first) const
+  {
+    // rows and columns of the intermediate image where every slice has all voxels of its samples
+    const std::ptrdiff_t betweenRows = slices->y != 0;
+    const std::ptrdiff_t betweenColumns = slices->x != 0;
+    std::ptrdiff_t       rowBegin = slices->row, rowEnd = slices->row;
+    std::ptrdiff_t       begin = slices->column, end = slices->column;
+    for (int n = 1; n < count; ++n)
+    {
+      rowBegin = Larger(rowBegin, slices[n].row);
+      rowEnd = Smaller(rowEnd, slices[n].row);
+      begin = Larger(begin, slices[n].column);
+      end = Smaller(end, slices[n].column);
+    }
+    rowBegin += Larger(m_Block.rowBegin, betweenRows);
+    rowEnd += m_Block.rowEnd;
+    begin += betweenColumns;
+    end += m_Stack.columns;
+    if (count > 1 && (rowEnd - rowBegin < BlockLength || end - begin < LaneCount<TPixel>))
+    {
+      for (int n = 0; n < count; ++n)
+      {
+        this->ProjectSlices(view, slices + n, 1, first + n);
+      }
+      return;
+    }
+    this->ProjectRectangle(view, slices, count, first, rowBegin, rowEnd, begin, end);
+
+    for (int n = 0; n < count; ++n)
+    {
+      const PlacedSlice &  slice = slices[n];
+      const std::ptrdiff_t sliceBegin = slice.column + betweenColumns;
+      const std::ptrdiff_t sliceEnd = slice.column + m_Stack.columns;
+      const std::ptrdiff_t sliceRowBegin = slice.row + Larger(m_Block.rowBegin, betweenRows);
+      const std::ptrdiff_t sliceRowEnd = slice.row + m_Block.rowEnd;
+      if (count > 1)
+      {
+        constexpr std::ptrdiff_t lanes = LaneCount<TPixel>;
+        this->ProjectRectangle(view, &slice, 1, first + n, sliceRowBegin, rowBegin, sliceBegin, sliceEnd);
+        this->ProjectRectangle(view, &slice, 1, first + n, rowEnd, sliceRowEnd, sliceBegin, sliceEnd);
+        if (sliceBegin < begin)
+        {
+          this->ProjectRectangle(
+            view, &slice, 1, first + n, rowBegin, rowEnd, sliceBegin, Larger(begin, sliceBegin + lanes));
+        }
+        if (end < sliceEnd)
+        {
+          this->ProjectRectangle(
+            view, &slice, 1, first + n, rowBegin, rowEnd, Smaller(end, sliceEnd - lanes), sliceEnd);
+        }
+      }
+      this->ProjectEdges(view, slice, sliceRowBegin, sliceRowEnd);
+    }
+  }
+
+  /** Half a voxel beyond the outer voxel centres, with the outer voxels' values. */
+  void
+  ProjectEdges(const ShearedView<TPixel> & view,
+               const PlacedSlice &         slice,
+               std::ptrdiff_t              rowBegin,
+               std::ptrdiff_t              rowEnd) const
+  {
+    constexpr std::int32_t half = 1 << 14;
+    const bool             edgeIsLastColumn = slice.x > half;
+    const std::ptrdiff_t   edge = slice.column + (edgeIsLastColumn ? m_Stack.columns : 0);
+    const std::ptrdiff_t   edgeVoxel = slice.offset + edge - edgeIsLastColumn;
+    if (slice.x != 0)
+    {
+      for (std::ptrdiff_t row = rowBegin; row < rowEnd; ++row)
+      {
+        const std::uint8_t * active = this->GetActiveTiles(view, row - slice.row);
+        if (!active || active[edge / TileColumns])
+        {
+          this->RaiseToRowSample(view, row, edge, edgeVoxel + row * m_Stack.rowStride, slice.y);
+        }
+      }
+    }
+    const bool edgeIsLastRow = slice.y > half;
+    if (slice.y != 0 && (edgeIsLastRow ? m_Block.rowEnd == m_Stack.rows : m_Block.rowBegin == 0))
+    {
+      // as in a slice that lies one row further on and not between rows
+      PlacedSlice          edgeSlice = slice;
+      const std::ptrdiff_t row = slice.row + (edgeIsLastRow ? m_Stack.rows : 0);
+      edgeSlice.offset -= edgeIsLastRow ? m_Stack.rowStride : 0;
+      edgeSlice.y = 0;
+      this->ProjectRectangle(
+        view, &edgeSlice, 1, -1, row, row + 1, slice.column + (slice.x != 0), slice.column + m_Stack.columns);
+      if (slice.x != 0)
+      {
+        this->RaiseToRowSample(view, row, edge, edgeVoxel + (row - edgeIsLastRow) * m_Stack.rowStride, 0);
+      }
+    }
+  }
+
+  /** The flags of the tiles with \a row of the slices. */
+  const std::uint8_t *
+  GetActiveTiles(const ShearedView<TPixel> & view, std::ptrdiff_t row) const
+  {
+    const std::ptrdiff_t tile = Smaller(row, m_Stack.rows - 1) - m_Block.rowBegin;
+    return view.active ? view.active + tile / BlockLength * view.activeStride : nullptr;
+  }
+
+  /** One sample between the rows of a column; \a voxel is the index of the lower one. */
+  void
+  RaiseToRowSample(const ShearedView<TPixel> & view,
+                   std::ptrdiff_t              row,
+                   std::ptrdiff_t              column,
+                   std::ptrdiff_t              voxel,
+                   std::int32_t                y) const
+  {
+    TPixel &     pixel = view.intermediate.pixels[row * view.intermediate.rowStride + column];
+    const TPixel b = m_Stack.voxels[voxel];
+    TPixel       sample = b;
+    if (y != 0)
+    {
+      const TPixel a = m_Stack.voxels[voxel - m_Stack.rowStride];
+      if constexpr (IsFloat<TPixel>)
+      {
+        sample = b + static_cast<float>(y) / 32768 * (a - b);
+      }
+      else
+      {
+        sample = static_cast<TPixel>((y * a + (32768 - y) * b + (1 << 14)) >> 15);
+      }
+    }
+    pixel = sample > pixel ? sample : pixel;
+  }
+
+  /** Rows [rowBegin, rowEnd) and columns [begin, end) of the intermediate image, in rows of tiles. */
+  void
+  ProjectRectangle(const ShearedView<TPixel> & view,
+                   const PlacedSlice *         slices,
+                   int                         count,
+                   std::ptrdiff_t              first,
+                   std::ptrdiff_t              rowBegin,
+                   std::ptrdiff_t              rowEnd,
+                   std::ptrdiff_t              begin,
+                   std::ptrdiff_t              end) const
+  {
+    if (rowBegin >= rowEnd || begin >= end)
+    {
+      return;
+    }
+    const IntermediateImage<TPixel> & image = view.intermediate;
+    const bool                        tall = rowEnd - rowBegin >= BlockLength;
+    const std::ptrdiff_t              height = tall ? BlockLength : 1;
+    Prefetcher                        prefetcher;
+    TileRow<TPixel>                   tiles{
+      m_Stack.voxels, m_Stack.rowStride,   slices,     count, rowBegin, begin, end, nullptr, image.rowStride,
+      nullptr,        m_Stack.sliceStride, &prefetcher
+    };
+    const std::ptrdiff_t grid = m_Block.rowBegin + slices->row;
+    std::ptrdiff_t       row = tall ? grid + (rowBegin - grid) / BlockLength * BlockLength : rowBegin;
+    for (; row < rowEnd; row += height)
+    {
+      const std::ptrdiff_t tile = row - slices->row;
+      tiles.active = this->GetActiveTiles(view, tile);
+      tiles.row = tall ? Smaller(Larger(row, rowBegin), rowEnd - height) : row;
+      tiles.pixels = image.pixels + tiles.row * image.rowStride;
+      if (m_IsOnlyView && tall && !view.active)
+      {
+        this->StartPrefetch(prefetcher, tiles, first, row + height >= rowEnd);
+      }
+      if (tall)
+      {
+        m_IsWide ? ProjectTileRow<TPixel, sizeof(TPixel) == 2, BlockLength>(tiles)
+                 : ProjectTileRow<TPixel, false, BlockLength>(tiles);
+      }
+      else
+      {
+        m_IsWide ? ProjectTileRow<TPixel, sizeof(TPixel) == 2, 1>(tiles) : ProjectTileRow<TPixel, false, 1>(tiles);
+      }
+    }
+  }
+
+  /** Next in the order of addresses: the same rows of the next slice where slices lie side by side, else the next rows
+   * of the slice or, from the last, the block's first rows of the next slice. */
+  void
+  StartPrefetch(Prefetcher & prefetcher, const TileRow<TPixel> & tiles, std::ptrdiff_t slice, bool isLast) const
+  {
+    std::ptrdiff_t row = tiles.row - tiles.slices->row;
+    const bool     isNextSlice = m_Stack.sliceStride < m_Stack.rowStride || isLast;
+    if (!isNextSlice)
+    {
+      row += BlockLength;
+    }
+    else if (m_Stack.sliceStride > m_Stack.rowStride)
+    {
+      row = m_Block.rowBegin;
+    }
+    slice += isNextSlice;
+    if (slice >= m_Stack.slices || row >= m_Stack.rows)
+    {
+      return;
+    }
+    constexpr std::ptrdiff_t size = sizeof(TPixel);
+    prefetcher.Start(
+      reinterpret_cast<const char *>(m_Stack.voxels + (slice * m_Stack.sliceStride + row * m_Stack.rowStride)),
+      m_Stack.rowStride * size,
+      Smaller(BlockLength, m_Stack.rows - row),
+      m_Stack.columns * size,
+      (tiles.end - tiles.begin) / LaneCount<TPixel> + 1);
+  }
+
+  const SliceStack<TPixel> & m_Stack;
+  const Block &              m_Block;
+  bool                       m_IsOnlyView;
+  bool                       m_IsWide{ false };
+};
+
+template <typename TPixel>
+void
+ProjectBlock(const SliceStack<TPixel> &  slices,
+             const Block &               block,
+             const ShearedView<TPixel> * views,
+             std::size_t                 count)
+{
+  if (slices.columns <= LaneCount<TPixel>)
+  {
+    return GetPortableKernels<TPixel>().projectBlock(slices, block, views, count);
+  }
+  // one view is as fast as memory slice by slice; several share slices while those are in cache
+  const std::ptrdiff_t         step = count > 1 ? BlockLength : 1;
+  const BlockProjector<TPixel> projector(slices, block, count == 1);
+  for (std::ptrdiff_t begin = block.sliceBegin; begin < block.sliceEnd; begin += step)
+  {
+    for (std::size_t n = 0; n < count; ++n)
+    {
+      projector.Project(views[n], begin, Smaller(begin + step, block.sliceEnd));
+    }
+  }
+}
+
+template <typename TPixel>
+TPixel
+FindMinimum(const TPixel * pixels, std::ptrdiff_t rowStride, std::ptrdiff_t rows, std::ptrdiff_t columns)
+{
+  constexpr std::ptrdiff_t lanes = LaneCount<TPixel>;
+  auto                     minima = Lanes::Load(pixels);
+  for (std::ptrdiff_t j = 0; j < rows; ++j)
+  {
+    for (std::ptrdiff_t i = 0; i < columns; i += lanes)
+    {
+      minima = Minimum<TPixel>(minima, Lanes::Load(pixels + j * rowStride + i));
+    }
+  }
+  TPixel minimum[lanes];
+  Lanes::Store(minimum, minima);
+  for (std::ptrdiff_t i = 1; i < lanes; ++i)
+  {
+    minimum[0] = Smaller(minimum[0], minimum[i]);
+  }
+  return minimum[0];
+}
+
+template <typename TPixel>
+void
+FindBlockMaxima(const TPixel * voxels,
+                std::ptrdiff_t columns,
+                std::ptrdiff_t rows,
+                std::ptrdiff_t slices,
+                std::ptrdiff_t rowStride,
+                std::ptrdiff_t sliceStride,
+                TPixel *       maxima,
+                TPixel &       lowest,
+                TPixel &       highest)
+{
+  constexpr std::ptrdiff_t lanes = LaneCount<TPixel>;
+  constexpr std::ptrdiff_t strip = 4096;
+  for (std::ptrdiff_t begin = 0; begin < columns; begin += strip)
+  {
+    const std::ptrdiff_t width = Smaller(strip, columns - begin);
+    if (width < lanes)
+    {
+      GetPortableKernels<TPixel>().findBlockMaxima(
+        voxels + begin, width, rows, slices, rowStride, sliceStride, maxima + begin / BlockLength, lowest, highest);
+      continue;
+    }
+    TPixel columnMaxima[strip];
+    TPixel columnMinima[lanes];
+    for (std::ptrdiff_t i = 0; i < width; ++i)
+    {
+      columnMaxima[i] = NoSample<TPixel>;
+    }
+    auto minima = Lanes::Load(columnMaxima);
+    for (std::ptrdiff_t i = 0; i < lanes; ++i)
+    {
+      columnMinima[i] = lowest;
+    }
+    minima = Lanes::Load(columnMinima);
+    for (std::ptrdiff_t k = 0; k < slices; ++k)
+    {
+      for (std::ptrdiff_t j = 0; j < rows; ++j)
+      {
+        const TPixel * row = voxels + k * sliceStride + j * rowStride + begin;
+        for (std::ptrdiff_t first = 0; first < width; first += lanes)
+        {
+          const std::ptrdiff_t i = Smaller(first, width - lanes);
+          const auto           values = Lanes::Load(row + i);
+          Lanes::Store(columnMaxima + i, Maximum<TPixel>(Lanes::Load(columnMaxima + i), values));
+          minima = Minimum<TPixel>(minima, values);
+        }
+      }
+    }
+    Lanes::Store(columnMinima, minima);
+    for (std::ptrdiff_t i = 0; i < lanes; ++i)
+    {
+      lowest = Smaller(lowest, columnMinima[i]);
+    }
+    for (std::ptrdiff_t i = 0; i < width; i += BlockLength)
+    {
+      TPixel maximum = columnMaxima[i];
+      for (std::ptrdiff_t n = i + 1; n < Smaller(i + BlockLength, width); ++n)
+      {
+        maximum = Larger(maximum, columnMaxima[n]);
+      }
+      maxima[(begin + i) / BlockLength] = maximum;
+      highest = Larger(highest, maximum);
+    }
+  }
+}
+
+/** The four corners' weights and values of a few pixels: rows a and b, left and right. */
+struct WarpCell
+{
+  Lanes::Index   aaWeights, abWeights, baWeights, bbWeights;
+  Lanes::Index   index;
+  std::ptrdiff_t rowStride;
+};
+
+/** Interpolates between integers; all corners count. */
+template <typename TPixel>
+bool
+Interpolate(const WarpCell & cell, const TPixel * pixels, TPixel * output)
+{
+  // two neighbours come in one 32-bit element
+  constexpr int bits = 8 * sizeof(TPixel);
+  const auto    extract = [](Lanes::Index pair, int position) {
+    const auto shifted = Lanes::ShiftLeft(pair, 32 - bits - position);
+    return static_cast<TPixel>(-1) > 0 ? Lanes::ShiftRightLogical(shifted, 32 - bits)
+                                          : Lanes::ShiftRight(shifted, 32 - bits);
+  };
+  const Lanes::Index upper = Lanes::template Gather<sizeof(TPixel)>(pixels, cell.index);
+  const Lanes::Index lower = Lanes::template Gather<sizeof(TPixel)>(pixels + cell.rowStride, cell.index);
+  Lanes::Index       sum = Lanes::SetIndex(1 << 14);
+  sum = Lanes::AddIndex(sum, Lanes::MultiplyIndex(cell.bbWeights, extract(upper, 0)));
+  sum = Lanes::AddIndex(sum, Lanes::MultiplyIndex(cell.baWeights, extract(upper, bits)));
+  sum = Lanes::AddIndex(sum, Lanes::MultiplyIndex(cell.abWeights, extract(lower, 0)));
+  sum = Lanes::AddIndex(sum, Lanes::MultiplyIndex(cell.aaWeights, extract(lower, bits)));
+  std::int32_t means[Lanes::WarpCount];
+  Lanes::StoreIndex(means, Lanes::ShiftRight(sum, 15));
+  for (std::ptrdiff_t n = 0; n < Lanes::WarpCount; ++n)
+  {
+    output[n] = static_cast<TPixel>(means[n]);
+  }
+  return true;
+}
+
+/** Interpolates between finite values; false, and no output, if one is not. */
+inline bool
+Interpolate(const WarpCell & cell, const float * pixels, float * output)
+{
+  const Lanes::Single values[4] = { Lanes::GatherSingle(pixels, cell.index),
+                                    Lanes::GatherSingle(pixels + 1, cell.index),
+                                    Lanes::GatherSingle(pixels + cell.rowStride, cell.index),
+                                    Lanes::GatherSingle(pixels + cell.rowStride + 1, cell.index) };
+  const Lanes::Index  weights[4] = { cell.bbWeights, cell.baWeights, cell.abWeights, cell.aaWeights };
+  Lanes::Double       mean = Lanes::SetDouble(0.0);
+  Lanes::Single       lowest = Lanes::SetSingle(__builtin_inff());
+  Lanes::Single       highest = Lanes::SetSingle(-__builtin_inff());
+  for (int corner = 0; corner < 4; ++corner)
+  {
+    if (!Lanes::AreFinite(values[corner]))
+    {
+      return false;
+    }
+    mean = Lanes::AddDouble(
+      mean, Lanes::MultiplyDouble(Lanes::IndexToDouble(weights[corner]), Lanes::SingleToDouble(values[corner])));
+    lowest = Lanes::SelectWhereZero(weights[corner], lowest, Lanes::MinimumSingle(values[corner], lowest));
+    highest = Lanes::SelectWhereZero(weights[corner], highest, Lanes::MaximumSingle(values[corner], highest));
+  }
+  const Lanes::Single rounded = Lanes::DoubleToSingle(Lanes::MultiplyDouble(mean, Lanes::SetDouble(1.0 / 32768)));
+  Lanes::StoreSingle(output, Lanes::MinimumSingle(highest, Lanes::MaximumSingle(lowest, rounded)));
+  return true;
+}
+
+/** Whether slices reach all of columns [begin, end) of rows [rowBegin, rowEnd). */
+template <typename TPixel>
+bool
+IsReached(const IntermediateImage<TPixel> & image,
+          std::ptrdiff_t                    rowBegin,
+          std::ptrdiff_t                    rowEnd,
+          std::ptrdiff_t                    begin,
+          std::ptrdiff_t                    end)
+{
+  for (std::ptrdiff_t row = rowBegin; row < rowEnd; ++row)
+  {
+    if (begin < image.reached[row].begin || end > image.reached[row].end)
+    {
+      return false;
+    }
+  }
+  return true;
+}
+
+template <typename TPixel>
+void
+WarpRow(const IntermediateImage<TPixel> & intermediate,
+        const AffineMap2D &               outputToIntermediate,
+        std::ptrdiff_t                    row,
+        std::ptrdiff_t                    columnBegin,
+        std::ptrdiff_t                    columnEnd,
+        TPixel                            background,
+        TPixel *                          output)
+{
+  const auto &             map = outputToIntermediate;
+  constexpr std::ptrdiff_t lanes = Lanes::WarpCount;
+  constexpr std::ptrdiff_t read = IsFloat<TPixel> ? 2 : 4 / sizeof(TPixel);
+  const auto               portable = GetPortableKernels<TPixel>().warpRow;
+  constexpr std::ptrdiff_t limit = 65535;
+  if (intermediate.columns > limit || intermediate.rows > limit ||
+      intermediate.rows * intermediate.rowStride > 2147483647)
+  {
+    return portable(intermediate, map, row, columnBegin, columnEnd, background, output);
+  }
+
+  // the same operations in the same order as for one pixel
+  const auto          y = static_cast<double>(row);
+  const Lanes::Double columnFromRow = Lanes::SetDouble(map.xy * y);
+  const Lanes::Double rowFromRow = Lanes::SetDouble(map.yy * y);
+  const auto          quantize = [](Lanes::Double position) {
+    return Lanes::DoubleToIndex(Lanes::Floor(
+      Lanes::AddDouble(Lanes::MultiplyDouble(position, Lanes::SetDouble(32768.0)), Lanes::SetDouble(0.5))));
+  };
+  std::ptrdiff_t x = columnBegin;
+  for (; x + lanes <= columnEnd; x += lanes)
+  {
+    const Lanes::Double xs = Lanes::Count(static_cast<double>(x));
+    const Lanes::Double columns = Lanes::AddDouble(
+      Lanes::AddDouble(Lanes::MultiplyDouble(Lanes::SetDouble(map.xx), xs), columnFromRow), Lanes::SetDouble(map.x0));
+    const Lanes::Double rows = Lanes::AddDouble(
+      Lanes::AddDouble(Lanes::MultiplyDouble(Lanes::SetDouble(map.yx), xs), rowFromRow), Lanes::SetDouble(map.y0));
+    const auto isWithin = Lanes::AreWithin(columns, 0.0, static_cast<double>(intermediate.columns - 1)) &&
+                          Lanes::AreWithin(rows, 0.0, static_cast<double>(intermediate.rows - 1));
+    bool isDone = false;
+    if (isWithin)
+    {
+      const Lanes::Index column = quantize(columns);
+      const Lanes::Index wholeColumn = Lanes::ShiftRight(column, 15);
+      const Lanes::Index line = quantize(rows);
+      const Lanes::Index wholeRow = Lanes::ShiftRight(line, 15);
+      std::int32_t       p[lanes];
+      std::int32_t       q[lanes];
+      Lanes::StoreIndex(p, wholeColumn);
+      Lanes::StoreIndex(q, wholeRow);
+      // positions lie on a line: the outer ones are the extremes
+      const std::ptrdiff_t begin = Smaller(p[0], p[lanes - 1]);
+      const std::ptrdiff_t end = Larger(p[0], p[lanes - 1]) + 1;
+      const std::ptrdiff_t rowBegin = Smaller(q[0], q[lanes - 1]);
+      const std::ptrdiff_t rowEnd = Larger(q[0], q[lanes - 1]) + 2;
+      if (end - 1 + read <= intermediate.columns && rowEnd <= intermediate.rows &&
+          IsReached(intermediate, rowBegin, rowEnd, begin, end + 1))
+      {
+        const Lanes::Index fraction = Lanes::SetIndex(32767);
+        const Lanes::Index u = Lanes::AndIndex(column, fraction);
+        const Lanes::Index v = Lanes::AndIndex(line, fraction);
+        WarpCell           cell;
+        cell.aaWeights = Lanes::ShiftRight(Lanes::AddIndex(Lanes::MultiplyIndex(u, v), Lanes::SetIndex(1 << 14)), 15);
+        cell.abWeights = Lanes::SubtractIndex(v, cell.aaWeights);
+        cell.baWeights = Lanes::SubtractIndex(u, cell.aaWeights);
+        cell.bbWeights = Lanes::SubtractIndex(Lanes::SetIndex(32768), Lanes::AddIndex(v, cell.baWeights));
+        cell.rowStride = intermediate.rowStride;
+        cell.index = Lanes::AddIndex(
+          Lanes::MultiplyIndex(wholeRow, Lanes::SetIndex(static_cast<std::int32_t>(cell.rowStride))), wholeColumn);
+        isDone = Interpolate(cell, static_cast<const TPixel *>(intermediate.pixels), output + x);
+      }
+    }
+    if (!isDone)
+    {
+      portable(intermediate, map, row, x, x + lanes, background, output);
+    }
+  }
+  portable(intermediate, map, row, x, columnEnd, background, output);
+}
+
+template <typename TPixel>
+void
+TransposeSlice(const TPixel * input, std::ptrdiff_t columns, std::ptrdiff_t rows, TPixel * output)
+{
+  // squares of a cache line's width, in smaller ones that fit in 128-bit vectors
+  constexpr std::ptrdiff_t square = 64 / sizeof(TPixel);
+  constexpr int            small = 16 / sizeof(TPixel);
+  const bool               isAligned = reinterpret_cast<std::uintptr_t>(output) % 64 == 0 && rows % square == 0;
+  for (std::ptrdiff_t j = 0; j < rows; j += square)
+  {
+    for (std::ptrdiff_t i = 0; i < columns; i += square)
+    {
+      if (j + square > rows || i + square > columns)
+      {
+        for (std::ptrdiff_t column = i; column < Smaller(i + square, columns); ++column)
+        {
+          for (std::ptrdiff_t row = j; row < Smaller(j + square, rows); ++row)
+          {
+            output[column * rows + row] = input[row * columns + column];
+          }
+        }
+        continue;
+      }
+      alignas(64) TPixel lines[square][square];
+      for (std::ptrdiff_t column = 0; column < square; column += small)
+      {
+        for (std::ptrdiff_t row = 0; row < square; row += small)
+        {
+          // each interleaving of one half with the other moves an element's row bit to its column
+          Lanes::Quad vectors[small];
+          Lanes::Quad interleaved[small];
+          SHEARWARP_UNROLL
+          for (int n = 0; n < small; ++n)
+          {
+            vectors[n] = Lanes::LoadQuad(input + (j + row + n) * columns + i + column);
+          }
+          SHEARWARP_UNROLL
+          for (int step = 1; step < small; step *= 2)
+          {
+            SHEARWARP_UNROLL
+            for (int n = 0; n < small / 2; ++n)
+            {
+              interleaved[2 * n] = Lanes::InterleaveQuadLow(vectors[n], vectors[n + small / 2], TPixel{});
+              interleaved[2 * n + 1] = Lanes::InterleaveQuadHigh(vectors[n], vectors[n + small / 2], TPixel{});
+            }
+            SHEARWARP_UNROLL
+            for (int n = 0; n < small; ++n)
+            {
+              vectors[n] = interleaved[n];
+            }
+          }
+          SHEARWARP_UNROLL
+          for (int n = 0; n < small; ++n)
+          {
+            Lanes::StoreQuad(&lines[column + n][row], vectors[n]);
+          }
+        }
+      }
+      for (std::ptrdiff_t column = 0; column < square; ++column)
+      {
+        Lanes::StoreLine(output + (i + column) * rows + j, lines[column], isAligned);
+      }
+    }
+  }
+  Lanes::FinishLines();
+}
+
+template <typename TPixel>
+constexpr Kernels<TPixel> VectorKernels{ Lanes::Name,         ProjectBlock<TPixel>,
+                                         FindMinimum<TPixel>, FindBlockMaxima<TPixel>,
+                                         WarpRow<TPixel>,     TransposeSlice<TPixel> };

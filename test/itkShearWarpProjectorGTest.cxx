@@ -1,0 +1,218 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#include "itkEuler3DTransform.h"
+#include "itkShearWarpMIPImageFilter.h"
+
+#include "itkShearWarpMIPTestHelper.h"
+
+#include <gtest/gtest.h>
+
+namespace
+{
+using namespace itk::ShearWarpMIPTest;
+using ReducedResamplingEnum = itk::ShearWarpMIPImageFilterEnums::ReducedResampling;
+
+constexpr ReducedResamplingEnum Modes[] = { ReducedResamplingEnum::Off,
+                                            ReducedResamplingEnum::On,
+                                            ReducedResamplingEnum::Auto };
+
+template <typename TPixel>
+class ShearWarpProjectorTyped : public testing::Test
+{
+public:
+  using ImageType = itk::Image<TPixel, 3>;
+  using FilterType = itk::ShearWarpMIPImageFilter<ImageType>;
+
+  /** Projects with every instruction set, mode and number of threads; all must give the bits of the portable kernels
+   * without reduced resampling. Returns the largest skipped fraction. */
+  static double
+  ExpectTheSameBits(const ImageType * image, const itk::Transform<double, 3, 3> * view)
+  {
+    const auto filter = FilterType::New();
+    filter->SetInput(image);
+    filter->SetTransform(view);
+    filter->SetDefaultPixelValue(TPixel{ 7 });
+    // positions between the intermediate image's pixels, and beyond it
+    filter->SetOutputSpacing(itk::Vector<double, 2>(0.73));
+    typename FilterType::OutputImageType::Pointer expected;
+
+    double skipped = 0.0;
+    ForEachInstructionSet([&](const std::string & name) {
+      for (const ReducedResamplingEnum mode : Modes)
+      {
+        for (const unsigned int threads : { 1, 2, 5 })
+        {
+          filter->GetMultiThreader()->SetMaximumNumberOfThreads(threads);
+          filter->SetNumberOfWorkUnits(threads);
+          filter->SetReducedResampling(mode);
+          filter->Modified();
+          filter->Update();
+          EXPECT_EQ(filter->GetInstructionSet(), HasVectorKernels() ? name : "portable");
+          if (!expected)
+          {
+            expected = filter->GetOutput();
+            expected->DisconnectPipeline();
+          }
+          else
+          {
+            EXPECT_TRUE(HaveSamePixels(expected.GetPointer(), filter->GetOutput()))
+              << name << ", " << mode << ", " << threads << " threads";
+          }
+          EXPECT_GE(filter->GetSkippedFraction(), 0.0);
+          EXPECT_LE(filter->GetSkippedFraction(), mode == ReducedResamplingEnum::Off ? 0.0 : 1.0);
+          skipped = std::max(skipped, filter->GetSkippedFraction());
+        }
+      }
+    });
+    return skipped;
+  }
+
+private:
+  static bool
+  HasVectorKernels()
+  {
+    return std::is_same_v<TPixel, float> || (std::is_integral_v<TPixel> && sizeof(TPixel) <= 2);
+  }
+};
+
+using PixelTypes = testing::Types<unsigned char, signed char, unsigned short, short, float, int, double>;
+TYPED_TEST_SUITE(ShearWarpProjectorTyped, PixelTypes, );
+
+/** Views along each axis with zero, one and two shears, near and far from the axis. */
+std::vector<itk::Transform<double, 3, 3>::ConstPointer>
+MakeViews()
+{
+  std::vector<itk::Transform<double, 3, 3>::ConstPointer> views;
+  for (const auto & angles : std::initializer_list<std::array<double, 3>>{ { 0, 0, 0 },
+                                                                           { 0, 0.3, 0 },
+                                                                           { 0, 2.7, 0.2 },
+                                                                           { 0.4, 0, 0 },
+                                                                           { 0.3, 0.5, 0.1 },
+                                                                           { 1.5, 0, 0 },
+                                                                           { 1.3, 0.2, 0.4 },
+                                                                           { 0, 1.5, 0 },
+                                                                           { 0.2, 1.4, -0.3 },
+                                                                           { 0.6, 0.7, 0 } })
+  {
+    const auto view = itk::Euler3DTransform<double>::New();
+    view->SetRotation(angles[0], angles[1], angles[2]);
+    views.emplace_back(view);
+  }
+  return views;
+}
+} // namespace
+
+TYPED_TEST(ShearWarpProjectorTyped, NoiseGivesTheSameBitsHoweverItIsProjected)
+{
+  Random random(601);
+  for (const auto & size : { itk::Size<3>{ { 129, 77, 45 } }, { { 35, 90, 61 } }, { { 5, 33, 70 } } })
+  {
+    const auto image = MakeRandomImage<TypeParam>(random, size);
+    for (const auto & view : MakeViews())
+    {
+      TestFixture::ExpectTheSameBits(image, view);
+    }
+  }
+}
+
+TYPED_TEST(ShearWarpProjectorTyped, FewBrightVoxelsGiveTheSameBitsHoweverTheyAreProjected)
+{
+  Random     random(602);
+  const auto image = MakeRandomImage<TypeParam>(random, { { 129, 77, 45 } });
+  auto *     voxels = image->GetBufferPointer();
+  const auto count = image->GetBufferedRegion().GetNumberOfPixels();
+  std::fill(voxels, voxels + count, TypeParam{ 3 });
+  for (int n = 0; n < 60; ++n)
+  {
+    voxels[random.Integer(0, count - 1)] = static_cast<TypeParam>(random.Integer(4, 120));
+  }
+  for (const auto & view : MakeViews())
+  {
+    EXPECT_GT(TestFixture::ExpectTheSameBits(image, view), 0.1);
+  }
+}
+
+TYPED_TEST(ShearWarpProjectorTyped, AConstantVolumeIsSkippedButForTheFirstSlices)
+{
+  Random     random(603);
+  const auto image = MakeRandomImage<TypeParam>(random, { { 96, 80, 128 } });
+  image->FillBuffer(TypeParam{ 9 });
+  for (const auto & view : MakeViews())
+  {
+    EXPECT_GT(TestFixture::ExpectTheSameBits(image, view), 0.5);
+  }
+}
+
+TEST(ShearWarpProjector, DataWithinHalfTheRangeAndBeyondGiveTheSameBits)
+{
+  using Fixture = ShearWarpProjectorTyped<unsigned short>;
+  Random     random(604);
+  const auto image = MakeRandomImage<unsigned short>(random, { { 70, 40, 30 } });
+  const auto count = image->GetBufferedRegion().GetNumberOfPixels();
+  for (const auto & [lowest, highest] : std::initializer_list<std::pair<int, int>>{
+         { 0, 32767 }, { 0, 32768 }, { 30000, 62767 }, { 32768, 65535 }, { 0, 65535 } })
+  {
+    for (itk::SizeValueType n = 0; n < count; ++n)
+    {
+      // extremes side by side
+      const auto choice = random.Integer(0, 3);
+      image->GetBufferPointer()[n] =
+        static_cast<unsigned short>(n == 0 || choice == 0   ? lowest
+                                    : n == 1 || choice == 1 ? highest
+                                                            : random.Integer(lowest, highest));
+    }
+    image->Modified();
+    for (const auto & view : MakeViews())
+    {
+      Fixture::ExpectTheSameBits(image, view);
+    }
+  }
+}
+
+TEST(ShearWarpProjector, NotANumberInfinityAndZerosOfBothSignsGiveTheSameBits)
+{
+  using Fixture = ShearWarpProjectorTyped<float>;
+  Random          random(605);
+  const auto      image = MakeRandomImage<float>(random, { { 70, 40, 45 } });
+  const auto      count = image->GetBufferedRegion().GetNumberOfPixels();
+  float *         voxels = image->GetBufferPointer();
+  constexpr float infinity = std::numeric_limits<float>::infinity();
+  constexpr float specials[] = { std::numeric_limits<float>::quiet_NaN(), infinity, -infinity, 0.0f, -0.0f, 1e-40f };
+  for (const int rarity : { 3, 300 })
+  {
+    for (itk::SizeValueType n = 0; n < count; ++n)
+    {
+      voxels[n] = random.Integer(0, rarity) == 0 ? specials[random.Integer(0, 5)] : -0.5f;
+    }
+    image->Modified();
+    for (const auto & view : MakeViews())
+    {
+      Fixture::ExpectTheSameBits(image, view);
+    }
+  }
+  // the difference of two voxels overflows: interpolation may exceed both
+  for (itk::SizeValueType n = 0; n < count; ++n)
+  {
+    voxels[n] = random.Integer(0, 1) == 0 ? 3e38f : -3e38f;
+  }
+  image->Modified();
+  for (const auto & view : MakeViews())
+  {
+    EXPECT_EQ(Fixture::ExpectTheSameBits(image, view), 0.0);
+  }
+}
