@@ -212,18 +212,18 @@ struct Kernels
 /** The plain C++ kernels: the definition that the others are tested against. */
 template <typename TPixel>
 ShearWarpMIP_EXPORT const Kernels<TPixel> &
-                          GetPortableKernels();
+GetPortableKernels();
 
 /** The kernels of the instruction set that the environment variable SHEARWARPMIP_INSTRUCTION_SET names or, if that is
  * not set, of the best one of this computer. Pixel types without kernels of their own get the portable ones.
  * Throws std::invalid_argument if this computer does not have the named instruction set. */
 template <typename TPixel>
 ShearWarpMIP_EXPORT const Kernels<TPixel> &
-                          GetKernels();
+GetKernels();
 
 /** The instruction sets that this computer and this build have, the best one last. */
 ShearWarpMIP_EXPORT std::vector<std::string>
-                    GetInstructionSets();
+GetInstructionSets();
 
 } // namespace itk::ShearWarp
 

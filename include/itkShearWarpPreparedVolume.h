@@ -106,7 +106,7 @@ private:
 
   template <typename TParallelize>
   void
-  Transpose(const ShearWarp::Kernels<TPixel> & kernels, const TParallelize & parallelize);
+  Transpose(const ShearWarp::Kernels<TPixel> & kernels, const TParallelize & parallelize, TPixel * transposed) const;
 
   ShearWarpBuffer m_Transposed;
   ShearWarpBuffer m_BlockMaxima;

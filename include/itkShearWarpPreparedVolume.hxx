@@ -31,8 +31,11 @@ ShearWarpPreparedVolume<TPixel>::Prepare(const ImageType *                  imag
                                          const ShearWarp::Kernels<TPixel> & kernels,
                                          const TParallelize &               parallelize)
 {
+  ShearWarpBuffer memory;
   if (!this->IsOf(image))
   {
+    // the next copy can have the memory of the last one
+    memory = std::move(m_Transposed);
     this->Release();
     m_Voxels = image->GetBufferPointer();
     std::copy_n(image->GetBufferedRegion().GetSize().begin(), 3, m_Size);
@@ -42,7 +45,9 @@ ShearWarpPreparedVolume<TPixel>::Prepare(const ImageType *                  imag
   }
   if (!this->IsPrepared(image, principalAxis))
   {
-    this->Transpose(kernels, parallelize);
+    memory.Reserve(m_Size[0] * m_Size[1] * m_Size[2] * sizeof(TPixel));
+    this->Transpose(kernels, parallelize, memory.GetPointer<TPixel>());
+    m_Transposed = std::move(memory);
   }
 }
 
@@ -96,15 +101,14 @@ ShearWarpPreparedVolume<TPixel>::FindBlockMaxima(const ShearWarp::Kernels<TPixel
 template <typename TPixel>
 template <typename TParallelize>
 void
-ShearWarpPreparedVolume<TPixel>::Transpose(const ShearWarp::Kernels<TPixel> & kernels, const TParallelize & parallelize)
+ShearWarpPreparedVolume<TPixel>::Transpose(const ShearWarp::Kernels<TPixel> & kernels,
+                                           const TParallelize &               parallelize,
+                                           TPixel *                           transposed) const
 {
   const std::ptrdiff_t slice = m_Size[0] * m_Size[1];
-  ShearWarpBuffer      transposed;
-  transposed.Reserve(slice * m_Size[2] * sizeof(TPixel));
   parallelize(static_cast<SizeValueType>(m_Size[2]), [&](SizeValueType z) {
-    kernels.transposeSlice(m_Voxels + z * slice, m_Size[0], m_Size[1], transposed.GetPointer<TPixel>() + z * slice);
+    kernels.transposeSlice(m_Voxels + z * slice, m_Size[0], m_Size[1], transposed + z * slice);
   });
-  m_Transposed = std::move(transposed);
 }
 
 template <typename TPixel>

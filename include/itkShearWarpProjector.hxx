@@ -65,12 +65,13 @@ ShearWarpProjector<TPixel>::Project(const ShearWarpPreparedVolume<TPixel> & volu
   }
 
   // where slices lie side by side a few rows are long runs in memory, else all rows of a slice are
-  constexpr std::ptrdiff_t sliceBytes = 1 << 17;
-  const std::ptrdiff_t     rowBytes = m_Slices.columns * static_cast<std::ptrdiff_t>(sizeof(TPixel));
-  const std::ptrdiff_t     longRuns =
-    m_Slices.sliceStride < m_Slices.rowStride ? 2 * BlockLength : roundUp(sliceBytes / rowBytes + 1, BlockLength);
-  const std::ptrdiff_t fairShare = roundUp(m_Slices.rows / static_cast<std::ptrdiff_t>(2 * workers) + 1, BlockLength);
-  const std::ptrdiff_t blockRows = std::min(longRuns, fairShare);
+  constexpr std::ptrdiff_t sliceBytes = 1 << 18;
+  const auto           divide = [](std::ptrdiff_t size, std::ptrdiff_t parts) { return (size + parts - 1) / parts; };
+  const std::ptrdiff_t rowBytes = m_Slices.columns * static_cast<std::ptrdiff_t>(sizeof(TPixel));
+  const bool           isLongRun = m_Slices.sliceStride > m_Slices.rowStride;
+  const std::ptrdiff_t wanted = isLongRun ? divide(sliceBytes, rowBytes) : 2 * BlockLength;
+  const std::ptrdiff_t fairShare = divide(m_Slices.rows, 2 * static_cast<std::ptrdiff_t>(workers));
+  const std::ptrdiff_t blockRows = roundUp(std::min(wanted, fairShare), BlockLength);
   // a step takes milliseconds at most
   constexpr std::ptrdiff_t stepVoxels = 1 << 21;
   const std::ptrdiff_t     stepCubes = stepVoxels / (blockRows * m_Slices.columns * BlockLength) + 1;
@@ -274,7 +275,7 @@ ShearWarpProjector<TPixel>::SelectTiles(Worker & worker, const ShearWarp::Block 
   if (m_ReducedResampling == ReducedResamplingEnum::Auto)
   {
     // where little is skipped, try more and more rarely
-    worker.pause = skipped * 16 < tiles ? std::min<std::ptrdiff_t>(2 * worker.pause + 1, 16) : 0;
+    worker.pause = skipped * 16 < tiles ? std::min<std::ptrdiff_t>(4 * worker.pause + 1, 64) : 0;
     worker.untestedCubes = worker.pause;
   }
   return skipped < tiles;

@@ -89,7 +89,14 @@ struct Lanes
   static Index DoubleToIndex(Double v) { return _mm256_cvttpd_epi32(v); }
   static Double IndexToDouble(Index v) { return _mm256_cvtepi32_pd(v); }
   static Index SetIndex(int v) { return _mm_set1_epi32(v); }
-  static void StoreIndex(std::int32_t * p, Index v) { _mm_storeu_si128(reinterpret_cast<__m128i *>(p), v); }
+  static int First(Index v) { return _mm_cvtsi128_si32(v); }
+  static int Last(Index v) { return _mm_extract_epi32(v, 3); }
+  static Index LowBytes(Index v) { return _mm_shuffle_epi8(v, _mm_setr_epi8(0, 4, 8, 12, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1)); }
+  static Index LowShorts(Index v) { return _mm_shuffle_epi8(v, _mm_setr_epi8(0, 1, 4, 5, 8, 9, 12, 13, -1, -1, -1, -1, -1, -1, -1, -1)); }
+  static void StoreLow(unsigned char * p, Index v) { _mm_storeu_si32(p, LowBytes(v)); }
+  static void StoreLow(signed char * p, Index v) { _mm_storeu_si32(p, LowBytes(v)); }
+  static void StoreLow(unsigned short * p, Index v) { _mm_storel_epi64(reinterpret_cast<__m128i *>(p), LowShorts(v)); }
+  static void StoreLow(short * p, Index v) { _mm_storel_epi64(reinterpret_cast<__m128i *>(p), LowShorts(v)); }
   static Index AddIndex(Index a, Index b) { return _mm_add_epi32(a, b); }
   static Index SubtractIndex(Index a, Index b) { return _mm_sub_epi32(a, b); }
   static Index MultiplyIndex(Index a, Index b) { return _mm_mullo_epi32(a, b); }

@@ -93,7 +93,12 @@ struct Lanes
   static Index DoubleToIndex(Double v) { return _mm512_cvttpd_epi32(v); }
   static Double IndexToDouble(Index v) { return _mm512_cvtepi32_pd(v); }
   static Index SetIndex(int v) { return _mm256_set1_epi32(v); }
-  static void StoreIndex(std::int32_t * p, Index v) { _mm256_storeu_si256(reinterpret_cast<__m256i *>(p), v); }
+  static int First(Index v) { return _mm256_cvtsi256_si32(v); }
+  static int Last(Index v) { return _mm256_extract_epi32(v, 7); }
+  static void StoreLow(unsigned char * p, Index v) { _mm_storel_epi64(reinterpret_cast<__m128i *>(p), _mm256_cvtepi32_epi8(v)); }
+  static void StoreLow(signed char * p, Index v) { _mm_storel_epi64(reinterpret_cast<__m128i *>(p), _mm256_cvtepi32_epi8(v)); }
+  static void StoreLow(unsigned short * p, Index v) { _mm_storeu_si128(reinterpret_cast<__m128i *>(p), _mm256_cvtepi32_epi16(v)); }
+  static void StoreLow(short * p, Index v) { _mm_storeu_si128(reinterpret_cast<__m128i *>(p), _mm256_cvtepi32_epi16(v)); }
   static Index AddIndex(Index a, Index b) { return _mm256_add_epi32(a, b); }
   static Index SubtractIndex(Index a, Index b) { return _mm256_sub_epi32(a, b); }
   static Index MultiplyIndex(Index a, Index b) { return _mm256_mullo_epi32(a, b); }

@@ -99,43 +99,66 @@ struct PlacedSlice
   }
 };
 
-/** Fetches the lines of rows of voxels in the order of their addresses, a few at each step. */
+/** Fetches lines of voxels that are soon needed, a few at each step. Lines come from several places in turn, each in
+ * the order of its addresses: memory serves a few streams faster than one. */
 class Prefetcher
 {
 public:
-  /** Lines of \a rows rows of \a bytes bytes, within \a steps steps. */
+  static constexpr int MaximumStreams = 4;
+
+  /** Rows of \a bytes bytes, the lines of all streams within \a steps steps. */
   void
-  Start(const char * address, std::ptrdiff_t stride, std::ptrdiff_t rows, std::ptrdiff_t bytes, std::ptrdiff_t steps)
+  Start(std::ptrdiff_t stride, std::ptrdiff_t rows, std::ptrdiff_t bytes, std::ptrdiff_t steps)
   {
-    m_Address = address;
     m_Stride = stride;
-    m_Rows = rows;
     m_Bytes = bytes;
+    m_Lines = rows * ((bytes + Line - 1) / Line) * m_Streams;
+    m_Quota = (m_Lines + steps - 1) / steps;
     m_Column = 0;
-    m_Quota = (rows * ((bytes + Line - 1) / Line) + steps - 1) / steps;
+    m_Stream = 0;
+  }
+
+  void
+  ClearStreams()
+  {
+    m_Streams = 0;
+    m_Lines = 0;
+  }
+
+  void
+  AddStream(const char * firstRow)
+  {
+    m_Rows[m_Streams++] = firstRow;
   }
 
   void
   Step()
   {
-    for (std::ptrdiff_t n = 0; n < m_Quota && m_Rows > 0; ++n)
+    const std::ptrdiff_t end = Larger<std::ptrdiff_t>(m_Lines - m_Quota, 0);
+    for (; m_Lines > end; --m_Lines)
     {
-      Lanes::Prefetch(m_Address + m_Column);
-      m_Column += Line;
-      if (m_Column >= m_Bytes)
+      Lanes::Prefetch(m_Rows[m_Stream] + m_Column);
+      if (++m_Stream == m_Streams)
       {
-        m_Column = 0;
-        m_Address += m_Stride;
-        --m_Rows;
+        m_Stream = 0;
+        m_Column += Line;
+        if (m_Column >= m_Bytes)
+        {
+          m_Column = 0;
+          for (int n = 0; n < m_Streams; ++n)
+          {
+            m_Rows[n] += m_Stride;
+          }
+        }
       }
     }
   }
 
-  static constexpr std::ptrdiff_t Line = 64;
-
 private:
-  const char *   m_Address{ nullptr };
-  std::ptrdiff_t m_Stride{ 0 }, m_Rows{ 0 }, m_Bytes{ 0 }, m_Column{ 0 }, m_Quota{ 0 };
+  static constexpr std::ptrdiff_t Line = 64;
+  const char *                    m_Rows[MaximumStreams]{};
+  std::ptrdiff_t                  m_Stride{ 0 }, m_Bytes{ 0 }, m_Lines{ 0 }, m_Quota{ 0 }, m_Column{ 0 };
+  int                             m_Streams{ 0 }, m_Stream{ 0 };
 };
 
 /** A row of tiles: columns [begin, end), at least LaneCount of them, of the rows from `row` on. */
@@ -617,7 +640,7 @@ private:
     pixel = sample > pixel ? sample : pixel;
   }
 
-  /** Rows [rowBegin, rowEnd) and columns [begin, end) of the intermediate image, in rows of tiles. */
+  /** Rows [rowBegin, rowEnd) and columns [begin, end) of the intermediate image. */
   void
   ProjectRectangle(const ShearedView<TPixel> & view,
                    const PlacedSlice *         slices,
@@ -632,65 +655,81 @@ private:
     {
       return;
     }
-    const IntermediateImage<TPixel> & image = view.intermediate;
-    const bool                        tall = rowEnd - rowBegin >= BlockLength;
-    const std::ptrdiff_t              height = tall ? BlockLength : 1;
-    Prefetcher                        prefetcher;
-    TileRow<TPixel>                   tiles{
-      m_Stack.voxels, m_Stack.rowStride,   slices,     count, rowBegin, begin, end, nullptr, image.rowStride,
-      nullptr,        m_Stack.sliceStride, &prefetcher
-    };
-    const std::ptrdiff_t grid = m_Block.rowBegin + slices->row;
-    std::ptrdiff_t       row = tall ? grid + (rowBegin - grid) / BlockLength * BlockLength : rowBegin;
-    for (; row < rowEnd; row += height)
+    Prefetcher      prefetcher;
+    TileRow<TPixel> tiles{ m_Stack.voxels,
+                           m_Stack.rowStride,
+                           slices,
+                           count,
+                           rowBegin,
+                           begin,
+                           end,
+                           nullptr,
+                           view.intermediate.rowStride,
+                           nullptr,
+                           m_Stack.sliceStride,
+                           &prefetcher };
+    if (rowEnd - rowBegin < BlockLength)
     {
-      const std::ptrdiff_t tile = row - slices->row;
-      tiles.active = this->GetActiveTiles(view, tile);
-      tiles.row = tall ? Smaller(Larger(row, rowBegin), rowEnd - height) : row;
-      tiles.pixels = image.pixels + tiles.row * image.rowStride;
-      if (m_IsOnlyView && tall && !view.active)
+      for (std::ptrdiff_t row = rowBegin; row < rowEnd; ++row)
       {
-        this->StartPrefetch(prefetcher, tiles, first, row + height >= rowEnd);
+        this->ProjectTiles<1>(view, tiles, row, row);
       }
-      if (tall)
+      return;
+    }
+
+    // rows of tiles as those of the block's cubes; where a slice is one run of memory, several places in turn
+    const std::ptrdiff_t grid = m_Block.rowBegin + slices->row;
+    const std::ptrdiff_t firstTile = (rowBegin - grid) / BlockLength;
+    const std::ptrdiff_t lastTile = (rowEnd - 1 - grid) / BlockLength + 1;
+    const bool           isLongRun = m_Stack.sliceStride > m_Stack.rowStride;
+    const std::ptrdiff_t streams = isLongRun ? Prefetcher::MaximumStreams : 1;
+    const std::ptrdiff_t length = (lastTile - firstTile + streams - 1) / streams;
+    for (std::ptrdiff_t n = 0; n < length; ++n)
+    {
+      if (m_IsOnlyView && !view.active)
       {
-        m_IsWide ? ProjectTileRow<TPixel, sizeof(TPixel) == 2, BlockLength>(tiles)
-                 : ProjectTileRow<TPixel, false, BlockLength>(tiles);
+        const bool           isNextSlice = !isLongRun || n + 1 == length;
+        const std::ptrdiff_t next = isLongRun ? (n + 1) % length : n;
+        prefetcher.ClearStreams();
+        for (std::ptrdiff_t tile = firstTile + next; tile < lastTile; tile += length)
+        {
+          this->AddStream(prefetcher, first + isNextSlice, m_Block.rowBegin + tile * BlockLength);
+        }
+        prefetcher.Start(m_Stack.rowStride * static_cast<std::ptrdiff_t>(sizeof(TPixel)),
+                         BlockLength,
+                         m_Stack.columns * static_cast<std::ptrdiff_t>(sizeof(TPixel)),
+                         ((end - begin) / LaneCount<TPixel> + 1) * streams);
       }
-      else
+      for (std::ptrdiff_t tile = firstTile + n; tile < lastTile; tile += length)
       {
-        m_IsWide ? ProjectTileRow<TPixel, sizeof(TPixel) == 2, 1>(tiles) : ProjectTileRow<TPixel, false, 1>(tiles);
+        const std::ptrdiff_t row = grid + tile * BlockLength;
+        this->ProjectTiles<BlockLength>(view, tiles, row, Smaller(Larger(row, rowBegin), rowEnd - BlockLength));
       }
     }
   }
 
-  /** Next in the order of addresses: the same rows of the next slice where slices lie side by side, else the next rows
-   * of the slice or, from the last, the block's first rows of the next slice. */
   void
-  StartPrefetch(Prefetcher & prefetcher, const TileRow<TPixel> & tiles, std::ptrdiff_t slice, bool isLast) const
+  AddStream(Prefetcher & prefetcher, std::ptrdiff_t slice, std::ptrdiff_t row) const
   {
-    std::ptrdiff_t row = tiles.row - tiles.slices->row;
-    const bool     isNextSlice = m_Stack.sliceStride < m_Stack.rowStride || isLast;
-    if (!isNextSlice)
+    if (slice < m_Stack.slices && row + BlockLength <= m_Stack.rows)
     {
-      row += BlockLength;
+      prefetcher.AddStream(
+        reinterpret_cast<const char *>(m_Stack.voxels + (slice * m_Stack.sliceStride + row * m_Stack.rowStride)));
     }
-    else if (m_Stack.sliceStride > m_Stack.rowStride)
-    {
-      row = m_Block.rowBegin;
-    }
-    slice += isNextSlice;
-    if (slice >= m_Stack.slices || row >= m_Stack.rows)
-    {
-      return;
-    }
-    constexpr std::ptrdiff_t size = sizeof(TPixel);
-    prefetcher.Start(
-      reinterpret_cast<const char *>(m_Stack.voxels + (slice * m_Stack.sliceStride + row * m_Stack.rowStride)),
-      m_Stack.rowStride * size,
-      Smaller(BlockLength, m_Stack.rows - row),
-      m_Stack.columns * size,
-      (tiles.end - tiles.begin) / LaneCount<TPixel> + 1);
+  }
+
+  /** A row of tiles from \a row on; \a gridRow is in the row of cubes that tells whether they are active. */
+  template <int VRows>
+  void
+  ProjectTiles(const ShearedView<TPixel> & view,
+               TileRow<TPixel> &           tiles,
+               std::ptrdiff_t              gridRow,
+               std::ptrdiff_t              row) const
+  {
+    tiles.active = this->GetActiveTiles(view, gridRow - tiles.slices->row);
+    tiles.row = row;
+    tiles.pixels = view.intermediate.pixels + row * view.intermediate.rowStride;
+    m_IsWide ? ProjectTileRow<TPixel, sizeof(TPixel) == 2, VRows>(tiles) : ProjectTileRow<TPixel, false, VRows>(tiles);
   }
 
   const SliceStack<TPixel> & m_Stack;
@@ -838,12 +877,7 @@ Interpolate(const WarpCell & cell, const TPixel * pixels, TPixel * output)
   sum = Lanes::AddIndex(sum, Lanes::MultiplyIndex(cell.baWeights, extract(upper, bits)));
   sum = Lanes::AddIndex(sum, Lanes::MultiplyIndex(cell.abWeights, extract(lower, 0)));
   sum = Lanes::AddIndex(sum, Lanes::MultiplyIndex(cell.aaWeights, extract(lower, bits)));
-  std::int32_t means[Lanes::WarpCount];
-  Lanes::StoreIndex(means, Lanes::ShiftRight(sum, 15));
-  for (std::ptrdiff_t n = 0; n < Lanes::WarpCount; ++n)
-  {
-    output[n] = static_cast<TPixel>(means[n]);
-  }
+  Lanes::StoreLow(output, Lanes::ShiftRight(sum, 15));
   return true;
 }
 
@@ -894,6 +928,25 @@ IsReached(const IntermediateImage<TPixel> & image,
   return true;
 }
 
+/** Narrows [begin, end) to the integers x where lowest < slope x + offset < highest, and at most two more on each side.
+ */
+inline void
+Clip(double slope, double offset, double lowest, double highest, std::ptrdiff_t & begin, std::ptrdiff_t & end)
+{
+  if (slope < 0)
+  {
+    return Clip(-slope, -offset, -highest, -lowest, begin, end);
+  }
+  const double first = (lowest - offset) / slope - 1;
+  const double last = (highest - offset) / slope + 2;
+  const auto   from = static_cast<double>(begin);
+  const auto   to = static_cast<double>(end);
+  // false for what is not a number, and then nothing is cut off
+  begin = first > from ? static_cast<std::ptrdiff_t>(Smaller(first, to)) : begin;
+  end = last < to ? static_cast<std::ptrdiff_t>(Larger(last, from)) : end;
+  end = Larger(begin, end);
+}
+
 template <typename TPixel>
 void
 WarpRow(const IntermediateImage<TPixel> & intermediate,
@@ -923,8 +976,20 @@ WarpRow(const IntermediateImage<TPixel> & intermediate,
     return Lanes::DoubleToIndex(Lanes::Floor(
       Lanes::AddDouble(Lanes::MultiplyDouble(position, Lanes::SetDouble(32768.0)), Lanes::SetDouble(0.5))));
   };
-  std::ptrdiff_t x = columnBegin;
-  for (; x + lanes <= columnEnd; x += lanes)
+  std::ptrdiff_t begin = columnBegin;
+  std::ptrdiff_t end = columnEnd;
+  Clip(map.xx, map.xy * y + map.x0, -1.0, static_cast<double>(intermediate.columns), begin, end);
+  Clip(map.yx, map.yy * y + map.y0, -1.0, static_cast<double>(intermediate.rows), begin, end);
+  for (std::ptrdiff_t x = columnBegin; x < begin; ++x)
+  {
+    output[x] = background;
+  }
+  for (std::ptrdiff_t x = end; x < columnEnd; ++x)
+  {
+    output[x] = background;
+  }
+  std::ptrdiff_t x = begin;
+  for (; x + lanes <= end; x += lanes)
   {
     const Lanes::Double xs = Lanes::Count(static_cast<double>(x));
     const Lanes::Double columns = Lanes::AddDouble(
@@ -940,17 +1005,13 @@ WarpRow(const IntermediateImage<TPixel> & intermediate,
       const Lanes::Index wholeColumn = Lanes::ShiftRight(column, 15);
       const Lanes::Index line = quantize(rows);
       const Lanes::Index wholeRow = Lanes::ShiftRight(line, 15);
-      std::int32_t       p[lanes];
-      std::int32_t       q[lanes];
-      Lanes::StoreIndex(p, wholeColumn);
-      Lanes::StoreIndex(q, wholeRow);
       // positions lie on a line: the outer ones are the extremes
-      const std::ptrdiff_t begin = Smaller(p[0], p[lanes - 1]);
-      const std::ptrdiff_t end = Larger(p[0], p[lanes - 1]) + 1;
-      const std::ptrdiff_t rowBegin = Smaller(q[0], q[lanes - 1]);
-      const std::ptrdiff_t rowEnd = Larger(q[0], q[lanes - 1]) + 2;
-      if (end - 1 + read <= intermediate.columns && rowEnd <= intermediate.rows &&
-          IsReached(intermediate, rowBegin, rowEnd, begin, end + 1))
+      const std::ptrdiff_t first = Smaller(Lanes::First(wholeColumn), Lanes::Last(wholeColumn));
+      const std::ptrdiff_t last = Larger(Lanes::First(wholeColumn), Lanes::Last(wholeColumn));
+      const std::ptrdiff_t rowBegin = Smaller(Lanes::First(wholeRow), Lanes::Last(wholeRow));
+      const std::ptrdiff_t rowEnd = Larger(Lanes::First(wholeRow), Lanes::Last(wholeRow)) + 2;
+      if (last + read <= intermediate.columns && rowEnd <= intermediate.rows &&
+          IsReached(intermediate, rowBegin, rowEnd, first, last + 2))
       {
         const Lanes::Index fraction = Lanes::SetIndex(32767);
         const Lanes::Index u = Lanes::AndIndex(column, fraction);
@@ -971,7 +1032,27 @@ WarpRow(const IntermediateImage<TPixel> & intermediate,
       portable(intermediate, map, row, x, x + lanes, background, output);
     }
   }
-  portable(intermediate, map, row, x, columnEnd, background, output);
+  portable(intermediate, map, row, x, end, background, output);
+}
+
+/** Interleaves the elements of the first half of the vectors with those of the second: that moves the highest bit of an
+ * element's vector to the lowest of its position, so that doing it for every bit transposes. */
+template <typename TPixel, int VCount>
+SHEARWARP_INLINE inline void
+InterleaveHalves(Lanes::Quad (&vectors)[VCount])
+{
+  Lanes::Quad interleaved[VCount];
+  SHEARWARP_UNROLL
+  for (int n = 0; n < VCount / 2; ++n)
+  {
+    interleaved[2 * n] = Lanes::InterleaveQuadLow(vectors[n], vectors[n + VCount / 2], TPixel{});
+    interleaved[2 * n + 1] = Lanes::InterleaveQuadHigh(vectors[n], vectors[n + VCount / 2], TPixel{});
+  }
+  SHEARWARP_UNROLL
+  for (int n = 0; n < VCount; ++n)
+  {
+    vectors[n] = interleaved[n];
+  }
 }
 
 template <typename TPixel>
@@ -997,33 +1078,30 @@ TransposeSlice(const TPixel * input, std::ptrdiff_t columns, std::ptrdiff_t rows
         }
         continue;
       }
+      for (std::ptrdiff_t row = 0; row < square; ++row)
+      {
+        Lanes::Prefetch(reinterpret_cast<const char *>(input + (j + row) * columns + i + square));
+      }
       alignas(64) TPixel lines[square][square];
       for (std::ptrdiff_t column = 0; column < square; column += small)
       {
         for (std::ptrdiff_t row = 0; row < square; row += small)
         {
-          // each interleaving of one half with the other moves an element's row bit to its column
           Lanes::Quad vectors[small];
-          Lanes::Quad interleaved[small];
           SHEARWARP_UNROLL
           for (int n = 0; n < small; ++n)
           {
             vectors[n] = Lanes::LoadQuad(input + (j + row + n) * columns + i + column);
           }
-          SHEARWARP_UNROLL
-          for (int step = 1; step < small; step *= 2)
+          InterleaveHalves<TPixel>(vectors);
+          InterleaveHalves<TPixel>(vectors);
+          if constexpr (small > 4)
           {
-            SHEARWARP_UNROLL
-            for (int n = 0; n < small / 2; ++n)
-            {
-              interleaved[2 * n] = Lanes::InterleaveQuadLow(vectors[n], vectors[n + small / 2], TPixel{});
-              interleaved[2 * n + 1] = Lanes::InterleaveQuadHigh(vectors[n], vectors[n + small / 2], TPixel{});
-            }
-            SHEARWARP_UNROLL
-            for (int n = 0; n < small; ++n)
-            {
-              vectors[n] = interleaved[n];
-            }
+            InterleaveHalves<TPixel>(vectors);
+          }
+          if constexpr (small > 8)
+          {
+            InterleaveHalves<TPixel>(vectors);
           }
           SHEARWARP_UNROLL
           for (int n = 0; n < small; ++n)

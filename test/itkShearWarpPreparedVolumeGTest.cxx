@@ -236,6 +236,17 @@ TEST(ShearWarpPreparedVolume, AnotherImageIsCopiedAgain)
   EXPECT_EQ(parallelize.calls, 6);
 }
 
+TEST(ShearWarpPreparedVolume, AChangedImageIsCopiedToTheSameMemory)
+{
+  Random                    random(211);
+  const auto                image = MakeRandomImage<short>(random, { { 4, 5, 6 } });
+  VolumeType                volume;
+  const CountingParallelize parallelize;
+  const short *             memory = GetSlices<short>(volume, image, 0, parallelize).voxels;
+  image->Modified();
+  EXPECT_EQ(GetSlices<short>(volume, image, 0, parallelize).voxels, memory);
+}
+
 TEST(ShearWarpPreparedVolume, AChangedImageSeenAlongZFreesTheCopy)
 {
   Random                    random(206);

@@ -1,0 +1,303 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#include "Measurement.h"
+
+#include "Check.h"
+#include "Process.h"
+#include "ReadLimit.h"
+#include "Subject.h"
+
+#include <algorithm>
+#include <chrono>
+#include <limits>
+#include <memory>
+#include <numeric>
+#include <optional>
+#include <sstream>
+
+namespace itk::ShearWarpBenchmark
+{
+namespace
+{
+struct KeptSubject
+{
+  std::optional<DataSet> data;
+  std::shared_ptr<void>  subject;
+};
+
+bool        hasAnyFailed = false;
+KeptSubject keptSubject;
+
+double
+GetMean(const std::vector<double> & values)
+{
+  return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
+}
+
+double
+GetMinimum(const std::vector<double> & values)
+{
+  return *std::min_element(values.begin(), values.end());
+}
+
+/** The lower one of two medians. */
+double
+GetMedian(std::vector<double> values)
+{
+  const auto middle = values.begin() + (static_cast<std::ptrdiff_t>(values.size()) - 1) / 2;
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+/** One quantity, measured several times for each view. */
+class ViewSeries
+{
+public:
+  ViewSeries()
+    : m_Values(GetNumberOfViews())
+  {}
+
+  void
+  Add(unsigned int view, double value)
+  {
+    m_Values.at(view).push_back(value);
+  }
+
+  /** For each view \a statistic of its values. */
+  template <typename TStatistic>
+  std::vector<double>
+  Summarize(const TStatistic & statistic) const
+  {
+    std::vector<double> result(m_Values.size());
+    std::transform(m_Values.begin(), m_Values.end(), result.begin(), statistic);
+    return result;
+  }
+
+  double
+  GetMeanOfMinima() const
+  {
+    return GetMean(this->Summarize(GetMinimum));
+  }
+
+  double
+  GetMeanOfMinima(const std::vector<unsigned int> & views) const
+  {
+    std::vector<double> minima;
+    for (const unsigned int view : views)
+    {
+      minima.push_back(GetMinimum(m_Values.at(view)));
+    }
+    return GetMean(minima);
+  }
+
+private:
+  std::vector<std::vector<double>> m_Values;
+};
+
+/** The subject of \a data. Only the last one is kept, because several may not fit in memory. */
+template <typename TPixel>
+Subject<TPixel> &
+GetSubject(KeptSubject & kept, const DataSet & data)
+{
+  if (!kept.data || !(*kept.data == data))
+  {
+    kept = {};
+    kept.subject = std::make_shared<Subject<TPixel>>(data);
+    kept.data = data;
+  }
+  return *static_cast<Subject<TPixel> *>(kept.subject.get());
+}
+
+/** Seconds that the filter needs, the first time that it sees the volume, to prepare it for views along all its axes.
+ */
+template <typename TFilter, typename TPixel>
+double
+MeasurePreparation(TFilter & filter, const Subject<TPixel> & subject, unsigned int repetitions)
+{
+  std::vector<double> seconds(repetitions, 0.0);
+  for (double & sum : seconds)
+  {
+    filter.ReleasePreparedVolume();
+    for (const unsigned int view : subject.GetComparedViews())
+    {
+      filter.SetTransform(MakeView(subject.GetVolume(), view));
+      filter.Update();
+      sum += filter.GetPreparationSeconds();
+    }
+  }
+  return GetMinimum(seconds);
+}
+
+template <typename TPixel>
+std::string
+Measure(::benchmark::State & state, const Measurement & measurement)
+{
+  std::optional<ForcedInstructionSet> forced("portable");
+  Subject<TPixel> &                   subject = GetSubject<TPixel>(keptSubject, measurement.data);
+  const auto *                        volume = subject.GetVolume();
+  const bool                          isCompared = measurement.threads == 1;
+  if (isCompared)
+  {
+    static const std::string difference = CheckRayCasting<TPixel>();
+    if (!difference.empty())
+    {
+      return difference;
+    }
+    subject.Compare(measurement.repetitions);
+  }
+
+  forced.reset();
+  forced.emplace(measurement.instructionSet);
+  const bool isPeakKnown = ResetPeakMemory();
+
+  const auto filter = ShearWarpMIPImageFilter<Image<TPixel, 3>>::New();
+  filter->SetInput(volume);
+  filter->SetSize(subject.GetOutputSize());
+  filter->SetOutputSpacing(itk::Vector<double, 2>(subject.GetOutputSpacing()));
+  filter->SetReducedResampling(measurement.reducedResampling);
+  // what ITK's thread pool takes by default for so many threads
+  filter->SetNumberOfWorkUnits(measurement.threads == 1 ? 1 : 4 * measurement.threads);
+  const double preparation = MeasurePreparation(*filter, subject, measurement.repetitions);
+  if (filter->GetInstructionSet() != measurement.instructionSet)
+  {
+    return "the filter used the instruction set " + filter->GetInstructionSet();
+  }
+
+  ReadLimit    readLimit(measurement.threads);
+  ViewSeries   seconds;
+  ViewSeries   projectionSeconds;
+  ViewSeries   warpSeconds;
+  ViewSeries   readSeconds;
+  double       skipped = 0.0;
+  unsigned int iteration = 0;
+  for (auto _ : state)
+  {
+    state.PauseTiming();
+    const unsigned int view = iteration % GetNumberOfViews();
+    const auto         transform = MakeView(volume, view);
+    state.ResumeTiming();
+
+    const auto start = std::chrono::steady_clock::now();
+    filter->SetTransform(transform);
+    filter->Update();
+    const std::chrono::duration<double> duration = std::chrono::steady_clock::now() - start;
+    state.SetIterationTime(duration.count());
+
+    state.PauseTiming();
+    if (!subject.IsExpected(view, filter->GetOutput()))
+    {
+      return "the output of view " + std::to_string(view) + " differs from that of the plain shear-warp";
+    }
+    const auto read = readLimit.FindMaximum(volume->GetBufferPointer(), volume->GetOffsetTable()[3]);
+    if (read.maximum != subject.GetMaximum())
+    {
+      return "the read limit has not read the whole volume";
+    }
+    seconds.Add(view, duration.count());
+    projectionSeconds.Add(view, filter->GetProjectionSeconds());
+    warpSeconds.Add(view, filter->GetWarpSeconds());
+    readSeconds.Add(view, read.seconds);
+    skipped += filter->GetSkippedFraction();
+    ++iteration;
+    state.ResumeTiming();
+  }
+
+  constexpr double milliseconds = 1000.0;
+  const double     readLimitSeconds = readSeconds.GetMeanOfMinima();
+  const auto       minima = seconds.Summarize(GetMinimum);
+  auto &           counters = state.counters;
+  counters["read_limit_ratio"] = GetMean(minima) / readLimitSeconds;
+  counters["worst_view_ratio"] = *std::max_element(minima.begin(), minima.end()) / readLimitSeconds;
+  counters["read_limit_ms"] = milliseconds * readLimitSeconds;
+  counters["min_ms"] = milliseconds * GetMean(minima);
+  counters["median_ms"] = milliseconds * GetMean(seconds.Summarize(GetMedian));
+  counters["projection_ms"] = milliseconds * projectionSeconds.GetMeanOfMinima();
+  counters["warp_ms"] = milliseconds * warpSeconds.GetMeanOfMinima();
+  counters["preparation_ms"] = milliseconds * preparation;
+  counters["skipped_fraction"] = skipped / iteration;
+  if (isCompared)
+  {
+    const auto & comparison = subject.Compare(measurement.repetitions);
+    const double comparedSeconds = seconds.GetMeanOfMinima(subject.GetComparedViews());
+    counters["raycast_ratio"] = comparison.rayCasting / comparedSeconds;
+    counters["plain_ratio"] = comparison.plainShearWarp / comparedSeconds;
+  }
+  if (isPeakKnown)
+  {
+    counters["peak_mb"] = GetPeakMemory();
+  }
+  return {};
+}
+
+std::string
+GetName(Measurement::ReducedResampling reducedResampling)
+{
+  using ReducedResampling = Measurement::ReducedResampling;
+  return reducedResampling == ReducedResampling::Off  ? "off"
+         : reducedResampling == ReducedResampling::On ? "on"
+                                                      : "auto";
+}
+} // namespace
+
+std::string
+GetName(const Measurement & measurement)
+{
+  const DataSet &    data = measurement.data;
+  std::ostringstream name;
+  name << "mip/" << data.kind << '/' << data.size[0] << 'x' << data.size[1] << 'x' << data.size[2] << '/'
+       << GetName(data.pixelType) << '/' << measurement.instructionSet << "/threads:" << measurement.threads << '/'
+       << GetName(measurement.reducedResampling);
+  return name.str();
+}
+
+void
+Register(const Measurement & measurement)
+{
+  const auto measure = [measurement](::benchmark::State & state) {
+    std::string error;
+    try
+    {
+      error =
+        Dispatch(measurement.data.pixelType, [&](auto pixel) { return Measure<decltype(pixel)>(state, measurement); });
+    }
+    catch (const ExceptionObject & exception)
+    {
+      error = exception.GetDescription();
+    }
+    catch (const std::exception & exception)
+    {
+      error = exception.what();
+    }
+    if (!error.empty())
+    {
+      hasAnyFailed = true;
+      state.SkipWithError(error.c_str());
+    }
+  };
+  ::benchmark::RegisterBenchmark(GetName(measurement).c_str(), measure)
+    ->UseManualTime()
+    ->Iterations(measurement.repetitions * GetNumberOfViews())
+    ->Unit(::benchmark::kMillisecond);
+}
+
+bool
+HasAnyFailed()
+{
+  return hasAnyFailed;
+}
+} // namespace itk::ShearWarpBenchmark

@@ -1,0 +1,73 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#ifndef Measurement_h
+#define Measurement_h
+
+#include "Input.h"
+
+#include "itkShearWarpMIPImageFilter.h"
+
+#include <benchmark/benchmark.h>
+
+#include <string>
+
+namespace itk::ShearWarpBenchmark
+{
+/** A volume to project: a synthetic one, see MakeVolume(), or that of a file. */
+struct DataSet
+{
+  std::string kind;
+  std::string file; // empty for a synthetic volume
+  Size<3>     size;
+  PixelType   pixelType;
+
+  bool
+  operator==(const DataSet & other) const
+  {
+    return kind == other.kind && file == other.file && size == other.size && pixelType == other.pixelType;
+  }
+};
+
+/** How the filter projects it. */
+struct Measurement
+{
+  using ReducedResampling = ShearWarpMIPImageFilter<Image<float, 3>>::ReducedResamplingEnum;
+
+  DataSet           data;
+  std::string       instructionSet;
+  unsigned int      threads;
+  ReducedResampling reducedResampling;
+  unsigned int      repetitions; // of each view
+};
+
+/** For example mip/mra/512x512x512/uint16/avx2/threads:2/auto. */
+std::string
+GetName(const Measurement & measurement);
+
+/** Registers a benchmark of which an iteration is one view: a new transform, and the filter's whole update, which is
+ * what is timed. After each view the read limit is measured with as many threads. Output that differs in a bit from the
+ * plain shear-warp is an error of the benchmark. README.md says what the counters are. */
+void
+Register(const Measurement & measurement);
+
+/** Whether a benchmark that ran ended with an error. */
+bool
+HasAnyFailed();
+} // namespace itk::ShearWarpBenchmark
+
+#endif

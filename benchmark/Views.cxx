@@ -1,0 +1,83 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#include "Views.h"
+
+#include "itkMath.h"
+#include "itkShearWarpMIPView.h"
+
+#include <vector>
+
+namespace itk::ShearWarpBenchmark
+{
+namespace
+{
+/** Turns by so many degrees about the volume's axes, the first axis first. */
+struct Angles
+{
+  double first, second, third;
+};
+
+const std::vector<Angles> &
+GetAngles()
+{
+  static const std::vector<Angles> angles = [] {
+    std::vector<Angles> result;
+    for (int angle = 0; angle <= 180; angle += 10)
+    {
+      result.push_back({ 0.0, static_cast<double>(angle), 0.0 });
+    }
+    for (int angle = 0; angle <= 180; angle += 20)
+    {
+      result.push_back({ static_cast<double>(angle), 0.0, 0.0 });
+    }
+    constexpr double azimuthsAndAltitudes[][2] = { { 40, 50 }, { 20, 65 },  { 70, 40 },
+                                                   { 30, 85 }, { 110, 70 }, { 200, 25 } };
+    for (const auto & [azimuth, altitude] : azimuthsAndAltitudes)
+    {
+      result.push_back({ altitude, 0.0, azimuth });
+    }
+    return result;
+  }();
+  return angles;
+}
+} // namespace
+
+unsigned int
+GetNumberOfViews()
+{
+  return static_cast<unsigned int>(GetAngles().size());
+}
+
+ViewTransformType::Pointer
+MakeView(const ImageBase<3> * image, unsigned int view)
+{
+  const Angles & angles = GetAngles().at(view);
+  const double   degrees[3] = { angles.first, angles.second, angles.third };
+
+  auto transform = ViewTransformType::New();
+  for (unsigned int axis = 0; axis < 3; ++axis)
+  {
+    ViewTransformType::OutputVectorType direction(0.0);
+    direction[axis] = 1.0;
+    transform->Rotate3D(direction, -degrees[axis] * Math::pi_over_180);
+  }
+  transform->SetMatrix(image->GetDirection() * transform->GetMatrix());
+  transform->SetOffset(ShearWarpMIPView::GetCentre(image).GetVectorFromOrigin());
+  return transform;
+}
+} // namespace itk::ShearWarpBenchmark

@@ -1,0 +1,98 @@
+#!/usr/bin/env bash
+# Builds shear-warp-mip-benchmark and measures the filter's speed: about a quarter of an hour on two cores. Writes
+# results.json (of Google Benchmark) and results.md (tables). What is missing on a Debian or Ubuntu machine is
+# installed, as root or through sudo.
+#
+#   JOBS=<n>              parallel compile jobs                   [all cores]
+#   XDG_CACHE_HOME=<dir>  the cache is itk-shearwarpmip/ inside   [~/.cache]
+#
+# Usage: run.sh [--smoke] [--output FOLDER] [--image FILE] [-- OPTION...]
+#   --smoke          only try everything on tiny volumes, in seconds; the times say nothing
+#   --output FOLDER  where the results go                         [benchmark-output]
+#   --image FILE     measure this 3D image, which ITK reads, and no synthetic ones
+#   OPTION           for shear-warp-mip-benchmark, see its --help: --kinds, --benchmark_filter, ...
+set -euo pipefail
+. "$(dirname "${BASH_SOURCE[0]}")/../tools/common.sh"
+
+usage() { sed -n '2,/^set/{/^set/d;s/^# \{0,1\}//;p}' "${BASH_SOURCE[0]}" >&2; }
+
+smoke=
+output=benchmark-output
+options=()
+while [ $# -gt 0 ]; do
+  case $1 in
+    --smoke) smoke=yes ;;
+    --output | --image)
+      [ $# -ge 2 ] || die "$1 needs a value, see --help"
+      if [ "$1" = --output ]; then output=$2; else options+=(--image "$2"); fi
+      shift ;;
+    --) shift; options+=("$@"); break ;;
+    -h | --help) usage; exit 0 ;;
+    *) usage; exit 1 ;;
+  esac
+  shift
+done
+
+build=$cache/benchmark-build
+program=$build/benchmark/shear-warp-mip-benchmark
+
+configure_and_build() {
+  # Debian's package, not an ITK that happens to be in the environment; the flags that its users have by default
+  env -u ITK_DIR -u CXXFLAGS cmake -S "$root" -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=Release -DBUILD_TESTING=OFF \
+    -DShearWarpMIP_BUILD_APPS=OFF -DShearWarpMIP_BUILD_BENCHMARKS=ON &&
+    ninja -C "$build" -j "$jobs" shear-warp-mip-benchmark
+}
+
+# A broken or moved build folder is made anew.
+build_program() {
+  mkdir -p "$cache"
+  configure_and_build > "$build.log" 2>&1 && return
+  rm -rf "$build"
+  configure_and_build > "$build.log" 2>&1 || {
+    tail -n 30 "$build.log" >&2
+    die "the program did not build, see $build.log"
+  }
+}
+
+# A small image of a pixel type without kernels of its own, anisotropic, its axes exchanged.
+write_image() {
+  /usr/bin/python3 - "$1" << 'PYTHON'
+import array, random, sys
+
+random.seed(1)
+header = (
+    "ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = False\n"
+    "TransformMatrix = 0 1 0 -1 0 0 0 0 1\nOffset = 5 -3 20\nElementSpacing = 0.5 0.7 1.1\n"
+    "DimSize = 40 36 20\nElementType = MET_INT\nElementDataFile = LOCAL\n"
+)
+voxels = array.array("i", (random.randrange(-1000, 3000) for _ in range(40 * 36 * 20)))
+with open(sys.argv[1], "wb") as file:
+    file.write(header.encode() + voxels.tobytes())
+PYTHON
+}
+
+# A result is written whatever the program says of it.
+measure() {
+  local status=0
+  "$program" --benchmark_out="$output/results.json" --benchmark_out_format=json "$@" \
+    "${options[@]}" || status=$?
+  [ -s "$output/results.json" ] || die "the program measured nothing"
+  /usr/bin/python3 "$root/benchmark/table.py" "$output/results.json" > "$output/results.md" || status=1
+  return "$status"
+}
+
+timed "installed what building needs" need_packages build-essential cmake ninja-build libinsighttoolkit5-dev \
+  libbenchmark-dev libcli11-dev python3
+timed "built the program" build_program
+mkdir -p "$output"
+rm -f "$output/results.json"
+if [ -n "$smoke" ]; then
+  write_image "$output/smoke.mha"
+  timed "tried everything" measure --sizes 23x29x17,48x40x32 --kinds mra,noise16,const --image "$output/smoke.mha" \
+    --view-repetitions 1
+else
+  timed "measured" measure
+fi
+say "
+The results are in $(cd "$output" && pwd): results.json, results.md.
+The program is $program; try it with --help."
