@@ -80,8 +80,35 @@ def test_setters_and_getters(image, oblique_view):
     assert mip.GetPreparationSeconds() >= 0.0
     assert mip.GetProjectionSeconds() > 0.0
     assert mip.GetWarpSeconds() > 0.0
-    for name in ("Transform", "Size", "OutputSpacing", "OutputOrigin", "DefaultPixelValue"):
+    for name in ("Transform", "Size", "OutputSpacing", "OutputOrigin", "DefaultPixelValue", "InstructionSet"):
         assert f"{name}: " in str(mip)
+
+
+def test_reduced_resampling_and_instruction_sets_never_change_a_pixel(oblique_view, monkeypatch):
+    voxels = np.full((40, 70, 60), 11, np.uint16)
+    voxels[10:12, 20:50, 30] = 900
+    mip = filter_type(itk.image_from_array(voxels)).New(itk.image_from_array(voxels), Transform=oblique_view)
+    enums = itk.ShearWarpMIPImageFilterEnums
+    assert mip.GetReducedResampling() == enums.ReducedResampling_Auto
+    pictures = []
+    for name in ("portable", None):
+        if name:
+            monkeypatch.setenv("SHEARWARPMIP_INSTRUCTION_SET", name)
+        else:
+            monkeypatch.delenv("SHEARWARPMIP_INSTRUCTION_SET")
+        for mode in (enums.ReducedResampling_Off, enums.ReducedResampling_On, enums.ReducedResampling_Auto):
+            mip.SetReducedResampling(mode)
+            mip.Modified()
+            mip.Update()
+            assert mip.GetInstructionSet() == name or name is None
+            assert (mip.GetSkippedFraction() > 0) == (mode != enums.ReducedResampling_Off)
+            pictures.append(itk.array_from_image(mip.GetOutput()))
+    assert all(np.array_equal(picture, pictures[0]) for picture in pictures)
+
+    monkeypatch.setenv("SHEARWARPMIP_INSTRUCTION_SET", "abacus")
+    mip.Modified()
+    with pytest.raises(RuntimeError, match="abacus"):
+        mip.Update()
 
 
 def test_grid_is_fitted_again(image, oblique_view):
@@ -399,9 +426,10 @@ def test_cine_prepares_once(rng):
         held.append(mip.GetPreparedVolumeSizeInBytes())
     assert set(axes) == {0, 1}
     first = axes.index(0)
-    volume = 40 * 50 * 60 * 2
-    assert held == [0] * first + [volume] * (len(held) - first)
-    assert [n for n, seconds in enumerate(preparations) if seconds > 0] == [first]
+    block_maxima = 8 * 7 * 5 * 2
+    volume = 40 * 50 * 60 * 2 + block_maxima
+    assert held == [block_maxima] * first + [volume] * (len(held) - first)
+    assert [n for n, seconds in enumerate(preparations) if seconds > 0] == sorted({0, first})
 
     image.Modified()
     mip.SetTransform(rotation(y=np.pi / 2))
@@ -430,7 +458,7 @@ def test_release_prepared_volume(image):
     mip.Update()
     before = itk.array_from_image(mip.GetOutput())
     assert mip.GetPrincipalAxis() == 0
-    assert mip.GetPreparedVolumeSizeInBytes() == 9 * 11 * 14 * 2
+    assert mip.GetPreparedVolumeSizeInBytes() == (9 * 11 * 14 + 2 * 2 * 2) * 2
     mip.ReleasePreparedVolume()
     assert mip.GetPreparedVolumeSizeInBytes() == 0
     mip.Modified()
