@@ -177,8 +177,12 @@ struct Kernels
                        const ShearedView<TPixel> * views,
                        std::size_t                 count);
 
-  /** The minimum of `rows` x `columns` pixels; `columns` is a multiple of TileColumns. */
-  TPixel (*findMinimum)(const TPixel * pixels, std::ptrdiff_t rowStride, std::ptrdiff_t rows, std::ptrdiff_t columns);
+  /** Whether one of `rows` x `columns` pixels is below \a value; `columns` is a multiple of TileColumns. */
+  bool (*isAnyBelow)(const TPixel * pixels,
+                     std::ptrdiff_t rowStride,
+                     std::ptrdiff_t rows,
+                     std::ptrdiff_t columns,
+                     TPixel         value);
 
   /** The maximum of each BlockLength columns of `slices` x `rows` rows of `columns` voxels, to ceil(columns /
    * BlockLength) elements of \a maxima; \a lowest and \a highest are widened to hold every voxel. Not-a-number is

@@ -41,9 +41,10 @@ namespace itk
  * bilinearly at the output's pixels. Both interpolations are exactly defined (see itkShearWarpKernels.h), so that a
  * result does not depend on the machine or on the number of threads.
  *
- * Views along an image's x axis need a transposed copy of the volume, of the input's size. It is made by the first
- * such view and kept until the input changes or ReleasePreparedVolume() is called: a change of view or of any
- * parameter prepares nothing again.
+ * The first view of an image finds the maxima of its cubes of eight voxels a side, which reduced resampling needs; the first
+ * view along the image's x axis makes a transposed copy of the volume, of the input's size. Both are kept until the input
+ * changes or ReleasePreparedVolume() is called: a change of view or of any parameter prepares nothing again. Memory is
+ * kept too for an intermediate image of each thread.
  *
  * By default the output's grid is fitted to the view. Its extent is the projected bounding box of the whole image;
  * its spacing is the image's smallest spacing, scaled as the transform scales the view plane's axes. Each of Size,

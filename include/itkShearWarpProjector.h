@@ -90,8 +90,7 @@ private:
   {
     ShearWarpBuffer           pixels;
     std::ptrdiff_t            rowBegin{ 0 }, rowEnd{ 0 };
-    std::vector<TPixel>       tileMinima;
-    std::vector<std::uint8_t> isTileChanged;
+    std::vector<TPixel>       lowerBounds; // no pixel of the tile is below
     std::vector<std::uint8_t> active;
     std::vector<TPixel>       columnMaxima;
     SizeValueType             tiles{ 0 };
@@ -113,8 +112,8 @@ private:
   bool
   SelectTiles(Worker & worker, const ShearWarp::Block & block) const;
 
-  TPixel
-  GetTileMinimum(Worker & worker, std::ptrdiff_t tileRow, std::ptrdiff_t tileColumn) const;
+  bool
+  IsAnyBelow(Worker & worker, std::ptrdiff_t tileRow, std::ptrdiff_t tileColumn, TPixel value) const;
 
   void
   ExtendRows(Worker & worker, std::ptrdiff_t begin, std::ptrdiff_t end) const;

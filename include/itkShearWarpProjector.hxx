@@ -180,27 +180,24 @@ ShearWarpProjector<TPixel>::ProjectRows(Worker &       worker,
     this->ExtendRows(
       worker, rowBegin + std::min(firstRow, lastRow), std::min(rowEnd + std::max(firstRow, lastRow) + 1, m_Rows));
     view.intermediate = this->GetImage(worker);
-    if (isTested)
+    const bool hasMask = isTested && this->SelectTiles(worker, block);
+    view.active = hasMask ? worker.active.data() : nullptr;
+    const bool isEmpty = hasMask && std::find(worker.active.begin(), worker.active.end(), 1) == worker.active.end();
+    if (!isEmpty)
     {
-      if (this->SelectTiles(worker, block))
-      {
-        view.active = worker.active.data();
-        m_Kernels->projectBlock(m_Slices, block, &view, 1);
-      }
-    }
-    else
-    {
-      view.active = nullptr;
       m_Kernels->projectBlock(m_Slices, block, &view, 1);
-      worker.untestedCubes -= std::min(end - n, worker.untestedCubes);
-      worker.tiles += m_TileColumns * ((rowEnd - rowBegin + BlockLength - 1) / BlockLength) * (end - n);
-      std::fill(worker.isTileChanged.begin(), worker.isTileChanged.end(), 1);
+    }
+    if (!hasMask)
+    {
+      worker.untestedCubes -= isTested ? 0 : end - n;
+      worker.tiles += isTested ? 0 : m_TileColumns * ((rowEnd - rowBegin + BlockLength - 1) / BlockLength) * (end - n);
     }
     n = end;
   }
 }
 
-/** Marks the tiles of at most BlockLength slices that may raise a pixel; false if none may. */
+/** Marks the tiles of at most BlockLength slices that may raise a pixel; false if the others are too few to be worth
+ * it. */
 template <typename TPixel>
 bool
 ShearWarpProjector<TPixel>::SelectTiles(Worker & worker, const ShearWarp::Block & block) const
@@ -253,15 +250,11 @@ ShearWarpProjector<TPixel>::SelectTiles(Worker & worker, const ShearWarp::Block 
       bool           isActive = false;
       for (std::ptrdiff_t tileRow = tileRowBegin; tileRow < tileRowEnd && !isActive; ++tileRow)
       {
-        isActive = maximum > this->GetTileMinimum(worker, tileRow, tileColumn);
+        isActive = this->IsAnyBelow(worker, tileRow, tileColumn, maximum);
       }
       if (isActive)
       {
         worker.active[blockRow * m_TileColumns + tileColumn] = 1;
-        for (std::ptrdiff_t tileRow = tileRowBegin; tileRow < tileRowEnd; ++tileRow)
-        {
-          worker.isTileChanged[tileRow * m_TileColumns + tileColumn] = 1;
-        }
       }
       else
       {
@@ -269,34 +262,37 @@ ShearWarpProjector<TPixel>::SelectTiles(Worker & worker, const ShearWarp::Block 
       }
     }
   }
+  // memory is faster in one go than in pieces
+  const bool isWorthIt = m_ReducedResampling == ReducedResamplingEnum::On || 3 * skipped > tiles;
   worker.tiles += tiles;
-  worker.skippedTiles += skipped;
-
-  if (m_ReducedResampling == ReducedResamplingEnum::Auto)
-  {
-    // where little is skipped, try more and more rarely
-    worker.pause = skipped * 16 < tiles ? std::min<std::ptrdiff_t>(4 * worker.pause + 1, 64) : 0;
-    worker.untestedCubes = worker.pause;
-  }
-  return skipped < tiles;
+  worker.skippedTiles += isWorthIt ? skipped : 0;
+  // try again more and more rarely
+  worker.untestedCubes = isWorthIt ? 0 : worker.pause;
+  worker.pause = isWorthIt ? 0 : std::min<std::ptrdiff_t>(2 * worker.pause + 1, 15);
+  return isWorthIt;
 }
 
+/** Pixels only rise, so what was once true of a tile stays so. */
 template <typename TPixel>
-TPixel
-ShearWarpProjector<TPixel>::GetTileMinimum(Worker & worker, std::ptrdiff_t tileRow, std::ptrdiff_t tileColumn) const
+bool
+ShearWarpProjector<TPixel>::IsAnyBelow(Worker &       worker,
+                                       std::ptrdiff_t tileRow,
+                                       std::ptrdiff_t tileColumn,
+                                       TPixel         value) const
 {
-  const std::ptrdiff_t tile = tileRow * m_TileColumns + tileColumn;
-  if (worker.isTileChanged[tile])
+  TPixel & lowerBound = worker.lowerBounds[tileRow * m_TileColumns + tileColumn];
+  if (value <= lowerBound)
   {
-    worker.isTileChanged[tile] = 0;
-    worker.tileMinima[tile] =
-      m_Kernels->findMinimum(worker.pixels.template GetPointer<TPixel>() +
-                               tileRow * ShearWarp::BlockLength * m_RowStride + tileColumn * ShearWarp::TileColumns,
-                             m_RowStride,
-                             ShearWarp::BlockLength,
-                             ShearWarp::TileColumns);
+    return false;
   }
-  return worker.tileMinima[tile];
+  const TPixel * pixels = worker.pixels.template GetPointer<TPixel>() + tileRow * ShearWarp::BlockLength * m_RowStride +
+                          tileColumn * ShearWarp::TileColumns;
+  if (m_Kernels->isAnyBelow(pixels, m_RowStride, ShearWarp::BlockLength, ShearWarp::TileColumns, value))
+  {
+    return true;
+  }
+  lowerBound = value;
+  return false;
 }
 
 /** Makes the worker's rows contain [begin, end). */
@@ -308,8 +304,7 @@ ShearWarpProjector<TPixel>::ExtendRows(Worker & worker, std::ptrdiff_t begin, st
   if (worker.rowBegin == worker.rowEnd)
   {
     worker.pixels.Reserve(m_TileRows * BlockLength * m_RowStride * sizeof(TPixel));
-    worker.tileMinima.resize(m_TileRows * m_TileColumns);
-    worker.isTileChanged.assign(m_TileRows * m_TileColumns, 1);
+    worker.lowerBounds.assign(m_TileRows * m_TileColumns, ShearWarp::NoSample<TPixel>);
     worker.rowBegin = worker.rowEnd = begin / BlockLength * BlockLength;
   }
   begin = begin / BlockLength * BlockLength;

@@ -48,6 +48,7 @@ struct Lanes
   static void Store(unsigned char * p, Short v) { _mm_storeu_si128(reinterpret_cast<__m128i *>(p), _mm_packus_epi16(_mm256_castsi256_si128(v), _mm256_extracti128_si256(v, 1))); }
   static void Store(signed char * p, Short v) { _mm_storeu_si128(reinterpret_cast<__m128i *>(p), _mm_packs_epi16(_mm256_castsi256_si128(v), _mm256_extracti128_si256(v, 1))); }
   static Short Set(int v) { return _mm256_set1_epi16(static_cast<short>(v)); }
+  static Short SetPixel(int v) { return Set(v); }
   static Short SetPairs(int low, int high) { return _mm256_set1_epi32(low | high << 16); }
   static Short Add(Short a, Short b) { return _mm256_add_epi16(a, b); }
   static Short Subtract(Short a, Short b) { return _mm256_sub_epi16(a, b); }
@@ -57,6 +58,7 @@ struct Lanes
   static Short Minimum(Short minimum, Short v) { return _mm256_min_epi16(minimum, v); }
   static Short MaximumUnsigned(Short maximum, Short v) { return _mm256_max_epu16(maximum, v); }
   static Short MinimumUnsigned(Short minimum, Short v) { return _mm256_min_epu16(minimum, v); }
+  static bool AreEqual(Short a, Short b) { return _mm256_movemask_epi8(_mm256_cmpeq_epi16(a, b)) == -1; }
   static Short InterleaveLow(Short a, Short b) { return _mm256_unpacklo_epi16(a, b); }
   static Short InterleaveHigh(Short a, Short b) { return _mm256_unpackhi_epi16(a, b); }
 
@@ -70,6 +72,8 @@ struct Lanes
   static Float Load(const float * p) { return _mm256_loadu_ps(p); }
   static void Store(float * p, Float v) { _mm256_storeu_ps(p, v); }
   static Float SetFloat(float v) { return _mm256_set1_ps(v); }
+  static Float SetPixel(float v) { return SetFloat(v); }
+  static bool AreEqual(Float a, Float b) { return _mm256_movemask_ps(_mm256_cmp_ps(a, b, _CMP_EQ_OQ)) == 0xFF; }
   static Float Add(Float a, Float b) { return _mm256_add_ps(a, b); }
   static Float Subtract(Float a, Float b) { return _mm256_sub_ps(a, b); }
   static Float Multiply(Float a, Float b) { return _mm256_mul_ps(a, b); }

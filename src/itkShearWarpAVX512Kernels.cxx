@@ -48,6 +48,7 @@ struct Lanes
   static void Store(unsigned char * p, Short v) { _mm256_storeu_si256(reinterpret_cast<__m256i *>(p), _mm512_cvtepi16_epi8(v)); }
   static void Store(signed char * p, Short v) { _mm256_storeu_si256(reinterpret_cast<__m256i *>(p), _mm512_cvtepi16_epi8(v)); }
   static Short Set(int v) { return _mm512_set1_epi16(static_cast<short>(v)); }
+  static Short SetPixel(int v) { return Set(v); }
   static Short SetPairs(int low, int high) { return _mm512_set1_epi32(low | high << 16); }
   static Short Add(Short a, Short b) { return _mm512_add_epi16(a, b); }
   static Short Subtract(Short a, Short b) { return _mm512_sub_epi16(a, b); }
@@ -57,6 +58,7 @@ struct Lanes
   static Short Minimum(Short minimum, Short v) { return _mm512_min_epi16(minimum, v); }
   static Short MaximumUnsigned(Short maximum, Short v) { return _mm512_max_epu16(maximum, v); }
   static Short MinimumUnsigned(Short minimum, Short v) { return _mm512_min_epu16(minimum, v); }
+  static bool AreEqual(Short a, Short b) { return _mm512_cmpeq_epi16_mask(a, b) == 0xFFFFFFFF; }
   static Short InterleaveLow(Short a, Short b) { return _mm512_unpacklo_epi16(a, b); }
   static Short InterleaveHigh(Short a, Short b) { return _mm512_unpackhi_epi16(a, b); }
 
@@ -74,6 +76,8 @@ struct Lanes
   static Float Load(const float * p) { return _mm512_loadu_ps(p); }
   static void Store(float * p, Float v) { _mm512_storeu_ps(p, v); }
   static Float SetFloat(float v) { return _mm512_set1_ps(v); }
+  static Float SetPixel(float v) { return SetFloat(v); }
+  static bool AreEqual(Float a, Float b) { return _mm512_cmp_ps_mask(a, b, _CMP_EQ_OQ) == 0xFFFF; }
   static Float Add(Float a, Float b) { return _mm512_add_ps(a, b); }
   static Float Subtract(Float a, Float b) { return _mm512_sub_ps(a, b); }
   static Float Multiply(Float a, Float b) { return _mm512_mul_ps(a, b); }

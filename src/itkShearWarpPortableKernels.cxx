@@ -211,15 +211,18 @@ ProjectBlock(const SliceStack<TPixel> &  slices,
 }
 
 template <typename TPixel>
-TPixel
-FindMinimum(const TPixel * pixels, std::ptrdiff_t rowStride, std::ptrdiff_t rows, std::ptrdiff_t columns)
+bool
+IsAnyBelow(const TPixel * pixels, std::ptrdiff_t rowStride, std::ptrdiff_t rows, std::ptrdiff_t columns, TPixel value)
 {
-  TPixel minimum = *pixels;
   for (std::ptrdiff_t j = 0; j < rows; ++j)
   {
-    minimum = std::min(minimum, *std::min_element(pixels + j * rowStride, pixels + j * rowStride + columns));
+    const TPixel * row = pixels + j * rowStride;
+    if (std::any_of(row, row + columns, [=](TPixel pixel) { return pixel < value; }))
+    {
+      return true;
+    }
   }
-  return minimum;
+  return false;
 }
 
 template <typename TPixel>
@@ -323,9 +326,9 @@ template <typename TPixel>
 const Kernels<TPixel> &
 GetPortableKernels()
 {
-  static constexpr Kernels<TPixel> kernels{ "portable",          ProjectBlock<TPixel>,
-                                            FindMinimum<TPixel>, FindBlockMaxima<TPixel>,
-                                            WarpRow<TPixel>,     TransposeSlice<TPixel> };
+  static constexpr Kernels<TPixel> kernels{ "portable",         ProjectBlock<TPixel>,
+                                            IsAnyBelow<TPixel>, FindBlockMaxima<TPixel>,
+                                            WarpRow<TPixel>,    TransposeSlice<TPixel> };
   return kernels;
 }
 

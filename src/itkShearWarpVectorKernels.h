@@ -762,25 +762,23 @@ ProjectBlock(const SliceStack<TPixel> &  slices,
 }
 
 template <typename TPixel>
-TPixel
-FindMinimum(const TPixel * pixels, std::ptrdiff_t rowStride, std::ptrdiff_t rows, std::ptrdiff_t columns)
+bool
+IsAnyBelow(const TPixel * pixels, std::ptrdiff_t rowStride, std::ptrdiff_t rows, std::ptrdiff_t columns, TPixel value)
 {
   constexpr std::ptrdiff_t lanes = LaneCount<TPixel>;
-  auto                     minima = Lanes::Load(pixels);
+  const auto               values = Lanes::SetPixel(value);
   for (std::ptrdiff_t j = 0; j < rows; ++j)
   {
     for (std::ptrdiff_t i = 0; i < columns; i += lanes)
     {
-      minima = Minimum<TPixel>(minima, Lanes::Load(pixels + j * rowStride + i));
+      const auto loaded = Lanes::Load(pixels + j * rowStride + i);
+      if (!Lanes::AreEqual(Minimum<TPixel>(loaded, values), values))
+      {
+        return true;
+      }
     }
   }
-  TPixel minimum[lanes];
-  Lanes::Store(minimum, minima);
-  for (std::ptrdiff_t i = 1; i < lanes; ++i)
-  {
-    minimum[0] = Smaller(minimum[0], minimum[i]);
-  }
-  return minimum[0];
+  return false;
 }
 
 template <typename TPixel>
@@ -1120,6 +1118,6 @@ TransposeSlice(const TPixel * input, std::ptrdiff_t columns, std::ptrdiff_t rows
 }
 
 template <typename TPixel>
-constexpr Kernels<TPixel> VectorKernels{ Lanes::Name,         ProjectBlock<TPixel>,
-                                         FindMinimum<TPixel>, FindBlockMaxima<TPixel>,
-                                         WarpRow<TPixel>,     TransposeSlice<TPixel> };
+constexpr Kernels<TPixel> VectorKernels{ Lanes::Name,        ProjectBlock<TPixel>,
+                                         IsAnyBelow<TPixel>, FindBlockMaxima<TPixel>,
+                                         WarpRow<TPixel>,    TransposeSlice<TPixel> };
