@@ -399,7 +399,8 @@ TEST_F(ShearWarpMIPPipeline, ProgressRisesToOneThroughAllPhases)
       ProgressRecorder recorder(m_Filter);
       m_Filter->Update();
       m_Filter->RemoveAllObservers();
-      ASSERT_GT(recorder.progress.size(), 5u) << isPrepared;
+      // events come from the calling thread alone: with a second one, from its share
+      ASSERT_GT(recorder.progress.size(), workUnits == 1 ? 5u : 0u) << isPrepared;
       EXPECT_TRUE(std::is_sorted(recorder.progress.begin(), recorder.progress.end()));
       EXPECT_EQ(recorder.progress.back(), 1.0f);
       EXPECT_EQ(m_Filter->GetProgress(), 1.0f);
