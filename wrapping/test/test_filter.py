@@ -101,7 +101,8 @@ def test_reduced_resampling_and_instruction_sets_never_change_a_pixel(oblique_vi
             mip.Modified()
             mip.Update()
             assert mip.GetInstructionSet() == name or name is None
-            assert (mip.GetSkippedFraction() > 0) == (mode != enums.ReducedResampling_Off)
+            if mode != enums.ReducedResampling_Auto:
+                assert (mip.GetSkippedFraction() > 0) == (mode == enums.ReducedResampling_On)
             pictures.append(itk.array_from_image(mip.GetOutput()))
     assert all(np.array_equal(picture, pictures[0]) for picture in pictures)
 
