@@ -15,6 +15,7 @@
  *  limitations under the License.
  *
  *=========================================================================*/
+#include "itkShearWarpPixelTypes.h"
 #include "itkShearWarpVectorKernelSets.h"
 
 #include <immintrin.h>
@@ -152,34 +153,12 @@ struct Lanes
 #include "itkShearWarpVectorKernels.h"
 } // namespace
 
-template <>
-const Kernels<unsigned char> &
-GetAVX2Kernels()
-{
-  return VectorKernels<unsigned char>;
-}
-template <>
-const Kernels<signed char> &
-GetAVX2Kernels()
-{
-  return VectorKernels<signed char>;
-}
-template <>
-const Kernels<unsigned short> &
-GetAVX2Kernels()
-{
-  return VectorKernels<unsigned short>;
-}
-template <>
-const Kernels<short> &
-GetAVX2Kernels()
-{
-  return VectorKernels<short>;
-}
-template <>
-const Kernels<float> &
-GetAVX2Kernels()
-{
-  return VectorKernels<float>;
-}
+#define SPECIALIZE(TPixel)                 \
+  template <>                              \
+  const Kernels<TPixel> & GetAVX2Kernels() \
+  {                                        \
+    return VectorKernels<TPixel>;          \
+  }
+SHEARWARP_FOR_EACH_VECTOR_PIXEL_TYPE(SPECIALIZE)
+#undef SPECIALIZE
 } // namespace itk::ShearWarp

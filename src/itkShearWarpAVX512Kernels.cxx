@@ -15,6 +15,7 @@
  *  limitations under the License.
  *
  *=========================================================================*/
+#include "itkShearWarpPixelTypes.h"
 #include "itkShearWarpVectorKernelSets.h"
 
 #include <immintrin.h>
@@ -65,11 +66,7 @@ struct Lanes
   static Int SetInt(int v) { return _mm512_set1_epi32(v); }
   static Int LowestInt() { return _mm512_set1_epi32(-2147483647 - 1); }
   static Int MaximumInt(Int a, Int b) { return _mm512_max_epi32(a, b); }
-#ifdef SHEARWARP_VNNI
-  static Int AddPairProducts(Int sum, Short a, Short b) { return _mm512_dpwssd_epi32(sum, a, b); }
-#else
   static Int AddPairProducts(Int sum, Short a, Short b) { return _mm512_add_epi32(sum, _mm512_madd_epi16(a, b)); }
-#endif
   static Short PackEvenOdd(Int even, Int odd) { return _mm512_mask_blend_epi16(0xAAAAAAAA, _mm512_srli_epi32(even, 15), _mm512_slli_epi32(odd, 1)); }
   static Short PackInterleaved(Int low, Int high) { return _mm512_packs_epi32(_mm512_srai_epi32(low, 15), _mm512_srai_epi32(high, 15)); }
 
@@ -150,34 +147,12 @@ struct Lanes
 #include "itkShearWarpVectorKernels.h"
 } // namespace
 
-template <>
-const Kernels<unsigned char> &
-GetAVX512Kernels()
-{
-  return VectorKernels<unsigned char>;
-}
-template <>
-const Kernels<signed char> &
-GetAVX512Kernels()
-{
-  return VectorKernels<signed char>;
-}
-template <>
-const Kernels<unsigned short> &
-GetAVX512Kernels()
-{
-  return VectorKernels<unsigned short>;
-}
-template <>
-const Kernels<short> &
-GetAVX512Kernels()
-{
-  return VectorKernels<short>;
-}
-template <>
-const Kernels<float> &
-GetAVX512Kernels()
-{
-  return VectorKernels<float>;
-}
+#define SPECIALIZE(TPixel)                   \
+  template <>                                \
+  const Kernels<TPixel> & GetAVX512Kernels() \
+  {                                          \
+    return VectorKernels<TPixel>;            \
+  }
+SHEARWARP_FOR_EACH_VECTOR_PIXEL_TYPE(SPECIALIZE)
+#undef SPECIALIZE
 } // namespace itk::ShearWarp

@@ -15,6 +15,7 @@
  *  limitations under the License.
  *
  *=========================================================================*/
+#include "itkShearWarpPixelTypes.h"
 #include "itkShearWarpVectorKernelSets.h"
 
 #include <cmath>
@@ -76,8 +77,12 @@ ChooseInstructionSet()
 }
 
 template <typename TPixel>
-constexpr bool HasVectorKernels = std::is_same_v<TPixel, float> ||
-                                  (std::is_integral_v<TPixel> && sizeof(TPixel) <= 2 && !std::is_same_v<TPixel, char>);
+constexpr bool HasVectorKernels = false;
+#define HAS_VECTOR_KERNELS(TPixel) \
+  template <>                      \
+  constexpr bool HasVectorKernels<TPixel> = true;
+SHEARWARP_FOR_EACH_VECTOR_PIXEL_TYPE(HAS_VECTOR_KERNELS)
+#undef HAS_VECTOR_KERNELS
 } // namespace
 
 template <typename TPixel>
@@ -101,30 +106,8 @@ GetKernels()
   return GetPortableKernels<TPixel>();
 }
 
-template const Kernels<char> &
-GetKernels();
-template const Kernels<signed char> &
-GetKernels();
-template const Kernels<unsigned char> &
-GetKernels();
-template const Kernels<short> &
-GetKernels();
-template const Kernels<unsigned short> &
-GetKernels();
-template const Kernels<int> &
-GetKernels();
-template const Kernels<unsigned int> &
-GetKernels();
-template const Kernels<long> &
-GetKernels();
-template const Kernels<unsigned long> &
-GetKernels();
-template const Kernels<long long> &
-GetKernels();
-template const Kernels<unsigned long long> &
-GetKernels();
-template const Kernels<float> &
-GetKernels();
-template const Kernels<double> &
-GetKernels();
+#define INSTANTIATE(TPixel) template const Kernels<TPixel> & GetKernels();
+SHEARWARP_FOR_EACH_PIXEL_TYPE(INSTANTIATE)
+#undef INSTANTIATE
+
 } // namespace itk::ShearWarp

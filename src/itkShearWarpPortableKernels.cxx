@@ -16,6 +16,7 @@
  *
  *=========================================================================*/
 #include "itkShearWarpKernels.h"
+#include "itkShearWarpPixelTypes.h"
 
 #include <algorithm>
 #include <cmath>
@@ -332,31 +333,8 @@ GetPortableKernels()
   return kernels;
 }
 
-template const Kernels<char> &
-GetPortableKernels();
-template const Kernels<signed char> &
-GetPortableKernels();
-template const Kernels<unsigned char> &
-GetPortableKernels();
-template const Kernels<short> &
-GetPortableKernels();
-template const Kernels<unsigned short> &
-GetPortableKernels();
-template const Kernels<int> &
-GetPortableKernels();
-template const Kernels<unsigned int> &
-GetPortableKernels();
-template const Kernels<long> &
-GetPortableKernels();
-template const Kernels<unsigned long> &
-GetPortableKernels();
-template const Kernels<long long> &
-GetPortableKernels();
-template const Kernels<unsigned long long> &
-GetPortableKernels();
-template const Kernels<float> &
-GetPortableKernels();
-template const Kernels<double> &
-GetPortableKernels();
+#define INSTANTIATE(TPixel) template const Kernels<TPixel> & GetPortableKernels();
+SHEARWARP_FOR_EACH_PIXEL_TYPE(INSTANTIATE)
+#undef INSTANTIATE
 
 } // namespace itk::ShearWarp

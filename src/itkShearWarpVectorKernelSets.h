@@ -22,8 +22,8 @@
 
 namespace itk::ShearWarp
 {
-/** The kernels of one instruction set, for the processors that have it: unsigned and signed char, unsigned and signed
- * short, float. */
+/** The kernels of one instruction set, for the processors that have it; the pixel types are those of
+ * SHEARWARP_FOR_EACH_VECTOR_PIXEL_TYPE. */
 template <typename TPixel>
 const Kernels<TPixel> &
 GetAVX2Kernels();

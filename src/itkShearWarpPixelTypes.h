@@ -1,0 +1,33 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#ifndef itkShearWarpPixelTypes_h
+#define itkShearWarpPixelTypes_h
+
+/* The pixel types of the kernels: macro(type) for each. */
+
+#define SHEARWARP_FOR_EACH_VECTOR_PIXEL_TYPE(macro) \
+  macro(unsigned char) macro(signed char) macro(unsigned short) macro(short) macro(float)
+
+#define SHEARWARP_FOR_EACH_PORTABLE_PIXEL_TYPE(macro)                                          \
+  macro(char) macro(int) macro(unsigned int) macro(long) macro(unsigned long) macro(long long) \
+    macro(unsigned long long) macro(double)
+
+#define SHEARWARP_FOR_EACH_PIXEL_TYPE(macro) \
+  SHEARWARP_FOR_EACH_VECTOR_PIXEL_TYPE(macro) SHEARWARP_FOR_EACH_PORTABLE_PIXEL_TYPE(macro)
+
+#endif
