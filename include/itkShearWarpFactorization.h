@@ -27,6 +27,18 @@
 
 namespace itk
 {
+namespace ShearWarp
+{
+/** An image that collects the maxima of sheared slices: where each slice lies in it, and the columns of each row that
+ * some slice reaches. */
+struct IntermediateGrid
+{
+  std::ptrdiff_t              columns, rows;
+  std::vector<SlicePlacement> placements;
+  std::vector<ColumnSpan>     reached;
+};
+} // namespace ShearWarp
+
 /** \class ShearWarpFactorization
  * \brief Factors the view of a 3D image into a permutation of its axes, a shear and a 2D warp.
  *
@@ -41,6 +53,10 @@ namespace itk
  * The principal axis is the one along which a ray's index changes most, so that |s_a| <= 1 and |s_b| <= 1
  * for anisotropic voxels and affine views too. The published translations are twice too large for negative
  * shears; here t_a = max(0, -s_a (n_k - 1)), and t_b likewise, so that every slice lies at a non-negative offset.
+ *
+ * With an oversampling of N the intermediate image has N pixels per voxel along each axis: its pixel (x, y) lies where
+ * the sheared voxels have column (x + 1) / N - 1 and row (y + 1) / N - 1. Its N x N phases, of which each takes every
+ * N-th column and row, meet a slice like any intermediate image, with one set of weights.
  *
  * \ingroup ShearWarpMIP
  */
@@ -58,10 +74,12 @@ public:
 
   /** Factors the view of \a image, over its largest possible region, by \a viewTransform, which takes view space to
    * the image's physical space. \a output gives the grid in the view plane: size, spacing and origin.
-   * Throws ExceptionObject as VerifyViewTransform() does, and for a null image, as all functions here do. */
+   * \a oversampling is 1 or 2. Throws ExceptionObject as VerifyViewTransform() and VerifyOversampling() do, and for a
+   * null image, as all functions here do. */
   ShearWarpFactorization(const TransformType *       viewTransform,
                          const InputImageBaseType *  image,
-                         const OutputImageBaseType * output);
+                         const OutputImageBaseType * output,
+                         unsigned int                oversampling = 1);
 
   /** Index axis of the image (0, 1, 2) along which its slices are taken. */
   unsigned int
@@ -77,14 +95,21 @@ public:
     return m_Permutation;
   }
 
-  /** (s_a, s_b): intermediate pixels from one slice to the next. */
+  /** Pixels of the intermediate image per voxel, along each axis. */
+  unsigned int
+  GetOversampling() const
+  {
+    return m_Oversampling;
+  }
+
+  /** (s_a, s_b): voxels from one slice to the next. */
   const Vector2Type &
   GetShear() const
   {
     return m_Shear;
   }
 
-  /** (t_a, t_b), in intermediate pixels. */
+  /** (t_a, t_b), in voxels. */
   const Vector2Type &
   GetTranslation() const
   {
@@ -105,11 +130,11 @@ public:
     return m_ViewMatrix;
   }
 
-  /** M_shear: (i, j, k, 1) to intermediate column, row, slice. */
+  /** M_shear: (i, j, k, 1) to sheared column, row, slice; without oversampling those of the intermediate image. */
   Matrix4Type
   GetShearMatrix() const;
 
-  /** M_warp2D: intermediate column, row, 1 to the view plane. */
+  /** M_warp2D: sheared column, row, 1 to the view plane. */
   Matrix3Type
   GetWarpMatrix() const;
 
@@ -118,11 +143,19 @@ public:
   Matrix3Type
   GetOutputToIntermediateMatrix() const;
 
-  /** The place of each slice in the intermediate image. */
+  /** The place of each slice among the sheared voxels; without oversampling in the intermediate image. */
   const std::vector<ShearWarp::SlicePlacement> &
   GetSlicePlacements() const
   {
-    return m_SlicePlacements;
+    return m_Phases.back().placements;
+  }
+
+  /** The parts of the intermediate image, Oversampling x Oversampling: pixel (x, y) of element `row * Oversampling +
+   * column` is its pixel (Oversampling x + column, Oversampling y + row). */
+  const std::vector<ShearWarp::IntermediateGrid> &
+  GetPhases() const
+  {
+    return m_Phases;
   }
 
   /** For each row of the intermediate image, the columns that some slice reaches. */
@@ -135,6 +168,10 @@ public:
   /** Throws ExceptionObject, with the value, if the transform is not linear, not finite or singular. */
   static void
   VerifyViewTransform(const TransformType * viewTransform);
+
+  /** Throws ExceptionObject, with the value, if it is not 1 or 2. */
+  static void
+  VerifyOversampling(unsigned int oversampling);
 
   /** Corners of the bounding box, in the view plane, of the physical extent of \a image: its voxels, not only their
    * centres. */
@@ -149,15 +186,20 @@ public:
   ComputeProjectedSpacing(const TransformType * viewTransform, const InputImageBaseType * image);
 
 private:
-  PermutationType                        m_Permutation;
-  Vector2Type                            m_Shear;
-  Vector2Type                            m_Translation;
-  Size<2>                                m_IntermediateSize;
-  Matrix4Type                            m_ViewMatrix;
-  Vector2Type                            m_OutputSpacing;
-  Point2Type                             m_OutputOrigin;
-  std::vector<ShearWarp::SlicePlacement> m_SlicePlacements;
-  std::vector<ShearWarp::ColumnSpan>     m_ReachedColumns;
+  /** Finds size and reached columns of the intermediate image. */
+  void
+  JoinPhases();
+
+  PermutationType                          m_Permutation;
+  unsigned int                             m_Oversampling;
+  Vector2Type                              m_Shear;
+  Vector2Type                              m_Translation;
+  Size<2>                                  m_IntermediateSize;
+  Matrix4Type                              m_ViewMatrix;
+  Vector2Type                              m_OutputSpacing;
+  Point2Type                               m_OutputOrigin;
+  std::vector<ShearWarp::IntermediateGrid> m_Phases;
+  std::vector<ShearWarp::ColumnSpan>       m_ReachedColumns;
 };
 } // namespace itk
 

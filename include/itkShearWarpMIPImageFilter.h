@@ -41,10 +41,10 @@ namespace itk
  * bilinearly at the output's pixels. Both interpolations are exactly defined (see itkShearWarpKernels.h), so that a
  * result does not depend on the machine or on the number of threads.
  *
- * The first view of an image finds the maxima of its cubes of eight voxels a side, which reduced resampling needs; the first
- * view along the image's x axis makes a transposed copy of the volume, of the input's size. Both are kept until the input
- * changes or ReleasePreparedVolume() is called: a change of view or of any parameter prepares nothing again. Memory is
- * kept too for an intermediate image of each thread.
+ * The first view of an image finds the maxima of its cubes of eight voxels a side, which reduced resampling needs; the
+ * first view along the image's x axis makes a transposed copy of the volume, of the input's size. Both are kept until
+ * the input changes or ReleasePreparedVolume() is called: a change of view or of any parameter prepares nothing again.
+ * Memory is kept too for an intermediate image of each thread.
  *
  * By default the output's grid is fitted to the view. Its extent is the projected bounding box of the whole image;
  * its spacing is the image's smallest spacing, scaled as the transform scales the view plane's axes. Each of Size,
@@ -55,8 +55,9 @@ namespace itk
  * pixel that meets no other sample, or only minus infinity, has DefaultPixelValue.
  *
  * Update() throws ExceptionObject for a transform that is missing, not linear, not finite or not invertible; for an
- * OutputSpacing that is not positive or not finite, an OutputOrigin that is not finite, a Size of zero; for an input
- * that is empty or has a spacing that is not positive; and for an output larger than the computer's memory.
+ * OutputSpacing that is not positive or not finite, an OutputOrigin that is not finite, a Size of zero; for an
+ * Oversampling other than 1 and 2; for an input that is empty or has a spacing that is not positive; and for an output
+ * larger than the computer's memory.
  *
  * The output can't be computed in pieces; any request enlarges to the whole output. The input is needed whole.
  *
@@ -144,6 +145,12 @@ public:
    * block maxima. */
   itkSetEnumMacro(ReducedResampling, ReducedResamplingEnum);
   itkGetEnumMacro(ReducedResampling, ReducedResamplingEnum);
+
+  /** Pixels of the intermediate image per voxel, along each axis: 1, the default, or 2, which samples each slice four
+   * times as densely, so that the second interpolation, of the intermediate image, loses less. The output's grid stays
+   * as it is. */
+  itkSetMacro(Oversampling, unsigned int);
+  itkGetConstMacro(Oversampling, unsigned int);
 
   /** The fraction of the volume, 0 to 1, that the last update left out by reduced resampling. */
   itkGetConstMacro(SkippedFraction, double);
@@ -234,6 +241,7 @@ private:
   ShearWarpProjector<InputPixelType>      m_Projector;
 
   ReducedResamplingEnum m_ReducedResampling{ ReducedResamplingEnum::Auto };
+  unsigned int          m_Oversampling{ 1 };
   double                m_SkippedFraction{ 0.0 };
   std::string           m_InstructionSet{ "portable" };
 

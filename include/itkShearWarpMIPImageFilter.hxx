@@ -77,6 +77,7 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::VerifyPreconditions() ITKv5_
     ShearWarpFactorization::VerifyViewTransform(this->GetTransform());
   }
 
+  ShearWarpFactorization::VerifyOversampling(m_Oversampling);
   for (unsigned int axis = 0; axis < OutputImageDimension; ++axis)
   {
     if (!m_FitSize && m_Size[axis] == 0)
@@ -245,7 +246,7 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::GenerateData()
   const InputImageType * input = this->GetInput();
   OutputImageType *      output = this->GetOutput();
 
-  const ShearWarpFactorization factorization(this->GetTransform(), input, output);
+  const ShearWarpFactorization factorization(this->GetTransform(), input, output, m_Oversampling);
   m_PrincipalAxis = factorization.GetPrincipalAxis();
   const ShearWarp::Kernels<InputPixelType> & kernels = this->ChooseKernels();
   m_InstructionSet = kernels.instructionSet;
@@ -307,6 +308,7 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::PrintSelf(std::ostream & os,
      << "DefaultPixelValue: " << static_cast<typename NumericTraits<OutputPixelType>::PrintType>(m_DefaultPixelValue)
      << std::endl;
   os << indent << "ReducedResampling: " << m_ReducedResampling << std::endl;
+  os << indent << "Oversampling: " << m_Oversampling << std::endl;
   os << indent << "SkippedFraction: " << m_SkippedFraction << std::endl;
   os << indent << "InstructionSet: " << m_InstructionSet << std::endl;
   os << indent << "PrincipalAxis: " << m_PrincipalAxis << std::endl;

@@ -26,6 +26,13 @@ namespace itk
 {
 namespace ShearWarp
 {
+/** How many blocks of \a blockLength hold \a length elements. */
+constexpr std::ptrdiff_t
+CountBlocks(std::ptrdiff_t length, std::ptrdiff_t blockLength = BlockLength)
+{
+  return (length + blockLength - 1) / blockLength;
+}
+
 /** The maxima of a volume's cubes of BlockLength voxels a side, permuted as its slices are; not-a-number is
  * ignored. Strides are in elements. */
 template <typename TPixel>

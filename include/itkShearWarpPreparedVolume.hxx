@@ -67,19 +67,22 @@ ShearWarpPreparedVolume<TPixel>::FindBlockMaxima(const ShearWarp::Kernels<TPixel
                                                  const TParallelize &               parallelize)
 {
   using ShearWarp::BlockLength;
+  using ShearWarp::CountBlocks;
   const std::ptrdiff_t x = m_Size[0];
   const std::ptrdiff_t y = m_Size[1];
   const std::ptrdiff_t z = m_Size[2];
-  const auto           blocks = [](std::ptrdiff_t size) { return (size + BlockLength - 1) / BlockLength; };
+  const std::ptrdiff_t blocksX = CountBlocks(x);
+  const std::ptrdiff_t blocksY = CountBlocks(y);
+  const std::ptrdiff_t blocksZ = CountBlocks(z);
   ShearWarpBuffer      maxima;
-  maxima.Reserve(blocks(x) * blocks(y) * blocks(z) * sizeof(TPixel));
+  maxima.Reserve(blocksX * blocksY * blocksZ * sizeof(TPixel));
 
   m_Lowest = NumericTraits<TPixel>::max();
   m_Highest = NumericTraits<TPixel>::NonpositiveMin();
   std::mutex mutex;
-  parallelize(static_cast<SizeValueType>(blocks(y) * blocks(z)), [&](SizeValueType n) {
-    const std::ptrdiff_t row = static_cast<std::ptrdiff_t>(n) % blocks(y) * BlockLength;
-    const std::ptrdiff_t slice = static_cast<std::ptrdiff_t>(n) / blocks(y) * BlockLength;
+  parallelize(static_cast<SizeValueType>(blocksY * blocksZ), [&](SizeValueType n) {
+    const std::ptrdiff_t row = static_cast<std::ptrdiff_t>(n) % blocksY * BlockLength;
+    const std::ptrdiff_t slice = static_cast<std::ptrdiff_t>(n) / blocksY * BlockLength;
     TPixel               lowest = NumericTraits<TPixel>::max();
     TPixel               highest = NumericTraits<TPixel>::NonpositiveMin();
     kernels.findBlockMaxima(m_Voxels + (slice * y + row) * x,
@@ -88,7 +91,7 @@ ShearWarpPreparedVolume<TPixel>::FindBlockMaxima(const ShearWarp::Kernels<TPixel
                             std::min(BlockLength, z - slice),
                             x,
                             x * y,
-                            maxima.GetPointer<TPixel>() + n * blocks(x),
+                            maxima.GetPointer<TPixel>() + n * blocksX,
                             lowest,
                             highest);
     const std::lock_guard<std::mutex> lock(mutex);
@@ -133,10 +136,9 @@ template <typename TPixel>
 auto
 ShearWarpPreparedVolume<TPixel>::GetBlockMaxima(unsigned int principalAxis) const -> BlockMaximaType
 {
-  const auto blocks = [](std::ptrdiff_t size) { return (size + ShearWarp::BlockLength - 1) / ShearWarp::BlockLength; };
-  const std::ptrdiff_t x = blocks(m_Size[0]);
-  const std::ptrdiff_t y = blocks(m_Size[1]);
-  const std::ptrdiff_t z = blocks(m_Size[2]);
+  const std::ptrdiff_t x = ShearWarp::CountBlocks(m_Size[0]);
+  const std::ptrdiff_t y = ShearWarp::CountBlocks(m_Size[1]);
+  const std::ptrdiff_t z = ShearWarp::CountBlocks(m_Size[2]);
   const auto *         maxima = m_BlockMaxima.GetPointer<TPixel>();
   switch (principalAxis)
   {

@@ -55,6 +55,9 @@ ShearWarpMIP_EXPORT std::ostream &
  * compares the maximum of the cubes that a tile's samples come from with the least pixel that the tile has already. A
  * sample is never above the maximum of its voxels, so where that is not greater nothing can change.
  *
+ * The phases of an oversampled intermediate image are projected together, while the voxels are in the cache, and joined
+ * at the end.
+ *
  * The memory is kept from one projection to the next.
  *
  * \ingroup ShearWarpMIP
@@ -85,18 +88,29 @@ public:
   GetSkippedFraction() const;
 
 private:
-  /** What one thread has projected: rows [rowBegin, rowEnd) of the intermediate image. */
-  struct Worker
+  /** What one thread has projected onto one grid: rows [rowBegin, rowEnd). */
+  struct PartialImage
   {
     ShearWarpBuffer           pixels;
     std::ptrdiff_t            rowBegin{ 0 }, rowEnd{ 0 };
     std::vector<TPixel>       lowerBounds; // no pixel of the tile is below
     std::vector<std::uint8_t> active;
-    std::vector<TPixel>       columnMaxima;
-    SizeValueType             tiles{ 0 };
-    SizeValueType             skippedTiles{ 0 };
-    std::ptrdiff_t            untestedCubes{ 0 };
-    std::ptrdiff_t            pause{ 0 };
+  };
+
+  struct Worker
+  {
+    std::vector<PartialImage>                   images; // one for each grid
+    std::vector<ShearWarp::ShearedView<TPixel>> views;
+    std::vector<TPixel>                         columnMaxima;
+    SizeValueType                               tiles{ 0 };
+    SizeValueType                               skippedTiles{ 0 };
+    std::ptrdiff_t                              untestedCubes{ 0 };
+    std::ptrdiff_t                              pause{ 0 };
+  };
+
+  struct TileCount
+  {
+    SizeValueType all, skipped;
   };
 
   void
@@ -112,31 +126,40 @@ private:
   bool
   SelectTiles(Worker & worker, const ShearWarp::Block & block) const;
 
+  TileCount
+  SelectTiles(const ShearWarp::IntermediateGrid & grid,
+              PartialImage &                      image,
+              std::vector<TPixel> &               columnMaxima,
+              const ShearWarp::Block &            block) const;
+
   bool
-  IsAnyBelow(Worker & worker, std::ptrdiff_t tileRow, std::ptrdiff_t tileColumn, TPixel value) const;
+  IsAnyBelow(PartialImage & image, std::ptrdiff_t tileRow, std::ptrdiff_t tileColumn, TPixel value) const;
 
   void
-  ExtendRows(Worker & worker, std::ptrdiff_t begin, std::ptrdiff_t end) const;
+  ExtendRows(const ShearWarp::IntermediateGrid & grid,
+             PartialImage &                      image,
+             std::ptrdiff_t                      begin,
+             std::ptrdiff_t                      end) const;
 
   void
-  FillRows(Worker & worker, std::ptrdiff_t begin, std::ptrdiff_t end) const;
+  FillRows(const ShearWarp::IntermediateGrid & grid,
+           PartialImage &                      image,
+           std::ptrdiff_t                      begin,
+           std::ptrdiff_t                      end) const;
 
-  void
-  MergeRow(std::ptrdiff_t row);
-
-  IntermediateImageType
-  GetImage(const Worker & worker) const;
+  const TPixel *
+  MergeRow(std::size_t grid, std::ptrdiff_t row);
 
   std::vector<Worker>         m_Workers;
+  ShearWarpBuffer             m_JoinedPhases;
   std::vector<std::ptrdiff_t> m_SliceOrder; // the first of each BlockLength slices
 
-  const ShearWarp::Kernels<TPixel> * m_Kernels{ nullptr };
-  const ShearWarpFactorization *     m_Factorization{ nullptr };
-  ShearWarp::SliceStack<TPixel>      m_Slices{};
-  ShearWarp::BlockMaxima<TPixel>     m_BlockMaxima{};
-  ReducedResamplingEnum              m_ReducedResampling{ ReducedResamplingEnum::Off };
-  std::ptrdiff_t                     m_Columns{ 0 }, m_Rows{ 0 }, m_RowStride{ 0 };
-  std::ptrdiff_t                     m_TileColumns{ 0 }, m_TileRows{ 0 };
+  const ShearWarp::Kernels<TPixel> *                 m_Kernels{ nullptr };
+  const std::vector<ShearWarp::IntermediateGrid> *   m_Grids{ nullptr };
+  ShearWarp::SliceStack<TPixel>                      m_Slices{};
+  ShearWarp::BlockMaxima<TPixel>                     m_BlockMaxima{};
+  ReducedResamplingEnum                              m_ReducedResampling{ ReducedResamplingEnum::Off };
+  std::ptrdiff_t                                     m_TileColumns{ 0 }, m_TileRows{ 0 }, m_RowStride{ 0 };
 };
 } // namespace itk
 

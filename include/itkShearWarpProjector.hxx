@@ -34,10 +34,10 @@ ShearWarpProjector<TPixel>::Project(const ShearWarpPreparedVolume<TPixel> & volu
                                     const TParallelize &                    parallelize) -> IntermediateImageType
 {
   using ShearWarp::BlockLength;
-  const auto roundUp = [](std::ptrdiff_t size, std::ptrdiff_t step) { return (size + step - 1) / step * step; };
+  using ShearWarp::CountBlocks;
 
   m_Kernels = &kernels;
-  m_Factorization = &factorization;
+  m_Grids = &factorization.GetPhases();
   m_Slices = volume.GetSlices(factorization.GetPrincipalAxis());
   m_BlockMaxima = volume.GetBlockMaxima(factorization.GetPrincipalAxis());
   m_ReducedResampling = reducedResampling;
@@ -49,37 +49,43 @@ ShearWarpProjector<TPixel>::Project(const ShearWarpPreparedVolume<TPixel> & volu
       m_ReducedResampling = ReducedResamplingEnum::Off;
     }
   }
-  m_Columns = static_cast<std::ptrdiff_t>(factorization.GetIntermediateSize()[0]);
-  m_Rows = static_cast<std::ptrdiff_t>(factorization.GetIntermediateSize()[1]);
-  m_TileColumns = roundUp(m_Columns, ShearWarp::TileColumns) / ShearWarp::TileColumns;
-  m_TileRows = roundUp(m_Rows, BlockLength) / BlockLength;
+  m_TileColumns = m_TileRows = 0;
+  for (const ShearWarp::IntermediateGrid & grid : *m_Grids)
+  {
+    m_TileColumns = std::max(m_TileColumns, CountBlocks(grid.columns, ShearWarp::TileColumns));
+    m_TileRows = std::max(m_TileRows, CountBlocks(grid.rows, BlockLength));
+  }
   // an odd number of tiles, so that rows do not compete for the same lines of the cache
   m_RowStride = (m_TileColumns | 1) * ShearWarp::TileColumns;
 
   m_Workers.resize(std::max<SizeValueType>(m_Workers.size(), workers));
   for (Worker & worker : m_Workers)
   {
-    worker.rowBegin = worker.rowEnd = 0;
+    worker.images.resize(m_Grids->size());
+    for (PartialImage & image : worker.images)
+    {
+      image.rowBegin = image.rowEnd = 0;
+    }
     worker.tiles = worker.skippedTiles = 0;
     worker.untestedCubes = worker.pause = 0;
   }
 
-  // where slices lie side by side a few rows are long runs in memory, else all rows of a slice are
-  constexpr std::ptrdiff_t sliceBytes = 1 << 18;
-  const auto           divide = [](std::ptrdiff_t size, std::ptrdiff_t parts) { return (size + parts - 1) / parts; };
+  // where slices lie side by side a few rows are long runs in memory, else all rows of a slice are; several images
+  // share the cache
+  const std::ptrdiff_t sliceBytes = (1 << 18) / static_cast<std::ptrdiff_t>(m_Grids->size());
   const std::ptrdiff_t rowBytes = m_Slices.columns * static_cast<std::ptrdiff_t>(sizeof(TPixel));
   const bool           isLongRun = m_Slices.sliceStride > m_Slices.rowStride;
-  const std::ptrdiff_t wanted = isLongRun ? divide(sliceBytes, rowBytes) : 2 * BlockLength;
-  const std::ptrdiff_t fairShare = divide(m_Slices.rows, 2 * static_cast<std::ptrdiff_t>(workers));
-  const std::ptrdiff_t blockRows = roundUp(std::min(wanted, fairShare), BlockLength);
+  const std::ptrdiff_t wanted = isLongRun ? CountBlocks(sliceBytes, rowBytes) : 2 * BlockLength;
+  const std::ptrdiff_t fairShare = CountBlocks(m_Slices.rows, 2 * static_cast<std::ptrdiff_t>(workers));
+  const std::ptrdiff_t blockRows = CountBlocks(std::min(wanted, fairShare), BlockLength) * BlockLength;
   // a step takes milliseconds at most
   constexpr std::ptrdiff_t stepVoxels = 1 << 21;
   const std::ptrdiff_t     stepCubes = stepVoxels / (blockRows * m_Slices.columns * BlockLength) + 1;
   this->OrderSlices();
 
-  const auto blocks = static_cast<SizeValueType>(roundUp(m_Slices.rows, blockRows) / blockRows);
+  const auto blocks = static_cast<SizeValueType>(CountBlocks(m_Slices.rows, blockRows));
   const auto cubes = static_cast<std::ptrdiff_t>(m_SliceOrder.size());
-  const auto steps = static_cast<SizeValueType>(roundUp(cubes, stepCubes) / stepCubes);
+  const auto steps = static_cast<SizeValueType>(CountBlocks(cubes, stepCubes));
   parallelize(blocks, steps, 0.95f, [&](SizeValueType n, SizeValueType step, SizeValueType worker) {
     const std::ptrdiff_t row = static_cast<std::ptrdiff_t>(n) * blockRows;
     const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(step) * stepCubes;
@@ -87,18 +93,42 @@ ShearWarpProjector<TPixel>::Project(const ShearWarpPreparedVolume<TPixel> & volu
       m_Workers[worker], row, std::min(row + blockRows, m_Slices.rows), first, std::min(first + stepCubes, cubes));
   });
 
-  this->ExtendRows(m_Workers.front(), 0, m_Rows);
+  const auto                  oversampling = static_cast<std::ptrdiff_t>(factorization.GetOversampling());
+  const std::ptrdiff_t        rowStride = oversampling * m_RowStride;
+  const auto                  columns = static_cast<std::ptrdiff_t>(factorization.GetIntermediateSize()[0]);
+  const auto                  rows = static_cast<std::ptrdiff_t>(factorization.GetIntermediateSize()[1]);
+  std::vector<PartialImage> & merged = m_Workers.front().images;
+  for (std::size_t n = 0; n < merged.size(); ++n)
+  {
+    this->ExtendRows((*m_Grids)[n], merged[n], 0, m_TileRows * BlockLength);
+  }
+  if (oversampling > 1)
+  {
+    m_JoinedPhases.Reserve(rows * rowStride * sizeof(TPixel));
+  }
   constexpr std::ptrdiff_t bandPixels = 1 << 17;
-  const std::ptrdiff_t     bandRows = bandPixels / m_RowStride + 1;
+  const std::ptrdiff_t     bandRows = bandPixels / rowStride + 1;
   const auto               mergeBand = [&](SizeValueType n, SizeValueType, SizeValueType) {
     const std::ptrdiff_t begin = static_cast<std::ptrdiff_t>(n) * bandRows;
-    for (std::ptrdiff_t row = begin; row < std::min(begin + bandRows, m_Rows); ++row)
+    for (std::ptrdiff_t row = begin; row < std::min(begin + bandRows, rows); ++row)
     {
-      this->MergeRow(row);
+      for (std::ptrdiff_t column = 0; column < oversampling; ++column)
+      {
+        const TPixel * phase = this->MergeRow(row % oversampling * oversampling + column, row / oversampling);
+        if (oversampling > 1)
+        {
+          TPixel * joined = m_JoinedPhases.template GetPointer<TPixel>() + row * rowStride + column;
+          for (std::ptrdiff_t p = 0; p < m_RowStride; ++p)
+          {
+            joined[p * oversampling] = phase[p];
+          }
+        }
+      }
     }
   };
-  parallelize(static_cast<SizeValueType>(roundUp(m_Rows, bandRows) / bandRows), 1, 0.05f, mergeBand);
-  return this->GetImage(m_Workers.front());
+  parallelize(static_cast<SizeValueType>(CountBlocks(rows, bandRows)), 1, 0.05f, mergeBand);
+  const ShearWarpBuffer & pixels = oversampling > 1 ? m_JoinedPhases : merged.front().pixels;
+  return { pixels.template GetPointer<TPixel>(), columns, rows, rowStride, factorization.GetReachedColumns().data() };
 }
 
 template <typename TPixel>
@@ -113,17 +143,6 @@ ShearWarpProjector<TPixel>::GetSkippedFraction() const
     skipped += worker.skippedTiles;
   }
   return tiles == 0 ? 0.0 : static_cast<double>(skipped) / static_cast<double>(tiles);
-}
-
-template <typename TPixel>
-auto
-ShearWarpProjector<TPixel>::GetImage(const Worker & worker) const -> IntermediateImageType
-{
-  return { worker.pixels.template GetPointer<TPixel>(),
-           m_Columns,
-           m_Rows,
-           m_RowStride,
-           m_Factorization->GetReachedColumns().data() };
 }
 
 /** Storage order, but for reduced resampling every few slices first: they soon give all pixels a value. */
@@ -158,9 +177,6 @@ ShearWarpProjector<TPixel>::ProjectRows(Worker &       worker,
                                         std::ptrdiff_t last) const
 {
   using ShearWarp::BlockLength;
-  const ShearWarp::SlicePlacement * placements = m_Factorization->GetSlicePlacements().data();
-  ShearWarp::ShearedView<TPixel>    view{ placements, {} };
-  view.activeStride = m_TileColumns;
   for (std::ptrdiff_t n = first; n < last;)
   {
     // one cube's slices, or as many as follow each other untested
@@ -174,49 +190,89 @@ ShearWarpProjector<TPixel>::ProjectRows(Worker &       worker,
     const ShearWarp::Block block{
       rowBegin, rowEnd, m_SliceOrder[n], std::min(m_SliceOrder[end - 1] + BlockLength, m_Slices.slices)
     };
-    // offsets are monotonic in the slice
-    const std::int32_t firstRow = placements[block.sliceBegin].row.whole;
-    const std::int32_t lastRow = placements[block.sliceEnd - 1].row.whole;
-    this->ExtendRows(
-      worker, rowBegin + std::min(firstRow, lastRow), std::min(rowEnd + std::max(firstRow, lastRow) + 1, m_Rows));
-    view.intermediate = this->GetImage(worker);
-    const bool hasMask = isTested && this->SelectTiles(worker, block);
-    view.active = hasMask ? worker.active.data() : nullptr;
-    const bool isEmpty = hasMask && std::find(worker.active.begin(), worker.active.end(), 1) == worker.active.end();
-    if (!isEmpty)
+    for (std::size_t g = 0; g < m_Grids->size(); ++g)
     {
-      m_Kernels->projectBlock(m_Slices, block, &view, 1);
+      // offsets are monotonic in the slice
+      const ShearWarp::IntermediateGrid & grid = (*m_Grids)[g];
+      const std::int32_t                  firstRow = grid.placements[block.sliceBegin].row.whole;
+      const std::int32_t                  lastRow = grid.placements[block.sliceEnd - 1].row.whole;
+      this->ExtendRows(grid,
+                       worker.images[g],
+                       rowBegin + std::min(firstRow, lastRow),
+                       std::min(rowEnd + std::max(firstRow, lastRow) + 1, grid.rows));
     }
-    if (!hasMask)
+    const bool hasMask = isTested && this->SelectTiles(worker, block);
+    worker.views.clear();
+    for (std::size_t g = 0; g < m_Grids->size(); ++g)
     {
-      worker.untestedCubes -= isTested ? 0 : end - n;
-      worker.tiles += isTested ? 0 : m_TileColumns * ((rowEnd - rowBegin + BlockLength - 1) / BlockLength) * (end - n);
+      const ShearWarp::IntermediateGrid & grid = (*m_Grids)[g];
+      const PartialImage &                image = worker.images[g];
+      if (!hasMask || std::find(image.active.begin(), image.active.end(), 1) != image.active.end())
+      {
+        worker.views.push_back(
+          { grid.placements.data(),
+            { image.pixels.template GetPointer<TPixel>(), grid.columns, grid.rows, m_RowStride, grid.reached.data() },
+            hasMask ? image.active.data() : nullptr,
+            m_TileColumns });
+      }
+    }
+    if (!worker.views.empty())
+    {
+      m_Kernels->projectBlock(m_Slices, block, worker.views.data(), worker.views.size());
+    }
+    if (!isTested)
+    {
+      worker.untestedCubes -= end - n;
+      worker.tiles +=
+        m_Grids->size() * m_TileColumns * ShearWarp::CountBlocks(rowEnd - rowBegin, BlockLength) * (end - n);
     }
     n = end;
   }
 }
 
-/** Marks the tiles of at most BlockLength slices that may raise a pixel; false if the others are too few to be worth
- * it. */
+/** Marks, on every grid, the tiles of at most BlockLength slices that may raise a pixel; false if the others are too
+ * few to be worth it. */
 template <typename TPixel>
 bool
 ShearWarpProjector<TPixel>::SelectTiles(Worker & worker, const ShearWarp::Block & block) const
 {
+  TileCount tiles{ 0, 0 };
+  for (std::size_t g = 0; g < m_Grids->size(); ++g)
+  {
+    const TileCount count = this->SelectTiles((*m_Grids)[g], worker.images[g], worker.columnMaxima, block);
+    tiles.all += count.all;
+    tiles.skipped += count.skipped;
+  }
+  // memory is faster in one go than in pieces
+  const bool isWorthIt = m_ReducedResampling == ReducedResamplingEnum::On || 3 * tiles.skipped > tiles.all;
+  worker.tiles += tiles.all;
+  worker.skippedTiles += isWorthIt ? tiles.skipped : 0;
+  // try again more and more rarely
+  worker.untestedCubes = isWorthIt ? 0 : worker.pause;
+  worker.pause = isWorthIt ? 0 : std::min<std::ptrdiff_t>(2 * worker.pause + 1, 15);
+  return isWorthIt;
+}
+
+template <typename TPixel>
+auto
+ShearWarpProjector<TPixel>::SelectTiles(const ShearWarp::IntermediateGrid & grid,
+                                        PartialImage &                      image,
+                                        std::vector<TPixel> &               columnMaxima,
+                                        const ShearWarp::Block &            block) const -> TileCount
+{
   using ShearWarp::BlockLength;
   using ShearWarp::TileColumns;
-  const ShearWarp::SlicePlacement * placements = m_Factorization->GetSlicePlacements().data();
-  const auto &                      first = placements[block.sliceBegin];
-  const auto &                      last = placements[block.sliceEnd - 1];
+  const ShearWarp::SlicePlacement & first = grid.placements[block.sliceBegin];
+  const ShearWarp::SlicePlacement & last = grid.placements[block.sliceEnd - 1];
   const std::ptrdiff_t              firstColumn = std::min(first.column.whole, last.column.whole);
   const std::ptrdiff_t              lastColumn = std::max(first.column.whole, last.column.whole);
   const std::ptrdiff_t              firstRow = std::min(first.row.whole, last.row.whole);
   const std::ptrdiff_t              lastRow = std::max(first.row.whole, last.row.whole);
 
-  const std::ptrdiff_t blockRows = (block.rowEnd - block.rowBegin + BlockLength - 1) / BlockLength;
-  worker.active.assign(blockRows * m_TileColumns, 0);
-  worker.columnMaxima.resize(m_BlockMaxima.columns);
-  SizeValueType tiles = 0;
-  SizeValueType skipped = 0;
+  const std::ptrdiff_t blockRows = ShearWarp::CountBlocks(block.rowEnd - block.rowBegin, BlockLength);
+  image.active.assign(blockRows * m_TileColumns, 0);
+  columnMaxima.resize(m_BlockMaxima.columns);
+  TileCount tiles{ 0, 0 };
   for (std::ptrdiff_t blockRow = 0; blockRow < blockRows; ++blockRow)
   {
     // a sample needs the row above too
@@ -227,7 +283,7 @@ ShearWarpProjector<TPixel>::SelectTiles(Worker & worker, const ShearWarp::Block 
     for (std::ptrdiff_t column = 0; column < m_BlockMaxima.columns; ++column)
     {
       const TPixel * cube = cubes + column * m_BlockMaxima.columnStride;
-      worker.columnMaxima[column] = std::max(cube[0], *(cube - above));
+      columnMaxima[column] = std::max(cube[0], *(cube - above));
     }
 
     const std::ptrdiff_t tileRowBegin = (row * BlockLength + firstRow) / BlockLength;
@@ -243,49 +299,42 @@ ShearWarpProjector<TPixel>::SelectTiles(Worker & worker, const ShearWarp::Block 
       {
         break;
       }
-      ++tiles;
-      const TPixel * maxima = worker.columnMaxima.data();
+      ++tiles.all;
+      const TPixel * maxima = columnMaxima.data();
       const TPixel   maximum = *std::max_element(maxima + std::min(begin, m_Slices.columns - 1) / BlockLength,
                                                maxima + (std::max<std::ptrdiff_t>(end, 1) - 1) / BlockLength + 1);
       bool           isActive = false;
       for (std::ptrdiff_t tileRow = tileRowBegin; tileRow < tileRowEnd && !isActive; ++tileRow)
       {
-        isActive = this->IsAnyBelow(worker, tileRow, tileColumn, maximum);
+        isActive = this->IsAnyBelow(image, tileRow, tileColumn, maximum);
       }
       if (isActive)
       {
-        worker.active[blockRow * m_TileColumns + tileColumn] = 1;
+        image.active[blockRow * m_TileColumns + tileColumn] = 1;
       }
       else
       {
-        ++skipped;
+        ++tiles.skipped;
       }
     }
   }
-  // memory is faster in one go than in pieces
-  const bool isWorthIt = m_ReducedResampling == ReducedResamplingEnum::On || 3 * skipped > tiles;
-  worker.tiles += tiles;
-  worker.skippedTiles += isWorthIt ? skipped : 0;
-  // try again more and more rarely
-  worker.untestedCubes = isWorthIt ? 0 : worker.pause;
-  worker.pause = isWorthIt ? 0 : std::min<std::ptrdiff_t>(2 * worker.pause + 1, 15);
-  return isWorthIt;
+  return tiles;
 }
 
 /** Pixels only rise, so what was once true of a tile stays so. */
 template <typename TPixel>
 bool
-ShearWarpProjector<TPixel>::IsAnyBelow(Worker &       worker,
+ShearWarpProjector<TPixel>::IsAnyBelow(PartialImage & image,
                                        std::ptrdiff_t tileRow,
                                        std::ptrdiff_t tileColumn,
                                        TPixel         value) const
 {
-  TPixel & lowerBound = worker.lowerBounds[tileRow * m_TileColumns + tileColumn];
+  TPixel & lowerBound = image.lowerBounds[tileRow * m_TileColumns + tileColumn];
   if (value <= lowerBound)
   {
     return false;
   }
-  const TPixel * pixels = worker.pixels.template GetPointer<TPixel>() + tileRow * ShearWarp::BlockLength * m_RowStride +
+  const TPixel * pixels = image.pixels.template GetPointer<TPixel>() + tileRow * ShearWarp::BlockLength * m_RowStride +
                           tileColumn * ShearWarp::TileColumns;
   if (m_Kernels->isAnyBelow(pixels, m_RowStride, ShearWarp::BlockLength, ShearWarp::TileColumns, value))
   {
@@ -295,60 +344,67 @@ ShearWarpProjector<TPixel>::IsAnyBelow(Worker &       worker,
   return false;
 }
 
-/** Makes the worker's rows contain [begin, end). */
+/** Makes the image's rows contain [begin, end). */
 template <typename TPixel>
 void
-ShearWarpProjector<TPixel>::ExtendRows(Worker & worker, std::ptrdiff_t begin, std::ptrdiff_t end) const
+ShearWarpProjector<TPixel>::ExtendRows(const ShearWarp::IntermediateGrid & grid,
+                                       PartialImage &                      image,
+                                       std::ptrdiff_t                      begin,
+                                       std::ptrdiff_t                      end) const
 {
   using ShearWarp::BlockLength;
-  if (worker.rowBegin == worker.rowEnd)
-  {
-    worker.pixels.Reserve(m_TileRows * BlockLength * m_RowStride * sizeof(TPixel));
-    worker.lowerBounds.assign(m_TileRows * m_TileColumns, ShearWarp::NoSample<TPixel>);
-    worker.rowBegin = worker.rowEnd = begin / BlockLength * BlockLength;
-  }
   begin = begin / BlockLength * BlockLength;
-  end = (end + BlockLength - 1) / BlockLength * BlockLength;
-  if (begin < worker.rowBegin)
+  end = ShearWarp::CountBlocks(end, BlockLength) * BlockLength;
+  if (image.rowBegin == image.rowEnd)
   {
-    this->FillRows(worker, begin, worker.rowBegin);
-    worker.rowBegin = begin;
+    image.pixels.Reserve(m_TileRows * BlockLength * m_RowStride * sizeof(TPixel));
+    image.lowerBounds.assign(m_TileRows * m_TileColumns, ShearWarp::NoSample<TPixel>);
+    image.rowBegin = image.rowEnd = begin;
   }
-  if (end > worker.rowEnd)
+  if (begin < image.rowBegin)
   {
-    this->FillRows(worker, worker.rowEnd, end);
-    worker.rowEnd = end;
+    this->FillRows(grid, image, begin, image.rowBegin);
+    image.rowBegin = begin;
+  }
+  if (end > image.rowEnd)
+  {
+    this->FillRows(grid, image, image.rowEnd, end);
+    image.rowEnd = end;
   }
 }
 
 /** No sample yet; the maximum where none can come, so that it does not keep a tile from being skipped. */
 template <typename TPixel>
 void
-ShearWarpProjector<TPixel>::FillRows(Worker & worker, std::ptrdiff_t begin, std::ptrdiff_t end) const
+ShearWarpProjector<TPixel>::FillRows(const ShearWarp::IntermediateGrid & grid,
+                                     PartialImage &                      image,
+                                     std::ptrdiff_t                      begin,
+                                     std::ptrdiff_t                      end) const
 {
-  const auto & reached = m_Factorization->GetReachedColumns();
   for (std::ptrdiff_t row = begin; row < end; ++row)
   {
-    TPixel *                    pixels = worker.pixels.template GetPointer<TPixel>() + row * m_RowStride;
-    const ShearWarp::ColumnSpan span = row < m_Rows ? reached[row] : ShearWarp::ColumnSpan{ 0, 0 };
+    TPixel *                    pixels = image.pixels.template GetPointer<TPixel>() + row * m_RowStride;
+    const ShearWarp::ColumnSpan span = row < grid.rows ? grid.reached[row] : ShearWarp::ColumnSpan{ 0, 0 };
     std::fill(pixels, pixels + span.begin, NumericTraits<TPixel>::max());
     std::fill(pixels + span.begin, pixels + span.end, ShearWarp::NoSample<TPixel>);
     std::fill(pixels + span.end, pixels + m_RowStride, NumericTraits<TPixel>::max());
   }
 }
 
-/** Raises the first worker's pixels of \a row to those of the others. */
+/** Raises the first worker's pixels of a row of a grid to those of the others, and returns them. */
 template <typename TPixel>
-void
-ShearWarpProjector<TPixel>::MergeRow(std::ptrdiff_t row)
+const TPixel *
+ShearWarpProjector<TPixel>::MergeRow(std::size_t grid, std::ptrdiff_t row)
 {
-  TPixel * result = m_Workers.front().pixels.template GetPointer<TPixel>() + row * m_RowStride;
+  const std::ptrdiff_t columns = (*m_Grids)[grid].columns;
+  TPixel * const       result = m_Workers.front().images[grid].pixels.template GetPointer<TPixel>() + row * m_RowStride;
   for (std::size_t n = 1; n < m_Workers.size(); ++n)
   {
-    if (row >= m_Workers[n].rowBegin && row < m_Workers[n].rowEnd)
+    const PartialImage & image = m_Workers[n].images[grid];
+    if (row >= image.rowBegin && row < image.rowEnd)
     {
-      const TPixel * pixels = m_Workers[n].pixels.template GetPointer<TPixel>() + row * m_RowStride;
-      for (std::ptrdiff_t p = 0; p < m_Columns; ++p)
+      const TPixel * pixels = image.pixels.template GetPointer<TPixel>() + row * m_RowStride;
+      for (std::ptrdiff_t p = 0; p < columns; ++p)
       {
         result[p] = pixels[p] > result[p] ? pixels[p] : result[p];
       }
@@ -357,11 +413,12 @@ ShearWarpProjector<TPixel>::MergeRow(std::ptrdiff_t row)
   if constexpr (std::is_floating_point_v<TPixel>)
   {
     // which of two zeros was first does not matter
-    for (std::ptrdiff_t p = 0; p < m_Columns; ++p)
+    for (std::ptrdiff_t p = 0; p < columns; ++p)
     {
       result[p] += TPixel{ 0 };
     }
   }
+  return result;
 }
 } // namespace itk
 

@@ -111,6 +111,47 @@ VerifyImage(const DataObject * image, const char * name)
   }
 }
 
+/** \a position and \a fractions of a pixel, in 1/2^15. */
+ShearWarp::SamplingPosition
+Shift(const ShearWarp::SamplingPosition & position, std::int32_t fractions)
+{
+  const std::int32_t fraction = position.fraction + fractions;
+  return { position.whole + (fraction >> ShearWarp::FractionBits), fraction & (ShearWarp::One - 1) };
+}
+
+/** The grid of slices of size[0] x size[1] voxels at \a placements, moved by so many 1/2^15 pixel. */
+ShearWarp::IntermediateGrid
+MakeGrid(const std::vector<ShearWarp::SlicePlacement> & placements,
+         const Size<3> &                                size,
+         std::int32_t                                   columnShift,
+         std::int32_t                                   rowShift)
+{
+  const auto columns = static_cast<std::int32_t>(size[0]);
+  const auto rows = static_cast<std::int32_t>(size[1]);
+
+  ShearWarp::IntermediateGrid grid{ 0, 0, {}, {} };
+  grid.placements.reserve(placements.size());
+  for (const auto & placement : placements)
+  {
+    grid.placements.push_back({ Shift(placement.column, columnShift), Shift(placement.row, rowShift) });
+    grid.columns = std::max<std::ptrdiff_t>(grid.columns, grid.placements.back().FirstColumn() + columns);
+    grid.rows = std::max<std::ptrdiff_t>(grid.rows, grid.placements.back().FirstRow() + rows);
+  }
+
+  // slices side by side overlap, so the columns that they reach in a row are one span
+  grid.reached.assign(grid.rows, { static_cast<std::int32_t>(grid.columns), 0 });
+  for (const auto & placement : grid.placements)
+  {
+    const std::int32_t begin = placement.FirstColumn();
+    for (std::int32_t j = 0; j < rows; ++j)
+    {
+      ShearWarp::ColumnSpan & span = grid.reached[placement.FirstRow() + j];
+      span = { std::min(span.begin, begin), std::max(span.end, begin + columns) };
+    }
+  }
+  return grid;
+}
+
 ShearWarpFactorization::PermutationType
 MakePermutation(unsigned int principalAxis)
 {
@@ -125,9 +166,12 @@ MakePermutation(unsigned int principalAxis)
 
 ShearWarpFactorization::ShearWarpFactorization(const TransformType *       viewTransform,
                                                const InputImageBaseType *  image,
-                                               const OutputImageBaseType * output)
+                                               const OutputImageBaseType * output,
+                                               unsigned int                oversampling)
+  : m_Oversampling(oversampling)
 {
   VerifyViewTransform(viewTransform);
+  VerifyOversampling(oversampling);
   VerifyImage(image, "input image");
   VerifyImage(output, "output image");
   m_OutputSpacing = output->GetSpacing();
@@ -168,28 +212,48 @@ ShearWarpFactorization::ShearWarpFactorization(const TransformType *       viewT
     m_Translation[axis] = m_Shear[axis] < 0 ? -m_Shear[axis] * static_cast<double>(size[2] - 1) : 0.0;
   }
 
-  m_SlicePlacements.reserve(size[2]);
-  std::int32_t lastColumn = 0;
-  std::int32_t lastRow = 0;
+  std::vector<ShearWarp::SlicePlacement> placements;
+  placements.reserve(size[2]);
   for (SizeValueType k = 0; k < size[2]; ++k)
   {
     const auto offset = m_Shear * static_cast<double>(k) + m_Translation;
-    m_SlicePlacements.push_back({ ShearWarp::QuantizePosition(offset[0]), ShearWarp::QuantizePosition(offset[1]) });
-    lastColumn = std::max(lastColumn, m_SlicePlacements.back().FirstColumn());
-    lastRow = std::max(lastRow, m_SlicePlacements.back().FirstRow());
+    placements.push_back({ ShearWarp::QuantizePosition(offset[0]), ShearWarp::QuantizePosition(offset[1]) });
   }
-  m_IntermediateSize = { { size[0] + lastColumn, size[1] + lastRow } };
-
-  // slices side by side overlap, so the columns that they reach in a row are one span
-  const auto columns = static_cast<std::int32_t>(size[0]);
-  m_ReachedColumns.assign(m_IntermediateSize[1], { static_cast<std::int32_t>(m_IntermediateSize[0]), 0 });
-  for (const auto & placement : m_SlicePlacements)
+  const auto steps = static_cast<std::int32_t>(m_Oversampling);
+  for (std::int32_t row = 0; row < steps; ++row)
   {
-    const std::int32_t begin = placement.FirstColumn();
-    for (SizeValueType j = 0; j < size[1]; ++j)
+    for (std::int32_t column = 0; column < steps; ++column)
     {
-      ShearWarp::ColumnSpan & span = m_ReachedColumns[placement.FirstRow() + j];
-      span = { std::min(span.begin, begin), std::max(span.end, begin + columns) };
+      const auto shift = [steps](std::int32_t phase) { return (steps - 1 - phase) * (ShearWarp::One / steps); };
+      m_Phases.push_back(MakeGrid(placements, size, shift(column), shift(row)));
+    }
+  }
+  this->JoinPhases();
+}
+
+void
+ShearWarpFactorization::JoinPhases()
+{
+  const std::ptrdiff_t steps = m_Oversampling;
+  const auto           length = [steps](std::ptrdiff_t pixels, std::ptrdiff_t phase) {
+    return static_cast<SizeValueType>((pixels - 1) * steps + phase + 1);
+  };
+  m_IntermediateSize.Fill(0);
+  for (std::ptrdiff_t n = 0; n < steps * steps; ++n)
+  {
+    m_IntermediateSize[0] = std::max(m_IntermediateSize[0], length(m_Phases[n].columns, n % steps));
+    m_IntermediateSize[1] = std::max(m_IntermediateSize[1], length(m_Phases[n].rows, n / steps));
+  }
+
+  m_ReachedColumns.assign(m_IntermediateSize[1], { static_cast<std::int32_t>(m_IntermediateSize[0]), 0 });
+  for (std::ptrdiff_t n = 0; n < steps * steps; ++n)
+  {
+    for (std::ptrdiff_t row = 0; row < m_Phases[n].rows; ++row)
+    {
+      const ShearWarp::ColumnSpan & phase = m_Phases[n].reached[row];
+      ShearWarp::ColumnSpan &       span = m_ReachedColumns[row * steps + n / steps];
+      span.begin = std::min(span.begin, static_cast<std::int32_t>(phase.begin * steps + n % steps));
+      span.end = std::max(span.end, static_cast<std::int32_t>(length(phase.end, n % steps)));
     }
   }
 }
@@ -232,7 +296,23 @@ ShearWarpFactorization::GetOutputToIntermediateMatrix() const
     outputToView(axis, axis) = m_OutputSpacing[axis];
     outputToView(axis, 2) = m_OutputOrigin[axis];
   }
-  return Matrix3Type(GetWarpMatrix().GetInverse()) * outputToView;
+  Matrix3Type shearedToIntermediate;
+  shearedToIntermediate.SetIdentity();
+  for (unsigned int axis = 0; axis < 2; ++axis)
+  {
+    shearedToIntermediate(axis, axis) = m_Oversampling;
+    shearedToIntermediate(axis, 2) = m_Oversampling - 1.0;
+  }
+  return shearedToIntermediate * Matrix3Type(GetWarpMatrix().GetInverse()) * outputToView;
+}
+
+void
+ShearWarpFactorization::VerifyOversampling(unsigned int oversampling)
+{
+  if (oversampling != 1 && oversampling != 2)
+  {
+    itkGenericExceptionMacro("Oversampling must be 1 or 2, but it is " << oversampling << '.');
+  }
 }
 
 void

@@ -329,7 +329,12 @@ TEST(ShearWarpFactorization, TranslationsAreHalfOfThePublishedOnes)
     {
       EXPECT_NEAR(factorization.GetShear()[n], published[n], 1e-9);
       const double sign = published[n] < 0 ? -1.0 : 1.0;
-      EXPECT_NEAR(2.0 * factorization.GetTranslation()[n], (sign - 1.0) * published[n] * last, 1e-8);
+      const double publishedTranslation = (sign - 1.0) * published[n] * last;
+      EXPECT_NEAR(2.0 * factorization.GetTranslation()[n], publishedTranslation, 1e-8);
+      // the slice furthest to the left begins at the image's first pixel; the published one leaves it empty
+      const double leftmost = std::min(0.0, published[n] * last);
+      EXPECT_NEAR(factorization.GetTranslation()[n] + leftmost, 0.0, 1e-8);
+      EXPECT_NEAR(publishedTranslation + leftmost, published[n] < 0 ? -published[n] * last : 0.0, 1e-8);
       negative += published[n] < 0;
     }
   }
@@ -495,4 +500,75 @@ TEST(ShearWarpFactorization, ProjectedSpacingIsTheSmallestScaledByTheTransform)
   const auto projected = ShearWarpFactorization::ComputeProjectedSpacing(scaled, image);
   EXPECT_NEAR(projected[0], 1.5, 1e-12);
   EXPECT_NEAR(projected[1], 0.25, 1e-12);
+}
+
+TEST(ShearWarpFactorization, OversampledPhasesLieBetweenThePixels)
+{
+  Random random(106);
+  for (int repeat = 0; repeat < 500; ++repeat)
+  {
+    auto image = GeometryType::New();
+    SetRandomGeometry(random, image, MakeRandomSize(random, 1, 12));
+    const auto                   view = MakeRandomView(random, AllViewKinds[repeat % 3], image);
+    const auto                   grid = MakeGrid(0.5, 0.7, -10, 4);
+    const ShearWarpFactorization plain(view, image, grid);
+    const ShearWarpFactorization fine(view, image, grid, 2);
+    ASSERT_EQ(plain.GetPhases().size(), 1u);
+    ASSERT_EQ(fine.GetOversampling(), 2u);
+    ASSERT_EQ(fine.GetPhases().size(), 4u);
+    ASSERT_EQ(fine.GetShearMatrix(), plain.GetShearMatrix());
+    ASSERT_EQ(fine.GetWarpMatrix(), plain.GetWarpMatrix());
+
+    // pixel 2 p + 1 lies where pixel p of the plain image does
+    const auto fineMap = fine.GetOutputToIntermediateMatrix();
+    const auto plainMap = plain.GetOutputToIntermediateMatrix();
+    const auto finePoint = Apply(fineMap, 3, 8);
+    const auto plainPoint = Apply(plainMap, 3, 8);
+    ASSERT_NEAR(finePoint[0], 2 * plainPoint[0] + 1, 1e-9);
+    ASSERT_NEAR(finePoint[1], 2 * plainPoint[1] + 1, 1e-9);
+
+    // pixel x of a row meets the slice where -1/2 <= (x - 1) / 2 - column < columns - 1/2
+    const auto                          size = image->GetLargestPossibleRegion().GetSize();
+    const auto                          columns = static_cast<double>(size[fine.GetPermutation()[0]]);
+    const auto                          rows = static_cast<double>(size[fine.GetPermutation()[1]]);
+    std::vector<std::set<std::int32_t>> expected(fine.GetIntermediateSize()[1]);
+    double                              endColumn = 0, endRow = 0;
+    for (std::size_t k = 0; k < plain.GetSlicePlacements().size(); ++k)
+    {
+      const double column = ToDouble(plain.GetSlicePlacements()[k].column);
+      const double row = ToDouble(plain.GetSlicePlacements()[k].row);
+      for (unsigned int phase = 0; phase < 4; ++phase)
+      {
+        const itk::ShearWarp::SlicePlacement & placement = fine.GetPhases()[phase].placements[k];
+        ASSERT_EQ(ToDouble(placement.column), column + (phase % 2 == 0 ? 0.5 : 0.0));
+        ASSERT_EQ(ToDouble(placement.row), row + (phase / 2 == 0 ? 0.5 : 0.0));
+        ASSERT_LE(placement.FirstColumn() + columns, fine.GetPhases()[phase].columns);
+        ASSERT_LE(placement.FirstRow() + rows, fine.GetPhases()[phase].rows);
+      }
+      for (double y = std::ceil(2 * row); y < 2 * (row + rows); ++y)
+      {
+        for (double x = std::ceil(2 * column); x < 2 * (column + columns); ++x)
+        {
+          endColumn = std::max(endColumn, x + 1);
+          endRow = std::max(endRow, y + 1);
+          expected.at(static_cast<std::size_t>(y)).insert(static_cast<std::int32_t>(x));
+        }
+      }
+    }
+    ASSERT_EQ(endColumn, static_cast<double>(fine.GetIntermediateSize()[0]));
+    ASSERT_EQ(endRow, static_cast<double>(fine.GetIntermediateSize()[1]));
+    for (std::size_t y = 0; y < expected.size(); ++y)
+    {
+      const itk::ShearWarp::ColumnSpan & span = fine.GetReachedColumns()[y];
+      ASSERT_EQ(*expected[y].begin(), span.begin);
+      ASSERT_EQ(*expected[y].rbegin(), span.end - 1);
+      ASSERT_EQ(expected[y].size(), static_cast<std::size_t>(span.end - span.begin));
+    }
+  }
+  const auto image = MakeGeometry({ { 3, 3, 3 } }, MakeVector3(1, 1, 1));
+  for (const unsigned int oversampling : { 0u, 3u })
+  {
+    EXPECT_NAMES(ShearWarpFactorization(ViewType::New(), image, MakeGrid(), oversampling),
+                 "Oversampling must be 1 or 2, but it is " + std::to_string(oversampling));
+  }
 }

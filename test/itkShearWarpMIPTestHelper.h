@@ -496,15 +496,16 @@ InterpolateReached(const TPixelAt & pixel, std::int64_t column, std::int64_t row
   }
 }
 
-/** The projection of an image, pixel by pixel. */
+/** The projection of an image, pixel by pixel; \a oversampling is the number of intermediate pixels per voxel. */
 template <typename TPixel>
 class BruteForceProjection
 {
 public:
   using ImageType = Image<TPixel, 3>;
 
-  BruteForceProjection(const ViewBaseType * view, const ImageType * image)
+  BruteForceProjection(const ViewBaseType * view, const ImageType * image, int oversampling = 1)
     : m_Image(image)
+    , m_Oversampling(oversampling)
   {
     long double indexToPhysical[3][3];
     long double viewMatrix[3][3];
@@ -559,7 +560,7 @@ public:
     {
       m_Shear[n] = -ray[across[n]] / ray[m_K];
       m_Translation[n] = std::max(0.0L, -m_Shear[n] * (m_Length[m_K] - 1));
-      m_MemoLength[n] = m_Length[across[n]] + m_Length[m_K] + 2;
+      m_MemoLength[n] = oversampling * (m_Length[across[n]] + m_Length[m_K] + 2);
     }
     m_Memo.resize(m_MemoLength[0] * m_MemoLength[1]);
     m_MemoState.resize(m_Memo.size(), Unknown);
@@ -596,8 +597,8 @@ public:
     }
     return InterpolateReached(
       [this](std::int64_t p, std::int64_t q, TPixel & value) { return this->GetIntermediate(p, q, value); },
-      Quantize(column),
-      Quantize(row),
+      Quantize(m_Oversampling * (column + 1) - 1),
+      Quantize(m_Oversampling * (row + 1) - 1),
       background);
   }
 
@@ -655,6 +656,9 @@ private:
   {
     const std::int64_t strides[3] = { 1, m_Length[0], m_Length[0] * m_Length[1] };
     const TPixel *     voxels = m_Image->GetBufferPointer();
+    // pixel -1 is sheared voxel -1
+    const std::int64_t column = (p + 1) * WholePixel / m_Oversampling - WholePixel;
+    const std::int64_t row = (q + 1) * WholePixel / m_Oversampling - WholePixel;
     bool               isReached = false;
     for (std::int64_t k = 0; k < m_Length[m_K]; ++k)
     {
@@ -665,8 +669,8 @@ private:
       if (SampleSlice(voxel,
                       m_Length[m_I],
                       m_Length[m_J],
-                      p * WholePixel - Quantize(m_Shear[0] * k + m_Translation[0]),
-                      q * WholePixel - Quantize(m_Shear[1] * k + m_Translation[1]),
+                      column - Quantize(m_Shear[0] * k + m_Translation[0]),
+                      row - Quantize(m_Shear[1] * k + m_Translation[1]),
                       sample) &&
           IsNumber(sample) && (!isReached || sample > maximum))
       {
@@ -689,6 +693,7 @@ private:
   }
 
   const ImageType *   m_Image;
+  int                 m_Oversampling;
   long double         m_Axes[3][3]; // of view space, in index space
   long double         m_Offset[3];
   std::int64_t        m_Length[3];
