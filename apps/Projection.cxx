@@ -139,6 +139,7 @@ ProjectVolume(const ScalarImage &                              volume,
   const auto filter = itk::ShearWarpMIPImageFilter<ImageType>::New();
   filter->SetInput(&image);
   filter->SetDefaultPixelValue(background);
+  filter->SetOversampling(options.oversampling);
   if (options.spacing)
   {
     filter->SetOutputSpacing(*options.spacing);

@@ -33,6 +33,7 @@ struct ProjectionOptions
   std::optional<itk::Size<2>>                        size;
   /** 0 if not given, or the volume's minimum where that is less. */
   std::optional<double> background;
+  unsigned int          oversampling{ 1 };
 };
 
 struct FrameReport

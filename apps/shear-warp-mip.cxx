@@ -80,6 +80,7 @@ struct Options
   std::vector<double> window;
   double              background{ 0.0 };
   bool                hasBackground{ false };
+  unsigned int        oversampling{ 1 };
   unsigned int        frames{ 0 };
   std::string         axis{ "superior" };
   unsigned int        threads{ 0 };
@@ -192,6 +193,13 @@ DefineOptions(CLI::App & app, Options & options)
       },
       "Value beside the image; default: 0, or the image's minimum if that is negative")
     ->type_name("VALUE")
+    ->group("Picture");
+  app
+    .add_option("--oversampling",
+                options.oversampling,
+                "1, or 2 for twice as many samples along both axes of each slice: sharper, up to three times as slow")
+    ->check(CLI::IsMember({ 1, 2 }))
+    ->capture_default_str()
     ->group("Picture");
   app
     .add_option("--window",
@@ -385,6 +393,7 @@ Run(const Options & options, Messages & messages)
     projection.size = { { static_cast<itk::SizeValueType>(options.size[0]),
                           static_cast<itk::SizeValueType>(options.size[1]) } };
   }
+  projection.oversampling = options.oversampling;
   if (options.hasBackground)
   {
     projection.background = options.background;

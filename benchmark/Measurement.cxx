@@ -151,6 +151,8 @@ Measure(::benchmark::State & state, const Measurement & measurement)
   Subject<TPixel> &                   subject = GetSubject<TPixel>(keptSubject, measurement.data);
   const auto *                        volume = subject.GetVolume();
   const bool                          isCompared = measurement.threads == 1;
+  const bool                          isOversampled =
+    measurement.instructionSet != "portable" && measurement.reducedResampling == Measurement::ReducedResampling::Auto;
   if (isCompared)
   {
     static const std::string difference = CheckRayCasting<TPixel>();
@@ -183,6 +185,7 @@ Measure(::benchmark::State & state, const Measurement & measurement)
   ViewSeries   projectionSeconds;
   ViewSeries   warpSeconds;
   ViewSeries   readSeconds;
+  ViewSeries   oversampledSeconds;
   double       skipped = 0.0;
   unsigned int iteration = 0;
   for (auto _ : state)
@@ -213,6 +216,15 @@ Measure(::benchmark::State & state, const Measurement & measurement)
     warpSeconds.Add(view, filter->GetWarpSeconds());
     readSeconds.Add(view, read.seconds);
     skipped += filter->GetSkippedFraction();
+    if (isOversampled)
+    {
+      const auto oversampledStart = std::chrono::steady_clock::now();
+      filter->SetOversampling(2);
+      filter->Update();
+      const std::chrono::duration<double> oversampled = std::chrono::steady_clock::now() - oversampledStart;
+      oversampledSeconds.Add(view, oversampled.count());
+      filter->SetOversampling(1);
+    }
     ++iteration;
     state.ResumeTiming();
   }
@@ -236,6 +248,10 @@ Measure(::benchmark::State & state, const Measurement & measurement)
     const double comparedSeconds = seconds.GetMeanOfMinima(subject.GetComparedViews());
     counters["raycast_ratio"] = comparison.rayCasting / comparedSeconds;
     counters["plain_ratio"] = comparison.plainShearWarp / comparedSeconds;
+  }
+  if (isOversampled)
+  {
+    counters["oversampling_ratio"] = oversampledSeconds.GetMeanOfMinima() / GetMean(minima);
   }
   if (isPeakKnown)
   {

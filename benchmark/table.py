@@ -16,6 +16,7 @@ COUNTERS = (
     "skipped_fraction"
 ).split()
 COMPARISONS = ["raycast_ratio", "plain_ratio"]  # with one thread
+OVERSAMPLING = ["oversampling_ratio"]  # in mode auto, unless portable
 ZERO_ALLOWED = ["skipped_fraction"]
 
 
@@ -38,6 +39,8 @@ def find_faults(benchmark: dict, has_peak: bool) -> list[str]:
         return [benchmark["error_message"]]
     parts = parse_name(benchmark["name"])
     needed = COUNTERS + (COMPARISONS if parts["threads"] == "1" else []) + (["peak_mb"] if has_peak else [])
+    if parts["mode"] == "auto" and parts["instruction set"] != "portable":
+        needed += OVERSAMPLING
     faults = []
     for counter in needed:
         value = benchmark.get(counter, math.nan)
@@ -62,7 +65,7 @@ def format_row(benchmark: dict) -> list[str]:
 
     parts = parse_name(benchmark["name"])
     if benchmark.get("error_occurred"):
-        values = ["error: " + benchmark["error_message"].replace("|", "/").replace("\n", " ")] + [""] * 10
+        values = ["error: " + benchmark["error_message"].replace("|", "/").replace("\n", " ")] + [""] * 11
     else:
         values = [
             cell("min_ms"),
@@ -72,6 +75,7 @@ def format_row(benchmark: dict) -> list[str]:
             cell("worst_view_ratio"),
             cell("raycast_ratio"),
             cell("plain_ratio"),
+            cell("oversampling_ratio"),
             cell("skipped_fraction", 100.0),
             cell("preparation_ms"),
             cell("peak_mb"),
@@ -91,6 +95,7 @@ HEADINGS = [
     "worst view, x read limit",
     "x faster than ray casting",
     "x faster than plain shear-warp",
+    "x the time with oversampling",
     "skipped, %",
     "preparation, ms",
     "peak memory, MB",

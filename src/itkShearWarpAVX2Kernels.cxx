@@ -64,8 +64,6 @@ struct Lanes
   static Short InterleaveHigh(Short a, Short b) { return _mm256_unpackhi_epi16(a, b); }
 
   static Int SetInt(int v) { return _mm256_set1_epi32(v); }
-  static Int LowestInt() { return _mm256_set1_epi32(-2147483647 - 1); }
-  static Int MaximumInt(Int a, Int b) { return _mm256_max_epi32(a, b); }
   static Int AddPairProducts(Int sum, Short a, Short b) { return _mm256_add_epi32(sum, _mm256_madd_epi16(a, b)); }
   static Short PackEvenOdd(Int even, Int odd) { return _mm256_blend_epi16(_mm256_srli_epi32(even, 15), _mm256_slli_epi32(odd, 1), 0xAA); }
   static Short PackInterleaved(Int low, Int high) { return _mm256_packs_epi32(_mm256_srai_epi32(low, 15), _mm256_srai_epi32(high, 15)); }

@@ -27,7 +27,7 @@ namespace itk::ShearWarp
 {
 namespace
 {
-/** AVX-512 F, BW, DQ and VL. */
+/** AVX-512 F, BW, DQ, VL and VNNI. */
 struct Lanes
 {
   static constexpr char           Name[] = "avx512";
@@ -64,9 +64,7 @@ struct Lanes
   static Short InterleaveHigh(Short a, Short b) { return _mm512_unpackhi_epi16(a, b); }
 
   static Int SetInt(int v) { return _mm512_set1_epi32(v); }
-  static Int LowestInt() { return _mm512_set1_epi32(-2147483647 - 1); }
-  static Int MaximumInt(Int a, Int b) { return _mm512_max_epi32(a, b); }
-  static Int AddPairProducts(Int sum, Short a, Short b) { return _mm512_add_epi32(sum, _mm512_madd_epi16(a, b)); }
+  static Int AddPairProducts(Int sum, Short a, Short b) { return _mm512_dpwssd_epi32(sum, a, b); }
   static Short PackEvenOdd(Int even, Int odd) { return _mm512_mask_blend_epi16(0xAAAAAAAA, _mm512_srli_epi32(even, 15), _mm512_slli_epi32(odd, 1)); }
   static Short PackInterleaved(Int low, Int high) { return _mm512_packs_epi32(_mm512_srai_epi32(low, 15), _mm512_srai_epi32(high, 15)); }
 

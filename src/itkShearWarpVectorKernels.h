@@ -167,8 +167,7 @@ struct TileRow
 {
   const TPixel *       voxels;
   std::ptrdiff_t       rowStride;
-  const PlacedSlice *  slices;
-  int                  count;
+  const PlacedSlice *  slice;
   std::ptrdiff_t       row, begin, end;
   TPixel *             pixels;
   std::ptrdiff_t       pixelStride;
@@ -177,9 +176,8 @@ struct TileRow
   Prefetcher *         prefetcher;
 };
 
-/** Raises VRows rows of LaneCount pixels to the samples of `count` slices, all of the same fractions. Short integers:
- * the difference of two voxels fits in 16 bits unless VWide, and linear interpolation is b + ((a - b) x + 2^14 >> 15).
- */
+/** Raises VRows rows of LaneCount pixels to the samples of a slice. Short integers: the difference of two voxels fits
+ * in 16 bits unless VWide, and linear interpolation is b + ((a - b) x + 2^14 >> 15). */
 template <typename TPixel, Fractions VFractions, bool VWide, int VRows>
 struct Tile
 {
@@ -209,78 +207,38 @@ struct Tile
   static void
   Project(const TPixel *      voxels,
           std::ptrdiff_t      stride,
-          const PlacedSlice * slices,
-          int                 count,
+          const PlacedSlice & slice,
           std::ptrdiff_t      position,
           TPixel *            pixels,
           std::ptrdiff_t      pixelStride)
   {
     if constexpr (VFractions == Fractions::None || (!VWide && VFractions != Fractions::Both))
     {
-      Short maxima[VRows];
+      const TPixel * b = voxels + (slice.offset + position);
+      const Short    weight = Lanes::Set(VFractions == Fractions::Column ? slice.x : slice.y);
+      Short          above = VFractions == Fractions::Row ? Lanes::Load(b - stride) : weight;
       SHEARWARP_UNROLL
-      for (int r = 0; r < VRows; ++r)
+      for (int r = 0; r < VRows; ++r, b += stride, pixels += pixelStride)
       {
-        maxima[r] = Lanes::Load(pixels + r * pixelStride);
-      }
-      for (int n = 0; n < count; ++n)
-      {
-        const TPixel * b = voxels + (slices[n].offset + position);
-        const Short    weight = Lanes::Set(VFractions == Fractions::Column ? slices[n].x : slices[n].y);
-        Short          above = VFractions == Fractions::Row ? Lanes::Load(b - stride) : weight;
-        SHEARWARP_UNROLL
-        for (int r = 0; r < VRows; ++r, b += stride)
+        const Short voxel = Lanes::Load(b);
+        Short       sample = voxel;
+        if constexpr (VFractions == Fractions::Column)
         {
-          const Short voxel = Lanes::Load(b);
-          Short       sample = voxel;
-          if constexpr (VFractions == Fractions::Column)
-          {
-            sample = Interpolate(Lanes::Load(b - 1), voxel, weight);
-          }
-          if constexpr (VFractions == Fractions::Row)
-          {
-            sample = Interpolate(above, voxel, weight);
-            above = voxel;
-          }
-          maxima[r] = Maximum<TPixel>(maxima[r], sample);
+          sample = Interpolate(Lanes::Load(b - 1), voxel, weight);
         }
-      }
-      SHEARWARP_UNROLL
-      for (int r = 0; r < VRows; ++r)
-      {
-        Lanes::Store(pixels + r * pixelStride, maxima[r]);
+        if constexpr (VFractions == Fractions::Row)
+        {
+          sample = Interpolate(above, voxel, weight);
+          above = voxel;
+        }
+        Raise(pixels, sample);
       }
     }
     else
     {
-      if (count == 1)
-      {
-        Sample(voxels, stride, slices[0], position, [=](int r, Int low, Int high) {
-          Raise(pixels + r * pixelStride, Pack(low, high));
-        });
-      }
-      else
-      {
-        Int low[VRows];
-        Int high[VRows];
-        SHEARWARP_UNROLL
-        for (int r = 0; r < VRows; ++r)
-        {
-          low[r] = high[r] = Lanes::LowestInt();
-        }
-        for (int n = 0; n < count; ++n)
-        {
-          Sample(voxels, stride, slices[n], position, [&](int r, Int sampleLow, Int sampleHigh) {
-            low[r] = Lanes::MaximumInt(low[r], sampleLow);
-            high[r] = Lanes::MaximumInt(high[r], sampleHigh);
-          });
-        }
-        SHEARWARP_UNROLL
-        for (int r = 0; r < VRows; ++r)
-        {
-          Raise(pixels + r * pixelStride, Pack(low[r], high[r]));
-        }
-      }
+      Sample(voxels, stride, slice, position, [=](int r, Int low, Int high) {
+        Raise(pixels + r * pixelStride, Pack(low, high));
+      });
     }
   }
 
@@ -373,37 +331,23 @@ struct Tile<float, VFractions, VWide, VRows>
   static void
   Project(const float *       voxels,
           std::ptrdiff_t      stride,
-          const PlacedSlice * slices,
-          int                 count,
+          const PlacedSlice & slice,
           std::ptrdiff_t      position,
           float *             pixels,
           std::ptrdiff_t      pixelStride)
   {
     constexpr bool betweenRows = VFractions == Fractions::Row || VFractions == Fractions::Both;
-    Float          maxima[VRows];
+    const float *  b = voxels + (slice.offset + position);
+    const Float    x = Lanes::SetFloat(static_cast<float>(slice.x) / 32768);
+    const Float    y = Lanes::SetFloat(static_cast<float>(slice.y) / 32768);
+    Float          above = betweenRows ? InterpolateColumns(b - stride, x) : x;
     SHEARWARP_UNROLL
-    for (int r = 0; r < VRows; ++r)
+    for (int r = 0; r < VRows; ++r, b += stride, pixels += pixelStride)
     {
-      maxima[r] = Lanes::Load(pixels + r * pixelStride);
-    }
-    for (int n = 0; n < count; ++n)
-    {
-      const float * b = voxels + (slices[n].offset + position);
-      const Float   x = Lanes::SetFloat(static_cast<float>(slices[n].x) / 32768);
-      const Float   y = Lanes::SetFloat(static_cast<float>(slices[n].y) / 32768);
-      Float         above = betweenRows ? InterpolateColumns(b - stride, x) : x;
-      SHEARWARP_UNROLL
-      for (int r = 0; r < VRows; ++r, b += stride)
-      {
-        const Float row = InterpolateColumns(b, x);
-        maxima[r] = Maximum<float>(maxima[r], betweenRows ? Interpolate(above, row, y) : row);
-        above = row;
-      }
-    }
-    SHEARWARP_UNROLL
-    for (int r = 0; r < VRows; ++r)
-    {
-      Lanes::Store(pixels + r * pixelStride, maxima[r]);
+      const Float row = InterpolateColumns(b, x);
+      const Float sample = betweenRows ? Interpolate(above, row, y) : row;
+      Lanes::Store(pixels, Maximum<float>(Lanes::Load(pixels), sample));
+      above = row;
     }
   }
 };
@@ -423,7 +367,7 @@ ProjectTileRow(const TileRow<TPixel> & row)
     const std::ptrdiff_t column = Smaller(Larger(first, row.begin), row.end - lanes);
     if (row.active)
     {
-      const TPixel * voxels = row.voxels + (row.slices->offset + row.nextSlice + row.row * row.rowStride + column);
+      const TPixel * voxels = row.voxels + (row.slice->offset + row.nextSlice + row.row * row.rowStride + column);
       for (int r = 0; r < VRows; ++r, voxels += row.rowStride)
       {
         Lanes::Prefetch(reinterpret_cast<const char *>(voxels - 1));
@@ -434,13 +378,8 @@ ProjectTileRow(const TileRow<TPixel> & row)
     {
       row.prefetcher->Step();
     }
-    Tile<TPixel, VFractions, VWide, VRows>::Project(row.voxels,
-                                                    row.rowStride,
-                                                    row.slices,
-                                                    row.count,
-                                                    row.row * row.rowStride + column,
-                                                    row.pixels + column,
-                                                    row.pixelStride);
+    Tile<TPixel, VFractions, VWide, VRows>::Project(
+      row.voxels, row.rowStride, *row.slice, row.row * row.rowStride + column, row.pixels + column, row.pixelStride);
   }
 }
 
@@ -448,7 +387,7 @@ template <typename TPixel, bool VWide, int VRows>
 void
 ProjectTileRow(const TileRow<TPixel> & row)
 {
-  switch (row.slices->GetFractions())
+  switch (row.slice->GetFractions())
   {
     case Fractions::None:
       return ProjectTileRow<TPixel, Fractions::None, VWide, VRows>(row);
@@ -466,10 +405,10 @@ template <typename TPixel>
 class BlockProjector
 {
 public:
-  BlockProjector(const SliceStack<TPixel> & stack, const Block & block, bool isOnlyView)
+  BlockProjector(const SliceStack<TPixel> & stack, const Block & block, bool isFirstView)
     : m_Stack(stack)
     , m_Block(block)
-    , m_IsOnlyView(isOnlyView)
+    , m_IsFirstView(isFirstView)
   {
     // the difference of two voxels, and an unsigned voxel, as 16-bit signed integers
     if constexpr (sizeof(TPixel) == 2)
@@ -478,95 +417,25 @@ public:
     }
   }
 
-  /** Slices [begin, end). */
   void
-  Project(const ShearedView<TPixel> & view, std::ptrdiff_t begin, std::ptrdiff_t end) const
+  Project(const ShearedView<TPixel> & view, std::ptrdiff_t index) const
   {
-    for (std::ptrdiff_t first = begin, last = begin; first < end; first = last)
-    {
-      PlacedSlice slices[BlockLength];
-      int         count = 0;
-      do
-      {
-        const SlicePlacement & placement = view.placements[last];
-        slices[count] = { last * m_Stack.sliceStride - placement.row.whole * m_Stack.rowStride - placement.column.whole,
-                          placement.column.whole,
-                          placement.row.whole,
-                          placement.column.fraction,
-                          placement.row.fraction };
-        ++last;
-        ++count;
-      } while (last < end && count < BlockLength && !view.active &&
-               HasFractions(view.placements[last], slices[0].GetFractions()));
-      this->ProjectSlices(view, slices, count, first);
-    }
+    const SlicePlacement & placement = view.placements[index];
+    const PlacedSlice      slice{ index * m_Stack.sliceStride - placement.row.whole * m_Stack.rowStride -
+                               placement.column.whole,
+                             placement.column.whole,
+                             placement.row.whole,
+                             placement.column.fraction,
+                             placement.row.fraction };
+    // where the slice has all voxels of the samples
+    const std::ptrdiff_t rowBegin = slice.row + Larger<std::ptrdiff_t>(m_Block.rowBegin, slice.y != 0);
+    const std::ptrdiff_t rowEnd = slice.row + m_Block.rowEnd;
+    this->ProjectRectangle(
+      view, slice, index, rowBegin, rowEnd, slice.column + (slice.x != 0), slice.column + m_Stack.columns);
+    this->ProjectEdges(view, slice, rowBegin, rowEnd);
   }
 
 private:
-  static bool
-  HasFractions(const SlicePlacement & placement, Fractions fractions)
-  {
-    const PlacedSlice slice{ 0, 0, 0, placement.column.fraction, placement.row.fraction };
-    return slice.GetFractions() == fractions;
-  }
-
-  /** Slices of the same fractions, the first of index \a first. */
-  void
-  ProjectSlices(const ShearedView<TPixel> & view, const PlacedSlice * slices, int count, std::ptrdiff_t first) const
-  {
-    // rows and columns of the intermediate image where every slice has all voxels of its samples
-    const std::ptrdiff_t betweenRows = slices->y != 0;
-    const std::ptrdiff_t betweenColumns = slices->x != 0;
-    std::ptrdiff_t       rowBegin = slices->row, rowEnd = slices->row;
-    std::ptrdiff_t       begin = slices->column, end = slices->column;
-    for (int n = 1; n < count; ++n)
-    {
-      rowBegin = Larger(rowBegin, slices[n].row);
-      rowEnd = Smaller(rowEnd, slices[n].row);
-      begin = Larger(begin, slices[n].column);
-      end = Smaller(end, slices[n].column);
-    }
-    rowBegin += Larger(m_Block.rowBegin, betweenRows);
-    rowEnd += m_Block.rowEnd;
-    begin += betweenColumns;
-    end += m_Stack.columns;
-    if (count > 1 && (rowEnd - rowBegin < BlockLength || end - begin < LaneCount<TPixel>))
-    {
-      for (int n = 0; n < count; ++n)
-      {
-        this->ProjectSlices(view, slices + n, 1, first + n);
-      }
-      return;
-    }
-    this->ProjectRectangle(view, slices, count, first, rowBegin, rowEnd, begin, end);
-
-    for (int n = 0; n < count; ++n)
-    {
-      const PlacedSlice &  slice = slices[n];
-      const std::ptrdiff_t sliceBegin = slice.column + betweenColumns;
-      const std::ptrdiff_t sliceEnd = slice.column + m_Stack.columns;
-      const std::ptrdiff_t sliceRowBegin = slice.row + Larger(m_Block.rowBegin, betweenRows);
-      const std::ptrdiff_t sliceRowEnd = slice.row + m_Block.rowEnd;
-      if (count > 1)
-      {
-        constexpr std::ptrdiff_t lanes = LaneCount<TPixel>;
-        this->ProjectRectangle(view, &slice, 1, first + n, sliceRowBegin, rowBegin, sliceBegin, sliceEnd);
-        this->ProjectRectangle(view, &slice, 1, first + n, rowEnd, sliceRowEnd, sliceBegin, sliceEnd);
-        if (sliceBegin < begin)
-        {
-          this->ProjectRectangle(
-            view, &slice, 1, first + n, rowBegin, rowEnd, sliceBegin, Larger(begin, sliceBegin + lanes));
-        }
-        if (end < sliceEnd)
-        {
-          this->ProjectRectangle(
-            view, &slice, 1, first + n, rowBegin, rowEnd, Smaller(end, sliceEnd - lanes), sliceEnd);
-        }
-      }
-      this->ProjectEdges(view, slice, sliceRowBegin, sliceRowEnd);
-    }
-  }
-
   /** Half a voxel beyond the outer voxel centres, with the outer voxels' values. */
   void
   ProjectEdges(const ShearedView<TPixel> & view,
@@ -598,7 +467,7 @@ private:
       edgeSlice.offset -= edgeIsLastRow ? m_Stack.rowStride : 0;
       edgeSlice.y = 0;
       this->ProjectRectangle(
-        view, &edgeSlice, 1, -1, row, row + 1, slice.column + (slice.x != 0), slice.column + m_Stack.columns);
+        view, edgeSlice, -1, row, row + 1, slice.column + (slice.x != 0), slice.column + m_Stack.columns);
       if (slice.x != 0)
       {
         this->RaiseToRowSample(view, row, edge, edgeVoxel + (row - edgeIsLastRow) * m_Stack.rowStride, 0);
@@ -643,9 +512,8 @@ private:
   /** Rows [rowBegin, rowEnd) and columns [begin, end) of the intermediate image. */
   void
   ProjectRectangle(const ShearedView<TPixel> & view,
-                   const PlacedSlice *         slices,
-                   int                         count,
-                   std::ptrdiff_t              first,
+                   const PlacedSlice &         slice,
+                   std::ptrdiff_t              index,
                    std::ptrdiff_t              rowBegin,
                    std::ptrdiff_t              rowEnd,
                    std::ptrdiff_t              begin,
@@ -656,18 +524,10 @@ private:
       return;
     }
     Prefetcher      prefetcher;
-    TileRow<TPixel> tiles{ m_Stack.voxels,
-                           m_Stack.rowStride,
-                           slices,
-                           count,
-                           rowBegin,
-                           begin,
-                           end,
-                           nullptr,
-                           view.intermediate.rowStride,
-                           nullptr,
-                           m_Stack.sliceStride,
-                           &prefetcher };
+    TileRow<TPixel> tiles{
+      m_Stack.voxels, m_Stack.rowStride,   &slice,     rowBegin, begin, end, nullptr, view.intermediate.rowStride,
+      nullptr,        m_Stack.sliceStride, &prefetcher
+    };
     if (rowEnd - rowBegin < BlockLength)
     {
       for (std::ptrdiff_t row = rowBegin; row < rowEnd; ++row)
@@ -678,7 +538,7 @@ private:
     }
 
     // rows of tiles as those of the block's cubes; where a slice is one run of memory, several places in turn
-    const std::ptrdiff_t grid = m_Block.rowBegin + slices->row;
+    const std::ptrdiff_t grid = m_Block.rowBegin + slice.row;
     const std::ptrdiff_t firstTile = (rowBegin - grid) / BlockLength;
     const std::ptrdiff_t lastTile = (rowEnd - 1 - grid) / BlockLength + 1;
     const bool           isLongRun = m_Stack.sliceStride > m_Stack.rowStride;
@@ -686,14 +546,14 @@ private:
     const std::ptrdiff_t length = (lastTile - firstTile + streams - 1) / streams;
     for (std::ptrdiff_t n = 0; n < length; ++n)
     {
-      if (m_IsOnlyView && !view.active)
+      if (m_IsFirstView && !view.active)
       {
         const bool           isNextSlice = !isLongRun || n + 1 == length;
         const std::ptrdiff_t next = isLongRun ? (n + 1) % length : n;
         prefetcher.ClearStreams();
         for (std::ptrdiff_t tile = firstTile + next; tile < lastTile; tile += length)
         {
-          this->AddStream(prefetcher, first + isNextSlice, m_Block.rowBegin + tile * BlockLength);
+          this->AddStream(prefetcher, index + isNextSlice, m_Block.rowBegin + tile * BlockLength);
         }
         prefetcher.Start(m_Stack.rowStride * static_cast<std::ptrdiff_t>(sizeof(TPixel)),
                          BlockLength,
@@ -726,7 +586,7 @@ private:
                std::ptrdiff_t              gridRow,
                std::ptrdiff_t              row) const
   {
-    tiles.active = this->GetActiveTiles(view, gridRow - tiles.slices->row);
+    tiles.active = this->GetActiveTiles(view, gridRow - tiles.slice->row);
     tiles.row = row;
     tiles.pixels = view.intermediate.pixels + row * view.intermediate.rowStride;
     m_IsWide ? ProjectTileRow<TPixel, sizeof(TPixel) == 2, VRows>(tiles) : ProjectTileRow<TPixel, false, VRows>(tiles);
@@ -734,7 +594,7 @@ private:
 
   const SliceStack<TPixel> & m_Stack;
   const Block &              m_Block;
-  bool                       m_IsOnlyView;
+  bool                       m_IsFirstView;
   bool                       m_IsWide{ false };
 };
 
@@ -749,14 +609,14 @@ ProjectBlock(const SliceStack<TPixel> &  slices,
   {
     return GetPortableKernels<TPixel>().projectBlock(slices, block, views, count);
   }
-  // one view is as fast as memory slice by slice; several share slices while those are in cache
-  const std::ptrdiff_t         step = count > 1 ? BlockLength : 1;
-  const BlockProjector<TPixel> projector(slices, block, count == 1);
-  for (std::ptrdiff_t begin = block.sliceBegin; begin < block.sliceEnd; begin += step)
+  // while a slice's rows are in the cache all views take them, and the first one fetches the next slice's
+  const BlockProjector<TPixel> first(slices, block, true);
+  const BlockProjector<TPixel> other(slices, block, false);
+  for (std::ptrdiff_t slice = block.sliceBegin; slice < block.sliceEnd; ++slice)
   {
     for (std::size_t n = 0; n < count; ++n)
     {
-      projector.Project(views[n], begin, Smaller(begin + step, block.sliceEnd));
+      (n == 0 ? first : other).Project(views[n], slice);
     }
   }
 }

@@ -453,6 +453,15 @@ TEST_F(ShearWarpMIPProgram, TakesGrid)
   }));
 }
 
+TEST_F(ShearWarpMIPProgram, TakesOversampling)
+{
+  const auto transform = this->MakeTransform(Direction::Anterior, 30.0, 20.0);
+  this->ExpectSuccess("--azimuth 30 --elevation 20 --oversampling 2 in.nrrd out.nrrd");
+  const auto finer = this->Project(transform, [](FilterType & filter) { filter.SetOversampling(2); });
+  this->ExpectPicture("out.nrrd", finer);
+  EXPECT_NE(GetPixels(finer.GetPointer()), GetPixels(this->Project(transform).GetPointer()));
+}
+
 TEST_F(ShearWarpMIPProgram, BackgroundIsMinimumBelowZero)
 {
   const auto volume = MakeVolume<PixelType>(-1000);
@@ -515,6 +524,7 @@ TEST_F(ShearWarpMIPProgram, TellsWhatItDoes)
                                     "--spacing",
                                     "--size",
                                     "--background",
+                                    "--oversampling",
                                     "--window",
                                     "--frames",
                                     "--axis",
@@ -575,6 +585,7 @@ TEST_F(ShearWarpMIPProgram, RefusesWrongOptions)
   this->ExpectFailure("in.nrrd out.png --background 40000", "--background");
   this->ExpectFailure("in.nrrd out.png --background 0.5", "--background");
   this->ExpectFailure("in.nrrd out.png --background nan", "--background");
+  this->ExpectFailure("in.nrrd out.png --oversampling 3", "--oversampling");
   this->ExpectFailure("in.nrrd out.png --frames 0", "--frames");
   this->ExpectFailure("in.nrrd out.png --frames 99999999999", "--frames");
   this->ExpectFailure("in.nrrd out.png --axis left", "--axis");

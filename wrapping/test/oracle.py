@@ -62,13 +62,34 @@ def sample_slice(padded: np.ndarray, x: int, y: int) -> np.ndarray:
     return ((total + ONE // 2) >> 15).astype(padded.dtype)
 
 
-def intermediate_image(slices: np.ndarray, shear, translation) -> tuple[np.ndarray, np.ndarray]:
-    """Maximum of the sheared slices, and which pixels some slice reaches."""
-    count, rows, columns = slices.shape
-    offsets = [
-        (quantize(shear[0] * k + translation[0]), quantize(shear[1] * k + translation[1]))
-        for k in range(count)
+def oversampled_image(slices: np.ndarray, shear, translation, oversampling: int):
+    """The intermediate image whose pixel x is sheared voxel (x + 1) / oversampling - 1."""
+    steps = range(oversampling)
+    shifts = [ONE * (oversampling - 1 - step) // oversampling for step in steps]
+    phases = [
+        [intermediate_image(slices, shear, translation, (column, row)) for column in shifts]
+        for row in shifts
     ]
+    shape = np.max([pixels.shape for row in phases for pixels, _ in row], axis=0) * oversampling
+    joined = np.zeros(shape, slices.dtype), np.zeros(shape, bool)
+    for y in steps:
+        for x in steps:
+            for target, phase in zip(joined, phases[y][x]):
+                rows, columns = phase.shape
+                target[y::oversampling, x::oversampling][:rows, :columns] = phase
+    return joined
+
+
+def intermediate_image(slices, shear, translation, shift=(0, 0)) -> tuple[np.ndarray, np.ndarray]:
+    """Maximum of the sheared slices, and which pixels some slice reaches; shift is in 1/2^15."""
+    count, rows, columns = slices.shape
+
+    def place(axis: int, k: int):
+        whole, fraction = quantize(shear[axis] * k + translation[axis])
+        moved = (whole << 15) + fraction + shift[axis]
+        return moved >> 15, moved & (ONE - 1)
+
+    offsets = [(place(0, k), place(1, k)) for k in range(count)]
     first = [
         [int(whole + (fraction > ONE // 2)) for whole, fraction in offset] for offset in offsets
     ]
@@ -102,7 +123,7 @@ def weighted_mean(values: np.ndarray, weights: np.ndarray, dtype: np.dtype) -> n
     )
 
 
-def project(image, transform, output, default=0) -> np.ndarray:
+def project(image, transform, output, default=0, oversampling=1) -> np.ndarray:
     """The MIP of an itk.Image on the grid (size, spacing, origin) of the 2D image ``output``."""
     matrix, offset = view_to_index(transform, image)
     axis = principal_axis(matrix[:, 2])
@@ -112,14 +133,14 @@ def project(image, transform, output, default=0) -> np.ndarray:
 
     shear = -matrix[[i, j], 2] / matrix[k, 2]
     translation = np.where(shear < 0, -shear * (slices.shape[0] - 1), 0.0)
-    pixels, reached = intermediate_image(slices, shear, translation)
+    pixels, reached = oversampled_image(slices, shear, translation, oversampling)
 
     width, height = output.GetLargestPossibleRegion().GetSize()
     u = output.GetOrigin()[0] + output.GetSpacing()[0] * np.arange(width)
     v = output.GetOrigin()[1] + output.GetSpacing()[1] * np.arange(height)[:, np.newaxis]
     index = [matrix[n, 0] * u + matrix[n, 1] * v + offset[n] for n in (i, j, k)]
-    column, x = quantize(index[0] + shear[0] * index[2] + translation[0])
-    row, y = quantize(index[1] + shear[1] * index[2] + translation[1])
+    sheared = [index[n] + shear[n] * index[2] + translation[n] for n in (0, 1)]
+    (column, x), (row, y) = (quantize(oversampling * (place + 1) - 1) for place in sheared)
 
     aa, ab, ba, bb = bilinear_weights(x, y)
     values, weights = [], []

@@ -160,6 +160,12 @@ CASES = {
         "RuntimeError",
         "Size must fit in memory",
     ),
+    "oversampling": (
+        "project(image, oversampling=3)",
+        "RuntimeError",
+        "Oversampling must be 1 or 2, but it is 3",
+    ),
+    "negative oversampling": ("project(image, oversampling=-1)", "OverflowError", "unsigned"),
     "three sizes": ("project(image, size=[4, 5, 6])", "TypeError", "itkSize2"),
     "text as size": ("project(image, size='large')", "TypeError", "itkSize2"),
     "default out of range": (
@@ -253,9 +259,10 @@ def test_bad_input_raises(code, exception, message, isolated):
             "Transform must be linear",
         ),
         (lambda mip: mip.SetTransform(None), "Transform is required"),
+        (lambda mip: mip.SetOversampling(0), "Oversampling must be 1 or 2"),
         (lambda mip: mip.SetInput(type(mip.GetInput()).New()), "The input must not be empty"),
     ],
-    ids=["Size", "OutputSpacing", "OutputOrigin", "BSplineTransform", "None", "empty"],
+    ids=["Size", "OutputSpacing", "OutputOrigin", "BSplineTransform", "None", "Oversampling", "empty"],
 )
 def test_filter_works_after_an_exception(spoil, text, image, oblique_view):
     mip = itk.ShearWarpMIPImageFilter.New(image, Transform=oblique_view)
@@ -266,6 +273,7 @@ def test_filter_works_after_an_exception(spoil, text, image, oblique_view):
     mip.SetInput(image)
     mip.SetTransform(oblique_view)
     mip.FitOutputGrid()
+    mip.SetOversampling(1)
     mip.Update()
     pixels = itk.array_from_image(mip.GetOutput())
     np.testing.assert_array_equal(pixels, oracle.project(image, oblique_view, mip.GetOutput()))

@@ -60,12 +60,14 @@ def test_random_views_of_random_images(dtype):
             mip.SetSize(rng.integers(1, 60, 2).tolist())
             mip.SetOutputSpacing(rng.uniform(0.2, 2.0, 2).tolist())
             mip.SetDefaultPixelValue(7)
+        oversampling = int(rng.integers(1, 3))
+        mip.SetOversampling(oversampling)
         mip.Update()
         output = mip.GetOutput()
         assert itk.template(output)[1][0] == DTYPES[dtype]
 
         pixels = itk.array_from_image(output)
-        expected = oracle.project(image, view, output, mip.GetDefaultPixelValue())
+        expected = oracle.project(image, view, output, mip.GetDefaultPixelValue(), oversampling)
         np.testing.assert_array_equal(pixels, expected)
         missed = pixels == mip.GetDefaultPixelValue()
         misses += missed.sum()
@@ -123,6 +125,8 @@ def test_oracle_notices_a_change(image, oblique_view):
     brighter = itk.image_duplicator(image)
     itk.array_view_from_image(brighter)[4, 5, 6] = 3000
     assert (oracle.project(brighter, oblique_view, output) != pixels).any()
+
+    assert (oracle.project(image, oblique_view, output, oversampling=2) != pixels).any()
 
     output.SetOrigin([output.GetOrigin()[0] + 1e-3, output.GetOrigin()[1]])
     assert (oracle.project(image, oblique_view, output) != pixels).any()
