@@ -241,7 +241,7 @@ PlainShearWarp<TPixel>::WarpRows(const ShearWarpFactorization & factorization,
                                  std::ptrdiff_t                 rowEnd,
                                  std::ptrdiff_t                 columns,
                                  TPixel                         background,
-                                 std::vector<TPixel> &          output) const
+                                 std::vector<TPixel> &          output)
 {
   const auto           map = factorization.GetOutputToIntermediateMatrix();
   const auto &         reached = factorization.GetReachedColumns();

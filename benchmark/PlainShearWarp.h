@@ -65,14 +65,14 @@ public:
    * \a columns is the number of columns. Pixels that no slice reached are left out, and the weights of the others
    * scaled to sum to one; where none is left the output is \a background. Writes rows [rowBegin, rowEnd) of \a output.
    */
-  void
+  static void
   WarpRows(const ShearWarpFactorization & factorization,
            const std::vector<TPixel> &    intermediate,
            std::ptrdiff_t                 rowBegin,
            std::ptrdiff_t                 rowEnd,
            std::ptrdiff_t                 columns,
            TPixel                         background,
-           std::vector<TPixel> &          output) const;
+           std::vector<TPixel> &          output);
 
   /** Frees the copy, if there is one. */
   void

@@ -39,6 +39,13 @@ CastRays(const Image<TPixel, 3> *             image,
          double                               step,
          typename Image<TPixel, 2>::PixelType background,
          Image<TPixel, 2> *                   output);
+
+/** Clips the rays of CastRays() and does nothing else with them: how many samples it takes, over all pixels. */
+SizeValueType
+CountSamples(const ImageBase<3> *            image,
+             const Transform<double, 3, 3> * viewTransform,
+             double                          step,
+             const ImageBase<2> *            output);
 } // namespace itk::ShearWarpBenchmark
 
 #endif

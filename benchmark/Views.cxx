@@ -26,12 +26,6 @@ namespace itk::ShearWarpBenchmark
 {
 namespace
 {
-/** Turns by so many degrees about the volume's axes, the first axis first. */
-struct Angles
-{
-  double first, second, third;
-};
-
 const std::vector<Angles> &
 GetAngles()
 {
@@ -64,10 +58,9 @@ GetNumberOfViews()
 }
 
 ViewTransformType::Pointer
-MakeView(const ImageBase<3> * image, unsigned int view)
+MakeView(const ImageBase<3> * image, const Angles & angles)
 {
-  const Angles & angles = GetAngles().at(view);
-  const double   degrees[3] = { angles.first, angles.second, angles.third };
+  const double degrees[3] = { angles.first, angles.second, angles.third };
 
   auto transform = ViewTransformType::New();
   for (unsigned int axis = 0; axis < 3; ++axis)
@@ -79,5 +72,11 @@ MakeView(const ImageBase<3> * image, unsigned int view)
   transform->SetMatrix(image->GetDirection() * transform->GetMatrix());
   transform->SetOffset(ShearWarpMIPView::GetCentre(image).GetVectorFromOrigin());
   return transform;
+}
+
+ViewTransformType::Pointer
+MakeView(const ImageBase<3> * image, unsigned int view)
+{
+  return MakeView(image, GetAngles().at(view));
 }
 } // namespace itk::ShearWarpBenchmark

@@ -25,6 +25,12 @@ namespace itk::ShearWarpBenchmark
 {
 using ViewTransformType = AffineTransform<double, 3>;
 
+/** Turns, in degrees, about a volume's axes, the first axis first. */
+struct Angles
+{
+  double first, second, third;
+};
+
 /** The views that are measured: 19 about the image's second axis, every 10 degrees from 0 to 180; 10 about the first
  * axis, every 20 degrees from 0 to 180; 6 oblique ones. */
 unsigned int
@@ -32,6 +38,10 @@ GetNumberOfViews();
 
 /** A new transform of the given view, from view space (mm, its origin the image's centre) to the image's physical
  * space. */
+ViewTransformType::Pointer
+MakeView(const ImageBase<3> * image, const Angles & angles);
+
+/** The same, of one of the views that are measured. */
 ViewTransformType::Pointer
 MakeView(const ImageBase<3> * image, unsigned int view);
 } // namespace itk::ShearWarpBenchmark

@@ -33,26 +33,7 @@ while [ $# -gt 0 ]; do
   shift
 done
 
-build=$cache/benchmark-build
-program=$build/benchmark/shear-warp-mip-benchmark
-
-configure_and_build() {
-  # Debian's package, not an ITK that happens to be in the environment; the flags that its users have by default
-  env -u ITK_DIR -u CXXFLAGS cmake -S "$root" -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=Release -DBUILD_TESTING=OFF \
-    -DShearWarpMIP_BUILD_APPS=OFF -DShearWarpMIP_BUILD_BENCHMARKS=ON &&
-    ninja -C "$build" -j "$jobs" shear-warp-mip-benchmark
-}
-
-# A broken or moved build folder is made anew.
-build_program() {
-  mkdir -p "$cache"
-  configure_and_build > "$build.log" 2>&1 && return
-  rm -rf "$build"
-  configure_and_build > "$build.log" 2>&1 || {
-    tail -n 30 "$build.log" >&2
-    die "the program did not build, see $build.log"
-  }
-}
+program=$cache/benchmark-build/benchmark/shear-warp-mip-benchmark
 
 # A small image of a pixel type without kernels of its own, anisotropic, its axes exchanged.
 write_image() {
@@ -83,7 +64,8 @@ measure() {
 
 timed "installed what building needs" need_packages build-essential cmake ninja-build libinsighttoolkit5-dev \
   libbenchmark-dev libcli11-dev python3
-timed "built the program" build_program
+timed "built the program" build_release benchmark shear-warp-mip-benchmark -DShearWarpMIP_BUILD_APPS=OFF \
+  -DShearWarpMIP_BUILD_BENCHMARKS=ON
 mkdir -p "$output"
 rm -f "$output/results.json"
 if [ -n "$smoke" ]; then

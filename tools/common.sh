@@ -28,6 +28,25 @@ need_packages() {
   as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}" >&2
 }
 
+# build_release NAME TARGET OPTION...: builds the target against Debian's ITK, not one that happens to be in the
+# environment, with the flags that its users have by default, in the cache's folder NAME-build. A broken or moved folder
+# is made anew. Needs build-essential cmake ninja-build libinsighttoolkit5-dev.
+build_release() {
+  local build=$cache/$1-build target=$2
+  shift 2
+  mkdir -p "$cache"
+  configure_and_build() {
+    env -u ITK_DIR -u CXXFLAGS cmake -S "$root" -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=Release -DBUILD_TESTING=OFF \
+      "$@" && ninja -C "$build" -j "$jobs" "$target"
+  }
+  configure_and_build "$@" > "$build.log" 2>&1 && return
+  rm -rf "$build"
+  configure_and_build "$@" > "$build.log" 2>&1 || {
+    tail -n 30 "$build.log" >&2
+    die "$target did not build, see $build.log"
+  }
+}
+
 # timed WHAT COMMAND...: runs the command and says on standard error how long it took.
 timed() {
   local what=$1 start=$SECONDS

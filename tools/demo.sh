@@ -21,26 +21,7 @@ image=${1:-}
 folder=${2:-demo-output}
 [ -z "$image" ] || [ -e "$image" ] || die "'$image' does not exist"
 
-build=$cache/demo-build
-program=$build/apps/shear-warp-mip
-
-configure_and_build() {
-  # Debian's package, not an ITK that happens to be in the environment
-  env -u ITK_DIR cmake -S "$root" -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=Release -DBUILD_TESTING=OFF \
-    -DShearWarpMIP_BUILD_APPS=ON &&
-    ninja -C "$build" -j "$jobs" shear-warp-mip
-}
-
-# A broken or moved build folder is made anew.
-build_program() {
-  mkdir -p "$cache"
-  configure_and_build > "$build.log" 2>&1 && return
-  rm -rf "$build"
-  configure_and_build > "$build.log" 2>&1 || {
-    tail -n 30 "$build.log" >&2
-    die "the program did not build, see $build.log"
-  }
-}
+program=$cache/demo-build/apps/shear-warp-mip
 
 render_views() {
   local view
@@ -67,7 +48,7 @@ PYTHON
 
 timed "installed what building needs" need_packages build-essential cmake ninja-build libinsighttoolkit5-dev \
   libcli11-dev python3-pil
-timed "built the program" build_program
+timed "built the program" build_release demo shear-warp-mip -DShearWarpMIP_BUILD_APPS=ON
 mkdir -p "$folder"
 if [ -z "$image" ]; then
   image=$folder/phantom.nrrd

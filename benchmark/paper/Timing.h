@@ -1,0 +1,74 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#ifndef Timing_h
+#define Timing_h
+
+#include "itkImage.h"
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace itk::ShearWarpBenchmark
+{
+/** One method at one angle: a point of figure 4 of Fang et al. 2002. Times are medians over the repetitions, each by
+ * itself, in milliseconds. */
+struct Timing
+{
+  /** "ray casting", "shear warp", "shear warp, tagged", "filter, off" or "filter, auto". */
+  std::string  method;
+  unsigned int angle;
+  unsigned int principalAxis;
+
+  /** Of the volume, once for all angles. */
+  double preparation;
+
+  /** With the memory access. */
+  double interpolation;
+  double clip;
+  double warp;
+
+  /** Without the preparation. */
+  double total;
+
+  /** Of the cells, or in the filter of the volume, 0 to 1. */
+  double        skippedFraction;
+  SizeValueType pixels;
+};
+
+/** Times the methods of table 1 of Fang et al. 2002, each in one thread, and beside them the module's filter with
+ * reduced resampling off and auto. The volume turns about its second axis from 0 to 180 degrees in steps of 10; the
+ * output is the filter's fit for each angle, so that the number of rays varies with the angle as in the paper.
+ *
+ * - Ray casting: RayCasting.h, a sample for each voxel of way (GetVoxelStep()). Clipping is timed by itself and taken
+ * off the whole to get the interpolation.
+ * - Shear warp: PermutedVolume.h, from three permuted copies of the volume.
+ * - Tagged shear warp: TaggedShearWarp.h.
+ * - Filter: what it prepares for these angles, by its own clocks like the two parts; the total is the whole update.
+ *
+ * All methods take turns in each repetition. The outputs of all shear-warps are compared: throws ExceptionObject if
+ * they differ in a bit. \a image has voxels of up to 14 bits. */
+std::vector<Timing>
+TimeMethods(const Image<std::uint16_t, 3> * image, unsigned int repetitions);
+
+/** One line for each element. Throws ExceptionObject if the file cannot be written. */
+void
+WriteTimings(const std::vector<Timing> & timings, const std::string & csvFile);
+} // namespace itk::ShearWarpBenchmark
+
+#endif

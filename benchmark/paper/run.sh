@@ -1,0 +1,64 @@
+#!/usr/bin/env bash
+# Repeats the experiments of Fang et al. (Magn Reson Med 47:696-700, 2002), with their methods and with the filter: in
+# less than ten minutes on two cores. Writes REPORT.md, its pictures (figures/), and the numbers (CSV files). What is missing
+# on a Debian or Ubuntu machine is installed, as root or through sudo. The real image is from ITK's test data; ITK's
+# source is downloaded for it, once.
+#
+#   JOBS=<n>              parallel compile jobs                   [all cores]
+#   XDG_CACHE_HOME=<dir>  the cache is itk-shearwarpmip/ inside   [~/.cache]
+#   ITK_SOURCE_DIR=<dir>  ITK's source with its test data         [downloaded and cached]
+#
+# Usage: run.sh [--smoke] [--output FOLDER] [--image FILE]
+#   --smoke          only try everything, in a fraction of the time; the numbers say little
+#   --output FOLDER  where the results go                         [paper-output]
+#   --image FILE     this 3D image, which ITK reads, instead of the one from ITK's test data
+set -euo pipefail
+. "$(dirname "${BASH_SOURCE[0]}")/../../tools/common.sh"
+
+smoke=
+output=paper-output
+image=
+while [ $# -gt 0 ]; do
+  case $1 in
+    --smoke) smoke=yes ;;
+    --output | --image)
+      [ $# -ge 2 ] || die "$1 needs a value, see --help"
+      if [ "$1" = --output ]; then output=$2; else image=$2; fi
+      shift ;;
+    -h | --help | *)
+      sed -n '2,/^set/{/^set/d;s/^# \{0,1\}//;p}' "${BASH_SOURCE[0]}" >&2
+      case $1 in -h | --help) exit 0 ;; *) exit 1 ;; esac ;;
+  esac
+  shift
+done
+
+program=$cache/benchmark-build/benchmark/paper/shear-warp-mip-paper
+
+# An image of ITK's test data: its name is that of its content.
+find_image() {
+  local source
+  source=$("$root/tools/itk-build-tree.sh" --source)
+  image=$source/.ExternalData/CID/$(cat "$root/benchmark/paper/MultiFrameDicomTest.dcm.cid")
+  [ -f "$image" ] || die "ITK's source in $source is without its test data"
+}
+
+measure() {
+  local repetitions=9 views=160 coarseness=4 step=1
+  [ -z "$smoke" ] || { repetitions=1 views=3 coarseness=16 step=10; }
+  timed "timed the methods" "$program" timing --output "$output" --image "$image" --repetitions "$repetitions"
+  timed "drew figure 5" "$program" pictures --output "$output" --image "$image"
+  timed "measured the errors of the vessels" "$program" vessel --output "$output"
+  timed "measured the errors from all sides" "$program" sphere --output "$output" --image "$image" --views "$views" \
+    --coarseness "$coarseness" --step "$step"
+}
+
+timed "installed what building needs" need_packages build-essential cmake ninja-build libinsighttoolkit5-dev \
+  libbenchmark-dev libcli11-dev python3-matplotlib python3-pil
+timed "built the program" build_release benchmark shear-warp-mip-paper -DShearWarpMIP_BUILD_APPS=OFF \
+  -DShearWarpMIP_BUILD_BENCHMARKS=ON
+[ -n "$image" ] || timed "found the image" find_image
+mkdir -p "$output"
+measure
+timed "wrote the report" /usr/bin/python3 "$root/benchmark/paper/report.py" "$output"
+say "
+The report is $(cd "$output" && pwd)/REPORT.md. The program is $program; try it with --help."
