@@ -3,7 +3,8 @@
 #
 #   tree       library, program and their tests against an ITK 5.4 build tree (tools/itk-build-tree.sh makes it once
 #              and caches it), with real clinical images from ITK's test data
-#   installed  the same against Debian's installed ITK, with those images if `tree` went before
+#   installed  the same against Debian's installed ITK, with those images if `tree` went before; and the methods that
+#              the benchmarks compare with
 #   module     the module inside ITK's source tree, with nothing but the folders that ITK takes
 #   python     the wheel, in a fresh environment beside PyPI's itk of the same version; the sdist
 #
@@ -42,10 +43,11 @@ use_tree() {
 
 test_installed() (
   unset ITK_DIR
-  need_packages build-essential cmake ninja-build libinsighttoolkit5-dev libcli11-dev libgtest-dev
+  need_packages build-essential cmake ninja-build libinsighttoolkit5-dev libbenchmark-dev libcli11-dev libgtest-dev
   local images=$build/tree/ExternalData/test/Input
   [ -d "$images" ] || images=
-  configure_build_test "$build/installed" -DShearWarpMIP_TEST_IMAGES="$images" -DCMAKE_INSTALL_PREFIX="$build/prefix"
+  configure_build_test "$build/installed" -DShearWarpMIP_TEST_IMAGES="$images" -DShearWarpMIP_BUILD_BENCHMARKS=ON \
+    -DCMAKE_INSTALL_PREFIX="$build/prefix"
 
   # as another project uses it
   cmake --install "$build/installed" > /dev/null

@@ -18,12 +18,13 @@ set -euo pipefail
 smoke=
 output=paper-output
 image=
+description=('MR image of a head' 'MultiFrameDicomTest.dcm of the test data of ITK')
 while [ $# -gt 0 ]; do
   case $1 in
     --smoke) smoke=yes ;;
     --output | --image)
       [ $# -ge 2 ] || die "$1 needs a value, see --help"
-      if [ "$1" = --output ]; then output=$2; else image=$2; fi
+      if [ "$1" = --output ]; then output=$2; else image=$2 description=(image "$(basename "$2")"); fi
       shift ;;
     -h | --help | *)
       sed -n '2,/^set/{/^set/d;s/^# \{0,1\}//;p}' "${BASH_SOURCE[0]}" >&2
@@ -43,7 +44,7 @@ find_image() {
 }
 
 measure() {
-  local repetitions=9 views=160 coarseness=4 step=1
+  local repetitions=9 views=200 coarseness=3 step=1
   [ -z "$smoke" ] || { repetitions=1 views=3 coarseness=16 step=10; }
   timed "timed the methods" "$program" timing --output "$output" --image "$image" --repetitions "$repetitions"
   timed "drew figure 5" "$program" pictures --output "$output" --image "$image"
@@ -59,6 +60,6 @@ timed "built the program" build_release benchmark shear-warp-mip-paper -DShearWa
 [ -n "$image" ] || timed "found the image" find_image
 mkdir -p "$output"
 measure
-timed "wrote the report" /usr/bin/python3 "$root/benchmark/paper/report.py" "$output"
+timed "wrote the report" /usr/bin/python3 "$root/benchmark/paper/report.py" "$output" "${description[@]}"
 say "
 The report is $(cd "$output" && pwd)/REPORT.md. The program is $program; try it with --help."

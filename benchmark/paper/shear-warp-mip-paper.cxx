@@ -42,8 +42,8 @@ struct Options
   std::string  output{ "." };
   std::string  image;
   unsigned int repetitions{ 9 };
-  unsigned int views{ 160 };
-  unsigned int coarseness{ 4 };
+  unsigned int views{ 200 };
+  unsigned int coarseness{ 3 };
   double       step{ 1.0 };
 };
 
