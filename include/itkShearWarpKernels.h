@@ -101,7 +101,8 @@ struct SlicePlacement
 };
 
 /** A volume as slices along the principal axis. A slice is `rows` x `columns` voxels, its columns are
- * contiguous in memory; strides are in voxels. No voxel is below `lowest` or above `highest`. */
+ * contiguous in memory; strides are in voxels. Only a part of the volume may be in memory: its voxel (i, j, k) is
+ * `voxels[i + j * rowStride + k * sliceStride - first]`. No voxel there is below `lowest` or above `highest`. */
 template <typename TPixel>
 struct SliceStack
 {
@@ -110,10 +111,11 @@ struct SliceStack
   std::ptrdiff_t rowStride, sliceStride;
   TPixel         lowest{ std::numeric_limits<TPixel>::lowest() };
   TPixel         highest{ std::numeric_limits<TPixel>::max() };
+  std::ptrdiff_t first{ 0 };
 };
 
 /** Rows [rowBegin, rowEnd) of slices [sliceBegin, sliceEnd) of a SliceStack: each a multiple of BlockLength or the
- * stack's end. */
+ * stack's end. Their samples need the row above too. */
 struct Block
 {
   std::ptrdiff_t rowBegin, rowEnd;
@@ -216,18 +218,18 @@ struct Kernels
 /** The plain C++ kernels: the definition that the others are tested against. */
 template <typename TPixel>
 ShearWarpMIP_EXPORT const Kernels<TPixel> &
-GetPortableKernels();
+                          GetPortableKernels();
 
 /** The kernels of the instruction set that the environment variable SHEARWARPMIP_INSTRUCTION_SET names or, if that is
  * not set, of the best one of this computer. Pixel types without kernels of their own get the portable ones.
  * Throws std::invalid_argument if this computer does not have the named instruction set. */
 template <typename TPixel>
 ShearWarpMIP_EXPORT const Kernels<TPixel> &
-GetKernels();
+                          GetKernels();
 
 /** The instruction sets that this computer and this build have, the best one last. */
 ShearWarpMIP_EXPORT std::vector<std::string>
-GetInstructionSets();
+                    GetInstructionSets();
 
 } // namespace itk::ShearWarp
 

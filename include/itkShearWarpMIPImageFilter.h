@@ -56,10 +56,12 @@ namespace itk
  *
  * Update() throws ExceptionObject for a transform that is missing, not linear, not finite or not invertible; for an
  * OutputSpacing that is not positive or not finite, an OutputOrigin that is not finite, a Size of zero; for an
- * Oversampling other than 1 and 2; for an input that is empty or has a spacing that is not positive; and for an output
- * larger than the computer's memory.
+ * Oversampling other than 1 and 2, NumberOfStreamDivisions of zero; for an input that is empty or has a spacing that is
+ * not positive; and for an output larger than the computer's memory.
  *
- * The output can't be computed in pieces; any request enlarges to the whole output. The input is needed whole.
+ * The output can't be computed in pieces; any request enlarges to the whole output. The input is requested whole or,
+ * with NumberOfStreamDivisions, slab by slab from a source that streams: then an image larger than memory can be
+ * projected, and needs memory for a slab (twice for views along x) and for the intermediate images.
  *
  * \tparam TInputImage An Image of dimension 3 of any arithmetic pixel type but bool and long double.
  * \tparam TOutputImage An Image of dimension 2 of the same pixel type.
@@ -152,6 +154,12 @@ public:
   itkSetMacro(Oversampling, unsigned int);
   itkGetConstMacro(Oversampling, unsigned int);
 
+  /** In how many slabs along the input's z axis its voxels are requested, one after the other; 1 by default. The output
+   * has the same bits. Slabs have at least eight slices. If there are more than one nothing prepared is kept, and each
+   * update gets all of them again. */
+  itkSetMacro(NumberOfStreamDivisions, unsigned int);
+  itkGetConstMacro(NumberOfStreamDivisions, unsigned int);
+
   /** The fraction of the volume, 0 to 1, that the last update left out by reduced resampling. */
   itkGetConstMacro(SkippedFraction, double);
 
@@ -216,6 +224,25 @@ private:
   void
   SetGridParameter(TParameter & parameter, bool & fit, const TParameter & value);
 
+  /** Of the input's region, slab \a n of GetNumberOfSlabs(): from and to which slice. */
+  struct Slab
+  {
+    std::ptrdiff_t begin, end;
+  };
+
+  Slab
+  GetSlab(SizeValueType n) const;
+
+  SizeValueType
+  GetNumberOfSlabs() const;
+
+  /** The slab's part of the input, with the slice before, which its samples need. */
+  void
+  SetInputRequestedRegionToSlab(const Slab & slab);
+
+  void
+  PrepareVolume(const Slab & slab, const ShearWarp::Kernels<InputPixelType> & kernels, float progressWeight);
+
   const ShearWarp::Kernels<InputPixelType> &
   ChooseKernels() const;
 
@@ -242,6 +269,7 @@ private:
 
   ReducedResamplingEnum m_ReducedResampling{ ReducedResamplingEnum::Auto };
   unsigned int          m_Oversampling{ 1 };
+  unsigned int          m_NumberOfStreamDivisions{ 1 };
   double                m_SkippedFraction{ 0.0 };
   std::string           m_InstructionSet{ "portable" };
 

@@ -78,6 +78,10 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::VerifyPreconditions() ITKv5_
   }
 
   ShearWarpFactorization::VerifyOversampling(m_Oversampling);
+  if (m_NumberOfStreamDivisions == 0)
+  {
+    itkExceptionMacro("NumberOfStreamDivisions must be positive, but it is 0.");
+  }
   for (unsigned int axis = 0; axis < OutputImageDimension; ++axis)
   {
     if (!m_FitSize && m_Size[axis] == 0)
@@ -172,7 +176,41 @@ template <typename TInputImage, typename TOutputImage>
 void
 ShearWarpMIPImageFilter<TInputImage, TOutputImage>::GenerateInputRequestedRegion()
 {
-  const_cast<InputImageType *>(this->GetInput())->SetRequestedRegionToLargestPossibleRegion();
+  this->SetInputRequestedRegionToSlab(this->GetSlab(0));
+}
+
+template <typename TInputImage, typename TOutputImage>
+void
+ShearWarpMIPImageFilter<TInputImage, TOutputImage>::SetInputRequestedRegionToSlab(const Slab & slab)
+{
+  auto *                              input = const_cast<InputImageType *>(this->GetInput());
+  typename InputImageType::RegionType region = input->GetLargestPossibleRegion();
+  const std::ptrdiff_t                begin = std::max<std::ptrdiff_t>(slab.begin - 1, 0);
+  region.SetIndex(2, region.GetIndex(2) + begin);
+  region.SetSize(2, static_cast<SizeValueType>(slab.end - begin));
+  input->SetRequestedRegion(region);
+}
+
+template <typename TInputImage, typename TOutputImage>
+SizeValueType
+ShearWarpMIPImageFilter<TInputImage, TOutputImage>::GetNumberOfSlabs() const
+{
+  const auto slices = static_cast<std::ptrdiff_t>(this->GetInput()->GetLargestPossibleRegion().GetSize(2));
+  return std::clamp<SizeValueType>(
+    m_NumberOfStreamDivisions, 1, std::max<std::ptrdiff_t>(ShearWarp::CountBlocks(slices), 1));
+}
+
+template <typename TInputImage, typename TOutputImage>
+auto
+ShearWarpMIPImageFilter<TInputImage, TOutputImage>::GetSlab(SizeValueType n) const -> Slab
+{
+  const auto           slices = static_cast<std::ptrdiff_t>(this->GetInput()->GetLargestPossibleRegion().GetSize(2));
+  const std::ptrdiff_t blocks = ShearWarp::CountBlocks(slices);
+  const auto           slabs = static_cast<std::ptrdiff_t>(this->GetNumberOfSlabs());
+  const auto           getEnd = [=](std::ptrdiff_t count) {
+    return std::min(count * blocks / slabs * ShearWarp::BlockLength, slices);
+  };
+  return { getEnd(static_cast<std::ptrdiff_t>(n)), getEnd(static_cast<std::ptrdiff_t>(n) + 1) };
 }
 
 template <typename TInputImage, typename TOutputImage>
@@ -235,6 +273,32 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::Parallelize(SizeValueType   
 
 template <typename TInputImage, typename TOutputImage>
 void
+ShearWarpMIPImageFilter<TInputImage, TOutputImage>::PrepareVolume(const Slab &                               slab,
+                                                                  const ShearWarp::Kernels<InputPixelType> & kernels,
+                                                                  float progressWeight)
+{
+  const InputImageType * input = this->GetInput();
+  if (!input->GetBufferedRegion().IsInside(input->GetRequestedRegion()))
+  {
+    itkExceptionMacro("The input must be buffered where it is requested, but its buffered region is "
+                      << input->GetBufferedRegion() << " and its requested region is " << input->GetRequestedRegion());
+  }
+  const auto parallelize = [=](SizeValueType count, const auto & process) {
+    this->Parallelize(
+      count, 1, progressWeight, [&process](SizeValueType n, SizeValueType, SizeValueType) { process(n); });
+  };
+  if (this->GetNumberOfSlabs() > 1)
+  {
+    m_PreparedVolume.PrepareSlab(input, slab.begin, slab.end, m_PrincipalAxis, kernels, parallelize);
+  }
+  else
+  {
+    m_PreparedVolume.Prepare(input, m_PrincipalAxis, kernels, parallelize);
+  }
+}
+
+template <typename TInputImage, typename TOutputImage>
+void
 ShearWarpMIPImageFilter<TInputImage, TOutputImage>::GenerateData()
 {
   using Clock = std::chrono::steady_clock;
@@ -243,33 +307,50 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::GenerateData()
   };
 
   this->AllocateOutputs();
-  const InputImageType * input = this->GetInput();
-  OutputImageType *      output = this->GetOutput();
+  auto *            input = const_cast<InputImageType *>(this->GetInput());
+  OutputImageType * output = this->GetOutput();
 
   const ShearWarpFactorization factorization(this->GetTransform(), input, output, m_Oversampling);
   m_PrincipalAxis = factorization.GetPrincipalAxis();
   const ShearWarp::Kernels<InputPixelType> & kernels = this->ChooseKernels();
   m_InstructionSet = kernels.instructionSet;
 
-  const auto preparationStart = Clock::now();
-  const bool prepared = m_PreparedVolume.IsPrepared(input, m_PrincipalAxis);
-  m_PreparedVolume.Prepare(input, m_PrincipalAxis, kernels, [this](SizeValueType count, const auto & process) {
-    this->Parallelize(count, 1, 0.2f, [&process](SizeValueType n, SizeValueType, SizeValueType) { process(n); });
-  });
-  m_PreparationSeconds = prepared ? 0.0 : secondsSince(preparationStart);
+  m_PreparationSeconds = 0.0;
+  m_ProjectionSeconds = 0.0;
+  const SizeValueType slabs = this->GetNumberOfSlabs();
+  const bool          isPrepared = slabs == 1 && m_PreparedVolume.IsPrepared(input, m_PrincipalAxis);
+  const float         preparationShare = 0.2f / static_cast<float>(slabs);
+  const float         projectionShare = (isPrepared ? 0.85f : 0.45f) / static_cast<float>(slabs);
+  m_Projector.Start(factorization, kernels, m_ReducedResampling, this->GetNumberOfWorkers());
+  for (SizeValueType n = 0; n < slabs; ++n)
+  {
+    const Slab slab = this->GetSlab(n);
+    if (n > 0)
+    {
+      this->SetInputRequestedRegionToSlab(slab);
+      input->PropagateRequestedRegion();
+      input->UpdateOutputData();
+    }
+    const auto preparationStart = Clock::now();
+    this->PrepareVolume(slab, kernels, preparationShare);
+    m_PreparationSeconds += isPrepared ? 0.0 : secondsSince(preparationStart);
 
-  const auto projectionStart = Clock::now();
-  const auto intermediate =
-    m_Projector.Project(m_PreparedVolume,
-                        factorization,
-                        kernels,
-                        m_ReducedResampling,
-                        this->GetNumberOfWorkers(),
-                        [this, prepared](SizeValueType count, SizeValueType steps, float share, const auto & process) {
-                          this->Parallelize(count, steps, share * (prepared ? 0.9f : 0.5f), process);
-                        });
+    const auto projectionStart = Clock::now();
+    m_Projector.Project(m_PreparedVolume, [=](SizeValueType count, SizeValueType steps, const auto & process) {
+      this->Parallelize(count, steps, projectionShare, process);
+    });
+    m_ProjectionSeconds += secondsSince(projectionStart);
+  }
+  const auto mergeStart = Clock::now();
+  const auto intermediate = m_Projector.Finish([this](SizeValueType count, SizeValueType steps, const auto & process) {
+    this->Parallelize(count, steps, 0.05f, process);
+  });
+  m_ProjectionSeconds += secondsSince(mergeStart);
   m_SkippedFraction = m_Projector.GetSkippedFraction();
-  m_ProjectionSeconds = secondsSince(projectionStart);
+  if (slabs > 1)
+  {
+    m_PreparedVolume.Release();
+  }
 
   const auto                   warpStart = Clock::now();
   const auto                   map = factorization.GetOutputToIntermediateMatrix();
@@ -309,6 +390,7 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::PrintSelf(std::ostream & os,
      << std::endl;
   os << indent << "ReducedResampling: " << m_ReducedResampling << std::endl;
   os << indent << "Oversampling: " << m_Oversampling << std::endl;
+  os << indent << "NumberOfStreamDivisions: " << m_NumberOfStreamDivisions << std::endl;
   os << indent << "SkippedFraction: " << m_SkippedFraction << std::endl;
   os << indent << "InstructionSet: " << m_InstructionSet << std::endl;
   os << indent << "PrincipalAxis: " << m_PrincipalAxis << std::endl;

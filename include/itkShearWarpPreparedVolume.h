@@ -22,6 +22,8 @@
 #include "itkShearWarpBuffer.h"
 #include "itkShearWarpKernels.h"
 
+#include <algorithm>
+
 namespace itk
 {
 namespace ShearWarp
@@ -52,6 +54,9 @@ struct BlockMaxima
  * keep three permuted copies.) Block maxima, of 1/512 of the image's size, are those of cubes, so that all axes share
  * them.
  *
+ * Of an image that is streamed there is one slab at a time, some of its slices along z, of which nothing is kept for
+ * another view.
+ *
  * \ingroup ShearWarpMIP
  */
 template <typename TPixel>
@@ -81,6 +86,19 @@ public:
           const ShearWarp::Kernels<TPixel> & kernels,
           const TParallelize &               parallelize);
 
+  /** Makes the same for slices [begin, end) along z of the image's largest possible region, which must be buffered and
+   * with them, unless \a begin is 0, the slice before; nothing of it is kept for another view. The slabs of a volume
+   * come one after the other, the first with \a begin 0; all begin and end at multiples of ShearWarp::BlockLength or
+   * at the end. */
+  template <typename TParallelize>
+  void
+  PrepareSlab(const ImageType *                  image,
+              std::ptrdiff_t                     begin,
+              std::ptrdiff_t                     end,
+              unsigned int                       principalAxis,
+              const ShearWarp::Kernels<TPixel> & kernels,
+              const TParallelize &               parallelize);
+
   /** Slices of the prepared image along its index axis \a principalAxis, with its other axes, in their order, as
    * columns and rows. They refer to the image's memory or to this object's. */
   SliceStackType
@@ -88,6 +106,10 @@ public:
 
   BlockMaximaType
   GetBlockMaxima(unsigned int principalAxis) const;
+
+  /** The part of these slices that is prepared: all, or the last slab. */
+  ShearWarp::Block
+  GetPreparedPart(unsigned int principalAxis) const;
 
   /** Frees all memory. */
   void
@@ -107,13 +129,23 @@ private:
     return m_Image == image && m_ImageMTime == image->GetMTime() && m_Voxels == image->GetBufferPointer();
   }
 
+  void
+  SetSlab(const ImageType * image, std::ptrdiff_t begin, std::ptrdiff_t end);
+
   template <typename TParallelize>
   void
   FindBlockMaxima(const ShearWarp::Kernels<TPixel> & kernels, const TParallelize & parallelize);
 
   template <typename TParallelize>
   void
-  Transpose(const ShearWarp::Kernels<TPixel> & kernels, const TParallelize & parallelize, TPixel * transposed) const;
+  Transpose(const ShearWarp::Kernels<TPixel> & kernels, const TParallelize & parallelize, ShearWarpBuffer memory);
+
+  /** The first slice along z of the transposed copy: that of the slab, or the one before. */
+  std::ptrdiff_t
+  GetFirstTransposedSlice() const
+  {
+    return std::max<std::ptrdiff_t>(m_SlabBegin - 1, 0);
+  }
 
   ShearWarpBuffer m_Transposed;
   ShearWarpBuffer m_BlockMaxima;
@@ -125,6 +157,8 @@ private:
   ModifiedTimeType  m_ImageMTime{ 0 };
   const TPixel *    m_Voxels{ nullptr };
   std::ptrdiff_t    m_Size[3]{ 0, 0, 0 };
+  std::ptrdiff_t    m_FirstBufferedSlice{ 0 };
+  std::ptrdiff_t    m_SlabBegin{ 0 }, m_SlabEnd{ 0 };
 };
 } // namespace itk
 

@@ -37,18 +37,46 @@ ShearWarpPreparedVolume<TPixel>::Prepare(const ImageType *                  imag
     // the next copy can have the memory of the last one
     memory = std::move(m_Transposed);
     this->Release();
-    m_Voxels = image->GetBufferPointer();
-    std::copy_n(image->GetBufferedRegion().GetSize().begin(), 3, m_Size);
+    this->SetSlab(image, 0, image->GetLargestPossibleRegion().GetSize(2));
     this->FindBlockMaxima(kernels, parallelize);
     m_Image = image;
     m_ImageMTime = image->GetMTime();
   }
   if (!this->IsPrepared(image, principalAxis))
   {
-    memory.Reserve(m_Size[0] * m_Size[1] * m_Size[2] * sizeof(TPixel));
-    this->Transpose(kernels, parallelize, memory.GetPointer<TPixel>());
-    m_Transposed = std::move(memory);
+    this->Transpose(kernels, parallelize, std::move(memory));
   }
+}
+
+template <typename TPixel>
+template <typename TParallelize>
+void
+ShearWarpPreparedVolume<TPixel>::PrepareSlab(const ImageType *                  image,
+                                             std::ptrdiff_t                     begin,
+                                             std::ptrdiff_t                     end,
+                                             unsigned int                       principalAxis,
+                                             const ShearWarp::Kernels<TPixel> & kernels,
+                                             const TParallelize &               parallelize)
+{
+  m_Image = nullptr;
+  ShearWarpBuffer memory = std::move(m_Transposed);
+  this->SetSlab(image, begin, end);
+  this->FindBlockMaxima(kernels, parallelize);
+  if (principalAxis == 0)
+  {
+    this->Transpose(kernels, parallelize, std::move(memory));
+  }
+}
+
+template <typename TPixel>
+void
+ShearWarpPreparedVolume<TPixel>::SetSlab(const ImageType * image, std::ptrdiff_t begin, std::ptrdiff_t end)
+{
+  m_Voxels = image->GetBufferPointer();
+  std::copy_n(image->GetLargestPossibleRegion().GetSize().begin(), 3, m_Size);
+  m_FirstBufferedSlice = image->GetBufferedRegion().GetIndex(2) - image->GetLargestPossibleRegion().GetIndex(2);
+  m_SlabBegin = begin;
+  m_SlabEnd = end;
 }
 
 template <typename TPixel>
@@ -70,28 +98,29 @@ ShearWarpPreparedVolume<TPixel>::FindBlockMaxima(const ShearWarp::Kernels<TPixel
   using ShearWarp::CountBlocks;
   const std::ptrdiff_t x = m_Size[0];
   const std::ptrdiff_t y = m_Size[1];
-  const std::ptrdiff_t z = m_Size[2];
   const std::ptrdiff_t blocksX = CountBlocks(x);
   const std::ptrdiff_t blocksY = CountBlocks(y);
-  const std::ptrdiff_t blocksZ = CountBlocks(z);
-  ShearWarpBuffer      maxima;
-  maxima.Reserve(blocksX * blocksY * blocksZ * sizeof(TPixel));
-
-  m_Lowest = NumericTraits<TPixel>::max();
-  m_Highest = NumericTraits<TPixel>::NonpositiveMin();
+  ShearWarpBuffer      maxima = std::move(m_BlockMaxima);
+  if (m_SlabBegin == 0)
+  {
+    maxima.Reserve(blocksX * blocksY * CountBlocks(m_Size[2]) * sizeof(TPixel));
+    m_Lowest = NumericTraits<TPixel>::max();
+    m_Highest = NumericTraits<TPixel>::NonpositiveMin();
+  }
   std::mutex mutex;
-  parallelize(static_cast<SizeValueType>(blocksY * blocksZ), [&](SizeValueType n) {
-    const std::ptrdiff_t row = static_cast<std::ptrdiff_t>(n) % blocksY * BlockLength;
-    const std::ptrdiff_t slice = static_cast<std::ptrdiff_t>(n) / blocksY * BlockLength;
+  parallelize(static_cast<SizeValueType>(blocksY * CountBlocks(m_SlabEnd - m_SlabBegin)), [&](SizeValueType n) {
+    const std::ptrdiff_t block = m_SlabBegin / BlockLength * blocksY + static_cast<std::ptrdiff_t>(n);
+    const std::ptrdiff_t row = block % blocksY * BlockLength;
+    const std::ptrdiff_t slice = block / blocksY * BlockLength;
     TPixel               lowest = NumericTraits<TPixel>::max();
     TPixel               highest = NumericTraits<TPixel>::NonpositiveMin();
-    kernels.findBlockMaxima(m_Voxels + (slice * y + row) * x,
+    kernels.findBlockMaxima(m_Voxels + ((slice - m_FirstBufferedSlice) * y + row) * x,
                             x,
                             std::min(BlockLength, y - row),
-                            std::min(BlockLength, z - slice),
+                            std::min(BlockLength, m_SlabEnd - slice),
                             x,
                             x * y,
-                            maxima.GetPointer<TPixel>() + n * blocksX,
+                            maxima.GetPointer<TPixel>() + block * blocksX,
                             lowest,
                             highest);
     const std::lock_guard<std::mutex> lock(mutex);
@@ -106,12 +135,18 @@ template <typename TParallelize>
 void
 ShearWarpPreparedVolume<TPixel>::Transpose(const ShearWarp::Kernels<TPixel> & kernels,
                                            const TParallelize &               parallelize,
-                                           TPixel *                           transposed) const
+                                           ShearWarpBuffer                    memory)
 {
   const std::ptrdiff_t slice = m_Size[0] * m_Size[1];
-  parallelize(static_cast<SizeValueType>(m_Size[2]), [&](SizeValueType z) {
-    kernels.transposeSlice(m_Voxels + z * slice, m_Size[0], m_Size[1], transposed + z * slice);
+  const std::ptrdiff_t first = this->GetFirstTransposedSlice();
+  const std::ptrdiff_t count = m_SlabEnd - first;
+  memory.Reserve(slice * count * sizeof(TPixel));
+  const TPixel * input = m_Voxels + (first - m_FirstBufferedSlice) * slice;
+  TPixel *       transposed = memory.GetPointer<TPixel>();
+  parallelize(static_cast<SizeValueType>(count), [&](SizeValueType z) {
+    kernels.transposeSlice(input + z * slice, m_Size[0], m_Size[1], transposed + z * slice);
   });
+  m_Transposed = std::move(memory);
 }
 
 template <typename TPixel>
@@ -121,14 +156,31 @@ ShearWarpPreparedVolume<TPixel>::GetSlices(unsigned int principalAxis) const -> 
   const std::ptrdiff_t x = m_Size[0];
   const std::ptrdiff_t y = m_Size[1];
   const std::ptrdiff_t z = m_Size[2];
+  const std::ptrdiff_t first = m_FirstBufferedSlice * x * y;
   switch (principalAxis)
   {
     case 0:
-      return { m_Transposed.GetPointer<TPixel>(), y, z, x, x * y, y, m_Lowest, m_Highest };
+      return { m_Transposed.GetPointer<TPixel>(),      y, z, x, x * y, y, m_Lowest, m_Highest,
+               this->GetFirstTransposedSlice() * x * y };
     case 1:
-      return { m_Voxels, x, z, y, x * y, x, m_Lowest, m_Highest };
+      return { m_Voxels, x, z, y, x * y, x, m_Lowest, m_Highest, first };
     default:
-      return { m_Voxels, x, y, z, x, x * y, m_Lowest, m_Highest };
+      return { m_Voxels, x, y, z, x, x * y, m_Lowest, m_Highest, first };
+  }
+}
+
+template <typename TPixel>
+ShearWarp::Block
+ShearWarpPreparedVolume<TPixel>::GetPreparedPart(unsigned int principalAxis) const
+{
+  switch (principalAxis)
+  {
+    case 0:
+      return { m_SlabBegin, m_SlabEnd, 0, m_Size[0] };
+    case 1:
+      return { m_SlabBegin, m_SlabEnd, 0, m_Size[1] };
+    default:
+      return { 0, m_Size[1], m_SlabBegin, m_SlabEnd };
   }
 }
 

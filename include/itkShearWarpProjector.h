@@ -69,19 +69,26 @@ public:
   using ReducedResamplingEnum = ShearWarpMIPImageFilterEnums::ReducedResampling;
   using IntermediateImageType = ShearWarp::IntermediateImage<TPixel>;
 
-  /** Projects \a volume, prepared for the factorization's principal axis. The result refers to this object's memory and
-   * is valid until the next projection. \a parallelize(count, steps, share, function) calls function(n, step, worker)
-   * for each n of [0, count) and, one after the other, each step of [0, steps); calls with the same worker, less than
-   * \a workers, do not overlap. \a share is the part of the whole time that this is expected to take. Throws
-   * MemoryAllocationError. */
+  /** Begins a projection by at most \a workers threads. \a factorization and \a kernels must live until Finish(). */
+  void
+  Start(const ShearWarpFactorization &     factorization,
+        const ShearWarp::Kernels<TPixel> & kernels,
+        ReducedResamplingEnum              reducedResampling,
+        SizeValueType                      workers);
+
+  /** Projects what \a volume has prepared for the factorization's principal axis: all or, one after the other, slabs.
+   * \a parallelize(count, steps, function) calls function(n, step, worker) for each n of [0, count) and, one after the
+   * other, each step of [0, steps); calls with the same worker, less than the number of them, do not overlap.
+   * Throws MemoryAllocationError. */
+  template <typename TParallelize>
+  void
+  Project(const ShearWarpPreparedVolume<TPixel> & volume, const TParallelize & parallelize);
+
+  /** The intermediate image of all that was projected since Start(). It refers to this object's memory and to the
+   * factorization's, and is valid until the next projection. Throws MemoryAllocationError. */
   template <typename TParallelize>
   IntermediateImageType
-  Project(const ShearWarpPreparedVolume<TPixel> & volume,
-          const ShearWarpFactorization &          factorization,
-          const ShearWarp::Kernels<TPixel> &      kernels,
-          ReducedResamplingEnum                   reducedResampling,
-          SizeValueType                           workers,
-          const TParallelize &                    parallelize);
+  Finish(const TParallelize & parallelize);
 
   /** The fraction of tiles that the last projection left out. */
   double
@@ -114,7 +121,7 @@ private:
   };
 
   void
-  OrderSlices();
+  OrderSlices(std::ptrdiff_t begin, std::ptrdiff_t end);
 
   void
   ProjectRows(Worker &       worker,
@@ -151,15 +158,18 @@ private:
   MergeRow(std::size_t grid, std::ptrdiff_t row);
 
   std::vector<Worker>         m_Workers;
+  SizeValueType               m_NumberOfWorkers{ 1 };
   ShearWarpBuffer             m_JoinedPhases;
   std::vector<std::ptrdiff_t> m_SliceOrder; // the first of each BlockLength slices
 
-  const ShearWarp::Kernels<TPixel> *                 m_Kernels{ nullptr };
-  const std::vector<ShearWarp::IntermediateGrid> *   m_Grids{ nullptr };
-  ShearWarp::SliceStack<TPixel>                      m_Slices{};
-  ShearWarp::BlockMaxima<TPixel>                     m_BlockMaxima{};
-  ReducedResamplingEnum                              m_ReducedResampling{ ReducedResamplingEnum::Off };
-  std::ptrdiff_t                                     m_TileColumns{ 0 }, m_TileRows{ 0 }, m_RowStride{ 0 };
+  const ShearWarp::Kernels<TPixel> *               m_Kernels{ nullptr };
+  const ShearWarpFactorization *                   m_Factorization{ nullptr };
+  const std::vector<ShearWarp::IntermediateGrid> * m_Grids{ nullptr };
+  ShearWarp::SliceStack<TPixel>                    m_Slices{};
+  ShearWarp::BlockMaxima<TPixel>                   m_BlockMaxima{};
+  ReducedResamplingEnum                            m_WantedReducedResampling{ ReducedResamplingEnum::Off };
+  ReducedResamplingEnum                            m_ReducedResampling{ ReducedResamplingEnum::Off };
+  std::ptrdiff_t                                   m_TileColumns{ 0 }, m_TileRows{ 0 }, m_RowStride{ 0 };
 };
 } // namespace itk
 

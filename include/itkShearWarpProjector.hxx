@@ -24,36 +24,22 @@
 namespace itk
 {
 template <typename TPixel>
-template <typename TParallelize>
-auto
-ShearWarpProjector<TPixel>::Project(const ShearWarpPreparedVolume<TPixel> & volume,
-                                    const ShearWarpFactorization &          factorization,
-                                    const ShearWarp::Kernels<TPixel> &      kernels,
-                                    ReducedResamplingEnum                   reducedResampling,
-                                    SizeValueType                           workers,
-                                    const TParallelize &                    parallelize) -> IntermediateImageType
+void
+ShearWarpProjector<TPixel>::Start(const ShearWarpFactorization &     factorization,
+                                  const ShearWarp::Kernels<TPixel> & kernels,
+                                  ReducedResamplingEnum              reducedResampling,
+                                  SizeValueType                      workers)
 {
-  using ShearWarp::BlockLength;
-  using ShearWarp::CountBlocks;
-
   m_Kernels = &kernels;
+  m_Factorization = &factorization;
   m_Grids = &factorization.GetPhases();
-  m_Slices = volume.GetSlices(factorization.GetPrincipalAxis());
-  m_BlockMaxima = volume.GetBlockMaxima(factorization.GetPrincipalAxis());
-  m_ReducedResampling = reducedResampling;
-  if constexpr (std::is_floating_point_v<TPixel>)
-  {
-    // an interpolation whose difference overflows can exceed its voxels
-    if (!std::isfinite(m_Slices.highest - m_Slices.lowest))
-    {
-      m_ReducedResampling = ReducedResamplingEnum::Off;
-    }
-  }
+  m_WantedReducedResampling = reducedResampling;
+  m_NumberOfWorkers = workers;
   m_TileColumns = m_TileRows = 0;
   for (const ShearWarp::IntermediateGrid & grid : *m_Grids)
   {
-    m_TileColumns = std::max(m_TileColumns, CountBlocks(grid.columns, ShearWarp::TileColumns));
-    m_TileRows = std::max(m_TileRows, CountBlocks(grid.rows, BlockLength));
+    m_TileColumns = std::max(m_TileColumns, ShearWarp::CountBlocks(grid.columns, ShearWarp::TileColumns));
+    m_TileRows = std::max(m_TileRows, ShearWarp::CountBlocks(grid.rows));
   }
   // an odd number of tiles, so that rows do not compete for the same lines of the cache
   m_RowStride = (m_TileColumns | 1) * ShearWarp::TileColumns;
@@ -69,6 +55,29 @@ ShearWarpProjector<TPixel>::Project(const ShearWarpPreparedVolume<TPixel> & volu
     worker.tiles = worker.skippedTiles = 0;
     worker.untestedCubes = worker.pause = 0;
   }
+}
+
+template <typename TPixel>
+template <typename TParallelize>
+void
+ShearWarpProjector<TPixel>::Project(const ShearWarpPreparedVolume<TPixel> & volume, const TParallelize & parallelize)
+{
+  using ShearWarp::BlockLength;
+  using ShearWarp::CountBlocks;
+
+  m_Slices = volume.GetSlices(m_Factorization->GetPrincipalAxis());
+  m_BlockMaxima = volume.GetBlockMaxima(m_Factorization->GetPrincipalAxis());
+  m_ReducedResampling = m_WantedReducedResampling;
+  if constexpr (std::is_floating_point_v<TPixel>)
+  {
+    // an interpolation whose difference overflows can exceed its voxels
+    if (!std::isfinite(m_Slices.highest - m_Slices.lowest))
+    {
+      m_ReducedResampling = ReducedResamplingEnum::Off;
+    }
+  }
+  const ShearWarp::Block part = volume.GetPreparedPart(m_Factorization->GetPrincipalAxis());
+  const std::ptrdiff_t   rows = part.rowEnd - part.rowBegin;
 
   // where slices lie side by side a few rows are long runs in memory, else all rows of a slice are; several images
   // share the cache
@@ -76,31 +85,39 @@ ShearWarpProjector<TPixel>::Project(const ShearWarpPreparedVolume<TPixel> & volu
   const std::ptrdiff_t rowBytes = m_Slices.columns * static_cast<std::ptrdiff_t>(sizeof(TPixel));
   const bool           isLongRun = m_Slices.sliceStride > m_Slices.rowStride;
   const std::ptrdiff_t wanted = isLongRun ? CountBlocks(sliceBytes, rowBytes) : 2 * BlockLength;
-  const std::ptrdiff_t fairShare = CountBlocks(m_Slices.rows, 2 * static_cast<std::ptrdiff_t>(workers));
-  const std::ptrdiff_t blockRows = CountBlocks(std::min(wanted, fairShare), BlockLength) * BlockLength;
+  const std::ptrdiff_t fairShare = CountBlocks(rows, 2 * static_cast<std::ptrdiff_t>(m_NumberOfWorkers));
+  const std::ptrdiff_t blockRows = CountBlocks(std::min(wanted, fairShare)) * BlockLength;
   // a step takes milliseconds at most
   constexpr std::ptrdiff_t stepVoxels = 1 << 21;
   const std::ptrdiff_t     stepCubes = stepVoxels / (blockRows * m_Slices.columns * BlockLength) + 1;
-  this->OrderSlices();
+  this->OrderSlices(part.sliceBegin, part.sliceEnd);
 
-  const auto blocks = static_cast<SizeValueType>(CountBlocks(m_Slices.rows, blockRows));
   const auto cubes = static_cast<std::ptrdiff_t>(m_SliceOrder.size());
-  const auto steps = static_cast<SizeValueType>(CountBlocks(cubes, stepCubes));
-  parallelize(blocks, steps, 0.95f, [&](SizeValueType n, SizeValueType step, SizeValueType worker) {
-    const std::ptrdiff_t row = static_cast<std::ptrdiff_t>(n) * blockRows;
-    const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(step) * stepCubes;
-    this->ProjectRows(
-      m_Workers[worker], row, std::min(row + blockRows, m_Slices.rows), first, std::min(first + stepCubes, cubes));
-  });
+  parallelize(
+    static_cast<SizeValueType>(CountBlocks(rows, blockRows)),
+    static_cast<SizeValueType>(CountBlocks(cubes, stepCubes)),
+    [&](SizeValueType n, SizeValueType step, SizeValueType worker) {
+      const std::ptrdiff_t row = part.rowBegin + static_cast<std::ptrdiff_t>(n) * blockRows;
+      const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(step) * stepCubes;
+      this->ProjectRows(
+        m_Workers[worker], row, std::min(row + blockRows, part.rowEnd), first, std::min(first + stepCubes, cubes));
+    });
+}
 
-  const auto                  oversampling = static_cast<std::ptrdiff_t>(factorization.GetOversampling());
-  const std::ptrdiff_t        rowStride = oversampling * m_RowStride;
-  const auto                  columns = static_cast<std::ptrdiff_t>(factorization.GetIntermediateSize()[0]);
-  const auto                  rows = static_cast<std::ptrdiff_t>(factorization.GetIntermediateSize()[1]);
+template <typename TPixel>
+template <typename TParallelize>
+auto
+ShearWarpProjector<TPixel>::Finish(const TParallelize & parallelize) -> IntermediateImageType
+{
+  const auto           oversampling = static_cast<std::ptrdiff_t>(m_Factorization->GetOversampling());
+  const std::ptrdiff_t rowStride = oversampling * m_RowStride;
+  const auto           columns = static_cast<std::ptrdiff_t>(m_Factorization->GetIntermediateSize()[0]);
+  const auto           rows = static_cast<std::ptrdiff_t>(m_Factorization->GetIntermediateSize()[1]);
+
   std::vector<PartialImage> & merged = m_Workers.front().images;
   for (std::size_t n = 0; n < merged.size(); ++n)
   {
-    this->ExtendRows((*m_Grids)[n], merged[n], 0, m_TileRows * BlockLength);
+    this->ExtendRows((*m_Grids)[n], merged[n], 0, m_TileRows * ShearWarp::BlockLength);
   }
   if (oversampling > 1)
   {
@@ -126,9 +143,11 @@ ShearWarpProjector<TPixel>::Project(const ShearWarpPreparedVolume<TPixel> & volu
       }
     }
   };
-  parallelize(static_cast<SizeValueType>(CountBlocks(rows, bandRows)), 1, 0.05f, mergeBand);
+  parallelize(static_cast<SizeValueType>(ShearWarp::CountBlocks(rows, bandRows)), 1, mergeBand);
   const ShearWarpBuffer & pixels = oversampling > 1 ? m_JoinedPhases : merged.front().pixels;
-  return { pixels.template GetPointer<TPixel>(), columns, rows, rowStride, factorization.GetReachedColumns().data() };
+  return {
+    pixels.template GetPointer<TPixel>(), columns, rows, rowStride, m_Factorization->GetReachedColumns().data()
+  };
 }
 
 template <typename TPixel>
@@ -148,16 +167,16 @@ ShearWarpProjector<TPixel>::GetSkippedFraction() const
 /** Storage order, but for reduced resampling every few slices first: they soon give all pixels a value. */
 template <typename TPixel>
 void
-ShearWarpProjector<TPixel>::OrderSlices()
+ShearWarpProjector<TPixel>::OrderSlices(std::ptrdiff_t begin, std::ptrdiff_t end)
 {
   using ShearWarp::BlockLength;
   constexpr std::ptrdiff_t seedDistance = 8 * BlockLength;
   const bool               hasSeeds = m_ReducedResampling != ReducedResamplingEnum::Off;
-  const std::ptrdiff_t     lastCube = (m_Slices.slices - 1) / BlockLength * BlockLength;
+  const std::ptrdiff_t     lastCube = (end - 1) / BlockLength * BlockLength;
   m_SliceOrder.clear();
   for (const bool isSeed : { true, false })
   {
-    for (std::ptrdiff_t slice = 0; slice < m_Slices.slices; slice += BlockLength)
+    for (std::ptrdiff_t slice = begin; slice < end; slice += BlockLength)
     {
       if (isSeed == (hasSeeds && (slice % seedDistance == 0 || slice == lastCube)))
       {

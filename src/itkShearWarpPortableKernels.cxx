@@ -179,7 +179,6 @@ ProjectBlock(const SliceStack<TPixel> &  slices,
 {
   for (std::ptrdiff_t k = block.sliceBegin; k < block.sliceEnd; ++k)
   {
-    const TPixel * slice = slices.voxels + k * slices.sliceStride;
     for (const ShearedView<TPixel> * view = views; view != views + count; ++view)
     {
       const SamplingPosition & column = view->placements[k].column;
@@ -194,9 +193,12 @@ ProjectBlock(const SliceStack<TPixel> &  slices,
       const std::ptrdiff_t end = block.rowEnd == slices.rows ? slices.rows + first : block.rowEnd;
       for (std::ptrdiff_t j = block.rowBegin == 0 ? first : block.rowBegin; j < end; ++j)
       {
-        const bool           edge = j == 0 || j == slices.rows;
-        const TPixel *       a = slice + std::max<std::ptrdiff_t>(j - 1, 0) * slices.rowStride;
-        const TPixel *       b = slice + std::min(j, slices.rows - 1) * slices.rowStride;
+        const bool edge = j == 0 || j == slices.rows;
+        const auto getRow = [&](std::ptrdiff_t row) {
+          return slices.voxels + (k * slices.sliceStride + row * slices.rowStride - slices.first);
+        };
+        const TPixel *       a = getRow(std::max<std::ptrdiff_t>(j - 1, 0));
+        const TPixel *       b = getRow(std::min(j, slices.rows - 1));
         const std::ptrdiff_t tile = (std::min(j, slices.rows - 1) - block.rowBegin) / BlockLength;
         ProjectRow(a,
                    b,

@@ -422,7 +422,7 @@ public:
   {
     const SlicePlacement & placement = view.placements[index];
     const PlacedSlice      slice{ index * m_Stack.sliceStride - placement.row.whole * m_Stack.rowStride -
-                               placement.column.whole,
+                               placement.column.whole - m_Stack.first,
                              placement.column.whole,
                              placement.row.whole,
                              placement.column.fraction,
@@ -573,8 +573,8 @@ private:
   {
     if (slice < m_Stack.slices && row + BlockLength <= m_Stack.rows)
     {
-      prefetcher.AddStream(
-        reinterpret_cast<const char *>(m_Stack.voxels + (slice * m_Stack.sliceStride + row * m_Stack.rowStride)));
+      prefetcher.AddStream(reinterpret_cast<const char *>(
+        m_Stack.voxels + (slice * m_Stack.sliceStride + row * m_Stack.rowStride - m_Stack.first)));
     }
   }
 

@@ -571,6 +571,8 @@ TEST_F(ShearWarpMIPPipeline, SetGetAndPrintEveryParameter)
                   "OutputOrigin: [0, 0] (fitted)",
                   "DefaultPixelValue: 0\n",
                   "ReducedResampling: itk::ShearWarpMIPImageFilterEnums::ReducedResampling::Auto",
+                  "Oversampling: 1\n",
+                  "NumberOfStreamDivisions: 1\n",
                   "SkippedFraction: 0",
                   "InstructionSet: portable",
                   "PrincipalAxis: 2",
@@ -583,6 +585,7 @@ TEST_F(ShearWarpMIPPipeline, SetGetAndPrintEveryParameter)
   m_Filter->SetOutputSpacing(MakeVector2(1.5, 2.5));
   m_Filter->SetOutputOrigin(MakePoint2(-3.5, 4.5));
   m_Filter->SetDefaultPixelValue(-77);
+  m_Filter->SetOversampling(2);
   m_Filter->Update();
   EXPECT_EQ(m_Filter->GetSize(), (itk::Size<2>{ { 11, 12 } }));
   EXPECT_EQ(m_Filter->GetOutputSpacing(), MakeVector2(1.5, 2.5));
@@ -593,6 +596,7 @@ TEST_F(ShearWarpMIPPipeline, SetGetAndPrintEveryParameter)
                   "OutputSpacing: [1.5, 2.5]\n",
                   "OutputOrigin: [-3.5, 4.5]\n",
                   "DefaultPixelValue: -77\n",
+                  "Oversampling: 2\n",
                   "PrincipalAxis: 0",
                   "PreparedVolumeSizeInBytes: 138120" });
 

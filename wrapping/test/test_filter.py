@@ -84,6 +84,17 @@ def test_setters_and_getters(image, oblique_view):
         assert f"{name}: " in str(mip)
 
 
+def test_slabs_give_the_same_bits(image, oblique_view, tmp_path):
+    expected = np.asarray(itk.shear_warp_mip_image_filter(image, transform=oblique_view))
+    itk.imwrite(image, tmp_path / "image.mha")
+    reader = itk.ImageFileReader.New(image, FileName=str(tmp_path / "image.mha"))
+    mip = itk.ShearWarpMIPImageFilter.New(reader.GetOutput(), Transform=oblique_view, NumberOfStreamDivisions=2)
+    mip.Update()
+    np.testing.assert_array_equal(itk.array_from_image(mip.GetOutput()), expected)
+    depth = reader.GetOutput().GetBufferedRegion().GetSize(2)
+    assert depth < image.GetLargestPossibleRegion().GetSize(2)
+
+
 def test_reduced_resampling_and_instruction_sets_never_change_a_pixel(oblique_view, monkeypatch):
     voxels = np.full((40, 70, 60), 11, np.uint16)
     voxels[10:12, 20:50, 30] = 900

@@ -1,0 +1,230 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#include "itkShearWarpMIPImageFilter.h"
+
+#include "itkShearWarpMIPTestHelper.h"
+
+#include "itkImageSource.h"
+
+#include <gtest/gtest.h>
+
+#include <set>
+#include <string>
+
+namespace
+{
+using namespace itk::ShearWarpMIPTest;
+using ReducedResamplingEnum = itk::ShearWarpMIPImageFilterEnums::ReducedResampling;
+
+/** Gives the requested parts of an image, in memory of their own, and remembers how large they were. */
+template <typename TPixel>
+class PartSource : public itk::ImageSource<itk::Image<TPixel, 3>>
+{
+public:
+  using Self = PartSource;
+  using Superclass = itk::ImageSource<itk::Image<TPixel, 3>>;
+  using Pointer = itk::SmartPointer<Self>;
+  using ImageType = itk::Image<TPixel, 3>;
+  itkNewMacro(Self);
+
+  void
+  SetWhole(const ImageType * image)
+  {
+    m_Whole = image;
+    this->Modified();
+  }
+
+  itk::SizeValueType executions{ 0 };
+  itk::SizeValueType mostSlices{ 0 };
+  itk::SizeValueType missingSlices{ 0 }; // an error
+
+protected:
+  void
+  GenerateOutputInformation() override
+  {
+    this->GetOutput()->CopyInformation(m_Whole);
+  }
+
+  void
+  GenerateData() override
+  {
+    ImageType * output = this->GetOutput();
+    auto        region = output->GetRequestedRegion();
+    region.SetSize(2, region.GetSize(2) - missingSlices);
+    output->SetBufferedRegion(region);
+    output->Allocate();
+    for (itk::ImageRegionIterator<ImageType> it(output, region); !it.IsAtEnd(); ++it)
+    {
+      it.Set(m_Whole->GetPixel(it.GetIndex()));
+    }
+    ++executions;
+    mostSlices = std::max(mostSlices, region.GetSize(2));
+  }
+
+private:
+  typename ImageType::ConstPointer m_Whole;
+};
+
+template <typename TPixel>
+class ShearWarpMIPStreaming : public testing::Test
+{};
+using PixelTypes = testing::Types<unsigned char, short, unsigned short, float, double>;
+TYPED_TEST_SUITE(ShearWarpMIPStreaming, PixelTypes, );
+
+using ShortFilterType = itk::ShearWarpMIPImageFilter<itk::Image<short, 3>>;
+} // namespace
+
+TYPED_TEST(ShearWarpMIPStreaming, HasTheBitsOfTheWholeImageAndNeedsOneSlabAtATime)
+{
+  Random                 random(801);
+  std::set<unsigned int> axes;
+  for (int repeat = 0; repeat < 60; ++repeat)
+  {
+    const auto image = MakeRandomImage<TypeParam>(random, MakeRandomSize(random, 1, repeat % 3 == 0 ? 70 : 30));
+    const auto view = MakeRandomView(random, AllViewKinds[repeat % 3], image);
+    const auto whole = itk::ShearWarpMIPImageFilter<itk::Image<TypeParam, 3>>::New();
+    whole->SetInput(image);
+    const auto streamed = itk::ShearWarpMIPImageFilter<itk::Image<TypeParam, 3>>::New();
+    const auto source = PartSource<TypeParam>::New();
+    source->SetWhole(image);
+    streamed->SetInput(source->GetOutput());
+    const auto divisions = static_cast<unsigned int>(random.Integer(2, 12));
+    streamed->SetNumberOfStreamDivisions(divisions);
+    for (auto * filter : { whole.GetPointer(), streamed.GetPointer() })
+    {
+      filter->SetTransform(view);
+      filter->SetOversampling(1 + repeat % 2);
+      filter->SetReducedResampling(static_cast<ReducedResamplingEnum>(repeat % 3));
+      filter->Update();
+    }
+    ASSERT_TRUE(HaveSamePixels(whole->GetOutput(), streamed->GetOutput())) << "in repetition " << repeat;
+    ASSERT_EQ(streamed->GetPrincipalAxis(), whole->GetPrincipalAxis());
+    axes.insert(streamed->GetPrincipalAxis());
+
+    const itk::SizeValueType blocks = (image->GetBufferedRegion().GetSize(2) + 7) / 8;
+    const itk::SizeValueType slabs = std::min<itk::SizeValueType>(divisions, blocks);
+    ASSERT_EQ(source->executions, slabs);
+    ASSERT_LE(source->mostSlices, (blocks + slabs - 1) / slabs * 8 + 1) << "a slab and the slice before";
+    if (slabs > 1)
+    {
+      ASSERT_EQ(streamed->GetPreparedVolumeSizeInBytes(), 0u);
+    }
+  }
+  EXPECT_EQ(axes.size(), 3u);
+}
+
+TEST(ShearWarpMIPStreamingPipeline, EveryInstructionSetHasTheSameBits)
+{
+  Random     random(802);
+  const auto image = MakeRandomImage<short>(random, { { 129, 77, 45 } });
+  const auto source = PartSource<short>::New();
+  source->SetWhole(image);
+  const auto whole = ShortFilterType::New();
+  whole->SetInput(image);
+  const auto streamed = ShortFilterType::New();
+  streamed->SetInput(source->GetOutput());
+  streamed->SetNumberOfStreamDivisions(4);
+  for (int repeat = 0; repeat < 12; ++repeat)
+  {
+    const auto view = MakeRandomView(random, ViewKind::Rigid, image);
+    whole->SetTransform(view);
+    streamed->SetTransform(view);
+    ForEachInstructionSet([&](const std::string & name) {
+      whole->Modified();
+      whole->Update();
+      streamed->Modified();
+      streamed->Update();
+      EXPECT_EQ(streamed->GetInstructionSet(), name);
+      EXPECT_TRUE(HaveSamePixels(whole->GetOutput(), streamed->GetOutput())) << "in repetition " << repeat;
+    });
+  }
+}
+
+TEST(ShearWarpMIPStreamingPipeline, AnImageInMemoryNeedsNoStreamingSource)
+{
+  Random     random(803);
+  const auto image = MakeRandomImage<short>(random, { { 30, 40, 50 } });
+  const auto view = MakeRandomView(random, ViewKind::Rigid, image);
+  const auto filter = ShortFilterType::New();
+  filter->SetInput(image);
+  filter->SetTransform(view);
+  filter->Update();
+  const auto expected = Copy(filter->GetOutput());
+  for (const unsigned int divisions : { 3u, 1u, 1000u, 1u })
+  {
+    filter->SetNumberOfStreamDivisions(divisions);
+    filter->Update();
+    EXPECT_TRUE(HaveSamePixels(expected.GetPointer(), filter->GetOutput())) << divisions;
+    EXPECT_EQ(filter->GetPreparedVolumeSizeInBytes() > 0, divisions == 1);
+  }
+}
+
+TEST(ShearWarpMIPStreamingPipeline, AnotherViewGetsTheSlabsAgain)
+{
+  Random     random(804);
+  const auto image = MakeRandomImage<short>(random, { { 30, 20, 40 } });
+  const auto source = PartSource<short>::New();
+  source->SetWhole(image);
+  const auto streamed = ShortFilterType::New();
+  streamed->SetInput(source->GetOutput());
+  streamed->SetNumberOfStreamDivisions(5);
+  const auto whole = ShortFilterType::New();
+  whole->SetInput(image);
+  for (int repeat = 0; repeat < 3; ++repeat)
+  {
+    const auto view = MakeRandomView(random, ViewKind::Rigid, image);
+    whole->SetTransform(view);
+    whole->Update();
+    streamed->SetTransform(view);
+    streamed->Update();
+    EXPECT_TRUE(HaveSamePixels(whole->GetOutput(), streamed->GetOutput()));
+    EXPECT_EQ(source->executions, 5u * (repeat + 1));
+  }
+  streamed->SetNumberOfStreamDivisions(1);
+  streamed->Update();
+  EXPECT_TRUE(HaveSamePixels(whole->GetOutput(), streamed->GetOutput()));
+  EXPECT_EQ(source->mostSlices, 40u);
+}
+
+TEST(ShearWarpMIPStreamingPipeline, ErrorsNameTheParameterOrTheRegions)
+{
+  const auto image = MakePlainImage<short>({ { 9, 9, 30 } }, 1);
+  const auto source = PartSource<short>::New();
+  source->SetWhole(image);
+  source->missingSlices = 1;
+  const auto filter = ShortFilterType::New();
+  filter->SetInput(source->GetOutput());
+  const auto getError = [&filter] {
+    try
+    {
+      filter->Update();
+    }
+    catch (const itk::ExceptionObject & error)
+    {
+      return std::string(error.GetDescription());
+    }
+    return std::string("no exception");
+  };
+  for (const unsigned int divisions : { 1u, 3u })
+  {
+    filter->SetNumberOfStreamDivisions(divisions);
+    EXPECT_NE(getError().find("buffered region"), std::string::npos) << getError();
+  }
+  filter->SetNumberOfStreamDivisions(0);
+  EXPECT_NE(getError().find("NumberOfStreamDivisions must be positive, but it is 0"), std::string::npos) << getError();
+}
