@@ -278,10 +278,15 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::PrepareVolume(const Slab &  
                                                                   float progressWeight)
 {
   const InputImageType * input = this->GetInput();
-  if (!input->GetBufferedRegion().IsInside(input->GetRequestedRegion()))
+  const auto &           buffered = input->GetBufferedRegion();
+  const auto *           voxels = input->GetPixelContainer();
+  const SizeValueType    count = voxels ? voxels->Size() : 0;
+  if (!buffered.IsInside(input->GetRequestedRegion()) || !input->GetLargestPossibleRegion().IsInside(buffered) ||
+      count < buffered.GetNumberOfPixels())
   {
-    itkExceptionMacro("The input must be buffered where it is requested, but its buffered region is "
-                      << input->GetBufferedRegion() << " and its requested region is " << input->GetRequestedRegion());
+    itkExceptionMacro("The input must be buffered where it is requested, but there are "
+                      << count << " voxels, its buffered region is " << buffered << " and its requested region is "
+                      << input->GetRequestedRegion());
   }
   const auto parallelize = [=](SizeValueType count, const auto & process) {
     this->Parallelize(

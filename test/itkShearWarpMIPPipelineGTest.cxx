@@ -89,6 +89,29 @@ private:
   itk::ProcessObject * m_Process;
 };
 
+/** A source that gives less than it was asked for. */
+class ScantImageSource : public itk::ImageSource<ImageType>
+{
+public:
+  using Self = ScantImageSource;
+  using Pointer = itk::SmartPointer<Self>;
+  itkNewMacro(Self);
+
+protected:
+  void
+  GenerateOutputInformation() override
+  {
+    this->GetOutput()->SetLargestPossibleRegion(itk::Size<3>{ { 40, 41, 42 } });
+  }
+
+  void
+  GenerateData() override
+  {
+    this->GetOutput()->SetBufferedRegion(itk::ImageRegion<3>({ { 0, 0, 21 } }, { { 40, 41, 21 } }));
+    this->GetOutput()->Allocate(true);
+  }
+};
+
 /** Looks along index axis \a axis of an image of identity direction, a little from the side. */
 ViewType::Pointer
 MakeViewAlong(unsigned int axis)
@@ -533,7 +556,30 @@ TEST_F(ShearWarpMIPPipeline, ErrorsOfTheInputNameTheValue)
   image->SetOrigin(MakePoint3(0.75, 0.0, notANumber));
   ExpectError({ "origin", "0.75", "nan" });
 
+  const auto unallocated = ImageType::New();
+  unallocated->SetRegions(itk::Size<3>{ { 7, 6, 5 } });
+  m_Filter->SetInput(unallocated);
+  ExpectError({ "input", "buffered", "[7, 6, 5]", "0 voxels" });
+
+  const auto source = ScantImageSource::New();
+  m_Filter->SetInput(source->GetOutput());
+  ExpectError({ "input", "buffered", "[40, 41, 42]", "34440 voxels", "[40, 41, 21]", "[0, 0, 21]" });
+
   m_Filter->SetInput(m_Image);
+  ExpectWorksAgain();
+}
+
+TEST_F(ShearWarpMIPPipeline, AnUpstreamThatHasComputedAPartComputesTheRest)
+{
+  const auto cast = itk::CastImageFilter<ImageType, ImageType>::New();
+  cast->InPlaceOff();
+  cast->SetInput(m_Image);
+  const itk::ImageRegion<3> part({ { 3, 4, 5 } }, { { 6, 7, 8 } });
+  cast->UpdateOutputInformation();
+  cast->GetOutput()->SetRequestedRegion(part);
+  cast->Update();
+  ASSERT_EQ(cast->GetOutput()->GetBufferedRegion(), part);
+  m_Filter->SetInput(cast->GetOutput());
   ExpectWorksAgain();
 }
 
