@@ -41,9 +41,10 @@ public:
   ~ShearWarpBuffer() { this->Release(); }
 
   /** Makes the buffer hold at least \a bytes bytes. What it held is lost if it has to grow. Throws
-   * MemoryAllocationError, and the buffer is empty then. */
+   * MemoryAllocationError, which tells the number of bytes and that they were for \a purpose, and the buffer is empty
+   * then. */
   void
-  Reserve(std::size_t bytes);
+  Reserve(std::size_t bytes, const char * purpose);
 
   void
   Release();

@@ -56,8 +56,13 @@ namespace itk
  *
  * Update() throws ExceptionObject for a transform that is missing, not linear, not finite or not invertible; for an
  * OutputSpacing that is not positive or not finite, an OutputOrigin that is not finite, a Size of zero; for an
- * Oversampling other than 1 and 2, NumberOfStreamDivisions of zero; for an input that is empty or has a spacing that is
- * not positive; and for an output larger than the computer's memory.
+ * Oversampling other than 1 and 2, NumberOfStreamDivisions of zero; for an input that is empty, has a spacing that is
+ * not positive, or was not put into memory by its source; and for an output larger than the computer's memory. It
+ * throws MemoryAllocationError where memory runs out. After an exception or an abort the filter is as usable as before.
+ *
+ * Filters may update in several threads at once if they share no data object, as ITK's pipeline changes the
+ * requested region even of an input. They can share voxels: give each filter an image of its own, made by
+ * Image::Graft(). They can share a transform that no one changes.
  *
  * The output can't be computed in pieces; any request enlarges to the whole output. The input is requested whole or,
  * with NumberOfStreamDivisions, slab by slab from a source that streams: then an image larger than memory can be

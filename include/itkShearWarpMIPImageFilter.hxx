@@ -19,7 +19,6 @@
 #define itkShearWarpMIPImageFilter_hxx
 
 #include "itkIdentityTransform.h"
-#include "itkTotalProgressReporter.h"
 
 #include "itksys/SystemInformation.hxx"
 
@@ -27,6 +26,8 @@
 #include <atomic>
 #include <chrono>
 #include <cmath>
+#include <exception>
+#include <mutex>
 #include <stdexcept>
 
 namespace itk
@@ -252,23 +253,55 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::Parallelize(SizeValueType   
   const SizeValueType workers = std::min(count, this->GetNumberOfWorkers());
   MultiThreaderBase * multiThreader = this->GetMultiThreader();
   multiThreader->SetNumberOfWorkUnits(static_cast<ThreadIdType>(workers));
+  // ITK's reporters invoke events in their destructors, out of which no observer may throw; its threads lose exceptions
+  const SizeValueType        reportedSteps = (count * steps + 99) / 100;
+  const float                stepWeight = progressWeight / static_cast<float>(count * steps);
   std::atomic<SizeValueType> next{ 0 };
+  std::exception_ptr         exception;
+  std::mutex                 mutex;
+  const auto                 work = [&](SizeValueType worker) {
+    SizeValueType done = 0;
+    for (SizeValueType n = next++; n < count; n = next++)
+    {
+      for (SizeValueType step = 0; step < steps; ++step)
+      {
+        if (this->GetAbortGenerateData())
+        {
+          throw ProcessAborted(__FILE__, __LINE__);
+        }
+        process(n, step, worker);
+        if (++done == reportedSteps)
+        {
+          this->IncrementProgress(stepWeight * static_cast<float>(done));
+          done = 0;
+        }
+      }
+    }
+    if (done > 0)
+    {
+      this->IncrementProgress(stepWeight * static_cast<float>(done));
+    }
+  };
   multiThreader->ParallelizeArray(
     0,
     workers,
     [&](SizeValueType worker) {
-      TotalProgressReporter progress(this, count * steps, 100, progressWeight);
-      for (SizeValueType n = next++; n < count; n = next++)
+      try
       {
-        for (SizeValueType step = 0; step < steps; ++step)
-        {
-          progress.CheckAbortGenerateData();
-          process(n, step, worker);
-          progress.CompletedPixel();
-        }
+        work(worker);
+      }
+      catch (...)
+      {
+        next = count;
+        const std::lock_guard<std::mutex> lock(mutex);
+        exception = exception ? exception : std::current_exception();
       }
     },
     nullptr);
+  if (exception)
+  {
+    std::rethrow_exception(exception);
+  }
 }
 
 template <typename TInputImage, typename TOutputImage>
@@ -280,12 +313,12 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::PrepareVolume(const Slab &  
   const InputImageType * input = this->GetInput();
   const auto &           buffered = input->GetBufferedRegion();
   const auto *           voxels = input->GetPixelContainer();
-  const SizeValueType    count = voxels ? voxels->Size() : 0;
+  const SizeValueType    available = voxels ? voxels->Size() : 0;
   if (!buffered.IsInside(input->GetRequestedRegion()) || !input->GetLargestPossibleRegion().IsInside(buffered) ||
-      count < buffered.GetNumberOfPixels())
+      available < buffered.GetNumberOfPixels())
   {
     itkExceptionMacro("The input must be buffered where it is requested, but there are "
-                      << count << " voxels, its buffered region is " << buffered << " and its requested region is "
+                      << available << " voxels, its buffered region is " << buffered << " and its requested region is "
                       << input->GetRequestedRegion());
   }
   const auto parallelize = [=](SizeValueType count, const auto & process) {

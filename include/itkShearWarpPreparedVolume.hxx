@@ -103,7 +103,7 @@ ShearWarpPreparedVolume<TPixel>::FindBlockMaxima(const ShearWarp::Kernels<TPixel
   ShearWarpBuffer      maxima = std::move(m_BlockMaxima);
   if (m_SlabBegin == 0)
   {
-    maxima.Reserve(blocksX * blocksY * CountBlocks(m_Size[2]) * sizeof(TPixel));
+    maxima.Reserve(blocksX * blocksY * CountBlocks(m_Size[2]) * sizeof(TPixel), "the block maxima");
     m_Lowest = NumericTraits<TPixel>::max();
     m_Highest = NumericTraits<TPixel>::NonpositiveMin();
   }
@@ -140,7 +140,7 @@ ShearWarpPreparedVolume<TPixel>::Transpose(const ShearWarp::Kernels<TPixel> & ke
   const std::ptrdiff_t slice = m_Size[0] * m_Size[1];
   const std::ptrdiff_t first = this->GetFirstTransposedSlice();
   const std::ptrdiff_t count = m_SlabEnd - first;
-  memory.Reserve(slice * count * sizeof(TPixel));
+  memory.Reserve(slice * count * sizeof(TPixel), "the transposed copy of the volume");
   const TPixel * input = m_Voxels + (first - m_FirstBufferedSlice) * slice;
   TPixel *       transposed = memory.GetPointer<TPixel>();
   parallelize(static_cast<SizeValueType>(count), [&](SizeValueType z) {

@@ -121,7 +121,7 @@ ShearWarpProjector<TPixel>::Finish(const TParallelize & parallelize) -> Intermed
   }
   if (oversampling > 1)
   {
-    m_JoinedPhases.Reserve(rows * rowStride * sizeof(TPixel));
+    m_JoinedPhases.Reserve(rows * rowStride * sizeof(TPixel), "the joined intermediate image");
   }
   constexpr std::ptrdiff_t bandPixels = 1 << 17;
   const std::ptrdiff_t     bandRows = bandPixels / rowStride + 1;
@@ -376,7 +376,7 @@ ShearWarpProjector<TPixel>::ExtendRows(const ShearWarp::IntermediateGrid & grid,
   end = ShearWarp::CountBlocks(end, BlockLength) * BlockLength;
   if (image.rowBegin == image.rowEnd)
   {
-    image.pixels.Reserve(m_TileRows * BlockLength * m_RowStride * sizeof(TPixel));
+    image.pixels.Reserve(m_TileRows * BlockLength * m_RowStride * sizeof(TPixel), "an intermediate image");
     image.lowerBounds.assign(m_TileRows * m_TileColumns, ShearWarp::NoSample<TPixel>);
     image.rowBegin = image.rowEnd = begin;
   }

@@ -55,7 +55,7 @@ ShearWarpBuffer::operator=(ShearWarpBuffer && other) noexcept
 }
 
 void
-ShearWarpBuffer::Reserve(std::size_t bytes)
+ShearWarpBuffer::Reserve(std::size_t bytes, const char * purpose)
 {
   if (bytes <= m_Size)
   {
@@ -66,7 +66,7 @@ ShearWarpBuffer::Reserve(std::size_t bytes)
   if (!m_Memory)
   {
     throw MemoryAllocationError(
-      __FILE__, __LINE__, "Failed to allocate " + std::to_string(bytes) + " bytes.", ITK_LOCATION);
+      __FILE__, __LINE__, "Failed to allocate " + std::to_string(bytes) + " bytes for " + purpose + '.', ITK_LOCATION);
   }
   m_Size = bytes;
 #ifdef __linux__

@@ -28,7 +28,37 @@
 
 #include <gtest/gtest.h>
 
+#include <atomic>
+#include <chrono>
+#include <new>
+#include <set>
 #include <sstream>
+#include <stdexcept>
+#include <thread>
+
+namespace
+{
+/** How many more allocations of a ShearWarpBuffer succeed; all, if negative. */
+std::atomic<int> allocationsUntilFailure{ -1 };
+} // namespace
+
+/** Replaces the standard one, which only ShearWarpBuffer calls. */
+void *
+operator new(std::size_t size, std::align_val_t alignment, const std::nothrow_t &) noexcept
+{
+  if (allocationsUntilFailure >= 0 && allocationsUntilFailure-- == 0)
+  {
+    return nullptr;
+  }
+  try
+  {
+    return ::operator new(size, alignment);
+  }
+  catch (const std::bad_alloc &)
+  {
+    return nullptr;
+  }
+}
 
 namespace
 {
@@ -254,6 +284,20 @@ TEST_F(ShearWarpMIPPipeline, AnotherInputPreparesAgain)
   ExpectWorksAgain();
 }
 
+TEST_F(ShearWarpMIPPipeline, InputsOfOtherSizeAndGeometryTakeTurns)
+{
+  Random random(506);
+  for (int repeat = 0; repeat < 60; ++repeat)
+  {
+    m_Image = MakeRandomImage<short>(random, MakeRandomSize(random, 1, 50));
+    m_Filter->SetInput(m_Image);
+    m_Filter->SetTransform(MakeRandomView(random, ViewKind::Affine, m_Image));
+    ASSERT_NO_THROW(m_Filter->UpdateLargestPossibleRegion());
+    ASSERT_TRUE(HaveSamePixels(ProjectAfresh(m_Image, m_Filter->GetTransform()).GetPointer(), m_Filter->GetOutput()))
+      << "in repetition " << repeat;
+  }
+}
+
 TEST_F(ShearWarpMIPPipeline, ChangedUpstreamSourcePreparesAgain)
 {
   using CastType = itk::CastImageFilter<ImageType, ImageType>;
@@ -456,6 +500,168 @@ TEST_F(ShearWarpMIPPipeline, AbortThrowsAndTheNextUpdateIsRight)
     EXPECT_EQ(m_Filter->GetPreparedVolumeSizeInBytes(), abortAt < 0.4f ? 0u : PreparedBytes);
     ExpectWorksAgain();
   }
+}
+
+TEST_F(ShearWarpMIPPipeline, AHundredAbortsAtRandomMomentsLeaveTheFilterRight)
+{
+  using Clock = std::chrono::steady_clock;
+  Random random(507);
+  m_Image = MakeTestImage(508, { { 90, 100, 110 } });
+  m_Filter->SetInput(m_Image);
+  std::vector<OutputType::Pointer> expected;
+  for (const unsigned int axis : { 0, 1, 2 })
+  {
+    expected.push_back(ProjectAfresh(m_Image, MakeViewAlong(axis)));
+  }
+
+  Clock::duration duration{ std::chrono::milliseconds(10) };
+  int             aborts = 0;
+  for (int repeat = 0; aborts < 100; ++repeat)
+  {
+    ASSERT_LT(repeat, 10000) << aborts << " aborts";
+    const auto threads = static_cast<itk::ThreadIdType>(random.Integer(1, 8));
+    const auto axis = static_cast<unsigned int>(random.Integer(0, 2));
+    m_Filter->GetMultiThreader()->SetMaximumNumberOfThreads(threads);
+    m_Filter->SetNumberOfWorkUnits(threads);
+    m_Filter->SetTransform(MakeViewAlong(axis));
+    m_Filter->ReleasePreparedVolume();
+    std::thread aborter([&, delay = random.Uniform(0.0, 1.0) * duration] {
+      std::this_thread::sleep_for(delay);
+      m_Filter->AbortGenerateDataOn();
+    });
+    bool        isAborted = false;
+    try
+    {
+      m_Filter->UpdateLargestPossibleRegion();
+    }
+    catch (const itk::ProcessAborted &)
+    {
+      isAborted = true;
+    }
+    aborter.join();
+    aborts += isAborted;
+
+    const auto start = Clock::now();
+    ASSERT_NO_THROW(m_Filter->UpdateLargestPossibleRegion());
+    duration = isAborted ? Clock::now() - start : duration;
+    ASSERT_TRUE(HaveSamePixels(expected[axis].GetPointer(), m_Filter->GetOutput())) << "in repetition " << repeat;
+  }
+}
+
+TEST_F(ShearWarpMIPPipeline, WhatAnObserverThrowsArrivesAndTheNextUpdateIsRight)
+{
+  m_Image = MakeTestImage(509, { { 20, 150, 150 } });
+  m_Filter->SetInput(m_Image);
+  for (const unsigned int threads : { 1, 3 })
+  {
+    m_Filter->GetMultiThreader()->SetMaximumNumberOfThreads(threads);
+    m_Filter->SetNumberOfWorkUnits(threads);
+    int  eventsUntilThrow = 0;
+    bool hasThrown = true;
+    for (int event = 0; hasThrown; ++event)
+    {
+      hasThrown = false;
+      eventsUntilThrow = event;
+      auto command = itk::CStyleCommand::New();
+      command->SetClientData(&eventsUntilThrow);
+      command->SetCallback([](itk::Object *, const itk::EventObject &, void * data) {
+        // from then on at every event
+        if ((*static_cast<int *>(data))-- <= 0)
+        {
+          throw std::runtime_error("from an observer");
+        }
+      });
+      m_Filter->AddObserver(itk::ProgressEvent(), command);
+      m_Filter->ReleasePreparedVolume();
+      m_Filter->Modified();
+      try
+      {
+        m_Filter->Update();
+      }
+      catch (const std::runtime_error & error)
+      {
+        hasThrown = true;
+        EXPECT_STREQ(error.what(), "from an observer");
+      }
+      m_Filter->RemoveAllObservers();
+      ExpectWorksAgain();
+      ASSERT_LT(event, 1000);
+    }
+  }
+}
+
+TEST_F(ShearWarpMIPPipeline, AllocationsThatFailAreErrorsThatNameThemAndTheNextUpdateIsRight)
+{
+  m_Filter->SetOversampling(2);
+  m_Filter->Update();
+  std::set<std::string> purposes;
+  for (const unsigned int threads : { 1, 3 })
+  {
+    for (int allocation = 0; allocation < 20; ++allocation)
+    {
+      const auto filter = FilterType::New();
+      filter->SetInput(m_Image);
+      filter->SetTransform(m_Filter->GetTransform());
+      filter->SetOversampling(2);
+      filter->GetMultiThreader()->SetMaximumNumberOfThreads(threads);
+      filter->SetNumberOfWorkUnits(threads);
+      allocationsUntilFailure = allocation;
+      try
+      {
+        filter->Update();
+      }
+      catch (const itk::MemoryAllocationError & error)
+      {
+        const std::string description = error.GetDescription();
+        EXPECT_NE(description.find(" bytes for "), std::string::npos) << description;
+        purposes.insert(description.substr(description.find(" for ") + 5));
+      }
+      allocationsUntilFailure = -1;
+      ASSERT_NO_THROW(filter->Update());
+      EXPECT_TRUE(HaveSamePixels<short>(m_Filter->GetOutput(), filter->GetOutput()))
+        << "allocation " << allocation << ", " << threads << " threads";
+    }
+  }
+  EXPECT_EQ(purposes,
+            (std::set<std::string>{ "an intermediate image.",
+                                    "the block maxima.",
+                                    "the joined intermediate image.",
+                                    "the transposed copy of the volume." }));
+}
+
+TEST_F(ShearWarpMIPPipeline, FiltersInSeveralThreadsProjectGraftsOfOneImage)
+{
+  constexpr int                    repeats = 30;
+  std::vector<ViewType::Pointer>   views;
+  std::vector<OutputType::Pointer> expected;
+  Random                           random(510);
+  for (int n = 0; n < repeats; ++n)
+  {
+    views.push_back(MakeRandomView(random, ViewKind::Affine, m_Image));
+    expected.push_back(ProjectAfresh(m_Image, views.back()));
+  }
+  std::atomic<int>         rightPictures{ 0 };
+  std::vector<std::thread> threads;
+  for (int thread = 0; thread < 4; ++thread)
+  {
+    threads.emplace_back([&] {
+      const auto graft = ImageType::New();
+      graft->Graft(m_Image);
+      const auto filter = FilterType::New();
+      filter->SetInput(graft);
+      for (int n = 0; n < repeats; ++n)
+      {
+        filter->SetTransform(views[n]);
+        filter->UpdateLargestPossibleRegion();
+        rightPictures += HaveSamePixels(expected[n].GetPointer(), filter->GetOutput());
+      }
+    });
+  }
+  for (std::thread & thread : threads)
+  {
+    thread.join();
+  }
+  EXPECT_EQ(rightPictures, 4 * repeats);
 }
 
 TEST_F(ShearWarpMIPPipeline, AnUnknownInstructionSetIsAnError)
