@@ -50,9 +50,10 @@ struct IntermediateGrid
  * intermediate image to the view plane. Here, as everywhere in this module, coordinates of the view plane are in
  * the units of the view transform's input (mm, for a rigid transform of an image in mm).
  *
- * The principal axis is the one along which a ray's index changes most, so that |s_a| <= 1 and |s_b| <= 1
- * for anisotropic voxels and affine views too. The published translations are twice too large for negative
- * shears; here t_a = max(0, -s_a (n_k - 1)), and t_b likewise, so that every slice lies at a non-negative offset.
+ * The principal axis is the one along which a ray's index changes most (the later one where two are equal but for
+ * rounding errors), so that |s_a| <= 1 and |s_b| <= 1 for anisotropic voxels and affine views too. The published
+ * translations are twice too large for negative shears; here t_a = max(0, -s_a (n_k - 1)), and t_b likewise, so that
+ * every slice lies at a non-negative offset.
  *
  * With an oversampling of N the intermediate image has N pixels per voxel along each axis: its pixel (x, y) lies where
  * the sheared voxels have column (x + 1) / N - 1 and row (y + 1) / N - 1. Its N x N phases, of which each takes every
@@ -74,8 +75,8 @@ public:
 
   /** Factors the view of \a image, over its largest possible region, by \a viewTransform, which takes view space to
    * the image's physical space. \a output gives the grid in the view plane: size, spacing and origin.
-   * \a oversampling is 1 or 2. Throws ExceptionObject as VerifyViewTransform() and VerifyOversampling() do, and for a
-   * null image, as all functions here do. */
+   * \a oversampling is 1 or 2. Throws ExceptionObject as VerifyViewTransform() and VerifyOversampling() do, for an
+   * intermediate image of 2^31 columns or rows, and for a null image, as all functions here do. */
   ShearWarpFactorization(const TransformType *       viewTransform,
                          const InputImageBaseType *  image,
                          const OutputImageBaseType * output,

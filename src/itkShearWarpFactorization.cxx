@@ -19,6 +19,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace itk
 {
@@ -31,6 +32,10 @@ struct LinearView
   Matrix<double, 3, 3> matrix;
   Vector<double, 3>    offset;
 };
+
+/** Components of a ray whose ratio is not above this are equal, but for rounding errors: then the later axis is
+ * principal, on every machine. */
+constexpr double AxisTie = 1.0 + 1e-10;
 
 /** Works for every transform class. A power of two as step keeps the digits of the matrix. */
 LinearView
@@ -187,7 +192,7 @@ ShearWarpFactorization::ShearWarpFactorization(const TransformType *       viewT
   unsigned int            principalAxis = 2;
   for (const unsigned int axis : { 1, 0 })
   {
-    principalAxis = std::abs(ray[axis]) > std::abs(ray[principalAxis]) ? axis : principalAxis;
+    principalAxis = std::abs(ray[axis]) > AxisTie * std::abs(ray[principalAxis]) ? axis : principalAxis;
   }
   m_Permutation = MakePermutation(principalAxis);
 
@@ -208,6 +213,12 @@ ShearWarpFactorization::ShearWarpFactorization(const TransformType *       viewT
   }
   for (unsigned int axis = 0; axis < 2; ++axis)
   {
+    const SizeValueType length = m_Oversampling * (size[axis] + size[2]);
+    if (length > static_cast<SizeValueType>(std::numeric_limits<std::int32_t>::max()))
+    {
+      itkGenericExceptionMacro("The intermediate image must have less than 2^31 columns and rows, but an input of size "
+                               << image->GetLargestPossibleRegion().GetSize() << " needs " << length << '.');
+    }
     m_Shear[axis] = -ray[m_Permutation[axis]] / ray[principalAxis];
     m_Translation[axis] = m_Shear[axis] < 0 ? -m_Shear[axis] * static_cast<double>(size[2] - 1) : 0.0;
   }

@@ -432,6 +432,41 @@ TEST(ShearWarpFactorization, TransformErrorsNameTheValue)
   expect(verify(view), { "Transform", "invertible", "2.5", "7.25", "determinant" });
 }
 
+TEST(ShearWarpFactorization, TooManyIntermediateColumnsAreAnError)
+{
+  auto image = itk::Image<unsigned char, 3>::New();
+  image->SetRegions(itk::Size<3>{ { 1, 1, std::size_t{ 1 } << 31 } });
+  const auto output = itk::Image<unsigned char, 2>::New();
+  try
+  {
+    const itk::ShearWarpFactorization factorization(ViewType::New(), image, output);
+    FAIL() << "no exception";
+  }
+  catch (const itk::ExceptionObject & exception)
+  {
+    EXPECT_NE(std::string(exception.GetDescription()).find("[1, 1, 2147483648] needs 2147483649"), std::string::npos);
+  }
+}
+
+TEST(ShearWarpFactorization, OfEqualAxesTheLastIsPrincipal)
+{
+  Random random(312);
+  for (int repeat = 0; repeat < 300; ++repeat)
+  {
+    const auto image = MakeRandomImage<unsigned char>(random, MakeRandomSize(random, 1, 3));
+    MatrixType viewToIndex;
+    viewToIndex.SetIdentity();
+    const double sign = repeat % 2 == 0 ? 1 : -1;
+    viewToIndex(0, 2) = sign;
+    viewToIndex(1, 2) = repeat % 3 == 0 ? -sign : 0.3;
+    const auto & spacing = image->GetSpacing();
+    const auto   view = MakeView(image->GetDirection() * MakeDiagonal(spacing[0], spacing[1], spacing[2]) * viewToIndex,
+                               GetCentre(image));
+    const itk::ShearWarpFactorization factorization(view, image, itk::Image<unsigned char, 2>::New());
+    EXPECT_EQ(factorization.GetPrincipalAxis(), 2u) << "in repetition " << repeat;
+  }
+}
+
 TEST(ShearWarpFactorization, ConstructorAndProjectedGridVerifyTheTransform)
 {
   const auto image = MakeGeometry({ { 3, 3, 3 } }, MakeVector3(1, 1, 1));

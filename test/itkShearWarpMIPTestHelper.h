@@ -550,9 +550,10 @@ public:
     }
 
     const long double(&ray)[3] = m_Axes[2];
+    constexpr long double tie = 1.0L + 1e-10L;
     m_K = 2;
-    m_K = std::abs(ray[1]) > std::abs(ray[m_K]) ? 1 : m_K;
-    m_K = std::abs(ray[0]) > std::abs(ray[m_K]) ? 0 : m_K;
+    m_K = std::abs(ray[1]) > tie * std::abs(ray[m_K]) ? 1 : m_K;
+    m_K = std::abs(ray[0]) > tie * std::abs(ray[m_K]) ? 0 : m_K;
     m_I = m_K == 0 ? 1 : 0;
     m_J = m_K == 2 ? 1 : 2;
     const int across[2] = { m_I, m_J };
