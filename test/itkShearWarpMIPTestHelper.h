@@ -603,6 +603,42 @@ public:
       background);
   }
 
+  /** Whether the value at (u, v) rests on the last digits of a double: a position there, or of a slice, is about
+   * half-way between two multiples of 1/2^15. */
+  bool
+  IsTie(double u, double v) const
+  {
+    long double c[3];
+    long double scale = 0.0L;
+    for (int axis = 0; axis < 3; ++axis)
+    {
+      c[axis] = m_Axes[0][axis] * u + m_Axes[1][axis] * v + m_Offset[axis];
+      scale += std::abs(m_Axes[0][axis] * u) + std::abs(m_Axes[1][axis] * v) + std::abs(m_Offset[axis]) +
+               static_cast<long double>(m_Length[axis]);
+    }
+    const auto isTie = [](long double position, long double uncertainty) {
+      return Quantize(position - uncertainty) != Quantize(position + uncertainty);
+    };
+    constexpr long double error = 0x1.0p-43L;
+    const std::int64_t    across[2] = { m_I, m_J };
+    for (int n = 0; n < 2; ++n)
+    {
+      for (std::int64_t k = 0; k < m_Length[m_K]; ++k)
+      {
+        if (isTie(m_Shear[n] * k + m_Translation[n], error * m_Length[m_K]))
+        {
+          return true;
+        }
+      }
+      const long double position = c[across[n]] + m_Shear[n] * c[m_K] + m_Translation[n];
+      if (isTie(m_Oversampling * (position + 1) - 1, error * scale))
+      {
+        return true;
+      }
+    }
+    return false;
+  }
+
   typename Image<TPixel, 2>::Pointer
   Evaluate(const ImageBase<2> * grid, TPixel background)
   {

@@ -1,0 +1,294 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#include "itkShearWarpMIPImageFilter.h"
+
+#include "itkShearWarpMIPTestHelper.h"
+
+#include <gtest/gtest.h>
+
+#include <array>
+#include <chrono>
+#include <cstdlib>
+#include <iostream>
+
+namespace
+{
+using namespace itk::ShearWarpMIPTest;
+using ReducedResamplingEnum = itk::ShearWarpMIPImageFilterEnums::ReducedResampling;
+
+/** Mostly small, at most 70. */
+itk::Size<3>
+DrawSize(Random & random)
+{
+  itk::Size<3> size;
+  for (auto & length : size)
+  {
+    constexpr itk::SizeValueType limits[] = { 2, 5, 12, 12, 12, 25, 25, 70 };
+    length = static_cast<itk::SizeValueType>(random.Integer(1, limits[random.Integer(0, 7)]));
+  }
+  return size;
+}
+
+/** Spacings from 0.01 to 100, more or less alike; oblique, mirrored, or along the axes. */
+void
+DrawGeometry(Random & random, itk::ImageBase<3> * image, const itk::Size<3> & size)
+{
+  SetRandomGeometry(random, image, size);
+  const double           scale = std::pow(10.0, random.Uniform(-2, 2));
+  const bool             isAnisotropic = random.Integer(0, 2) == 0;
+  itk::Vector<double, 3> spacing;
+  for (auto & step : spacing)
+  {
+    step = isAnisotropic ? std::pow(10.0, random.Uniform(-2, 2)) : scale * random.Uniform(0.5, 2.0);
+  }
+  image->SetSpacing(spacing);
+  if (random.Integer(0, 3) == 0)
+  {
+    const double mirror = random.Integer(0, 1) == 0 ? 1 : -1;
+    image->SetDirection(MakeMatrix({ { 0, mirror, 0 }, { 0, 0, 1 }, { -1, 0, 0 } }));
+  }
+}
+
+/** Noise, or a few bright voxels, or what is not finite. */
+template <typename TPixel>
+void
+DrawVoxels(Random & random, itk::Image<TPixel, 3> * image)
+{
+  FillRandom(random, image);
+  TPixel * const voxels = image->GetBufferPointer();
+  const auto     last = static_cast<std::int64_t>(image->GetBufferedRegion().GetNumberOfPixels()) - 1;
+  const auto     content = random.Integer(0, 3);
+  if (content == 0)
+  {
+    std::fill(voxels, voxels + last + 1, TPixel{ 3 });
+    for (int n = 0; n < 5; ++n)
+    {
+      voxels[random.Integer(0, last)] = static_cast<TPixel>(random.Integer(1, 120));
+    }
+  }
+  if constexpr (std::is_floating_point_v<TPixel>)
+  {
+    if (content == 1)
+    {
+      using Limits = std::numeric_limits<TPixel>;
+      constexpr TPixel specials[] = { Limits::quiet_NaN(), Limits::infinity(), -Limits::infinity(), -TPixel{},
+                                      Limits::max(),       Limits::lowest(),   Limits::denorm_min() };
+      for (std::int64_t n = 0; n <= last; n += random.Integer(1, 9))
+      {
+        voxels[n] = specials[random.Integer(0, 6)];
+      }
+    }
+  }
+}
+
+/** Random, or one whose shears are multiples of 1/2 up to rounding errors: on the boundary of what is possible. */
+ViewType::Pointer
+DrawView(Random & random, const itk::ImageBase<3> * image)
+{
+  const auto kind = AllViewKinds[random.Integer(0, 2)];
+  MatrixType matrix = MakeRandomViewMatrix(random, kind);
+  if (random.Integer(0, 2) == 0)
+  {
+    const auto & spacing = image->GetSpacing();
+    MatrixType   viewToIndex;
+    viewToIndex.SetIdentity();
+    for (unsigned int axis = 0; axis < 3; ++axis)
+    {
+      viewToIndex(axis, 2) = 0.5 * static_cast<double>(random.Integer(-2, 2));
+    }
+    if (viewToIndex(2, 2) != 0.0)
+    {
+      matrix = image->GetDirection() * MakeDiagonal(spacing[0], spacing[1], spacing[2]) * viewToIndex;
+    }
+  }
+  else if (random.Integer(0, 2) == 0)
+  {
+    matrix = matrix * MakeDiagonal(1.0, 1.0, std::pow(10.0, random.Uniform(-2, 2)));
+  }
+  PointType origin = GetCentre(image);
+  for (auto & coordinate : origin)
+  {
+    coordinate += random.Uniform(-20, 20);
+  }
+  return MakeView(matrix, origin);
+}
+
+/** Sets some of the grid's parameters, or none, and what is needed to keep the output small. */
+template <typename TFilter>
+void
+DrawGrid(Random & random, TFilter * filter, const ViewType * view, const itk::ImageBase<3> * image)
+{
+  constexpr double      largest = 80.0;
+  itk::Point<double, 2> lower;
+  itk::Point<double, 2> upper;
+  itk::ShearWarpFactorization::ComputeProjectedBounds(view, image, lower, upper);
+  const auto             extent = upper - lower;
+  const auto             fitted = itk::ShearWarpFactorization::ComputeProjectedSpacing(view, image);
+  itk::Size<2>           size;
+  itk::Vector<double, 2> spacing;
+  itk::Point<double, 2>  origin;
+  bool                   isTooLarge = false;
+  for (unsigned int axis = 0; axis < 2; ++axis)
+  {
+    size[axis] = static_cast<itk::SizeValueType>(random.Integer(1, 40));
+    spacing[axis] = extent[axis] / random.Uniform(1, largest);
+    origin[axis] = lower[axis] + extent[axis] * random.Uniform(-0.4, 0.9);
+    isTooLarge = isTooLarge || extent[axis] / fitted[axis] > largest;
+  }
+  const auto parts = random.Integer(0, 7);
+  if (parts & 1)
+  {
+    filter->SetSize(size);
+  }
+  if ((parts & 2) || isTooLarge)
+  {
+    filter->SetOutputSpacing(spacing);
+  }
+  if (parts & 4)
+  {
+    filter->SetOutputOrigin(origin);
+  }
+}
+
+/** What the cases of a run had. */
+struct Tally
+{
+  std::size_t cases{ 0 };
+  std::size_t pixels{ 0 };
+  std::size_t ties{ 0 };
+};
+
+/** The filter gives the bits of BruteForceProjection, however it computes them. */
+template <typename TPixel>
+void
+CheckCase(Random & random, Tally & tally)
+{
+  using ImageType = itk::Image<TPixel, 3>;
+  const auto image = ImageType::New();
+  DrawGeometry(random, image, DrawSize(random));
+  image->Allocate();
+  DrawVoxels(random, image.GetPointer());
+  if (random.Integer(0, 3) == 0)
+  {
+    // an image without a source is what there is of it in memory
+    auto larger = image->GetBufferedRegion();
+    larger.PadByRadius(static_cast<itk::SizeValueType>(random.Integer(1, 9)));
+    image->SetLargestPossibleRegion(larger);
+  }
+  const auto buffered = image->GetBufferedRegion();
+
+  const auto filter = itk::ShearWarpMIPImageFilter<ImageType>::New();
+  if (random.Integer(0, 3) == 0)
+  {
+    // what another image left behind
+    filter->SetInput(MakeRandomImage<TPixel>(random, DrawSize(random)));
+    filter->SetSize({ { 9, 9 } });
+    filter->SetOversampling(2);
+    filter->Update();
+    filter->FitOutputGrid();
+  }
+  filter->SetInput(image);
+  image->UpdateOutputInformation();
+  const auto view = DrawView(random, image);
+  const auto background = MakeRandomPixel<TPixel>(random);
+  const auto oversampling = static_cast<unsigned int>(random.Integer(1, 2));
+  filter->SetTransform(view);
+  filter->SetDefaultPixelValue(background);
+  filter->SetOversampling(oversampling);
+  DrawGrid(random, filter.GetPointer(), view, image);
+
+  typename itk::Image<TPixel, 2>::Pointer first;
+  ForEachInstructionSet([&](const std::string & name) {
+    const auto threads = static_cast<itk::ThreadIdType>(random.Integer(1, 8));
+    const auto mode = static_cast<ReducedResamplingEnum>(random.Integer(0, 2));
+    filter->GetMultiThreader()->SetMaximumNumberOfThreads(threads);
+    filter->SetNumberOfWorkUnits(threads);
+    filter->SetReducedResampling(mode);
+    filter->SetNumberOfStreamDivisions(static_cast<unsigned int>(random.Integer(0, 1) == 0 ? 1 : random.Integer(2, 9)));
+    if (random.Integer(0, 1) == 0)
+    {
+      filter->ReleasePreparedVolume();
+    }
+    filter->Modified();
+    filter->UpdateLargestPossibleRegion();
+    first = first ? first : Copy(filter->GetOutput());
+    EXPECT_TRUE(HaveSamePixels(first.GetPointer(), filter->GetOutput()))
+      << name << ", " << threads << " threads, " << mode;
+  });
+
+  ASSERT_EQ(image->GetLargestPossibleRegion(), buffered);
+  BruteForceProjection<TPixel>                    bruteForce(view, image, static_cast<int>(oversampling));
+  itk::ImageRegionIterator<itk::Image<TPixel, 2>> it(first, first->GetBufferedRegion());
+  for (; !it.IsAtEnd(); ++it)
+  {
+    const double u = first->GetOrigin()[0] + first->GetSpacing()[0] * static_cast<double>(it.GetIndex()[0]);
+    const double v = first->GetOrigin()[1] + first->GetSpacing()[1] * static_cast<double>(it.GetIndex()[1]);
+    const TPixel expected = bruteForce.Evaluate(u, v, background);
+    ++tally.pixels;
+    if (!HaveSameBits(it.Get(), expected))
+    {
+      ASSERT_TRUE(bruteForce.IsTie(u, v))
+        << "pixel " << it.GetIndex() << " is " << +it.Get() << " instead of " << +expected << "; "
+        << first->GetBufferedRegion().GetSize() << " pixels of " << buffered.GetSize() << " voxels";
+      ++tally.ties;
+    }
+  }
+  ++tally.cases;
+}
+
+/** Every draw of a case follows from its seed. */
+void
+CheckCase(std::uint64_t seed, Tally & tally)
+{
+  constexpr std::array checks = {
+    CheckCase<char>,           CheckCase<signed char>, CheckCase<unsigned char>,      CheckCase<short>,
+    CheckCase<unsigned short>, CheckCase<int>,         CheckCase<unsigned int>,       CheckCase<long>,
+    CheckCase<unsigned long>,  CheckCase<long long>,   CheckCase<unsigned long long>, CheckCase<float>,
+    CheckCase<double>
+  };
+  SCOPED_TRACE("SHEARWARPMIP_TEST_SEED=" + std::to_string(seed));
+  Random random(seed);
+  checks[seed % checks.size()](random, tally);
+}
+} // namespace
+
+/** SHEARWARPMIP_TEST_SEED=N repeats the case of that seed; SHEARWARPMIP_TEST_SECONDS=N takes new ones for so long. */
+TEST(ShearWarpMIPProperties, EveryCaseHasTheBitsOfABruteForceEvaluation)
+{
+  using Clock = std::chrono::steady_clock;
+  Tally tally;
+  if (const char * seed = std::getenv("SHEARWARPMIP_TEST_SEED"))
+  {
+    CheckCase(std::stoull(seed), tally);
+    return;
+  }
+  const char *        seconds = std::getenv("SHEARWARPMIP_TEST_SECONDS");
+  const auto          end = Clock::now() + std::chrono::seconds(seconds ? std::stoll(seconds) : 0);
+  const std::uint64_t first = seconds ? std::random_device{}() : 0;
+  for (std::uint64_t n = 0; seconds ? Clock::now() < end : n < 12000; ++n)
+  {
+    CheckCase(first + n, tally);
+    if (HasFailure())
+    {
+      break;
+    }
+  }
+  std::cout << tally.cases << " cases from seed " << first << ", " << tally.pixels << " pixels, " << tally.ties
+            << " of them ties\n";
+  EXPECT_LT(static_cast<double>(tally.ties), 1e-4 * static_cast<double>(tally.pixels));
+}
