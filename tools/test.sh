@@ -9,13 +9,20 @@
 #   python     the wheel, in a fresh environment beside PyPI's itk of the same version; the sdist
 #
 # Usage: test.sh [tree | installed | module | python]...    [all four]
+#        test.sh --long    random cases for 30 minutes and an image of 2^31 voxels (5 GB), on an installed ITK
 # Installs what is missing, as root or with sudo. Environment: see itk-build-tree.sh.
 set -euo pipefail
 . "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 build=$root/build
+test_filter=()
 export CTEST_OUTPUT_ON_FAILURE=1 CTEST_PARALLEL_LEVEL=$jobs
 
+if [ "$*" = --long ]; then
+  export SHEARWARPMIP_TEST_SECONDS=1800 SHEARWARPMIP_TEST_LARGE=1
+  test_filter=(--tests-regex '^ShearWarpMIP(Properties|Large)' --timeout 3600 --verbose)
+  set -- installed
+fi
 stages=("$@")
 [ ${#stages[@]} -gt 0 ] || stages=(tree installed module python)
 for stage in "${stages[@]}"; do
@@ -32,7 +39,7 @@ configure_build_test() {
   cmake -S "$root" -B "$dir" -G Ninja -DCMAKE_BUILD_TYPE=Release -DBUILD_TESTING=ON \
     '-DCMAKE_CXX_FLAGS=-Wall -Wextra' "$@"
   cmake --build "$dir" --parallel "$jobs"
-  ctest --test-dir "$dir" --no-tests=error
+  ctest --test-dir "$dir" --no-tests=error "${test_filter[@]}"
 }
 
 use_tree() {
