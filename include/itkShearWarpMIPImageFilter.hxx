@@ -150,6 +150,15 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::GenerateOutputInformation()
     }
   }
 
+  for (unsigned int axis = 0; axis < OutputImageDimension; ++axis)
+  {
+    if (!(spacing[axis] > 0.0 && std::isfinite(spacing[axis]) && std::isfinite(origin[axis])))
+    {
+      itkExceptionMacro("The output's grid must be finite, but its spacing is " << spacing << " and its origin "
+                                                                                << origin << '.');
+    }
+  }
+
   static const double memory = []() {
     itksys::SystemInformation system;
     system.RunMemoryCheck();

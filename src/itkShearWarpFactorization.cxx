@@ -26,7 +26,7 @@ namespace itk
 namespace
 {
 
-/** View to physical space: p = matrix * q + offset. */
+/** One space to another: p = matrix * q + offset. */
 struct LinearView
 {
   Matrix<double, 3, 3> matrix;
@@ -70,17 +70,49 @@ GetColumn(const Matrix<double, 3, 3> & matrix, unsigned int column)
   return result;
 }
 
+template <typename TArray>
+bool
+IsFinite(const TArray & array)
+{
+  return std::all_of(array.begin(), array.end(), [](double element) { return std::isfinite(element); });
+}
+
 bool
 IsFinite(const Matrix<double, 3, 3> & matrix)
 {
-  const auto * const elements = matrix.GetVnlMatrix().data_block();
-  return std::all_of(elements, elements + 9, [](double element) { return std::isfinite(element); });
+  return IsFinite(matrix.GetVnlMatrix());
 }
 
 double
 GetDeterminant(const Matrix<double, 3, 3> & matrix)
 {
   return CrossProduct(GetColumn(matrix, 0), GetColumn(matrix, 1)) * GetColumn(matrix, 2);
+}
+
+/** By cofactors; not finite where the matrix is singular. The singular value decomposition of Matrix::GetInverse() ends
+ * the program where numbers are not finite, and may never end itself where they are large. */
+Matrix<double, 3, 3>
+Invert(const Matrix<double, 3, 3> & matrix)
+{
+  const double         determinant = GetDeterminant(matrix);
+  Matrix<double, 3, 3> inverse;
+  for (unsigned int row = 0; row < 3; ++row)
+  {
+    const auto cofactors = CrossProduct(GetColumn(matrix, (row + 1) % 3), GetColumn(matrix, (row + 2) % 3));
+    for (unsigned int column = 0; column < 3; ++column)
+    {
+      inverse(row, column) = cofactors[column] / determinant;
+    }
+  }
+  return inverse;
+}
+
+bool
+IsInvertible(const Matrix<double, 3, 3> & matrix)
+{
+  const double volume =
+    GetColumn(matrix, 0).GetNorm() * GetColumn(matrix, 1).GetNorm() * GetColumn(matrix, 2).GetNorm();
+  return std::abs(GetDeterminant(matrix)) > 1e-12 * volume && IsFinite(Invert(matrix));
 }
 
 /** The image's index axes in physical space: direction times spacing. */
@@ -114,6 +146,35 @@ VerifyImage(const DataObject * image, const char * name)
   {
     itkGenericExceptionMacro("The " << name << " is required but not set.");
   }
+}
+
+/** What an image looks like in a view. */
+struct ImageView
+{
+  /** Index, relative to the first voxel, to view space: q = matrix * index + offset. */
+  LinearView indexToView;
+  /** The direction of a ray, in index space. */
+  Vector<double, 3> ray;
+};
+
+ImageView
+GetImageView(const Transform<double, 3, 3> * transform, const ImageBase<3> * image)
+{
+  ShearWarpFactorization::VerifyViewTransform(transform);
+  VerifyImage(image, "input image");
+  const LinearView           view = GetLinearView(transform);
+  const Matrix<double, 3, 3> physicalToView = Invert(view.matrix);
+  const LinearView           indexToView{ physicalToView * GetIndexToPhysical(image),
+                                physicalToView * (GetFirstVoxel(image) - view.offset) };
+  if (IsInvertible(indexToView.matrix) && IsFinite(indexToView.offset))
+  {
+    return { indexToView, GetColumn(Invert(indexToView.matrix), 2) };
+  }
+  itkGenericExceptionMacro(
+    "Transform and the image's axes together must be finite and invertible, but the transform's matrix is\n"
+    << view.matrix << "its offset " << view.offset << ", and the image has spacing " << image->GetSpacing()
+    << ", origin " << image->GetOrigin() << " and direction\n"
+    << image->GetDirection());
 }
 
 /** \a position and \a fractions of a pixel, in 1/2^15. */
@@ -175,21 +236,13 @@ ShearWarpFactorization::ShearWarpFactorization(const TransformType *       viewT
                                                unsigned int                oversampling)
   : m_Oversampling(oversampling)
 {
-  VerifyViewTransform(viewTransform);
+  const auto [indexToView, ray] = GetImageView(viewTransform, image);
   VerifyOversampling(oversampling);
-  VerifyImage(image, "input image");
   VerifyImage(output, "output image");
   m_OutputSpacing = output->GetSpacing();
   m_OutputOrigin = output->GetOrigin();
 
-  const LinearView           view = GetLinearView(viewTransform);
-  const Matrix<double, 3, 3> physicalToView(view.matrix.GetInverse());
-  const Matrix<double, 3, 3> indexToView = physicalToView * GetIndexToPhysical(image);
-  const Vector<double, 3>    firstVoxel = physicalToView * (GetFirstVoxel(image) - view.offset);
-
-  // the ray in index space
-  const Vector<double, 3> ray = GetColumn(Matrix<double, 3, 3>(indexToView.GetInverse()), 2);
-  unsigned int            principalAxis = 2;
+  unsigned int principalAxis = 2;
   for (const unsigned int axis : { 1, 0 })
   {
     principalAxis = std::abs(ray[axis]) > AxisTie * std::abs(ray[principalAxis]) ? axis : principalAxis;
@@ -201,9 +254,9 @@ ShearWarpFactorization::ShearWarpFactorization(const TransformType *       viewT
   {
     for (unsigned int column = 0; column < 3; ++column)
     {
-      m_ViewMatrix(row, column) = indexToView(row, m_Permutation[column]);
+      m_ViewMatrix(row, column) = indexToView.matrix(row, m_Permutation[column]);
     }
-    m_ViewMatrix(row, 3) = firstVoxel[row];
+    m_ViewMatrix(row, 3) = indexToView.offset[row];
   }
 
   Size<3> size;
@@ -314,7 +367,14 @@ ShearWarpFactorization::GetOutputToIntermediateMatrix() const
     shearedToIntermediate(axis, axis) = m_Oversampling;
     shearedToIntermediate(axis, 2) = m_Oversampling - 1.0;
   }
-  return shearedToIntermediate * Matrix3Type(GetWarpMatrix().GetInverse()) * outputToView;
+  const Matrix3Type map = shearedToIntermediate * Invert(this->GetWarpMatrix()) * outputToView;
+  if (IsFinite(map))
+  {
+    return map;
+  }
+  itkGenericExceptionMacro("Transform and output grid must be within the range of numbers, but the warp is\n"
+                           << this->GetWarpMatrix() << "and the output's spacing " << m_OutputSpacing << ", origin "
+                           << m_OutputOrigin << '.');
 }
 
 void
@@ -343,13 +403,10 @@ ShearWarpFactorization::VerifyViewTransform(const TransformType * viewTransform)
     itkGenericExceptionMacro("Transform must be finite, but its matrix is\n"
                              << view.matrix << "and its offset " << view.offset << '.');
   }
-  const double determinant = GetDeterminant(view.matrix);
-  const double volume =
-    GetColumn(view.matrix, 0).GetNorm() * GetColumn(view.matrix, 1).GetNorm() * GetColumn(view.matrix, 2).GetNorm();
-  if (!(std::abs(determinant) > 1e-12 * volume) || !IsFinite(Matrix<double, 3, 3>(view.matrix.GetInverse())))
+  if (!IsInvertible(view.matrix))
   {
     itkGenericExceptionMacro("Transform must be invertible, but the determinant of its matrix\n"
-                             << view.matrix << "is " << determinant << '.');
+                             << view.matrix << "is " << GetDeterminant(view.matrix) << '.');
   }
 }
 
@@ -359,24 +416,17 @@ ShearWarpFactorization::ComputeProjectedBounds(const TransformType *      viewTr
                                                Point2Type &               lower,
                                                Point2Type &               upper)
 {
-  VerifyViewTransform(viewTransform);
-  VerifyImage(image, "input image");
-
-  const LinearView           view = GetLinearView(viewTransform);
-  const Matrix<double, 3, 3> physicalToView(view.matrix.GetInverse());
-  const Matrix<double, 3, 3> indexToView = physicalToView * GetIndexToPhysical(image);
-  const Vector<double, 3>    firstVoxel = physicalToView * (GetFirstVoxel(image) - view.offset);
-  const Size<3>              size = image->GetLargestPossibleRegion().GetSize();
-
+  const LinearView indexToView = GetImageView(viewTransform, image).indexToView;
+  const Size<3>    size = image->GetLargestPossibleRegion().GetSize();
   for (unsigned int row = 0; row < 2; ++row)
   {
-    double centre = firstVoxel[row];
+    double centre = indexToView.offset[row];
     double halfExtent = 0.0;
     for (unsigned int axis = 0; axis < 3; ++axis)
     {
       const auto count = static_cast<double>(size[axis]);
-      centre += indexToView(row, axis) * 0.5 * (count - 1.0);
-      halfExtent += std::abs(indexToView(row, axis)) * 0.5 * count;
+      centre += indexToView.matrix(row, axis) * 0.5 * (count - 1.0);
+      halfExtent += std::abs(indexToView.matrix(row, axis)) * 0.5 * count;
     }
     lower[row] = centre - halfExtent;
     upper[row] = centre + halfExtent;

@@ -486,6 +486,30 @@ TEST(ShearWarpFactorization, SmallTransformsOfFullRankAreNotSingular)
   }
 }
 
+TEST(ShearWarpFactorization, ErrorsWhereNumbersOverflow)
+{
+  const auto                         image = MakeGeometry({ { 3, 3, 3 } }, MakeVector3(1, 1, 1));
+  const auto                         small = MakeView(MakeDiagonal(1e-100, 1e-100, 1e-100), MakePoint3(0, 0, 0));
+  ShearWarpFactorization::Point2Type lower, upper;
+  image->SetOrigin(MakePoint3(0, 1e300, 0));
+  EXPECT_NAMES(ShearWarpFactorization(small, image, MakeGrid()), "1e+300");
+  EXPECT_NAMES(ShearWarpFactorization::ComputeProjectedBounds(small, image, lower, upper), "1e+300");
+
+  const auto plain = MakeGeometry({ { 3, 3, 3 } }, MakeVector3(1e-10, 1, 1));
+  const auto identity = MakeView(MakeDiagonal(1, 1, 1), MakePoint3(0, 0, 0));
+  EXPECT_NO_THROW(ShearWarpFactorization(identity, plain, MakeGrid(1e290)).GetOutputToIntermediateMatrix());
+  EXPECT_NAMES(ShearWarpFactorization(identity, plain, MakeGrid(1e300)).GetOutputToIntermediateMatrix(), "1e+300");
+}
+
+TEST(ShearWarpFactorization, FlatImagesHaveNoView)
+{
+  const auto image = MakeGeometry({ { 3, 6, 6 } }, MakeVector3(1, 1, 1));
+  image->SetDirection(MakeMatrix({ { 1, 0, -2 }, { 0, 1, 1 }, { 0, 0, 1e-300 } }));
+  Random     random(1);
+  const auto view = MakeView(MakeRandomRotation(random), MakePoint3(0, 0, 0));
+  EXPECT_NAMES(ShearWarpFactorization(view, image, MakeGrid()), "1e-300");
+}
+
 TEST(ShearWarpFactorization, ProjectedBoundsAreThoseOfTheEightCorners)
 {
   Random random(104);

@@ -540,6 +540,16 @@ TEST(ShearWarpMIPImageFilter, PartsOfTheGridThatAreSetStayAndTheOthersAreFitted)
   }
 }
 
+TEST(ShearWarpMIPImageFilter, FittedGridIsFinite)
+{
+  const auto image = MakePlainImage<unsigned char>({ { 4, 4, 4 } });
+  image->SetOrigin(MakePoint3(1.2e308, 0, 0));
+  const auto filter = MakeFilter<unsigned char>(image, MakeAxisView(2));
+  EXPECT_THROW(filter->UpdateOutputInformation(), itk::ExceptionObject);
+  image->SetOrigin(MakePoint3(0.8e308, 0, 0));
+  EXPECT_NO_THROW(filter->UpdateOutputInformation());
+}
+
 TEST(ShearWarpMIPImageFilter, OneVoxelThickImagesProjectFromEverySide)
 {
   for (unsigned int thin = 0; thin < 4; ++thin)
