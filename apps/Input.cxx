@@ -23,8 +23,15 @@
 #include "itkImageIOFactory.h"
 #include "itkImageSeriesReader.h"
 #include "itkMetaDataObject.h"
+#include "itkTransformFactoryBase.h"
 #include "itkTransformFileReader.h"
 
+#include "itksys/SystemTools.hxx"
+
+#include <algorithm>
+#include <fstream>
+#include <iterator>
+#include <set>
 #include <sstream>
 #include <stdexcept>
 
@@ -69,6 +76,88 @@ FindSeries(const std::filesystem::path & folder, const std::string & series)
     throw std::runtime_error("--series " + series + " is not in '" + folder.string() + "', which has " + present);
   }
   return found;
+}
+
+std::string
+Trim(const std::string & text)
+{
+  const auto begin = text.find_first_not_of(" \t\r\n");
+  return begin == std::string::npos ? "" : text.substr(begin, text.find_last_not_of(" \t\r\n") - begin + 1);
+}
+
+using TransformBase = itk::TransformBaseTemplate<double>;
+using TransformType = itk::Transform<double, 3, 3>;
+
+TransformType *
+RequireLinear(TransformBase * transform, const std::filesystem::path & path)
+{
+  const auto linear = dynamic_cast<TransformType *>(transform);
+  if (!linear || !linear->IsLinear())
+  {
+    throw std::runtime_error("'" + path.string() + "' holds a " + transform->GetTransformTypeAsString() +
+                             "; a linear 3D transform is needed");
+  }
+  return linear;
+}
+
+TransformBase::Pointer
+CreateTransform(std::string type)
+{
+  const auto precision = type.find("float");
+  if (precision != std::string::npos)
+  {
+    type.replace(precision, 5, "double");
+  }
+  itk::TransformFactoryBase::RegisterDefaultTransforms();
+  const auto object = itk::ObjectFactoryBase::CreateInstance(type.c_str());
+  if (object)
+  {
+    // one reference is the factory's
+    object->UnRegister();
+  }
+  return dynamic_cast<TransformBase *>(object.GetPointer());
+}
+
+/** Whether every transform of a text file is known and has both kinds of parameters, as many as it takes, or none.
+ * ITK's reader checks neither, and follows component files for ever. Throws if one is not linear. */
+bool
+IsSoundTransformText(const std::filesystem::path & path)
+{
+  TransformBase::Pointer transform;
+  std::set<std::string>  tags;
+  const auto             isComplete = [&tags] { return tags.count("Parameters") == tags.count("FixedParameters"); };
+  std::ifstream          file(path, std::ios::binary);
+  for (std::string line; std::getline(file, line);)
+  {
+    const auto        colon = std::min(line.find(':'), line.size());
+    const std::string tag = Trim(line.substr(0, colon));
+    const std::string value = Trim(line.substr(std::min(colon + 1, line.size())));
+    if (tag.empty() || tag[0] == '#')
+    {
+      continue;
+    }
+    if (tag == "Transform")
+    {
+      transform = isComplete() ? CreateTransform(value) : nullptr;
+      tags.clear();
+    }
+    if (!transform || !tags.insert(tag).second || tag == "ComponentTransformFile")
+    {
+      return false;
+    }
+    RequireLinear(transform, path);
+    if (tag == "Parameters")
+    {
+      std::istringstream                  numbers(value);
+      const std::istream_iterator<double> begin(numbers);
+      const auto                          count = std::distance(begin, std::istream_iterator<double>());
+      if (static_cast<itk::SizeValueType>(count) != transform->GetNumberOfParameters())
+      {
+        return false;
+      }
+    }
+  }
+  return isComplete();
 }
 
 void
@@ -158,6 +247,14 @@ itk::Transform<double, 3, 3>::Pointer
 ReadLinearTransform(const std::filesystem::path & path)
 {
   RequireExistence(path);
+  const auto unreadable = [&path] {
+    return std::runtime_error("'" + path.string() + "' is not a transform that ITK can read");
+  };
+  const std::string extension = itksys::SystemTools::GetFilenameLastExtension(path.string());
+  if ((extension == ".tfm" || extension == ".txt") && !IsSoundTransformText(path))
+  {
+    throw unreadable();
+  }
   const auto reader = itk::TransformFileReaderTemplate<double>::New();
   reader->SetFileName(path.string());
   try
@@ -166,7 +263,7 @@ ReadLinearTransform(const std::filesystem::path & path)
   }
   catch (const itk::ExceptionObject &)
   {
-    throw std::runtime_error("'" + path.string() + "' is not a transform that ITK can read");
+    throw unreadable();
   }
 
   const auto & transforms = *reader->GetTransformList();
@@ -175,11 +272,5 @@ ReadLinearTransform(const std::filesystem::path & path)
     throw std::runtime_error("'" + path.string() + "' holds " + std::to_string(transforms.size()) +
                              " transforms; 1 is needed");
   }
-  const auto transform = dynamic_cast<itk::Transform<double, 3, 3> *>(transforms.front().GetPointer());
-  if (!transform || !transform->IsLinear())
-  {
-    throw std::runtime_error("'" + path.string() + "' holds a " + transforms.front()->GetTransformTypeAsString() +
-                             "; a linear 3D transform is needed");
-  }
-  return transform;
+  return RequireLinear(transforms.front(), path);
 }

@@ -587,6 +587,7 @@ TEST_F(ShearWarpMIPProgram, RefusesWrongOptions)
   this->ExpectFailure("in.nrrd out.png --background nan", "--background");
   this->ExpectFailure("in.nrrd out.png --oversampling 3", "--oversampling");
   this->ExpectFailure("in.nrrd out.png --frames 0", "--frames");
+  this->ExpectFailure("in.nrrd out.png --frames 4000000000", "--frames");
   this->ExpectFailure("in.nrrd out.png --frames 99999999999", "--frames");
   this->ExpectFailure("in.nrrd out.png --axis left", "--axis");
   this->ExpectFailure("in.nrrd out.png --frames 2 --axis up", "--axis");
@@ -643,6 +644,22 @@ TEST_F(ShearWarpMIPProgram, RefusesWrongTransform)
   {
     std::ofstream(m_Folder / name) << "no transform\n";
     this->ExpectFailure("in.nrrd out.png --transform " + name, name);
+  }
+
+  const std::string euler = "Transform: Euler3DTransform_double_3_3\n";
+  const std::string translation = "Transform: TranslationTransform_double_3_3\n";
+  for (const std::string & text : { euler + "Parameters:\nFixedParameters: 0 0 0\n",
+                                  euler + "Parameters: 0 0 0 1 2\nFixedParameters: 0 0 0\n",
+                                  translation + "Parameters: 1 2 3\n" + euler + "FixedParameters: 0 0 0\n",
+                                  "Parameters: 1 2 3\n" + euler + "FixedParameters: 0 0 0\n",
+                                  translation + "Parameters: 1 2 3\nFixedParameters:\nParameters: 1 2 3\n",
+                                  std::string("ComponentTransformFile: unsound.tfm\n"),
+                                  std::string("Transform: Euler3DTransform\n"),
+                                  std::string("Transform: Euler3DTransform_int_3_3\n") })
+  {
+    SCOPED_TRACE(text);
+    std::ofstream(m_Folder / "unsound.tfm") << "#Insight Transform File V1.0\n" << text;
+    this->ExpectFailure("in.nrrd out.png --transform unsound.tfm", "unsound.tfm");
   }
 
   const auto expectRefused = [this](const itk::Object * transform, const std::string & mention) {
