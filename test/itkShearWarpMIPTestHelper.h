@@ -561,6 +561,7 @@ public:
     {
       m_Shear[n] = -ray[across[n]] / ray[m_K];
       m_Translation[n] = std::max(0.0L, -m_Shear[n] * (m_Length[m_K] - 1));
+      m_Margin = std::min(m_Margin, 1.0L - std::abs(m_Shear[n]));
       m_MemoLength[n] = oversampling * (m_Length[across[n]] + m_Length[m_K] + 2);
     }
     m_Memo.resize(m_MemoLength[0] * m_MemoLength[1]);
@@ -577,6 +578,13 @@ public:
   LooksAlongAxis() const
   {
     return m_Axes[2][m_K] > 0;
+  }
+
+  /** Smaller errors, in voxels, of the positions that were evaluated and of the shear make no difference. */
+  long double
+  GetMargin() const
+  {
+    return m_Margin;
   }
 
   TPixel
@@ -598,8 +606,8 @@ public:
     }
     return InterpolateReached(
       [this](std::int64_t p, std::int64_t q, TPixel & value) { return this->GetIntermediate(p, q, value); },
-      Quantize(m_Oversampling * (column + 1) - 1),
-      Quantize(m_Oversampling * (row + 1) - 1),
+      this->Round(m_Oversampling * (column + 1) - 1),
+      this->Round(m_Oversampling * (row + 1) - 1),
       background);
   }
 
@@ -672,6 +680,15 @@ private:
            m[0][2] * (m[1][0] * m[2][1] - m[1][1] * m[2][0]);
   }
 
+  std::int64_t
+  Round(long double position)
+  {
+    const long double steps = position * WholePixel;
+    const long double beyondHalf = std::abs(std::abs(steps - std::round(steps)) - 0.5L);
+    m_Margin = std::min(m_Margin, beyondHalf / WholePixel);
+    return Quantize(position);
+  }
+
   bool
   GetIntermediate(std::int64_t p, std::int64_t q, TPixel & value)
   {
@@ -689,7 +706,7 @@ private:
   }
 
   bool
-  ComputeIntermediate(std::int64_t p, std::int64_t q, TPixel & maximum) const
+  ComputeIntermediate(std::int64_t p, std::int64_t q, TPixel & maximum)
   {
     const std::int64_t strides[3] = { 1, m_Length[0], m_Length[0] * m_Length[1] };
     const TPixel *     voxels = m_Image->GetBufferPointer();
@@ -706,8 +723,8 @@ private:
       if (SampleSlice(voxel,
                       m_Length[m_I],
                       m_Length[m_J],
-                      column - Quantize(m_Shear[0] * k + m_Translation[0]),
-                      row - Quantize(m_Shear[1] * k + m_Translation[1]),
+                      column - this->Round(m_Shear[0] * k + m_Translation[0]),
+                      row - this->Round(m_Shear[1] * k + m_Translation[1]),
                       sample) &&
           IsNumber(sample) && (!isReached || sample > maximum))
       {
@@ -737,6 +754,7 @@ private:
   int                 m_I, m_J, m_K;
   long double         m_Shear[2];
   long double         m_Translation[2];
+  long double         m_Margin{ 1.0 };
   std::int64_t        m_MemoLength[2];
   std::vector<TPixel> m_Memo;
   std::vector<State>  m_MemoState;
