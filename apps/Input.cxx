@@ -16,6 +16,7 @@
  *
  *=========================================================================*/
 #include "Input.h"
+#include "Integrity.h"
 
 #include "itkGDCMImageIO.h"
 #include "itkGDCMSeriesFileNames.h"
@@ -29,8 +30,10 @@
 #include "itksys/SystemTools.hxx"
 
 #include <algorithm>
+#include <array>
 #include <fstream>
 #include <iterator>
+#include <new>
 #include <set>
 #include <sstream>
 #include <stdexcept>
@@ -51,6 +54,16 @@ RequireExistence(const std::filesystem::path & path)
 FileNames
 FindSeries(const std::filesystem::path & folder, const std::string & series)
 {
+  FileNames all;
+  for (const auto & entry : std::filesystem::directory_iterator(folder))
+  {
+    if (entry.is_regular_file())
+    {
+      all.push_back(entry.path().string());
+    }
+  }
+  RequireIntactDICOM(all);
+
   const auto seriesFileNames = itk::GDCMSeriesFileNames::New();
   seriesFileNames->SetUseSeriesDetails(false);
   seriesFileNames->SetDirectory(folder.string());
@@ -65,7 +78,7 @@ FindSeries(const std::filesystem::path & folder, const std::string & series)
   for (const std::string & uid : uids)
   {
     const FileNames & files = seriesFileNames->GetFileNames(uid);
-    if (series.empty() ? files.size() > found.size() : uid == series)
+    if (uid == series || (series.empty() && uids.size() == 1))
     {
       found = files;
     }
@@ -73,7 +86,9 @@ FindSeries(const std::filesystem::path & folder, const std::string & series)
   }
   if (found.empty())
   {
-    throw std::runtime_error("--series " + series + " is not in '" + folder.string() + "', which has " + present);
+    throw std::runtime_error(
+      series.empty() ? "'" + folder.string() + "' has several DICOM series, choose one by --series: " + present
+                     : "--series " + series + " is not in '" + folder.string() + "', which has " + present);
   }
   return found;
 }
@@ -160,6 +175,64 @@ IsSoundTransformText(const std::filesystem::path & path)
   return isComplete();
 }
 
+/** Throws unless the slices have one orientation and pixel type, and none is missing or there twice. */
+void
+RequireOneVolume(const FileNames & files)
+{
+  using VectorType = itk::Vector<double, 3>;
+  struct Slice
+  {
+    std::string               file;
+    itk::IOComponentEnum      componentType;
+    std::array<VectorType, 3> directions;
+    VectorType                origin;
+    double                    position;
+  };
+  std::vector<Slice> slices;
+  for (const std::string & file : files)
+  {
+    const auto io = itk::GDCMImageIO::New();
+    io->SetFileName(file);
+    io->ReadImageInformation();
+    Slice slice{ file, io->GetComponentType(), {}, {}, 0.0 };
+    for (unsigned int axis = 0; axis < 3; ++axis)
+    {
+      slice.directions[axis] = VectorType(io->GetDirection(axis).data());
+      slice.origin[axis] = io->GetOrigin(axis);
+    }
+    const Slice & first = slices.empty() ? slice : slices.front();
+    for (unsigned int axis = 0; axis < 3; ++axis)
+    {
+      if (slice.componentType != first.componentType ||
+          (slice.directions[axis] - first.directions[axis]).GetNorm() > 1e-3)
+      {
+        throw std::runtime_error("'" + file + "' and '" + first.file +
+                                 "' are of one series, but differ in orientation or pixel type");
+      }
+    }
+    slice.position = slice.origin * first.directions[2];
+    slices.push_back(slice);
+  }
+  std::sort(slices.begin(), slices.end(), [](const Slice & a, const Slice & b) { return a.position < b.position; });
+
+  std::vector<double> gaps;
+  for (std::size_t i = 1; i < slices.size(); ++i)
+  {
+    gaps.push_back(slices[i].position - slices[i - 1].position);
+  }
+  const auto [closest, farthest] = std::minmax_element(gaps.begin(), gaps.end());
+  const bool isTwice = !(*closest > 0.01 * *farthest);
+  if (isTwice || *farthest > 1.5 * *closest)
+  {
+    const auto         after = (isTwice ? closest : farthest) - gaps.begin();
+    std::ostringstream message;
+    message << (isTwice ? "two slices lie at one position: '" : "a slice is missing between '") << slices[after].file
+            << "' at " << slices[after].position << " mm and '" << slices[after + 1].file << "' at "
+            << slices[after + 1].position << " mm; others are " << (isTwice ? *farthest : *closest) << " mm apart";
+    throw std::runtime_error(message.str());
+  }
+}
+
 void
 RequireScalarVolume(const itk::ImageIOBase & io, const std::string & name)
 {
@@ -204,43 +277,62 @@ ReadVolume(const std::filesystem::path & path, const std::string & series, const
     throw std::runtime_error("--series is for a DICOM folder, but '" + path.string() + "' is a file");
   }
   const FileNames files = isFolder ? FindSeries(path, series) : FileNames{ path.string() };
-
-  const itk::ImageIOBase::Pointer io =
-    isFolder ? itk::ImageIOBase::Pointer(itk::GDCMImageIO::New())
-             : itk::ImageIOFactory::CreateImageIO(files.front().c_str(), itk::IOFileModeEnum::ReadMode);
-  if (!io)
+  if (files.size() > 1)
   {
-    throw std::runtime_error("'" + path.string() + "' is not an image that ITK can read");
+    RequireOneVolume(files);
   }
-  io->SetFileName(files.front());
-  io->ReadImageInformation();
-  RequireScalarVolume(*io, path.string());
 
-  const itk::IOComponentEnum componentType = io->GetComponentType();
-  const auto                 read = [&](auto tag) -> itk::ImageBase<3>::Pointer {
-    using ImageType = itk::Image<typename decltype(tag)::Type, 3>;
-    typename ImageType::Pointer image;
-    if (files.size() == 1)
+  ScalarImage volume;
+  const auto  read = [&] {
+    const itk::ImageIOBase::Pointer io =
+      isFolder ? itk::ImageIOBase::Pointer(itk::GDCMImageIO::New())
+                : itk::ImageIOFactory::CreateImageIO(files.front().c_str(), itk::IOFileModeEnum::ReadMode);
+    if (!io)
     {
-      const auto reader = itk::ImageFileReader<ImageType>::New();
-      reader->SetImageIO(io);
-      reader->SetFileName(files.front());
-      reader->Update();
-      image = reader->GetOutput();
+      throw std::runtime_error("'" + path.string() + "' is not an image that ITK can read");
     }
-    else
-    {
-      const auto reader = itk::ImageSeriesReader<ImageType>::New();
-      reader->SetImageIO(io);
-      reader->SetFileNames(files);
-      reader->Update();
-      image = reader->GetOutput();
-      WarnOfUnevenSlices(image->GetMetaDataDictionary(), warn);
-    }
-    image->DisconnectPipeline();
-    return image.GetPointer();
+    io->SetFileName(files.front());
+    io->ReadImageInformation();
+    RequireScalarVolume(*io, path.string());
+
+    volume.componentType = io->GetComponentType();
+    volume.image = DispatchPixelType(volume.componentType, [&](auto tag) -> itk::ImageBase<3>::Pointer {
+      using ImageType = itk::Image<typename decltype(tag)::Type, 3>;
+      typename ImageType::Pointer image;
+      if (files.size() == 1)
+      {
+        const auto reader = itk::ImageFileReader<ImageType>::New();
+        reader->SetImageIO(io);
+        reader->SetFileName(files.front());
+        reader->Update();
+        image = reader->GetOutput();
+      }
+      else
+      {
+        const auto reader = itk::ImageSeriesReader<ImageType>::New();
+        reader->SetImageIO(io);
+        reader->SetFileNames(files);
+        reader->Update();
+        image = reader->GetOutput();
+        WarnOfUnevenSlices(image->GetMetaDataDictionary(), warn);
+      }
+      image->DisconnectPipeline();
+      return image.GetPointer();
+    });
   };
-  return { DispatchPixelType(componentType, read), componentType };
+  try
+  {
+    isFolder ? read() : ReadIntact(path, read);
+  }
+  catch (const itk::ExceptionObject & error)
+  {
+    throw std::runtime_error("cannot read '" + path.string() + "': " + error.GetDescription());
+  }
+  catch (const std::bad_alloc &)
+  {
+    throw std::runtime_error("not enough memory for '" + path.string() + "'");
+  }
+  return volume;
 }
 
 itk::Transform<double, 3, 3>::Pointer

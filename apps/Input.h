@@ -28,7 +28,7 @@
 using WarningFunction = std::function<void(const std::string &)>;
 
 /** Reads a 3D scalar image: a file, or a series of the DICOM folder \a path. That is the one of instance UID \a series,
- * or the largest if \a series is empty. */
+ * or the only one if \a series is empty. Throws if something of the image is missing or damaged. */
 ScalarImage
 ReadVolume(const std::filesystem::path & path, const std::string & series, const WarningFunction & warn);
 

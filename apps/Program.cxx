@@ -32,6 +32,7 @@
 #include <chrono>
 #include <cmath>
 #include <map>
+#include <regex>
 
 #if __has_include(<unistd.h>)
 #  include <unistd.h>
@@ -136,7 +137,7 @@ DefineOptions(CLI::App & app, Options & options)
 
   app.add_option("INPUT", options.input, "Image file, or DICOM folder")->required();
   app.add_option("OUTPUT", options.output, "File to write")->required();
-  app.add_option("--series", options.series, "Instance UID of the DICOM series; default: the one with most files")
+  app.add_option("--series", options.series, "Instance UID of the DICOM series, if the folder has several")
     ->type_name("UID");
 
   const auto view = app.add_option("--view", options.view, "Side from which the patient is seen")
@@ -424,18 +425,10 @@ Run(const Options & options, Messages & messages)
 }
 
 std::string
-MakeOneLine(std::string text)
+MakeOneLine(const std::string & text)
 {
-  // ITK begins with "ITK ERROR: ", mostly followed by the class and address: "Class(0x123): "
-  for (const std::string end : { "ITK ERROR: ", "): " })
-  {
-    const auto position = text.find(end);
-    if (position != std::string::npos && (position == 0 || text.rfind("(0x", position) != std::string::npos))
-    {
-      text.erase(0, position + end.size());
-    }
-  }
-  std::istringstream words(text);
+  // without ITK's beginning, "ITK ERROR: Class(0x123): "
+  std::istringstream words(std::regex_replace(text, std::regex("ITK ERROR: |\\w+\\(0x[0-9a-f]+\\): "), ""));
   std::string        line;
   for (std::string word; words >> word;)
   {

@@ -19,6 +19,7 @@
 
 #include "itkObject.h"
 
+#include <cstdio>
 #include <iostream>
 
 int
@@ -29,6 +30,9 @@ main(int argc, char * argv[])
   // libraries that ITK uses write what they like to the standard streams
   std::cout.rdbuf(nullptr);
   std::cerr.rdbuf(nullptr);
+#ifdef __GLIBC__
+  stderr = std::fopen("/dev/null", "w");
+#endif
   itk::Object::SetGlobalWarningDisplay(false);
   return RunProgram(argc, argv, output, messages);
 }

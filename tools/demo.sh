@@ -7,7 +7,7 @@
 #   XDG_CACHE_HOME=<dir>  the cache is itk-shearwarpmip/ inside   [~/.cache]
 #
 # Usage: demo.sh [IMAGE [FOLDER]]
-#   IMAGE   a 3D image that ITK reads, or a DICOM folder          [a synthetic MR angiogram of a head]
+#   IMAGE   a 3D image, or the folder of one DICOM series         [a synthetic MR angiogram of a head]
 #   FOLDER  where the pictures go                                 [demo-output]
 set -euo pipefail
 . "$(dirname "${BASH_SOURCE[0]}")/common.sh"

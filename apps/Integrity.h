@@ -1,0 +1,35 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#ifndef Integrity_h
+#define Integrity_h
+
+#include <filesystem>
+#include <functional>
+#include <string>
+#include <vector>
+
+/** Calls \a read, which reads the image file \a path by ITK. Throws if the file is cut short or damaged, as far as its
+ * format tells: NRRD, MetaImage, NIfTI and DICOM. Several of ITK's readers take such files for whole. */
+void
+ReadIntact(const std::filesystem::path & path, const std::function<void()> & read);
+
+/** Throws if one of \a files is a DICOM image that is cut short or damaged. Files of other kinds are accepted. */
+void
+RequireIntactDICOM(const std::vector<std::string> & files);
+
+#endif
