@@ -16,11 +16,13 @@
  *
  *=========================================================================*/
 #include "Output.h"
+#include "Integrity.h"
 
 #include "itkImageIOFactory.h"
 
 #include <algorithm>
 #include <cmath>
+#include <csignal>
 #include <fstream>
 #include <iomanip>
 #include <random>
@@ -83,7 +85,83 @@ EndsWith(const std::string & text, const std::string & end)
 {
   return text.size() > end.size() && text.compare(text.size() - end.size(), end.size(), end) == 0;
 }
+
+/** Not all of ITK's writers notice a full disk. */
+void
+ReadBack(const std::string & fileName)
+{
+  ReadIntact(fileName, [&fileName] {
+    const auto io = itk::ImageIOFactory::CreateImageIO(fileName.c_str(), itk::IOFileModeEnum::ReadMode);
+    if (!io)
+    {
+      throw std::runtime_error("not an image");
+    }
+    io->SetFileName(fileName);
+    io->ReadImageInformation();
+    itk::ImageIORegion region(io->GetNumberOfDimensions());
+    for (unsigned int axis = 0; axis < io->GetNumberOfDimensions(); ++axis)
+    {
+      region.SetSize(axis, io->GetDimensions(axis));
+    }
+    io->SetIORegion(region);
+    std::vector<char> pixels(static_cast<std::size_t>(io->GetImageSizeInBytes()));
+    io->Read(pixels.data());
+  });
+}
+
+bool
+HasRoom(const std::string & fileName, std::size_t bytes)
+{
+  const std::string zeros(bytes, '\0');
+  std::ofstream     file(fileName, std::ios::binary);
+  file << zeros;
+  file.close();
+  return file.good();
+}
+
+volatile std::sig_atomic_t heldSignal = 0;
+
+extern "C" void
+HoldSignal(int signal)
+{
+  heldSignal = signal;
+}
 } // namespace
+
+HeldSignals::HeldSignals()
+{
+  for (const int signal : { SIGINT, SIGTERM })
+  {
+    if (std::signal(signal, HoldSignal) == SIG_IGN)
+    {
+      std::signal(signal, SIG_IGN);
+    }
+  }
+}
+
+HeldSignals::~HeldSignals()
+{
+  for (const int signal : { SIGINT, SIGTERM })
+  {
+    if (std::signal(signal, SIG_DFL) == SIG_IGN)
+    {
+      std::signal(signal, SIG_IGN);
+    }
+  }
+  if (heldSignal != 0)
+  {
+    std::raise(heldSignal);
+  }
+}
+
+void
+HeldSignals::RequireNone()
+{
+  if (heldSignal != 0)
+  {
+    throw std::runtime_error("interrupted");
+  }
+}
 
 OutputFiles::OutputFiles(std::filesystem::path path, Kind kind)
   : m_Path(std::move(path))
@@ -167,6 +245,14 @@ OutputFiles::Commit()
 {
   for (const auto & path : m_Written)
   {
+    if (std::filesystem::is_directory(path))
+    {
+      throw std::runtime_error("'" + path.string() + "' is a folder");
+    }
+  }
+  HeldSignals::RequireNone();
+  for (const auto & path : m_Written)
+  {
     std::filesystem::rename(this->GetTemporaryName(path), path);
   }
   m_Written.clear();
@@ -211,6 +297,32 @@ OutputFiles::Write(const std::filesystem::path & path,
   io->SetComponentType(componentType);
   io->SetIORegion(region);
   io->SetFileName(temporaryName);
+
+  if (!m_HeldSignals)
+  {
+    m_HeldSignals.emplace();
+  }
+  HeldSignals::RequireNone();
   m_Written.push_back(path);
-  io->Write(buffer);
+  // ITK's PNG writer does not survive a full disk
+  if (this->IsWindowed() && !HasRoom(temporaryName, 2 * static_cast<std::size_t>(io->GetImageSizeInBytes()) + 4096))
+  {
+    throw std::runtime_error("cannot write '" + path.string() + "'; is the disk full?");
+  }
+  try
+  {
+    io->Write(buffer);
+  }
+  catch (const itk::ExceptionObject & error)
+  {
+    throw std::runtime_error("cannot write '" + path.string() + "': " + error.GetDescription());
+  }
+  try
+  {
+    ReadBack(temporaryName);
+  }
+  catch (const std::exception &)
+  {
+    throw std::runtime_error("cannot write all of '" + path.string() + "'; is the disk full?");
+  }
 }

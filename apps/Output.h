@@ -23,7 +23,23 @@
 #include <filesystem>
 #include <optional>
 
-/** Files beside their final names until Commit(): nothing is ever seen half written. */
+/** Holds back SIGINT and SIGTERM: the process gets them at the end of this object's life. */
+class HeldSignals
+{
+public:
+  HeldSignals();
+  ~HeldSignals();
+  HeldSignals(const HeldSignals &) = delete;
+  HeldSignals &
+  operator=(const HeldSignals &) = delete;
+
+  /** Throws if a signal came. */
+  static void
+  RequireNone();
+};
+
+/** Files beside their final names until Commit(): nothing is ever seen half written, and nothing remains if the program
+ * fails or is interrupted. */
 class OutputFiles
 {
 public:
@@ -52,6 +68,7 @@ public:
   void
   WriteWindowed(const Frames & frames, const std::optional<itk::Vector<double, 2>> & window);
 
+  /** Throws if a name is taken by a folder; no file is changed then. */
   void
   Commit();
 
@@ -69,6 +86,7 @@ private:
   std::filesystem::path              m_Path;
   Kind                               m_Kind;
   std::string                        m_Prefix;
+  std::optional<HeldSignals>         m_HeldSignals;
   std::vector<std::filesystem::path> m_Written;
 };
 
