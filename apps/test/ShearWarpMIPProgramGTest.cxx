@@ -30,9 +30,11 @@
 #include <gtest/gtest.h>
 
 #include <sys/wait.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
+#include <csignal>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -113,11 +115,12 @@ protected:
     fs::remove_all(m_Folder);
   }
 
+  /** \a before is what the shell does first, or a program that starts ours. */
   Result
-  Run(const std::string & arguments) const
+  Run(const std::string & arguments, const std::string & before = "") const
   {
-    const std::string command =
-      "cd '" + m_Folder.string() + "' && '" SHEAR_WARP_MIP_PROGRAM "' " + arguments + " >stdout.txt 2>stderr.txt";
+    const std::string command = "cd '" + m_Folder.string() + "' && " + before + " '" SHEAR_WARP_MIP_PROGRAM "' " +
+                                arguments + " >stdout.txt 2>stderr.txt";
     const int    status = std::system(command.c_str());
     const Result result{ WIFEXITED(status) ? WEXITSTATUS(status) : -1,
                          ReadText(m_Folder / "stdout.txt"),
@@ -139,18 +142,18 @@ protected:
 
   /** One line that has \a mention, and no file changed. */
   void
-  ExpectFailure(const std::string & arguments, const std::string & mention) const
+  ExpectFailure(const std::string & arguments, const std::string & mention, const std::string & before = "") const
   {
     SCOPED_TRACE(arguments);
     std::ofstream(m_Folder / "out.png") << "kept";
-    const auto   before = this->GetContents();
-    const Result result = this->Run(arguments);
+    const auto   contents = this->GetContents();
+    const Result result = this->Run(arguments, before);
     EXPECT_EQ(result.status, 1);
     EXPECT_EQ(result.output, "");
     EXPECT_EQ(result.messages.find("shear-warp-mip: "), 0u) << result.messages;
     EXPECT_EQ(result.messages.find('\n'), result.messages.size() - 1) << result.messages;
     EXPECT_NE(result.messages.find(mention), std::string::npos) << result.messages;
-    EXPECT_TRUE(before == this->GetContents());
+    EXPECT_TRUE(contents == this->GetContents());
   }
 
   std::map<fs::path, std::string>
@@ -259,20 +262,47 @@ protected:
     return row + (2 * (brightest % width) < width ? "left" : "right");
   }
 
+  /** Rewrites a file by what \a change makes of its bytes, and takes that back after \a check. */
   void
-  WriteDICOMSeries(const std::string & uid, const std::string & prefix, itk::SizeValueType slices) const
+  WithChangedFile(const std::string &                                     name,
+                  const std::function<std::string(const std::string &)> & change,
+                  const std::function<void()> &                           check) const
   {
+    const std::string bytes = ReadText(m_Folder / name);
+    std::ofstream(m_Folder / name, std::ios::binary) << change(bytes);
+    check();
+    std::ofstream(m_Folder / name, std::ios::binary) << bytes;
+  }
+
+  /** Writes dicom/PREFIX0.dcm and so on, slices at the \a positions in mm. */
+  template <typename TPixel = PixelType>
+  void
+  WriteDICOMSeries(const std::string &         uid,
+                   const std::string &         prefix,
+                   const std::vector<double> & positions,
+                   itk::SizeValueType          width = 8,
+                   bool                        isCoronal = false) const
+  {
+    using SliceType = itk::Image<TPixel, 3>;
     fs::create_directories(m_Folder / "dicom");
-    for (itk::SizeValueType slice = 0; slice < slices; ++slice)
+    for (std::size_t slice = 0; slice < positions.size(); ++slice)
     {
-      const auto image = VolumeType::New();
-      image->SetRegions(itk::Size<3>{ { 8, 8, 1 } });
+      const auto image = SliceType::New();
+      image->SetRegions(itk::Size<3>{ { width, 8, 1 } });
       const double spacing[] = { 1.0, 1.0, 2.0 };
-      const double origin[] = { 0.0, 0.0, 2.0 * static_cast<double>(slice) };
+      const double origin[] = { 0.0, 0.0, positions[slice] };
       image->SetSpacing(spacing);
       image->SetOrigin(origin);
+      if (isCoronal)
+      {
+        typename SliceType::DirectionType direction;
+        direction.Fill(0.0);
+        direction[0][0] = direction[1][2] = 1.0;
+        direction[2][1] = -1.0;
+        image->SetDirection(direction);
+      }
       image->Allocate();
-      image->FillBuffer(static_cast<PixelType>(100 + slice));
+      image->FillBuffer(static_cast<TPixel>(100 + slice));
 
       auto &     dictionary = image->GetMetaDataDictionary();
       const auto io = itk::GDCMImageIO::New();
@@ -282,7 +312,7 @@ protected:
       itk::EncapsulateMetaData<std::string>(dictionary, "0020|000d", "1.2.3");
       itk::EncapsulateMetaData<std::string>(dictionary, "0020|000e", uid);
       itk::EncapsulateMetaData<std::string>(dictionary, "0020|0013", std::to_string(slice + 1));
-      const auto writer = itk::ImageFileWriter<VolumeType>::New();
+      const auto writer = itk::ImageFileWriter<SliceType>::New();
       writer->SetImageIO(io);
       writer->SetInput(image);
       writer->SetFileName(this->GetPath("dicom/" + prefix + std::to_string(slice) + ".dcm"));
@@ -491,25 +521,79 @@ TEST_F(ShearWarpMIPProgram, AcceptsFurtherDimensionsOfOne)
 
 TEST_F(ShearWarpMIPProgram, ReadsDICOMSeries)
 {
-  this->WriteDICOMSeries("1.2.3.4", "a", 3);
-  this->WriteDICOMSeries("1.2.3.5", "b", 6);
-  this->WriteDICOMSeries("1.2.3.6", "c", 4);
+  this->WriteDICOMSeries("1.2.3.4", "a", { 0, 2, 4 });
+  std::ofstream(m_Folder / "dicom" / "readme.txt") << "no image\n";
   this->ExpectSuccess("dicom out.nrrd --spacing 1");
+  EXPECT_EQ(this->Read("out.nrrd")->GetBufferedRegion().GetSize(1), 6u);
+
+  this->WriteDICOMSeries("1.2.3.5", "b", { 0, 2, 4, 6, 8, 10 });
+  this->ExpectSuccess("dicom out.nrrd --spacing 1 --series 1.2.3.5");
   EXPECT_EQ(this->Read("out.nrrd")->GetBufferedRegion().GetSize(1), 12u);
   EXPECT_EQ(GetPixels(this->Read("out.nrrd").GetPointer()).front(), 105);
-  this->ExpectSuccess("dicom out.nrrd --spacing 1 --series 1.2.3.4");
-  EXPECT_EQ(this->Read("out.nrrd")->GetBufferedRegion().GetSize(1), 6u);
-  this->ExpectFailure("dicom out.png --series 1.2", "1.2.3.4 (3 files), 1.2.3.5 (6 files), 1.2.3.6 (4 files)");
+  this->ExpectFailure("dicom out.png", "--series: 1.2.3.4 (3 files), 1.2.3.5 (6 files)");
+  this->ExpectFailure("dicom out.png --series 1.2", "1.2.3.4 (3 files), 1.2.3.5 (6 files)");
   this->ExpectFailure("in.nrrd out.png --series 1.2.3.4", "in.nrrd");
 }
 
-TEST_F(ShearWarpMIPProgram, WarnsOfMissingSlices)
+TEST_F(ShearWarpMIPProgram, WarnsOfUnevenSlices)
 {
-  this->WriteDICOMSeries("1.2.3.4", "a", 6);
-  fs::remove(m_Folder / "dicom" / "a3.dcm");
+  this->WriteDICOMSeries("1.2.3.4", "a", { 0, 2, 4, 6.2, 8, 10 });
   const Result result = this->Run("dicom out.nrrd");
   EXPECT_EQ(result.status, 0);
   EXPECT_EQ(result.messages.find("shear-warp-mip: warning: the slices are not evenly spaced"), 0u) << result.messages;
+}
+
+TEST_F(ShearWarpMIPProgram, RefusesMissingAndRepeatedSlices)
+{
+  this->WriteDICOMSeries("1.2.3.4", "a", { 0, 2, 4, 8, 10 });
+  this->ExpectFailure("dicom out.png",
+                      "a slice is missing between 'dicom/a2.dcm' at 4 mm and 'dicom/a3.dcm' at 8 mm; others are 2 mm");
+  this->WriteDICOMSeries("1.2.3.4", "a", { 10, 8, 4, 4, 2 });
+  this->ExpectFailure("dicom out.png", "two slices lie at one position: 'dicom/a");
+  this->WriteDICOMSeries("1.2.3.4", "a", { 0, 2, 4, 0, 2 });
+  this->ExpectFailure("dicom out.png", "'dicom/a0.dcm' at 0 mm and 'dicom/a3.dcm' at 0 mm");
+}
+
+TEST_F(ShearWarpMIPProgram, RefusesSlicesThatDiffer)
+{
+  this->WriteDICOMSeries("1.2.3.4", "a", { 0, 2, 4, 6 });
+  this->WriteDICOMSeries("1.2.3.4", "b", { 8 }, 9);
+  this->ExpectFailure("dicom out.png", "dicom/b0.dcm is [9, 8, 1]");
+  this->WriteDICOMSeries("1.2.3.4", "b", { 8 }, 8, true);
+  this->ExpectFailure("dicom out.png", "differ in orientation or pixel type");
+  this->WriteDICOMSeries<unsigned char>("1.2.3.4", "b", { 8 });
+  this->ExpectFailure("dicom out.png", "dicom/b0.dcm");
+}
+
+TEST_F(ShearWarpMIPProgram, RefusesDamagedDICOM)
+{
+  this->WriteDICOMSeries("1.2.3.4", "a", { 0, 2, 4 });
+  const std::size_t pixels = 8 * 8 * sizeof(PixelType);
+  for (const std::string name : { "dicom/a1.dcm", "dicom/a2.dcm" })
+  {
+    const auto expectRefused = [&](const std::function<std::string(const std::string &)> & change) {
+      this->WithChangedFile(name, change, [&] {
+        this->ExpectFailure("dicom out.png", "'" + name + "' is damaged or incomplete");
+        this->ExpectFailure(name + " out.png", "'" + name + "' is damaged or incomplete");
+      });
+    };
+    const std::size_t size = ReadText(m_Folder / name).size();
+    // within the pixels, their element and the header, and before the header
+    for (const std::size_t kept : { size - 1,
+                                    size - pixels,
+                                    size - pixels - 12,
+                                    size - pixels - 40,
+                                    size / 2,
+                                    size_t{ 150 },
+                                    size_t{ 100 },
+                                    size_t{ 0 } })
+    {
+      SCOPED_TRACE(kept);
+      expectRefused([kept](const std::string & bytes) { return bytes.substr(0, kept); });
+    }
+    expectRefused([](std::string bytes) { return bytes.replace(128, 4, "????"); });
+    expectRefused([](std::string bytes) { return bytes.replace(200, 40, 40, '\xff'); });
+  }
 }
 
 TEST_F(ShearWarpMIPProgram, TellsWhatItDoes)
@@ -637,6 +721,65 @@ TEST_F(ShearWarpMIPProgram, RefusesWrongInput)
   this->ExpectFailure("empty out.png", "empty");
 }
 
+TEST_F(ShearWarpMIPProgram, RefusesDamagedFiles)
+{
+  struct File
+  {
+    std::string name;
+    std::string data;
+    bool        isCompressed;
+    std::string refusal;
+  };
+  const std::string damaged = "' is damaged or incomplete";
+  const File        files[] = { { "raw.nrrd", "raw.nrrd", false, "cannot read 'raw.nrrd'" },
+                                { "gzip.nrrd", "gzip.nrrd", true, "gzip.nrrd" + damaged },
+                                { "raw.nhdr", "raw.raw", false, "cannot read 'raw.nhdr'" },
+                                { "gzip.nhdr", "gzip.raw.gz", true, "gzip.raw.gz" + damaged },
+                                { "raw.mha", "raw.mha", false, "raw.mha" + damaged },
+                                { "zlib.mha", "zlib.mha", true, "zlib.mha" + damaged },
+                                { "raw.mhd", "raw.raw", false, "raw.mhd" + damaged },
+                                { "zlib.mhd", "zlib.zraw", true, "zlib.zraw" + damaged },
+                                { "raw.nii", "raw.nii", false, "raw.nii" + damaged },
+                                { "gzip.nii.gz", "gzip.nii.gz", true, "gzip.nii.gz" + damaged },
+                                { "raw.hdr", "raw.img", false, "raw.img" + damaged },
+                                { "gzip.img.gz", "gzip.img.gz", true, "gzip.img.gz" + damaged } };
+  for (const File & file : files)
+  {
+    SCOPED_TRACE(file.name);
+    const auto writer = itk::ImageFileWriter<VolumeType>::New();
+    writer->SetInput(m_Volume);
+    writer->SetFileName(this->GetPath(file.name));
+    writer->SetUseCompression(file.isCompressed);
+    writer->Update();
+    this->ExpectSuccess(file.name + " whole.mha");
+
+    const auto expectRefused = [&](const std::function<std::string(const std::string &)> & change) {
+      this->WithChangedFile(file.data, change, [&] { this->ExpectFailure(file.name + " out.png", file.refusal); });
+    };
+    const std::size_t size = ReadText(m_Folder / file.data).size();
+    for (const std::size_t kept : { size - 1, size - 9, size / 2 })
+    {
+      expectRefused([kept](const std::string & bytes) { return bytes.substr(0, kept); });
+    }
+    if (file.isCompressed)
+    {
+      for (const std::size_t place : { size - 2, size - 6, size / 2 })
+      {
+        SCOPED_TRACE(place);
+        expectRefused([place](std::string bytes) {
+          bytes[place] = static_cast<char>(bytes[place] ^ 0x10);
+          return bytes;
+        });
+      }
+    }
+  }
+
+  this->WithChangedFile(
+    "raw.nii",
+    [](std::string bytes) { return bytes.replace(40, 2, "\x7f\x7f"); },
+    [this] { this->ExpectFailure("raw.nii out.png", "'raw.nii' is damaged or incomplete: its NIfTI header"); });
+}
+
 TEST_F(ShearWarpMIPProgram, RefusesWrongTransform)
 {
   this->ExpectFailure("in.nrrd out.png --transform missing.tfm", "missing.tfm");
@@ -686,5 +829,68 @@ TEST_F(ShearWarpMIPProgram, RefusesWrongOutput)
   this->ExpectFailure("in.nrrd folder.png", "folder.png");
   this->ExpectFailure("in.nrrd out.png --size 99999999 99999999", "memory");
   this->ExpectFailure("in.nrrd out.png --size 9999 9999 --frames 10000", "memory");
+}
+
+TEST_F(ShearWarpMIPProgram, LeavesFilesAsTheyWereIfDiskIsFull)
+{
+  for (const std::string name : { "out.mha", "out.nrrd", "out.nii", "out.nii.gz", "out.png" })
+  {
+    std::ofstream(m_Folder / name) << "kept";
+    // the first fails in a write, the second in a close
+    this->ExpectFailure("in.nrrd " + name + " --spacing 0.1", name, "trap '' XFSZ && ulimit -f 3 &&");
+    this->ExpectFailure("in.nrrd " + name + " --spacing 0.35", name, "trap '' XFSZ && ulimit -f 1 &&");
+  }
+  this->ExpectFailure("in.nrrd out.png --spacing 0.1 --frames 3", "out-000.png", "trap '' XFSZ && ulimit -f 3 &&");
+}
+
+TEST_F(ShearWarpMIPProgram, LeavesNothingOnAFullDisk)
+{
+  fs::create_directory(m_Folder / "disk");
+  const std::string disk = this->GetPath("disk");
+  if (std::system(("mount -t tmpfs -o size=64k tmpfs '" + disk + "' 2>/dev/null").c_str()) != 0)
+  {
+    GTEST_SKIP() << "no right to mount a small disk";
+  }
+  for (const std::string name : { "disk/out.mha", "disk/out.nrrd", "disk/out.nii", "disk/out.nii.gz", "disk/out.png" })
+  {
+    this->ExpectFailure("in.nrrd " + name + " --spacing 0.01", name);
+  }
+  this->ExpectFailure("in.nrrd disk/out.png --spacing 0.1 --frames 40", "disk/out-");
+  this->ExpectSuccess("in.nrrd disk/out.png");
+  EXPECT_EQ(std::system(("umount '" + disk + "'").c_str()), 0);
+}
+
+TEST_F(ShearWarpMIPProgram, RefusesReadOnlyFolder)
+{
+  std::string before;
+  if (geteuid() == 0)
+  {
+    before = "setpriv --bounding-set=-dac_override --inh-caps=-dac_override";
+    if (std::system((before + " true").c_str()) != 0)
+    {
+      GTEST_SKIP() << "root writes everywhere";
+    }
+  }
+  fs::create_directory(m_Folder / "locked");
+  fs::permissions(m_Folder / "locked", fs::perms::owner_read | fs::perms::owner_exec);
+  this->ExpectFailure(
+    "in.nrrd locked/out.png", "'locked/out.png': its folder does not exist or is not writable", before);
+}
+
+TEST_F(ShearWarpMIPProgram, WritesAllFramesOrNone)
+{
+  fs::create_directory(m_Folder / "out-002.png");
+  this->ExpectFailure("in.nrrd out.png --frames 3", "out-002.png' is a folder");
+}
+
+TEST_F(ShearWarpMIPProgram, LeavesNothingWhenInterrupted)
+{
+  const std::string command = "cd '" + m_Folder.string() +
+                              "' || exit\n'" SHEAR_WARP_MIP_PROGRAM "' in.nrrd out.png --frames 400 --size 200 200 &\n"
+                              "until [ -e .shear-warp-mip-*-out-000.png ] || ! kill -0 $!; do sleep 0.001; done\n"
+                              "kill -TERM $!; wait $!";
+  const int status = std::system(command.c_str());
+  EXPECT_EQ(WEXITSTATUS(status), 128 + SIGTERM);
+  EXPECT_EQ(this->GetContents().size(), 1u);
 }
 } // namespace
