@@ -60,7 +60,8 @@ struct SamplingPosition
 };
 
 /** Rounds \a position, in pixels, to the nearest 1/2^15. Its magnitude must be below 2^31. */
-ShearWarpMIP_EXPORT SamplingPosition
+ShearWarpMIP_EXPORT
+SamplingPosition
 QuantizePosition(double position);
 
 /** Weights of the four corners of a cell in 1/2^15: none negative, their sum exactly 2^15.
@@ -217,19 +218,22 @@ struct Kernels
 
 /** The plain C++ kernels: the definition that the others are tested against. */
 template <typename TPixel>
-ShearWarpMIP_EXPORT const Kernels<TPixel> &
-                          GetPortableKernels();
+ShearWarpMIP_EXPORT
+const Kernels<TPixel> &
+GetPortableKernels();
 
 /** The kernels of the instruction set that the environment variable SHEARWARPMIP_INSTRUCTION_SET names or, if that is
  * not set, of the best one of this computer. Pixel types without kernels of their own get the portable ones.
  * Throws std::invalid_argument if this computer does not have the named instruction set. */
 template <typename TPixel>
-ShearWarpMIP_EXPORT const Kernels<TPixel> &
-                          GetKernels();
+ShearWarpMIP_EXPORT
+const Kernels<TPixel> &
+GetKernels();
 
 /** The instruction sets that this computer and this build have, the best one last. */
-ShearWarpMIP_EXPORT std::vector<std::string>
-                    GetInstructionSets();
+ShearWarpMIP_EXPORT
+std::vector<std::string>
+GetInstructionSets();
 
 } // namespace itk::ShearWarp
 

@@ -46,7 +46,8 @@ public:
 };
 
 /** Writes the enumerator's name. */
-ShearWarpMIP_EXPORT std::ostream &
+ShearWarpMIP_EXPORT
+std::ostream &
 operator<<(std::ostream & out, ShearWarpMIPViewEnums::Direction value);
 
 /** \class ShearWarpMIPView
@@ -77,11 +78,13 @@ public:
    * picture's vertical axis, then by \a elevation degrees towards the top of the picture. From anterior, azimuth 90
    * is the left view (positive angles are left anterior oblique, positive elevations are cranial).
    * Throws ExceptionObject if \a image is null, or an angle is not finite. */
-  static ShearWarpMIP_EXPORT TransformType::Pointer
+  static ShearWarpMIP_EXPORT
+  TransformType::Pointer
   MakeTransform(const ImageBase<3> * image, DirectionEnum direction, double azimuth = 0.0, double elevation = 0.0);
 
   /** The physical position, in mm, of the centre of \a image's largest possible region. */
-  static ShearWarpMIP_EXPORT Point<double, 3>
+  static ShearWarpMIP_EXPORT
+  Point<double, 3>
   GetCentre(const ImageBase<3> * image);
 };
 } // namespace itk

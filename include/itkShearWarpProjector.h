@@ -42,8 +42,9 @@ public:
 };
 
 /** Writes the enumerator's name. */
-ShearWarpMIP_EXPORT std::ostream &
-                    operator<<(std::ostream & out, ShearWarpMIPImageFilterEnums::ReducedResampling value);
+ShearWarpMIP_EXPORT
+std::ostream &
+operator<<(std::ostream & out, ShearWarpMIPImageFilterEnums::ReducedResampling value);
 
 /** \class ShearWarpProjector
  * \brief Projects a prepared volume to the intermediate image, by several threads.
