@@ -69,8 +69,9 @@ WeightedMean(const TPixel (&values)[N], const std::int32_t (&weights)[N], std::i
       }
       twice += 2 * static_cast<std::int64_t>(weights[n]) * static_cast<std::int64_t>(remainder);
     }
-    const std::int64_t quotient = twice / (2 * sum);
-    const bool         roundedUp = twice % (2 * sum) < 0;
+    const std::int64_t twiceSum = 2 * std::int64_t{ sum };
+    const std::int64_t quotient = twice / twiceSum;
+    const bool         roundedUp = twice % twiceSum < 0;
     return static_cast<TPixel>(whole + static_cast<TPixel>(roundedUp ? quotient - 1 : quotient));
   }
 }
@@ -267,12 +268,16 @@ WarpRow(const IntermediateImage<TPixel> & intermediate,
         TPixel *                          output)
 {
   const AffineMap2D & map = outputToIntermediate;
+  const auto          outputRow = static_cast<double>(y);
+  const auto          columns = static_cast<double>(intermediate.columns);
+  const auto          rows = static_cast<double>(intermediate.rows);
   for (std::ptrdiff_t x = columnBegin; x < columnEnd; ++x)
   {
     output[x] = background;
-    const double column = (map.xx * x + map.xy * y) + map.x0;
-    const double row = (map.yx * x + map.yy * y) + map.y0;
-    if (!(column > -1.0 && column < intermediate.columns && row > -1.0 && row < intermediate.rows))
+    const auto   outputColumn = static_cast<double>(x);
+    const double column = (map.xx * outputColumn + map.xy * outputRow) + map.x0;
+    const double row = (map.yx * outputColumn + map.yy * outputRow) + map.y0;
+    if (!(column > -1.0 && column < columns && row > -1.0 && row < rows))
     {
       continue;
     }
