@@ -37,6 +37,8 @@ struct Sampler
 {
   using SumType = std::int32_t;
 
+  // the checker misses the specialization's members here
+  // cppcheck-suppress uninitMemberVar
   explicit Sampler(const ShearWarp::SlicePlacement & placement)
     : weights(placement.column.fraction, placement.row.fraction)
   {}
@@ -109,7 +111,7 @@ public:
   {
     if constexpr (std::is_floating_point_v<TPixel>)
     {
-      return std::clamp(static_cast<TPixel>(m_Sum / m_Weight), m_Smallest, m_Largest);
+      return std::clamp(static_cast<TPixel>(m_Sum / static_cast<SumType>(m_Weight)), m_Smallest, m_Largest);
     }
     else
     {

@@ -74,7 +74,8 @@ MakeOutput(itk::SizeValueType length)
 {
   const auto output = itk::Image<TPixel, 2>::New();
   output->SetRegions(itk::Size<2>{ { length, length } });
-  output->SetOrigin(MakePoint2(-0.5 * (length - 1.0), -0.5 * (length - 1.0)));
+  const double first = -0.5 * static_cast<double>(length - 1);
+  output->SetOrigin(MakePoint2(first, first));
   output->Allocate();
   return output;
 }
@@ -102,7 +103,7 @@ TEST(PaperMethods, ShearWarpsAreEqualInEveryBit)
     itk::Size<3> size = MakeRandomSize(random, 2, 21);
     if (round % 4 == 0)
     {
-      size[random.Integer(0, 2)] = 1;
+      size[static_cast<unsigned int>(random.Integer(0, 2))] = 1;
     }
     const auto volume = MakeRandomVolume(random, size);
     const auto view = MakeRandomView(random, AllViewKinds[round % 3], volume);
@@ -249,9 +250,9 @@ TEST(PaperMethods, RayCastingOfALinearRamp)
        !pixel.IsAtEnd();
        ++pixel)
   {
-    const double u = pixel.GetIndex()[0] - 7.0;
-    const double v = pixel.GetIndex()[1] - 7.0;
-    const bool   isHit = std::abs(u) <= reach && std::abs(v) <= half;
+    const auto u = static_cast<double>(pixel.GetIndex()[0] - 7);
+    const auto v = static_cast<double>(pixel.GetIndex()[1] - 7);
+    const bool isHit = std::abs(u) <= reach && std::abs(v) <= half;
     EXPECT_NEAR(pixel.Get(), isHit ? u + 10 * v : -100, 1e-4) << pixel.GetIndex();
   }
 

@@ -91,7 +91,7 @@ MakeVolume(const TFunction & function)
   for (itk::ImageRegionIteratorWithIndex<VolumeType> voxel(volume, volume->GetBufferedRegion()); !voxel.IsAtEnd();
        ++voxel)
   {
-    const auto & index = voxel.GetIndex();
+    const itk::ContinuousIndex<double, 3> index(voxel.GetIndex());
     voxel.Set(static_cast<float>(function(index[0], index[1], index[2])));
   }
   return volume;
@@ -323,7 +323,7 @@ TEST(ShearWarpMIPVessel, DifferencesOfGivenPixels)
 TEST(ShearWarpMIPExactRays, LinearVolumeGivesTheEndOfTheRay)
 {
   // along the principal axis z the volume rises towards larger z; x shifts by the shear
-  const auto volume = MakeVolume([](auto x, auto, auto z) { return 100.0 + 2.0 * x + 3.0 * z; });
+  const auto volume = MakeVolume([](double x, double, double z) { return 100.0 + 2.0 * x + 3.0 * z; });
   const auto view = MakeView(0.0, 20.0);
   const auto grid = MakePicture(9, 1.0);
   const auto picture = ProjectExactRays(volume, view, 1, grid);
