@@ -97,6 +97,7 @@ std::vector<std::string>
 GetKeys(const std::map<std::string, TValue> & map)
 {
   std::vector<std::string> keys;
+  keys.reserve(map.size());
   for (const auto & entry : map)
   {
     keys.push_back(entry.first);
@@ -261,7 +262,7 @@ MakeFrameTransforms(const Options & options, const TransformPointer & given, con
     const auto composite = itk::CompositeTransform<double, 3>::New();
     composite->AddTransform(turn);
     composite->AddTransform(view);
-    transforms.push_back(composite.GetPointer());
+    transforms.emplace_back(composite.GetPointer());
   }
   return transforms;
 }

@@ -600,9 +600,10 @@ TYPED_TEST(ShearWarpKernelsTyped, WarpRowFollowsTheRule)
       const std::vector<TypeParam> output = Warp(pixels, reached, map, width, height, background, split);
       for (std::ptrdiff_t n = 0; n < width * height; ++n)
       {
-        const auto x = static_cast<double>(n % width);
-        const auto y = static_cast<double>(n / width);
-        const auto expected = InterpolateReached(
+        const std::ptrdiff_t row = n / width;
+        const auto           x = static_cast<double>(n % width);
+        const auto           y = static_cast<double>(row);
+        const auto           expected = InterpolateReached(
           pixel, Quantize(map.xx * x + map.xy * y + map.x0), Quantize(map.yx * x + map.yy * y + map.y0), background);
         ASSERT_TRUE(HaveSameBits(expected, output[n]))
           << "at " << n << ": " << +output[n] << " instead of " << +expected;

@@ -648,7 +648,7 @@ TEST(ShearWarpMIPImageFilter, NotANumberInTheImageStaysAwayFromTheOutput)
 {
   Random     random(412);
   const auto image = MakeRandomImage<float>(random, { { 9, 8, 7 } });
-  for (itk::SizeValueType n = 0; n < 9 * 8 * 7; n += 5)
+  for (itk::SizeValueType n = 0; n < image->GetBufferedRegion().GetNumberOfPixels(); n += 5)
   {
     image->GetBufferPointer()[n] = std::numeric_limits<float>::quiet_NaN();
   }

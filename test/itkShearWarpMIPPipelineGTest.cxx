@@ -220,8 +220,8 @@ protected:
   FilterType::Pointer m_Filter;
 };
 
-constexpr itk::SizeValueType BlockMaximaBytes = 5 * 6 * 6 * sizeof(short);
-constexpr itk::SizeValueType PreparedBytes = 40 * 41 * 42 * sizeof(short) + BlockMaximaBytes;
+constexpr itk::SizeValueType BlockMaximaBytes = sizeof(short) * 5 * 6 * 6;
+constexpr itk::SizeValueType PreparedBytes = sizeof(short) * 40 * 41 * 42 + BlockMaximaBytes;
 } // namespace
 
 TEST_F(ShearWarpMIPPipeline, ChangingTheViewPreparesNothingAgain)

@@ -61,7 +61,7 @@ ExpectSlicesOf(const itk::Image<TPixel, 3> *              image,
                unsigned int                               axis,
                const itk::ShearWarp::SliceStack<TPixel> & slices)
 {
-  const auto         region = image->GetBufferedRegion();
+  const auto &       region = image->GetBufferedRegion();
   const unsigned int columnAxis = axis == 0 ? 1 : 0;
   const unsigned int rowAxis = axis == 2 ? 1 : 2;
   ASSERT_EQ(static_cast<itk::SizeValueType>(slices.columns), region.GetSize(columnAxis));
