@@ -7,8 +7,10 @@
 #              the benchmarks compare with
 #   module     the module inside ITK's source tree, with nothing but the folders that ITK takes
 #   python     the wheel, in a fresh environment beside PyPI's itk of the same version; the sdist
+#   sanitize   the C++ tests under AddressSanitizer with UndefinedBehaviorSanitizer, and under ThreadSanitizer, against
+#              Debian's installed ITK; MINUTES on two cores
 #
-# Usage: test.sh [tree | installed | module | python]...    [all four]
+# Usage: test.sh [tree | installed | module | python | --sanitize]...    [the first four]
 #        test.sh --long    random cases for 30 minutes and an image of 2^31 voxels (5 GB), on an installed ITK
 # Installs what is missing, as root or with sudo. Environment: see itk-build-tree.sh.
 set -euo pipefail
@@ -23,11 +25,11 @@ if [ "$*" = --long ]; then
   test_filter=(--tests-regex '^ShearWarpMIP(Properties|Large)' --timeout 3600 --verbose)
   set -- installed
 fi
-stages=("$@")
+stages=("${@/#--sanitize/sanitize}")
 [ ${#stages[@]} -gt 0 ] || stages=(tree installed module python)
 for stage in "${stages[@]}"; do
   case $stage in
-    tree | installed | module | python) ;;
+    tree | installed | module | python | sanitize) ;;
     *) sed -n '2,/^set/{/^set/d;s/^# \{0,1\}//;p}' "${BASH_SOURCE[0]}" >&2; exit 1 ;;
   esac
 done
@@ -39,7 +41,7 @@ configure_build_test() {
   cmake -S "$root" -B "$dir" -G Ninja -DCMAKE_BUILD_TYPE=Release -DBUILD_TESTING=ON \
     '-DCMAKE_CXX_FLAGS=-Wall -Wextra' "$@"
   cmake --build "$dir" --parallel "$jobs"
-  ctest --test-dir "$dir" --no-tests=error "${test_filter[@]}"
+  ctest --test-dir "$dir" --no-tests=error "${test_filter[@]}" ${skip:+--exclude-regex "$skip"}
 }
 
 use_tree() {
@@ -120,10 +122,26 @@ test_python() {
   fi
 
   "$python" -m venv "$dir/env"
-  "$dir/env/bin/pip" install --quiet --disable-pip-version-check "itk==$version" "$wheel[test]"
+  "$dir/env/bin/pip" install --quiet --disable-pip-version-check "itk==$version" "${wheel}[test]"
   # SWIG's types warn at import
   "$dir/env/bin/python" -m pytest -W error -W 'ignore:builtin type' "$root/wrapping/test"
 }
+
+# Any report ends a test. ITK itself is not instrumented: the waiting in its thread pool is invisible to ThreadSanitizer,
+# so that the end of each parallel section looks like a race; its platform threader joins threads, which is seen.
+test_sanitize() (
+  unset ITK_DIR
+  need_packages build-essential cmake ninja-build libinsighttoolkit5-dev libcli11-dev libgtest-dev
+  # instrumented kernels do share code: the sanitizer's
+  local name options=halt_on_error=1:exitcode=99:allocator_may_return_null=1 skip=ShearWarpVectorKernelsShareNoCode
+  export ASAN_OPTIONS=$options:strict_init_order=1
+  export UBSAN_OPTIONS=$options:print_stacktrace=1 TSAN_OPTIONS=$options
+  for name in address,undefined,float-cast-overflow thread; do
+    [ "$name" != thread ] || export ITK_GLOBAL_DEFAULT_THREADER=Platform
+    configure_build_test "$build/sanitize-${name%%,*}" -DCMAKE_CXX_FLAGS_RELEASE='-O1 -g1 -D_GLIBCXX_ASSERTIONS' \
+      "-DCMAKE_CXX_FLAGS=-fsanitize=$name -fno-sanitize-recover=all -fno-omit-frame-pointer"
+  done
+)
 
 for stage in "${stages[@]}"; do
   say "== $stage"
