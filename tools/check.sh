@@ -1,0 +1,81 @@
+#!/usr/bin/env bash
+# Static checks of every file; any finding is a failure. MINUTES on two cores.
+#
+#   format    clang-format
+#   compile   g++ with -Wall -Wextra -Wconversion -Wshadow
+#   tidy      clang-tidy, with the checks of .clang-tidy and clang's warnings; of the module and its program
+#   cppcheck
+#   scripts   shellcheck and ruff
+#
+# Usage: check.sh [format | compile | tidy | cppcheck | scripts]...    [all five]
+# Installs what is missing, as root or with sudo; ruff from PyPI. Environment: see itk-build-tree.sh.
+set -euo pipefail
+. "$(dirname "${BASH_SOURCE[0]}")/common.sh"
+cd "$root"
+unset ITK_DIR
+
+build=$root/build/check
+
+stages=("$@")
+[ ${#stages[@]} -gt 0 ] || stages=(format compile tidy cppcheck scripts)
+for stage in "${stages[@]}"; do
+  case $stage in
+    format | compile | tidy | cppcheck | scripts) ;;
+    *) sed -n '2,/^set/{/^set/d;s/^# \{0,1\}//;p}' "${BASH_SOURCE[0]}" >&2; exit 1 ;;
+  esac
+done
+
+# list NAME...: this project's files of these names, those that are not committed yet too.
+list() { git ls-files --cached --others --exclude-standard -- "$@"; }
+
+configure() {
+  need_packages build-essential cmake ninja-build libinsighttoolkit5-dev libbenchmark-dev libcli11-dev libgtest-dev
+  cmake -S "$root" -B "$build" -G Ninja -DBUILD_TESTING=ON -DCMAKE_EXPORT_COMPILE_COMMANDS=ON \
+    -DShearWarpMIP_BUILD_APPS=ON -DShearWarpMIP_BUILD_BENCHMARKS=ON -DCMAKE_BUILD_TYPE=Check \
+    '-DCMAKE_CXX_FLAGS_CHECK=-fsyntax-only -Wall -Wextra -Wconversion -Wshadow -Werror' > /dev/null
+}
+
+check_format() {
+  need_packages clang-format
+  list '*.h' '*.hxx' '*.cxx' | xargs clang-format --dry-run -Werror
+}
+
+check_compile() {
+  configure
+  sed -n 's/^ *"command": "\(.*\)",$/\1/p' "$build/compile_commands.json" | sed 's/\\\(.\)/\1/g' |
+    xargs -d '\n' -P "$jobs" -n 1 sh -c
+}
+
+# Debian's ITK refuses any other compiler than the one it was built with; its code is good for clang too.
+check_tidy() {
+  need_packages clang-tidy
+  configure
+  sed -n 's/^ *"file": "\(.*\)".*/\1/p' "$build/compile_commands.json" | grep -v "^$root/benchmark/" |
+    xargs -P "$jobs" -n 1 clang-tidy --quiet -p "$build" --extra-arg=-Wno-sign-conversion \
+      --extra-arg=-DITK_COMPILER_DETECTION_H --extra-arg=-DITK_NOEXCEPT=noexcept
+}
+
+check_cppcheck() {
+  need_packages cppcheck
+  mkdir -p "$build"
+  list '*.cxx' > "$build/files"
+  cppcheck --quiet -j "$jobs" --std=c++17 --enable=warning,performance,portability --inline-suppr --error-exitcode=1 \
+    --library=googletest --library=gnu '-DTYPED_TEST_SUITE(...)=' -D__linux__ -DShearWarpMIP_HAS_X86_KERNELS \
+    -I include -I src -I apps -I benchmark --file-list="$build/files"
+}
+
+check_scripts() {
+  need_packages python3-venv shellcheck
+  list '*.sh' .ci/run | xargs shellcheck
+  [ -x "$cache/ruff/bin/ruff" ] || {
+    /usr/bin/python3 -m venv "$cache/ruff"
+    "$cache/ruff/bin/pip" install --quiet --disable-pip-version-check ruff==0.8.4
+  }
+  "$cache/ruff/bin/ruff" check --quiet
+}
+
+for stage in "${stages[@]}"; do
+  say "== $stage"
+  timed "$stage" "check_$stage"
+done
+say "all checked: ${stages[*]}"
