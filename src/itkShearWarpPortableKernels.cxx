@@ -195,8 +195,8 @@ ProjectBlock(const SliceStack<TPixel> &  slices,
       for (std::ptrdiff_t j = block.rowBegin == 0 ? first : block.rowBegin; j < end; ++j)
       {
         const bool edge = j == 0 || j == slices.rows;
-        const auto getRow = [&](std::ptrdiff_t row) {
-          return slices.voxels + (k * slices.sliceStride + row * slices.rowStride - slices.first);
+        const auto getRow = [&](std::ptrdiff_t index) {
+          return slices.voxels + (k * slices.sliceStride + index * slices.rowStride - slices.first);
         };
         const TPixel *       a = getRow(std::max<std::ptrdiff_t>(j - 1, 0));
         const TPixel *       b = getRow(std::min(j, slices.rows - 1));
