@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Static checks of every file; any finding is a failure. MINUTES on two cores.
+# Static checks of every file; any finding is a failure.
 #
 #   format    clang-format
 #   compile   g++ with -Wall -Wextra -Wconversion -Wshadow

@@ -8,7 +8,7 @@
 #   module     the module inside ITK's source tree, with nothing but the folders that ITK takes
 #   python     the wheel, in a fresh environment beside PyPI's itk of the same version; the sdist
 #   sanitize   the C++ tests under AddressSanitizer with UndefinedBehaviorSanitizer, and under ThreadSanitizer, against
-#              Debian's installed ITK; MINUTES on two cores
+#              Debian's installed ITK
 #
 # Usage: test.sh [tree | installed | module | python | --sanitize]...    [the first four]
 #        test.sh --long    random cases for 30 minutes and an image of 2^31 voxels (5 GB), on an installed ITK
