@@ -792,13 +792,13 @@ TEST_F(ShearWarpMIPProgram, RefusesWrongTransform)
   const std::string euler = "Transform: Euler3DTransform_double_3_3\n";
   const std::string translation = "Transform: TranslationTransform_double_3_3\n";
   for (const std::string & text : { euler + "Parameters:\nFixedParameters: 0 0 0\n",
-                                  euler + "Parameters: 0 0 0 1 2\nFixedParameters: 0 0 0\n",
-                                  translation + "Parameters: 1 2 3\n" + euler + "FixedParameters: 0 0 0\n",
-                                  "Parameters: 1 2 3\n" + euler + "FixedParameters: 0 0 0\n",
-                                  translation + "Parameters: 1 2 3\nFixedParameters:\nParameters: 1 2 3\n",
-                                  std::string("ComponentTransformFile: unsound.tfm\n"),
-                                  std::string("Transform: Euler3DTransform\n"),
-                                  std::string("Transform: Euler3DTransform_int_3_3\n") })
+                                    euler + "Parameters: 0 0 0 1 2\nFixedParameters: 0 0 0\n",
+                                    translation + "Parameters: 1 2 3\n" + euler + "FixedParameters: 0 0 0\n",
+                                    "Parameters: 1 2 3\n" + euler + "FixedParameters: 0 0 0\n",
+                                    translation + "Parameters: 1 2 3\nFixedParameters:\nParameters: 1 2 3\n",
+                                    std::string("ComponentTransformFile: unsound.tfm\n"),
+                                    std::string("Transform: Euler3DTransform\n"),
+                                    std::string("Transform: Euler3DTransform_int_3_3\n") })
   {
     SCOPED_TRACE(text);
     std::ofstream(m_Folder / "unsound.tfm") << "#Insight Transform File V1.0\n" << text;
