@@ -44,9 +44,15 @@ MakeFixedImage()
     state = state * 6364136223846793005u + 1442695040888963407u;
     const auto noise = static_cast<std::int64_t>(state >> 40);
     const auto value = (noise % 200 * n) / count + noise % 5;
-    image->GetBufferPointer()[n] = std::is_floating_point_v<TPixel> ? static_cast<TPixel>(noise - (1 << 23)) / 64
-                                   : sizeof(TPixel) == 1            ? static_cast<TPixel>(value)
-                                                                    : static_cast<TPixel>(value * 311);
+    TPixel &   voxel = image->GetBufferPointer()[n];
+    if constexpr (std::is_floating_point_v<TPixel>)
+    {
+      voxel = static_cast<TPixel>(noise - (1 << 23)) / 64;
+    }
+    else
+    {
+      voxel = static_cast<TPixel>(sizeof(TPixel) == 1 ? value : value * 311);
+    }
   }
   return image;
 }
