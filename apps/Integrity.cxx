@@ -17,6 +17,7 @@
  *=========================================================================*/
 #include "Integrity.h"
 
+#include "itkMacro.h"
 #include "itk_zlib.h"
 
 #include <gdcmImageReader.h>
@@ -311,9 +312,21 @@ ReadIntact(const fs::path & path, const std::function<void()> & read)
   }
 
   const PrintedErrors errors;
-  read();
-  if (isMeta && !errors.GetText().empty())
+  const auto          requireNoErrors = [&] {
+    if (isMeta && !errors.GetText().empty())
+    {
+      Refuse(path, errors.GetText());
+    }
+  };
+  try
   {
-    Refuse(path, errors.GetText());
+    read();
   }
+  catch (const itk::ExceptionObject &)
+  {
+    // MetaIO says more than ITK
+    requireNoErrors();
+    throw;
+  }
+  requireNoErrors();
 }
