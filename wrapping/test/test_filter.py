@@ -87,12 +87,12 @@ def test_setters_and_getters(image, oblique_view):
 def test_slabs_give_the_same_bits(image, oblique_view, tmp_path):
     expected = np.asarray(itk.shear_warp_mip_image_filter(image, transform=oblique_view))
     itk.imwrite(image, tmp_path / "image.mha")
-    reader = itk.ImageFileReader.New(image, FileName=str(tmp_path / "image.mha"))
+    reader = itk.ImageFileReader[type(image)].New(FileName=str(tmp_path / "image.mha"))
     mip = itk.ShearWarpMIPImageFilter.New(reader.GetOutput(), Transform=oblique_view, NumberOfStreamDivisions=2)
     mip.Update()
     np.testing.assert_array_equal(itk.array_from_image(mip.GetOutput()), expected)
-    depth = reader.GetOutput().GetBufferedRegion().GetSize(2)
-    assert depth < image.GetLargestPossibleRegion().GetSize(2)
+    depth = reader.GetOutput().GetBufferedRegion().GetSize()[2]
+    assert depth < image.GetLargestPossibleRegion().GetSize()[2]
 
 
 def test_reduced_resampling_and_instruction_sets_never_change_a_pixel(oblique_view, monkeypatch):
@@ -538,7 +538,7 @@ def test_abort_from_the_observer(rng):
     mip.SetNumberOfWorkUnits(1)
     tag = mip.AddObserver(itk.ProgressEvent(), lambda: mip.AbortGenerateDataOn())
     aborts = count_events(mip, itk.AbortEvent())
-    with pytest.raises(RuntimeError, match="AbortGenerateData"):
+    with pytest.raises(RuntimeError, match="aborted by an external request"):
         mip.Update()
     assert aborts
     mip.RemoveObserver(tag)
