@@ -17,6 +17,7 @@
  *=========================================================================*/
 #include "Input.h"
 #include "Integrity.h"
+#include "Text.h"
 
 #include "itkGDCMImageIO.h"
 #include "itkGDCMSeriesFileNames.h"
@@ -91,13 +92,6 @@ FindSeries(const std::filesystem::path & folder, const std::string & series)
                      : "--series " + series + " is not in '" + folder.string() + "', which has " + present);
   }
   return found;
-}
-
-std::string
-Trim(const std::string & text)
-{
-  const auto begin = text.find_first_not_of(" \t\r\n");
-  return begin == std::string::npos ? "" : text.substr(begin, text.find_last_not_of(" \t\r\n") - begin + 1);
 }
 
 using TransformBase = itk::TransformBaseTemplate<double>;

@@ -17,6 +17,8 @@
  *=========================================================================*/
 #include "Integrity.h"
 
+#include "Text.h"
+
 #include "itkMacro.h"
 #include "itk_zlib.h"
 
@@ -105,13 +107,6 @@ std::uintmax_t
 GetSize(const fs::path & path)
 {
   return ReadStart(path, 2) == "\x1f\x8b" ? GetInflatedSize(path, 0) : fs::file_size(path);
-}
-
-std::string
-Trim(const std::string & text)
-{
-  const auto first = text.find_first_not_of(" \t\r");
-  return first == std::string::npos ? "" : text.substr(first, text.find_last_not_of(" \t\r") + 1 - first);
 }
 
 /** Checks the compressed data of NRRD and MetaImage. */

@@ -20,6 +20,7 @@
 #include "Check.h"
 #include "Process.h"
 #include "ReadLimit.h"
+#include "Statistics.h"
 #include "Subject.h"
 
 #include <algorithm>
@@ -53,15 +54,6 @@ double
 GetMinimum(const std::vector<double> & values)
 {
   return *std::min_element(values.begin(), values.end());
-}
-
-/** The lower one of two medians. */
-double
-GetMedian(std::vector<double> values)
-{
-  const auto middle = values.begin() + (static_cast<std::ptrdiff_t>(values.size()) - 1) / 2;
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 /** One quantity, measured several times for each view. */

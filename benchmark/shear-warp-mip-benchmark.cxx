@@ -19,6 +19,7 @@
 #include "Input.h"
 #include "Measurement.h"
 #include "Process.h"
+#include "ReportErrors.h"
 
 #include "itkMultiThreaderBase.h"
 #include "itkVersion.h"
@@ -282,18 +283,5 @@ Run(int argc, char * argv[])
 int
 main(int argc, char * argv[])
 {
-  try
-  {
-    return Run(argc, argv);
-  }
-  catch (const itk::ExceptionObject & error)
-  {
-    std::cerr << error.GetDescription() << std::endl;
-    return EXIT_FAILURE;
-  }
-  catch (const std::exception & error)
-  {
-    std::cerr << error.what() << std::endl;
-    return EXIT_FAILURE;
-  }
+  return ReportErrors([=] { return Run(argc, argv); });
 }

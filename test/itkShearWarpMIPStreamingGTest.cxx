@@ -81,12 +81,29 @@ private:
 };
 
 template <typename TPixel>
+typename PartSource<TPixel>::Pointer
+MakeSource(const itk::Image<TPixel, 3> * image)
+{
+  auto source = PartSource<TPixel>::New();
+  source->SetWhole(image);
+  return source;
+}
+
+template <typename TPixel>
+auto
+MakeFilter(const itk::Image<TPixel, 3> * image, unsigned int divisions = 1)
+{
+  auto filter = itk::ShearWarpMIPImageFilter<itk::Image<TPixel, 3>>::New();
+  filter->SetInput(image);
+  filter->SetNumberOfStreamDivisions(divisions);
+  return filter;
+}
+
+template <typename TPixel>
 class ShearWarpMIPStreaming : public testing::Test
 {};
 using PixelTypes = testing::Types<unsigned char, short, unsigned short, float, double>;
 TYPED_TEST_SUITE(ShearWarpMIPStreaming, PixelTypes, );
-
-using ShortFilterType = itk::ShearWarpMIPImageFilter<itk::Image<short, 3>>;
 } // namespace
 
 TYPED_TEST(ShearWarpMIPStreaming, HasTheBitsOfTheWholeImageAndNeedsOneSlabAtATime)
@@ -97,14 +114,10 @@ TYPED_TEST(ShearWarpMIPStreaming, HasTheBitsOfTheWholeImageAndNeedsOneSlabAtATim
   {
     const auto image = MakeRandomImage<TypeParam>(random, MakeRandomSize(random, 1, repeat % 3 == 0 ? 70 : 30));
     const auto view = MakeRandomView(random, AllViewKinds[repeat % 3], image);
-    const auto whole = itk::ShearWarpMIPImageFilter<itk::Image<TypeParam, 3>>::New();
-    whole->SetInput(image);
-    const auto streamed = itk::ShearWarpMIPImageFilter<itk::Image<TypeParam, 3>>::New();
-    const auto source = PartSource<TypeParam>::New();
-    source->SetWhole(image);
-    streamed->SetInput(source->GetOutput());
     const auto divisions = static_cast<unsigned int>(random.Integer(2, 12));
-    streamed->SetNumberOfStreamDivisions(divisions);
+    const auto source = MakeSource<TypeParam>(image);
+    const auto streamed = MakeFilter<TypeParam>(source->GetOutput(), divisions);
+    const auto whole = MakeFilter<TypeParam>(image);
     for (auto * filter : { whole.GetPointer(), streamed.GetPointer() })
     {
       filter->SetTransform(view);
@@ -132,13 +145,9 @@ TEST(ShearWarpMIPStreamingPipeline, EveryInstructionSetHasTheSameBits)
 {
   Random     random(802);
   const auto image = MakeRandomImage<short>(random, { { 129, 77, 45 } });
-  const auto source = PartSource<short>::New();
-  source->SetWhole(image);
-  const auto whole = ShortFilterType::New();
-  whole->SetInput(image);
-  const auto streamed = ShortFilterType::New();
-  streamed->SetInput(source->GetOutput());
-  streamed->SetNumberOfStreamDivisions(4);
+  const auto source = MakeSource<short>(image);
+  const auto streamed = MakeFilter<short>(source->GetOutput(), 4);
+  const auto whole = MakeFilter<short>(image);
   for (int repeat = 0; repeat < 12; ++repeat)
   {
     const auto view = MakeRandomView(random, ViewKind::Rigid, image);
@@ -160,8 +169,7 @@ TEST(ShearWarpMIPStreamingPipeline, AnImageInMemoryNeedsNoStreamingSource)
   Random     random(803);
   const auto image = MakeRandomImage<short>(random, { { 30, 40, 50 } });
   const auto view = MakeRandomView(random, ViewKind::Rigid, image);
-  const auto filter = ShortFilterType::New();
-  filter->SetInput(image);
+  const auto filter = MakeFilter<short>(image);
   filter->SetTransform(view);
   filter->Update();
   const auto expected = Copy(filter->GetOutput());
@@ -178,13 +186,9 @@ TEST(ShearWarpMIPStreamingPipeline, AnotherViewGetsTheSlabsAgain)
 {
   Random     random(804);
   const auto image = MakeRandomImage<short>(random, { { 30, 20, 40 } });
-  const auto source = PartSource<short>::New();
-  source->SetWhole(image);
-  const auto streamed = ShortFilterType::New();
-  streamed->SetInput(source->GetOutput());
-  streamed->SetNumberOfStreamDivisions(5);
-  const auto whole = ShortFilterType::New();
-  whole->SetInput(image);
+  const auto source = MakeSource<short>(image);
+  const auto streamed = MakeFilter<short>(source->GetOutput(), 5);
+  const auto whole = MakeFilter<short>(image);
   for (int repeat = 0; repeat < 3; ++repeat)
   {
     const auto view = MakeRandomView(random, ViewKind::Rigid, image);
@@ -204,11 +208,9 @@ TEST(ShearWarpMIPStreamingPipeline, AnotherViewGetsTheSlabsAgain)
 TEST(ShearWarpMIPStreamingPipeline, ErrorsNameTheParameterOrTheRegions)
 {
   const auto image = MakePlainImage<short>({ { 9, 9, 30 } }, 1);
-  const auto source = PartSource<short>::New();
-  source->SetWhole(image);
+  const auto source = MakeSource<short>(image);
   source->missingSlices = 1;
-  const auto filter = ShortFilterType::New();
-  filter->SetInput(source->GetOutput());
+  const auto filter = MakeFilter<short>(source->GetOutput());
   const auto getError = [&filter] {
     try
     {

@@ -53,27 +53,19 @@ Project(const PermutedVolume & volume, const ShearWarpFactorization & factorizat
   const auto                columns = static_cast<std::ptrdiff_t>(factorization.GetIntermediateSize()[0]);
   const auto                rows = static_cast<std::ptrdiff_t>(factorization.GetIntermediateSize()[1]);
   std::vector<std::int32_t> sums(columns * rows);
-  for (std::ptrdiff_t k = 0; k < volume.slices; ++k)
-  {
-    const ShearWarp::SlicePlacement & placement = factorization.GetSlicePlacements()[k];
-    const ShearWarp::BilinearWeights  weights(placement.column.fraction, placement.row.fraction);
-    const std::ptrdiff_t              firstColumn = placement.FirstColumn();
-    const std::ptrdiff_t              firstRow = placement.FirstRow();
-
-    for (std::ptrdiff_t q = firstRow; q < firstRow + volume.rows; ++q)
-    {
-      // the border shifts a voxel by one, a cell begins one before the pixel
-      const std::uint16_t * a =
-        volume.GetSlice(k) + (q - placement.row.whole) * volume.rowStride + (firstColumn - placement.column.whole);
+  ForEachRow(
+    volume,
+    factorization,
+    [&](
+      const ShearWarp::BilinearWeights & weights, const std::uint16_t * a, std::ptrdiff_t column, std::ptrdiff_t row) {
       const std::uint16_t * b = a + volume.rowStride;
-      std::int32_t *        row = sums.data() + q * columns + firstColumn;
+      std::int32_t *        sum = sums.data() + row * columns + column;
       for (std::ptrdiff_t i = 0; i < volume.columns; ++i)
       {
-        row[i] =
-          std::max(row[i], weights.aa * a[i] + weights.ab * a[i + 1] + weights.ba * b[i] + weights.bb * b[i + 1]);
+        sum[i] =
+          std::max(sum[i], weights.aa * a[i] + weights.ab * a[i + 1] + weights.ba * b[i] + weights.bb * b[i + 1]);
       }
-    }
-  }
+    });
 
   std::vector<std::uint16_t> intermediate(sums.size());
   std::transform(sums.begin(), sums.end(), intermediate.begin(), [](std::int32_t sum) {

@@ -54,6 +54,29 @@ struct PermutedVolume
   std::vector<std::uint16_t> voxels;
 };
 
+/** Shears \a volume, the copy for the factorization's principal axis, slice by slice in storage order: for each row of
+ * a slice calls \a process(weights, cell, column, row), where \a cell points to the first voxel of the row's first
+ * cell, which falls on pixel (column, row) of the intermediate image; those of the next cells and pixels follow. */
+template <typename TFunction>
+void
+ForEachRow(const PermutedVolume & volume, const ShearWarpFactorization & factorization, const TFunction & process)
+{
+  for (std::ptrdiff_t k = 0; k < volume.slices; ++k)
+  {
+    const ShearWarp::SlicePlacement & placement = factorization.GetSlicePlacements()[k];
+    const ShearWarp::BilinearWeights  weights(placement.column.fraction, placement.row.fraction);
+    const std::ptrdiff_t              firstColumn = placement.FirstColumn();
+    const std::ptrdiff_t              firstRow = placement.FirstRow();
+    for (std::ptrdiff_t row = firstRow; row < firstRow + volume.rows; ++row)
+    {
+      // the border shifts a voxel by one, a cell begins one before the pixel
+      const std::uint16_t * cell =
+        volume.GetSlice(k) + (row - placement.row.whole) * volume.rowStride + (firstColumn - placement.column.whole);
+      process(weights, cell, firstColumn, row);
+    }
+  }
+}
+
 /** The shear-warp of Fang et al. 2002 without reduced resampling (figure 2 and equation 2), in one thread: \a volume,
  * the copy for the factorization's principal axis, slice by slice onto an intermediate image of the factorization's
  * size, that of PlainShearWarp bit by bit. Pixels that no slice reaches are 0. Without oversampling. */

@@ -81,19 +81,11 @@ TaggedShearWarp::Project(const ShearWarpFactorization & factorization) const
   std::vector<PixelType> intermediate(size[0] * size[1]);
   SizeValueType          skippedCells = 0;
 
-  for (std::ptrdiff_t k = 0; k < volume.slices; ++k)
-  {
-    const ShearWarp::SlicePlacement & placement = factorization.GetSlicePlacements()[k];
-    const ShearWarp::BilinearWeights  weights(placement.column.fraction, placement.row.fraction);
-    const std::ptrdiff_t              firstColumn = placement.FirstColumn();
-    const std::ptrdiff_t              firstRow = placement.FirstRow();
-
-    for (std::ptrdiff_t q = firstRow; q < firstRow + volume.rows; ++q)
-    {
-      // the border shifts a voxel by one, a cell begins one before the pixel
-      const PixelType * cell =
-        volume.GetSlice(k) + (q - placement.row.whole) * volume.rowStride + (firstColumn - placement.column.whole);
-      PixelType * pixel = intermediate.data() + q * static_cast<std::ptrdiff_t>(size[0]) + firstColumn;
+  ForEachRow(
+    volume,
+    factorization,
+    [&](const ShearWarp::BilinearWeights & weights, const PixelType * cell, std::ptrdiff_t column, std::ptrdiff_t row) {
+      PixelType * pixel = intermediate.data() + row * static_cast<std::ptrdiff_t>(size[0]) + column;
       for (const PixelType * end = pixel + volume.columns; pixel != end; ++pixel, ++cell)
       {
         if (cell[corners[*cell & TagMask]] >> TagBits <= *pixel)
@@ -106,8 +98,7 @@ TaggedShearWarp::Project(const ShearWarpFactorization & factorization) const
                                  weights.bb * (cell[volume.rowStride + 1] >> TagBits);
         *pixel = std::max(*pixel, static_cast<PixelType>((sum + ShearWarp::One / 2) >> ShearWarp::FractionBits));
       }
-    }
-  }
+    });
   const auto cells = static_cast<SizeValueType>(volume.slices * volume.rows * volume.columns);
   return { std::move(intermediate), cells, skippedCells };
 }

@@ -20,13 +20,13 @@
 #include "PermutedVolume.h"
 #include "PlainShearWarp.h"
 #include "RayCasting.h"
+#include "Statistics.h"
 #include "TaggedShearWarp.h"
 #include "Views.h"
 #include "Volumes.h"
 
 #include "itkShearWarpMIPImageFilter.h"
 
-#include <algorithm>
 #include <chrono>
 #include <fstream>
 #include <memory>
@@ -306,17 +306,8 @@ struct Series
   std::vector<std::vector<Times>> timesOfViews;
 };
 
-/** The lower one of two. */
 double
-GetMedian(std::vector<double> values)
-{
-  const auto middle = values.begin() + (static_cast<std::ptrdiff_t>(values.size()) - 1) / 2;
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
-double
-GetMedian(const std::vector<Times> & measured, double Times::*time)
+GetMedianOf(double Times::*time, const std::vector<Times> & measured)
 {
   std::vector<double> values;
   for (const Times & times : measured)
@@ -370,10 +361,10 @@ TimeMethods(const VolumeType * image, unsigned int repetitions)
                           view.angle,
                           factorization.GetPrincipalAxis(),
                           preparation,
-                          GetMedian(times, &Times::interpolation),
-                          GetMedian(times, &Times::clip),
-                          GetMedian(times, &Times::warp),
-                          GetMedian(times, &Times::total),
+                          GetMedianOf(&Times::interpolation, times),
+                          GetMedianOf(&Times::clip, times),
+                          GetMedianOf(&Times::warp, times),
+                          GetMedianOf(&Times::total, times),
                           times.front().skippedFraction,
                           view.output->GetBufferedRegion().GetNumberOfPixels() });
     }

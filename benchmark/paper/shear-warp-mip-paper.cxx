@@ -17,6 +17,7 @@
  *=========================================================================*/
 #include "Data.h"
 #include "Figure5.h"
+#include "ReportErrors.h"
 #include "SphereStudy.h"
 #include "Timing.h"
 #include "VesselStudy.h"
@@ -28,7 +29,6 @@
 #include <CLI/CLI.hpp>
 
 #include <filesystem>
-#include <iostream>
 #include <utility>
 #include <vector>
 
@@ -148,17 +148,5 @@ Run(int argc, char * argv[])
 int
 main(int argc, char * argv[])
 {
-  try
-  {
-    return Run(argc, argv);
-  }
-  catch (const itk::ExceptionObject & error)
-  {
-    std::cerr << error.GetDescription() << std::endl;
-  }
-  catch (const std::exception & error)
-  {
-    std::cerr << error.what() << std::endl;
-  }
-  return EXIT_FAILURE;
+  return ReportErrors([=] { return Run(argc, argv); });
 }
