@@ -136,6 +136,7 @@ test_sanitize() (
   local name options=halt_on_error=1:exitcode=99:allocator_may_return_null=1 skip=ShearWarpVectorKernelsShareNoCode
   export ASAN_OPTIONS=$options:strict_init_order=1
   export UBSAN_OPTIONS=$options:print_stacktrace=1 TSAN_OPTIONS=$options
+  export LSAN_OPTIONS=suppressions=$root/tools/leaks-of-itk.txt:print_suppressions=0
   for name in address,undefined,float-cast-overflow thread; do
     [ "$name" != thread ] || export ITK_GLOBAL_DEFAULT_THREADER=Platform
     configure_build_test "$build/sanitize-${name%%,*}" -DCMAKE_CXX_FLAGS_RELEASE='-O1 -g1 -D_GLIBCXX_ASSERTIONS' \
