@@ -70,6 +70,8 @@ public:
   using PermutationType = FixedArray<unsigned int, 3>;
   using Vector2Type = Vector<double, 2>;
   using Point2Type = Point<double, 2>;
+  using Point3Type = Point<double, 3>;
+  using Vector4Type = Vector<double, 4>;
   using Matrix3Type = Matrix<double, 3, 3>;
   using Matrix4Type = Matrix<double, 4, 4>;
 
@@ -139,6 +141,19 @@ public:
   Matrix3Type
   GetWarpMatrix() const;
 
+  /** Sheared column, row, slice, 1 to view space. */
+  Matrix4Type
+  GetShearedToViewMatrix() const;
+
+  /** The function \a ofView[0] u + \a ofView[1] v + \a ofView[2] w + \a ofView[3] of view space as one of sheared
+   * column, row and slice. */
+  ShearWarp::ShearedFunction
+  GetShearedFunction(const Vector4Type & ofView) const;
+
+  /** The depth w, as a function of sheared column, row and slice. */
+  ShearWarp::ShearedFunction
+  GetDepthFunction() const;
+
   /** Column, row, 1 of the output grid to intermediate column, row, 1: the inverse of the warp, after the grid's
    * spacing and origin. */
   Matrix3Type
@@ -174,13 +189,17 @@ public:
   static void
   VerifyOversampling(unsigned int oversampling);
 
-  /** Corners of the bounding box, in the view plane, of the physical extent of \a image: its voxels, not only their
+  /** The linear part of a transform: its columns are the axes of view space, in physical space. */
+  static Matrix3Type
+  GetLinearPart(const TransformType * viewTransform);
+
+  /** Corners of the bounding box, in view space, of the physical extent of \a image: its voxels, not only their
    * centres. */
   static void
-  ComputeProjectedBounds(const TransformType *      viewTransform,
-                         const InputImageBaseType * image,
-                         Point2Type &               lower,
-                         Point2Type &               upper);
+  ComputeViewBounds(const TransformType *      viewTransform,
+                    const InputImageBaseType * image,
+                    Point3Type &               lower,
+                    Point3Type &               upper);
 
   /** The smallest spacing of \a image, in units of the view plane's two axes. */
   static Vector2Type

@@ -130,13 +130,17 @@ struct ColumnSpan
 };
 
 /** The intermediate (sheared) image: `rows` x `columns` pixels, `rowStride` pixels from row to row. `reached[r]` are
- * the columns of row r that some slice reaches; what the other pixels hold is not defined. */
+ * the columns of row r that some slice reaches; what the other pixels hold is not defined.
+ *
+ * `slices`, if not null, tells for each pixel, laid out as `pixels`, which slice gave it its value; it is negative
+ * where a pixel has none although it is reached. */
 template <typename TPixel>
 struct IntermediateImage
 {
-  TPixel *           pixels;
-  std::ptrdiff_t     columns, rows, rowStride;
-  const ColumnSpan * reached;
+  TPixel *             pixels;
+  std::ptrdiff_t       columns, rows, rowStride;
+  const ColumnSpan *   reached;
+  const std::int32_t * slices{ nullptr };
 };
 
 /** A view along the slices' axis: the place of each slice, and the image that collects the maxima.
@@ -153,6 +157,45 @@ struct ShearedView
   std::ptrdiff_t            activeStride{ 0 };
 };
 
+/** A row of a slice's samples: between the rows \a a, of weight y / 2^15, and \a b of `columns` voxels, of which voxel
+ * 0 is at `column` of the intermediate image. At the first and last rows' outer half voxels, y is 0. */
+template <typename TPixel>
+struct SliceRow
+{
+  const TPixel *   a;
+  const TPixel *   b;
+  std::ptrdiff_t   columns;
+  SamplingPosition column;
+  std::int32_t     y;
+};
+
+/** A row of rays, each of which collects one value from samples that come from front to back: `values`, and the slices
+ * that they are of. A ray without any has NoSlice; one that takes no more has EndedRay added to its slice. */
+template <typename TPixel>
+struct RayRow
+{
+  TPixel *       values;
+  std::int32_t * slices;
+};
+constexpr std::int32_t NoSlice = -1;
+constexpr std::int32_t EndedRay = 1 << 30;
+
+/** An affine function of column, row and slice of a sheared volume, evaluated as
+ * `perColumn * column + ((perRow * row + perSlice * slice) + constant)`. */
+struct ShearedFunction
+{
+  double perColumn, perRow, perSlice, constant;
+
+  ShearWarpMIP_EXPORT
+  double
+  operator()(double column, double row, double slice) const;
+};
+
+/** Those columns of \a span where \a low <= function <= \a high, for a row and a slice. */
+ShearWarpMIP_EXPORT
+ColumnSpan
+ClipColumns(const ShearedFunction & function, double low, double high, double row, double slice, ColumnSpan span);
+
 /** Affine map (x, y) -> (xx x + xy y + x0, yx x + yy y + y0). */
 struct AffineMap2D
 {
@@ -164,6 +207,26 @@ struct AffineMap2D
 template <typename TPixel>
 constexpr TPixel NoSample = std::numeric_limits<TPixel>::has_infinity ? -std::numeric_limits<TPixel>::infinity()
                                                                       : std::numeric_limits<TPixel>::lowest();
+
+/** How rays choose among samples: the functions of one mode. Equal samples: the first one stays. Not-a-number takes no
+ * part. */
+template <typename TPixel>
+struct RayKernels
+{
+  /** The value of a ray without a sample. */
+  TPixel start;
+
+  /** Gives rays [span.begin, span.end) the samples of a slice, `samples[p]` to ray p. */
+  void (*take)(const TPixel * samples, ColumnSpan span, std::int32_t slice, const RayRow<TPixel> & rays);
+
+  /** The same, but a ray whose value is \a threshold or beyond ends at the first sample that is less good: it keeps its
+   * first local maximum (local maximum intensity projection, Sato et al. 1998). */
+  void (*takeUntilLocalMaximum)(const TPixel *         samples,
+                                ColumnSpan             span,
+                                std::int32_t           slice,
+                                TPixel                 threshold,
+                                const RayRow<TPixel> & rays);
+};
 
 /** The functions of one instruction set. */
 template <typename TPixel>
@@ -214,7 +277,50 @@ struct Kernels
 
   /** Copies \a rows rows of \a columns pixels at \a input to \a columns rows of \a rows pixels at \a output. */
   void (*transposeSlice)(const TPixel * input, std::ptrdiff_t columns, std::ptrdiff_t rows, TPixel * output);
+
+  /** Writes the samples of columns [span.begin, span.end), which the row reaches, to `samples[span.begin]` and on. */
+  void (*sampleRow)(const SliceRow<TPixel> & row, ColumnSpan span, TPixel * samples);
+
+  /** Fades samples [span.begin, span.end) to \a background: those of column p come to
+   * `background + (sample - background) * min(factor * factors[p - first], 1)`, computed in double and rounded half
+   * upward to the pixel type. */
+  void (*fadeRow)(const double * factors,
+                  std::int32_t   first,
+                  double         factor,
+                  TPixel         background,
+                  ColumnSpan     span,
+                  TPixel *       samples);
+
+  RayKernels<TPixel> maximum;
+  RayKernels<TPixel> minimum;
+  /** The largest magnitude, with its sign; the positive one of two. */
+  RayKernels<TPixel> absoluteMaximum;
 };
+
+/** Samples as Kernels::sampleRow does, restricted to a mask: rows \a maskA and \a maskB belong to the row's, and voxels
+ * are in it where they are \a label or, if that is 0, not 0. A sample counts where its nearest voxel is in the mask,
+ * and is the mean of those of its voxels that are. `counted[p]` is 1 or 0. */
+template <typename TPixel>
+ShearWarpMIP_EXPORT
+void
+SampleMaskedRow(const SliceRow<TPixel> & row,
+                const std::uint8_t *     maskA,
+                const std::uint8_t *     maskB,
+                std::uint8_t             label,
+                ColumnSpan               span,
+                TPixel *                 samples,
+                std::uint8_t *           counted);
+
+/** For columns [0, columns) of row \a row of an output image, the slice of that intermediate pixel which has the
+ * largest weight in its interpolation, or NoSlice. */
+template <typename TPixel>
+ShearWarpMIP_EXPORT
+void
+FindNearestSlices(const IntermediateImage<TPixel> & intermediate,
+                  const AffineMap2D &               outputToIntermediate,
+                  std::ptrdiff_t                    row,
+                  std::ptrdiff_t                    columns,
+                  std::int32_t *                    slices);
 
 /** The plain C++ kernels: the definition that the others are tested against. */
 template <typename TPixel>

@@ -22,6 +22,10 @@
 #include "itkImageToImageFilter.h"
 #include "itkShearWarpFactorization.h"
 #include "itkShearWarpProjector.h"
+#include "itkShearWarpRayProjector.h"
+
+#include <chrono>
+#include <limits>
 
 namespace itk
 {
@@ -96,15 +100,21 @@ public:
   using InputPixelType = typename InputImageType::PixelType;
   using OutputPixelType = typename OutputImageType::PixelType;
   using OutputImageRegionType = typename OutputImageType::RegionType;
-  using SizeType = typename OutputImageType::SizeType;
-  using SpacingType = typename OutputImageType::SpacingType;
-  using OriginPointType = typename OutputImageType::PointType;
+  using OutputIndexType = typename OutputImageType::IndexType;
+  using SizeType = itk::Size<2>;
+  using SpacingType = Vector<double, 2>;
+  using OriginPointType = Point<double, 2>;
+  using PhysicalPointType = Point<double, 3>;
+  using MaskImageType = Image<unsigned char, 3>;
+  using DepthImageType = Image<float, OutputImageDimension>;
   using TransformType = Transform<double, 3, 3>;
   using DecoratedTransformType = DataObjectDecorator<TransformType>;
   using ReducedResamplingEnum = ShearWarpMIPImageFilterEnums::ReducedResampling;
+  using ModeEnum = ShearWarpMIPImageFilterEnums::Mode;
 
   static_assert(InputImageDimension == 3, "the input of a projection must have dimension 3");
-  static_assert(OutputImageDimension == 2, "the output of a projection must have dimension 2");
+  static_assert(OutputImageDimension == 2 || OutputImageDimension == 3,
+                "the output of a projection must have dimension 2, or 3 for a slice in the image's physical space");
   static_assert(std::is_base_of_v<Image<InputPixelType, 3>, InputImageType>, "the input must be an itk::Image");
   static_assert(std::is_same_v<OutputPixelType, InputPixelType>, "input and output must have the same pixel type");
   static_assert(std::is_arithmetic_v<InputPixelType> && !std::is_same_v<InputPixelType, bool> &&
@@ -146,6 +156,67 @@ public:
   /** Value of the output where a ray misses the image; 0 by default. */
   itkSetMacro(DefaultPixelValue, OutputPixelType);
   itkGetConstReferenceMacro(DefaultPixelValue, OutputPixelType);
+
+  /** Which of a ray's samples is its value: the Maximum, by default, the Minimum, or the one of AbsoluteMaximum, with
+   * its sign (the positive one of two). */
+  itkSetEnumMacro(Mode, ModeEnum);
+  itkGetEnumMacro(Mode, ModeEnum);
+
+  /** Only samples of depth w, in view space, SlabNear <= w <= SlabFar count: by default from minus to plus infinity. In
+   * the views of ShearWarpMIPView depth is mm behind the image's centre. */
+  itkSetMacro(SlabNear, double);
+  itkGetConstMacro(SlabNear, double);
+  itkSetMacro(SlabFar, double);
+  itkGetConstMacro(SlabFar, double);
+
+  /** Only samples whose physical position is within these corners count, along each physical axis; by default all. */
+  itkSetMacro(CropLower, PhysicalPointType);
+  itkGetConstReferenceMacro(CropLower, PhysicalPointType);
+  itkSetMacro(CropUpper, PhysicalPointType);
+  itkGetConstReferenceMacro(CropUpper, PhysicalPointType);
+
+  /** Only voxels in the mask take part: those that are MaskLabel or, if that is 0 as by default, not 0. The mask has
+   * the input's grid. A sample counts where its nearest voxel is in the mask; its value is the mean of those of its
+   * voxels that are. */
+  itkSetInputMacro(MaskImage, MaskImageType);
+  itkGetInputMacro(MaskImage, MaskImageType);
+  itkSetMacro(MaskLabel, unsigned char);
+  itkGetConstMacro(MaskLabel, unsigned char);
+
+  /** Rays end behind their first local maximum that is not less than LocalMaximumThreshold (the first local minimum
+   * that is not greater, the first local maximum of magnitude), so that a near vessel hides a brighter one behind it;
+   * those that meet none have their maximum. Local maximum intensity projection: Sato et al., Comput Med Imaging Graph
+   * 22:327-336, 1998. Off by default. */
+  itkSetMacro(LocalMaximum, bool);
+  itkGetConstMacro(LocalMaximum, bool);
+  itkBooleanMacro(LocalMaximum);
+  itkSetMacro(LocalMaximumThreshold, InputPixelType);
+  itkGetConstReferenceMacro(LocalMaximumThreshold, InputPixelType);
+
+  /** How fast samples fade with depth, in 1 / unit of view space: one of value v at depth w takes part as
+   * DefaultPixelValue + (v - DefaultPixelValue) exp(-DepthAttenuation (w - w0)), where w0 is SlabNear or, if that is
+   * less, the depth where the image begins. 0, none, by default. */
+  itkSetMacro(DepthAttenuation, double);
+  itkGetConstMacro(DepthAttenuation, double);
+
+  /** Whether there is a Depth output; off by default. */
+  void
+  SetComputeDepth(bool compute);
+  itkGetConstMacro(ComputeDepth, bool);
+  itkBooleanMacro(ComputeDepth);
+
+  /** The depth w of the output's values, in units of view space: T(u, v, w) is where a pixel's maximum lies, the
+   * nearest one of several. It is that of the intermediate pixel that has the largest part in the output's;
+   * not-a-number where no sample is. Null if ComputeDepth is off. */
+  DepthImageType *
+  GetDepthOutput();
+  const DepthImageType *
+  GetDepthOutput() const;
+
+  /** The physical point of the value of an output pixel, by the Depth output of the last update. Throws ExceptionObject
+   * if there is none, if the index is outside of it, or if the pixel has no value. */
+  PhysicalPointType
+  GetPhysicalPoint(const OutputIndexType & index) const;
 
   /** Reduced resampling leaves out parts of slices whose largest voxel is not above what the picture has there already.
    * It never changes a pixel. Auto, the default, uses it where it saves time. On and Auto keep a table of
@@ -189,13 +260,14 @@ public:
   ReleasePreparedVolume()
   {
     m_PreparedVolume.Release();
+    m_PreparedMask.Release();
   }
 
-  /** Bytes that the prepared volume holds beside the input. */
+  /** Bytes that the prepared volume, and the mask's, hold beside the inputs. */
   SizeValueType
   GetPreparedVolumeSizeInBytes() const
   {
-    return m_PreparedVolume.GetSizeInBytes();
+    return m_PreparedVolume.GetSizeInBytes() + m_PreparedMask.GetSizeInBytes();
   }
 
 protected:
@@ -220,10 +292,51 @@ protected:
   void
   GenerateData() override;
 
+  using Superclass::MakeOutput;
+  DataObject::Pointer
+  MakeOutput(const ProcessObject::DataObjectIdentifierType & name) override;
+
   void
   PrintSelf(std::ostream & os, Indent indent) const override;
 
 private:
+  using Kernels = ShearWarp::Kernels<InputPixelType>;
+  using RayProjectorType = ShearWarpRayProjector<InputPixelType>;
+  using IntermediateImageType = ShearWarp::IntermediateImage<InputPixelType>;
+  using Clock = std::chrono::steady_clock;
+
+  static double
+  SecondsSince(Clock::time_point start)
+  {
+    return std::chrono::duration<double>(Clock::now() - start).count();
+  }
+
+  /** Whether rays take samples in any order and all of them. */
+  bool
+  IsPlainMaximum() const;
+
+  typename RayProjectorType::Parameters
+  MakeRayParameters(const ShearWarpFactorization & factorization, const Kernels & kernels) const;
+
+  /** Gives an output the grid in view space or, if it has three dimensions, in physical space: one slice in the middle
+   * of the depths that are projected, as thick as they reach. */
+  void
+  SetGeometry(ImageBase<OutputImageDimension> * output) const;
+
+  /** Where depths are less, and where they are greater, no sample counts. */
+  void
+  GetDepthRange(double & nearest, double & farthest) const;
+
+  /** Prepares the volume and projects it, slab by slab. */
+  template <typename TProjector>
+  IntermediateImageType
+  Project(TProjector & projector, bool isFirstSlabFirst, const Kernels & kernels);
+
+  void
+  Warp(const IntermediateImageType &  intermediate,
+       const ShearWarpFactorization & factorization,
+       const Kernels &                kernels);
+
   /** Sets one of the output grid's parameters, which is no longer fitted then. */
   template <typename TParameter>
   void
@@ -233,6 +346,7 @@ private:
   struct Slab
   {
     std::ptrdiff_t begin, end;
+    bool           isFirst; // of those that are prepared one after the other
   };
 
   Slab
@@ -245,10 +359,27 @@ private:
   void
   SetInputRequestedRegionToSlab(const Slab & slab);
 
-  void
-  PrepareVolume(const Slab & slab, const ShearWarp::Kernels<InputPixelType> & kernels, float progressWeight);
+  /** Makes the source of \a image, if that is not null, put the requested region into memory. */
+  static void
+  UpdateSlab(DataObject * image)
+  {
+    if (image)
+    {
+      image->PropagateRequestedRegion();
+      image->UpdateOutputData();
+    }
+  }
 
-  const ShearWarp::Kernels<InputPixelType> &
+  template <typename TPixel>
+  void
+  Prepare(const char *                       name,
+          const Image<TPixel, 3> *           image,
+          ShearWarpPreparedVolume<TPixel> &  prepared,
+          const Slab &                       slab,
+          const ShearWarp::Kernels<TPixel> & kernels,
+          float                              progressWeight);
+
+  const Kernels &
   ChooseKernels() const;
 
   SizeValueType
@@ -269,8 +400,24 @@ private:
   bool            m_FitOutputOrigin{ true };
   OutputPixelType m_DefaultPixelValue{};
 
+  // the output's, in the view plane
+  ImageBase<2>::Pointer m_Grid{ ImageBase<2>::New() };
+
+  ModeEnum          m_Mode{ ModeEnum::Maximum };
+  double            m_SlabNear{ -std::numeric_limits<double>::infinity() };
+  double            m_SlabFar{ std::numeric_limits<double>::infinity() };
+  PhysicalPointType m_CropLower{ -std::numeric_limits<double>::infinity() };
+  PhysicalPointType m_CropUpper{ std::numeric_limits<double>::infinity() };
+  unsigned char     m_MaskLabel{ 0 };
+  bool              m_LocalMaximum{ false };
+  InputPixelType    m_LocalMaximumThreshold{};
+  double            m_DepthAttenuation{ 0.0 };
+  bool              m_ComputeDepth{ false };
+
   ShearWarpPreparedVolume<InputPixelType> m_PreparedVolume;
+  ShearWarpPreparedVolume<unsigned char>  m_PreparedMask;
   ShearWarpProjector<InputPixelType>      m_Projector;
+  RayProjectorType                        m_RayProjector;
 
   ReducedResamplingEnum m_ReducedResampling{ ReducedResamplingEnum::Auto };
   unsigned int          m_Oversampling{ 1 };

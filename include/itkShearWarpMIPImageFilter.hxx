@@ -40,6 +40,73 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::ShearWarpMIPImageFilter()
 }
 
 template <typename TInputImage, typename TOutputImage>
+DataObject::Pointer
+ShearWarpMIPImageFilter<TInputImage, TOutputImage>::MakeOutput(const ProcessObject::DataObjectIdentifierType & name)
+{
+  return name == "Depth" ? DepthImageType::New().GetPointer() : Superclass::MakeOutput(name);
+}
+
+template <typename TInputImage, typename TOutputImage>
+void
+ShearWarpMIPImageFilter<TInputImage, TOutputImage>::SetComputeDepth(bool compute)
+{
+  if (compute != m_ComputeDepth)
+  {
+    m_ComputeDepth = compute;
+    // a second output that is there from the beginning would be allocated too
+    if (compute)
+    {
+      this->ProcessObject::SetOutput("Depth", this->MakeOutput("Depth"));
+    }
+    else
+    {
+      this->RemoveOutput("Depth");
+    }
+    this->Modified();
+  }
+}
+
+template <typename TInputImage, typename TOutputImage>
+auto
+ShearWarpMIPImageFilter<TInputImage, TOutputImage>::GetDepthOutput() -> DepthImageType *
+{
+  return dynamic_cast<DepthImageType *>(this->ProcessObject::GetOutput("Depth"));
+}
+
+template <typename TInputImage, typename TOutputImage>
+auto
+ShearWarpMIPImageFilter<TInputImage, TOutputImage>::GetDepthOutput() const -> const DepthImageType *
+{
+  return dynamic_cast<const DepthImageType *>(this->ProcessObject::GetOutput("Depth"));
+}
+
+template <typename TInputImage, typename TOutputImage>
+auto
+ShearWarpMIPImageFilter<TInputImage, TOutputImage>::GetPhysicalPoint(const OutputIndexType & index) const
+  -> PhysicalPointType
+{
+  const DepthImageType * depth = this->GetDepthOutput();
+  if (!depth || !depth->GetBufferedRegion().IsInside(index))
+  {
+    itkExceptionMacro("There is no depth at index " << index
+                                                    << ": ComputeDepth must be on, and the index of a pixel of "
+                                                    << "the last update.");
+  }
+  const auto w = static_cast<double>(depth->GetPixel(index));
+  if (!std::isfinite(w))
+  {
+    itkExceptionMacro("No ray has a value at index " << index << '.');
+  }
+  PhysicalPointType view;
+  for (unsigned int axis = 0; axis < 2; ++axis)
+  {
+    view[axis] = m_Grid->GetOrigin()[axis] + m_Grid->GetSpacing()[axis] * static_cast<double>(index[axis]);
+  }
+  view[2] = w;
+  return this->GetTransform()->TransformPoint(view);
+}
+
+template <typename TInputImage, typename TOutputImage>
 template <typename TParameter>
 void
 ShearWarpMIPImageFilter<TInputImage, TOutputImage>::SetGridParameter(TParameter &       parameter,
@@ -83,7 +150,28 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::VerifyPreconditions() ITKv5_
   {
     itkExceptionMacro("NumberOfStreamDivisions must be positive, but it is 0.");
   }
-  for (unsigned int axis = 0; axis < OutputImageDimension; ++axis)
+  if (!(m_SlabNear <= m_SlabFar))
+  {
+    itkExceptionMacro("SlabNear must not be greater than SlabFar, but they are " << m_SlabNear << " and " << m_SlabFar
+                                                                                 << '.');
+  }
+  if (!(m_DepthAttenuation >= 0.0 && std::isfinite(m_DepthAttenuation)))
+  {
+    itkExceptionMacro("DepthAttenuation must be finite and not negative, but it is " << m_DepthAttenuation << '.');
+  }
+  if (m_LocalMaximumThreshold != m_LocalMaximumThreshold)
+  {
+    itkExceptionMacro("LocalMaximumThreshold must be a number, but it is " << m_LocalMaximumThreshold << '.');
+  }
+  for (unsigned int axis = 0; axis < InputImageDimension; ++axis)
+  {
+    if (!(m_CropLower[axis] <= m_CropUpper[axis]))
+    {
+      itkExceptionMacro("CropLower must not be greater than CropUpper, but they are " << m_CropLower << " and "
+                                                                                      << m_CropUpper << '.');
+    }
+  }
+  for (unsigned int axis = 0; axis < 2; ++axis)
   {
     if (!m_FitSize && m_Size[axis] == 0)
     {
@@ -122,6 +210,12 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::VerifyInputInformation() ITK
       itkExceptionMacro("The input's origin must be finite, but it is " << input->GetOrigin() << '.');
     }
   }
+  const MaskImageType * mask = this->GetMaskImage();
+  if (mask && mask->GetLargestPossibleRegion() != input->GetLargestPossibleRegion())
+  {
+    itkExceptionMacro("MaskImage must have the input's region, " << input->GetLargestPossibleRegion() << ", but it has "
+                                                                 << mask->GetLargestPossibleRegion());
+  }
 }
 
 template <typename TInputImage, typename TOutputImage>
@@ -130,15 +224,15 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::GenerateOutputInformation()
 {
   const InputImageType * input = this->GetInput();
   const TransformType *  transform = this->GetTransform();
-  OriginPointType        lower;
-  OriginPointType        upper;
-  ShearWarpFactorization::ComputeProjectedBounds(transform, input, lower, upper);
+  PhysicalPointType      lower;
+  PhysicalPointType      upper;
+  ShearWarpFactorization::ComputeViewBounds(transform, input, lower, upper);
 
   const SpacingType spacing =
     m_FitOutputSpacing ? ShearWarpFactorization::ComputeProjectedSpacing(transform, input) : m_OutputSpacing;
-  OriginPointType                      origin = m_OutputOrigin;
-  Vector<double, OutputImageDimension> size;
-  for (unsigned int axis = 0; axis < OutputImageDimension; ++axis)
+  OriginPointType   origin = m_OutputOrigin;
+  Vector<double, 2> size;
+  for (unsigned int axis = 0; axis < 2; ++axis)
   {
     const double start = m_FitOutputOrigin ? lower[axis] : origin[axis] - 0.5 * spacing[axis];
     // an extent that exceeds whole pixels by rounding errors only needs no further pixel
@@ -150,7 +244,7 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::GenerateOutputInformation()
     }
   }
 
-  for (unsigned int axis = 0; axis < OutputImageDimension; ++axis)
+  for (unsigned int axis = 0; axis < 2; ++axis)
   {
     if (!(spacing[axis] > 0.0 && std::isfinite(spacing[axis]) && std::isfinite(origin[axis])))
     {
@@ -172,14 +266,78 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::GenerateOutputInformation()
                                                                         << memory << '.');
   }
 
-  OutputImageType * output = this->GetOutput();
-  output->SetLargestPossibleRegion(
+  m_Grid->SetLargestPossibleRegion(
     SizeType{ { static_cast<SizeValueType>(size[0]), static_cast<SizeValueType>(size[1]) } });
-  output->SetSpacing(spacing);
-  output->SetOrigin(origin);
-  typename OutputImageType::DirectionType direction;
-  direction.SetIdentity();
-  output->SetDirection(direction);
+  m_Grid->SetSpacing(spacing);
+  m_Grid->SetOrigin(origin);
+  this->SetGeometry(this->GetOutput());
+  if (m_ComputeDepth)
+  {
+    this->SetGeometry(this->GetDepthOutput());
+  }
+}
+
+template <typename TInputImage, typename TOutputImage>
+void
+ShearWarpMIPImageFilter<TInputImage, TOutputImage>::SetGeometry(ImageBase<OutputImageDimension> * output) const
+{
+  if constexpr (OutputImageDimension == 2)
+  {
+    output->CopyInformation(m_Grid);
+  }
+  else
+  {
+    double nearest;
+    double farthest;
+    this->GetDepthRange(nearest, farthest);
+    const auto        axes = ShearWarpFactorization::GetLinearPart(this->GetTransform());
+    const double      steps[] = { m_Grid->GetSpacing()[0], m_Grid->GetSpacing()[1], farthest - nearest };
+    PhysicalPointType view;
+    view[0] = m_Grid->GetOrigin()[0];
+    view[1] = m_Grid->GetOrigin()[1];
+    view[2] = 0.5 * (nearest + farthest);
+    typename OutputImageType::SpacingType   spacing;
+    typename OutputImageType::DirectionType direction;
+    for (unsigned int axis = 0; axis < 3; ++axis)
+    {
+      double squaredLength = 0.0;
+      for (unsigned int row = 0; row < 3; ++row)
+      {
+        squaredLength += axes(row, axis) * axes(row, axis);
+      }
+      const double length = std::sqrt(squaredLength);
+      for (unsigned int row = 0; row < 3; ++row)
+      {
+        direction(row, axis) = axes(row, axis) / length;
+      }
+      spacing[axis] = steps[axis] * length;
+    }
+    const SizeType size = m_Grid->GetLargestPossibleRegion().GetSize();
+    output->SetLargestPossibleRegion(typename OutputImageType::SizeType{ { size[0], size[1], 1 } });
+    output->SetSpacing(spacing);
+    output->SetOrigin(this->GetTransform()->TransformPoint(view));
+    output->SetDirection(direction);
+  }
+}
+
+template <typename TInputImage, typename TOutputImage>
+void
+ShearWarpMIPImageFilter<TInputImage, TOutputImage>::GetDepthRange(double & nearest, double & farthest) const
+{
+  PhysicalPointType lower;
+  PhysicalPointType upper;
+  ShearWarpFactorization::ComputeViewBounds(this->GetTransform(), this->GetInput(), lower, upper);
+  nearest = std::max(lower[2], m_SlabNear);
+  farthest = std::min(upper[2], m_SlabFar);
+  if (!(nearest < farthest))
+  {
+    // a slab without thickness, or beside the image
+    nearest = std::isfinite(m_SlabNear) ? m_SlabNear : m_SlabFar;
+    farthest = std::isfinite(m_SlabFar) ? m_SlabFar : m_SlabNear;
+    const double missing = (upper[2] - lower[2]) * 1e-3 - (farthest - nearest);
+    nearest -= 0.5 * std::max(missing, 0.0);
+    farthest += 0.5 * std::max(missing, 0.0);
+  }
 }
 
 template <typename TInputImage, typename TOutputImage>
@@ -193,12 +351,15 @@ template <typename TInputImage, typename TOutputImage>
 void
 ShearWarpMIPImageFilter<TInputImage, TOutputImage>::SetInputRequestedRegionToSlab(const Slab & slab)
 {
-  auto *                              input = const_cast<InputImageType *>(this->GetInput());
-  typename InputImageType::RegionType region = input->GetLargestPossibleRegion();
+  typename InputImageType::RegionType region = this->GetInput()->GetLargestPossibleRegion();
   const std::ptrdiff_t                begin = std::max<std::ptrdiff_t>(slab.begin - 1, 0);
   region.SetIndex(2, region.GetIndex(2) + begin);
   region.SetSize(2, static_cast<SizeValueType>(slab.end - begin));
-  input->SetRequestedRegion(region);
+  const_cast<InputImageType *>(this->GetInput())->SetRequestedRegion(region);
+  if (const MaskImageType * mask = this->GetMaskImage())
+  {
+    const_cast<MaskImageType *>(mask)->SetRequestedRegion(region);
+  }
 }
 
 template <typename TInputImage, typename TOutputImage>
@@ -232,7 +393,7 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::EnlargeOutputRequestedRegion
 
 template <typename TInputImage, typename TOutputImage>
 auto
-ShearWarpMIPImageFilter<TInputImage, TOutputImage>::ChooseKernels() const -> const ShearWarp::Kernels<InputPixelType> &
+ShearWarpMIPImageFilter<TInputImage, TOutputImage>::ChooseKernels() const -> const Kernels &
 {
   try
   {
@@ -314,21 +475,24 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::Parallelize(SizeValueType   
 }
 
 template <typename TInputImage, typename TOutputImage>
+template <typename TPixel>
 void
-ShearWarpMIPImageFilter<TInputImage, TOutputImage>::PrepareVolume(const Slab &                               slab,
-                                                                  const ShearWarp::Kernels<InputPixelType> & kernels,
-                                                                  float progressWeight)
+ShearWarpMIPImageFilter<TInputImage, TOutputImage>::Prepare(const char *                       name,
+                                                            const Image<TPixel, 3> *           image,
+                                                            ShearWarpPreparedVolume<TPixel> &  prepared,
+                                                            const Slab &                       slab,
+                                                            const ShearWarp::Kernels<TPixel> & kernels,
+                                                            float                              progressWeight)
 {
-  const InputImageType * input = this->GetInput();
-  const auto &           buffered = input->GetBufferedRegion();
-  const auto *           voxels = input->GetPixelContainer();
-  const SizeValueType    available = voxels ? voxels->Size() : 0;
-  if (!buffered.IsInside(input->GetRequestedRegion()) || !input->GetLargestPossibleRegion().IsInside(buffered) ||
+  const auto &        buffered = image->GetBufferedRegion();
+  const auto *        voxels = image->GetPixelContainer();
+  const SizeValueType available = voxels ? voxels->Size() : 0;
+  if (!buffered.IsInside(image->GetRequestedRegion()) || !image->GetLargestPossibleRegion().IsInside(buffered) ||
       available < buffered.GetNumberOfPixels())
   {
-    itkExceptionMacro("The input must be buffered where it is requested, but there are "
-                      << available << " voxels, its buffered region is " << buffered << " and its requested region is "
-                      << input->GetRequestedRegion());
+    itkExceptionMacro("The " << name << " must be buffered where it is requested, but there are " << available
+                             << " voxels, its buffered region is " << buffered << " and its requested region is "
+                             << image->GetRequestedRegion());
   }
   const auto parallelize = [=](SizeValueType count, const auto & process) {
     this->Parallelize(
@@ -336,11 +500,11 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::PrepareVolume(const Slab &  
   };
   if (this->GetNumberOfSlabs() > 1)
   {
-    m_PreparedVolume.PrepareSlab(input, slab.begin, slab.end, m_PrincipalAxis, kernels, parallelize);
+    prepared.PrepareSlab(image, slab.begin, slab.end, slab.isFirst, m_PrincipalAxis, kernels, parallelize);
   }
   else
   {
-    m_PreparedVolume.Prepare(input, m_PrincipalAxis, kernels, parallelize);
+    prepared.Prepare(image, m_PrincipalAxis, kernels, parallelize);
   }
 }
 
@@ -348,78 +512,192 @@ template <typename TInputImage, typename TOutputImage>
 void
 ShearWarpMIPImageFilter<TInputImage, TOutputImage>::GenerateData()
 {
-  using Clock = std::chrono::steady_clock;
-  const auto secondsSince = [](Clock::time_point start) {
-    return std::chrono::duration<double>(Clock::now() - start).count();
-  };
-
   this->AllocateOutputs();
-  auto *            input = const_cast<InputImageType *>(this->GetInput());
-  OutputImageType * output = this->GetOutput();
-
-  const ShearWarpFactorization factorization(this->GetTransform(), input, output, m_Oversampling);
+  const ShearWarpFactorization factorization(this->GetTransform(), this->GetInput(), m_Grid, m_Oversampling);
   m_PrincipalAxis = factorization.GetPrincipalAxis();
-  const ShearWarp::Kernels<InputPixelType> & kernels = this->ChooseKernels();
+  const Kernels & kernels = this->ChooseKernels();
   m_InstructionSet = kernels.instructionSet;
 
-  m_PreparationSeconds = 0.0;
-  m_ProjectionSeconds = 0.0;
-  const SizeValueType slabs = this->GetNumberOfSlabs();
-  const bool          isPrepared = slabs == 1 && m_PreparedVolume.IsPrepared(input, m_PrincipalAxis);
-  const float         preparationShare = 0.2f / static_cast<float>(slabs);
-  const float         projectionShare = (isPrepared ? 0.85f : 0.45f) / static_cast<float>(slabs);
-  m_Projector.Start(factorization, kernels, m_ReducedResampling, this->GetNumberOfWorkers());
-  for (SizeValueType n = 0; n < slabs; ++n)
+  const SizeValueType workers = this->GetNumberOfWorkers();
+  if (this->IsPlainMaximum())
   {
-    const Slab slab = this->GetSlab(n);
-    if (n > 0)
-    {
-      this->SetInputRequestedRegionToSlab(slab);
-      input->PropagateRequestedRegion();
-      input->UpdateOutputData();
-    }
-    const auto preparationStart = Clock::now();
-    this->PrepareVolume(slab, kernels, preparationShare);
-    m_PreparationSeconds += isPrepared ? 0.0 : secondsSince(preparationStart);
-
-    const auto projectionStart = Clock::now();
-    m_Projector.Project(m_PreparedVolume, [=](SizeValueType count, SizeValueType steps, const auto & process) {
-      this->Parallelize(count, steps, projectionShare, process);
-    });
-    m_ProjectionSeconds += secondsSince(projectionStart);
+    m_Projector.Start(factorization, kernels, m_ReducedResampling, workers);
+    const IntermediateImageType intermediate = this->Project(m_Projector, true, kernels);
+    m_SkippedFraction = m_Projector.GetSkippedFraction();
+    this->Warp(intermediate, factorization, kernels);
   }
-  const auto mergeStart = Clock::now();
-  const auto intermediate = m_Projector.Finish([this](SizeValueType count, SizeValueType steps, const auto & process) {
-    this->Parallelize(count, steps, 0.05f, process);
-  });
-  m_ProjectionSeconds += secondsSince(mergeStart);
-  m_SkippedFraction = m_Projector.GetSkippedFraction();
-  if (slabs > 1)
+  else
   {
-    m_PreparedVolume.Release();
+    m_RayProjector.Start(factorization, kernels, this->MakeRayParameters(factorization, kernels), workers);
+    const IntermediateImageType intermediate =
+      this->Project(m_RayProjector, m_RayProjector.IsFirstSlabFront(), kernels);
+    m_SkippedFraction = 0.0;
+    this->Warp(intermediate, factorization, kernels);
   }
-
-  const auto                   warpStart = Clock::now();
-  const auto                   map = factorization.GetOutputToIntermediateMatrix();
-  const ShearWarp::AffineMap2D outputToIntermediate{ map(0, 0), map(0, 1), map(0, 2), map(1, 0), map(1, 1), map(1, 2) };
-  const SizeType               outputSize = output->GetBufferedRegion().GetSize();
-  constexpr SizeValueType      band = 16;
-  this->Parallelize((outputSize[1] + band - 1) / band, 1, 0.09f, [&](SizeValueType n, SizeValueType, SizeValueType) {
-    for (SizeValueType row = n * band; row < std::min((n + 1) * band, outputSize[1]); ++row)
-    {
-      kernels.warpRow(intermediate,
-                      outputToIntermediate,
-                      row,
-                      0,
-                      outputSize[0],
-                      m_DefaultPixelValue,
-                      output->GetBufferPointer() + row * outputSize[0]);
-    }
-  });
-  m_WarpSeconds = secondsSince(warpStart);
 
   // the weights sum to less: ITK's progress wraps around to 0 where rounding takes it beyond 1
   this->UpdateProgress(1.0f);
+}
+
+template <typename TInputImage, typename TOutputImage>
+bool
+ShearWarpMIPImageFilter<TInputImage, TOutputImage>::IsPlainMaximum() const
+{
+  constexpr double infinity = std::numeric_limits<double>::infinity();
+  return m_Mode == ModeEnum::Maximum && m_SlabNear == -infinity && m_SlabFar == infinity &&
+         m_CropLower == PhysicalPointType(-infinity) && m_CropUpper == PhysicalPointType(infinity) &&
+         !this->GetMaskImage() && !m_LocalMaximum && m_DepthAttenuation == 0.0 && !m_ComputeDepth;
+}
+
+template <typename TInputImage, typename TOutputImage>
+auto
+ShearWarpMIPImageFilter<TInputImage, TOutputImage>::MakeRayParameters(const ShearWarpFactorization & factorization,
+                                                                      const Kernels &                kernels) const ->
+  typename RayProjectorType::Parameters
+{
+  typename RayProjectorType::Parameters parameters;
+  parameters.mode = m_Mode == ModeEnum::Minimum           ? &kernels.minimum
+                    : m_Mode == ModeEnum::AbsoluteMaximum ? &kernels.absoluteMaximum
+                                                          : &kernels.maximum;
+  if (m_LocalMaximum)
+  {
+    parameters.localMaximumThreshold = m_LocalMaximumThreshold;
+  }
+
+  const auto addInterval = [&](const ShearWarp::ShearedFunction & function, double low, double high) {
+    constexpr double infinity = std::numeric_limits<double>::infinity();
+    if (low != -infinity || high != infinity)
+    {
+      parameters.intervals.push_back({ function, low, high });
+    }
+  };
+  addInterval(factorization.GetDepthFunction(), m_SlabNear, m_SlabFar);
+  const auto axes = ShearWarpFactorization::GetLinearPart(this->GetTransform());
+  const auto offset = this->GetTransform()->TransformPoint(PhysicalPointType(0.0));
+  for (unsigned int axis = 0; axis < InputImageDimension; ++axis)
+  {
+    const double position[] = { axes(axis, 0), axes(axis, 1), axes(axis, 2), offset[axis] };
+    addInterval(factorization.GetShearedFunction(Vector<double, 4>(position)), m_CropLower[axis], m_CropUpper[axis]);
+  }
+
+  if (m_DepthAttenuation > 0.0)
+  {
+    double nearest;
+    double farthest;
+    this->GetDepthRange(nearest, farthest);
+    // exp() of it must be a number
+    constexpr double most = 300.0;
+    if (!(m_DepthAttenuation * (farthest - nearest) <= most))
+    {
+      itkExceptionMacro("DepthAttenuation must not be greater than "
+                        << most / (farthest - nearest) << " for this image, but it is " << m_DepthAttenuation << '.');
+    }
+    parameters.fading = typename RayProjectorType::Fading{ m_DepthAttenuation, nearest, m_DefaultPixelValue };
+  }
+  if (this->GetMaskImage())
+  {
+    parameters.mask = &m_PreparedMask;
+    parameters.maskLabel = m_MaskLabel;
+  }
+  return parameters;
+}
+
+template <typename TInputImage, typename TOutputImage>
+template <typename TProjector>
+auto
+ShearWarpMIPImageFilter<TInputImage, TOutputImage>::Project(TProjector &    projector,
+                                                            bool            isFirstSlabFirst,
+                                                            const Kernels & kernels) -> IntermediateImageType
+{
+  auto * input = const_cast<InputImageType *>(this->GetInput());
+  auto * mask = const_cast<MaskImageType *>(this->GetMaskImage());
+  m_PreparationSeconds = 0.0;
+  m_ProjectionSeconds = 0.0;
+  const SizeValueType slabs = this->GetNumberOfSlabs();
+  const bool          isPrepared = slabs == 1 && m_PreparedVolume.IsPrepared(input, m_PrincipalAxis) &&
+                          (!mask || m_PreparedMask.IsPrepared(mask, m_PrincipalAxis));
+  const float preparationShare = (mask ? 0.1f : 0.2f) / static_cast<float>(slabs);
+  const float projectionShare = (isPrepared ? 0.85f : 0.45f) / static_cast<float>(slabs);
+  for (SizeValueType n = 0; n < slabs; ++n)
+  {
+    Slab slab = this->GetSlab(isFirstSlabFirst ? n : slabs - 1 - n);
+    slab.isFirst = n == 0;
+    // the pipeline has got the first one
+    if (slabs > 1 && !(n == 0 && isFirstSlabFirst))
+    {
+      this->SetInputRequestedRegionToSlab(slab);
+      this->UpdateSlab(input);
+      this->UpdateSlab(mask);
+    }
+    const auto preparationStart = Clock::now();
+    this->Prepare("input", this->GetInput(), m_PreparedVolume, slab, kernels, preparationShare);
+    if (mask)
+    {
+      this->Prepare("MaskImage",
+                    this->GetMaskImage(),
+                    m_PreparedMask,
+                    slab,
+                    ShearWarp::GetKernels<unsigned char>(),
+                    preparationShare);
+    }
+    m_PreparationSeconds += isPrepared ? 0.0 : SecondsSince(preparationStart);
+
+    const auto projectionStart = Clock::now();
+    projector.Project(m_PreparedVolume, [=](SizeValueType count, SizeValueType steps, const auto & process) {
+      this->Parallelize(count, steps, projectionShare, process);
+    });
+    m_ProjectionSeconds += SecondsSince(projectionStart);
+  }
+  const auto mergeStart = Clock::now();
+  const auto intermediate = projector.Finish([this](SizeValueType count, SizeValueType steps, const auto & process) {
+    this->Parallelize(count, steps, 0.05f, process);
+  });
+  m_ProjectionSeconds += SecondsSince(mergeStart);
+  if (slabs > 1)
+  {
+    this->ReleasePreparedVolume();
+  }
+  return intermediate;
+}
+
+template <typename TInputImage, typename TOutputImage>
+void
+ShearWarpMIPImageFilter<TInputImage, TOutputImage>::Warp(const IntermediateImageType &  intermediate,
+                                                         const ShearWarpFactorization & factorization,
+                                                         const Kernels &                kernels)
+{
+  const auto                   start = Clock::now();
+  const auto                   map = factorization.GetOutputToIntermediateMatrix();
+  const ShearWarp::AffineMap2D outputToIntermediate{ map(0, 0), map(0, 1), map(0, 2), map(1, 0), map(1, 1), map(1, 2) };
+  const SizeType               size = m_Grid->GetLargestPossibleRegion().GetSize();
+  const auto                   depthFunction = factorization.GetDepthFunction();
+  InputPixelType * const       values = this->GetOutput()->GetBufferPointer();
+  float * const                depths = m_ComputeDepth ? this->GetDepthOutput()->GetBufferPointer() : nullptr;
+  constexpr SizeValueType      band = 16;
+  this->Parallelize((size[1] + band - 1) / band, 1, 0.09f, [&](SizeValueType n, SizeValueType, SizeValueType) {
+    std::vector<std::int32_t> slices(depths ? size[0] : 0);
+    for (SizeValueType row = n * band; row < std::min((n + 1) * band, size[1]); ++row)
+    {
+      kernels.warpRow(intermediate, outputToIntermediate, row, 0, size[0], m_DefaultPixelValue, values + row * size[0]);
+      if (depths)
+      {
+        ShearWarp::FindNearestSlices(intermediate, outputToIntermediate, row, size[0], slices.data());
+        for (SizeValueType column = 0; column < size[0]; ++column)
+        {
+          const auto shearedPosition = [&](unsigned int axis) {
+            const double position =
+              map(axis, 0) * static_cast<double>(column) + map(axis, 1) * static_cast<double>(row) + map(axis, 2);
+            return (position + 1.0) / m_Oversampling - 1.0;
+          };
+          depths[row * size[0] + column] =
+            slices[column] < 0
+              ? std::numeric_limits<float>::quiet_NaN()
+              : static_cast<float>(depthFunction(shearedPosition(0), shearedPosition(1), slices[column]));
+        }
+      }
+    }
+  });
+  m_WarpSeconds = SecondsSince(start);
 }
 
 template <typename TInputImage, typename TOutputImage>
@@ -435,6 +713,17 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::PrintSelf(std::ostream & os,
   os << indent
      << "DefaultPixelValue: " << static_cast<typename NumericTraits<OutputPixelType>::PrintType>(m_DefaultPixelValue)
      << std::endl;
+  os << indent << "Mode: " << m_Mode << std::endl;
+  os << indent << "SlabNear: " << m_SlabNear << std::endl;
+  os << indent << "SlabFar: " << m_SlabFar << std::endl;
+  os << indent << "CropLower: " << m_CropLower << std::endl;
+  os << indent << "CropUpper: " << m_CropUpper << std::endl;
+  os << indent << "MaskLabel: " << static_cast<unsigned int>(m_MaskLabel) << std::endl;
+  os << indent << "LocalMaximum: " << (m_LocalMaximum ? "On" : "Off") << std::endl;
+  os << indent << "LocalMaximumThreshold: "
+     << static_cast<typename NumericTraits<InputPixelType>::PrintType>(m_LocalMaximumThreshold) << std::endl;
+  os << indent << "DepthAttenuation: " << m_DepthAttenuation << std::endl;
+  os << indent << "ComputeDepth: " << (m_ComputeDepth ? "On" : "Off") << std::endl;
   os << indent << "ReducedResampling: " << m_ReducedResampling << std::endl;
   os << indent << "Oversampling: " << m_Oversampling << std::endl;
   os << indent << "NumberOfStreamDivisions: " << m_NumberOfStreamDivisions << std::endl;

@@ -88,13 +88,14 @@ public:
 
   /** Makes the same for slices [begin, end) along z of the image's largest possible region, which must be buffered and
    * with them, unless \a begin is 0, the slice before; nothing of it is kept for another view. The slabs of a volume
-   * come one after the other, the first with \a begin 0; all begin and end at multiples of ShearWarp::BlockLength or
-   * at the end. */
+   * come one after the other, the first one with \a isFirst; all begin and end at multiples of ShearWarp::BlockLength
+   * or at the end. */
   template <typename TParallelize>
   void
   PrepareSlab(const ImageType *                  image,
               std::ptrdiff_t                     begin,
               std::ptrdiff_t                     end,
+              bool                               isFirst,
               unsigned int                       principalAxis,
               const ShearWarp::Kernels<TPixel> & kernels,
               const TParallelize &               parallelize);
@@ -134,7 +135,7 @@ private:
 
   template <typename TParallelize>
   void
-  FindBlockMaxima(const ShearWarp::Kernels<TPixel> & kernels, const TParallelize & parallelize);
+  FindBlockMaxima(bool isFirstSlab, const ShearWarp::Kernels<TPixel> & kernels, const TParallelize & parallelize);
 
   template <typename TParallelize>
   void

@@ -38,7 +38,7 @@ ShearWarpPreparedVolume<TPixel>::Prepare(const ImageType *                  imag
     memory = std::move(m_Transposed);
     this->Release();
     this->SetSlab(image, 0, image->GetLargestPossibleRegion().GetSize(2));
-    this->FindBlockMaxima(kernels, parallelize);
+    this->FindBlockMaxima(true, kernels, parallelize);
     m_Image = image;
     m_ImageMTime = image->GetMTime();
   }
@@ -54,6 +54,7 @@ void
 ShearWarpPreparedVolume<TPixel>::PrepareSlab(const ImageType *                  image,
                                              std::ptrdiff_t                     begin,
                                              std::ptrdiff_t                     end,
+                                             bool                               isFirst,
                                              unsigned int                       principalAxis,
                                              const ShearWarp::Kernels<TPixel> & kernels,
                                              const TParallelize &               parallelize)
@@ -61,7 +62,7 @@ ShearWarpPreparedVolume<TPixel>::PrepareSlab(const ImageType *                  
   m_Image = nullptr;
   ShearWarpBuffer memory = std::move(m_Transposed);
   this->SetSlab(image, begin, end);
-  this->FindBlockMaxima(kernels, parallelize);
+  this->FindBlockMaxima(isFirst, kernels, parallelize);
   if (principalAxis == 0)
   {
     this->Transpose(kernels, parallelize, std::move(memory));
@@ -91,7 +92,8 @@ ShearWarpPreparedVolume<TPixel>::Release()
 template <typename TPixel>
 template <typename TParallelize>
 void
-ShearWarpPreparedVolume<TPixel>::FindBlockMaxima(const ShearWarp::Kernels<TPixel> & kernels,
+ShearWarpPreparedVolume<TPixel>::FindBlockMaxima(bool                               isFirstSlab,
+                                                 const ShearWarp::Kernels<TPixel> & kernels,
                                                  const TParallelize &               parallelize)
 {
   using ShearWarp::BlockLength;
@@ -101,7 +103,7 @@ ShearWarpPreparedVolume<TPixel>::FindBlockMaxima(const ShearWarp::Kernels<TPixel
   const std::ptrdiff_t blocksX = CountBlocks(x);
   const std::ptrdiff_t blocksY = CountBlocks(y);
   ShearWarpBuffer      maxima = std::move(m_BlockMaxima);
-  if (m_SlabBegin == 0)
+  if (isFirstSlab)
   {
     maxima.Reserve(blocksX * blocksY * CountBlocks(m_Size[2]) * sizeof(TPixel), "the block maxima");
     m_Lowest = NumericTraits<TPixel>::max();

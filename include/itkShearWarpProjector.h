@@ -39,7 +39,20 @@ public:
     On,
     Auto
   };
+
+  /** Which of a ray's samples is its value. */
+  enum class Mode : uint8_t
+  {
+    Maximum,
+    Minimum,
+    AbsoluteMaximum
+  };
 };
+
+/** Writes the enumerator's name. */
+ShearWarpMIP_EXPORT
+std::ostream &
+operator<<(std::ostream & out, ShearWarpMIPImageFilterEnums::Mode value);
 
 /** Writes the enumerator's name. */
 ShearWarpMIP_EXPORT

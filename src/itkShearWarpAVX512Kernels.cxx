@@ -20,6 +20,8 @@
 
 #include <immintrin.h>
 
+#include <type_traits>
+
 #define SHEARWARP_UNROLL _Pragma("GCC unroll 16")
 #define SHEARWARP_INLINE __attribute__((always_inline))
 
@@ -142,6 +144,7 @@ struct Lanes
   // clang-format on
 };
 
+#include "itkShearWarpRayKernels.h"
 #include "itkShearWarpVectorKernels.h"
 } // namespace
 

@@ -335,19 +335,48 @@ ShearWarpFactorization::GetShearMatrix() const
   return shear;
 }
 
+ShearWarp::ShearedFunction
+ShearWarpFactorization::GetShearedFunction(const Vector4Type & ofView) const
+{
+  const auto function = this->GetShearedToViewMatrix().GetTranspose() * ofView.GetVnlVector();
+  return { function[0], function[1], function[2], function[3] };
+}
+
+ShearWarp::ShearedFunction
+ShearWarpFactorization::GetDepthFunction() const
+{
+  const double depth[] = { 0.0, 0.0, 1.0, 0.0 };
+  return this->GetShearedFunction(Vector4Type(depth));
+}
+
 ShearWarpFactorization::Matrix3Type
 ShearWarpFactorization::GetWarpMatrix() const
 {
-  const Matrix4Type & m = m_ViewMatrix;
-  Matrix3Type         warp;
+  const Matrix4Type shearedToView = this->GetShearedToViewMatrix();
+  Matrix3Type       warp;
   warp.SetIdentity();
   for (unsigned int row = 0; row < 2; ++row)
   {
-    warp(row, 0) = m(row, 0);
-    warp(row, 1) = m(row, 1);
-    warp(row, 2) = m(row, 3) - m_Translation[0] * m(row, 0) - m_Translation[1] * m(row, 1);
+    warp(row, 0) = shearedToView(row, 0);
+    warp(row, 1) = shearedToView(row, 1);
+    warp(row, 2) = shearedToView(row, 3);
   }
   return warp;
+}
+
+ShearWarpFactorization::Matrix4Type
+ShearWarpFactorization::GetShearedToViewMatrix() const
+{
+  Matrix4Type matrix = m_ViewMatrix;
+  for (unsigned int row = 0; row < 3; ++row)
+  {
+    for (unsigned int axis = 0; axis < 2; ++axis)
+    {
+      matrix(row, 2) -= m_Shear[axis] * m_ViewMatrix(row, axis);
+      matrix(row, 3) -= m_Translation[axis] * m_ViewMatrix(row, axis);
+    }
+  }
+  return matrix;
 }
 
 ShearWarpFactorization::Matrix3Type
@@ -410,15 +439,22 @@ ShearWarpFactorization::VerifyViewTransform(const TransformType * viewTransform)
   }
 }
 
+ShearWarpFactorization::Matrix3Type
+ShearWarpFactorization::GetLinearPart(const TransformType * viewTransform)
+{
+  VerifyViewTransform(viewTransform);
+  return GetLinearView(viewTransform).matrix;
+}
+
 void
-ShearWarpFactorization::ComputeProjectedBounds(const TransformType *      viewTransform,
-                                               const InputImageBaseType * image,
-                                               Point2Type &               lower,
-                                               Point2Type &               upper)
+ShearWarpFactorization::ComputeViewBounds(const TransformType *      viewTransform,
+                                          const InputImageBaseType * image,
+                                          Point3Type &               lower,
+                                          Point3Type &               upper)
 {
   const LinearView indexToView = GetImageView(viewTransform, image).indexToView;
   const Size<3>    size = image->GetLargestPossibleRegion().GetSize();
-  for (unsigned int row = 0; row < 2; ++row)
+  for (unsigned int row = 0; row < 3; ++row)
   {
     double centre = indexToView.offset[row];
     double halfExtent = 0.0;

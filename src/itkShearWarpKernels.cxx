@@ -33,6 +33,36 @@ QuantizePosition(double position)
   return { static_cast<std::int32_t>(quantized >> FractionBits), static_cast<std::int32_t>(quantized & (One - 1)) };
 }
 
+double
+ShearedFunction::operator()(double column, double row, double slice) const
+{
+  return perColumn * column + ((perRow * row + perSlice * slice) + constant);
+}
+
+ColumnSpan
+ClipColumns(const ShearedFunction & function, double low, double high, double row, double slice, ColumnSpan span)
+{
+  const auto value = [&](std::int32_t column) { return function(column, row, slice); };
+  // monotonic in the column, rounding included
+  const auto findFirst = [span](const auto & isReached) {
+    std::int32_t begin = span.begin;
+    std::int32_t end = span.end;
+    while (begin < end)
+    {
+      const std::int32_t middle = begin + (end - begin) / 2;
+      (isReached(middle) ? end : begin) = isReached(middle) ? middle : middle + 1;
+    }
+    return begin;
+  };
+  if (function.perColumn >= 0)
+  {
+    return { findFirst([&](std::int32_t column) { return value(column) >= low; }),
+             findFirst([&](std::int32_t column) { return value(column) > high; }) };
+  }
+  return { findFirst([&](std::int32_t column) { return value(column) <= high; }),
+           findFirst([&](std::int32_t column) { return value(column) < low; }) };
+}
+
 std::vector<std::string>
 GetInstructionSets()
 {

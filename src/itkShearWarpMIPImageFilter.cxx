@@ -20,6 +20,14 @@
 namespace itk
 {
 std::ostream &
+operator<<(std::ostream & out, ShearWarpMIPImageFilterEnums::Mode value)
+{
+  static constexpr const char * names[] = { "Maximum", "Minimum", "AbsoluteMaximum" };
+  const auto                    index = static_cast<unsigned int>(value);
+  return out << "itk::ShearWarpMIPImageFilterEnums::Mode::" << (index < 3 ? names[index] : "INVALID VALUE");
+}
+
+std::ostream &
 operator<<(std::ostream & out, ShearWarpMIPImageFilterEnums::ReducedResampling value)
 {
   static constexpr const char * names[] = { "Off", "On", "Auto" };

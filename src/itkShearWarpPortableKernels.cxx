@@ -30,6 +30,8 @@ namespace itk::ShearWarp
 namespace
 {
 
+#include "itkShearWarpRayKernels.h"
+
 /** The weighted mean of N values, rounded half upward to the pixel type. The weights sum to \a sum <= 2^15. */
 template <typename TPixel, std::size_t N>
 TPixel
@@ -214,6 +216,38 @@ ProjectBlock(const SliceStack<TPixel> &  slices,
   }
 }
 
+/** The span that \a row reaches without its edge; the edge, at \a edge, is as the voxel \a edgeVoxel. */
+template <typename TPixel>
+ColumnSpan
+SplitEdge(const SliceRow<TPixel> & row, std::int32_t & edge, std::ptrdiff_t & edgeVoxel)
+{
+  const auto columns = static_cast<std::int32_t>(row.columns);
+  const bool edgeIsLast = row.column.fraction > One / 2;
+  edge = row.column.whole + (edgeIsLast ? columns : 0);
+  edgeVoxel = edgeIsLast ? columns - 1 : 0;
+  return { row.column.whole + 1, row.column.whole + columns };
+}
+
+template <typename TPixel>
+void
+SampleRow(const SliceRow<TPixel> & row, ColumnSpan span, TPixel * samples)
+{
+  std::int32_t          edge;
+  std::ptrdiff_t        edgeVoxel;
+  const ColumnSpan      inner = SplitEdge(row, edge, edgeVoxel);
+  const Sampler<TPixel> sample(row.column.fraction, row.y);
+  const std::ptrdiff_t  whole = row.column.whole;
+  for (std::ptrdiff_t p = std::max(span.begin, inner.begin); p < std::min(span.end, inner.end); ++p)
+  {
+    samples[p] = sample(row.a[p - whole - 1], row.a[p - whole], row.b[p - whole - 1], row.b[p - whole]);
+  }
+  if (edge >= span.begin && edge < span.end)
+  {
+    const Sampler<TPixel> edgeSample(0, row.y);
+    samples[edge] = edgeSample(row.a[edgeVoxel], row.a[edgeVoxel], row.b[edgeVoxel], row.b[edgeVoxel]);
+  }
+}
+
 template <typename TPixel>
 bool
 IsAnyBelow(const TPixel * pixels, std::ptrdiff_t rowStride, std::ptrdiff_t rows, std::ptrdiff_t columns, TPixel value)
@@ -257,6 +291,48 @@ FindBlockMaxima(const TPixel * voxels,
   }
 }
 
+/** The four intermediate pixels around the place of an output pixel: their weights, 0 where there is no value, and
+ * where they are in memory. */
+template <typename TPixel>
+struct WarpCell
+{
+  WarpCell(const IntermediateImage<TPixel> & image, const AffineMap2D & map, std::ptrdiff_t x, std::ptrdiff_t y)
+  {
+    const auto   outputColumn = static_cast<double>(x);
+    const auto   outputRow = static_cast<double>(y);
+    const double column = (map.xx * outputColumn + map.xy * outputRow) + map.x0;
+    const double row = (map.yx * outputColumn + map.yy * outputRow) + map.y0;
+    if (!(column > -1.0 && column < static_cast<double>(image.columns) && row > -1.0 &&
+          row < static_cast<double>(image.rows)))
+    {
+      return;
+    }
+    const SamplingPosition p = QuantizePosition(column);
+    const SamplingPosition q = QuantizePosition(row);
+    const BilinearWeights  cell(p.fraction, q.fraction);
+    const std::int32_t     corners[4] = { cell.bb, cell.ba, cell.ab, cell.aa };
+    for (int corner = 0; corner < 4; ++corner)
+    {
+      const std::ptrdiff_t i = p.whole + (corner & 1);
+      const std::ptrdiff_t j = q.whole + (corner >> 1);
+      if (corners[corner] != 0 && j >= 0 && j < image.rows && i >= image.reached[j].begin && i < image.reached[j].end)
+      {
+        const std::ptrdiff_t place = j * image.rowStride + i;
+        const bool           hasValue = image.slices                       ? image.slices[place] >= 0
+                                        : std::is_floating_point_v<TPixel> ? image.pixels[place] != NoSample<TPixel>
+                                                                           : true;
+        weights[corner] = hasValue ? corners[corner] : 0;
+        places[corner] = place;
+        sum += weights[corner];
+      }
+    }
+  }
+
+  std::int32_t   weights[4]{};
+  std::ptrdiff_t places[4]{};
+  std::int32_t   sum{ 0 };
+};
+
 template <typename TPixel>
 void
 WarpRow(const IntermediateImage<TPixel> & intermediate,
@@ -267,43 +343,18 @@ WarpRow(const IntermediateImage<TPixel> & intermediate,
         TPixel                            background,
         TPixel *                          output)
 {
-  const AffineMap2D & map = outputToIntermediate;
-  const auto          outputRow = static_cast<double>(y);
-  const auto          columns = static_cast<double>(intermediate.columns);
-  const auto          rows = static_cast<double>(intermediate.rows);
   for (std::ptrdiff_t x = columnBegin; x < columnEnd; ++x)
   {
+    const WarpCell<TPixel> cell(intermediate, outputToIntermediate, x, y);
     output[x] = background;
-    const auto   outputColumn = static_cast<double>(x);
-    const double column = (map.xx * outputColumn + map.xy * outputRow) + map.x0;
-    const double row = (map.yx * outputColumn + map.yy * outputRow) + map.y0;
-    if (!(column > -1.0 && column < columns && row > -1.0 && row < rows))
+    if (cell.sum > 0)
     {
-      continue;
-    }
-    const SamplingPosition p = QuantizePosition(column);
-    const SamplingPosition q = QuantizePosition(row);
-    const BilinearWeights  cell(p.fraction, q.fraction);
-
-    TPixel       values[4];
-    std::int32_t weights[4] = { cell.bb, cell.ba, cell.ab, cell.aa };
-    std::int32_t sum = 0;
-    for (int corner = 0; corner < 4; ++corner)
-    {
-      const std::ptrdiff_t i = p.whole + (corner & 1);
-      const std::ptrdiff_t j = q.whole + (corner >> 1);
-      const bool           reached = weights[corner] != 0 && j >= 0 && j < intermediate.rows &&
-                           i >= intermediate.reached[j].begin && i < intermediate.reached[j].end;
-      values[corner] = reached ? intermediate.pixels[j * intermediate.rowStride + i] : TPixel{};
-      if (!reached || (std::is_floating_point_v<TPixel> && values[corner] == NoSample<TPixel>))
+      TPixel values[4]{};
+      for (int corner = 0; corner < 4; ++corner)
       {
-        weights[corner] = 0;
+        values[corner] = cell.weights[corner] != 0 ? intermediate.pixels[cell.places[corner]] : TPixel{};
       }
-      sum += weights[corner];
-    }
-    if (sum > 0)
-    {
-      output[x] = WeightedMean(values, weights, sum);
+      output[x] = WeightedMean(values, cell.weights, cell.sum);
     }
   }
 }
@@ -334,13 +385,87 @@ template <typename TPixel>
 const Kernels<TPixel> &
 GetPortableKernels()
 {
-  static constexpr Kernels<TPixel> kernels{ "portable",         ProjectBlock<TPixel>,
-                                            IsAnyBelow<TPixel>, FindBlockMaxima<TPixel>,
-                                            WarpRow<TPixel>,    TransposeSlice<TPixel> };
+  static constexpr Kernels<TPixel> kernels{ "portable",
+                                            ProjectBlock<TPixel>,
+                                            IsAnyBelow<TPixel>,
+                                            FindBlockMaxima<TPixel>,
+                                            WarpRow<TPixel>,
+                                            TransposeSlice<TPixel>,
+                                            SampleRow<TPixel>,
+                                            FadeRow<TPixel>,
+                                            RayKernelsOf<MaximumRule<TPixel>, TPixel>,
+                                            RayKernelsOf<MinimumRule<TPixel>, TPixel>,
+                                            RayKernelsOf<AbsoluteMaximumRule<TPixel>, TPixel> };
   return kernels;
 }
 
-#define INSTANTIATE(TPixel) template const Kernels<TPixel> & GetPortableKernels();
+template <typename TPixel>
+void
+SampleMaskedRow(const SliceRow<TPixel> & row,
+                const std::uint8_t *     maskA,
+                const std::uint8_t *     maskB,
+                std::uint8_t             label,
+                ColumnSpan               span,
+                TPixel *                 samples,
+                std::uint8_t *           counted)
+{
+  const auto isIn = [label](std::uint8_t mask) { return label == 0 ? mask != 0 : mask == label; };
+  const auto columns = static_cast<std::int32_t>(row.columns);
+  SampleRow(row, span, samples);
+  for (std::int32_t p = span.begin; p < span.end; ++p)
+  {
+    // the outer half voxels have the edge's value
+    const bool           isEdge = p <= row.column.whole || p >= row.column.whole + columns;
+    const std::int32_t   x = isEdge ? 0 : row.column.fraction;
+    const std::ptrdiff_t i = std::min(p - row.column.whole, columns - 1);
+    const std::ptrdiff_t before = x == 0 ? i : i - 1;
+
+    const BilinearWeights cell(x, row.y);
+    const TPixel          values[4] = { row.b[i], row.b[before], row.a[i], row.a[before] };
+    std::int32_t          weights[4] = { cell.bb, cell.ba, cell.ab, cell.aa };
+    const bool            isInMask[4] = { isIn(maskB[i]), isIn(maskB[before]), isIn(maskA[i]), isIn(maskA[before]) };
+    const int             nearest = (x > One / 2 ? 1 : 0) + (row.y > One / 2 ? 2 : 0);
+    std::int32_t          sum = 0;
+    for (int corner = 0; corner < 4; ++corner)
+    {
+      weights[corner] = isInMask[corner] ? weights[corner] : 0;
+      sum += weights[corner];
+    }
+    counted[p] = isInMask[nearest];
+    if (isInMask[nearest] && sum < One)
+    {
+      samples[p] = WeightedMean(values, weights, sum);
+    }
+  }
+}
+
+template <typename TPixel>
+void
+FindNearestSlices(const IntermediateImage<TPixel> & intermediate,
+                  const AffineMap2D &               outputToIntermediate,
+                  std::ptrdiff_t                    row,
+                  std::ptrdiff_t                    columns,
+                  std::int32_t *                    slices)
+{
+  for (std::ptrdiff_t x = 0; x < columns; ++x)
+  {
+    const WarpCell<TPixel> cell(intermediate, outputToIntermediate, x, row);
+    const auto             nearest = std::max_element(cell.weights, cell.weights + 4) - cell.weights;
+    slices[x] = cell.sum > 0 ? intermediate.slices[cell.places[nearest]] : NoSlice;
+  }
+}
+
+#define INSTANTIATE(TPixel)                                                  \
+  template const Kernels<TPixel> & GetPortableKernels();                     \
+  template void                    SampleMaskedRow(const SliceRow<TPixel> &, \
+                                                   const std::uint8_t *,     \
+                                                   const std::uint8_t *,     \
+                                                   std::uint8_t,             \
+                                                   ColumnSpan,               \
+                                                   TPixel *,                 \
+                                                   std::uint8_t *);          \
+  template void                    FindNearestSlices(                        \
+                       const IntermediateImage<TPixel> &, const AffineMap2D &, std::ptrdiff_t, std::ptrdiff_t, std::int32_t *);
 SHEARWARP_FOR_EACH_PIXEL_TYPE(INSTANTIATE)
 #undef INSTANTIATE
 

@@ -820,7 +820,7 @@ WarpRow(const IntermediateImage<TPixel> & intermediate,
   constexpr std::ptrdiff_t read = IsFloat<TPixel> ? 2 : 4 / sizeof(TPixel);
   const auto               portable = GetPortableKernels<TPixel>().warpRow;
   constexpr std::ptrdiff_t limit = 65535;
-  if (intermediate.columns > limit || intermediate.rows > limit ||
+  if (intermediate.slices || intermediate.columns > limit || intermediate.rows > limit ||
       intermediate.rows * intermediate.rowStride > 2147483647)
   {
     return portable(intermediate, map, row, columnBegin, columnEnd, background, output);
@@ -977,7 +977,97 @@ TransposeSlice(const TPixel * input, std::ptrdiff_t columns, std::ptrdiff_t rows
   Lanes::FinishLines();
 }
 
+/** Short integers and float, in plain loops that compilers make vectors of. */
 template <typename TPixel>
-constexpr Kernels<TPixel> VectorKernels{ Lanes::Name,        ProjectBlock<TPixel>,
-                                         IsAnyBelow<TPixel>, FindBlockMaxima<TPixel>,
-                                         WarpRow<TPixel>,    TransposeSlice<TPixel> };
+void
+SampleRow(const SliceRow<TPixel> & row, ColumnSpan span, TPixel * samples)
+{
+  const std::int32_t columns = static_cast<std::int32_t>(row.columns);
+  const std::int32_t x = row.column.fraction;
+  const std::int32_t y = row.y;
+  const std::int32_t begin = Larger(span.begin, row.column.whole + 1);
+  const std::int32_t count = Smaller(span.end, row.column.whole + columns) - begin;
+  const bool         edgeIsLast = x > 1 << 14;
+  const std::int32_t edge = row.column.whole + (edgeIsLast ? columns : 0);
+  if (edge >= span.begin && edge < span.end)
+  {
+    const TPixel a = row.a[edgeIsLast ? columns - 1 : 0];
+    const TPixel b = row.b[edgeIsLast ? columns - 1 : 0];
+    if constexpr (IsFloat<TPixel>)
+    {
+      samples[edge] = y == 0 ? b : b + static_cast<float>(y) / 32768 * (a - b);
+    }
+    else
+    {
+      samples[edge] = static_cast<TPixel>((y * a + (32768 - y) * b + (1 << 14)) >> 15);
+    }
+  }
+  if (count <= 0)
+  {
+    return;
+  }
+
+  const TPixel * __restrict a = row.a + (begin - row.column.whole);
+  const TPixel * __restrict b = row.b + (begin - row.column.whole);
+  TPixel * __restrict output = samples + begin;
+  if (x == 0 && y == 0)
+  {
+    for (std::int32_t n = 0; n < count; ++n)
+    {
+      output[n] = b[n];
+    }
+  }
+  else if constexpr (IsFloat<TPixel>)
+  {
+    // a voxel of weight zero takes no part, not even one that is not finite
+    const float weightX = static_cast<float>(x) / 32768;
+    const float weightY = static_cast<float>(y) / 32768;
+    if (y == 0)
+    {
+      for (std::int32_t n = 0; n < count; ++n)
+      {
+        output[n] = b[n] + weightX * (b[n - 1] - b[n]);
+      }
+    }
+    else if (x == 0)
+    {
+      for (std::int32_t n = 0; n < count; ++n)
+      {
+        output[n] = b[n] + weightY * (a[n] - b[n]);
+      }
+    }
+    else
+    {
+      for (std::int32_t n = 0; n < count; ++n)
+      {
+        const float above = a[n] + weightX * (a[n - 1] - a[n]);
+        const float below = b[n] + weightX * (b[n - 1] - b[n]);
+        output[n] = below + weightY * (above - below);
+      }
+    }
+  }
+  else
+  {
+    const std::int32_t aa = (x * y + (1 << 14)) >> 15;
+    const std::int32_t ab = y - aa;
+    const std::int32_t ba = x - aa;
+    const std::int32_t bb = 32768 - y - ba;
+    for (std::int32_t n = 0; n < count; ++n)
+    {
+      output[n] = static_cast<TPixel>((aa * a[n - 1] + ab * a[n] + ba * b[n - 1] + bb * b[n] + (1 << 14)) >> 15);
+    }
+  }
+}
+
+template <typename TPixel>
+constexpr Kernels<TPixel> VectorKernels{ Lanes::Name,
+                                         ProjectBlock<TPixel>,
+                                         IsAnyBelow<TPixel>,
+                                         FindBlockMaxima<TPixel>,
+                                         WarpRow<TPixel>,
+                                         TransposeSlice<TPixel>,
+                                         SampleRow<TPixel>,
+                                         FadeRow<TPixel>,
+                                         RayKernelsOf<MaximumRule<TPixel>, TPixel>,
+                                         RayKernelsOf<MinimumRule<TPixel>, TPixel>,
+                                         RayKernelsOf<AbsoluteMaximumRule<TPixel>, TPixel> };

@@ -473,8 +473,8 @@ TEST(ShearWarpFactorization, ConstructorAndProjectedGridVerifyTheTransform)
   const auto spline = MakeBSpline();
   EXPECT_NAMES(ShearWarpFactorization(spline, image, MakeGrid()), "BSplineTransform");
   EXPECT_NAMES(ShearWarpFactorization::ComputeProjectedSpacing(spline, image), "BSplineTransform");
-  ShearWarpFactorization::Point2Type lower, upper;
-  EXPECT_NAMES(ShearWarpFactorization::ComputeProjectedBounds(spline, image, lower, upper), "BSplineTransform");
+  ShearWarpFactorization::Point3Type lower, upper;
+  EXPECT_NAMES(ShearWarpFactorization::ComputeViewBounds(spline, image, lower, upper), "BSplineTransform");
 }
 
 TEST(ShearWarpFactorization, SmallTransformsOfFullRankAreNotSingular)
@@ -490,10 +490,10 @@ TEST(ShearWarpFactorization, ErrorsWhereNumbersOverflow)
 {
   const auto                         image = MakeGeometry({ { 3, 3, 3 } }, MakeVector3(1, 1, 1));
   const auto                         small = MakeView(MakeDiagonal(1e-100, 1e-100, 1e-100), MakePoint3(0, 0, 0));
-  ShearWarpFactorization::Point2Type lower, upper;
+  ShearWarpFactorization::Point3Type lower, upper;
   image->SetOrigin(MakePoint3(0, 1e300, 0));
   EXPECT_NAMES(ShearWarpFactorization(small, image, MakeGrid()), "1e+300");
-  EXPECT_NAMES(ShearWarpFactorization::ComputeProjectedBounds(small, image, lower, upper), "1e+300");
+  EXPECT_NAMES(ShearWarpFactorization::ComputeViewBounds(small, image, lower, upper), "1e+300");
 
   const auto plain = MakeGeometry({ { 3, 3, 3 } }, MakeVector3(1e-10, 1, 1));
   const auto identity = MakeView(MakeDiagonal(1, 1, 1), MakePoint3(0, 0, 0));
@@ -510,7 +510,7 @@ TEST(ShearWarpFactorization, FlatImagesHaveNoView)
   EXPECT_NAMES(ShearWarpFactorization(view, image, MakeGrid()), "1e-300");
 }
 
-TEST(ShearWarpFactorization, ProjectedBoundsAreThoseOfTheEightCorners)
+TEST(ShearWarpFactorization, ViewBoundsAreThoseOfTheEightCorners)
 {
   Random random(104);
   for (int repeat = 0; repeat < 500; ++repeat)
@@ -519,27 +519,27 @@ TEST(ShearWarpFactorization, ProjectedBoundsAreThoseOfTheEightCorners)
     SetRandomGeometry(random, image, MakeRandomSize(random, 1, 12));
     const auto                         view = MakeRandomView(random, AllViewKinds[repeat % 3], image);
     const auto                         inverse = view->GetInverseTransform();
-    ShearWarpFactorization::Point2Type lower, upper;
-    ShearWarpFactorization::ComputeProjectedBounds(view, image, lower, upper);
+    ShearWarpFactorization::Point3Type lower, upper;
+    ShearWarpFactorization::ComputeViewBounds(view, image, lower, upper);
 
     const auto                              size = image->GetLargestPossibleRegion().GetSize();
     ShearWarpFactorization::PermutationType identity;
     identity[0] = 0;
     identity[1] = 1;
     identity[2] = 2;
-    double expectedLower[2] = { 1e9, 1e9 };
-    double expectedUpper[2] = { -1e9, -1e9 };
+    double expectedLower[3] = { 1e9, 1e9, 1e9 };
+    double expectedUpper[3] = { -1e9, -1e9, -1e9 };
     for (int corner = 0; corner < 8; ++corner)
     {
       const auto end = [&](int axis) { return (corner >> axis & 1) ? static_cast<double>(size[axis]) - 0.5 : -0.5; };
       const auto point = ToView(inverse, image, identity, end(0), end(1), end(2));
-      for (int n = 0; n < 2; ++n)
+      for (int n = 0; n < 3; ++n)
       {
         expectedLower[n] = std::min(expectedLower[n], point[n]);
         expectedUpper[n] = std::max(expectedUpper[n], point[n]);
       }
     }
-    for (unsigned int n = 0; n < 2; ++n)
+    for (unsigned int n = 0; n < 3; ++n)
     {
       ASSERT_NEAR(lower[n], expectedLower[n], 1e-9);
       ASSERT_NEAR(upper[n], expectedUpper[n], 1e-9);

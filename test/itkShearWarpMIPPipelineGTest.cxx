@@ -642,6 +642,7 @@ TEST_F(ShearWarpMIPPipeline, FiltersInSeveralThreadsProjectGraftsOfOneImage)
   }
   std::atomic<int>         rightPictures{ 0 };
   std::vector<std::thread> threads;
+  threads.reserve(4);
   for (int thread = 0; thread < 4; ++thread)
   {
     threads.emplace_back([&] {

@@ -134,9 +134,9 @@ void
 DrawGrid(Random & random, TFilter * filter, const ViewType * view, const itk::ImageBase<3> * image)
 {
   constexpr double      largest = 80.0;
-  itk::Point<double, 2> lower;
-  itk::Point<double, 2> upper;
-  itk::ShearWarpFactorization::ComputeProjectedBounds(view, image, lower, upper);
+  itk::Point<double, 3> lower;
+  itk::Point<double, 3> upper;
+  itk::ShearWarpFactorization::ComputeViewBounds(view, image, lower, upper);
   const auto             extent = upper - lower;
   const auto             fitted = itk::ShearWarpFactorization::ComputeProjectedSpacing(view, image);
   itk::Size<2>           size;

@@ -496,6 +496,77 @@ InterpolateReached(const TPixelAt & pixel, std::int64_t column, std::int64_t row
   }
 }
 
+enum class RayMode
+{
+  Maximum,
+  Minimum,
+  AbsoluteMaximum
+};
+
+/** Which samples of a ray count, and which of them is its value. */
+template <typename TPixel>
+struct RayRule
+{
+  static constexpr double Infinity = std::numeric_limits<double>::infinity();
+
+  RayMode                                        mode{ RayMode::Maximum };
+  double                                         slabNear{ -Infinity };
+  double                                         slabFar{ Infinity };
+  PointType                                      cropLower{ -Infinity };
+  PointType                                      cropUpper{ Infinity };
+  typename Image<unsigned char, 3>::ConstPointer mask;
+  unsigned char                                  maskLabel{ 0 };
+  bool                                           isLocal{ false };
+  TPixel                                         threshold{};
+  double                                         attenuation{ 0.0 };
+  TPixel                                         background{};
+};
+
+/** A sample of a ray. */
+template <typename TPixel>
+struct RaySample
+{
+  TPixel       value;
+  std::int64_t slice;
+};
+
+template <typename TPixel>
+long double
+GetRank(RayMode mode, TPixel value)
+{
+  const auto exact = static_cast<long double>(value);
+  return mode == RayMode::Maximum ? exact : mode == RayMode::Minimum ? -exact : std::abs(exact);
+}
+
+/** The value of a ray with \a samples, one or more, from front to back. */
+template <typename TPixel>
+RaySample<TPixel>
+ChooseSample(const RayRule<TPixel> & rule, const std::vector<RaySample<TPixel>> & samples)
+{
+  const auto rank = [&](std::size_t n) { return GetRank(rule.mode, samples[n].value); };
+  if (rule.isLocal)
+  {
+    for (std::size_t n = 0; n + 1 < samples.size(); ++n)
+    {
+      if (rank(n) >= GetRank(rule.mode, rule.threshold) && rank(n + 1) < rank(n))
+      {
+        while (n > 0 && rank(n - 1) == rank(n))
+        {
+          --n;
+        }
+        return samples[n];
+      }
+    }
+  }
+  std::size_t best = 0;
+  for (std::size_t n = 1; n < samples.size(); ++n)
+  {
+    const bool isPositive = rank(n) == rank(best) && samples[n].value > samples[best].value;
+    best = rank(n) > rank(best) || isPositive ? n : best;
+  }
+  return samples[best];
+}
+
 /** The projection of an image, pixel by pixel; \a oversampling is the number of intermediate pixels per voxel. */
 template <typename TPixel>
 class BruteForceProjection
@@ -503,9 +574,13 @@ class BruteForceProjection
 public:
   using ImageType = Image<TPixel, 3>;
 
-  BruteForceProjection(const ViewBaseType * view, const ImageType * image, int oversampling = 1)
+  BruteForceProjection(const ViewBaseType *    view,
+                       const ImageType *       image,
+                       int                     oversampling = 1,
+                       const RayRule<TPixel> & rule = {})
     : m_Image(image)
     , m_Oversampling(oversampling)
+    , m_Rule(rule)
   {
     long double indexToPhysical[3][3];
     long double viewMatrix[3][3];
@@ -566,6 +641,28 @@ public:
     }
     m_Memo.resize(m_MemoLength[0] * m_MemoLength[1]);
     m_MemoState.resize(m_Memo.size(), Unknown);
+    m_MemoSlices.resize(m_Memo.size());
+
+    const long double axesDeterminant = Determinant(m_Axes);
+    for (int column = 0; column < 3; ++column)
+    {
+      long double replaced[3][3];
+      for (int axis = 0; axis < 3; ++axis)
+      {
+        for (int row = 0; row < 3; ++row)
+        {
+          replaced[axis][row] = axis == 2 ? (row == column ? 1.0L : 0.0L) : m_Axes[axis][row];
+        }
+      }
+      m_DepthOfIndex[column] = Determinant(replaced) / axesDeterminant;
+    }
+    long double nearest = 0.0L;
+    for (int axis = 0; axis < 3; ++axis)
+    {
+      const long double middle = 0.5L * (m_Length[axis] - 1) - m_Offset[axis];
+      nearest += m_DepthOfIndex[axis] * middle - std::abs(m_DepthOfIndex[axis]) * m_Length[axis] * 0.5L;
+    }
+    m_FadeBegin = std::max<long double>(nearest, rule.slabNear);
   }
 
   unsigned int
@@ -590,25 +687,47 @@ public:
   TPixel
   Evaluate(double u, double v, TPixel background)
   {
-    long double c[3];
-    for (int axis = 0; axis < 3; ++axis)
-    {
-      c[axis] = m_Axes[0][axis] * u + m_Axes[1][axis] * v + m_Offset[axis];
-    }
-    const long double column = c[m_I] + m_Shear[0] * c[m_K] + m_Translation[0];
-    const long double row = c[m_J] + m_Shear[1] * c[m_K] + m_Translation[1];
-    const auto        isOutside = [](long double position, std::int64_t length) {
-      return !(position > -2.0L && position < length + 2.0L);
-    };
-    if (isOutside(column, m_MemoLength[0]) || isOutside(row, m_MemoLength[1]))
+    std::int64_t position[2];
+    if (!this->FindPosition(u, v, position))
     {
       return background;
     }
     return InterpolateReached(
       [this](std::int64_t p, std::int64_t q, TPixel & value) { return this->GetIntermediate(p, q, value); },
-      this->Round(m_Oversampling * (column + 1) - 1),
-      this->Round(m_Oversampling * (row + 1) - 1),
+      position[0],
+      position[1],
       background);
+  }
+
+  /** The depth, in view space, of the slice of the intermediate pixel that has the largest weight at (u, v);
+   * not-a-number where there is none. */
+  double
+  EvaluateDepth(double u, double v)
+  {
+    std::int64_t position[2];
+    std::int64_t slice = -1;
+    if (this->FindPosition(u, v, position))
+    {
+      const std::int64_t  i = DivideDown(position[0], WholePixel);
+      const std::int64_t  j = DivideDown(position[1], WholePixel);
+      const CornerWeights next(position[0] - i * WholePixel, position[1] - j * WholePixel);
+      std::int64_t        largest = 0;
+      for (int n = 0; n < 4; ++n)
+      {
+        TPixel value;
+        if (next.weights[3 - n] > largest && this->GetIntermediate(i + n % 2, j + n / 2, value))
+        {
+          largest = next.weights[3 - n];
+          slice = m_MemoSlices[static_cast<std::size_t>((j + n / 2) * m_MemoLength[0] + i + n % 2)];
+        }
+      }
+    }
+    if (slice < 0)
+    {
+      return std::numeric_limits<double>::quiet_NaN();
+    }
+    const long double atZero = m_Axes[0][m_K] * u + m_Axes[1][m_K] * v + m_Offset[m_K];
+    return static_cast<double>((slice - atZero) / m_Axes[2][m_K]);
   }
 
   /** Whether the value at (u, v) rests on the last digits of a double: a position there, or of a slice, is about
@@ -680,6 +799,24 @@ private:
            m[0][2] * (m[1][0] * m[2][1] - m[1][1] * m[2][0]);
   }
 
+  /** Where (u, v) is in the intermediate image, in 1/2^15; false far outside. */
+  bool
+  FindPosition(double u, double v, std::int64_t (&position)[2])
+  {
+    const int across[2] = { m_I, m_J };
+    for (int n = 0; n < 2; ++n)
+    {
+      const auto        index = [&](int axis) { return m_Axes[0][axis] * u + m_Axes[1][axis] * v + m_Offset[axis]; };
+      const long double sheared = index(across[n]) + m_Shear[n] * index(m_K) + m_Translation[n];
+      if (!(sheared > -2.0L && sheared < m_MemoLength[n] + 2.0L))
+      {
+        return false;
+      }
+      position[n] = this->Round(m_Oversampling * (sheared + 1) - 1);
+    }
+    return true;
+  }
+
   std::int64_t
   Round(long double position)
   {
@@ -699,65 +836,164 @@ private:
     const auto place = static_cast<std::size_t>(q * m_MemoLength[0] + p);
     if (m_MemoState[place] == Unknown)
     {
-      m_MemoState[place] = this->ComputeIntermediate(p, q, m_Memo[place]) ? Known : None;
+      m_MemoState[place] = this->ComputeIntermediate(p, q, m_Memo[place], m_MemoSlices[place]) ? Known : None;
     }
     value = m_Memo[place];
     return m_MemoState[place] == Known;
   }
 
   bool
-  ComputeIntermediate(std::int64_t p, std::int64_t q, TPixel & maximum)
+  ComputeIntermediate(std::int64_t p, std::int64_t q, TPixel & value, std::int64_t & slice)
   {
-    const std::int64_t strides[3] = { 1, m_Length[0], m_Length[0] * m_Length[1] };
-    const TPixel *     voxels = m_Image->GetBufferPointer();
     // pixel -1 is sheared voxel -1
-    const std::int64_t column = (p + 1) * WholePixel / m_Oversampling - WholePixel;
-    const std::int64_t row = (q + 1) * WholePixel / m_Oversampling - WholePixel;
-    bool               isReached = false;
-    for (std::int64_t k = 0; k < m_Length[m_K]; ++k)
+    const std::int64_t             column = (p + 1) * WholePixel / m_Oversampling - WholePixel;
+    const std::int64_t             row = (q + 1) * WholePixel / m_Oversampling - WholePixel;
+    std::vector<RaySample<TPixel>> samples;
+    for (std::int64_t n = 0; n < m_Length[m_K]; ++n)
     {
-      const auto voxel = [&](std::int64_t i, std::int64_t j) {
-        return voxels[i * strides[m_I] + j * strides[m_J] + k * strides[m_K]];
-      };
-      TPixel sample{};
-      if (SampleSlice(voxel,
-                      m_Length[m_I],
-                      m_Length[m_J],
-                      column - this->Round(m_Shear[0] * k + m_Translation[0]),
-                      row - this->Round(m_Shear[1] * k + m_Translation[1]),
-                      sample) &&
-          IsNumber(sample) && (!isReached || sample > maximum))
+      const std::int64_t k = this->LooksAlongAxis() ? n : m_Length[m_K] - 1 - n;
+      const long double  offset[2] = { m_Shear[0] * k + m_Translation[0], m_Shear[1] * k + m_Translation[1] };
+      TPixel             sample{};
+      if (this->Sample(k, column - this->Round(offset[0]), row - this->Round(offset[1]), sample) && IsNumber(sample) &&
+          this->IsIncluded(k,
+                           static_cast<long double>(column) / WholePixel - offset[0],
+                           static_cast<long double>(row) / WholePixel - offset[1],
+                           sample))
       {
-        maximum = sample;
-        isReached = true;
+        samples.push_back({ sample, k });
       }
     }
-    maximum = isReached ? WithoutSignOfZero(maximum) : maximum;
-    return isReached;
+    if (samples.empty())
+    {
+      return false;
+    }
+    const RaySample<TPixel> chosen = ChooseSample(m_Rule, samples);
+    value = WithoutSignOfZero(chosen.value);
+    slice = chosen.slice;
+    return true;
   }
 
-  static bool
-  IsNumber(TPixel sample)
+  bool
+  Sample(std::int64_t k, std::int64_t column, std::int64_t row, TPixel & sample) const
+  {
+    const std::int64_t strides[3] = { 1, m_Length[0], m_Length[0] * m_Length[1] };
+    const auto         getVoxel = [&](const auto * voxels, std::int64_t i, std::int64_t j) {
+      return voxels[i * strides[m_I] + j * strides[m_J] + k * strides[m_K]];
+    };
+    const TPixel * voxels = m_Image->GetBufferPointer();
+    const auto     voxel = [&](std::int64_t i, std::int64_t j) { return getVoxel(voxels, i, j); };
+    if (!SampleSlice(voxel, m_Length[m_I], m_Length[m_J], column, row, sample))
+    {
+      return false;
+    }
+    if (!m_Rule.mask)
+    {
+      return true;
+    }
+    const unsigned char * labels = m_Rule.mask->GetBufferPointer();
+    const auto            isIn = [&](std::int64_t i, std::int64_t j) {
+      const unsigned char label = getVoxel(labels, i, j);
+      return m_Rule.maskLabel == 0 ? label != 0 : label == m_Rule.maskLabel;
+    };
+    const auto nearest = [](std::int64_t position) { return DivideDown(position + WholePixel / 2, WholePixel); };
+    if (!isIn(nearest(column), nearest(row)))
+    {
+      return false;
+    }
+    // voxels beyond the image are those at its edge
+    const auto clampTo = [](std::int64_t position, std::int64_t length) {
+      return std::clamp<std::int64_t>(position, 0, (length - 1) * WholePixel);
+    };
+    const std::int64_t inColumn = clampTo(column, m_Length[m_I]);
+    const std::int64_t inRow = clampTo(row, m_Length[m_J]);
+    bool               isWhole = true;
+    const auto         pixel = [&](std::int64_t i, std::int64_t j, TPixel & value) {
+      const bool counts = isIn(i, j);
+      isWhole = isWhole && counts;
+      value = counts ? voxel(i, j) : TPixel{};
+      return counts;
+    };
+    const TPixel masked = this->InterpolateBehind(pixel, inColumn, inRow);
+    sample = isWhole ? sample : masked;
+    return true;
+  }
+
+  /** As InterpolateReached, but weights are those of a slice's samples: the first product is that of the neighbours
+   * before. */
+  template <typename TPixelAt>
+  static TPixel
+  InterpolateBehind(const TPixelAt & pixel, std::int64_t column, std::int64_t row)
+  {
+    // counted from the other end, a slice is interpolated as an intermediate image is
+    return InterpolateReached(
+      [&](std::int64_t i, std::int64_t j, TPixel & value) { return pixel(-i, -j, value); }, -column, -row, TPixel{});
+  }
+
+  /** Whether the sample at (column, row), in voxels, of slice k counts; fades it. */
+  bool
+  IsIncluded(std::int64_t k, long double column, long double row, TPixel & sample) const
+  {
+    long double index[3];
+    index[m_I] = column;
+    index[m_J] = row;
+    index[m_K] = static_cast<long double>(k);
+    long double                depth = 0.0L;
+    ContinuousIndex<double, 3> place;
+    for (unsigned int axis = 0; axis < 3; ++axis)
+    {
+      depth += m_DepthOfIndex[axis] * (index[axis] - m_Offset[axis]);
+      place[axis] =
+        static_cast<double>(index[axis]) + static_cast<double>(m_Image->GetLargestPossibleRegion().GetIndex(axis));
+    }
+    PointType point;
+    m_Image->TransformContinuousIndexToPhysicalPoint(place, point);
+    bool isIncluded = depth >= m_Rule.slabNear && depth <= m_Rule.slabFar;
+    for (unsigned int axis = 0; axis < 3; ++axis)
+    {
+      isIncluded = isIncluded && point[axis] >= m_Rule.cropLower[axis] && point[axis] <= m_Rule.cropUpper[axis];
+    }
+    if (m_Rule.attenuation > 0.0)
+    {
+      const auto        background = static_cast<long double>(m_Rule.background);
+      const long double faded = background + (static_cast<long double>(sample) - background) *
+                                               std::exp(-m_Rule.attenuation * (depth - m_FadeBegin));
+      const long double rounded = std::is_integral_v<TPixel> ? std::floor(faded + 0.5L) : faded;
+      // of the largest integers a half may round up
+      constexpr TPixel highest = std::numeric_limits<TPixel>::max();
+      sample = rounded >= static_cast<long double>(highest) ? highest : static_cast<TPixel>(rounded);
+    }
+    return isIncluded;
+  }
+
+  bool
+  IsNumber(TPixel sample) const
   {
     if constexpr (std::is_floating_point_v<TPixel>)
     {
-      return sample > -std::numeric_limits<TPixel>::infinity();
+      constexpr TPixel infinity = std::numeric_limits<TPixel>::infinity();
+      return m_Rule.mode == RayMode::Maximum   ? sample > -infinity
+             : m_Rule.mode == RayMode::Minimum ? sample < infinity
+                                               : sample == sample;
     }
     return sample == sample;
   }
 
-  const ImageType *   m_Image;
-  int                 m_Oversampling;
-  long double         m_Axes[3][3]; // of view space, in index space
-  long double         m_Offset[3];
-  std::int64_t        m_Length[3];
-  int                 m_I, m_J, m_K;
-  long double         m_Shear[2];
-  long double         m_Translation[2];
-  long double         m_Margin{ 1.0 };
-  std::int64_t        m_MemoLength[2];
-  std::vector<TPixel> m_Memo;
-  std::vector<State>  m_MemoState;
+  const ImageType *         m_Image;
+  int                       m_Oversampling;
+  RayRule<TPixel>           m_Rule;
+  long double               m_DepthOfIndex[3];
+  long double               m_FadeBegin;
+  std::vector<std::int64_t> m_MemoSlices;
+  long double               m_Axes[3][3]; // of view space, in index space
+  long double               m_Offset[3];
+  std::int64_t              m_Length[3];
+  int                       m_I, m_J, m_K;
+  long double               m_Shear[2];
+  long double               m_Translation[2];
+  long double               m_Margin{ 1.0 };
+  std::int64_t              m_MemoLength[2];
+  std::vector<TPixel>       m_Memo;
+  std::vector<State>        m_MemoState;
 };
 
 } // namespace itk::ShearWarpMIPTest

@@ -52,7 +52,7 @@ check_tidy() {
   configure
   sed -n 's/^ *"file": "\(.*\)".*/\1/p' "$build/compile_commands.json" | grep -v "^$root/benchmark/" |
     xargs -P "$jobs" -n 1 clang-tidy --quiet -p "$build" --extra-arg=-Wno-sign-conversion \
-      --extra-arg=-DITK_COMPILER_DETECTION_H --extra-arg=-DITK_NOEXCEPT=noexcept
+      --extra-arg=-Wno-unknown-warning-option --extra-arg=-DITK_COMPILER_DETECTION_H --extra-arg=-DITK_NOEXCEPT=noexcept
 }
 
 check_cppcheck() {

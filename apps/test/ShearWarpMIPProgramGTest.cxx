@@ -121,10 +121,10 @@ protected:
   {
     const std::string command = "cd '" + m_Folder.string() + "' && " + before + " '" SHEAR_WARP_MIP_PROGRAM "' " +
                                 arguments + " >stdout.txt 2>stderr.txt";
-    const int    status = std::system(command.c_str());
-    const Result result{ WIFEXITED(status) ? WEXITSTATUS(status) : -1,
-                         ReadText(m_Folder / "stdout.txt"),
-                         ReadText(m_Folder / "stderr.txt") };
+    const int status = std::system(command.c_str());
+    Result    result{ WIFEXITED(status) ? WEXITSTATUS(status) : -1,
+                   ReadText(m_Folder / "stdout.txt"),
+                   ReadText(m_Folder / "stderr.txt") };
     fs::remove(m_Folder / "stdout.txt");
     fs::remove(m_Folder / "stderr.txt");
     return result;
@@ -568,7 +568,7 @@ TEST_F(ShearWarpMIPProgram, RefusesSlicesThatDiffer)
 TEST_F(ShearWarpMIPProgram, RefusesDamagedDICOM)
 {
   this->WriteDICOMSeries("1.2.3.4", "a", { 0, 2, 4 });
-  const std::size_t pixels = 8 * 8 * sizeof(PixelType);
+  const std::size_t pixels = std::size_t{ 8 } * 8 * sizeof(PixelType);
   for (const std::string name : { "dicom/a1.dcm", "dicom/a2.dcm" })
   {
     const auto expectRefused = [&](const std::function<std::string(const std::string &)> & change) {
@@ -789,16 +789,17 @@ TEST_F(ShearWarpMIPProgram, RefusesWrongTransform)
     this->ExpectFailure("in.nrrd out.png --transform " + name, name);
   }
 
-  const std::string euler = "Transform: Euler3DTransform_double_3_3\n";
-  const std::string translation = "Transform: TranslationTransform_double_3_3\n";
-  for (const std::string & text : { euler + "Parameters:\nFixedParameters: 0 0 0\n",
-                                    euler + "Parameters: 0 0 0 1 2\nFixedParameters: 0 0 0\n",
-                                    translation + "Parameters: 1 2 3\n" + euler + "FixedParameters: 0 0 0\n",
-                                    "Parameters: 1 2 3\n" + euler + "FixedParameters: 0 0 0\n",
-                                    translation + "Parameters: 1 2 3\nFixedParameters:\nParameters: 1 2 3\n",
-                                    std::string("ComponentTransformFile: unsound.tfm\n"),
-                                    std::string("Transform: Euler3DTransform\n"),
-                                    std::string("Transform: Euler3DTransform_int_3_3\n") })
+  const std::string              euler = "Transform: Euler3DTransform_double_3_3\n";
+  const std::string              translation = "Transform: TranslationTransform_double_3_3\n";
+  const std::vector<std::string> unsound{ euler + "Parameters:\nFixedParameters: 0 0 0\n",
+                                          euler + "Parameters: 0 0 0 1 2\nFixedParameters: 0 0 0\n",
+                                          translation + "Parameters: 1 2 3\n" + euler + "FixedParameters: 0 0 0\n",
+                                          "Parameters: 1 2 3\n" + euler + "FixedParameters: 0 0 0\n",
+                                          translation + "Parameters: 1 2 3\nFixedParameters:\nParameters: 1 2 3\n",
+                                          std::string("ComponentTransformFile: unsound.tfm\n"),
+                                          std::string("Transform: Euler3DTransform\n"),
+                                          std::string("Transform: Euler3DTransform_int_3_3\n") };
+  for (const std::string & text : unsound)
   {
     SCOPED_TRACE(text);
     std::ofstream(m_Folder / "unsound.tfm") << "#Insight Transform File V1.0\n" << text;

@@ -1,0 +1,171 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#ifndef itkShearWarpRayProjector_h
+#define itkShearWarpRayProjector_h
+
+#include "itkShearWarpFactorization.h"
+#include "itkShearWarpPreparedVolume.h"
+
+#include <limits>
+#include <optional>
+#include <vector>
+
+namespace itk
+{
+/** \class ShearWarpRayProjector
+ * \brief Projects a prepared volume to an intermediate image, following its rays from front to back.
+ *
+ * It is for all that needs the samples of a ray in their order, or leaves some of them out: the depth of the maximum,
+ * the first local maximum, slabs, boxes and masks, weights by depth; and for minima. Each thread takes a few rows of
+ * the intermediate image, and for them the slices one after the other from the viewer on. Nothing is merged, and no
+ * part of the volume is skipped, but for what Parameters exclude.
+ *
+ * The memory is kept from one projection to the next.
+ *
+ * \ingroup ShearWarpMIP
+ */
+template <typename TPixel>
+class ShearWarpRayProjector
+{
+public:
+  using MaskPixelType = unsigned char;
+  using IntermediateImageType = ShearWarp::IntermediateImage<TPixel>;
+
+  /** Samples count where low <= function <= high. */
+  struct Interval
+  {
+    ShearWarp::ShearedFunction function;
+    double                     low, high;
+  };
+
+  /** Samples fade to \a background: with their distance behind \a begin, in units of view space, by exp(-rate
+   * distance).
+   */
+  struct Fading
+  {
+    double rate, begin;
+    TPixel background;
+  };
+
+  /** What rays do with their samples. */
+  struct Parameters
+  {
+    /** Of the kernels that Start() gets. */
+    const ShearWarp::RayKernels<TPixel> * mode;
+    /** If given rays end behind their first local maximum that is not less. */
+    std::optional<TPixel> localMaximumThreshold;
+    std::vector<Interval> intervals;
+    std::optional<Fading> fading;
+    /** If given, the prepared mask, of the volume's size; its voxels count where they are maskLabel or, if that is 0,
+     * not 0. */
+    const ShearWarpPreparedVolume<MaskPixelType> * mask{ nullptr };
+    MaskPixelType                                  maskLabel{ 0 };
+  };
+
+  /** Begins a projection by at most \a workers threads. \a factorization, \a kernels and what \a parameters refers to
+   * must live until Finish(). */
+  void
+  Start(const ShearWarpFactorization &     factorization,
+        const ShearWarp::Kernels<TPixel> & kernels,
+        const Parameters &                 parameters,
+        SizeValueType                      workers);
+
+  /** Whether the first slice along the volume's z axis is met before the last one: the order of slabs. */
+  bool
+  IsFirstSlabFront() const;
+
+  /** Projects what \a volume has prepared for the factorization's principal axis: all or, one after the other, slabs,
+   * in the order that IsFirstSlabFront() tells. \a parallelize is as for ShearWarpProjector. Throws
+   * MemoryAllocationError. */
+  template <typename TParallelize>
+  void
+  Project(const ShearWarpPreparedVolume<TPixel> & volume, const TParallelize & parallelize);
+
+  /** The intermediate image of all that was projected since Start(), with the slices of its pixels. It refers to this
+   * object's memory and to the factorization's, and is valid until the next projection. Throws MemoryAllocationError.
+   */
+  template <typename TParallelize>
+  IntermediateImageType
+  Finish(const TParallelize & parallelize);
+
+private:
+  /** The rays of one phase: as many rows as its grid. */
+  struct Rays
+  {
+    ShearWarpBuffer            values, slices;
+    std::vector<Interval>      intervals;
+    ShearWarp::ShearedFunction depth;
+  };
+
+  struct Worker
+  {
+    std::vector<TPixel>        samples;
+    std::vector<MaskPixelType> counted;
+  };
+
+  /** Rows [begin, end) of one phase. */
+  struct Band
+  {
+    std::size_t    phase;
+    std::ptrdiff_t begin, end;
+  };
+
+  /** A sheared function of the columns and rows of a phase. */
+  ShearWarp::ShearedFunction
+  GetFunctionOfPhase(ShearWarp::ShearedFunction function, std::size_t phase) const;
+
+  ShearWarp::RayRow<TPixel>
+  GetRayRow(std::size_t phase, std::ptrdiff_t row) const;
+
+  void
+  ClearBand(const Band & band) const;
+
+  void
+  ProjectSlice(Worker & worker, const Band & band, const ShearWarp::Block & part, std::ptrdiff_t slice) const;
+
+  /** Projects row \a j of a slice to rays \a span of row \a pixelRow. */
+  void
+  ProjectRow(Worker &              worker,
+             std::size_t           phase,
+             std::ptrdiff_t        pixelRow,
+             ShearWarp::ColumnSpan span,
+             std::ptrdiff_t        slice,
+             std::ptrdiff_t        j) const;
+
+  const ShearWarp::Kernels<TPixel> * m_Kernels{ nullptr };
+  const ShearWarpFactorization *     m_Factorization{ nullptr };
+  Parameters                         m_Parameters;
+  ShearWarp::ShearedFunction         m_Depth{};
+  std::vector<Rays>                  m_Rays; // of the factorization's phases
+  std::vector<Band>                  m_Bands;
+  std::vector<double>                m_Fades; // by column of a slice
+  std::vector<Worker>                m_Workers;
+  std::ptrdiff_t                     m_RowStride{ 0 };
+  bool                               m_IsCleared{ false };
+  ShearWarpBuffer                    m_JoinedValues, m_JoinedSlices;
+
+  ShearWarp::SliceStack<TPixel>        m_Slices{};
+  ShearWarp::SliceStack<MaskPixelType> m_Mask{};
+};
+} // namespace itk
+
+#ifndef ITK_MANUAL_INSTANTIATION
+#  include "itkShearWarpRayProjector.hxx"
+#endif
+
+#endif

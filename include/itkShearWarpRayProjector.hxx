@@ -1,0 +1,295 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#ifndef itkShearWarpRayProjector_hxx
+#define itkShearWarpRayProjector_hxx
+
+#include <algorithm>
+#include <cmath>
+
+namespace itk
+{
+template <typename TPixel>
+void
+ShearWarpRayProjector<TPixel>::Start(const ShearWarpFactorization &     factorization,
+                                     const ShearWarp::Kernels<TPixel> & kernels,
+                                     const Parameters &                 parameters,
+                                     SizeValueType                      workers)
+{
+  m_Kernels = &kernels;
+  m_Factorization = &factorization;
+  m_Parameters = parameters;
+  m_Workers.resize(workers);
+  m_IsCleared = false;
+
+  const std::vector<ShearWarp::IntermediateGrid> & phases = factorization.GetPhases();
+  m_Depth = factorization.GetDepthFunction();
+  m_Rays.resize(phases.size());
+  m_Bands.clear();
+  m_RowStride = 0;
+  for (std::size_t n = 0; n < phases.size(); ++n)
+  {
+    m_RowStride = std::max(m_RowStride, ShearWarp::CountBlocks(phases[n].columns, ShearWarp::TileColumns));
+    m_Rays[n].depth = this->GetFunctionOfPhase(m_Depth, n);
+    m_Rays[n].intervals = parameters.intervals;
+    for (Interval & interval : m_Rays[n].intervals)
+    {
+      interval.function = this->GetFunctionOfPhase(interval.function, n);
+    }
+    constexpr std::ptrdiff_t bandRows = 2 * ShearWarp::BlockLength;
+    for (std::ptrdiff_t row = 0; row < phases[n].rows; row += bandRows)
+    {
+      m_Bands.push_back({ n, row, std::min(row + bandRows, phases[n].rows) });
+    }
+  }
+  // an odd number of tiles, so that rows do not compete for the same lines of the cache
+  m_RowStride = (m_RowStride | 1) * ShearWarp::TileColumns;
+  for (std::size_t n = 0; n < phases.size(); ++n)
+  {
+    m_Rays[n].values.Reserve(phases[n].rows * m_RowStride * sizeof(TPixel), "an intermediate image");
+    m_Rays[n].slices.Reserve(phases[n].rows * m_RowStride * sizeof(std::int32_t), "the slices of rays");
+  }
+}
+
+template <typename TPixel>
+ShearWarp::ShearedFunction
+ShearWarpRayProjector<TPixel>::GetFunctionOfPhase(ShearWarp::ShearedFunction function, std::size_t phase) const
+{
+  const std::size_t oversampling = m_Factorization->GetOversampling();
+  const auto        shift = [oversampling](std::size_t n) {
+    return static_cast<double>(n + 1) / static_cast<double>(oversampling) - 1.0;
+  };
+  function.constant = function(shift(phase % oversampling), shift(phase / oversampling), 0.0);
+  return function;
+}
+
+template <typename TPixel>
+bool
+ShearWarpRayProjector<TPixel>::IsFirstSlabFront() const
+{
+  const bool isFirstSliceFront = m_Depth.perSlice > 0;
+  if (m_Factorization->GetPrincipalAxis() == 2)
+  {
+    return isFirstSliceFront;
+  }
+  // rows are along z, and a ray goes through them against the shear
+  return isFirstSliceFront == (m_Factorization->GetShear()[1] < 0);
+}
+
+template <typename TPixel>
+template <typename TParallelize>
+void
+ShearWarpRayProjector<TPixel>::Project(const ShearWarpPreparedVolume<TPixel> & volume, const TParallelize & parallelize)
+{
+  const unsigned int     axis = m_Factorization->GetPrincipalAxis();
+  const ShearWarp::Block part = volume.GetPreparedPart(axis);
+  m_Slices = volume.GetSlices(axis);
+  if (m_Parameters.mask)
+  {
+    m_Mask = m_Parameters.mask->GetSlices(axis);
+  }
+  if (m_Parameters.fading)
+  {
+    m_Fades.resize(m_Slices.columns + 1);
+    for (std::size_t column = 0; column < m_Fades.size(); ++column)
+    {
+      m_Fades[column] = std::exp(-m_Parameters.fading->rate * (m_Depth.perColumn * static_cast<double>(column)));
+    }
+  }
+  for (Worker & worker : m_Workers)
+  {
+    worker.samples.resize(m_RowStride);
+    worker.counted.resize(m_RowStride);
+  }
+
+  const std::ptrdiff_t slices = part.sliceEnd - part.sliceBegin;
+  // a step takes milliseconds at most
+  constexpr std::ptrdiff_t stepPixels = 1 << 20;
+  const std::ptrdiff_t     stepSlices = stepPixels / (2 * ShearWarp::BlockLength * m_RowStride) + 1;
+  const bool               isAscending = m_Depth.perSlice > 0;
+  parallelize(static_cast<SizeValueType>(m_Bands.size()),
+              static_cast<SizeValueType>(ShearWarp::CountBlocks(slices, stepSlices)),
+              [&](SizeValueType n, SizeValueType step, SizeValueType worker) {
+                const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(step) * stepSlices;
+                if (!m_IsCleared && first == 0)
+                {
+                  this->ClearBand(m_Bands[n]);
+                }
+                for (std::ptrdiff_t k = first; k < std::min(first + stepSlices, slices); ++k)
+                {
+                  this->ProjectSlice(
+                    m_Workers[worker], m_Bands[n], part, isAscending ? part.sliceBegin + k : part.sliceEnd - 1 - k);
+                }
+              });
+  m_IsCleared = true;
+}
+
+template <typename TPixel>
+ShearWarp::RayRow<TPixel>
+ShearWarpRayProjector<TPixel>::GetRayRow(std::size_t phase, std::ptrdiff_t row) const
+{
+  return { m_Rays[phase].values.template GetPointer<TPixel>() + row * m_RowStride,
+           m_Rays[phase].slices.template GetPointer<std::int32_t>() + row * m_RowStride };
+}
+
+template <typename TPixel>
+void
+ShearWarpRayProjector<TPixel>::ClearBand(const Band & band) const
+{
+  const ShearWarp::RayRow<TPixel> rays = this->GetRayRow(band.phase, band.begin);
+  const std::ptrdiff_t            count = (band.end - band.begin) * m_RowStride;
+  std::fill_n(rays.values, count, m_Parameters.mode->start);
+  std::fill_n(rays.slices, count, ShearWarp::NoSlice);
+}
+
+template <typename TPixel>
+void
+ShearWarpRayProjector<TPixel>::ProjectSlice(Worker &                 worker,
+                                            const Band &             band,
+                                            const ShearWarp::Block & part,
+                                            std::ptrdiff_t           slice) const
+{
+  const ShearWarp::SlicePlacement & placement = m_Factorization->GetPhases()[band.phase].placements[slice];
+  // row j is between voxel rows j - 1 and j; the outer half voxels have the edge's value
+  const std::ptrdiff_t        first = placement.FirstRow() - placement.row.whole;
+  const std::ptrdiff_t        begin = part.rowBegin == 0 ? first : part.rowBegin;
+  const std::ptrdiff_t        end = part.rowEnd == m_Slices.rows ? m_Slices.rows + first : part.rowEnd;
+  const std::int32_t          firstColumn = placement.FirstColumn();
+  const ShearWarp::ColumnSpan reached{ firstColumn, firstColumn + static_cast<std::int32_t>(m_Slices.columns) };
+  for (std::ptrdiff_t row = std::max(band.begin, placement.row.whole + begin);
+       row < std::min(band.end, placement.row.whole + end);
+       ++row)
+  {
+    ShearWarp::ColumnSpan span = reached;
+    for (const Interval & interval : m_Rays[band.phase].intervals)
+    {
+      span = ShearWarp::ClipColumns(
+        interval.function, interval.low, interval.high, static_cast<double>(row), static_cast<double>(slice), span);
+    }
+    if (span.begin < span.end)
+    {
+      this->ProjectRow(worker, band.phase, row, span, slice, row - placement.row.whole);
+    }
+  }
+}
+
+template <typename TPixel>
+void
+ShearWarpRayProjector<TPixel>::ProjectRow(Worker &              worker,
+                                          std::size_t           phase,
+                                          std::ptrdiff_t        pixelRow,
+                                          ShearWarp::ColumnSpan span,
+                                          std::ptrdiff_t        slice,
+                                          std::ptrdiff_t        j) const
+{
+  const ShearWarp::SlicePlacement & placement = m_Factorization->GetPhases()[phase].placements[slice];
+  const bool                        isEdge = j == 0 || j == m_Slices.rows;
+  const std::ptrdiff_t              after = std::min(j, m_Slices.rows - 1);
+  const std::ptrdiff_t              before = isEdge ? after : j - 1;
+  const auto                        getRow = [slice](const auto & stack, std::ptrdiff_t row) {
+    return stack.voxels + (slice * stack.sliceStride + row * stack.rowStride - stack.first);
+  };
+  const ShearWarp::SliceRow<TPixel> row{ getRow(m_Slices, before),
+                                         getRow(m_Slices, after),
+                                         m_Slices.columns,
+                                         placement.column,
+                                         isEdge ? 0 : placement.row.fraction };
+  TPixel * const                    samples = worker.samples.data();
+  MaskPixelType * const             counted = worker.counted.data();
+  if (m_Parameters.mask)
+  {
+    ShearWarp::SampleMaskedRow(
+      row, getRow(m_Mask, before), getRow(m_Mask, after), m_Parameters.maskLabel, span, samples, counted);
+  }
+  else
+  {
+    m_Kernels->sampleRow(row, span, samples);
+  }
+  if (m_Parameters.fading)
+  {
+    const double depth =
+      m_Rays[phase].depth(placement.column.whole, static_cast<double>(pixelRow), static_cast<double>(slice));
+    const double factor = std::exp(-m_Parameters.fading->rate * (depth - m_Parameters.fading->begin));
+    m_Kernels->fadeRow(m_Fades.data(), placement.column.whole, factor, m_Parameters.fading->background, span, samples);
+  }
+
+  const ShearWarp::RayRow<TPixel> rays = this->GetRayRow(phase, pixelRow);
+  const auto                      take = [&](ShearWarp::ColumnSpan columns) {
+    const auto index = static_cast<std::int32_t>(slice);
+    if (m_Parameters.localMaximumThreshold)
+    {
+      m_Parameters.mode->takeUntilLocalMaximum(samples, columns, index, *m_Parameters.localMaximumThreshold, rays);
+    }
+    else
+    {
+      m_Parameters.mode->take(samples, columns, index, rays);
+    }
+  };
+  if (!m_Parameters.mask)
+  {
+    take(span);
+    return;
+  }
+  // runs of samples that count
+  const MaskPixelType * const flags = counted;
+  const MaskPixelType * const end = flags + span.end;
+  for (const MaskPixelType * run = std::find(flags + span.begin, end, 1); run != end;)
+  {
+    const MaskPixelType * const runEnd = std::find(run, end, 0);
+    take({ static_cast<std::int32_t>(run - flags), static_cast<std::int32_t>(runEnd - flags) });
+    run = std::find(runEnd, end, 1);
+  }
+}
+
+template <typename TPixel>
+template <typename TParallelize>
+auto
+ShearWarpRayProjector<TPixel>::Finish(const TParallelize & parallelize) -> IntermediateImageType
+{
+  const auto           oversampling = static_cast<std::ptrdiff_t>(m_Factorization->GetOversampling());
+  const std::ptrdiff_t rowStride = oversampling * m_RowStride;
+  const auto           columns = static_cast<std::ptrdiff_t>(m_Factorization->GetIntermediateSize()[0]);
+  const auto           rows = static_cast<std::ptrdiff_t>(m_Factorization->GetIntermediateSize()[1]);
+  if (oversampling > 1)
+  {
+    m_JoinedValues.Reserve(rows * rowStride * sizeof(TPixel), "the joined intermediate image");
+    m_JoinedSlices.Reserve(rows * rowStride * sizeof(std::int32_t), "the slices of the joined intermediate image");
+  }
+  const ShearWarpBuffer &         values = oversampling > 1 ? m_JoinedValues : m_Rays.front().values;
+  const ShearWarpBuffer &         slices = oversampling > 1 ? m_JoinedSlices : m_Rays.front().slices;
+  const ShearWarp::RayRow<TPixel> joined{ values.template GetPointer<TPixel>(),
+                                          slices.template GetPointer<std::int32_t>() };
+  parallelize(static_cast<SizeValueType>(m_Bands.size()), 1, [&](SizeValueType n, SizeValueType, SizeValueType) {
+    const auto phase = static_cast<std::ptrdiff_t>(m_Bands[n].phase);
+    for (std::ptrdiff_t row = m_Bands[n].begin; row < m_Bands[n].end; ++row)
+    {
+      const ShearWarp::RayRow<TPixel> rays = this->GetRayRow(m_Bands[n].phase, row);
+      const std::ptrdiff_t first = (oversampling * row + phase / oversampling) * rowStride + phase % oversampling;
+      for (std::ptrdiff_t p = 0; p < m_RowStride; ++p)
+      {
+        // zero has no sign
+        joined.values[first + oversampling * p] = static_cast<TPixel>(rays.values[p] + TPixel{ 0 });
+        joined.slices[first + oversampling * p] =
+          rays.slices[p] < ShearWarp::EndedRay ? rays.slices[p] : rays.slices[p] - ShearWarp::EndedRay;
+      }
+    }
+  });
+  return { joined.values, columns, rows, rowStride, m_Factorization->GetReachedColumns().data(), joined.slices };
+}
+} // namespace itk
+
+#endif

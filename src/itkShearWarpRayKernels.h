@@ -1,0 +1,187 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+/* Included by each file of kernels, within its anonymous namespace, so that the linker cannot share what is compiled
+ * here. For the same reason nothing here may call an inline function or a template of another header. */
+
+template <typename TPixel>
+constexpr bool IsFloatingPoint = static_cast<TPixel>(0.5) != 0;
+
+template <typename TPixel>
+struct MaximumRule
+{
+  static constexpr TPixel Start = NoSample<TPixel>;
+  // no sample that counts is as bad as the start
+  static constexpr bool IsStartUnique = IsFloatingPoint<TPixel>;
+
+  static bool
+  IsBetter(TPixel sample, TPixel value)
+  {
+    return sample > value;
+  }
+  static bool
+  IsWorse(TPixel sample, TPixel value)
+  {
+    return sample < value;
+  }
+};
+
+template <typename TPixel>
+struct MinimumRule
+{
+  static constexpr TPixel Start = std::numeric_limits<TPixel>::has_infinity ? std::numeric_limits<TPixel>::infinity()
+                                                                            : std::numeric_limits<TPixel>::max();
+  static constexpr bool   IsStartUnique = IsFloatingPoint<TPixel>;
+
+  static bool
+  IsBetter(TPixel sample, TPixel value)
+  {
+    return sample < value;
+  }
+  static bool
+  IsWorse(TPixel sample, TPixel value)
+  {
+    return sample > value;
+  }
+};
+
+template <typename TPixel>
+struct AbsoluteMaximumRule
+{
+  static constexpr TPixel Start = 0;
+  static constexpr bool   IsStartUnique = false;
+
+  static bool
+  IsBetter(TPixel sample, TPixel value)
+  {
+    const auto ofSample = GetMagnitude(sample);
+    const auto ofValue = GetMagnitude(value);
+    return (ofSample > ofValue) | ((ofSample == ofValue) & (sample > value));
+  }
+  static bool
+  IsWorse(TPixel sample, TPixel value)
+  {
+    return GetMagnitude(sample) < GetMagnitude(value);
+  }
+
+private:
+  static auto
+  GetMagnitude(TPixel value)
+  {
+    if constexpr (IsFloatingPoint<TPixel>)
+    {
+      return value < 0 ? -value : value;
+    }
+    else
+    {
+      // that of the lowest integer has no sign
+      using Unsigned = std::make_unsigned_t<TPixel>;
+      const auto bits = static_cast<Unsigned>(value);
+      return static_cast<Unsigned>(value < 0 ? 0 - bits : bits);
+    }
+  }
+};
+
+template <typename TRule, bool VUntilLocalMaximum, typename TPixel>
+void
+TakeSamples(const TPixel * __restrict samples,
+            ColumnSpan   span,
+            std::int32_t slice,
+            TPixel       threshold,
+            TPixel * __restrict values,
+            std::int32_t * __restrict slices)
+{
+  for (std::int32_t p = span.begin; p < span.end; ++p)
+  {
+    const TPixel       sample = samples[p];
+    const TPixel       value = values[p];
+    const std::int32_t before = slices[p];
+    bool               isTaken = TRule::IsBetter(sample, value);
+    if constexpr (!TRule::IsStartUnique)
+    {
+      isTaken |= (before < 0) & (sample == sample);
+    }
+    std::int32_t after = before;
+    if constexpr (VUntilLocalMaximum)
+    {
+      const bool hasEnded = before >= EndedRay;
+      const bool ends = (before >= 0) & !hasEnded & TRule::IsWorse(sample, value) & !TRule::IsWorse(value, threshold);
+      isTaken &= !hasEnded;
+      after = ends ? before + EndedRay : before;
+    }
+    values[p] = isTaken ? sample : value;
+    slices[p] = isTaken ? slice : after;
+  }
+}
+
+template <typename TRule, typename TPixel>
+void
+Take(const TPixel * samples, ColumnSpan span, std::int32_t slice, const RayRow<TPixel> & rays)
+{
+  TakeSamples<TRule, false>(samples, span, slice, TPixel{}, rays.values, rays.slices);
+}
+
+template <typename TRule, typename TPixel>
+void
+TakeUntilLocalMaximum(const TPixel *         samples,
+                      ColumnSpan             span,
+                      std::int32_t           slice,
+                      TPixel                 threshold,
+                      const RayRow<TPixel> & rays)
+{
+  TakeSamples<TRule, true>(samples, span, slice, threshold, rays.values, rays.slices);
+}
+
+template <typename TRule, typename TPixel>
+constexpr RayKernels<TPixel> RayKernelsOf{ TRule::Start, Take<TRule, TPixel>, TakeUntilLocalMaximum<TRule, TPixel> };
+
+template <typename TPixel>
+void
+FadeRow(const double * __restrict factors,
+        std::int32_t first,
+        double       factor,
+        TPixel       background,
+        ColumnSpan   span,
+        TPixel * __restrict samples)
+{
+  const auto to = static_cast<double>(background);
+  for (std::int32_t p = span.begin; p < span.end; ++p)
+  {
+    const double product = factor * factors[p - first];
+    const auto   from = static_cast<double>(samples[p]);
+    const double faded = to + (from - to) * (product < 1.0 ? product : 1.0);
+    if constexpr (IsFloatingPoint<TPixel>)
+    {
+      samples[p] = static_cast<TPixel>(faded);
+    }
+    else
+    {
+      // 64-bit integers are rounded to double, and could leave their range
+      const bool isBetween = (faded > to && faded < from) || (faded < to && faded > from);
+      if (sizeof(TPixel) < 8 || isBetween)
+      {
+        const double half = faded + 0.5;
+        const auto   whole = static_cast<TPixel>(half);
+        samples[p] = static_cast<TPixel>(whole - (static_cast<double>(whole) > half));
+      }
+      else if (faded == to)
+      {
+        samples[p] = background;
+      }
+    }
+  }
+}

@@ -1,0 +1,721 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#include "itkShearWarpMIPImageFilter.h"
+#include "itkShearWarpMIPTestHelper.h"
+#include "itkShearWarpMIPView.h"
+
+#include <sstream>
+
+namespace
+{
+using namespace itk::ShearWarpMIPTest;
+using ModeEnum = itk::ShearWarpMIPImageFilterEnums::Mode;
+constexpr ModeEnum modes[] = { ModeEnum::Maximum, ModeEnum::Minimum, ModeEnum::AbsoluteMaximum };
+
+template <typename TPixel>
+using FilterType = itk::ShearWarpMIPImageFilter<itk::Image<TPixel, 3>>;
+
+template <typename TPixel>
+auto
+MakeFilter(const itk::Image<TPixel, 3> * image, const ViewType * view = nullptr)
+{
+  auto filter = FilterType<TPixel>::New();
+  filter->SetInput(image);
+  if (view)
+  {
+    filter->SetTransform(view);
+  }
+  return filter;
+}
+
+/** Looks along z from the first slice, at the voxel grid. */
+ViewType::Pointer
+MakeIdentityView()
+{
+  return MakeView(MakeDiagonal(1, 1, 1), MakePoint3(0, 0, 0));
+}
+
+itk::Image<unsigned char, 3>::Pointer
+MakeMask(const itk::ImageBase<3> * image)
+{
+  auto mask = itk::Image<unsigned char, 3>::New();
+  mask->CopyInformation(image);
+  mask->SetRegions(image->GetLargestPossibleRegion());
+  mask->Allocate();
+  mask->FillBuffer(0);
+  return mask;
+}
+
+/** Blobs of labels 1 and 2, and single voxels. */
+itk::Image<unsigned char, 3>::Pointer
+MakeRandomMask(Random & random, const itk::ImageBase<3> * image)
+{
+  const auto                                             mask = MakeMask(image);
+  const auto                                             region = image->GetLargestPossibleRegion();
+  const auto                                             length = random.Integer(1, 7);
+  itk::ImageRegionIterator<itk::Image<unsigned char, 3>> it(mask, region);
+  std::uint64_t                                          labels[512];
+  std::generate_n(labels, 512, [&] { return random.Bits() % 3; });
+  for (; !it.IsAtEnd(); ++it)
+  {
+    std::int64_t cell = 0;
+    for (unsigned int axis = 0; axis < 3; ++axis)
+    {
+      cell = cell * 8 + (it.GetIndex()[axis] - region.GetIndex(axis)) / length % 8;
+    }
+    it.Set(static_cast<unsigned char>(random.Integer(0, 20) == 0 ? 1 : labels[cell]));
+  }
+  return mask;
+}
+
+/** Chooses parameters, for the filter and for the rule that its result must follow. */
+template <typename TPixel>
+RayRule<TPixel>
+DrawRule(Random & random, FilterType<TPixel> * filter, const ViewType * view, const itk::Image<TPixel, 3> * image)
+{
+  RayRule<TPixel> rule;
+  const auto      mode = random.Integer(0, 2);
+  rule.mode = static_cast<RayMode>(mode);
+  filter->SetMode(modes[mode]);
+  PointType lower, upper;
+  itk::ShearWarpFactorization::ComputeViewBounds(view, image, lower, upper);
+  if (random.Integer(0, 1) == 0)
+  {
+    const double ends[] = { random.Uniform(lower[2], upper[2]), random.Uniform(lower[2], upper[2]) };
+    rule.slabNear = random.Integer(0, 3) == 0 ? rule.slabNear : std::min(ends[0], ends[1]);
+    rule.slabFar = random.Integer(0, 3) == 0 ? rule.slabFar : std::max(ends[0], ends[1]);
+    filter->SetSlabNear(rule.slabNear);
+    filter->SetSlabFar(rule.slabFar);
+  }
+  if (random.Integer(0, 2) == 0)
+  {
+    const PointType centre = GetCentre(image);
+    for (unsigned int axis = 0; axis < 3; ++axis)
+    {
+      rule.cropLower[axis] = centre[axis] - random.Uniform(0, 0.4) * (upper[2] - lower[2]);
+      rule.cropUpper[axis] = centre[axis] + random.Uniform(0, 0.4) * (upper[2] - lower[2]);
+    }
+    rule.cropUpper[2] = random.Integer(0, 1) == 0 ? rule.Infinity : rule.cropUpper[2];
+    filter->SetCropLower(rule.cropLower);
+    filter->SetCropUpper(rule.cropUpper);
+  }
+  if (random.Integer(0, 1) == 0)
+  {
+    const auto mask = MakeRandomMask(random, image);
+    rule.mask = mask;
+    rule.maskLabel = static_cast<unsigned char>(random.Integer(0, 2));
+    filter->SetMaskImage(mask);
+    filter->SetMaskLabel(rule.maskLabel);
+  }
+  if (rule.mode != RayMode::AbsoluteMaximum && random.Integer(0, 1) == 0)
+  {
+    rule.isLocal = true;
+    rule.threshold = MakeRandomPixel<TPixel>(random);
+    filter->LocalMaximumOn();
+    filter->SetLocalMaximumThreshold(rule.threshold);
+  }
+  filter->SetComputeDepth(random.Integer(0, 1) == 0);
+  return rule;
+}
+
+template <typename TPixel>
+void
+ExpectRule(FilterType<TPixel> *          filter,
+           const ViewType *              view,
+           const itk::Image<TPixel, 3> * image,
+           const RayRule<TPixel> &       rule,
+           int                           oversampling = 1)
+{
+  const auto *                 output = filter->GetOutput();
+  BruteForceProjection<TPixel> expected(view, image, oversampling, rule);
+  const auto                   values = expected.Evaluate(output, filter->GetDefaultPixelValue());
+  ASSERT_TRUE(HaveSamePixels<TPixel>(values, output)) << filter;
+  if (const auto * depths = filter->GetDepthOutput())
+  {
+    ASSERT_EQ(depths->GetBufferedRegion(), output->GetBufferedRegion());
+    ASSERT_EQ(depths->GetOrigin(), output->GetOrigin());
+    ASSERT_EQ(depths->GetSpacing(), output->GetSpacing());
+    itk::ImageRegionConstIterator<itk::Image<float, 2>> it(depths, depths->GetBufferedRegion());
+    for (; !it.IsAtEnd(); ++it)
+    {
+      const auto   index = it.GetIndex();
+      const double depth =
+        expected.EvaluateDepth(output->GetOrigin()[0] + output->GetSpacing()[0] * static_cast<double>(index[0]),
+                               output->GetOrigin()[1] + output->GetSpacing()[1] * static_cast<double>(index[1]));
+      ASSERT_EQ(std::isnan(depth), std::isnan(it.Get())) << index;
+      if (!std::isnan(depth))
+      {
+        ASSERT_NEAR(it.Get(), depth, 1e-6 * (1.0 + std::abs(depth))) << index;
+      }
+    }
+  }
+}
+
+template <typename TPixel>
+class ShearWarpMIPModes : public testing::Test
+{};
+using PixelTypes =
+  testing::Types<unsigned char, signed char, unsigned short, short, int, unsigned long, long long, float, double>;
+TYPED_TEST_SUITE(ShearWarpMIPModes, PixelTypes, );
+
+/** Gives the image's voxels in parts. */
+template <typename TPixel>
+class PartSource : public itk::ImageSource<itk::Image<TPixel, 3>>
+{
+public:
+  using Self = PartSource;
+  using Superclass = itk::ImageSource<itk::Image<TPixel, 3>>;
+  using Pointer = itk::SmartPointer<Self>;
+  itkNewMacro(Self);
+
+  typename itk::Image<TPixel, 3>::ConstPointer whole;
+
+protected:
+  void
+  GenerateOutputInformation() override
+  {
+    this->GetOutput()->CopyInformation(whole);
+    this->GetOutput()->SetLargestPossibleRegion(whole->GetLargestPossibleRegion());
+  }
+  void
+  GenerateData() override
+  {
+    this->AllocateOutputs();
+    itk::ImageRegionIterator<itk::Image<TPixel, 3>> it(this->GetOutput(), this->GetOutput()->GetRequestedRegion());
+    for (; !it.IsAtEnd(); ++it)
+    {
+      it.Set(whole->GetPixel(it.GetIndex()));
+    }
+  }
+};
+
+template <typename TPixel>
+typename PartSource<TPixel>::Pointer
+MakeSource(const itk::Image<TPixel, 3> * image)
+{
+  auto source = PartSource<TPixel>::New();
+  source->whole = image;
+  return source;
+}
+} // namespace
+
+TYPED_TEST(ShearWarpMIPModes, FollowTheRuleOnEveryInstructionSet)
+{
+  Random random(901);
+  for (int repeat = 0; repeat < 150; ++repeat)
+  {
+    SCOPED_TRACE(repeat);
+    const auto image = MakeRandomImage<TypeParam>(random, MakeRandomSize(random, 1, repeat % 5 == 0 ? 50 : 16));
+    const auto view = MakeRandomView(random, AllViewKinds[repeat % 3], image);
+    const auto filter = MakeFilter<TypeParam>(image, view);
+    const auto rule = DrawRule<TypeParam>(random, filter, view, image);
+    const auto oversampling = static_cast<int>(random.Integer(1, 2));
+    filter->SetOversampling(oversampling);
+    filter->SetNumberOfWorkUnits(static_cast<itk::ThreadIdType>(random.Integer(1, 8)));
+    filter->SetDefaultPixelValue(MakeRandomPixel<TypeParam>(random));
+    filter->SetOutputSpacing(itk::ShearWarpFactorization::ComputeProjectedSpacing(view, image) * random.Uniform(1, 3));
+    ForEachInstructionSet([&](const std::string & name) {
+      filter->Modified();
+      filter->Update();
+      EXPECT_EQ(filter->GetInstructionSet() == name, itk::ShearWarp::GetKernels<TypeParam>().instructionSet == name);
+      ExpectRule<TypeParam>(filter, view, image, rule, oversampling);
+    });
+    if (this->HasFatalFailure())
+    {
+      return;
+    }
+  }
+}
+
+TYPED_TEST(ShearWarpMIPModes, StreamedHaveTheSameBits)
+{
+  Random random(902);
+  for (int repeat = 0; repeat < 60; ++repeat)
+  {
+    SCOPED_TRACE(repeat);
+    const auto image = MakeRandomImage<TypeParam>(random, MakeRandomSize(random, 1, 40));
+    const auto view = MakeRandomView(random, AllViewKinds[repeat % 3], image);
+    const auto source = MakeSource<TypeParam>(image);
+    const auto filter = MakeFilter<TypeParam>(source->GetOutput(), view);
+    auto       rule = DrawRule<TypeParam>(random, filter, view, image);
+    const auto mask = filter->GetMaskImage() ? MakeSource<unsigned char>(filter->GetMaskImage()) : nullptr;
+    if (mask)
+    {
+      filter->SetMaskImage(mask->GetOutput());
+    }
+    filter->SetNumberOfStreamDivisions(static_cast<unsigned int>(random.Integer(2, 6)));
+    filter->Update();
+    ExpectRule<TypeParam>(filter, view, image, rule);
+    if (this->HasFatalFailure())
+    {
+      return;
+    }
+  }
+}
+
+TYPED_TEST(ShearWarpMIPModes, FadesByTheFormula)
+{
+  Random random(903);
+  for (int repeat = 0; repeat < 60; ++repeat)
+  {
+    SCOPED_TRACE(repeat);
+    const auto         image = MakeRandomImage<TypeParam>(random, MakeRandomSize(random, 1, 20));
+    const auto         view = MakeRandomView(random, AllViewKinds[repeat % 3], image);
+    const auto         filter = MakeFilter<TypeParam>(image, view);
+    RayRule<TypeParam> rule;
+    rule.mode = static_cast<RayMode>(repeat % 2);
+    rule.attenuation = random.Uniform(0.0, 0.2);
+    rule.background = MakeRandomPixel<TypeParam>(random);
+    PointType lower, upper;
+    itk::ShearWarpFactorization::ComputeViewBounds(view, image, lower, upper);
+    rule.slabNear = repeat % 3 == 0 ? random.Uniform(lower[2], upper[2]) : rule.slabNear;
+    filter->SetMode(modes[repeat % 2]);
+    filter->SetDepthAttenuation(rule.attenuation);
+    filter->SetDefaultPixelValue(rule.background);
+    filter->SetSlabNear(rule.slabNear);
+    typename itk::Image<TypeParam, 2>::Pointer first;
+    ForEachInstructionSet([&](const std::string &) {
+      filter->Modified();
+      filter->Update();
+      first = first ? first : Copy(filter->GetOutput());
+      ASSERT_TRUE(HaveSamePixels<TypeParam>(first, filter->GetOutput()));
+    });
+    BruteForceProjection<TypeParam> expected(view, image, 1, rule);
+    const auto                      values = expected.Evaluate(first, rule.background);
+    for (itk::SizeValueType n = 0; n < first->GetBufferedRegion().GetNumberOfPixels(); ++n)
+    {
+      const auto a = static_cast<long double>(values->GetBufferPointer()[n]);
+      const auto b = static_cast<long double>(first->GetBufferPointer()[n]);
+      const auto range = static_cast<long double>(std::numeric_limits<TypeParam>::max());
+      // of 64-bit integers, what a double does not hold is lost
+      const long double tolerance = std::is_integral_v<TypeParam> ? 1.0L + range * 0x1p-48L : 1e-3L;
+      ASSERT_LE(std::abs(a - b), tolerance)
+        << "at " << n << ": " << a << " " << b << " to " << static_cast<long double>(rule.background) << " rate "
+        << rule.attenuation;
+    }
+  }
+}
+
+TYPED_TEST(ShearWarpMIPModes, OptionsThatExcludeNothingChangeNoBit)
+{
+  Random     random(904);
+  const auto image = MakeRandomImage<TypeParam>(random, { { 37, 23, 29 } });
+  const auto mask = MakeMask(image);
+  mask->FillBuffer(7);
+  for (int repeat = 0; repeat < 6; ++repeat)
+  {
+    const auto view = MakeRandomView(random, AllViewKinds[repeat % 3], image);
+    const auto filter = MakeFilter<TypeParam>(image, view);
+    filter->Update();
+    const auto plain = Copy(filter->GetOutput());
+    const auto expectSame = [&](const char * what) {
+      filter->Update();
+      EXPECT_TRUE(HaveSamePixels<TypeParam>(plain, filter->GetOutput())) << what;
+      EXPECT_EQ(filter->GetSkippedFraction(), 0.0) << what;
+    };
+    filter->ComputeDepthOn();
+    expectSame("depth");
+    filter->ComputeDepthOff();
+    filter->SetMaskImage(mask);
+    expectSame("mask");
+    filter->SetMaskLabel(7);
+    expectSame("label");
+    filter->SetMaskImage(nullptr);
+    filter->SetSlabNear(-1e6);
+    filter->SetSlabFar(1e6);
+    expectSame("slab");
+    filter->SetCropLower(PointType(-1e6));
+    filter->SetCropUpper(PointType(1e6));
+    expectSame("box");
+    filter->SetDepthAttenuation(1e-300);
+    filter->SetDefaultPixelValue(0);
+    expectSame("attenuation");
+    filter->SetDepthAttenuation(0);
+    filter->LocalMaximumOn();
+    filter->SetLocalMaximumThreshold(std::numeric_limits<TypeParam>::max());
+    expectSame("threshold");
+  }
+}
+
+TEST(ShearWarpMIPModesClosedForms, ChooseMinimumAndAbsoluteMaximum)
+{
+  const auto image = MakePlainImage<short>({ { 4, 3, 5 } }, 100);
+  image->SetPixel({ { 1, 1, 2 } }, -300);
+  image->SetPixel({ { 2, 1, 3 } }, 200);
+  image->SetPixel({ { 3, 1, 3 } }, -100);
+  const auto filter = MakeFilter<short>(image);
+  const auto getRow = [&] {
+    filter->Update();
+    std::vector<short> row;
+    for (itk::IndexValueType u = 0; u < 4; ++u)
+    {
+      row.push_back(filter->GetOutput()->GetPixel({ { u, 1 } }));
+    }
+    return row;
+  };
+  filter->SetMode(ModeEnum::Minimum);
+  EXPECT_EQ(getRow(), (std::vector<short>{ 100, -300, 100, -100 }));
+  filter->SetMode(ModeEnum::AbsoluteMaximum);
+  EXPECT_EQ(getRow(), (std::vector<short>{ 100, -300, 200, 100 }));
+  image->SetPixel({ { 0, 1, 0 } }, std::numeric_limits<short>::lowest());
+  image->SetPixel({ { 0, 1, 4 } }, std::numeric_limits<short>::max());
+  image->Modified();
+  EXPECT_EQ(getRow()[0], std::numeric_limits<short>::lowest());
+}
+
+TEST(ShearWarpMIPModesClosedForms, LocalMaximumHidesABrighterVesselBehind)
+{
+  // along z: rising to 50, falling, rising to 90
+  const auto  image = MakePlainImage<unsigned char>({ { 3, 3, 8 } });
+  const short ray[] = { 0, 20, 50, 50, 30, 90, 90, 10 };
+  for (itk::IndexValueType z = 0; z < 8; ++z)
+  {
+    for (itk::IndexValueType n = 0; n < 9; ++n)
+    {
+      image->SetPixel({ { n % 3, n / 3, z } }, static_cast<unsigned char>(ray[z]));
+    }
+  }
+  const auto filter = MakeFilter<unsigned char>(image, MakeIdentityView());
+  const auto get = [&] {
+    filter->Update();
+    return std::make_pair(static_cast<int>(filter->GetOutput()->GetPixel({ { 1, 1 } })),
+                          filter->GetDepthOutput()->GetPixel({ { 1, 1 } }));
+  };
+  filter->ComputeDepthOn();
+  filter->LocalMaximumOn();
+  filter->SetLocalMaximumThreshold(40);
+  EXPECT_EQ(get(), std::make_pair(50, 2.0f));
+  filter->SetLocalMaximumThreshold(51);
+  EXPECT_EQ(get(), std::make_pair(90, 5.0f));
+  filter->SetLocalMaximumThreshold(91);
+  EXPECT_EQ(get(), std::make_pair(90, 5.0f));
+  // from behind
+  filter->SetTransform(MakeView(MakeDiagonal(-1, 1, -1), MakePoint3(2, 0, 0)));
+  filter->SetLocalMaximumThreshold(40);
+  EXPECT_EQ(get(), std::make_pair(90, -6.0f));
+  filter->SetCropUpper(MakePoint3(1e9, 1e9, 4.5));
+  EXPECT_EQ(get(), std::make_pair(50, -3.0f));
+  filter->SetMode(ModeEnum::Minimum);
+  filter->SetLocalMaximumThreshold(35);
+  EXPECT_EQ(get(), std::make_pair(30, -4.0f));
+}
+
+TEST(ShearWarpMIPModesClosedForms, SlabIsThatOfItsMillimetres)
+{
+  // each slice has its number
+  const auto image = MakePlainImage<unsigned short>({ { 5, 4, 40 } });
+  image->SetSpacing(MakeVector3(1, 1, 2.5));
+  itk::ImageRegionIterator<itk::Image<unsigned short, 3>> it(image, image->GetBufferedRegion());
+  for (; !it.IsAtEnd(); ++it)
+  {
+    it.Set(static_cast<unsigned short>(it.GetIndex()[2] + 1));
+  }
+  const auto filter = MakeFilter<unsigned short>(image, MakeIdentityView());
+  const auto project = [&](double near, double far) {
+    filter->SetSlabNear(near);
+    filter->SetSlabFar(far);
+    filter->Update();
+    return filter->GetOutput()->GetPixel({ { 2, 2 } });
+  };
+  EXPECT_EQ(project(0, 25), 11);
+  EXPECT_EQ(project(0, 24.999), 10);
+  EXPECT_EQ(project(25, 25), 11);
+  EXPECT_EQ(project(26, 27), 0) << "no slice is between";
+  EXPECT_EQ(project(-50, -0.1), 0);
+  filter->SetMode(ModeEnum::Minimum);
+  EXPECT_EQ(project(24.999, 60), 11);
+  EXPECT_EQ(project(25.001, 60), 12);
+}
+
+TEST(ShearWarpMIPModesClosedForms, DepthLeadsToTheVoxel)
+{
+  Random random(905);
+  for (int repeat = 0; repeat < 60; ++repeat)
+  {
+    auto image = itk::Image<short, 3>::New();
+    SetRandomGeometry(random, image, MakeRandomSize(random, 5, 24));
+    image->Allocate();
+    image->FillBuffer(0);
+    const auto                      region = image->GetBufferedRegion();
+    itk::Image<short, 3>::IndexType bright;
+    for (unsigned int axis = 0; axis < 3; ++axis)
+    {
+      bright[axis] = region.GetIndex(axis) + random.Integer(1, static_cast<std::int64_t>(region.GetSize(axis)) - 2);
+    }
+    image->SetPixel(bright, 1000);
+    PointType expected;
+    image->TransformIndexToPhysicalPoint(bright, expected);
+
+    const auto view = MakeRandomView(random, AllViewKinds[repeat % 3], image);
+    const auto filter = MakeFilter<short>(image, view);
+    filter->ComputeDepthOn();
+    filter->Update();
+    const auto * output = filter->GetOutput();
+    // the pixel next to the voxel's projection
+    const auto                      projected = view->GetInverseTransform()->TransformPoint(expected);
+    itk::Image<short, 2>::IndexType pixel;
+    for (unsigned int axis = 0; axis < 2; ++axis)
+    {
+      pixel[axis] = std::lround((projected[axis] - output->GetOrigin()[axis]) / output->GetSpacing()[axis]);
+    }
+    const PointType point = filter->GetPhysicalPoint(pixel);
+    // no further than the pixel is from the projection, along the slice that the voxel is in
+    double reach = 0.0;
+    for (unsigned int axis = 0; axis < 3; ++axis)
+    {
+      reach = std::max(reach, image->GetSpacing()[axis]);
+    }
+    EXPECT_LT(point.EuclideanDistanceTo(expected), 4.0 * reach) << "in repetition " << repeat;
+    itk::ContinuousIndex<double, 3> index;
+    image->TransformPhysicalPointToContinuousIndex(point, index);
+    const unsigned int axis = filter->GetPrincipalAxis();
+    EXPECT_NEAR(index[axis], static_cast<double>(bright[axis]), 1e-3) << "in repetition " << repeat;
+  }
+}
+
+TEST(ShearWarpMIPModesClosedForms, MaskedBrightNeighboursDoNotBleed)
+{
+  // vessel beside bone
+  const auto                                     image = MakePlainImage<short>({ { 16, 16, 16 } }, -50);
+  const auto                                     mask = MakeMask(image);
+  itk::ImageRegionIterator<itk::Image<short, 3>> it(image, image->GetBufferedRegion());
+  for (; !it.IsAtEnd(); ++it)
+  {
+    const auto & index = it.GetIndex();
+    it.Set(index[0] < 8 ? 2000 : 300);
+    mask->SetPixel(index, index[0] < 8 ? 0 : 1);
+  }
+  Random random(906);
+  for (int repeat = 0; repeat < 20; ++repeat)
+  {
+    const auto filter = MakeFilter<short>(image, MakeRandomView(random, ViewKind::Affine, image));
+    filter->SetMaskImage(mask);
+    filter->SetDefaultPixelValue(-1000);
+    filter->Update();
+    const auto * pixels = filter->GetOutput()->GetBufferPointer();
+    const auto   count = filter->GetOutput()->GetBufferedRegion().GetNumberOfPixels();
+    EXPECT_TRUE(std::all_of(pixels, pixels + count, [](short value) { return value == 300 || value == -1000; }));
+    EXPECT_NE(std::find(pixels, pixels + count, 300), pixels + count);
+  }
+}
+
+TEST(ShearWarpMIPModesClosedForms, FadingVesselsOfEqualBrightness)
+{
+  const auto image = MakePlainImage<float>({ { 5, 5, 101 } }, -1000);
+  for (itk::IndexValueType n = 0; n < 25; ++n)
+  {
+    image->SetPixel({ { n % 5, n / 5, n % 5 * 20 } }, 500);
+  }
+  const auto filter = MakeFilter<float>(image, MakeIdentityView());
+  filter->SetDefaultPixelValue(-1000);
+  filter->SetDepthAttenuation(0.01);
+  filter->Update();
+  for (itk::IndexValueType u = 0; u < 5; ++u)
+  {
+    // the image begins half a voxel before its first slice
+    const double expected = -1000 + 1500 * std::exp(-0.01 * (20.0 * static_cast<double>(u) + 0.5));
+    EXPECT_NEAR(filter->GetOutput()->GetPixel({ { u, 2 } }), expected, 1e-3);
+  }
+}
+
+TEST(ShearWarpMIPModesClosedForms, InfinityAndNotANumber)
+{
+  constexpr float infinity = std::numeric_limits<float>::infinity();
+  const float     nothing = std::numeric_limits<float>::quiet_NaN();
+  const auto      image = MakePlainImage<float>({ { 1, 1, 4 } });
+  const auto      filter = MakeFilter<float>(image);
+  filter->SetDefaultPixelValue(7);
+  const auto project = [&](ModeEnum mode, const std::vector<float> & ray) {
+    std::copy(ray.begin(), ray.end(), image->GetBufferPointer());
+    image->Modified();
+    filter->SetMode(mode);
+    filter->Update();
+    return filter->GetOutput()->GetPixel({ { 0, 0 } });
+  };
+  for (const bool hasDepth : { false, true })
+  {
+    filter->SetComputeDepth(hasDepth);
+    ForEachInstructionSet([&](const std::string &) {
+      EXPECT_EQ(project(ModeEnum::Maximum, { nothing, -infinity, nothing, -infinity }), 7);
+      EXPECT_EQ(project(ModeEnum::Maximum, { nothing, -3, nothing, -infinity }), -3);
+      EXPECT_EQ(project(ModeEnum::Minimum, { nothing, infinity, nothing, infinity }), 7);
+      EXPECT_EQ(project(ModeEnum::Minimum, { nothing, -infinity, 3, infinity }), -infinity);
+      EXPECT_EQ(project(ModeEnum::AbsoluteMaximum, { nothing, nothing, nothing, nothing }), 7);
+      EXPECT_EQ(project(ModeEnum::AbsoluteMaximum, { nothing, -infinity, 3, 4 }), -infinity);
+      EXPECT_EQ(project(ModeEnum::AbsoluteMaximum, { nothing, -0.0f, nothing, nothing }), 0);
+    });
+  }
+}
+
+TEST(ShearWarpMIPModesOutput, OfThreeDimensionsLiesInThePatient)
+{
+  using VolumeType = itk::Image<short, 3>;
+  Random random(907);
+  for (int repeat = 0; repeat < 30; ++repeat)
+  {
+    const auto image = MakeRandomImage<short>(random, MakeRandomSize(random, 4, 20));
+    const auto view = MakeRandomView(random, repeat % 2 ? ViewKind::Rigid : ViewKind::Mirrored, image);
+    const auto flat = MakeFilter<short>(image, view);
+    flat->ComputeDepthOn();
+    flat->Update();
+    const auto filter = itk::ShearWarpMIPImageFilter<VolumeType, VolumeType>::New();
+    filter->SetInput(image);
+    filter->SetTransform(view);
+    filter->ComputeDepthOn();
+    filter->Update();
+    const auto size = flat->GetOutput()->GetBufferedRegion().GetSize();
+    ASSERT_EQ(filter->GetOutput()->GetBufferedRegion().GetSize(), (itk::Size<3>{ { size[0], size[1], 1 } }));
+    EXPECT_TRUE(std::equal(filter->GetOutput()->GetBufferPointer(),
+                           filter->GetOutput()->GetBufferPointer() + size[0] * size[1],
+                           flat->GetOutput()->GetBufferPointer()));
+
+    PointType lower, upper;
+    itk::ShearWarpFactorization::ComputeViewBounds(view, image, lower, upper);
+    EXPECT_NEAR(filter->GetOutput()->GetSpacing()[2], upper[2] - lower[2], 1e-9);
+    for (const itk::IndexValueType x : { itk::IndexValueType{ 0 }, static_cast<itk::IndexValueType>(size[0] - 1) })
+    {
+      PointType inView;
+      for (unsigned int axis = 0; axis < 2; ++axis)
+      {
+        const auto index = axis == 0 ? x : 2;
+        inView[axis] =
+          flat->GetOutput()->GetOrigin()[axis] + flat->GetOutput()->GetSpacing()[axis] * static_cast<double>(index);
+      }
+      inView[2] = 0.5 * (lower[2] + upper[2]);
+      const PointType expected = view->TransformPoint(inView);
+      PointType       point;
+      filter->GetOutput()->TransformIndexToPhysicalPoint({ { x, 2, 0 } }, point);
+      EXPECT_LT(point.EuclideanDistanceTo(expected), 1e-9);
+    }
+    const itk::Index<2> middle{ { static_cast<itk::IndexValueType>(size[0] / 2),
+                                  static_cast<itk::IndexValueType>(size[1] / 2) } };
+    EXPECT_EQ(filter->GetPhysicalPoint({ { middle[0], middle[1], 0 } }), flat->GetPhysicalPoint(middle));
+
+    filter->SetSlabNear(-1);
+    filter->SetSlabFar(1);
+    filter->UpdateLargestPossibleRegion();
+    EXPECT_NEAR(filter->GetOutput()->GetSpacing()[2], 2, 1e-9);
+    // a slab beside the image, and one of no thickness, have a place too
+    filter->SetSlabNear(1000);
+    filter->SetSlabFar(1000);
+    filter->UpdateLargestPossibleRegion();
+    EXPECT_GT(filter->GetOutput()->GetSpacing()[2], 0);
+  }
+}
+
+TEST(ShearWarpMIPModesOutput, DepthComesAndGoes)
+{
+  const auto image = MakePlainImage<short>({ { 6, 5, 4 } }, 3);
+  const auto filter = MakeFilter<short>(image);
+  EXPECT_EQ(filter->GetDepthOutput(), nullptr);
+  EXPECT_EQ(filter->GetNumberOfIndexedOutputs(), 1u);
+  filter->Update();
+  EXPECT_ANY_THROW(filter->GetPhysicalPoint({ { 0, 0 } }));
+  filter->ComputeDepthOn();
+  EXPECT_ANY_THROW(filter->GetPhysicalPoint({ { 0, 0 } }));
+  // asked for by itself
+  filter->GetDepthOutput()->Update();
+  EXPECT_EQ(filter->GetDepthOutput()->GetPixel({ { 2, 2 } }), 0.0f);
+  EXPECT_EQ(filter->GetOutput()->GetPixel({ { 2, 2 } }), 3);
+  EXPECT_EQ(filter->GetNumberOfIndexedOutputs(), 1u);
+  EXPECT_NO_THROW(filter->GetPhysicalPoint({ { 0, 0 } }));
+  EXPECT_ANY_THROW(filter->GetPhysicalPoint({ { 6, 0 } }));
+  filter->SetSlabNear(100);
+  filter->Update();
+  EXPECT_TRUE(std::isnan(filter->GetDepthOutput()->GetPixel({ { 2, 2 } })));
+  EXPECT_ANY_THROW(filter->GetPhysicalPoint({ { 0, 0 } }));
+  filter->ComputeDepthOff();
+  filter->Update();
+  EXPECT_EQ(filter->GetDepthOutput(), nullptr);
+}
+
+TEST(ShearWarpMIPModesParameters, ErrorsNameParameterAndValue)
+{
+  const auto image = MakePlainImage<float>({ { 6, 5, 4 } }, 3);
+  const auto expectError = [&](const char * name, const char * value, const auto & set) {
+    const auto filter = MakeFilter<float>(image);
+    set(*filter);
+    try
+    {
+      filter->Update();
+      ADD_FAILURE() << name << " was accepted";
+    }
+    catch (const itk::ExceptionObject & error)
+    {
+      EXPECT_NE(std::string(error.GetDescription()).find(name), std::string::npos) << error.GetDescription();
+      EXPECT_NE(std::string(error.GetDescription()).find(value), std::string::npos) << error.GetDescription();
+    }
+  };
+  const double nothing = std::numeric_limits<double>::quiet_NaN();
+  expectError("SlabNear", "12", [](auto & filter) {
+    filter.SetSlabNear(12);
+    filter.SetSlabFar(11);
+  });
+  expectError("SlabFar", "nan", [=](auto & filter) { filter.SetSlabFar(nothing); });
+  expectError("CropLower", "8", [](auto & filter) {
+    filter.SetCropLower(PointType(8.0));
+    filter.SetCropUpper(PointType(7.0));
+  });
+  expectError("DepthAttenuation", "-0.5", [](auto & filter) { filter.SetDepthAttenuation(-0.5); });
+  expectError("DepthAttenuation", "1000", [](auto & filter) { filter.SetDepthAttenuation(1000); });
+  expectError("LocalMaximumThreshold", "nan", [=](auto & filter) {
+    filter.SetLocalMaximumThreshold(static_cast<float>(nothing));
+  });
+  expectError("MaskImage", "[6, 5, 3]", [](auto & filter) {
+    const auto mask = itk::Image<unsigned char, 3>::New();
+    mask->SetRegions(itk::Size<3>{ { 6, 5, 3 } });
+    mask->Allocate();
+    filter.SetMaskImage(mask);
+  });
+  expectError("Spacing", "2.0", [](auto & filter) {
+    const auto mask = itk::Image<unsigned char, 3>::New();
+    mask->SetRegions(itk::Size<3>{ { 6, 5, 4 } });
+    mask->SetSpacing(MakeVector3(1, 1, 2));
+    mask->Allocate();
+    filter.SetMaskImage(mask);
+  });
+}
+
+TEST(ShearWarpMIPModesParameters, EachIsPrintedAndMakesTheFilterModified)
+{
+  const auto image = MakePlainImage<float>({ { 6, 5, 4 } }, 3);
+  const auto filter = MakeFilter<float>(image);
+  const auto expectModified = [&](const char * text, const auto & set) {
+    const auto before = filter->GetMTime();
+    set();
+    EXPECT_GT(filter->GetMTime(), before) << text;
+    const auto after = filter->GetMTime();
+    set();
+    EXPECT_EQ(filter->GetMTime(), after) << text;
+    std::ostringstream printed;
+    filter->Print(printed);
+    EXPECT_NE(printed.str().find(text), std::string::npos) << text;
+  };
+  expectModified("Mode: itk::ShearWarpMIPImageFilterEnums::Mode::Minimum", [&] { filter->SetMode(ModeEnum::Minimum); });
+  expectModified("SlabNear: -2.5", [&] { filter->SetSlabNear(-2.5); });
+  expectModified("SlabFar: 2.5", [&] { filter->SetSlabFar(2.5); });
+  expectModified("CropLower: [1, 1, 1]", [&] { filter->SetCropLower(PointType(1.0)); });
+  expectModified("CropUpper: [4, 4, 4]", [&] { filter->SetCropUpper(PointType(4.0)); });
+  expectModified("MaskLabel: 9", [&] { filter->SetMaskLabel(9); });
+  expectModified("LocalMaximum: On", [&] { filter->LocalMaximumOn(); });
+  expectModified("LocalMaximumThreshold: 6", [&] { filter->SetLocalMaximumThreshold(6); });
+  expectModified("DepthAttenuation: 0.25", [&] { filter->SetDepthAttenuation(0.25); });
+  expectModified("ComputeDepth: On", [&] { filter->ComputeDepthOn(); });
+  const auto mask = MakeMask(image);
+  expectModified("MaskImage", [&] { filter->SetMaskImage(mask); });
+}
