@@ -33,7 +33,7 @@ options=(
   -DITK_USE_KWSTYLE=OFF -DITK_USE_CLANG_FORMAT=OFF
   -DITK_BUILD_DEFAULT_MODULES=OFF -DITKGroup_Core=OFF
 )
-for module in Common Transform ImageFilterBase ImageStatistics ImageGrid TestKernel GoogleTest \
+for module in Common Transform Colormap ImageFilterBase ImageStatistics ImageGrid TestKernel GoogleTest \
   IOGDCM IOMeta IONIFTI IONRRD IOPNG IOTransformBase IOTransformInsightLegacy; do
   options+=("-DModule_ITK$module=ON")
 done
