@@ -297,13 +297,14 @@ struct Kernels
   RayKernels<TPixel> absoluteMaximum;
 };
 
-/** Samples as Kernels::sampleRow does, restricted to a mask: rows \a maskA and \a maskB belong to the row's, and voxels
- * are in it where they are \a label or, if that is 0, not 0. A sample counts where its nearest voxel is in the mask,
- * and is the mean of those of its voxels that are. `counted[p]` is 1 or 0. */
+/** Samples as \a kernels does with sampleRow, restricted to a mask: rows \a maskA and \a maskB belong to the row's, and
+ * voxels are in it where they are \a label or, if that is 0, not 0. A sample counts where its nearest voxel is in the
+ * mask, and is the mean of those of its voxels that are. `counted[p]` is 1 or 0. */
 template <typename TPixel>
 ShearWarpMIP_EXPORT
 void
-SampleMaskedRow(const SliceRow<TPixel> & row,
+SampleMaskedRow(const Kernels<TPixel> &  kernels,
+                const SliceRow<TPixel> & row,
                 const std::uint8_t *     maskA,
                 const std::uint8_t *     maskB,
                 std::uint8_t             label,

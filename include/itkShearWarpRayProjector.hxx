@@ -213,7 +213,7 @@ ShearWarpRayProjector<TPixel>::ProjectRow(Worker &              worker,
   if (m_Parameters.mask)
   {
     ShearWarp::SampleMaskedRow(
-      row, getRow(m_Mask, before), getRow(m_Mask, after), m_Parameters.maskLabel, span, samples, counted);
+      *m_Kernels, row, getRow(m_Mask, before), getRow(m_Mask, after), m_Parameters.maskLabel, span, samples, counted);
   }
   else
   {

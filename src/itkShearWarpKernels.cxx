@@ -18,6 +18,7 @@
 #include "itkShearWarpPixelTypes.h"
 #include "itkShearWarpVectorKernelSets.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 #include <stdexcept>
@@ -42,8 +43,22 @@ ShearedFunction::operator()(double column, double row, double slice) const
 ColumnSpan
 ClipColumns(const ShearedFunction & function, double low, double high, double row, double slice, ColumnSpan span)
 {
-  const auto value = [&](std::int32_t column) { return function(column, row, slice); };
   // monotonic in the column, rounding included
+  const double rest = function(0.0, row, slice);
+  const auto   getValue = [&](std::int32_t column) { return function.perColumn * column + rest; };
+  if (span.begin >= span.end)
+  {
+    return span;
+  }
+  const auto [lowest, highest] = std::minmax({ getValue(span.begin), getValue(span.end - 1) });
+  if (lowest >= low && highest <= high)
+  {
+    return span;
+  }
+  if (!(highest >= low && lowest <= high))
+  {
+    return { span.begin, span.begin };
+  }
   const auto findFirst = [span](const auto & isReached) {
     std::int32_t begin = span.begin;
     std::int32_t end = span.end;
@@ -56,11 +71,11 @@ ClipColumns(const ShearedFunction & function, double low, double high, double ro
   };
   if (function.perColumn >= 0)
   {
-    return { findFirst([&](std::int32_t column) { return value(column) >= low; }),
-             findFirst([&](std::int32_t column) { return value(column) > high; }) };
+    return { findFirst([&](std::int32_t column) { return getValue(column) >= low; }),
+             findFirst([&](std::int32_t column) { return getValue(column) > high; }) };
   }
-  return { findFirst([&](std::int32_t column) { return value(column) <= high; }),
-           findFirst([&](std::int32_t column) { return value(column) < low; }) };
+  return { findFirst([&](std::int32_t column) { return getValue(column) <= high; }),
+           findFirst([&](std::int32_t column) { return getValue(column) < low; }) };
 }
 
 std::vector<std::string>

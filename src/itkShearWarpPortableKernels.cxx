@@ -291,6 +291,25 @@ FindBlockMaxima(const TPixel * voxels,
   }
 }
 
+/** Marks a sample 0 where its nearest voxel is not in the mask, 1 where all of its voxels are, else 2; its columns are
+ * that of \a a and \a b and the one before. */
+template <bool VEveryLabel>
+void
+MarkMasked(const std::uint8_t * __restrict a,
+           const std::uint8_t * __restrict b,
+           const std::uint8_t * __restrict nearest,
+           std::uint8_t label,
+           std::int32_t count,
+           std::uint8_t * __restrict marks)
+{
+  const auto isIn = [label](std::uint8_t mask) -> std::uint8_t { return VEveryLabel ? mask != 0 : mask == label; };
+  for (std::int32_t n = 0; n < count; ++n)
+  {
+    const auto areIn = static_cast<std::uint8_t>(isIn(a[n - 1]) & isIn(a[n]) & isIn(b[n - 1]) & isIn(b[n]));
+    marks[n] = static_cast<std::uint8_t>(isIn(nearest[n]) ? 2 - areIn : 0);
+  }
+}
+
 /** The four intermediate pixels around the place of an output pixel: their weights, 0 where there is no value, and
  * where they are in memory. */
 template <typename TPixel>
@@ -401,7 +420,8 @@ GetPortableKernels()
 
 template <typename TPixel>
 void
-SampleMaskedRow(const SliceRow<TPixel> & row,
+SampleMaskedRow(const Kernels<TPixel> &  kernels,
+                const SliceRow<TPixel> & row,
                 const std::uint8_t *     maskA,
                 const std::uint8_t *     maskB,
                 std::uint8_t             label,
@@ -409,33 +429,52 @@ SampleMaskedRow(const SliceRow<TPixel> & row,
                 TPixel *                 samples,
                 std::uint8_t *           counted)
 {
-  const auto isIn = [label](std::uint8_t mask) { return label == 0 ? mask != 0 : mask == label; };
-  const auto columns = static_cast<std::int32_t>(row.columns);
-  SampleRow(row, span, samples);
-  for (std::int32_t p = span.begin; p < span.end; ++p)
+  constexpr std::uint8_t partly = 2;
+  const auto             isIn = [label](std::uint8_t mask) { return label == 0 ? mask != 0 : mask == label; };
+  std::int32_t           edge;
+  std::ptrdiff_t         edgeVoxel;
+  const ColumnSpan       inner = SplitEdge(row, edge, edgeVoxel);
+  const std::int32_t     begin = std::max(span.begin, inner.begin);
+  const std::int32_t     end = std::min(span.end, inner.end);
+  const std::uint8_t *   nearest = row.y > One / 2 ? maskA : maskB;
+  (label == 0 ? MarkMasked<true>
+              : MarkMasked<false>)(maskA + (begin - row.column.whole),
+                                   maskB + (begin - row.column.whole),
+                                   nearest + (begin - row.column.whole) - (row.column.fraction > One / 2),
+                                   label,
+                                   end - begin,
+                                   counted + begin);
+  if (edge >= span.begin && edge < span.end)
   {
-    // the outer half voxels have the edge's value
-    const bool           isEdge = p <= row.column.whole || p >= row.column.whole + columns;
-    const std::int32_t   x = isEdge ? 0 : row.column.fraction;
-    const std::ptrdiff_t i = std::min(p - row.column.whole, columns - 1);
-    const std::ptrdiff_t before = x == 0 ? i : i - 1;
+    const bool areIn = isIn(maskA[edgeVoxel]) && isIn(maskB[edgeVoxel]);
+    counted[edge] = static_cast<std::uint8_t>(isIn(nearest[edgeVoxel]) ? (areIn ? 1 : partly) : 0);
+  }
+  std::uint8_t * const countedEnd = counted + span.end;
+  if (std::find_if(counted + span.begin, countedEnd, [](std::uint8_t mark) { return mark != 0; }) == countedEnd)
+  {
+    return;
+  }
 
+  kernels.sampleRow(row, span, samples);
+  for (std::uint8_t * flag = std::find(counted + span.begin, countedEnd, partly); flag != countedEnd;
+       flag = std::find(flag, countedEnd, partly))
+  {
+    const auto            p = static_cast<std::int32_t>(flag - counted);
+    const std::int32_t    x = p == edge ? 0 : row.column.fraction;
+    const std::ptrdiff_t  i = p == edge ? edgeVoxel : p - row.column.whole;
+    const std::ptrdiff_t  before = p == edge ? edgeVoxel : i - 1;
     const BilinearWeights cell(x, row.y);
     const TPixel          values[4] = { row.b[i], row.b[before], row.a[i], row.a[before] };
+    const bool            areIn[4] = { isIn(maskB[i]), isIn(maskB[before]), isIn(maskA[i]), isIn(maskA[before]) };
     std::int32_t          weights[4] = { cell.bb, cell.ba, cell.ab, cell.aa };
-    const bool            isInMask[4] = { isIn(maskB[i]), isIn(maskB[before]), isIn(maskA[i]), isIn(maskA[before]) };
-    const int             nearest = (x > One / 2 ? 1 : 0) + (row.y > One / 2 ? 2 : 0);
     std::int32_t          sum = 0;
     for (int corner = 0; corner < 4; ++corner)
     {
-      weights[corner] = isInMask[corner] ? weights[corner] : 0;
+      weights[corner] = areIn[corner] ? weights[corner] : 0;
       sum += weights[corner];
     }
-    counted[p] = isInMask[nearest];
-    if (isInMask[nearest] && sum < One)
-    {
-      samples[p] = WeightedMean(values, weights, sum);
-    }
+    samples[p] = sum < One ? WeightedMean(values, weights, sum) : samples[p];
+    *flag = 1;
   }
 }
 
@@ -457,7 +496,8 @@ FindNearestSlices(const IntermediateImage<TPixel> & intermediate,
 
 #define INSTANTIATE(TPixel)                                                  \
   template const Kernels<TPixel> & GetPortableKernels();                     \
-  template void                    SampleMaskedRow(const SliceRow<TPixel> &, \
+  template void                    SampleMaskedRow(const Kernels<TPixel> &,  \
+                                                   const SliceRow<TPixel> &, \
                                                    const std::uint8_t *,     \
                                                    const std::uint8_t *,     \
                                                    std::uint8_t,             \

@@ -107,24 +107,23 @@ TakeSamples(const TPixel * __restrict samples,
 {
   for (std::int32_t p = span.begin; p < span.end; ++p)
   {
+    // masks, all bits or none: compilers make vectors of them
     const TPixel       sample = samples[p];
     const TPixel       value = values[p];
     const std::int32_t before = slices[p];
-    bool               isTaken = TRule::IsBetter(sample, value);
-    if constexpr (!TRule::IsStartUnique)
-    {
-      isTaken |= (before < 0) & (sample == sample);
-    }
-    std::int32_t after = before;
+    const std::int32_t isFirst = TRule::IsStartUnique || sample != sample ? 0 : before >> 31;
+    std::int32_t       isTaken = (TRule::IsBetter(sample, value) ? -1 : 0) | isFirst;
+    std::int32_t       kept = before;
     if constexpr (VUntilLocalMaximum)
     {
-      const bool hasEnded = before >= EndedRay;
-      const bool ends = (before >= 0) & !hasEnded & TRule::IsWorse(sample, value) & !TRule::IsWorse(value, threshold);
-      isTaken &= !hasEnded;
-      after = ends ? before + EndedRay : before;
+      const std::int32_t goesOn = (before - EndedRay) >> 31;
+      const std::int32_t isWorse = TRule::IsWorse(sample, value) ? -1 : 0;
+      const std::int32_t isShort = TRule::IsWorse(value, threshold) ? -1 : 0;
+      isTaken &= goesOn;
+      kept += EndedRay & goesOn & isWorse & ~isShort & ~(before >> 31);
     }
-    values[p] = isTaken ? sample : value;
-    slices[p] = isTaken ? slice : after;
+    values[p] = isTaken != 0 ? sample : value;
+    slices[p] = (isTaken & slice) | (~isTaken & kept);
   }
 }
 
@@ -170,13 +169,12 @@ FadeRow(const double * __restrict factors,
     }
     else
     {
-      // 64-bit integers are rounded to double, and could leave their range
-      const bool isBetween = (faded > to && faded < from) || (faded < to && faded > from);
-      if (sizeof(TPixel) < 8 || isBetween)
+      // between two integers of less than 64 bits; of others a double does not hold all
+      if (sizeof(TPixel) < 8 || (faded > to && faded < from) || (faded < to && faded > from))
       {
         const double half = faded + 0.5;
         const auto   whole = static_cast<TPixel>(half);
-        samples[p] = static_cast<TPixel>(whole - (static_cast<double>(whole) > half));
+        samples[p] = static_cast<TPixel>(whole - (static_cast<double>(whole) > half ? 1 : 0));
       }
       else if (faded == to)
       {
