@@ -23,8 +23,12 @@
 #include "Statistics.h"
 #include "Subject.h"
 
+#include "itkImageRegionIteratorWithIndex.h"
+
 #include <algorithm>
 #include <chrono>
+#include <functional>
+#include <limits>
 #include <limits>
 #include <memory>
 #include <numeric>
@@ -135,6 +139,97 @@ MeasurePreparation(TFilter & filter, const Subject<TPixel> & subject, unsigned i
   return GetMinimum(seconds);
 }
 
+/** A parameter that is set for one update and then set back; its time is told as a ratio to that without. */
+template <typename TFilter>
+struct Variant
+{
+  std::string                    counter;
+  std::function<void(TFilter &)> set;
+  std::function<void(TFilter &)> reset;
+};
+
+/** A ball in the middle, of half the volume's extent. */
+Image<unsigned char, 3>::Pointer
+MakeBall(const ImageBase<3> * volume)
+{
+  const auto mask = Image<unsigned char, 3>::New();
+  mask->CopyInformation(volume);
+  mask->SetRegions(volume->GetLargestPossibleRegion());
+  mask->Allocate();
+  const Size<3> size = volume->GetLargestPossibleRegion().GetSize();
+  for (ImageRegionIteratorWithIndex<Image<unsigned char, 3>> it(mask, mask->GetBufferedRegion()); !it.IsAtEnd(); ++it)
+  {
+    double squaredRadius = 0.0;
+    for (unsigned int axis = 0; axis < 3; ++axis)
+    {
+      const double position = 2.0 * static_cast<double>(it.GetIndex()[axis]) / static_cast<double>(size[axis]) - 1.0;
+      squaredRadius += position * position;
+    }
+    it.Set(squaredRadius <= 0.5 ? 1 : 0);
+  }
+  return mask;
+}
+
+/** Slab and box have a tenth and an eighth of the volume. */
+template <typename TPixel>
+std::vector<Variant<ShearWarpMIPImageFilter<Image<TPixel, 3>>>>
+MakeVariants(const Subject<TPixel> & subject)
+{
+  using FilterType = ShearWarpMIPImageFilter<Image<TPixel, 3>>;
+  using Mode = ShearWarpMIPImageFilterEnums::Mode;
+  const auto *     volume = subject.GetVolume();
+  constexpr double infinity = std::numeric_limits<double>::infinity();
+  const auto       setMode = [](Mode mode) { return [mode](FilterType & filter) { filter.SetMode(mode); }; };
+  const auto       setSlab = [](double near, double far) {
+    return [=](FilterType & filter) {
+      filter.SetSlabNear(near);
+      filter.SetSlabFar(far);
+    };
+  };
+  const auto setBox = [](const Point<double, 3> & lower, const Point<double, 3> & upper) {
+    return [=](FilterType & filter) {
+      filter.SetCropLower(lower);
+      filter.SetCropUpper(upper);
+    };
+  };
+  const Size<3>              size = volume->GetLargestPossibleRegion().GetSize();
+  const double               depth = subject.GetOutputSpacing() * static_cast<double>(subject.GetOutputSize()[0]);
+  Point<double, 3>           lower;
+  Point<double, 3>           upper;
+  ContinuousIndex<double, 3> quarter;
+  ContinuousIndex<double, 3> threeQuarters;
+  for (unsigned int axis = 0; axis < 3; ++axis)
+  {
+    quarter[axis] = 0.25 * static_cast<double>(size[axis]);
+    threeQuarters[axis] = 0.75 * static_cast<double>(size[axis]);
+  }
+  volume->TransformContinuousIndexToPhysicalPoint(quarter, lower);
+  volume->TransformContinuousIndexToPhysicalPoint(threeQuarters, upper);
+  const auto threshold = static_cast<TPixel>(subject.GetMaximum() / 2);
+  const auto mask = MakeBall(volume);
+  return {
+    { "minimum_ratio", setMode(Mode::Minimum), setMode(Mode::Maximum) },
+    { "absolute_ratio", setMode(Mode::AbsoluteMaximum), setMode(Mode::Maximum) },
+    { "depth_ratio",
+      [](FilterType & filter) { filter.ComputeDepthOn(); },
+      [](FilterType & filter) { filter.ComputeDepthOff(); } },
+    { "slab_ratio", setSlab(-0.05 * depth, 0.05 * depth), setSlab(-infinity, infinity) },
+    { "box_ratio", setBox(lower, upper), setBox(Point<double, 3>(-infinity), Point<double, 3>(infinity)) },
+    { "mask_ratio",
+      [mask](FilterType & filter) { filter.SetMaskImage(mask); },
+      [](FilterType & filter) { filter.SetMaskImage(nullptr); } },
+    { "local_ratio",
+      [threshold](FilterType & filter) {
+        filter.LocalMaximumOn();
+        filter.SetLocalMaximumThreshold(threshold);
+      },
+      [](FilterType & filter) { filter.LocalMaximumOff(); } },
+    { "fading_ratio",
+      [depth](FilterType & filter) { filter.SetDepthAttenuation(1.0 / depth); },
+      [](FilterType & filter) { filter.SetDepthAttenuation(0.0); } },
+  };
+}
+
 template <typename TPixel>
 std::string
 Measure(::benchmark::State & state, const Measurement & measurement)
@@ -166,7 +261,19 @@ Measure(::benchmark::State & state, const Measurement & measurement)
   filter->SetReducedResampling(measurement.reducedResampling);
   // what ITK's thread pool takes by default for so many threads
   filter->SetNumberOfWorkUnits(measurement.threads == 1 ? 1 : 4 * measurement.threads);
-  const double preparation = MeasurePreparation(*filter, subject, measurement.repetitions);
+  std::vector<Variant<ShearWarpMIPImageFilter<Image<TPixel, 3>>>> variants;
+  if (measurement.hasVariants)
+  {
+    variants = MakeVariants(subject);
+  }
+  if (isOversampled)
+  {
+    variants.push_back({ "oversampling_ratio",
+                         [](auto & changed) { changed.SetOversampling(2); },
+                         [](auto & changed) { changed.SetOversampling(1); } });
+  }
+  std::vector<ViewSeries> variantSeconds(variants.size());
+  const double            preparation = MeasurePreparation(*filter, subject, measurement.repetitions);
   if (filter->GetInstructionSet() != measurement.instructionSet)
   {
     return "the filter used the instruction set " + filter->GetInstructionSet();
@@ -177,7 +284,6 @@ Measure(::benchmark::State & state, const Measurement & measurement)
   ViewSeries   projectionSeconds;
   ViewSeries   warpSeconds;
   ViewSeries   readSeconds;
-  ViewSeries   oversampledSeconds;
   double       skipped = 0.0;
   unsigned int iteration = 0;
   for (auto _ : state)
@@ -208,14 +314,16 @@ Measure(::benchmark::State & state, const Measurement & measurement)
     warpSeconds.Add(view, filter->GetWarpSeconds());
     readSeconds.Add(view, read.seconds);
     skipped += filter->GetSkippedFraction();
-    if (isOversampled)
+    for (std::size_t n = 0; n < variants.size(); ++n)
     {
-      const auto oversampledStart = std::chrono::steady_clock::now();
-      filter->SetOversampling(2);
+      variants[n].set(*filter);
+      filter->Modified();
+      const auto variantStart = std::chrono::steady_clock::now();
       filter->Update();
-      const std::chrono::duration<double> oversampled = std::chrono::steady_clock::now() - oversampledStart;
-      oversampledSeconds.Add(view, oversampled.count());
-      filter->SetOversampling(1);
+      const std::chrono::duration<double> variant = std::chrono::steady_clock::now() - variantStart;
+      // a mask is prepared once
+      variantSeconds[n].Add(view, variant.count() - filter->GetPreparationSeconds());
+      variants[n].reset(*filter);
     }
     ++iteration;
     state.ResumeTiming();
@@ -241,9 +349,9 @@ Measure(::benchmark::State & state, const Measurement & measurement)
     counters["raycast_ratio"] = comparison.rayCasting / comparedSeconds;
     counters["plain_ratio"] = comparison.plainShearWarp / comparedSeconds;
   }
-  if (isOversampled)
+  for (std::size_t n = 0; n < variants.size(); ++n)
   {
-    counters["oversampling_ratio"] = oversampledSeconds.GetMeanOfMinima() / GetMean(minima);
+    counters[variants[n].counter] = variantSeconds[n].GetMeanOfMinima() / GetMean(minima);
   }
   if (isPeakKnown)
   {

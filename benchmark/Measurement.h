@@ -53,6 +53,7 @@ struct Measurement
   unsigned int      threads;
   ReducedResampling reducedResampling;
   unsigned int      repetitions; // of each view
+  bool              hasVariants; // the filter's other parameters too
 };
 
 /** For example mip/mra/512x512x512/uint16/avx2/threads:2/auto. */

@@ -46,6 +46,7 @@ struct Options
   std::vector<unsigned int> threads{ 1, 2 };
   std::vector<std::string>  images;
   unsigned int              viewRepetitions{ 0 };
+  bool                      hasVariants{ false };
 };
 
 std::string
@@ -191,7 +192,12 @@ RegisterAll(const Options & options)
       {
         for (const ReducedResampling mode : modes)
         {
-          Register({ data, instructionSet, threads, mode, repetitions });
+          Register({ data,
+                     instructionSet,
+                     threads,
+                     mode,
+                     repetitions,
+                     options.hasVariants && mode == ReducedResampling::Auto });
         }
       }
     }
@@ -226,6 +232,7 @@ Run(int argc, char * argv[])
                 "Their pixel types: uint8, int16, uint16, float [uint16, and all for the largest of the first kind]")
     ->delimiter(',');
   app.add_option("--image", options.images, "A file that ITK reads, to measure too")->check(CLI::ExistingFile);
+  app.add_flag("--variants", options.hasVariants, "Measure modes, slab, box, mask, depth and the like too, where Auto");
   app.add_option("--threads", options.threads, "Numbers of threads")
     ->delimiter(',')
     ->check(CLI::Range(1, 128))

@@ -50,30 +50,41 @@ namespace itk
  * the input changes or ReleasePreparedVolume() is called: a change of view or of any parameter prepares nothing again.
  * Memory is kept too for an intermediate image of each thread.
  *
+ * A ray's value can be another one of its samples (Mode, LocalMaximum), of fewer of them (SlabNear and SlabFar,
+ * CropLower and CropUpper, MaskImage) or of faded ones (DepthAttenuation), and there can be a second output, of depths
+ * (ComputeDepth). All of these can be combined. Then rays are followed from front to back, no part of the volume is
+ * skipped by reduced resampling, and there is one intermediate image for all threads.
+ *
  * By default the output's grid is fitted to the view. Its extent is the projected bounding box of the whole image;
  * its spacing is the image's smallest spacing, scaled as the transform scales the view plane's axes. Each of Size,
  * OutputSpacing and OutputOrigin that is set stays as it is and the others are fitted around it: a grid of given
  * Size is centred on the projected image, one of given OutputOrigin reaches to the far end of it.
  *
  * Infinite voxels make the samples around them infinite or not-a-number. Samples that are not a number never win, and a
- * pixel that meets no other sample, or only minus infinity, has DefaultPixelValue.
+ * pixel that meets no other sample, or only minus infinity (plus infinity, if Mode is Minimum), has DefaultPixelValue.
  *
  * Update() throws ExceptionObject for a transform that is missing, not linear, not finite or not invertible; for an
  * OutputSpacing that is not positive or not finite, an OutputOrigin that is not finite, a Size of zero; for an
- * Oversampling other than 1 and 2, NumberOfStreamDivisions of zero; for an input that is empty, has a spacing that is
- * not positive, or was not put into memory by its source; and for an output larger than the computer's memory. It
- * throws MemoryAllocationError where memory runs out. After an exception or an abort the filter is as usable as before.
+ * Oversampling other than 1 and 2, NumberOfStreamDivisions of zero; for a SlabNear or CropLower that is greater than
+ * SlabFar or CropUpper or not a number, a LocalMaximumThreshold that is not a number, a DepthAttenuation that is
+ * negative, not finite or so large that exp() fails; for a MaskImage on another grid than the input's; for an input
+ * that is empty, has a spacing that is not positive, or was not put into memory by its source; and for an output larger
+ * than the computer's memory. It throws MemoryAllocationError where memory runs out. After an exception or an abort the
+ * filter is as usable as before.
  *
  * Filters may update in several threads at once if they share no data object, as ITK's pipeline changes the
  * requested region even of an input. They can share voxels: give each filter an image of its own, made by
  * Image::Graft(). They can share a transform that no one changes.
  *
  * The output can't be computed in pieces; any request enlarges to the whole output. The input is requested whole or,
- * with NumberOfStreamDivisions, slab by slab from a source that streams: then an image larger than memory can be
- * projected, and needs memory for a slab (twice for views along x) and for the intermediate images.
+ * with NumberOfStreamDivisions, slab by slab from a source that streams, and the mask likewise: then an image larger
+ * than memory can be projected, and needs memory for a slab (twice for views along x) and for the intermediate images.
  *
  * \tparam TInputImage An Image of dimension 3 of any arithmetic pixel type but bool and long double.
- * \tparam TOutputImage An Image of dimension 2 of the same pixel type.
+ * \tparam TOutputImage An Image of the same pixel type, of dimension 2, or of dimension 3: then the output is one slice
+ * in the input's physical space, of the view plane's axes, in the middle of the depths that are projected and as thick
+ * as their range (the image's in the view, or the slab's part of it). Size, OutputSpacing and OutputOrigin are those of
+ * the view plane all the same.
  *
  * \ingroup ShearWarpMIP
  * \sa MaximumProjectionImageFilter, ResampleImageFilter, ShearWarpMIPView
@@ -185,8 +196,8 @@ public:
 
   /** Rays end behind their first local maximum that is not less than LocalMaximumThreshold (the first local minimum
    * that is not greater, the first local maximum of magnitude), so that a near vessel hides a brighter one behind it;
-   * those that meet none have their maximum. Local maximum intensity projection: Sato et al., Comput Med Imaging Graph
-   * 22:327-336, 1998. Off by default. */
+   * those that meet none have their maximum. Local maximum intensity projection: Sato et al., J Comput Assist
+   * Tomogr 22:912-917, 1998. Off by default. */
   itkSetMacro(LocalMaximum, bool);
   itkGetConstMacro(LocalMaximum, bool);
   itkBooleanMacro(LocalMaximum);
@@ -219,8 +230,8 @@ public:
   GetPhysicalPoint(const OutputIndexType & index) const;
 
   /** Reduced resampling leaves out parts of slices whose largest voxel is not above what the picture has there already.
-   * It never changes a pixel. Auto, the default, uses it where it saves time. On and Auto keep a table of
-   * block maxima. */
+   * It never changes a pixel. Auto, the default, uses it where it saves time. It is used for the plain maximum
+   * alone. */
   itkSetEnumMacro(ReducedResampling, ReducedResamplingEnum);
   itkGetEnumMacro(ReducedResampling, ReducedResamplingEnum);
 
@@ -346,7 +357,7 @@ private:
   struct Slab
   {
     std::ptrdiff_t begin, end;
-    bool           isFirst; // of those that are prepared one after the other
+    bool           isFirst{ false }; // of those that are prepared one after the other
   };
 
   Slab
@@ -402,6 +413,10 @@ private:
 
   // the output's, in the view plane
   ImageBase<2>::Pointer m_Grid{ ImageBase<2>::New() };
+
+  // physical position of index (i, j) at depth w: origin + steps (i, j, w)
+  PhysicalPointType                   m_DepthOrigin{ 0.0 };
+  ShearWarpFactorization::Matrix3Type m_DepthSteps;
 
   ModeEnum          m_Mode{ ModeEnum::Maximum };
   double            m_SlabNear{ -std::numeric_limits<double>::infinity() };

@@ -97,13 +97,13 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::GetPhysicalPoint(const Outpu
   {
     itkExceptionMacro("No ray has a value at index " << index << '.');
   }
-  PhysicalPointType view;
-  for (unsigned int axis = 0; axis < 2; ++axis)
+  PhysicalPointType point = m_DepthOrigin;
+  for (unsigned int row = 0; row < 3; ++row)
   {
-    view[axis] = m_Grid->GetOrigin()[axis] + m_Grid->GetSpacing()[axis] * static_cast<double>(index[axis]);
+    point[row] += m_DepthSteps(row, 0) * static_cast<double>(index[0]) +
+                  m_DepthSteps(row, 1) * static_cast<double>(index[1]) + m_DepthSteps(row, 2) * w;
   }
-  view[2] = w;
-  return this->GetTransform()->TransformPoint(view);
+  return point;
 }
 
 template <typename TInputImage, typename TOutputImage>
@@ -150,10 +150,20 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::VerifyPreconditions() ITKv5_
   {
     itkExceptionMacro("NumberOfStreamDivisions must be positive, but it is 0.");
   }
-  if (!(m_SlabNear <= m_SlabFar))
+  if (m_Mode > ModeEnum::AbsoluteMaximum)
   {
-    itkExceptionMacro("SlabNear must not be greater than SlabFar, but they are " << m_SlabNear << " and " << m_SlabFar
-                                                                                 << '.');
+    itkExceptionMacro("Mode must be one of its enumerators, but it is " << static_cast<unsigned int>(m_Mode) << '.');
+  }
+  if (m_ReducedResampling > ReducedResamplingEnum::Auto)
+  {
+    itkExceptionMacro("ReducedResampling must be one of its enumerators, but it is "
+                      << static_cast<unsigned int>(m_ReducedResampling) << '.');
+  }
+  constexpr double infinity = std::numeric_limits<double>::infinity();
+  if (!(m_SlabNear <= m_SlabFar && m_SlabNear < infinity && m_SlabFar > -infinity))
+  {
+    itkExceptionMacro("SlabNear must be less than infinity and not greater than SlabFar, but they are "
+                      << m_SlabNear << " and " << m_SlabFar << '.');
   }
   if (!(m_DepthAttenuation >= 0.0 && std::isfinite(m_DepthAttenuation)))
   {
@@ -192,9 +202,18 @@ template <typename TInputImage, typename TOutputImage>
 void
 ShearWarpMIPImageFilter<TInputImage, TOutputImage>::VerifyInputInformation() ITKv5_CONST
 {
+  const InputImageType * input = this->GetInput();
+  const MaskImageType *  mask = this->GetMaskImage();
+  if (mask && !mask->IsCongruentImageGeometry(input, this->GetCoordinateTolerance(), this->GetDirectionTolerance()))
+  {
+    itkExceptionMacro("MaskImage must have the input's origin "
+                      << input->GetOrigin() << ", spacing " << input->GetSpacing() << " and direction\n"
+                      << input->GetDirection() << "but it has origin " << mask->GetOrigin() << ", spacing "
+                      << mask->GetSpacing() << " and direction\n"
+                      << mask->GetDirection());
+  }
   Superclass::VerifyInputInformation();
 
-  const InputImageType * input = this->GetInput();
   if (input->GetLargestPossibleRegion().GetNumberOfPixels() == 0)
   {
     itkExceptionMacro("The input must not be empty, but its region is " << input->GetLargestPossibleRegion());
@@ -210,7 +229,6 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::VerifyInputInformation() ITK
       itkExceptionMacro("The input's origin must be finite, but it is " << input->GetOrigin() << '.');
     }
   }
-  const MaskImageType * mask = this->GetMaskImage();
   if (mask && mask->GetLargestPossibleRegion() != input->GetLargestPossibleRegion())
   {
     itkExceptionMacro("MaskImage must have the input's region, " << input->GetLargestPossibleRegion() << ", but it has "
@@ -311,6 +329,11 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::SetGeometry(ImageBase<Output
         direction(row, axis) = axes(row, axis) / length;
       }
       spacing[axis] = steps[axis] * length;
+    }
+    if (!(spacing[2] > 0.0 && std::isfinite(spacing[2])))
+    {
+      itkExceptionMacro("SlabNear and SlabFar must be within the range of the output's geometry, but they are "
+                        << m_SlabNear << " and " << m_SlabFar << '.');
     }
     const SizeType size = m_Grid->GetLargestPossibleRegion().GetSize();
     output->SetLargestPossibleRegion(typename OutputImageType::SizeType{ { size[0], size[1], 1 } });
@@ -698,6 +721,19 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::Warp(const IntermediateImage
     }
   });
   m_WarpSeconds = SecondsSince(start);
+
+  // for GetPhysicalPoint(), whatever is set afterwards
+  PhysicalPointType origin(0.0);
+  m_DepthSteps = ShearWarpFactorization::GetLinearPart(this->GetTransform());
+  for (unsigned int axis = 0; axis < 2; ++axis)
+  {
+    origin[axis] = m_Grid->GetOrigin()[axis];
+    for (unsigned int row = 0; row < 3; ++row)
+    {
+      m_DepthSteps(row, axis) *= m_Grid->GetSpacing()[axis];
+    }
+  }
+  m_DepthOrigin = this->GetTransform()->TransformPoint(origin);
 }
 
 template <typename TInputImage, typename TOutputImage>

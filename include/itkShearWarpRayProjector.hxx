@@ -20,6 +20,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 
 namespace itk
 {
@@ -245,13 +246,15 @@ ShearWarpRayProjector<TPixel>::ProjectRow(Worker &              worker,
     return;
   }
   // runs of samples that count
-  const MaskPixelType * const flags = counted;
-  const MaskPixelType * const end = flags + span.end;
-  for (const MaskPixelType * run = std::find(flags + span.begin, end, 1); run != end;)
+  const auto find = [counted, span](std::int32_t from, int flag) {
+    const void * found = std::memchr(counted + from, flag, static_cast<std::size_t>(span.end - from));
+    return found ? static_cast<std::int32_t>(static_cast<const MaskPixelType *>(found) - counted) : span.end;
+  };
+  for (std::int32_t begin = find(span.begin, 1); begin != span.end;)
   {
-    const MaskPixelType * const runEnd = std::find(run, end, 0);
-    take({ static_cast<std::int32_t>(run - flags), static_cast<std::int32_t>(runEnd - flags) });
-    run = std::find(runEnd, end, 1);
+    const std::int32_t end = find(begin, 0);
+    take({ begin, end });
+    begin = find(end, 1);
   }
 }
 

@@ -20,6 +20,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <functional>
 #include <limits>
 #include <type_traits>
@@ -449,17 +450,18 @@ SampleMaskedRow(const Kernels<TPixel> &  kernels,
     const bool areIn = isIn(maskA[edgeVoxel]) && isIn(maskB[edgeVoxel]);
     counted[edge] = static_cast<std::uint8_t>(isIn(nearest[edgeVoxel]) ? (areIn ? 1 : partly) : 0);
   }
-  std::uint8_t * const countedEnd = counted + span.end;
-  if (std::find_if(counted + span.begin, countedEnd, [](std::uint8_t mark) { return mark != 0; }) == countedEnd)
+  const auto find = [counted, span](std::int32_t from, std::uint8_t mark) {
+    const void * found = std::memchr(counted + from, mark, static_cast<std::size_t>(span.end - from));
+    return found ? static_cast<std::int32_t>(static_cast<const std::uint8_t *>(found) - counted) : span.end;
+  };
+  if (find(span.begin, 1) == span.end && find(span.begin, partly) == span.end)
   {
     return;
   }
 
   kernels.sampleRow(row, span, samples);
-  for (std::uint8_t * flag = std::find(counted + span.begin, countedEnd, partly); flag != countedEnd;
-       flag = std::find(flag, countedEnd, partly))
+  for (std::int32_t p = find(span.begin, partly); p != span.end; p = find(p, partly))
   {
-    const auto            p = static_cast<std::int32_t>(flag - counted);
     const std::int32_t    x = p == edge ? 0 : row.column.fraction;
     const std::ptrdiff_t  i = p == edge ? edgeVoxel : p - row.column.whole;
     const std::ptrdiff_t  before = p == edge ? edgeVoxel : i - 1;
@@ -474,7 +476,7 @@ SampleMaskedRow(const Kernels<TPixel> &  kernels,
       sum += weights[corner];
     }
     samples[p] = sum < One ? WeightedMean(values, weights, sum) : samples[p];
-    *flag = 1;
+    counted[p] = 1;
   }
 }
 

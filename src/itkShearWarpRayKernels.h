@@ -111,7 +111,8 @@ TakeSamples(const TPixel * __restrict samples,
     const TPixel       sample = samples[p];
     const TPixel       value = values[p];
     const std::int32_t before = slices[p];
-    const std::int32_t isFirst = TRule::IsStartUnique || sample != sample ? 0 : before >> 31;
+    const std::int32_t isNumber = sample == sample ? -1 : 0;
+    const std::int32_t isFirst = TRule::IsStartUnique ? 0 : isNumber & (before >> 31);
     std::int32_t       isTaken = (TRule::IsBetter(sample, value) ? -1 : 0) | isFirst;
     std::int32_t       kept = before;
     if constexpr (VUntilLocalMaximum)

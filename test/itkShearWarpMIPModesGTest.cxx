@@ -50,89 +50,6 @@ MakeIdentityView()
   return MakeView(MakeDiagonal(1, 1, 1), MakePoint3(0, 0, 0));
 }
 
-itk::Image<unsigned char, 3>::Pointer
-MakeMask(const itk::ImageBase<3> * image)
-{
-  auto mask = itk::Image<unsigned char, 3>::New();
-  mask->CopyInformation(image);
-  mask->SetRegions(image->GetLargestPossibleRegion());
-  mask->Allocate();
-  mask->FillBuffer(0);
-  return mask;
-}
-
-/** Blobs of labels 1 and 2, and single voxels. */
-itk::Image<unsigned char, 3>::Pointer
-MakeRandomMask(Random & random, const itk::ImageBase<3> * image)
-{
-  const auto                                             mask = MakeMask(image);
-  const auto                                             region = image->GetLargestPossibleRegion();
-  const auto                                             length = random.Integer(1, 7);
-  itk::ImageRegionIterator<itk::Image<unsigned char, 3>> it(mask, region);
-  std::uint64_t                                          labels[512];
-  std::generate_n(labels, 512, [&] { return random.Bits() % 3; });
-  for (; !it.IsAtEnd(); ++it)
-  {
-    std::int64_t cell = 0;
-    for (unsigned int axis = 0; axis < 3; ++axis)
-    {
-      cell = cell * 8 + (it.GetIndex()[axis] - region.GetIndex(axis)) / length % 8;
-    }
-    it.Set(static_cast<unsigned char>(random.Integer(0, 20) == 0 ? 1 : labels[cell]));
-  }
-  return mask;
-}
-
-/** Chooses parameters, for the filter and for the rule that its result must follow. */
-template <typename TPixel>
-RayRule<TPixel>
-DrawRule(Random & random, FilterType<TPixel> * filter, const ViewType * view, const itk::Image<TPixel, 3> * image)
-{
-  RayRule<TPixel> rule;
-  const auto      mode = random.Integer(0, 2);
-  rule.mode = static_cast<RayMode>(mode);
-  filter->SetMode(modes[mode]);
-  PointType lower, upper;
-  itk::ShearWarpFactorization::ComputeViewBounds(view, image, lower, upper);
-  if (random.Integer(0, 1) == 0)
-  {
-    const double ends[] = { random.Uniform(lower[2], upper[2]), random.Uniform(lower[2], upper[2]) };
-    rule.slabNear = random.Integer(0, 3) == 0 ? rule.slabNear : std::min(ends[0], ends[1]);
-    rule.slabFar = random.Integer(0, 3) == 0 ? rule.slabFar : std::max(ends[0], ends[1]);
-    filter->SetSlabNear(rule.slabNear);
-    filter->SetSlabFar(rule.slabFar);
-  }
-  if (random.Integer(0, 2) == 0)
-  {
-    const PointType centre = GetCentre(image);
-    for (unsigned int axis = 0; axis < 3; ++axis)
-    {
-      rule.cropLower[axis] = centre[axis] - random.Uniform(0, 0.4) * (upper[2] - lower[2]);
-      rule.cropUpper[axis] = centre[axis] + random.Uniform(0, 0.4) * (upper[2] - lower[2]);
-    }
-    rule.cropUpper[2] = random.Integer(0, 1) == 0 ? rule.Infinity : rule.cropUpper[2];
-    filter->SetCropLower(rule.cropLower);
-    filter->SetCropUpper(rule.cropUpper);
-  }
-  if (random.Integer(0, 1) == 0)
-  {
-    const auto mask = MakeRandomMask(random, image);
-    rule.mask = mask;
-    rule.maskLabel = static_cast<unsigned char>(random.Integer(0, 2));
-    filter->SetMaskImage(mask);
-    filter->SetMaskLabel(rule.maskLabel);
-  }
-  if (rule.mode != RayMode::AbsoluteMaximum && random.Integer(0, 1) == 0)
-  {
-    rule.isLocal = true;
-    rule.threshold = MakeRandomPixel<TPixel>(random);
-    filter->LocalMaximumOn();
-    filter->SetLocalMaximumThreshold(rule.threshold);
-  }
-  filter->SetComputeDepth(random.Integer(0, 1) == 0);
-  return rule;
-}
-
 template <typename TPixel>
 void
 ExpectRule(FilterType<TPixel> *          filter,
@@ -223,7 +140,7 @@ TYPED_TEST(ShearWarpMIPModes, FollowTheRuleOnEveryInstructionSet)
     const auto image = MakeRandomImage<TypeParam>(random, MakeRandomSize(random, 1, repeat % 5 == 0 ? 50 : 16));
     const auto view = MakeRandomView(random, AllViewKinds[repeat % 3], image);
     const auto filter = MakeFilter<TypeParam>(image, view);
-    const auto rule = DrawRule<TypeParam>(random, filter, view, image);
+    const auto rule = DrawRule(random, filter.GetPointer(), view.GetPointer(), image.GetPointer());
     const auto oversampling = static_cast<int>(random.Integer(1, 2));
     filter->SetOversampling(oversampling);
     filter->SetNumberOfWorkUnits(static_cast<itk::ThreadIdType>(random.Integer(1, 8)));
@@ -252,7 +169,7 @@ TYPED_TEST(ShearWarpMIPModes, StreamedHaveTheSameBits)
     const auto view = MakeRandomView(random, AllViewKinds[repeat % 3], image);
     const auto source = MakeSource<TypeParam>(image);
     const auto filter = MakeFilter<TypeParam>(source->GetOutput(), view);
-    auto       rule = DrawRule<TypeParam>(random, filter, view, image);
+    auto       rule = DrawRule(random, filter.GetPointer(), view.GetPointer(), image.GetPointer());
     const auto mask = filter->GetMaskImage() ? MakeSource<unsigned char>(filter->GetMaskImage()) : nullptr;
     if (mask)
     {
@@ -604,7 +521,12 @@ TEST(ShearWarpMIPModesOutput, OfThreeDimensionsLiesInThePatient)
     }
     const itk::Index<2> middle{ { static_cast<itk::IndexValueType>(size[0] / 2),
                                   static_cast<itk::IndexValueType>(size[1] / 2) } };
-    EXPECT_EQ(filter->GetPhysicalPoint({ { middle[0], middle[1], 0 } }), flat->GetPhysicalPoint(middle));
+    const PointType     found = flat->GetPhysicalPoint(middle);
+    EXPECT_EQ(filter->GetPhysicalPoint({ { middle[0], middle[1], 0 } }), found);
+    // of the last update, whatever is set afterwards
+    flat->SetTransform(MakeIdentityView());
+    flat->UpdateOutputInformation();
+    EXPECT_EQ(flat->GetPhysicalPoint(middle), found);
 
     filter->SetSlabNear(-1);
     filter->SetSlabFar(1);
@@ -667,6 +589,13 @@ TEST(ShearWarpMIPModesParameters, ErrorsNameParameterAndValue)
     filter.SetSlabFar(11);
   });
   expectError("SlabFar", "nan", [=](auto & filter) { filter.SetSlabFar(nothing); });
+  constexpr double infinity = std::numeric_limits<double>::infinity();
+  expectError("SlabNear", "inf", [=](auto & filter) { filter.SetSlabNear(infinity); });
+  expectError("SlabFar", "-inf", [=](auto & filter) { filter.SetSlabFar(-infinity); });
+  expectError("Mode", "99", [](auto & filter) { filter.SetMode(static_cast<ModeEnum>(99)); });
+  expectError("ReducedResampling", "7", [](auto & filter) {
+    filter.SetReducedResampling(static_cast<itk::ShearWarpMIPImageFilterEnums::ReducedResampling>(7));
+  });
   expectError("CropLower", "8", [](auto & filter) {
     filter.SetCropLower(PointType(8.0));
     filter.SetCropUpper(PointType(7.0));
@@ -682,7 +611,7 @@ TEST(ShearWarpMIPModesParameters, ErrorsNameParameterAndValue)
     mask->Allocate();
     filter.SetMaskImage(mask);
   });
-  expectError("Spacing", "2.0", [](auto & filter) {
+  expectError("MaskImage", "[1, 1, 2]", [](auto & filter) {
     const auto mask = itk::Image<unsigned char, 3>::New();
     mask->SetRegions(itk::Size<3>{ { 6, 5, 4 } });
     mask->SetSpacing(MakeVector3(1, 1, 2));

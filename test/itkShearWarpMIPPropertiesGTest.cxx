@@ -211,6 +211,11 @@ CheckCase(Random & random, Tally & tally)
   filter->SetDefaultPixelValue(background);
   filter->SetOversampling(oversampling);
   DrawGrid(random, filter.GetPointer(), view, image);
+  RayRule<TPixel> rule;
+  if (random.Integer(0, 1) == 0)
+  {
+    rule = DrawRule(random, filter.GetPointer(), view.GetPointer(), image.GetPointer());
+  }
 
   typename itk::Image<TPixel, 2>::Pointer first;
   ForEachInstructionSet([&](const std::string & name) {
@@ -232,7 +237,7 @@ CheckCase(Random & random, Tally & tally)
   });
 
   ASSERT_EQ(image->GetLargestPossibleRegion(), buffered);
-  BruteForceProjection<TPixel>                    bruteForce(view, image, static_cast<int>(oversampling));
+  BruteForceProjection<TPixel>                    bruteForce(view, image, static_cast<int>(oversampling), rule);
   itk::ImageRegionIterator<itk::Image<TPixel, 2>> it(first, first->GetBufferedRegion());
   for (; !it.IsAtEnd(); ++it)
   {

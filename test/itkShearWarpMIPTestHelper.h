@@ -22,6 +22,7 @@
 #include "itkImage.h"
 #include "itkImageRegionIterator.h"
 #include "itkMatrix.h"
+#include "itkShearWarpFactorization.h"
 #include "itkShearWarpKernels.h"
 
 #include "itksys/SystemTools.hxx"
@@ -521,6 +522,89 @@ struct RayRule
   double                                         attenuation{ 0.0 };
   TPixel                                         background{};
 };
+
+inline Image<unsigned char, 3>::Pointer
+MakeMask(const ImageBase<3> * image)
+{
+  auto mask = Image<unsigned char, 3>::New();
+  mask->CopyInformation(image);
+  mask->SetRegions(image->GetLargestPossibleRegion());
+  mask->Allocate();
+  mask->FillBuffer(0);
+  return mask;
+}
+
+/** Blobs of labels 1 and 2, and single voxels. */
+inline Image<unsigned char, 3>::Pointer
+MakeRandomMask(Random & random, const ImageBase<3> * image)
+{
+  const auto                                   mask = MakeMask(image);
+  const auto                                   region = image->GetLargestPossibleRegion();
+  const auto                                   length = random.Integer(1, 7);
+  ImageRegionIterator<Image<unsigned char, 3>> it(mask, region);
+  std::uint64_t                                labels[512];
+  std::generate_n(labels, 512, [&] { return random.Bits() % 3; });
+  for (; !it.IsAtEnd(); ++it)
+  {
+    std::int64_t cell = 0;
+    for (unsigned int axis = 0; axis < 3; ++axis)
+    {
+      cell = cell * 8 + (it.GetIndex()[axis] - region.GetIndex(axis)) / length % 8;
+    }
+    it.Set(static_cast<unsigned char>(random.Integer(0, 20) == 0 ? 1 : labels[cell]));
+  }
+  return mask;
+}
+
+/** Chooses parameters, for the filter and for the rule that its result must follow. */
+template <typename TFilter, typename TPixel>
+RayRule<TPixel>
+DrawRule(Random & random, TFilter * filter, const ViewBaseType * view, const Image<TPixel, 3> * image)
+{
+  RayRule<TPixel> rule;
+  const auto      mode = random.Integer(0, 2);
+  rule.mode = static_cast<RayMode>(mode);
+  filter->SetMode(static_cast<typename TFilter::ModeEnum>(mode));
+  PointType lower, upper;
+  ShearWarpFactorization::ComputeViewBounds(view, image, lower, upper);
+  if (random.Integer(0, 1) == 0)
+  {
+    const double ends[] = { random.Uniform(lower[2], upper[2]), random.Uniform(lower[2], upper[2]) };
+    rule.slabNear = random.Integer(0, 3) == 0 ? rule.slabNear : std::min(ends[0], ends[1]);
+    rule.slabFar = random.Integer(0, 3) == 0 ? rule.slabFar : std::max(ends[0], ends[1]);
+    filter->SetSlabNear(rule.slabNear);
+    filter->SetSlabFar(rule.slabFar);
+  }
+  if (random.Integer(0, 2) == 0)
+  {
+    const PointType centre = GetCentre(image);
+    for (unsigned int axis = 0; axis < 3; ++axis)
+    {
+      rule.cropLower[axis] = centre[axis] - random.Uniform(0, 0.4) * (upper[2] - lower[2]);
+      rule.cropUpper[axis] = centre[axis] + random.Uniform(0, 0.4) * (upper[2] - lower[2]);
+    }
+    rule.cropUpper[2] = random.Integer(0, 1) == 0 ? rule.Infinity : rule.cropUpper[2];
+    filter->SetCropLower(rule.cropLower);
+    filter->SetCropUpper(rule.cropUpper);
+  }
+  if (random.Integer(0, 1) == 0)
+  {
+    const auto mask = MakeRandomMask(random, image);
+    rule.mask = mask;
+    rule.maskLabel = static_cast<unsigned char>(random.Integer(0, 2));
+    filter->SetMaskImage(mask);
+    filter->SetMaskLabel(rule.maskLabel);
+  }
+  if (rule.mode != RayMode::AbsoluteMaximum && random.Integer(0, 1) == 0)
+  {
+    rule.isLocal = true;
+    rule.threshold = MakeRandomPixel<TPixel>(random);
+    filter->LocalMaximumOn();
+    filter->SetLocalMaximumThreshold(rule.threshold);
+  }
+  filter->SetComputeDepth(random.Integer(0, 1) == 0);
+  return rule;
+}
 
 /** A sample of a ray. */
 template <typename TPixel>
