@@ -3,10 +3,28 @@
 Nothing of the filter is used. See include/itkShearWarpKernels.h for the rule.
 """
 
+from typing import NamedTuple
+
 import itk
 import numpy as np
 
 ONE = 1 << 15
+INFINITY = float("inf")
+
+
+class Rule(NamedTuple):
+    """Which samples of a ray count, and which of them is its value."""
+
+    mode: str = "maximum"
+    slab_near: float = -INFINITY
+    slab_far: float = INFINITY
+    crop_lower: tuple[float, float, float] = (-INFINITY,) * 3
+    crop_upper: tuple[float, float, float] = (INFINITY,) * 3
+    mask_image: object = None
+    mask_label: int = 0
+    local_maximum: bool = False
+    local_maximum_threshold: float = 0
+    depth_attenuation: float = 0.0
 
 
 def linear_map(transform) -> tuple[np.ndarray, np.ndarray]:
@@ -123,35 +141,202 @@ def weighted_mean(values: np.ndarray, weights: np.ndarray, dtype: np.dtype) -> n
     )
 
 
-def project(image, transform, output, default=0, oversampling=1) -> np.ndarray:
-    """The MIP of an itk.Image on the grid (size, spacing, origin) of the 2D image ``output``."""
-    matrix, offset = view_to_index(transform, image)
-    axis = principal_axis(matrix[:, 2])
-    i, j, k = [other for other in range(3) if other != axis] + [axis]
-    voxels = itk.array_view_from_image(image)
-    slices = voxels.transpose(2 - k, 2 - j, 2 - i)
+class View:
+    """The sheared geometry of a view of an image."""
 
-    shear = -matrix[[i, j], 2] / matrix[k, 2]
-    translation = np.where(shear < 0, -shear * (slices.shape[0] - 1), 0.0)
-    pixels, reached = oversampled_image(slices, shear, translation, oversampling)
+    def __init__(self, image, transform):
+        self.matrix, self.offset = view_to_index(transform, image)
+        k = principal_axis(self.matrix[:, 2])
+        i, j = (other for other in range(3) if other != k)
+        self.axes = i, j, k
+        self.voxels = self.slices_of(image)
+        self.shear = -self.matrix[[i, j], 2] / self.matrix[k, 2]
+        reach = -self.shear * (self.voxels.shape[0] - 1)
+        self.translation = np.where(self.shear < 0, reach, 0.0)
 
+    def slices_of(self, image) -> np.ndarray:
+        i, j, k = self.axes
+        return itk.array_view_from_image(image).transpose(2 - k, 2 - j, 2 - i)
+
+    def sheared_positions(self, u, v) -> list[np.ndarray]:
+        index = [self.matrix[n, 0] * u + self.matrix[n, 1] * v + self.offset[n] for n in self.axes]
+        return [index[n] + self.shear[n] * index[2] + self.translation[n] for n in (0, 1)]
+
+
+def positions(output) -> tuple[np.ndarray, np.ndarray]:
+    """u and v of the pixels of a 2D image: a row and a column."""
     width, height = output.GetLargestPossibleRegion().GetSize()
     u = output.GetOrigin()[0] + output.GetSpacing()[0] * np.arange(width)
     v = output.GetOrigin()[1] + output.GetSpacing()[1] * np.arange(height)[:, np.newaxis]
-    index = [matrix[n, 0] * u + matrix[n, 1] * v + offset[n] for n in (i, j, k)]
-    sheared = [index[n] + shear[n] * index[2] + translation[n] for n in (0, 1)]
-    (column, x), (row, y) = (quantize(oversampling * (place + 1) - 1) for place in sheared)
+    return u, v
 
+
+def corners(view: View, output, reached: np.ndarray, oversampling: int):
+    """Rows, columns and weights (4 each) of the intermediate pixels around the output's."""
+    places = view.sheared_positions(*positions(output))
+    (column, x), (row, y) = (quantize(oversampling * (place + 1) - 1) for place in places)
     aa, ab, ba, bb = bilinear_weights(x, y)
-    values, weights = [], []
+    rows, columns, weights = [], [], []
     for weight, dj, di in ((bb, 0, 0), (ba, 0, 1), (ab, 1, 0), (aa, 1, 1)):
         q, p = row + dj, column + di
-        inside = (q >= 0) & (q < pixels.shape[0]) & (p >= 0) & (p < pixels.shape[1])
+        inside = (q >= 0) & (q < reached.shape[0]) & (p >= 0) & (p < reached.shape[1])
         q, p = np.where(inside, q, 0), np.where(inside, p, 0)
-        values.append(pixels[q, p])
+        rows.append(q)
+        columns.append(p)
         weights.append(np.where(inside & reached[q, p], weight, 0))
-    values, weights = np.array(values), np.array(weights)
-    result = np.full((height, width), default, voxels.dtype)
+    return np.array(rows), np.array(columns), np.array(weights)
+
+
+def warp(view: View, output, pixels, reached, default, oversampling: int) -> np.ndarray:
+    """The intermediate image, interpolated at the output's pixels."""
+    rows, columns, weights = corners(view, output, reached, oversampling)
+    values = pixels[rows, columns]
+    result = np.full(weights.shape[1:], default, pixels.dtype)
     hit = weights.sum(axis=0) > 0
-    result[hit] = weighted_mean(values[:, hit], weights[:, hit], voxels.dtype)
+    result[hit] = weighted_mean(values[:, hit], weights[:, hit], pixels.dtype)
     return result
+
+
+def project(image, transform, output, default=0, oversampling=1) -> np.ndarray:
+    """The MIP of an itk.Image on the grid (size, spacing, origin) of the 2D image ``output``."""
+    view = View(image, transform)
+    pixels, reached = oversampled_image(view.voxels, view.shear, view.translation, oversampling)
+    return warp(view, output, pixels, reached, default, oversampling)
+
+
+# Rays one by one, for all that is not the plain maximum
+
+
+def ranks(values: np.ndarray, mode: str) -> np.ndarray:
+    """The value of a ray is the sample of the highest rank."""
+    values = values.astype(np.float64)
+    return {"maximum": values, "minimum": -values, "absolute": abs(values)}[mode]
+
+
+def choose(values: np.ndarray, rule: Rule) -> int:
+    """Which of a ray's samples, from front to back, is its value."""
+    rank = ranks(values, rule.mode)
+    if rule.local_maximum:
+        threshold = ranks(np.array(rule.local_maximum_threshold), rule.mode)
+        for n in range(len(rank) - 1):
+            if rank[n] >= threshold and rank[n + 1] < rank[n]:
+                while n > 0 and rank[n - 1] == rank[n]:
+                    n -= 1
+                return n
+    best = np.flatnonzero(rank == rank.max())
+    return best[np.argmax(values[best])]
+
+
+def masked_samples(padded, inside, x: int, y: int) -> tuple[np.ndarray, np.ndarray]:
+    """The cells of a padded slice by its voxels that are inside, and whether they count."""
+    rows, columns = (length - 1 for length in padded.shape)
+    # the outer half voxels have the edge's value
+    of_column = np.where((np.arange(columns) % (columns - 1)) == 0, 0, x)
+    of_row = np.where((np.arange(rows) % (rows - 1)) == 0, 0, y)[:, np.newaxis]
+    parts = [np.s_[1:, 1:], np.s_[1:, :-1], np.s_[:-1, 1:], np.s_[:-1, :-1]]
+    around = np.array([padded[part] for part in parts])
+    are_inside = np.array([inside[part] for part in parts])
+    aa, ab, ba, bb = bilinear_weights(of_column, of_row)
+    weights = np.array([np.broadcast_to(weight, (rows, columns)) for weight in (bb, ba, ab, aa)])
+    is_whole = (are_inside | (weights == 0)).all(axis=0)
+    nearest = are_inside[2 * int(y > ONE // 2) + int(x > ONE // 2)]
+    weights = np.where(are_inside, weights, 0)
+    samples = sample_slice(padded, x, y)
+    partly = nearest & ~is_whole
+    samples[partly] = weighted_mean(around[:, partly], weights[:, partly], padded.dtype)
+    return samples, nearest
+
+
+def fade(samples: np.ndarray, depths: np.ndarray, rate: float, begin: float, to) -> np.ndarray:
+    faded = to + (samples - float(to)) * np.exp(-rate * (depths - begin))
+    rounded = np.floor(faded + 0.5) if samples.dtype.kind in "iu" else faded
+    return rounded.astype(samples.dtype)
+
+
+def nearest_depth(view: View) -> float:
+    """The least depth of the image's extent: its voxels, not only their centres."""
+    sizes = np.array(view.voxels.shape)[np.argsort(view.axes[::-1])]
+    ends = np.array(np.meshgrid(*([-0.5, size - 0.5] for size in sizes))).reshape(3, -1)
+    return np.linalg.solve(view.matrix, ends - view.offset[:, np.newaxis])[2].min()
+
+
+def collect_rays(view: View, transform, rule: Rule, default, oversampling: int):
+    """Values of the intermediate pixels, the slices they come from, and which pixels have one."""
+    count, rows, columns = view.voxels.shape
+    i, j, k = view.axes
+    of_physical, physical_offset = linear_map(transform)
+    begin = max(nearest_depth(view), rule.slab_near)
+    labels = None
+    if rule.mask_image is not None:
+        labels = view.slices_of(rule.mask_image)
+        labels = labels == rule.mask_label if rule.mask_label else labels != 0
+    rays = {}
+    is_ascending = view.matrix[k, 2] > 0
+    for step in np.ndindex(oversampling, oversampling):
+        # phase pixel (0, 0), in voxels
+        corner = [(step[1 - n] + 1) / oversampling - 1 for n in (0, 1)]
+        for slice_number in range(count) if is_ascending else reversed(range(count)):
+            moved = [view.shear[n] * slice_number + view.translation[n] for n in (0, 1)]
+            whole, weight, first = [], [], []
+            for n in (0, 1):
+                place, fraction = quantize(moved[n])
+                shifted = (int(place) << 15) + int(fraction) - round(ONE * corner[n])
+                whole.append(shifted >> 15)
+                weight.append(shifted & (ONE - 1))
+                first.append(int(weight[n] > ONE // 2))
+            cells = np.s_[first[1] : first[1] + rows, first[0] : first[0] + columns]
+            padded = np.pad(view.voxels[slice_number], 1, mode="edge")
+            if labels is None:
+                samples = sample_slice(padded, *weight)
+                counts = np.ones(samples.shape, bool)
+            else:
+                inside = np.pad(labels[slice_number], 1, mode="edge")
+                samples, counts = masked_samples(padded, inside, *weight)
+            samples, counts = samples[cells], counts[cells].copy()
+
+            p, q = np.meshgrid(
+                np.arange(columns) + whole[0] + first[0], np.arange(rows) + whole[1] + first[1]
+            )
+            index = np.empty((3, *samples.shape))
+            index[i], index[j] = p + corner[0] - moved[0], q + corner[1] - moved[1]
+            index[k] = slice_number
+            of_view = np.linalg.solve(
+                view.matrix, index.reshape(3, -1) - view.offset[:, np.newaxis]
+            )
+            depths = of_view[2].reshape(samples.shape)
+            points = of_physical @ of_view + physical_offset[:, np.newaxis]
+            counts &= (depths >= rule.slab_near) & (depths <= rule.slab_far)
+            for axis, position in enumerate(points.reshape(3, *samples.shape)):
+                counts &= (position >= rule.crop_lower[axis]) & (position <= rule.crop_upper[axis])
+            if rule.depth_attenuation > 0:
+                samples = fade(samples, depths, rule.depth_attenuation, begin, default)
+            counts &= samples == samples
+            for row, column in np.argwhere(counts):
+                place = (
+                    oversampling * q[row, column] + step[0],
+                    oversampling * p[row, column] + step[1],
+                )
+                rays.setdefault(place, []).append((samples[row, column], slice_number))
+
+    shape = np.max([*rays, (0, 0)], axis=0) + 1
+    values, slices = np.zeros(shape, view.voxels.dtype), np.full(shape, -1)
+    for place, collected in rays.items():
+        best = choose(np.array([value for value, _ in collected]), rule)
+        values[place], slices[place] = collected[best]
+    return values, slices, slices >= 0
+
+
+def project_rays(image, transform, output, rule: Rule, default=0, oversampling=1):
+    """Values and depths on the grid of the 2D image ``output``."""
+    view = View(image, transform)
+    pixels, slices, reached = collect_rays(view, transform, rule, default, oversampling)
+    values = warp(view, output, pixels, reached, default, oversampling)
+
+    rows, columns, weights = corners(view, output, reached, oversampling)
+    largest = np.argmax(weights, axis=0)[np.newaxis]
+    row, column = (np.take_along_axis(each, largest, 0)[0] for each in (rows, columns))
+    k = view.axes[2]
+    u, v = positions(output)
+    at_zero = view.matrix[k, 0] * u + view.matrix[k, 1] * v + view.offset[k]
+    depths = (slices[row, column] - at_zero) / view.matrix[k, 2]
+    return values, np.where(weights.any(axis=0), depths, np.nan)
