@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
-PROGRAMS = ["rotating_mip.py", "mip_pipeline.py"]
+PROGRAMS = ["channels_mip.py", "rotating_mip.py", "mip_pipeline.py"]
 
 
 def run(program: str, *arguments) -> subprocess.CompletedProcess:
@@ -97,6 +97,66 @@ def test_mip_pipeline(volume, tmp_path):
         assert profile.max() > 150
         assert profile.argmax() > 0.6 * profile.size  # the patient's left is on the right
     assert np.median(right) <= np.median(left)
+
+
+# the pixel type of the file and its channels, their type, the type of the file
+CHANNELS = {
+    "colour": (itk.RGBPixel[itk.UC], 3, np.uint8, "nrrd"),
+    "transparent": (itk.RGBAPixel[itk.UC], 4, np.uint8, "nrrd"),
+    "bytes": (itk.VariableLengthVector[itk.UC], 3, np.uint8, "mha"),
+    "shorts": (itk.VariableLengthVector[itk.SS], 5, np.int16, "nrrd"),
+    "vectors": (itk.VariableLengthVector[itk.F], 2, np.float32, "nii"),
+    "scalar": (itk.D, 1, np.float64, "nrrd"),
+    "time": (itk.SS, 1, np.int16, "nii.gz"),
+    "vectors in time": (itk.VariableLengthVector[itk.US], 2, np.uint16, "mha"),
+}
+
+
+@pytest.mark.parametrize("kind", CHANNELS)
+def test_channels_mip(kind, tmp_path):
+    pixel_type, channels, dtype, extension = CHANNELS[kind]
+    dimension = 4 if "time" in kind else 3
+    times = 5 if dimension == 4 else 1
+    voxels = np.random.default_rng(3).integers(3, 250, (times, 6, 7, 8, channels)).astype(dtype)
+    array = voxels if dimension == 4 else voxels[0]
+    is_long_vector = channels > 1 and "Pixel" not in pixel_type.__name__
+    image = (
+        itk.image_from_array(array, is_vector=True)
+        if is_long_vector
+        else itk.image_from_array(
+            array[..., 0] if channels == 1 else array, ttype=itk.Image[pixel_type, dimension]
+        )
+    )
+    image.SetSpacing([0.5, 0.75, 2.0, 1.5][:dimension])
+    image.SetOrigin([-3.0, 4.0, 50.0, 10.0][:dimension])
+    source, target = (tmp_path / f"{name}.{extension}" for name in ("image", "mip"))
+    itk.imwrite(image, source)
+
+    outcome = run("channels_mip.py", source, target, "--azimuth", 25)
+    assert outcome.returncode == 0, outcome.stderr
+    assert f"{channels} channels, {times} time points" in outcome.stdout
+    result = itk.imread(target, pixel_type)
+    assert result.GetImageDimension() == dimension - 1
+    pixels = itk.array_from_image(result)
+    pixels = pixels.reshape(times, *pixels.shape[dimension - 3 :][:2], channels)
+    for time, channel in np.ndindex(times, channels):
+        volume = itk.image_from_array(np.ascontiguousarray(voxels[time, ..., channel]))
+        volume.SetSpacing([0.5, 0.75, 2.0])
+        volume.SetOrigin([-3.0, 4.0, 50.0])
+        view = itk.ShearWarpMIPView.MakeTransform(
+            volume, itk.ShearWarpMIPViewEnums.Direction_Anterior, 25.0
+        )
+        darkest = voxels.min().item()
+        mip = itk.shear_warp_mip_image_filter(volume, transform=view, default_pixel_value=darkest)
+        np.testing.assert_array_equal(pixels[time, ..., channel], itk.array_from_image(mip))
+    assert list(result.GetSpacing()) == pytest.approx([*mip.GetSpacing(), 1.5][: dimension - 1])
+    assert list(result.GetOrigin()) == pytest.approx([*mip.GetOrigin(), 10.0][: dimension - 1])
+
+
+def test_channels_mip_refuses_an_unknown_format(volume, tmp_path):
+    outcome = run("channels_mip.py", volume, tmp_path / "tube.avi")
+    assert outcome.returncode == 1
+    assert outcome.stderr == f"error: {tmp_path / 'tube.avi'} can't be written\n"
 
 
 @pytest.mark.parametrize("program", PROGRAMS)
