@@ -220,9 +220,8 @@ def choose(values: np.ndarray, rule: Rule) -> int:
         threshold = ranks(np.array(rule.local_maximum_threshold), rule.mode)
         for n in range(len(rank) - 1):
             if rank[n] >= threshold and rank[n + 1] < rank[n]:
-                while n > 0 and rank[n - 1] == rank[n]:
-                    n -= 1
-                return n
+                # the first one of equal samples
+                return n - np.argmax(np.append(rank[n::-1] != rank[n], True)) + 1
     best = np.flatnonzero(rank == rank.max())
     return best[np.argmax(values[best])]
 

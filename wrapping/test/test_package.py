@@ -9,8 +9,30 @@ from pathlib import Path
 import itk
 import pytest
 
-SETTERS = {"SetTransform", "SetSize", "SetOutputSpacing", "SetOutputOrigin", "SetDefaultPixelValue"}
+SETTERS = {
+    "SetTransform",
+    "SetSize",
+    "SetOutputSpacing",
+    "SetOutputOrigin",
+    "SetDefaultPixelValue",
+    "SetMode",
+    "SetSlabNear",
+    "SetSlabFar",
+    "SetCropLower",
+    "SetCropUpper",
+    "SetMaskImage",
+    "SetMaskLabel",
+    "SetLocalMaximum",
+    "SetLocalMaximumThreshold",
+    "SetDepthAttenuation",
+    "SetComputeDepth",
+    "SetReducedResampling",
+    "SetOversampling",
+    "SetNumberOfStreamDivisions",
+}
 METHODS = SETTERS | {
+    "GetDepthOutput",
+    "GetPhysicalPoint",
     "GetTransform",
     "GetSize",
     "GetOutputSpacing",
@@ -31,8 +53,9 @@ def files() -> list[Path]:
     return [Path(file.locate()) for file in metadata.files("itk-shearwarpmip")]
 
 
-def test_docstrings():
-    mip = itk.ShearWarpMIPImageFilter[itk.Image[itk.SS, 3], itk.Image[itk.SS, 2]]
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_docstrings(dimension):
+    mip = itk.ShearWarpMIPImageFilter[itk.Image[itk.SS, 3], itk.Image[itk.SS, dimension]]
     for documented in (itk.shear_warp_mip_image_filter, mip):
         text = " ".join(documented.__doc__.split())
         assert "Maximum intensity projection (MIP) of a 3D image from any direction" in text
@@ -44,11 +67,15 @@ def test_docstrings():
         (itk.ShearWarpFactorization, "principal axis"),
     ):
         assert text in " ".join(documented.__doc__.split())
+    for name in SETTERS | {"GetSlabFar", "LocalMaximumOn", "GetDepthOutput", "GetPhysicalPoint"}:
+        text = getattr(mip, name).__doc__
+        assert len(text.split("----------")[-1].split()) > 8, text
 
 
 def test_every_method_is_there_for_every_pixel_type():
     types = [pair[0] for pair in itk.ShearWarpMIPImageFilter.keys()]
     assert {itk.template(each)[1][0] for each in types} == {itk.UC, itk.SS, itk.US, itk.F, itk.D}
+    assert len(itk.ShearWarpMIPImageFilter.keys()) == 10
     for mip in itk.ShearWarpMIPImageFilter.values():
         assert METHODS <= set(dir(mip))
 
@@ -57,6 +84,8 @@ def test_type_stubs(files):
     stubs = [file for file in files if file.suffix == ".pyi"]
     assert any(stub.name.startswith("ShearWarpMIPImageFilter") for stub in stubs)
     assert any(stub.name.startswith("ShearWarpMIPView") for stub in stubs)
+    enums = next(stub for stub in stubs if stub.name == "ShearWarpMIPImageFilterEnumsProxy.pyi")
+    assert "Mode_Minimum" in enums.read_text()
     named = set()
     for stub in stubs:
         named |= {

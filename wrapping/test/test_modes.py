@@ -1,0 +1,457 @@
+"""Modes, slabs, boxes, masks, local maxima, fading, depth and the output in physical space."""
+
+import itk
+import numpy as np
+import oracle
+import pytest
+import xarray
+from oracle import Rule
+from test_oracle import DTYPES, random_image, random_view
+
+Enums = itk.ShearWarpMIPImageFilterEnums
+MODES = {
+    "maximum": Enums.Mode_Maximum,
+    "minimum": Enums.Mode_Minimum,
+    "absolute": Enums.Mode_AbsoluteMaximum,
+}
+SLICE = itk.Image[itk.SS, 3], itk.Image[itk.SS, 3]
+
+
+def keywords(rule: Rule) -> dict:
+    """Those that the functional interface takes for a rule."""
+    changed = {
+        name: value for name, value in rule._asdict().items() if value is not Rule._field_defaults[name]
+    }
+    return changed | ({"mode": MODES[rule.mode]} if "mode" in changed else {})
+
+
+def set_rule(mip, rule: Rule) -> None:
+    for name, value in keywords(rule).items():
+        getattr(mip, "Set" + name.title().replace("_", ""))(value)
+
+
+def physical_point(image, index) -> list[float]:
+    """Of a continuous index."""
+    axes = itk.array_from_matrix(image.GetDirection()) @ np.diag(list(image.GetSpacing()))
+    return (axes @ index + list(image.GetOrigin())).tolist()
+
+
+def make_mask(image, labels: np.ndarray):
+    mask = itk.image_from_array(labels.astype(np.uint8))
+    mask.CopyInformation(image)
+    mask.SetRegions(image.GetLargestPossibleRegion())
+    return mask
+
+
+@pytest.fixture
+def labels(rng) -> np.ndarray:
+    """Of ``image``: blobs of 0, 1 and 2."""
+    return rng.integers(0, 3, (3, 4, 5)).repeat(3, 0).repeat(3, 1).repeat(3, 2)[:9, :11, :14]
+
+
+def random_rule(rng: np.random.Generator, image) -> Rule:
+    voxels = itk.array_view_from_image(image)
+    rule = Rule(mode=str(rng.choice(list(MODES))))
+    if rng.random() < 0.4:
+        near, far = np.sort(rng.normal(size=2) * 8.0).tolist()
+        rule = rule._replace(slab_near=near, slab_far=far)
+    if rng.random() < 0.4:
+        centre = np.array(list(itk.ShearWarpMIPView.GetCentre(image)))
+        lower, upper = centre - rng.uniform(0, 8, 3), centre + rng.uniform(0, 8, 3)
+        rule = rule._replace(crop_lower=tuple(lower.tolist()), crop_upper=tuple(upper.tolist()))
+    if rng.random() < 0.5:
+        mask = make_mask(image, rng.integers(0, 3, voxels.shape))
+        rule = rule._replace(mask_image=mask, mask_label=int(rng.integers(3)))
+    if rule.mode != "absolute" and rng.random() < 0.5:
+        threshold = rng.choice(voxels.ravel()).item()
+        rule = rule._replace(local_maximum=True, local_maximum_threshold=threshold)
+    return rule
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+def test_random_rules_of_random_views(dtype):
+    rng = np.random.default_rng(327_336)
+    hits = misses = 0
+    for _ in range(25):
+        image = random_image(rng, dtype)
+        view = random_view(rng, image)
+        rule = random_rule(rng, image)
+        oversampling = int(rng.integers(1, 3))
+        mip = itk.ShearWarpMIPImageFilter.New(
+            image, Transform=view, Oversampling=oversampling, DefaultPixelValue=7, ComputeDepth=True
+        )
+        set_rule(mip, rule)
+        mip.Update()
+        output = mip.GetOutput()
+        values, depths = oracle.project_rays(image, view, output, rule, 7, oversampling)
+        np.testing.assert_array_equal(itk.array_from_image(output), values)
+        found = itk.array_from_image(mip.GetDepthOutput())
+        np.testing.assert_allclose(found, depths, rtol=1e-6, atol=1e-5)
+        hits += np.isfinite(depths).sum()
+        misses += np.isnan(depths).sum()
+    assert hits > 1_000 and misses > 1_000
+
+
+RULES = {
+    "minimum": Rule(mode="minimum"),
+    "absolute maximum": Rule(mode="absolute"),
+    "slab": Rule(slab_near=-3.0, slab_far=2.0),
+    "near end": Rule(slab_near=1.0),
+    "far end": Rule(slab_far=-2.5),
+    "box": Rule(crop_lower=(12.0, -28.0, 8.0), crop_upper=(20.0, -24.0, 15.0)),
+    "lower corner": Rule(crop_lower=(-np.inf, -27.0, -np.inf)),
+    "mask": Rule(mask_image="labels"),
+    "label": Rule(mask_image="labels", mask_label=2),
+    "local maximum": Rule(local_maximum=True, local_maximum_threshold=300),
+    "local minimum": Rule(mode="minimum", local_maximum=True, local_maximum_threshold=-200),
+    "fading": Rule(depth_attenuation=0.06),
+    "all": Rule(
+        mode="minimum",
+        slab_near=-6.0,
+        slab_far=7.0,
+        crop_lower=(10.0, -40.0, 0.0),
+        mask_image="labels",
+        mask_label=1,
+        local_maximum=True,
+        local_maximum_threshold=-100,
+    ),
+}
+
+
+@pytest.mark.parametrize("rule", RULES.values(), ids=RULES)
+def test_each_parameter_in_both_interfaces(rule, image, labels, oblique_view):
+    if rule.mask_image:
+        rule = rule._replace(mask_image=make_mask(image, labels))
+    plain = itk.shear_warp_mip_image_filter(image, transform=oblique_view, default_pixel_value=-1500)
+    functional = itk.shear_warp_mip_image_filter(
+        image, transform=oblique_view, default_pixel_value=-1500, **keywords(rule)
+    )
+    assert type(functional) is itk.Image[itk.SS, 2]
+    pixels = itk.array_from_image(functional)
+    assert (pixels != itk.array_from_image(plain)).any()
+
+    mip = itk.ShearWarpMIPImageFilter.New(image, Transform=oblique_view, DefaultPixelValue=-1500)
+    set_rule(mip, rule)
+    mip.Update()
+    np.testing.assert_array_equal(itk.array_from_image(mip.GetOutput()), pixels)
+
+    expected, _ = oracle.project_rays(image, oblique_view, functional, rule, -1500)
+    if rule.depth_attenuation:
+        # exp() may differ in its last digit
+        assert abs(pixels.astype(int) - expected).max() <= 1
+        assert (pixels == expected).mean() > 0.99
+    else:
+        np.testing.assert_array_equal(pixels, expected)
+
+
+def test_getters(image, labels):
+    mip = itk.ShearWarpMIPImageFilter.New(image)
+    assert mip.GetMode() == Enums.Mode_Maximum
+    assert (mip.GetSlabNear(), mip.GetSlabFar()) == (-np.inf, np.inf)
+    assert list(mip.GetCropLower()) == [-np.inf] * 3
+    assert list(mip.GetCropUpper()) == [np.inf] * 3
+    assert mip.GetMaskImage() is None and mip.GetMaskLabel() == 0
+    assert mip.GetLocalMaximum() is False and mip.GetLocalMaximumThreshold() == 0
+    assert mip.GetDepthAttenuation() == 0.0
+    assert mip.GetComputeDepth() is False and mip.GetDepthOutput() is None
+
+    rule = RULES["all"]._replace(
+        mask_image=make_mask(image, labels), crop_upper=(1e3, 2e3, 3e3), depth_attenuation=0.25
+    )
+    set_rule(mip, rule)
+    mip.ComputeDepthOn()
+    assert mip.GetMode() == Enums.Mode_Minimum
+    assert (mip.GetSlabNear(), mip.GetSlabFar()) == (rule.slab_near, rule.slab_far)
+    assert tuple(mip.GetCropLower()) == rule.crop_lower
+    assert tuple(mip.GetCropUpper()) == rule.crop_upper
+    assert mip.GetMaskImage() == rule.mask_image and mip.GetMaskLabel() == 1
+    assert mip.GetLocalMaximum() is True and mip.GetLocalMaximumThreshold() == -100
+    assert mip.GetDepthAttenuation() == 0.25
+    assert mip.GetComputeDepth() is True
+    assert type(mip.GetDepthOutput()) is itk.Image[itk.F, 2]
+    mip.LocalMaximumOff()
+    mip.ComputeDepthOff()
+    mip.SetMaskImage(None)
+    assert mip.GetLocalMaximum() is False
+    assert mip.GetDepthOutput() is None and mip.GetMaskImage() is None
+
+
+# Depth
+
+
+@pytest.mark.parametrize("azimuth, elevation", [(0, 0), (35, 20), (-70, 10), (150, -40), (10, 80)])
+def test_depth_leads_to_the_bright_voxel(azimuth, elevation, image):
+    view = itk.ShearWarpMIPView.MakeTransform(
+        image, itk.ShearWarpMIPViewEnums.Direction_Left, float(azimuth), float(elevation)
+    )
+    voxels = itk.array_view_from_image(image)
+    voxels[:] = 0
+    voxels[3, 6, 9] = 1000
+    mip = itk.ShearWarpMIPImageFilter.New(image, Transform=view, ComputeDepth=True)
+    mip.Update()
+    pixels = itk.array_from_image(mip.GetOutput())
+    brightest = np.unravel_index(pixels.argmax(), pixels.shape)[::-1]
+    column, row = map(int, brightest)
+
+    point = mip.GetPhysicalPoint([column, row])
+    place = np.array(list(point))
+    expected = np.array(list(image.TransformIndexToPhysicalPoint([9, 6, 3])))
+    assert np.linalg.norm(place - expected) < max(image.GetSpacing())
+    assert list(image.TransformPhysicalPointToIndex(point))[mip.GetPrincipalAxis()] == (
+        [9, 6, 3][mip.GetPrincipalAxis()]
+    )
+    depth = mip.GetDepthOutput()
+    in_view = [*depth.TransformIndexToPhysicalPoint([column, row]), depth.GetPixel([column, row])]
+    assert place == pytest.approx(list(view.TransformPoint(in_view)))
+
+
+def test_depth_is_an_image_of_the_same_grid(image, oblique_view):
+    mip = itk.ShearWarpMIPImageFilter.New(image, Transform=oblique_view)
+    mip.ComputeDepthOn()
+    # by itself
+    depth = mip.GetDepthOutput()
+    depth.Update()
+    output = mip.GetOutput()
+    assert list(itk.size(depth)) == list(itk.size(output))
+    assert depth.GetSpacing() == output.GetSpacing()
+    assert depth.GetOrigin() == output.GetOrigin()
+    plain = itk.shear_warp_mip_image_filter(image, transform=oblique_view, default_pixel_value=-2000)
+    np.testing.assert_array_equal(
+        np.isnan(itk.array_from_image(depth)), itk.array_from_image(plain) == -2000
+    )
+    expected = itk.array_from_image(depth)
+    del mip, output
+    np.testing.assert_array_equal(itk.array_from_image(depth), expected)
+
+
+def test_functional_interface_returns_one_image_with_depth_too(image, oblique_view):
+    mip = itk.shear_warp_mip_image_filter(image, transform=oblique_view, compute_depth=True)
+    plain = itk.shear_warp_mip_image_filter(image, transform=oblique_view)
+    assert type(mip) is itk.Image[itk.SS, 2]
+    np.testing.assert_array_equal(itk.array_from_image(mip), itk.array_from_image(plain))
+
+
+# Output in physical space
+
+
+def test_two_dimensions_are_the_default(image):
+    flat = itk.Image[itk.SS, 2]
+    for mip in (
+        itk.ShearWarpMIPImageFilter.New(image),
+        itk.ShearWarpMIPImageFilter.New(Input=image),
+        itk.ShearWarpMIPImageFilter.New(image, ttype=(SLICE[0], flat)),
+        itk.ShearWarpMIPImageFilter[SLICE[0], flat].New(image),
+    ):
+        assert type(mip.GetOutput()) is flat
+    for mip in (
+        itk.ShearWarpMIPImageFilter.New(image, ttype=SLICE),
+        itk.ShearWarpMIPImageFilter.New(image, ttype=list(SLICE)),
+        itk.ShearWarpMIPImageFilter[SLICE].New(image),
+    ):
+        assert type(mip.GetOutput()) is SLICE[1]
+    assert type(itk.shear_warp_mip_image_filter(image)) is flat
+    assert type(itk.shear_warp_mip_image_filter(image, ttype=SLICE)) is SLICE[1]
+    with pytest.raises(itk.TemplateTypeError, match="ShearWarpMIPImageFilter"):
+        itk.ShearWarpMIPImageFilter.New(itk.Image[itk.UL, 3].New())
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+def test_slice_has_the_pixels_of_the_flat_output(dtype, oblique_view, rng):
+    image = itk.image_from_array(rng.integers(0, 100, (6, 7, 8)).astype(dtype))
+    volume = itk.shear_warp_mip_image_filter(
+        image, transform=oblique_view, ttype=(type(image), type(image))
+    )
+    flat = itk.shear_warp_mip_image_filter(image, transform=oblique_view)
+    assert type(volume) is type(image)
+    np.testing.assert_array_equal(itk.array_from_image(volume)[0], itk.array_from_image(flat))
+
+
+@pytest.mark.parametrize("slab", [None, (-3.0, 5.0)])
+def test_slice_lies_where_its_rays_begin_and_end(slab, image, oblique_view):
+    near_far = dict(zip(("SlabNear", "SlabFar"), slab or ()))
+    mip = itk.ShearWarpMIPImageFilter.New(
+        image, ttype=SLICE, Transform=oblique_view, ComputeDepth=True, **near_far
+    )
+    flat = itk.ShearWarpMIPImageFilter.New(
+        image, Transform=oblique_view, ComputeDepth=True, **near_far
+    )
+    mip.Update()
+    flat.Update()
+    output, grid = mip.GetOutput(), flat.GetOutput()
+    assert list(itk.size(output)) == [*itk.size(grid), 1]
+    inverse = oblique_view.GetInverseTransform()
+    ends = np.array(np.meshgrid(*([-0.5, size - 0.5] for size in itk.size(image)))).reshape(3, -1)
+    depths = [inverse.TransformPoint(physical_point(image, end))[2] for end in ends.T]
+    nearest, farthest = slab or (min(depths), max(depths))
+    assert output.GetSpacing()[2] == pytest.approx(farthest - nearest)
+    width, height = itk.size(grid)
+    for u, v, end in [(0, 0, 0.0), (width - 1, 0, -0.5), (3, height - 1, 0.5), (7, 5, 0.25)]:
+        w = 0.5 * (nearest + farthest) + end * (farthest - nearest)
+        expected = oblique_view.TransformPoint([*grid.TransformIndexToPhysicalPoint([u, v]), w])
+        assert physical_point(output, [u, v, end]) == pytest.approx(list(expected))
+    assert type(mip.GetDepthOutput()) is itk.Image[itk.F, 3]
+    assert mip.GetDepthOutput().GetDirection() == output.GetDirection()
+    assert mip.GetPhysicalPoint([width // 2, height // 2, 0]) == flat.GetPhysicalPoint(
+        [width // 2, height // 2]
+    )
+
+
+def test_slice_finds_its_place_after_a_file(image, oblique_view, tmp_path):
+    mip = itk.shear_warp_mip_image_filter(image, transform=oblique_view, ttype=SLICE)
+    itk.imwrite(mip, tmp_path / "mip.nrrd")
+    read = itk.imread(tmp_path / "mip.nrrd")
+    np.testing.assert_array_equal(itk.array_from_image(read), itk.array_from_image(mip))
+    assert list(read.TransformIndexToPhysicalPoint([3, 4, 0])) == pytest.approx(
+        list(mip.TransformIndexToPhysicalPoint([3, 4, 0]))
+    )
+
+
+def test_filters_of_both_outputs_use_the_thread_pool(image):
+    for mip in (
+        itk.ShearWarpMIPImageFilter.New(image),
+        itk.ShearWarpMIPImageFilter.New(image, ttype=SLICE),
+        itk.ShearWarpMIPImageFilter.New(image, ttype=SLICE).Clone(),
+    ):
+        assert mip.GetMultiThreader().GetNameOfClass() == "PoolMultiThreader"
+
+
+# Kinds of input
+
+
+def test_arrays_as_image_and_mask(rng):
+    voxels = rng.integers(0, 60_000, (5, 6, 7), np.uint16)
+    labels = rng.integers(0, 3, (5, 6, 7), np.uint8)
+    inside = np.where(labels == 2, voxels, 0).max(axis=0)
+    mip = itk.shear_warp_mip_image_filter(voxels, mask_image=labels, mask_label=2)
+    assert isinstance(mip, np.ndarray)
+    np.testing.assert_array_equal(mip, inside)
+
+    minimum = itk.shear_warp_mip_image_filter(voxels, mode=Enums.Mode_Minimum)
+    np.testing.assert_array_equal(minimum, voxels.min(axis=0))
+
+    # one array makes the result an array
+    mip = itk.shear_warp_mip_image_filter(
+        itk.image_from_array(voxels), mask_image=labels, mask_label=2
+    )
+    assert isinstance(mip, np.ndarray)
+    np.testing.assert_array_equal(mip, inside)
+
+    flags = labels == 2
+    mip = itk.shear_warp_mip_image_filter(voxels, mask_image=flags.astype(np.uint8))
+    np.testing.assert_array_equal(mip, inside)
+    mip = itk.shear_warp_mip_image_filter(voxels, mask_image=flags.view(np.uint8))
+    np.testing.assert_array_equal(mip, inside)
+
+
+def test_data_arrays_as_image_and_mask(rng):
+    coordinates = {
+        "z": 100.0 + 3.0 * np.arange(4),
+        "y": -7.0 + 2.0 * np.arange(5),
+        "x": 40.0 + 1.5 * np.arange(6),
+    }
+    voxels, labels = (
+        xarray.DataArray(values, dims=("z", "y", "x"), coords=coordinates)
+        for values in (
+            rng.integers(0, 60_000, (4, 5, 6), np.uint16),
+            rng.integers(0, 2, (4, 5, 6), np.uint8),
+        )
+    )
+    mip = itk.shear_warp_mip_image_filter(
+        voxels, mask_image=labels, output_spacing=[1.5, 2.0], slab_near=102.0
+    )
+    assert isinstance(mip, xarray.DataArray)
+    assert mip.dims == ("y", "x")
+    expected = np.where(labels.values == 1, voxels.values, 0)[1:].max(axis=0)
+    np.testing.assert_array_equal(mip.values, expected)
+
+
+def test_mask_from_a_pipeline(image, oblique_view):
+    threshold = itk.BinaryThresholdImageFilter[SLICE[0], itk.Image[itk.UC, 3]].New(
+        image, LowerThreshold=-400, UpperThreshold=300
+    )
+    mip = itk.ShearWarpMIPImageFilter.New(
+        image, Transform=oblique_view, MaskImage=threshold.GetOutput(), DefaultPixelValue=-2000
+    )
+    for upper in (300, 600):
+        threshold.SetUpperThreshold(upper)
+        mip.Update()
+        output = mip.GetOutput()
+        expected, _ = oracle.project_rays(
+            image, oblique_view, output, Rule(mask_image=threshold.GetOutput()), -2000
+        )
+        np.testing.assert_array_equal(itk.array_from_image(output), expected)
+        assert 0 < itk.array_from_image(output).max() <= upper
+
+
+def test_mask_changed_in_place(image, labels, oblique_view):
+    mask = make_mask(image, labels)
+    mip = itk.ShearWarpMIPImageFilter.New(image, Transform=oblique_view, MaskImage=mask)
+    mip.Update()
+    itk.array_view_from_image(mask)[:] = 0
+    itk.array_view_from_image(mask)[2:6, 3:8, 5:] = 1
+    mask.Modified()
+    mip.Update()
+    output = mip.GetOutput()
+    expected, _ = oracle.project_rays(image, oblique_view, output, Rule(mask_image=mask))
+    np.testing.assert_array_equal(itk.array_from_image(output), expected)
+
+
+# Errors
+
+
+BAD = {
+    "slab": ({"slab_near": 3.0, "slab_far": 2.0}, "SlabNear must not be greater than SlabFar.* 3 and 2"),
+    "slab of NaN": ({"slab_far": np.nan}, "SlabNear.* SlabFar.* nan"),
+    "box": ({"crop_lower": [5.0] * 3, "crop_upper": [6.0, 4.0, 6.0]}, "CropLower.* CropUpper.*6, 4, 6"),
+    "attenuation": ({"depth_attenuation": -0.5}, "DepthAttenuation must be.* -0.5"),
+    "large attenuation": ({"depth_attenuation": 1e3}, "DepthAttenuation must not be greater.* 1000"),
+}
+
+
+@pytest.mark.parametrize("parameters, message", BAD.values(), ids=BAD)
+def test_errors_name_the_parameter(parameters, message, image):
+    with pytest.raises(RuntimeError, match=message):
+        itk.shear_warp_mip_image_filter(image, **parameters)
+
+
+def test_errors_of_the_threshold(image):
+    with pytest.raises(RuntimeError, match="LocalMaximumThreshold must be a number.* nan"):
+        itk.shear_warp_mip_image_filter(
+            np.ones((3, 4, 5), np.float32), local_maximum=True, local_maximum_threshold=np.nan
+        )
+    with pytest.raises(OverflowError, match="SetLocalMaximumThreshold"):
+        itk.shear_warp_mip_image_filter(image, local_maximum_threshold=40_000)
+
+
+def test_errors_of_the_mask(image):
+    smaller = itk.image_from_array(np.ones((9, 11, 13), np.uint8))
+    smaller.CopyInformation(image)
+    smaller.SetRegions([13, 11, 9])
+    with pytest.raises(RuntimeError, match="MaskImage must have the input's region"):
+        itk.shear_warp_mip_image_filter(image, mask_image=smaller)
+    with pytest.raises(RuntimeError, match="Inputs do not occupy the same physical space"):
+        itk.shear_warp_mip_image_filter(
+            image, mask_image=itk.image_from_array(np.ones((9, 11, 14), np.uint8))
+        )
+    with pytest.raises(TypeError, match="Expecting argument of type itkImageUC3"):
+        itk.shear_warp_mip_image_filter(image, mask_image=image)
+    with pytest.raises(KeyError, match="bool"):
+        itk.shear_warp_mip_image_filter(image, mask_image=np.ones((9, 11, 14), bool))
+    for label in (-1, 256):
+        with pytest.raises(OverflowError, match="SetMaskLabel"):
+            itk.shear_warp_mip_image_filter(image, mask_label=label)
+
+
+def test_errors_of_the_physical_point(image, oblique_view):
+    mip = itk.ShearWarpMIPImageFilter.New(image, Transform=oblique_view)
+    mip.Update()
+    with pytest.raises(RuntimeError, match="ComputeDepth must be on"):
+        mip.GetPhysicalPoint([0, 0])
+    mip.ComputeDepthOn()
+    mip.Update()
+    with pytest.raises(RuntimeError, match="no depth at index"):
+        mip.GetPhysicalPoint([1000, 0])
+    with pytest.raises(RuntimeError, match="No ray has a value"):
+        mip.GetPhysicalPoint([0, 0])
+    width, height = itk.size(mip.GetOutput())
+    assert len(mip.GetPhysicalPoint([width // 2, height // 2])) == 3
