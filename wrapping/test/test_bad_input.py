@@ -178,6 +178,43 @@ CASES = {
         "TypeError",
         "SetDefaultPixelValue",
     ),
+    "text as mode": ("project(image, mode='minimum')", "TypeError", "SetMode"),
+    "None as slab": ("project(image, slab_near=None)", "TypeError", "SetSlabNear"),
+    "corner of two numbers": (
+        "project(image, crop_lower=[1.0, 2.0])",
+        "TypeError",
+        "itkPointD3",
+    ),
+    "mask of shorts": (
+        "project(image, mask_image=voxels)",
+        "TypeError",
+        "Expecting argument of type itkImageUC3",
+    ),
+    "empty mask": (
+        "project(image, mask_image=itk.Image[itk.UC, 3].New())",
+        "RuntimeError",
+        "MaskImage must have the input's region",
+    ),
+    "output of another type": (
+        "project(image, ttype=(SS3, itk.Image[itk.UC, 3]))",
+        "RuntimeError",
+        "No suitable template parameter",
+    ),
+    "point without depth": (
+        "itk.ShearWarpMIPImageFilter.New(image).GetPhysicalPoint([0, 0])",
+        "RuntimeError",
+        "ComputeDepth must be on",
+    ),
+    "point before the update": (
+        "itk.ShearWarpMIPImageFilter.New(image, ComputeDepth=True).GetPhysicalPoint([0, 0])",
+        "RuntimeError",
+        "There is no depth at index",
+    ),
+    "point of three numbers": (
+        "itk.ShearWarpMIPImageFilter.New(image).GetPhysicalPoint([0, 0, 0])",
+        "TypeError",
+        "itkIndex2",
+    ),
     "unknown keyword": ("project(image, colour=3)", "AttributeError", "SetColour"),
     "view of None": (
         "itk.ShearWarpMIPView.MakeTransform(None, 0)",
