@@ -32,6 +32,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cstdint>
 #include <fstream>
 #include <iterator>
 #include <new>
@@ -228,7 +229,7 @@ RequireOneVolume(const FileNames & files)
 }
 
 void
-RequireScalarVolume(const itk::ImageIOBase & io, const std::string & name)
+RequireVolume(const itk::ImageIOBase & io, const std::string & name)
 {
   const unsigned int dimension = io.GetNumberOfDimensions();
   unsigned int       dimensionUsed = dimension;
@@ -236,15 +237,14 @@ RequireScalarVolume(const itk::ImageIOBase & io, const std::string & name)
   {
     --dimensionUsed;
   }
-  if (dimensionUsed != 3)
+  if (dimensionUsed != 3 && dimensionUsed != 4)
   {
-    throw std::runtime_error("'" + name + "' has " + std::to_string(dimension) + " dimensions; 3 are needed");
+    throw std::runtime_error("'" + name + "' has " + std::to_string(dimension) +
+                             " dimensions; 3 are needed, or 4 with time");
   }
-  if (io.GetPixelType() != itk::IOPixelEnum::SCALAR || io.GetNumberOfComponents() != 1)
+  if (io.GetPixelType() == itk::IOPixelEnum::COMPLEX)
   {
-    throw std::runtime_error("'" + name + "' has pixels of type " +
-                             itk::ImageIOBase::GetPixelTypeAsString(io.GetPixelType()) + " with " +
-                             std::to_string(io.GetNumberOfComponents()) + " components; scalars are needed");
+    throw std::runtime_error("'" + name + "' has complex pixels; real ones are needed");
   }
 }
 
@@ -259,9 +259,79 @@ WarnOfUnevenSlices(const itk::MetaDataDictionary & dictionary, const WarningFunc
     warn(message.str());
   }
 }
+
+void
+RequireGrid(const itk::ImageBase<3> * image, const itk::ImageBase<3> * grid, const std::filesystem::path & path)
+{
+  const auto         size = grid->GetLargestPossibleRegion().GetSize();
+  std::ostringstream message;
+  message << "--mask: '" << path.string() << "' is not on INPUT's grid: ";
+  if (image->GetLargestPossibleRegion().GetSize() != size)
+  {
+    message << "it has " << image->GetLargestPossibleRegion().GetSize() << " voxels instead of " << size;
+    throw std::runtime_error(message.str());
+  }
+  double distance = 0.0;
+  for (unsigned int corner = 0; corner < 8; ++corner)
+  {
+    itk::Index<3>         index;
+    itk::Point<double, 3> points[2];
+    for (unsigned int axis = 0; axis < 3; ++axis)
+    {
+      index[axis] = (corner >> axis & 1) * static_cast<itk::IndexValueType>(size[axis] - 1);
+    }
+    image->TransformIndexToPhysicalPoint(index, points[0]);
+    grid->TransformIndexToPhysicalPoint(index, points[1]);
+    distance = std::max(distance, points[0].EuclideanDistanceTo(points[1]));
+  }
+  // file formats round positions
+  const auto & spacing = grid->GetSpacing();
+  if (!(distance <= 0.01 * *std::min_element(spacing.begin(), spacing.end())))
+  {
+    message << "a corner is " << distance << " mm away from where it should be";
+    throw std::runtime_error(message.str());
+  }
+}
+
+template <typename TPixel>
+Volume
+SplitTimes(const itk::VectorImage<TPixel, 4> & image)
+{
+  const auto size = image.GetLargestPossibleRegion().GetSize();
+  const auto grid = itk::ImageBase<3>::New();
+  auto       origin = grid->GetOrigin();
+  auto       spacing = grid->GetSpacing();
+  auto       direction = grid->GetDirection();
+  for (unsigned int axis = 0; axis < 3; ++axis)
+  {
+    origin[axis] = image.GetOrigin()[axis];
+    spacing[axis] = image.GetSpacing()[axis];
+    for (unsigned int row = 0; row < 3; ++row)
+    {
+      direction(row, axis) = image.GetDirection()(row, axis);
+    }
+  }
+  grid->SetLargestPossibleRegion(itk::Size<3>{ { size[0], size[1], size[2] } });
+  grid->SetOrigin(origin);
+  grid->SetSpacing(spacing);
+  grid->SetDirection(direction);
+
+  using ContainerType = typename itk::VectorImage<TPixel, 3>::PixelContainer;
+  const auto components = image.GetNumberOfComponentsPerPixel();
+  const auto count = grid->GetLargestPossibleRegion().GetNumberOfPixels() * components;
+  const auto whole = const_cast<ContainerType *>(image.GetPixelContainer());
+  Volume     volume{ {}, image.GetSpacing()[3], image.GetOrigin()[3], whole };
+  for (itk::SizeValueType time = 0; time < size[3]; ++time)
+  {
+    const auto pixels = ContainerType::New();
+    pixels->SetImportPointer(whole->GetBufferPointer() + time * count, count, false);
+    volume.times.push_back(MakeAnyImage<TPixel>(grid, components, pixels));
+  }
+  return volume;
+}
 } // namespace
 
-ScalarImage
+Volume
 ReadVolume(const std::filesystem::path & path, const std::string & series, const WarningFunction & warn)
 {
   RequireExistence(path);
@@ -276,42 +346,37 @@ ReadVolume(const std::filesystem::path & path, const std::string & series, const
     RequireOneVolume(files);
   }
 
-  ScalarImage volume;
-  const auto  read = [&] {
+  Volume     volume;
+  const auto read = [&] {
     const itk::ImageIOBase::Pointer io =
       isFolder ? itk::ImageIOBase::Pointer(itk::GDCMImageIO::New())
-                : itk::ImageIOFactory::CreateImageIO(files.front().c_str(), itk::IOFileModeEnum::ReadMode);
+               : itk::ImageIOFactory::CreateImageIO(files.front().c_str(), itk::IOFileModeEnum::ReadMode);
     if (!io)
     {
       throw std::runtime_error("'" + path.string() + "' is not an image that ITK can read");
     }
     io->SetFileName(files.front());
     io->ReadImageInformation();
-    RequireScalarVolume(*io, path.string());
+    RequireVolume(*io, path.string());
 
-    volume.componentType = io->GetComponentType();
-    volume.image = DispatchPixelType(volume.componentType, [&](auto tag) -> itk::ImageBase<3>::Pointer {
-      using ImageType = itk::Image<typename decltype(tag)::Type, 3>;
-      typename ImageType::Pointer image;
+    volume = DispatchPixelType(io->GetComponentType(), [&](auto tag) {
+      using PixelType = typename decltype(tag)::Type;
       if (files.size() == 1)
       {
-        const auto reader = itk::ImageFileReader<ImageType>::New();
+        const auto reader = itk::ImageFileReader<itk::VectorImage<PixelType, 4>>::New();
         reader->SetImageIO(io);
         reader->SetFileName(files.front());
         reader->Update();
-        image = reader->GetOutput();
+        return SplitTimes(*reader->GetOutput());
       }
-      else
-      {
-        const auto reader = itk::ImageSeriesReader<ImageType>::New();
-        reader->SetImageIO(io);
-        reader->SetFileNames(files);
-        reader->Update();
-        image = reader->GetOutput();
-        WarnOfUnevenSlices(image->GetMetaDataDictionary(), warn);
-      }
-      image->DisconnectPipeline();
-      return image.GetPointer();
+      const auto reader = itk::ImageSeriesReader<itk::VectorImage<PixelType, 3>>::New();
+      reader->SetImageIO(io);
+      reader->SetFileNames(files);
+      reader->Update();
+      const auto * image = reader->GetOutput();
+      WarnOfUnevenSlices(image->GetMetaDataDictionary(), warn);
+      return Volume{ { MakeAnyImage<PixelType>(
+        image, image->GetNumberOfComponentsPerPixel(), reader->GetOutput()->GetPixelContainer()) } };
     });
   };
   try
@@ -327,6 +392,49 @@ ReadVolume(const std::filesystem::path & path, const std::string & series, const
     throw std::runtime_error("not enough memory for '" + path.string() + "'");
   }
   return volume;
+}
+
+itk::Image<unsigned char, 3>::Pointer
+ReadMask(const std::filesystem::path &       path,
+         const std::optional<std::int64_t> & label,
+         const itk::ImageBase<3> *           grid,
+         const WarningFunction &             warn)
+{
+  const Volume     volume = ReadVolume(path, "", warn);
+  const AnyImage & labels = volume.times.front();
+  if (volume.times.size() > 1 || labels.image->GetNumberOfComponentsPerPixel() > 1)
+  {
+    throw std::runtime_error("--mask: '" + path.string() + "' must have one component and one point in time");
+  }
+  RequireGrid(labels.image, grid, path);
+
+  const auto mask = itk::Image<unsigned char, 3>::New();
+  mask->CopyInformation(grid);
+  mask->SetRegions(grid->GetLargestPossibleRegion());
+  mask->Allocate();
+  const auto * const end = mask->GetBufferPointer() + grid->GetLargestPossibleRegion().GetNumberOfPixels();
+  DispatchPixelType(labels.componentType, [&](auto tag) {
+    using PixelType = typename decltype(tag)::Type;
+    if constexpr (std::is_integral_v<PixelType>)
+    {
+      const PixelType * value = CastImage<PixelType>(labels).GetBufferPointer();
+      for (unsigned char * pixel = mask->GetBufferPointer(); pixel != end; ++pixel, ++value)
+      {
+        *pixel =
+          label ? *value > 0 && static_cast<std::uint64_t>(*value) == static_cast<std::uint64_t>(*label) : *value != 0;
+      }
+    }
+    else
+    {
+      throw std::runtime_error("--mask: '" + path.string() + "' must have whole numbers, but its pixels are of type " +
+                               itk::ImageIOBase::GetComponentTypeAsString(labels.componentType));
+    }
+  });
+  if (std::find(mask->GetBufferPointer(), const_cast<unsigned char *>(end), 1) == end)
+  {
+    warn("no voxel is in the mask '" + path.string() + "'");
+  }
+  return mask;
 }
 
 itk::Transform<double, 3, 3>::Pointer

@@ -18,19 +18,30 @@
 #ifndef Input_h
 #define Input_h
 
-#include "ScalarImage.h"
+#include "AnyImage.h"
 #include "itkTransform.h"
 
+#include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <optional>
 #include <string>
 
 using WarningFunction = std::function<void(const std::string &)>;
 
-/** Reads a 3D scalar image: a file, or a series of the DICOM folder \a path. That is the one of instance UID \a series,
- * or the only one if \a series is empty. Throws if something of the image is missing or damaged. */
-ScalarImage
+/** Reads a 3D image, or a series of them in time: a file, or a series of the DICOM folder \a path. That is the one of
+ * instance UID \a series, or the only one if \a series is empty. Throws if something of the image is missing or
+ * damaged. */
+Volume
 ReadVolume(const std::filesystem::path & path, const std::string & series, const WarningFunction & warn);
+
+/** Reads an image of whole numbers that must lie on \a grid. The mask is 1 where that is \a label or, without one, not
+ * 0. */
+itk::Image<unsigned char, 3>::Pointer
+ReadMask(const std::filesystem::path &       path,
+         const std::optional<std::int64_t> & label,
+         const itk::ImageBase<3> *           grid,
+         const WarningFunction &             warn);
 
 /** Reads a linear 3D transform. */
 itk::Transform<double, 3, 3>::Pointer

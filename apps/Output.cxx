@@ -21,7 +21,6 @@
 #include "itkImageIOFactory.h"
 
 #include <algorithm>
-#include <cmath>
 #include <csignal>
 #include <fstream>
 #include <iomanip>
@@ -31,53 +30,23 @@
 
 namespace
 {
-using WindowType = itk::Vector<double, 2>;
-
-template <typename TPixel>
-WindowType
-ComputeRobustWindow(const TPixel * pixels, std::size_t count, TPixel background)
-{
-  std::vector<TPixel> values;
-  std::copy_if(pixels, pixels + count, std::back_inserter(values), [background](TPixel value) {
-    return value != background && std::isfinite(static_cast<double>(value));
-  });
-  WindowType window;
-  window[1] = static_cast<double>(background);
-  if (!values.empty())
-  {
-    const auto percentile = [&values](double fraction) {
-      const auto nth = values.begin() + std::lround(fraction * static_cast<double>(values.size() - 1));
-      std::nth_element(values.begin(), nth, values.end());
-      return static_cast<double>(*nth);
-    };
-    window[0] = percentile(0.01);
-    window[1] = percentile(0.998);
-  }
-  if (!(window[0] < window[1]))
-  {
-    window[0] = window[1] - 1.0;
-  }
-  return window;
-}
-
-template <typename TPixel>
-std::vector<unsigned char>
-ApplyWindow(const TPixel * pixels, std::size_t count, const WindowType & window)
-{
-  std::vector<unsigned char> windowed(count);
-  std::transform(pixels, pixels + count, windowed.begin(), [&window](TPixel pixel) {
-    const double value = std::clamp(static_cast<double>(pixel), window[0], window[1]);
-    return static_cast<unsigned char>(std::lround(255.0 * (value - window[0]) / (window[1] - window[0])));
-  });
-  return windowed;
-}
-
 std::filesystem::path
 GetFrameName(const std::filesystem::path & path, std::size_t frame)
 {
   std::ostringstream name;
   name << path.stem().string() << '-' << std::setw(3) << std::setfill('0') << frame << path.extension().string();
   return path.parent_path() / name.str();
+}
+
+itk::IOPixelEnum
+ChoosePixelType(unsigned int components, itk::IOComponentEnum componentType)
+{
+  if (components == 1)
+  {
+    return itk::IOPixelEnum::SCALAR;
+  }
+  const bool isColour = componentType == itk::IOComponentEnum::UCHAR && (components == 3 || components == 4);
+  return !isColour ? itk::IOPixelEnum::VECTOR : components == 3 ? itk::IOPixelEnum::RGB : itk::IOPixelEnum::RGBA;
 }
 
 bool
@@ -163,36 +132,9 @@ HeldSignals::RequireNone()
   }
 }
 
-OutputFiles::OutputFiles(std::filesystem::path path, Kind kind)
-  : m_Path(std::move(path))
-  , m_Kind(kind)
-  , m_Prefix(".shear-warp-mip-" + std::to_string(std::random_device()()) + '-')
-{
-  const std::string              name = m_Path.filename().string();
-  const std::vector<std::string> extensions =
-    kind == Kind::Volume ? std::vector<std::string>{ ".mha", ".nrrd", ".nii", ".nii.gz" }
-                         : std::vector<std::string>{ ".mha", ".nrrd", ".nii", ".nii.gz", ".png" };
-  if (std::none_of(extensions.begin(), extensions.end(), [&](const auto & end) { return EndsWith(name, end); }))
-  {
-    std::string good;
-    for (const std::string & extension : extensions)
-    {
-      good += ' ' + extension;
-    }
-    throw std::runtime_error("'" + m_Path.string() + "' must have one of the extensions" + good);
-  }
-  if (std::filesystem::is_directory(m_Path))
-  {
-    throw std::runtime_error("'" + m_Path.string() + "' is a folder");
-  }
-
-  const auto probe = this->GetTemporaryName(m_Path);
-  if (!std::ofstream(probe))
-  {
-    throw std::runtime_error("cannot write '" + m_Path.string() + "': its folder does not exist or is not writable");
-  }
-  std::filesystem::remove(probe);
-}
+OutputFiles::OutputFiles()
+  : m_Prefix(".shear-warp-mip-" + std::to_string(std::random_device()()) + '-')
+{}
 
 OutputFiles::~OutputFiles()
 {
@@ -204,40 +146,71 @@ OutputFiles::~OutputFiles()
 }
 
 bool
-OutputFiles::IsWindowed() const
+OutputFiles::IsPicture(const std::filesystem::path & path)
 {
-  return m_Path.extension() == ".png";
+  return path.extension() == ".png";
 }
 
 void
-OutputFiles::WriteValues(const ScalarImage & stack)
+OutputFiles::Reserve(const std::filesystem::path & path, Format format)
 {
-  const auto * const buffer = DispatchPixelType(stack.componentType, [&](auto tag) -> const void * {
-    return CastImage<typename decltype(tag)::Type>(stack).GetBufferPointer();
-  });
-  this->Write(m_Path, stack.image, m_Kind == Kind::Still ? 2 : 3, stack.componentType, buffer);
-}
-
-void
-OutputFiles::WriteWindowed(const Frames & frames, const std::optional<WindowType> & window)
-{
-  const itk::ImageBase<3> * grid = frames.stack.image;
-  const auto                size = grid->GetLargestPossibleRegion().GetSize();
-  const auto                windowed = DispatchPixelType(frames.stack.componentType, [&](auto tag) {
-    using PixelType = typename decltype(tag)::Type;
-    const PixelType * const pixels = CastImage<PixelType>(frames.stack).GetBufferPointer();
-    const std::size_t       count = grid->GetLargestPossibleRegion().GetNumberOfPixels();
-    const auto              background = static_cast<PixelType>(frames.background);
-    return ApplyWindow(pixels, count, window ? *window : ComputeRobustWindow(pixels, count, background));
-  });
-  for (std::size_t frame = 0; frame < size[2]; ++frame)
+  const std::string        name = path.filename().string();
+  std::vector<std::string> extensions;
+  if (format != Format::Picture)
   {
-    this->Write(m_Kind == Kind::Series ? GetFrameName(m_Path, frame) : m_Path,
-                grid,
-                2,
-                itk::IOComponentEnum::UCHAR,
-                windowed.data() + frame * size[0] * size[1]);
+    extensions = { ".mha", ".nrrd", ".nii", ".nii.gz" };
   }
+  if (format != Format::Values)
+  {
+    extensions.emplace_back(".png");
+  }
+  if (std::none_of(extensions.begin(), extensions.end(), [&](const auto & end) { return EndsWith(name, end); }))
+  {
+    std::string good;
+    for (const std::string & extension : extensions)
+    {
+      good += ' ' + extension;
+    }
+    throw std::runtime_error("'" + path.string() + "' must have one of the extensions" + good);
+  }
+  if (std::filesystem::is_directory(path))
+  {
+    throw std::runtime_error("'" + path.string() + "' is a folder");
+  }
+
+  const auto probe = this->GetTemporaryName(path);
+  if (!std::ofstream(probe))
+  {
+    throw std::runtime_error("cannot write '" + path.string() + "': its folder does not exist or is not writable");
+  }
+  std::filesystem::remove(probe);
+
+  const auto place = std::filesystem::weakly_canonical(path);
+  if (std::find(m_Reserved.begin(), m_Reserved.end(), place) != m_Reserved.end())
+  {
+    throw std::runtime_error("'" + path.string() + "' would be written twice");
+  }
+  m_Reserved.push_back(place);
+}
+
+void
+OutputFiles::Write(const std::filesystem::path & path, const AnyImage & image, Layout layout)
+{
+  DispatchPixelType(image.componentType, [&](auto tag) {
+    auto &             frames = CastImage<typename decltype(tag)::Type>(image);
+    const auto * const pixels = frames.GetBufferPointer();
+    if (layout != Layout::Series || !IsPicture(path))
+    {
+      this->WriteFile(path, image, layout == Layout::Still ? 2 : 3, pixels);
+      return;
+    }
+    const auto        size = frames.GetLargestPossibleRegion().GetSize();
+    const std::size_t length = size[0] * size[1] * frames.GetNumberOfComponentsPerPixel();
+    for (std::size_t frame = 0; frame < size[2]; ++frame)
+    {
+      this->WriteFile(GetFrameName(path, frame), image, 2, pixels + frame * length);
+    }
+  });
 }
 
 void
@@ -265,14 +238,14 @@ OutputFiles::GetTemporaryName(const std::filesystem::path & path) const
 }
 
 void
-OutputFiles::Write(const std::filesystem::path & path,
-                   const itk::ImageBase<3> *     grid,
-                   unsigned int                  dimension,
-                   itk::IOComponentEnum          componentType,
-                   const void *                  buffer)
+OutputFiles::WriteFile(const std::filesystem::path & path,
+                       const AnyImage &              image,
+                       unsigned int                  dimension,
+                       const void *                  buffer)
 {
-  const std::string temporaryName = this->GetTemporaryName(path).string();
-  const auto        io = itk::ImageIOFactory::CreateImageIO(temporaryName.c_str(), itk::IOFileModeEnum::WriteMode);
+  const itk::ImageBase<3> * grid = image.image;
+  const std::string         temporaryName = this->GetTemporaryName(path).string();
+  const auto io = itk::ImageIOFactory::CreateImageIO(temporaryName.c_str(), itk::IOFileModeEnum::WriteMode);
   if (!io)
   {
     throw std::runtime_error("this build of ITK cannot write '" + path.string() + "'");
@@ -292,9 +265,10 @@ OutputFiles::Write(const std::filesystem::path & path,
     io->SetDirection(axis, direction);
     region.SetSize(axis, grid->GetLargestPossibleRegion().GetSize(axis));
   }
-  io->SetPixelType(itk::IOPixelEnum::SCALAR);
-  io->SetNumberOfComponents(1);
-  io->SetComponentType(componentType);
+  const unsigned int components = grid->GetNumberOfComponentsPerPixel();
+  io->SetPixelType(ChoosePixelType(components, image.componentType));
+  io->SetNumberOfComponents(components);
+  io->SetComponentType(image.componentType);
   io->SetIORegion(region);
   io->SetFileName(temporaryName);
 
@@ -305,7 +279,7 @@ OutputFiles::Write(const std::filesystem::path & path,
   HeldSignals::RequireNone();
   m_Written.push_back(path);
   // ITK's PNG writer does not survive a full disk
-  if (this->IsWindowed() && !HasRoom(temporaryName, 2 * static_cast<std::size_t>(io->GetImageSizeInBytes()) + 4096))
+  if (IsPicture(path) && !HasRoom(temporaryName, 2 * static_cast<std::size_t>(io->GetImageSizeInBytes()) + 4096))
   {
     throw std::runtime_error("cannot write '" + path.string() + "'; is the disk full?");
   }

@@ -18,10 +18,12 @@
 #ifndef Output_h
 #define Output_h
 
-#include "Projection.h"
+#include "AnyImage.h"
 
 #include <filesystem>
 #include <optional>
+#include <string>
+#include <vector>
 
 /** Holds back SIGINT and SIGTERM: the process gets them at the end of this object's life. */
 class HeldSignals
@@ -43,30 +45,36 @@ public:
 class OutputFiles
 {
 public:
-  enum class Kind
+  enum class Format
+  {
+    Values,
+    Picture,
+    Any
+  };
+
+  enum class Layout
   {
     Still,
     Series,
     Volume
   };
 
-  /** Throws if \a path has an unknown extension or can't be written. A series of PNG is one file for each frame,
-   * numbered. */
-  OutputFiles(std::filesystem::path path, Kind kind);
+  OutputFiles();
   ~OutputFiles();
   OutputFiles(const OutputFiles &) = delete;
   OutputFiles &
   operator=(const OutputFiles &) = delete;
 
-  bool
-  IsWindowed() const;
+  static bool
+  IsPicture(const std::filesystem::path & path);
 
+  /** Throws if \a path has an extension of another format, is reserved already or can't be written. */
   void
-  WriteValues(const ScalarImage & stack);
+  Reserve(const std::filesystem::path & path, Format format);
 
-  /** Writes pixels of 8 bits: \a window, or a robust range of values other than the background, becomes 0 to 255. */
+  /** Writes a still without its third axis, and a series of pictures as one file for each frame, numbered. */
   void
-  WriteWindowed(const Frames & frames, const std::optional<itk::Vector<double, 2>> & window);
+  Write(const std::filesystem::path & path, const AnyImage & image, Layout layout);
 
   /** Throws if a name is taken by a folder; no file is changed then. */
   void
@@ -77,16 +85,11 @@ private:
   GetTemporaryName(const std::filesystem::path & path) const;
 
   void
-  Write(const std::filesystem::path & path,
-        const itk::ImageBase<3> *     grid,
-        unsigned int                  dimension,
-        itk::IOComponentEnum          componentType,
-        const void *                  buffer);
+  WriteFile(const std::filesystem::path & path, const AnyImage & image, unsigned int dimension, const void * buffer);
 
-  std::filesystem::path              m_Path;
-  Kind                               m_Kind;
   std::string                        m_Prefix;
   std::optional<HeldSignals>         m_HeldSignals;
+  std::vector<std::filesystem::path> m_Reserved;
   std::vector<std::filesystem::path> m_Written;
 };
 

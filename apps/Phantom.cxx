@@ -463,7 +463,7 @@ private:
 };
 } // namespace
 
-ScalarImage
+AnyImage
 MakePhantom()
 {
   const auto           image = ImageType::New();
@@ -504,5 +504,5 @@ MakePhantom()
       }
     }
   }
-  return { image.GetPointer(), itk::IOComponentEnum::USHORT };
+  return MakeAnyImage<unsigned short>(image, 1, image->GetPixelContainer());
 }

@@ -18,11 +18,11 @@
 #ifndef Phantom_h
 #define Phantom_h
 
-#include "ScalarImage.h"
+#include "AnyImage.h"
 
 /** Makes a synthetic head as time-of-flight MR angiography shows it, the same each time. The patient has an aneurysm at
  * the left middle cerebral artery's bifurcation and a stenosis of 60 % in the right one's trunk. */
-ScalarImage
+AnyImage
 MakePhantom();
 
 #endif

@@ -20,10 +20,11 @@
 #include "Input.h"
 #include "Output.h"
 #include "Phantom.h"
-#include "Projection.h"
+#include "Picture.h"
 
 #include "itkCompositeTransform.h"
 #include "itkMultiThreaderBase.h"
+#include "itkShearWarpFactorization.h"
 #include "itkShearWarpMIPView.h"
 #include "itkVersion.h"
 
@@ -31,7 +32,9 @@
 
 #include <chrono>
 #include <cmath>
+#include <cstdint>
 #include <map>
+#include <optional>
 #include <regex>
 
 #if __has_include(<unistd.h>)
@@ -45,7 +48,9 @@ using TransformPointer = itk::Transform<double, 3, 3>::Pointer;
 
 constexpr auto description =
   "Maximum intensity projection (MIP) of a 3D image from any direction.\n\n"
-  "INPUT is an image that ITK reads (NIfTI, NRRD, MetaImage, DICOM, ...) or a folder of DICOM files.\n"
+  "INPUT is an image that ITK reads (NIfTI, NRRD, MetaImage, DICOM, ...) or a folder of DICOM files. Each component "
+  "of\n"
+  "its pixels is projected by itself, and of a 4D image each point in time: a 3D stack, or numbered PNGs.\n"
   "OUTPUT's extension gives its format: .mha, .nrrd, .nii and .nii.gz keep the image's values and pixel type;\n"
   ".png has 8 bits, see --window. Sizes and positions of the output are in mm in the view plane.";
 
@@ -56,6 +61,10 @@ constexpr auto examples = "Examples:\n"
                           "      left anterior oblique 30 degrees, cranial 15 degrees, with the image's values\n"
                           "  shear-warp-mip tof.nrrd cine.png --frames 36\n"
                           "      a full turn around the patient, cine-000.png to cine-035.png\n"
+                          "  shear-warp-mip ct.nrrd slabs.nrrd --view superior --sliding-slab 10 5\n"
+                          "      slabs of 10 mm from top to bottom, one every 5 mm\n"
+                          "  shear-warp-mip tof.nrrd mip.png --depth-colour depth.png\n"
+                          "      a picture, and one with near vessels red and far ones blue\n"
                           "  shear-warp-mip --write-phantom head.nrrd\n"
                           "      an image to try";
 
@@ -67,29 +76,44 @@ const std::map<std::string, Direction> directions = {
 // LPS: x to the left, y to posterior, z to superior
 const std::map<std::string, unsigned int> turningAxes = { { "left", 0 }, { "posterior", 1 }, { "superior", 2 } };
 
+using ModeEnum = ProjectionOptions::ModeEnum;
+const std::map<std::string, ModeEnum> modes = { { "maximum", ModeEnum::Maximum },
+                                                { "minimum", ModeEnum::Minimum },
+                                                { "absolute-maximum", ModeEnum::AbsoluteMaximum } };
+
 // each has a transform in memory before the first is projected
 constexpr unsigned int mostFrames = 100000;
 
 struct Options
 {
-  std::string         input;
-  std::string         output;
-  std::string         phantom;
-  std::string         series;
-  std::string         view{ "anterior" };
-  double              azimuth{ 0.0 };
-  double              elevation{ 0.0 };
-  std::string         transform;
-  std::vector<double> spacing;
-  std::vector<double> size;
-  std::vector<double> window;
-  double              background{ 0.0 };
-  bool                hasBackground{ false };
-  unsigned int        oversampling{ 1 };
-  unsigned int        frames{ 0 };
-  std::string         axis{ "superior" };
-  unsigned int        threads{ 0 };
-  bool                verbose{ false };
+  std::string                 input;
+  std::string                 output;
+  std::string                 phantom;
+  std::string                 series;
+  std::string                 view{ "anterior" };
+  double                      azimuth{ 0.0 };
+  double                      elevation{ 0.0 };
+  std::string                 transform;
+  std::vector<double>         spacing;
+  std::vector<double>         size;
+  std::vector<double>         window;
+  std::optional<double>       background;
+  unsigned int                oversampling{ 1 };
+  unsigned int                frames{ 0 };
+  std::string                 axis{ "superior" };
+  std::string                 mode{ "maximum" };
+  std::vector<double>         slab;
+  std::vector<double>         slidingSlab;
+  std::vector<double>         crop;
+  std::string                 mask;
+  std::optional<std::int64_t> maskLabel;
+  std::optional<double>       localMaximum;
+  double                      attenuation{ 0.0 };
+  std::string                 depth;
+  std::string                 depthColour;
+  bool                        isInPlace{ false };
+  unsigned int                threads{ 0 };
+  bool                        verbose{ false };
 };
 
 template <typename TValue>
@@ -115,6 +139,18 @@ Number(const std::string & name, double lowest, bool whole = false)
                (!whole || (value == std::trunc(value) && value <= 0x1p53))
              ? std::string()
              : '\'' + text + "' is not " + name;
+  };
+  return CLI::Validator(check, "");
+}
+
+/** Accepts numbers, infinite ones too. */
+CLI::Validator
+Bound()
+{
+  const auto check = [](const std::string & text) {
+    double value = 0.0;
+    return CLI::detail::lexical_cast(text, value) && !std::isnan(value) ? std::string()
+                                                                        : '\'' + text + "' is not a number";
   };
   return CLI::Validator(check, "");
 }
@@ -191,13 +227,9 @@ DefineOptions(CLI::App & app, Options & options)
     ->type_name("PIXELS")
     ->group("Picture");
   app
-    .add_option_function<double>(
-      "--background",
-      [&options](double value) {
-        options.background = value;
-        options.hasBackground = true;
-      },
-      "Value beside the image; default: 0, or the image's minimum if that is negative")
+    .add_option("--background",
+                options.background,
+                "Value beside the image; default: 0, or the image's minimum if that is negative")
     ->type_name("VALUE")
     ->group("Picture");
   app
@@ -216,6 +248,88 @@ DefineOptions(CLI::App & app, Options & options)
     ->expected(2)
     ->type_name("VALUE")
     ->group("Picture");
+
+  const auto slab = app
+                      .add_option("--slab",
+                                  options.slab,
+                                  "Only what lies at depths from NEAR to FAR, in mm behind the image's centre along "
+                                  "the view (negative: nearer to the viewer; -inf and inf: no limit)")
+                      ->check(Bound())
+                      ->expected(2)
+                      ->type_name("NEAR FAR")
+                      ->group("Projection");
+  const auto slidingSlab = app
+                             .add_option("--sliding-slab",
+                                         options.slidingSlab,
+                                         "Slabs of THICKNESS mm from the image's front to its back, one every STEP "
+                                         "mm: a 3D stack by depth of the slabs' middles, or numbered PNGs")
+                             ->check(Number("a positive number", tiny))
+                             ->expected(2)
+                             ->excludes(slab)
+                             ->excludes(frames)
+                             ->type_name("THICKNESS STEP")
+                             ->group("Projection");
+  app.add_option("--mode", options.mode, "Value of a ray: the absolute maximum keeps its sign")
+    ->check(CLI::IsMember(GetKeys(modes)))
+    ->capture_default_str()
+    ->group("Projection");
+  app
+    .add_option("--local-maximum",
+                options.localMaximum,
+                "Rays end behind their first local maximum of at least this value, so that a near vessel hides a "
+                "brighter one behind it (first local minimum of at most this value with --mode minimum)")
+    ->type_name("THRESHOLD")
+    ->group("Projection");
+  const auto mask =
+    app.add_option("--mask", options.mask, "Image of whole numbers on INPUT's grid: only voxels where it is not 0")
+      ->type_name("FILE")
+      ->group("Projection");
+  app.add_option("--mask-label", options.maskLabel, "Only voxels where the mask is N")
+    ->check(count)
+    ->needs(mask)
+    ->type_name("N")
+    ->group("Projection");
+  app
+    .add_option("--crop",
+                options.crop,
+                "Only what lies in this box, in mm of the patient's space (LPS: x to the left, y to posterior, z to "
+                "superior; -inf and inf: no limit); commas may be between the numbers")
+    ->check(Bound())
+    ->delimiter(',')
+    ->expected(6)
+    ->type_name("X0 X1 Y0 Y1 Z0 Z1")
+    ->group("Projection");
+  app
+    .add_option("--attenuation",
+                options.attenuation,
+                "Values fade to the background with depth d from the front of the image or slab, in mm: by "
+                "exp(-RATE d)")
+    ->check(Number("a finite number of at least 0", 0.0))
+    ->type_name("RATE")
+    ->group("Projection");
+  app
+    .add_option("--depth",
+                options.depth,
+                "Also writes the depth of each pixel's value, in mm behind the image's centre, not-a-number where "
+                "nothing is: .mha, .nrrd, .nii or .nii.gz, of floats")
+    ->type_name("FILE")
+    ->group("Projection");
+  app
+    .add_option("--depth-colour",
+                options.depthColour,
+                "Also writes a .png, or numbered ones, coloured by depth, from red, the nearest in the picture, to "
+                "blue, the farthest; "
+                "as bright as OUTPUT with --window")
+    ->type_name("FILE")
+    ->group("Projection");
+  app
+    .add_flag("--in-place",
+              options.isInPlace,
+              "OUTPUT is a slice in the patient's space, as thick as what is projected, which viewers show with INPUT; "
+              "not for .png")
+    ->excludes(frames)
+    ->excludes(slidingSlab)
+    ->group("Projection");
 
   app.add_option("--threads", options.threads, "Threads to use; default: all processors")
     ->check(count)
@@ -237,42 +351,92 @@ DefineOptions(CLI::App & app, Options & options)
   app.set_help_flag("-h,--help", "Prints this text")->group("Program");
 }
 
-std::vector<TransformPointer>
-MakeFrameTransforms(const Options & options, const TransformPointer & given, const itk::ImageBase<3> * volume)
+/** A turn, or a slab of it all, or one frame for each point in time. */
+void
+SetFrames(ProjectionOptions &      projection,
+          const Options &          options,
+          const TransformPointer & given,
+          const Volume &           volume)
 {
-  TransformPointer view = given;
-  if (!view)
+  const itk::ImageBase<3> * grid = volume.times.front().image;
+  Frame                     still;
+  still.transform = given;
+  if (!given)
   {
-    view =
-      itk::ShearWarpMIPView::MakeTransform(volume, directions.at(options.view), options.azimuth, options.elevation);
+    still.transform =
+      itk::ShearWarpMIPView::MakeTransform(grid, directions.at(options.view), options.azimuth, options.elevation);
   }
-  if (options.frames == 0)
+  if (!options.slab.empty())
   {
-    return { view };
+    still.slabNear = options.slab[0];
+    still.slabFar = options.slab[1];
   }
 
-  std::vector<TransformPointer> transforms;
-  itk::Vector<double, 3>        axis(0.0);
-  axis[turningAxes.at(options.axis)] = 1.0;
-  for (unsigned int frame = 0; frame < options.frames; ++frame)
+  if (options.frames > 0)
   {
-    const auto turn = itk::AffineTransform<double, 3>::New();
-    turn->SetCenter(itk::ShearWarpMIPView::GetCentre(volume));
-    turn->Rotate3D(axis, itk::Math::twopi * frame / options.frames);
-    const auto composite = itk::CompositeTransform<double, 3>::New();
-    composite->AddTransform(turn);
-    composite->AddTransform(view);
-    transforms.emplace_back(composite.GetPointer());
+    itk::Vector<double, 3> axis(0.0);
+    axis[turningAxes.at(options.axis)] = 1.0;
+    for (unsigned int n = 0; n < options.frames; ++n)
+    {
+      const auto turn = itk::AffineTransform<double, 3>::New();
+      turn->SetCenter(itk::ShearWarpMIPView::GetCentre(grid));
+      turn->Rotate3D(axis, itk::Math::twopi * n / options.frames);
+      const auto composite = itk::CompositeTransform<double, 3>::New();
+      composite->AddTransform(turn);
+      composite->AddTransform(still.transform);
+      Frame frame = still;
+      frame.transform = composite;
+      projection.frames.push_back(frame);
+    }
   }
-  return transforms;
+  else if (!options.slidingSlab.empty())
+  {
+    const double          thickness = options.slidingSlab[0];
+    const double          step = options.slidingSlab[1];
+    itk::Point<double, 3> lower;
+    itk::Point<double, 3> upper;
+    itk::ShearWarpFactorization::VerifyViewTransform(still.transform);
+    itk::ShearWarpFactorization::ComputeViewBounds(still.transform, grid, lower, upper);
+    const double more = std::max(0.0, std::ceil((upper[2] - lower[2] - thickness) / step - 1e-6));
+    if (!(more < mostFrames))
+    {
+      std::ostringstream message;
+      message << "--sliding-slab: " << more + 1.0 << " slabs are too many; at most " << mostFrames << " are possible";
+      throw std::runtime_error(message.str());
+    }
+    for (unsigned int n = 0; n <= static_cast<unsigned int>(more); ++n)
+    {
+      Frame frame = still;
+      frame.slabNear = lower[2] + n * step;
+      frame.slabFar = frame.slabNear + thickness;
+      projection.frames.push_back(frame);
+    }
+    projection.frameSpacing = step;
+    projection.frameOrigin = lower[2] + 0.5 * thickness;
+  }
+  else
+  {
+    for (std::size_t time = 0; time < volume.times.size(); ++time)
+    {
+      Frame frame = still;
+      frame.time = time;
+      projection.frames.push_back(frame);
+    }
+    projection.frameSpacing = volume.timeSpacing;
+    projection.frameOrigin = volume.timeOrigin;
+  }
 }
 
 std::string
-Describe(const ScalarImage & volume)
+Describe(const AnyImage & image)
 {
   std::ostringstream text;
-  text << volume.image->GetLargestPossibleRegion().GetSize() << " voxels, spacing " << volume.image->GetSpacing()
-       << " mm, " << itk::ImageIOBase::GetComponentTypeAsString(volume.componentType);
+  text << image.image->GetLargestPossibleRegion().GetSize() << " voxels, spacing " << image.image->GetSpacing()
+       << " mm, " << itk::ImageIOBase::GetComponentTypeAsString(image.componentType);
+  if (image.image->GetNumberOfComponentsPerPixel() > 1)
+  {
+    text << " x " << image.image->GetNumberOfComponentsPerPixel();
+  }
   return text.str();
 }
 
@@ -325,11 +489,10 @@ public:
                << ", projected in " << Milliseconds(report.projectionSeconds) << ", warped in "
                << Milliseconds(report.warpSeconds) << std::endl;
     }
-    else if (m_Options.frames > 0 && IsTerminal())
+    else if (report.frames > 1 && IsTerminal())
     {
       const auto done = report.frame + 1;
-      m_Stream << "\rframe " << done << " of " << m_Options.frames << (done == m_Options.frames ? "\n" : "")
-               << std::flush;
+      m_Stream << "\rframe " << done << " of " << report.frames << (done == report.frames ? "\n" : "") << std::flush;
     }
   }
 
@@ -359,13 +522,14 @@ private:
 void
 WritePhantom(const Options & options)
 {
-  OutputFiles files(options.phantom, OutputFiles::Kind::Volume);
-  files.WriteValues(MakePhantom());
+  OutputFiles files;
+  files.Reserve(options.phantom, OutputFiles::Format::Values);
+  files.Write(options.phantom, MakePhantom(), OutputFiles::Layout::Volume);
   files.Commit();
 }
 
 void
-Run(const Options & options, Messages & messages)
+Verify(const Options & options)
 {
   if (options.window.size() == 2 && !(options.window[0] < options.window[1]))
   {
@@ -375,20 +539,78 @@ Run(const Options & options, Messages & messages)
   {
     throw std::runtime_error("--spacing: one or two values are needed");
   }
+  if (options.slab.size() == 2 && options.slab[0] > options.slab[1])
+  {
+    throw std::runtime_error("--slab: NEAR must not be greater than FAR");
+  }
+  for (std::size_t n = 0; n < options.crop.size(); n += 2)
+  {
+    if (options.crop[n] > options.crop[n + 1])
+    {
+      throw std::runtime_error("--crop: X0, Y0 and Z0 must not be greater than X1, Y1 and Z1");
+    }
+  }
+}
+
+/** Throws if not all of the options go with an image of several components or points in time. */
+void
+VerifyVolume(const Options & options, const Volume & volume)
+{
+  const auto         times = volume.times.size();
+  const unsigned int components = volume.times.front().image->GetNumberOfComponentsPerPixel();
+  const auto         refuse = [&](const std::string & option, std::size_t count, const std::string & what) {
+    throw std::runtime_error(option + " is not possible: '" + options.input + "' has " + std::to_string(count) + ' ' +
+                             what);
+  };
+  if (times > 1 && (options.frames > 0 || !options.slidingSlab.empty() || options.isInPlace))
+  {
+    refuse(options.frames > 0  ? "--frames"
+           : options.isInPlace ? "--in-place"
+                               : "--sliding-slab",
+           times,
+           "points in time");
+  }
+  if (components > 1 && !(options.depth.empty() && options.depthColour.empty()))
+  {
+    refuse(options.depth.empty() ? "--depth-colour" : "--depth", components, "components");
+  }
+  if (components != 1 && components != 3 && OutputFiles::IsPicture(options.output))
+  {
+    refuse("A .png of other than 1 or 3 components", components, "components");
+  }
+}
+
+void
+Run(const Options & options, Messages & messages)
+{
+  Verify(options);
   if (options.threads > 0)
   {
     itk::MultiThreaderBase::SetGlobalMaximumNumberOfThreads(options.threads);
     itk::MultiThreaderBase::SetGlobalDefaultNumberOfThreads(options.threads);
   }
-  OutputFiles files(options.output, options.frames > 0 ? OutputFiles::Kind::Series : OutputFiles::Kind::Still);
+  OutputFiles files;
+  files.Reserve(options.output, options.isInPlace ? OutputFiles::Format::Values : OutputFiles::Format::Any);
+  if (!options.depth.empty())
+  {
+    files.Reserve(options.depth, OutputFiles::Format::Values);
+  }
+  if (!options.depthColour.empty())
+  {
+    files.Reserve(options.depthColour, OutputFiles::Format::Picture);
+  }
   const TransformPointer given = options.transform.empty() ? nullptr : ReadLinearTransform(options.transform);
 
-  const ScalarImage volume =
-    ReadVolume(options.input, options.series, [&](const std::string & text) { messages.Warn(text); });
-  messages.StepDone("read " + options.input + ", " + Describe(volume));
+  const auto        warn = [&](const std::string & text) { messages.Warn(text); };
+  const Volume      volume = ReadVolume(options.input, options.series, warn);
+  const AnyImage &  first = volume.times.front();
+  const std::string times = volume.times.size() > 1 ? std::to_string(volume.times.size()) + " x " : "";
+  messages.StepDone("read " + options.input + ", " + times + Describe(first));
+  VerifyVolume(options, volume);
 
   ProjectionOptions projection;
-  projection.transforms = MakeFrameTransforms(options, given, volume.image);
+  SetFrames(projection, options, given, volume);
+  projection.isInPlace = options.isInPlace;
   if (!options.spacing.empty())
   {
     const double spacing[] = { options.spacing.front(), options.spacing.back() };
@@ -400,26 +622,45 @@ Run(const Options & options, Messages & messages)
                           static_cast<itk::SizeValueType>(options.size[1]) } };
   }
   projection.oversampling = options.oversampling;
-  if (options.hasBackground)
+  projection.background = options.background;
+  projection.mode = modes.at(options.mode);
+  projection.localMaximum = options.localMaximum;
+  if (!options.mask.empty())
   {
-    projection.background = options.background;
+    projection.mask = ReadMask(options.mask, options.maskLabel, first.image, warn);
+    messages.StepDone("read " + options.mask);
   }
-  const Frames frames =
+  for (unsigned int axis = 0; axis < 3 && !options.crop.empty(); ++axis)
+  {
+    projection.cropLower[axis] = options.crop[2 * axis];
+    projection.cropUpper[axis] = options.crop[2 * axis + 1];
+  }
+  projection.attenuation = options.attenuation;
+  projection.computeDepth = !options.depth.empty() || !options.depthColour.empty();
+  const Projections projections =
     ProjectFrames(volume, projection, [&](const FrameReport & report) { messages.FrameDone(report); });
-  messages.StepDone("projected, " + Describe(frames.stack));
+  messages.StepDone("projected, " + Describe(projections.stack));
 
-  if (files.IsWindowed())
+  const bool                isSeries = options.frames > 0 || !options.slidingSlab.empty() || volume.times.size() > 1;
+  const auto                layout = options.isInPlace ? OutputFiles::Layout::Volume
+                                     : isSeries        ? OutputFiles::Layout::Series
+                                                       : OutputFiles::Layout::Still;
+  std::optional<WindowType> window;
+  if (!options.window.empty())
   {
-    std::optional<itk::Vector<double, 2>> window;
-    if (!options.window.empty())
-    {
-      window = itk::Vector<double, 2>(options.window.data());
-    }
-    files.WriteWindowed(frames, window);
+    window = WindowType(options.window.data());
   }
-  else
+  const bool isPicture = OutputFiles::IsPicture(options.output);
+  files.Write(options.output, isPicture ? MakePictures(projections, window) : projections.stack, layout);
+  if (!options.depth.empty())
   {
-    files.WriteValues(frames.stack);
+    files.Write(options.depth, projections.depths, layout);
+  }
+  if (!options.depthColour.empty())
+  {
+    files.Write(options.depthColour,
+                MakeDepthPictures(projections, window),
+                isSeries ? OutputFiles::Layout::Series : OutputFiles::Layout::Still);
   }
   files.Commit();
   messages.StepDone("wrote " + options.output);

@@ -18,43 +18,72 @@
 #ifndef Projection_h
 #define Projection_h
 
-#include "ScalarImage.h"
-#include "itkTransform.h"
+#include "AnyImage.h"
+#include "itkShearWarpMIPImageFilter.h"
 
 #include <functional>
+#include <limits>
 #include <optional>
 #include <vector>
 
+/** One picture. */
+struct Frame
+{
+  /** View space to physical space. */
+  itk::Transform<double, 3, 3>::Pointer transform;
+  double                                slabNear{ -std::numeric_limits<double>::infinity() };
+  double                                slabFar{ std::numeric_limits<double>::infinity() };
+  std::size_t                           time{ 0 };
+};
+
 struct ProjectionOptions
 {
-  /** View space to physical space, for each frame. */
-  std::vector<itk::Transform<double, 3, 3>::Pointer> transforms;
-  std::optional<itk::Vector<double, 2>>              spacing;
-  std::optional<itk::Size<2>>                        size;
+  using ModeEnum = itk::ShearWarpMIPImageFilterEnums::Mode;
+  using PointType = itk::Point<double, 3>;
+
+  std::vector<Frame> frames;
+  /** Of the frames in the stack. */
+  double frameSpacing{ 1.0 };
+  double frameOrigin{ 0.0 };
+  /** Whether the stack, of one frame, lies in physical space. */
+  bool                                  isInPlace{ false };
+  std::optional<itk::Vector<double, 2>> spacing;
+  std::optional<itk::Size<2>>           size;
   /** 0 if not given, or the volume's minimum where that is less. */
-  std::optional<double> background;
-  unsigned int          oversampling{ 1 };
+  std::optional<double>                 background;
+  unsigned int                          oversampling{ 1 };
+  ModeEnum                              mode{ ModeEnum::Maximum };
+  std::optional<double>                 localMaximum;
+  itk::Image<unsigned char, 3>::Pointer mask;
+  PointType                             cropLower{ -std::numeric_limits<double>::infinity() };
+  PointType                             cropUpper{ std::numeric_limits<double>::infinity() };
+  double                                attenuation{ 0.0 };
+  bool                                  computeDepth{ false };
 };
 
 struct FrameReport
 {
+  /** Counted over all components, one after the other. */
   std::size_t  frame;
+  std::size_t  frames;
   unsigned int principalAxis;
   double       preparationSeconds;
   double       projectionSeconds;
   double       warpSeconds;
 };
 
-struct Frames
+struct Projections
 {
   /** Axes: right in the picture, down in the picture, frame. */
-  ScalarImage stack;
-  double      background;
+  AnyImage stack;
+  /** Of type float and one component; no image unless it was computed. */
+  AnyImage depths;
+  double   background;
 };
 
-/** Projects \a volume once for each transform, all on one grid that holds every projection. */
-Frames
-ProjectFrames(const ScalarImage &                              volume,
+/** Projects each component of \a volume for each frame, all on one grid that holds every projection. */
+Projections
+ProjectFrames(const Volume &                                   volume,
               const ProjectionOptions &                        options,
               const std::function<void(const FrameReport &)> & report);
 

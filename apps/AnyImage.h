@@ -15,17 +15,30 @@
  *  limitations under the License.
  *
  *=========================================================================*/
-#ifndef ScalarImage_h
-#define ScalarImage_h
+#ifndef AnyImage_h
+#define AnyImage_h
 
 #include "itkImage.h"
 #include "itkImageIOBase.h"
+#include "itkVectorImage.h"
 
-/** A 3D image of one of ITK's scalar pixel types. */
-struct ScalarImage
+#include <vector>
+
+/** A 3D image of one of ITK's component types, an itk::VectorImage. */
+struct AnyImage
 {
   itk::ImageBase<3>::Pointer image;
   itk::IOComponentEnum       componentType{ itk::IOComponentEnum::UNKNOWNCOMPONENTTYPE };
+};
+
+/** Images of one grid and pixel type. */
+struct Volume
+{
+  std::vector<AnyImage> times;
+  double                timeSpacing{ 1.0 };
+  double                timeOrigin{ 0.0 };
+  /** Owns the pixels. */
+  itk::Object::Pointer pixels;
 };
 
 template <typename TPixel>
@@ -72,10 +85,32 @@ DispatchPixelType(itk::IOComponentEnum componentType, const TFunction & function
 }
 
 template <typename TPixel>
-itk::Image<TPixel, 3> &
-CastImage(const ScalarImage & scalarImage)
+itk::VectorImage<TPixel, 3> &
+CastImage(const AnyImage & anyImage)
 {
-  return dynamic_cast<itk::Image<TPixel, 3> &>(*scalarImage.image);
+  return dynamic_cast<itk::VectorImage<TPixel, 3> &>(*anyImage.image);
+}
+
+/** Makes an image of a grid with \a pixels, or pixels of its own if that is null. */
+template <typename TPixel>
+AnyImage
+MakeAnyImage(const itk::ImageBase<3> *                              grid,
+             unsigned int                                           components,
+             typename itk::VectorImage<TPixel, 3>::PixelContainer * pixels = nullptr)
+{
+  const auto image = itk::VectorImage<TPixel, 3>::New();
+  image->CopyInformation(grid);
+  image->SetRegions(grid->GetLargestPossibleRegion());
+  image->SetNumberOfComponentsPerPixel(components);
+  if (pixels)
+  {
+    image->SetPixelContainer(pixels);
+  }
+  else
+  {
+    image->Allocate();
+  }
+  return { image.GetPointer(), itk::ImageIOBase::MapPixelType<TPixel>::CType };
 }
 
 #endif

@@ -1,0 +1,35 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#ifndef Picture_h
+#define Picture_h
+
+#include "Projection.h"
+
+#include <optional>
+
+using WindowType = itk::Vector<double, 2>;
+
+/** Pixels of 8 bits: \a window, or a robust range of values other than the background, becomes 0 to 255. */
+AnyImage
+MakePictures(const Projections & projections, const std::optional<WindowType> & window);
+
+/** The pictures coloured by depth: from red, the nearest, to blue, the farthest of all. Black where nothing is. */
+AnyImage
+MakeDepthPictures(const Projections & projections, const std::optional<WindowType> & window);
+
+#endif
