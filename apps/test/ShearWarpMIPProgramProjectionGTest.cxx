@@ -1,0 +1,587 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#include "ShearWarpMIPProgramTestHelper.h"
+
+#include "itkRGBPixel.h"
+#include "itkShearWarpFactorization.h"
+#include "itkVectorImage.h"
+
+#include <cmath>
+#include <cstring>
+
+namespace
+{
+using namespace ShearWarpMIPProgramTest;
+using MaskType = itk::Image<unsigned char, 3>;
+using DepthType = itk::Image<float, 2>;
+using ColourType = itk::Image<itk::RGBPixel<unsigned char>, 2>;
+using ModeEnum = FilterType::ModeEnum;
+
+bool
+HaveSameDepths(const std::vector<float> & a, const std::vector<float> & b)
+{
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](float x, float y) {
+    return x == y || (std::isnan(x) && std::isnan(y));
+  });
+}
+
+class ShearWarpMIPProgramProjection : public ShearWarpMIPProgram
+{
+protected:
+  /** Expects that the options do what \a setUp does to the filter, which must make a difference. */
+  void
+  ExpectSame(const std::string & arguments, const std::function<void(FilterType &)> & setUp) const
+  {
+    SCOPED_TRACE(arguments);
+    const auto transform = this->MakeTransform(Direction::Anterior, 20.0, 10.0);
+    this->ExpectSuccess("in.nrrd out.nrrd --azimuth 20 --elevation 10 " + arguments);
+    const auto expected = this->Project(transform, setUp);
+    this->ExpectPicture("out.nrrd", expected);
+    EXPECT_NE(GetPixels(expected.GetPointer()), GetPixels(this->Project(transform).GetPointer()));
+  }
+
+  /** A mask on the volume's grid, of values 0, \a scale, 2 \a scale. */
+  template <typename TPixel>
+  typename itk::Image<TPixel, 3>::Pointer
+  MakeMask(TPixel scale = 1) const
+  {
+    const auto mask = itk::Image<TPixel, 3>::New();
+    mask->CopyInformation(m_Volume);
+    mask->SetRegions(m_Volume->GetLargestPossibleRegion());
+    mask->Allocate();
+    itk::ImageRegionIteratorWithIndex<itk::Image<TPixel, 3>> it(mask, mask->GetBufferedRegion());
+    for (; !it.IsAtEnd(); ++it)
+    {
+      it.Set(static_cast<TPixel>(scale * static_cast<TPixel>((it.GetIndex()[0] / 3 + it.GetIndex()[1] / 4) % 3)));
+    }
+    return mask;
+  }
+
+  /** Depths of the image's front and back. */
+  std::pair<double, double>
+  GetDepthBounds(const itk::Transform<double, 3, 3> * transform) const
+  {
+    itk::Point<double, 3> lower;
+    itk::Point<double, 3> upper;
+    itk::ShearWarpFactorization::ComputeViewBounds(transform, m_Volume, lower, upper);
+    return { lower[2], upper[2] };
+  }
+
+  /** The volume at a time or of a component: each differs. */
+  static VolumeType::Pointer
+  MakePart(const VolumeType * volume, unsigned int part)
+  {
+    const auto image = VolumeType::New();
+    image->CopyInformation(volume);
+    image->SetRegions(volume->GetLargestPossibleRegion());
+    image->Allocate();
+    const auto pixels = GetPixels(volume);
+    std::transform(pixels.begin(), pixels.end(), image->GetBufferPointer(), [part](PixelType value) {
+      return static_cast<PixelType>((value * (part + 1)) % 97 + 100 * part);
+    });
+    return image;
+  }
+
+  /** Writes an image of so many parts; in 3D they are the components of each pixel, in 4D points in time. */
+  template <unsigned int VDimension, typename TComponent = PixelType>
+  void
+  WriteParts(const std::string & name, unsigned int parts)
+  {
+    using ImageType = itk::VectorImage<TComponent, VDimension>;
+    const auto                      image = ImageType::New();
+    typename ImageType::RegionType  region;
+    typename ImageType::SpacingType spacing(2.5);
+    typename ImageType::PointType   origin(4.0);
+    for (unsigned int axis = 0; axis < 3; ++axis)
+    {
+      region.SetSize(axis, m_Volume->GetLargestPossibleRegion().GetSize(axis));
+      spacing[axis] = m_Volume->GetSpacing()[axis];
+      origin[axis] = m_Volume->GetOrigin()[axis];
+    }
+    constexpr bool isTime = VDimension == 4;
+    if (isTime)
+    {
+      region.SetSize(VDimension - 1, parts);
+    }
+    image->SetRegions(region);
+    image->SetSpacing(spacing);
+    image->SetOrigin(origin);
+    image->SetNumberOfComponentsPerPixel(isTime ? 1 : parts);
+    image->Allocate();
+    m_Parts.clear();
+    for (unsigned int part = 0; part < parts; ++part)
+    {
+      m_Parts.push_back(MakePart(m_Volume, part));
+      const auto        pixels = GetPixels(m_Parts.back().GetPointer());
+      const std::size_t begin = isTime ? part * pixels.size() : part;
+      const std::size_t step = isTime ? 1 : parts;
+      for (std::size_t n = 0; n < pixels.size(); ++n)
+      {
+        image->GetBufferPointer()[begin + n * step] = static_cast<TComponent>(pixels[n]);
+      }
+    }
+    const auto writer = itk::ImageFileWriter<ImageType>::New();
+    writer->SetInput(image);
+    writer->SetFileName(this->GetPath(name));
+    writer->Update();
+  }
+
+  PictureType::Pointer
+  ProjectPart(unsigned int part) const
+  {
+    return this->Project(this->MakeTransform(Direction::Anterior),
+                         [&](FilterType & filter) { filter.SetInput(m_Parts[part]); });
+  }
+
+  std::vector<VolumeType::Pointer> m_Parts;
+};
+
+TEST_F(ShearWarpMIPProgramProjection, TakesMode)
+{
+  this->ExpectSame("--mode minimum", [](FilterType & filter) { filter.SetMode(ModeEnum::Minimum); });
+  this->ExpectSuccess("in.nrrd same.nrrd --mode maximum");
+  this->ExpectPicture("same.nrrd", this->Project(this->MakeTransform(Direction::Anterior)));
+
+  m_Volume = MakeVolume<PixelType>(-70);
+  this->WriteImage<VolumeType>(m_Volume, "signed.nrrd");
+  const auto setUp = [](FilterType & filter) {
+    filter.SetMode(ModeEnum::AbsoluteMaximum);
+    filter.SetDefaultPixelValue(-70);
+  };
+  this->ExpectSuccess("signed.nrrd out.nrrd --mode absolute-maximum");
+  const auto expected = this->Project(this->MakeTransform(Direction::Anterior), setUp);
+  this->ExpectPicture("out.nrrd", expected);
+  const auto pixels = GetPixels(expected.GetPointer());
+  EXPECT_LT(*std::min_element(pixels.begin(), pixels.end()), 0);
+
+  this->ExpectFailure("in.nrrd out.png --mode mean", "--mode");
+}
+
+TEST_F(ShearWarpMIPProgramProjection, TakesSlab)
+{
+  this->ExpectSame("--slab -3 2.5", [](FilterType & filter) {
+    filter.SetSlabNear(-3.0);
+    filter.SetSlabFar(2.5);
+  });
+  this->ExpectSame("--slab 1 inf", [](FilterType & filter) { filter.SetSlabNear(1.0); });
+  this->ExpectSame("--slab -inf 1", [](FilterType & filter) { filter.SetSlabFar(1.0); });
+  this->ExpectFailure("in.nrrd out.png --slab 3 2", "--slab: NEAR must not be greater than FAR");
+  this->ExpectFailure("in.nrrd out.png --slab nan 2", "--slab");
+  this->ExpectFailure("in.nrrd out.png --slab 1 thick", "--slab");
+  this->ExpectFailure("in.nrrd out.png --slab 2", "--slab");
+}
+
+TEST_F(ShearWarpMIPProgramProjection, SlidesSlab)
+{
+  const auto transform = this->MakeTransform(Direction::Left, 20.0);
+  const auto [front, back] = this->GetDepthBounds(transform);
+  this->ExpectSuccess("in.nrrd out.nrrd --view left --azimuth 20 --sliding-slab 3 2");
+  const auto stack = this->Read<VolumeType>("out.nrrd");
+  const auto count = stack->GetBufferedRegion().GetSize(2);
+  // the last begins before the back and reaches it
+  EXPECT_LT(front + 2.0 * static_cast<double>(count - 1), back);
+  EXPECT_LT(front + 2.0 * static_cast<double>(count - 2) + 3.0, back);
+  EXPECT_GE(front + 2.0 * static_cast<double>(count - 1) + 3.0, back);
+  EXPECT_EQ(stack->GetSpacing()[2], 2.0);
+  EXPECT_NEAR(stack->GetOrigin()[2], front + 1.5, 1e-9);
+  const auto whole = this->Project(transform);
+  EXPECT_NEAR(stack->GetOrigin()[0], whole->GetOrigin()[0], 1e-9);
+  for (itk::SizeValueType n = 0; n < count; ++n)
+  {
+    const auto         expected = GetPixels(this
+                                      ->Project(transform,
+                                                [&, first = front](FilterType & filter) {
+                                                  filter.SetSlabNear(first + 2.0 * static_cast<double>(n));
+                                                  filter.SetSlabFar(filter.GetSlabNear() + 3.0);
+                                                })
+                                      .GetPointer());
+    const auto * const frame = stack->GetBufferPointer() + n * expected.size();
+    EXPECT_TRUE(std::equal(expected.begin(), expected.end(), frame)) << n;
+  }
+
+  this->ExpectSuccess("in.nrrd slabs.png --view left --azimuth 20 --sliding-slab 3 2");
+  EXPECT_TRUE(fs::exists(m_Folder / "slabs-000.png"));
+  EXPECT_EQ(this->GetContents().size(), count + 2);
+  // one that holds all
+  this->ExpectSuccess("in.nrrd one.nrrd --sliding-slab 100 1");
+  const auto one = this->Read<VolumeType>("one.nrrd");
+  EXPECT_EQ(GetPixels(one.GetPointer()),
+            GetPixels(this->Project(this->MakeTransform(Direction::Anterior)).GetPointer()));
+
+  this->ExpectFailure("in.nrrd out.png --sliding-slab 0 1", "--sliding-slab");
+  this->ExpectFailure("in.nrrd out.png --sliding-slab 5 -1", "--sliding-slab");
+  this->ExpectFailure("in.nrrd out.png --sliding-slab 5", "--sliding-slab");
+  this->ExpectFailure("in.nrrd out.png --sliding-slab 5 1e-9", "at most 100000");
+  this->ExpectFailure("in.nrrd out.png --sliding-slab 5 1 --slab 0 1", "--slab");
+  this->ExpectFailure("in.nrrd out.png --sliding-slab 5 1 --frames 3", "--frames");
+}
+
+TEST_F(ShearWarpMIPProgramProjection, TakesLocalMaximum)
+{
+  this->ExpectSame("--local-maximum 60", [](FilterType & filter) {
+    filter.LocalMaximumOn();
+    filter.SetLocalMaximumThreshold(60);
+  });
+  this->ExpectFailure("in.nrrd out.png --local-maximum 40000", "--local-maximum 40000 is not a value of the image's");
+  this->ExpectFailure("in.nrrd out.png --local-maximum 0.5", "--local-maximum");
+  this->ExpectFailure("in.nrrd out.png --local-maximum nan", "--local-maximum");
+  this->ExpectFailure("in.nrrd out.png --local-maximum", "--local-maximum");
+}
+
+TEST_F(ShearWarpMIPProgramProjection, TakesMask)
+{
+  const auto bytes = this->MakeMask<unsigned char>();
+  this->WriteImage<MaskType>(bytes, "mask.nrrd");
+  this->WriteImage<MaskType>(bytes, "mask.nii.gz");
+  const auto masked = [&](FilterType & filter) { filter.SetMaskImage(bytes); };
+  const auto labelled = [&](FilterType & filter) {
+    filter.SetMaskImage(bytes);
+    filter.SetMaskLabel(2);
+  };
+  this->ExpectSame("--mask mask.nrrd", masked);
+  this->ExpectSame("--mask mask.nrrd --mask-label 2", labelled);
+  // NIfTI rounds the grid
+  this->ExpectSame("--mask mask.nii.gz --mask-label 2", labelled);
+
+  // of values that a byte does not hold: 256 would be 0, and 512 too
+  this->WriteImage<itk::Image<int, 3>>(this->MakeMask<int>(256), "large.nrrd");
+  this->ExpectSame("--mask large.nrrd", masked);
+  this->ExpectSame("--mask large.nrrd --mask-label 512", labelled);
+  this->WriteImage<itk::Image<short, 3>>(this->MakeMask<short>(-1), "negative.nrrd");
+  this->ExpectSame("--mask negative.nrrd", masked);
+
+  const Result nothing = this->Run("in.nrrd nothing.nrrd --mask large.nrrd --mask-label 1");
+  EXPECT_EQ(nothing.status, 0);
+  EXPECT_EQ(nothing.messages, "shear-warp-mip: warning: no voxel is in the mask 'large.nrrd'\n");
+  const auto pixels = GetPixels(this->Read("nothing.nrrd").GetPointer());
+  EXPECT_EQ(std::count(pixels.begin(), pixels.end(), 0), static_cast<std::ptrdiff_t>(pixels.size()));
+}
+
+TEST_F(ShearWarpMIPProgramProjection, RefusesWrongMask)
+{
+  const auto mask = this->MakeMask<unsigned char>();
+  this->WriteImage<MaskType>(mask, "mask.nrrd");
+  this->ExpectFailure("in.nrrd out.png --mask missing.nrrd", "'missing.nrrd' does not exist");
+  this->ExpectFailure("in.nrrd out.png --mask-label 3", "--mask");
+  for (const std::string label : { "0", "-1", "1.5", "one", "nan", "99999999999999999999" })
+  {
+    this->ExpectFailure("in.nrrd out.png --mask mask.nrrd --mask-label " + label, "--mask-label");
+  }
+  this->WriteImage<itk::Image<float, 3>>(this->MakeMask<float>(), "float.nrrd");
+  this->ExpectFailure("in.nrrd out.png --mask float.nrrd", "'float.nrrd' must have whole numbers");
+  this->WriteParts<4>("times.nrrd", 2);
+  this->ExpectFailure("in.nrrd out.png --mask times.nrrd", "one point in time");
+  this->WriteParts<3>("vector.nrrd", 3);
+  this->ExpectFailure("in.nrrd out.png --mask vector.nrrd", "one component");
+
+  mask->SetSpacing(m_Volume->GetSpacing() * 1.01);
+  this->WriteImage<MaskType>(mask, "wide.nrrd");
+  this->ExpectFailure("in.nrrd out.png --mask wide.nrrd", "'wide.nrrd' is not on INPUT's grid: a corner is");
+  const auto small = MaskType::New();
+  small->SetRegions(itk::Size<3>{ { 20, 18, 11 } });
+  small->Allocate(true);
+  this->WriteImage<MaskType>(small, "small.nrrd");
+  this->ExpectFailure("in.nrrd out.png --mask small.nrrd", "it has [20, 18, 11] voxels instead of [20, 18, 12]");
+  const std::string whole = ReadText(m_Folder / "mask.nrrd");
+  std::ofstream(m_Folder / "cut.nrrd", std::ios::binary) << whole.substr(0, whole.size() - 1000);
+  this->ExpectFailure("in.nrrd out.png --mask cut.nrrd", "cut.nrrd");
+}
+
+TEST_F(ShearWarpMIPProgramProjection, TakesCrop)
+{
+  const auto cropped = [](FilterType & filter) {
+    filter.SetCropLower(itk::Point<double, 3>(std::array<double, 3>{ -36.0, 14.0, 5.0 }.data()));
+    filter.SetCropUpper(itk::Point<double, 3>(std::array<double, 3>{ -30.0, 22.0, 12.5 }.data()));
+  };
+  this->ExpectSame("--crop -36,-30,14,22,5,12.5", cropped);
+  this->ExpectSame("--crop -36 -30 14 22 5 12.5", cropped);
+  this->ExpectSame("--crop -inf,-30,-inf,inf,-inf,inf", [](FilterType & filter) {
+    auto upper = filter.GetCropUpper();
+    upper[0] = -30.0;
+    filter.SetCropUpper(upper);
+  });
+  this->ExpectFailure("in.nrrd out.png --crop 1,2,3,4,5", "--crop");
+  this->ExpectFailure("in.nrrd out.png --crop 1,2,3,4,5,6,7", "--crop");
+  this->ExpectFailure("in.nrrd out.png --crop 1,2,3,4,5,nan", "--crop");
+  this->ExpectFailure("in.nrrd out.png --crop 1,2,4,3,5,6", "--crop: X0, Y0 and Z0 must not be greater");
+}
+
+TEST_F(ShearWarpMIPProgramProjection, TakesAttenuation)
+{
+  this->ExpectSame("--attenuation 0.05", [](FilterType & filter) { filter.SetDepthAttenuation(0.05); });
+  for (const std::string rate : { "-0.1", "nan", "inf", "fast", "1000" })
+  {
+    this->ExpectFailure("in.nrrd out.png --attenuation " + rate, "ttenuation");
+  }
+}
+
+TEST_F(ShearWarpMIPProgramProjection, WritesDepth)
+{
+  // a slab leaves pixels without a depth
+  const auto transform = this->MakeTransform(Direction::Anterior, 30.0);
+  const auto filter = FilterType::New();
+  filter->SetInput(m_Volume);
+  filter->SetTransform(transform);
+  filter->SetSlabNear(2.0);
+  filter->ComputeDepthOn();
+  filter->Update();
+  const auto expected = GetPixels(filter->GetDepthOutput());
+  const auto isNothing = [](float depth) { return std::isnan(depth); };
+  EXPECT_GT(std::count_if(expected.begin(), expected.end(), isNothing), 0);
+  EXPECT_GT(std::count_if(expected.begin(), expected.end(), std::not_fn(isNothing)), 0);
+  for (const std::string name : { "depth.mha", "depth.nrrd", "depth.nii", "depth.nii.gz" })
+  {
+    SCOPED_TRACE(name);
+    this->ExpectSuccess("in.nrrd out.nrrd --azimuth 30 --slab 2 inf --depth " + name);
+    this->ExpectPicture("out.nrrd", filter->GetOutput());
+    const auto depth = this->Read<DepthType>(name);
+    EXPECT_NEAR(depth->GetOrigin()[0], filter->GetOutput()->GetOrigin()[0], 1e-5);
+    EXPECT_NEAR(depth->GetSpacing()[1], filter->GetOutput()->GetSpacing()[1], 1e-6);
+    EXPECT_EQ(depth->GetBufferedRegion(), filter->GetOutput()->GetBufferedRegion());
+    if (name.find(".nii") == std::string::npos)
+    {
+      EXPECT_TRUE(HaveSameDepths(GetPixels(depth.GetPointer()), expected));
+    }
+  }
+  // ITK's reader makes not-a-number of NIfTI 0
+  const std::string  bytes = ReadText(m_Folder / "depth.nii");
+  std::vector<float> depths(expected.size());
+  std::memcpy(depths.data(), bytes.data() + bytes.size() - 4 * depths.size(), 4 * depths.size());
+  EXPECT_TRUE(HaveSameDepths(depths, expected));
+
+  this->ExpectSuccess("in.nrrd out.png --frames 3 --depth turn.nrrd");
+  const auto stack = this->Read<itk::Image<float, 3>>("turn.nrrd");
+  EXPECT_EQ(stack->GetBufferedRegion().GetSize(2), 3u);
+
+  this->ExpectFailure("in.nrrd out.png --depth depth.png", ".mha .nrrd .nii .nii.gz");
+  this->ExpectFailure("in.nrrd out.nrrd --depth out.nrrd", "'out.nrrd' would be written twice");
+  this->ExpectFailure("in.nrrd out.nrrd --depth ./out.nrrd", "written twice");
+  this->ExpectFailure("in.nrrd out.png --depth nowhere/depth.nrrd", "nowhere/depth.nrrd");
+  fs::create_directory(m_Folder / "folder.nrrd");
+  this->ExpectFailure("in.nrrd out.png --depth folder.nrrd", "folder.nrrd");
+}
+
+TEST_F(ShearWarpMIPProgramProjection, ColoursByDepth)
+{
+  // equally bright voxels on a line away from the viewer and to the right, one half as bright, and no background
+  const auto vessels = VolumeType::New();
+  vessels->SetRegions(itk::Size<3>{ { 11, 11, 3 } });
+  vessels->Allocate(true);
+  const auto mask = MaskType::New();
+  mask->SetRegions(vessels->GetLargestPossibleRegion());
+  mask->Allocate(true);
+  for (itk::IndexValueType n = 0; n <= 10; n += 2)
+  {
+    vessels->SetPixel({ { n, n, 1 } }, n == 10 ? 50 : 100);
+    mask->SetPixel({ { n, n, 1 } }, 1);
+  }
+  this->WriteImage<VolumeType>(vessels, "vessels.nrrd");
+  this->WriteImage<MaskType>(mask, "mask.nrrd");
+  this->ExpectSuccess("vessels.nrrd out.png --mask mask.nrrd --window 0 100 --depth-colour colour.png");
+  EXPECT_TRUE(fs::exists(m_Folder / "out.png"));
+  const auto colour = this->Read<ColourType>("colour.png");
+  ASSERT_EQ(colour->GetBufferedRegion().GetSize(), (itk::Size<2>{ { 11, 3 } }));
+  ColourType::PixelType nothing;
+  nothing.Fill(0);
+  const auto get = [&](itk::IndexValueType x) {
+    const auto pixel = colour->GetPixel({ { x, 1 } });
+    return std::vector<int>(pixel.Begin(), pixel.End());
+  };
+  // red, yellow, green, cyan, half of blue
+  const auto near = get(0);
+  EXPECT_GE(near[0], 250);
+  EXPECT_LE(near[1] + near[2], 10);
+  EXPECT_GE(get(2)[0], 250);
+  EXPECT_GT(get(2)[1], 50);
+  EXPECT_GE(get(4)[1], 250);
+  EXPECT_GE(get(6)[1], 250);
+  EXPECT_GT(get(4)[0], get(4)[2]);
+  EXPECT_LT(get(6)[0], get(6)[2]);
+  EXPECT_GE(get(8)[2], 250);
+  const auto far = get(10);
+  EXPECT_NEAR(far[2], 128, 3);
+  EXPECT_LE(far[0] + far[1], 10);
+  // between them, and above, nothing
+  EXPECT_EQ(get(1), (std::vector<int>{ 0, 0, 0 }));
+  EXPECT_EQ(colour->GetPixel({ { 0, 0 } }), nothing);
+
+  this->ExpectSuccess("in.nrrd out.nrrd --frames 3 --depth-colour turn.png");
+  EXPECT_TRUE(fs::exists(m_Folder / "turn-002.png"));
+  // without differences of depth
+  this->ExpectSuccess("in.nrrd out.nrrd --slab 1000 1001 --depth-colour empty.png");
+  const auto empty = GetPixels(this->Read<ColourType>("empty.png").GetPointer());
+  EXPECT_EQ(std::count(empty.begin(), empty.end(), nothing), static_cast<std::ptrdiff_t>(empty.size()));
+
+  this->ExpectFailure("in.nrrd out.nrrd --depth-colour depth.nrrd", "must have one of the extensions .png");
+  this->ExpectFailure("in.nrrd out.png --depth-colour out.png", "'out.png' would be written twice");
+}
+
+TEST_F(ShearWarpMIPProgramProjection, WritesAllFilesOrNone)
+{
+  fs::create_directory(m_Folder / "turn-001.png");
+  this->ExpectFailure("in.nrrd out.nrrd --frames 2 --depth depth.nrrd --depth-colour turn.png", "turn-001.png");
+  // room for OUTPUT only
+  std::ofstream(m_Folder / "depth.mha") << "kept";
+  this->ExpectSuccess("in.nrrd small.mha --spacing 0.35");
+  this->ExpectFailure(
+    "in.nrrd small.mha --spacing 0.35 --depth depth.mha", "'depth.mha'", "trap '' XFSZ && ulimit -f 10 &&");
+}
+
+TEST_F(ShearWarpMIPProgramProjection, WritesInPlace)
+{
+  using InPlaceFilterType = itk::ShearWarpMIPImageFilter<VolumeType, VolumeType>;
+  const auto transform = this->MakeTransform(Direction::Left, 20.0, 15.0);
+  for (const bool hasSlab : { false, true })
+  {
+    const auto filter = InPlaceFilterType::New();
+    filter->SetInput(m_Volume);
+    filter->SetTransform(transform);
+    if (hasSlab)
+    {
+      filter->SetSlabNear(-2.0);
+      filter->SetSlabFar(3.0);
+    }
+    filter->ComputeDepthOn();
+    filter->Update();
+    const auto * expected = filter->GetOutput();
+    for (const std::string name : { "out.mha", "out.nrrd", "out.nii", "out.nii.gz" })
+    {
+      SCOPED_TRACE(name);
+      this->ExpectSuccess("in.nrrd " + name + " --view left --azimuth 20 --elevation 15 --in-place --depth depth.nrrd" +
+                          (hasSlab ? " --slab -2 3" : ""));
+      const auto slice = this->Read<VolumeType>(name);
+      EXPECT_EQ(slice->GetBufferedRegion(), expected->GetBufferedRegion());
+      EXPECT_EQ(GetPixels(slice.GetPointer()), GetPixels(expected));
+      for (unsigned int axis = 0; axis < 3; ++axis)
+      {
+        EXPECT_NEAR(slice->GetSpacing()[axis], expected->GetSpacing()[axis], 1e-5);
+        EXPECT_NEAR(slice->GetOrigin()[axis], expected->GetOrigin()[axis], 1e-4);
+        for (unsigned int row = 0; row < 3; ++row)
+        {
+          EXPECT_NEAR(slice->GetDirection()(row, axis), expected->GetDirection()(row, axis), 1e-5);
+        }
+      }
+      const auto depth = this->Read<itk::Image<float, 3>>("depth.nrrd");
+      EXPECT_LT((depth->GetOrigin() - expected->GetOrigin()).GetNorm(), 1e-6);
+      EXPECT_TRUE(HaveSameDepths(GetPixels(depth.GetPointer()), GetPixels(filter->GetDepthOutput())));
+    }
+  }
+  this->ExpectFailure("in.nrrd out.png --in-place", ".mha .nrrd .nii .nii.gz");
+  this->ExpectFailure("in.nrrd out.nrrd --in-place --frames 3", "--in-place");
+  this->ExpectFailure("in.nrrd out.nrrd --in-place --sliding-slab 3 1", "--in-place");
+}
+
+TEST_F(ShearWarpMIPProgramProjection, ProjectsEachComponent)
+{
+  for (const unsigned int components : { 2u, 3u, 4u, 7u })
+  {
+    for (const std::string format : { ".nrrd", ".mha", ".nii" })
+    {
+      SCOPED_TRACE(std::to_string(components) + format);
+      this->WriteParts<3>("vector" + format, components);
+      this->ExpectSuccess("vector" + format + " out" + format);
+      const auto picture = this->Read<itk::VectorImage<PixelType, 2>>("out" + format);
+      ASSERT_EQ(picture->GetNumberOfComponentsPerPixel(), components);
+      for (unsigned int component = 0; component < components; ++component)
+      {
+        const auto expected = GetPixels(this->ProjectPart(component).GetPointer());
+        ASSERT_EQ(picture->GetBufferedRegion().GetNumberOfPixels(), expected.size());
+        for (std::size_t n = 0; n < expected.size(); ++n)
+        {
+          ASSERT_EQ(picture->GetBufferPointer()[n * components + component], expected[n]) << n;
+        }
+      }
+    }
+  }
+  this->ExpectFailure("vector.nrrd out.png", "'vector.nrrd' has 7 components");
+  this->ExpectFailure("vector.nrrd out.nrrd --depth depth.nrrd",
+                      "--depth is not possible: 'vector.nrrd' has 7 components");
+  this->ExpectFailure("vector.nrrd out.nrrd --depth-colour depth.png", "--depth-colour is not possible");
+}
+
+TEST_F(ShearWarpMIPProgramProjection, ProjectsColours)
+{
+  m_Volume = MakeVolume<PixelType>(20);
+  this->WriteParts<3>("short.nrrd", 3);
+  this->ExpectSuccess("short.nrrd out.png --window 0 400");
+  const auto picture = this->Read<ColourType>("out.png");
+  for (unsigned int component = 0; component < 3; ++component)
+  {
+    const auto expected = GetPixels(this->ProjectPart(component).GetPointer());
+    const auto pixels = GetPixels(picture.GetPointer());
+    ASSERT_EQ(pixels.size(), expected.size());
+    for (std::size_t n = 0; n < pixels.size(); ++n)
+    {
+      ASSERT_EQ(pixels[n][component], std::lround(255.0 * std::min(expected[n] / 400.0, 1.0)));
+    }
+  }
+
+  // parts below 256 are kept
+  using BytesType = itk::Image<itk::RGBPixel<unsigned char>, 3>;
+  this->WriteParts<3, unsigned char>("bytes.nrrd", 3);
+  this->WriteImage<BytesType>(this->Read<BytesType>("bytes.nrrd"), "colour.nii.gz");
+  for (const std::string name : { "out.nrrd", "out.mha", "out.nii.gz" })
+  {
+    SCOPED_TRACE(name);
+    this->ExpectSuccess("colour.nii.gz " + name);
+    const auto reader = itk::ImageFileReader<ColourType>::New();
+    reader->SetFileName(this->GetPath(name));
+    reader->Update();
+    EXPECT_EQ(reader->GetImageIO()->GetNumberOfComponents(), 3u);
+    EXPECT_EQ(reader->GetImageIO()->GetComponentType(), itk::IOComponentEnum::UCHAR);
+    const auto expected = GetPixels(this->ProjectPart(0).GetPointer());
+    const auto pixels = GetPixels(reader->GetOutput());
+    ASSERT_EQ(pixels.size(), expected.size());
+    for (std::size_t n = 0; n < pixels.size(); ++n)
+    {
+      ASSERT_EQ(pixels[n][0], expected[n]);
+    }
+  }
+
+  this->ExpectSuccess("short.nrrd turn.png --frames 3");
+  EXPECT_EQ(this->Read<ColourType>("turn-001.png")->GetBufferedRegion(),
+            this->Read<ColourType>("turn-002.png")->GetBufferedRegion());
+}
+
+TEST_F(ShearWarpMIPProgramProjection, ProjectsEachPointInTime)
+{
+  for (const std::string name : { "times.nii.gz", "times.nrrd", "times.mha" })
+  {
+    SCOPED_TRACE(name);
+    this->WriteParts<4>(name, 4);
+    this->ExpectSuccess(name + " out.nrrd");
+    const auto stack = this->Read<VolumeType>("out.nrrd");
+    ASSERT_EQ(stack->GetBufferedRegion().GetSize(2), 4u);
+    EXPECT_NEAR(stack->GetSpacing()[2], 2.5, 1e-6);
+    const auto times = this->Read<itk::Image<PixelType, 4>>(name);
+    EXPECT_EQ(stack->GetOrigin()[2], times->GetOrigin()[3]);
+    for (unsigned int time = 0; time < 4; ++time)
+    {
+      const auto         expected = GetPixels(this->ProjectPart(time).GetPointer());
+      const auto * const frame = stack->GetBufferPointer() + time * expected.size();
+      EXPECT_TRUE(std::equal(expected.begin(), expected.end(), frame)) << time;
+    }
+  }
+  this->ExpectSuccess("times.nrrd cine.png");
+  EXPECT_TRUE(fs::exists(m_Folder / "cine-003.png"));
+  EXPECT_FALSE(fs::exists(m_Folder / "cine.png"));
+  this->ExpectFailure("times.nrrd out.png --frames 3", "--frames is not possible: 'times.nrrd' has 4 points in time");
+  this->ExpectFailure("times.nrrd out.png --sliding-slab 3 1", "--sliding-slab is not possible");
+  this->ExpectFailure("times.nrrd out.nrrd --in-place", "--in-place is not possible");
+}
+} // namespace
