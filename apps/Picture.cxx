@@ -85,12 +85,18 @@ MakeDepthPictures(const Projections & projections, const std::optional<WindowTyp
 
   const float * const begin = depths.GetBufferPointer();
   const float * const end = begin + depths.Size();
-  float               nearest = std::numeric_limits<float>::max();
-  float               farthest = std::numeric_limits<float>::lowest();
-  std::for_each(begin, end, [&](float depth) {
-    nearest = depth < nearest ? depth : nearest;
-    farthest = depth > farthest ? depth : farthest;
-  });
+  // noise is at all depths
+  constexpr unsigned char bright = 128;
+  float                   nearest = std::numeric_limits<float>::max();
+  float                   farthest = std::numeric_limits<float>::lowest();
+  for (const float * depth = begin; depth != end; ++depth)
+  {
+    if (brightness[depth - begin] >= bright)
+    {
+      nearest = *depth < nearest ? *depth : nearest;
+      farthest = *depth > farthest ? *depth : farthest;
+    }
+  }
 
   // the map's part from pure red to pure blue
   constexpr float red = 0.872F;
@@ -101,8 +107,9 @@ MakeDepthPictures(const Projections & projections, const std::optional<WindowTyp
   for (const float * depth = begin; depth != end; ++depth, ++brightness, pixel += 3)
   {
     const bool  isSomething = !std::isnan(*depth);
-    const float fraction = isSomething && nearest < farthest ? (*depth - nearest) / (farthest - nearest) : 0.0F;
-    const auto  colour = (*colourMap)(red + fraction * (blue - red));
+    const float fraction =
+      isSomething && nearest < farthest ? std::clamp((*depth - nearest) / (farthest - nearest), 0.0F, 1.0F) : 0.0F;
+    const auto colour = (*colourMap)(red + fraction * (blue - red));
     for (unsigned int component = 0; component < 3; ++component)
     {
       pixel[component] = static_cast<unsigned char>(isSomething ? (colour[component] * *brightness + 127) / 255 : 0);

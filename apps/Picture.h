@@ -28,7 +28,8 @@ using WindowType = itk::Vector<double, 2>;
 AnyImage
 MakePictures(const Projections & projections, const std::optional<WindowType> & window);
 
-/** The pictures coloured by depth: from red, the nearest, to blue, the farthest of all. Black where nothing is. */
+/** The pictures coloured by depth: from red, the nearest of the pixels that are bright in any of them, to blue, the
+ * farthest. Black where nothing is. */
 AnyImage
 MakeDepthPictures(const Projections & projections, const std::optional<WindowType> & window);
 

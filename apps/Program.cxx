@@ -194,7 +194,7 @@ DefineOptions(CLI::App & app, Options & options)
   app
     .add_option("--transform",
                 options.transform,
-                "Linear ITK transform from view space (right, down, away; mm) to the image's space")
+                "Linear ITK transform from view space (right, down, away; mm) to the image's space; depths are then from its origin")
     ->excludes(view)
     ->excludes(azimuth)
     ->excludes(elevation)
@@ -252,24 +252,25 @@ DefineOptions(CLI::App & app, Options & options)
   const auto slab = app
                       .add_option("--slab",
                                   options.slab,
-                                  "Only what lies at depths from NEAR to FAR, in mm behind the image's centre along "
+                                  "NEAR and FAR: only what lies between these depths behind the image's centre along "
                                   "the view (negative: nearer to the viewer; -inf and inf: no limit)")
                       ->check(Bound())
                       ->expected(2)
-                      ->type_name("NEAR FAR")
+                      ->type_name("MM")
                       ->group("Projection");
   const auto slidingSlab = app
                              .add_option("--sliding-slab",
                                          options.slidingSlab,
-                                         "Slabs of THICKNESS mm from the image's front to its back, one every STEP "
-                                         "mm: a 3D stack by depth of the slabs' middles, or numbered PNGs")
+                                         "THICKNESS and STEP: slabs from the image's front to its back, one every "
+                                         "STEP: a 3D stack by depth of the slabs' middles, or numbered PNGs")
                              ->check(Number("a positive number", tiny))
                              ->expected(2)
                              ->excludes(slab)
                              ->excludes(frames)
-                             ->type_name("THICKNESS STEP")
+                             ->type_name("MM")
                              ->group("Projection");
-  app.add_option("--mode", options.mode, "Value of a ray: the absolute maximum keeps its sign")
+  app
+    .add_option("--mode", options.mode, "What a ray shows of the values along it; the absolute maximum keeps its sign")
     ->check(CLI::IsMember(GetKeys(modes)))
     ->capture_default_str()
     ->group("Projection");
@@ -280,11 +281,13 @@ DefineOptions(CLI::App & app, Options & options)
                 "brighter one behind it (first local minimum of at most this value with --mode minimum)")
     ->type_name("THRESHOLD")
     ->group("Projection");
-  const auto mask =
-    app.add_option("--mask", options.mask, "Image of whole numbers on INPUT's grid: only voxels where it is not 0")
-      ->type_name("FILE")
-      ->group("Projection");
-  app.add_option("--mask-label", options.maskLabel, "Only voxels where the mask is N")
+  const auto mask = app
+                      .add_option("--mask",
+                                  options.mask,
+                                  "Only voxels where this image is not 0; it has whole numbers and INPUT's grid")
+                      ->type_name("FILE")
+                      ->group("Projection");
+  app.add_option("--mask-label", options.maskLabel, "Only voxels where the mask is N, at least 1")
     ->check(count)
     ->needs(mask)
     ->type_name("N")
@@ -292,34 +295,34 @@ DefineOptions(CLI::App & app, Options & options)
   app
     .add_option("--crop",
                 options.crop,
-                "Only what lies in this box, in mm of the patient's space (LPS: x to the left, y to posterior, z to "
-                "superior; -inf and inf: no limit); commas may be between the numbers")
+                "X0 X1 Y0 Y1 Z0 Z1, or with commas: only what lies in this box of the patient's space (LPS: x to the "
+                "left, y to posterior, z to superior; -inf and inf: no limit)")
     ->check(Bound())
     ->delimiter(',')
     ->expected(6)
-    ->type_name("X0 X1 Y0 Y1 Z0 Z1")
+    ->type_name("MM")
     ->group("Projection");
   app
     .add_option("--attenuation",
                 options.attenuation,
-                "Values fade to the background with depth d from the front of the image or slab, in mm: by "
-                "exp(-RATE d)")
+                "Values fade to the background with depth: at d mm behind the front of the image or slab, to exp(-RATE "
+                "d) of their difference; RATE is per mm")
     ->check(Number("a finite number of at least 0", 0.0))
     ->type_name("RATE")
     ->group("Projection");
   app
     .add_option("--depth",
                 options.depth,
-                "Also writes the depth of each pixel's value, in mm behind the image's centre, not-a-number where "
-                "nothing is: .mha, .nrrd, .nii or .nii.gz, of floats")
+                "Also writes the depth of each pixel's value, in mm behind the image's centre along the view: floats "
+                "in .mha, .nrrd, .nii or .nii.gz, "
+                "not-a-number where nothing is, which ITK reads as 0 from NIfTI")
     ->type_name("FILE")
     ->group("Projection");
   app
     .add_option("--depth-colour",
                 options.depthColour,
-                "Also writes a .png, or numbered ones, coloured by depth, from red, the nearest in the picture, to "
-                "blue, the farthest; "
-                "as bright as OUTPUT with --window")
+                "Also writes a .png, or numbered ones with a series: coloured by depth from red, the nearest of what "
+                "is bright, to blue, the farthest; as bright as OUTPUT with --window; black where nothing is")
     ->type_name("FILE")
     ->group("Projection");
   app

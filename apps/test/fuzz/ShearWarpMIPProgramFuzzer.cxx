@@ -161,8 +161,8 @@ extern "C" int
 LLVMFuzzerTestOneInput(const std::uint8_t * data, std::size_t size)
 {
   const std::string text(reinterpret_cast<const char *>(data), size);
-  // a long turn is no fault
-  static const std::regex manyFrames("--frames[=\n][^\n]{3}");
+  // a long series is no fault
+  static const std::regex manyFrames("--frames[=\n][^\n]{3}|--sliding-slab[=\n][^\n]*\n[^\n]*[.e]");
   if (std::regex_search(text, manyFrames))
   {
     return -1;
