@@ -48,9 +48,10 @@ using TransformPointer = itk::Transform<double, 3, 3>::Pointer;
 
 constexpr auto description =
   "Maximum intensity projection (MIP) of a 3D image from any direction.\n\n"
-  "INPUT is an image that ITK reads (NIfTI, NRRD, MetaImage, DICOM, ...) or a folder of DICOM files. Each component "
-  "of\n"
-  "its pixels is projected by itself, and of a 4D image each point in time: a 3D stack, or numbered PNGs.\n"
+  "INPUT is an image that ITK reads (NIfTI, NRRD, MetaImage, DICOM, ...) or a folder of DICOM files. Each\n"
+  "component of its pixels is projected by itself, and so is each point in time of a 4D image: a 3D stack, or "
+  "numbered\n"
+  "PNGs.\n"
   "OUTPUT's extension gives its format: .mha, .nrrd, .nii and .nii.gz keep the image's values and pixel type;\n"
   ".png has 8 bits, see --window. Sizes and positions of the output are in mm in the view plane.";
 
@@ -194,7 +195,8 @@ DefineOptions(CLI::App & app, Options & options)
   app
     .add_option("--transform",
                 options.transform,
-                "Linear ITK transform from view space (right, down, away; mm) to the image's space; depths are then from its origin")
+                "Linear ITK transform from view space (right, down, away; mm) to the image's space; depths are then "
+                "from its origin")
     ->excludes(view)
     ->excludes(azimuth)
     ->excludes(elevation)
@@ -314,8 +316,7 @@ DefineOptions(CLI::App & app, Options & options)
     .add_option("--depth",
                 options.depth,
                 "Also writes the depth of each pixel's value, in mm behind the image's centre along the view: floats "
-                "in .mha, .nrrd, .nii or .nii.gz, "
-                "not-a-number where nothing is, which ITK reads as 0 from NIfTI")
+                "in .mha, .nrrd, .nii or .nii.gz, not-a-number where nothing is, which ITK reads as 0 from NIfTI")
     ->type_name("FILE")
     ->group("Projection");
   app
