@@ -552,6 +552,12 @@ TEST_F(ShearWarpMIPProgramProjection, ProjectsColours)
     }
   }
 
+  this->WriteDICOMSeries<ColourType::PixelType>("1.2.3.1", "colour", { 0, 2, 4 });
+  this->ExpectSuccess("dicom series.png --view superior --window 0 255");
+  const auto          series = GetPixels(this->Read<ColourType>("series.png").GetPointer());
+  const unsigned char last[] = { 102, 102, 102 };
+  EXPECT_EQ(series, std::vector<ColourType::PixelType>(64, ColourType::PixelType(last)));
+
   this->ExpectSuccess("short.nrrd turn.png --frames 3");
   EXPECT_EQ(this->Read<ColourType>("turn-001.png")->GetBufferedRegion(),
             this->Read<ColourType>("turn-002.png")->GetBufferedRegion());

@@ -298,7 +298,7 @@ protected:
         image->SetDirection(direction);
       }
       image->Allocate();
-      image->FillBuffer(static_cast<TPixel>(100 + slice));
+      image->FillBuffer(TPixel(static_cast<typename itk::NumericTraits<TPixel>::ValueType>(100 + slice)));
 
       auto &     dictionary = image->GetMetaDataDictionary();
       const auto io = itk::GDCMImageIO::New();
