@@ -375,8 +375,10 @@ ReadVolume(const std::filesystem::path & path, const std::string & series, const
       reader->Update();
       const auto * image = reader->GetOutput();
       WarnOfUnevenSlices(image->GetMetaDataDictionary(), warn);
-      return Volume{ { MakeAnyImage<PixelType>(
-        image, image->GetNumberOfComponentsPerPixel(), reader->GetOutput()->GetPixelContainer()) } };
+      Volume series;
+      series.times = { MakeAnyImage<PixelType>(
+        image, image->GetNumberOfComponentsPerPixel(), reader->GetOutput()->GetPixelContainer()) };
+      return series;
     });
   };
   try
