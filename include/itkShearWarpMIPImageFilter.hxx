@@ -204,15 +204,14 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::VerifyInputInformation() ITK
 {
   const InputImageType * input = this->GetInput();
   const MaskImageType *  mask = this->GetMaskImage();
-  if (mask && !mask->IsCongruentImageGeometry(input, this->GetCoordinateTolerance(), this->GetDirectionTolerance()))
+  try
   {
-    itkExceptionMacro("MaskImage must have the input's origin "
-                      << input->GetOrigin() << ", spacing " << input->GetSpacing() << " and direction\n"
-                      << input->GetDirection() << "but it has origin " << mask->GetOrigin() << ", spacing "
-                      << mask->GetSpacing() << " and direction\n"
-                      << mask->GetDirection());
+    Superclass::VerifyInputInformation();
   }
-  Superclass::VerifyInputInformation();
+  catch (const ExceptionObject & error)
+  {
+    itkExceptionMacro("MaskImage must have the input's geometry. " << error.GetDescription());
+  }
 
   if (input->GetLargestPossibleRegion().GetNumberOfPixels() == 0)
   {

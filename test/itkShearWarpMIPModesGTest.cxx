@@ -611,7 +611,7 @@ TEST(ShearWarpMIPModesParameters, ErrorsNameParameterAndValue)
     mask->Allocate();
     filter.SetMaskImage(mask);
   });
-  expectError("MaskImage", "[1, 1, 2]", [](auto & filter) {
+  expectError("MaskImage", "2.0", [](auto & filter) {
     const auto mask = itk::Image<unsigned char, 3>::New();
     mask->SetRegions(itk::Size<3>{ { 6, 5, 4 } });
     mask->SetSpacing(MakeVector3(1, 1, 2));
