@@ -242,6 +242,42 @@ RequireBounded(const itk::Image<TPixel, 3> * image, const itk::Image<TPixel, 2> 
   });
 }
 
+/** Parameters of rays; at most a few of them are such that Update() accepts them. */
+template <typename TFilter>
+void
+SetRays(Numbers & numbers, TFilter * filter)
+{
+  using ModeEnum = typename TFilter::ModeEnum;
+  filter->SetMode(numbers.PickValueInArray({ ModeEnum::Maximum, ModeEnum::Minimum, ModeEnum::AbsoluteMaximum }));
+  filter->SetComputeDepth(numbers.ConsumeBool());
+  if (numbers.ConsumeBool())
+  {
+    filter->SetSlabNear(numbers.Next());
+    filter->SetSlabFar(numbers.Next());
+  }
+  if (numbers.ConsumeBool())
+  {
+    filter->SetCropLower(numbers.NextArray<PointType>());
+    filter->SetCropUpper(numbers.NextArray<PointType>());
+  }
+  if (numbers.ConsumeBool())
+  {
+    filter->SetDepthAttenuation(numbers.Next());
+  }
+  if (numbers.ConsumeBool())
+  {
+    filter->LocalMaximumOn();
+    filter->SetLocalMaximumThreshold(
+      static_cast<typename TFilter::InputPixelType>(numbers.ConsumeIntegral<std::uint8_t>()));
+  }
+  if (numbers.ConsumeBool())
+  {
+    Random     random = numbers.NextRandom();
+    const auto mask = MakeRandomMask(random, filter->GetInput());
+    filter->SetMaskImage(mask);
+  }
+}
+
 template <typename TPixel>
 void
 Project(Numbers & numbers)
@@ -283,6 +319,12 @@ Project(Numbers & numbers)
     filter->SetSize(size);
   }
 
+  const bool isPlain = numbers.ConsumeBool();
+  if (!isPlain)
+  {
+    SetRays(numbers, filter.GetPointer());
+  }
+
   filter->UpdateOutputInformation();
   const ImageType * const input = image;
   const auto * const      grid = filter->GetOutput();
@@ -307,7 +349,14 @@ Project(Numbers & numbers)
     first = first ? first : Copy<TPixel>(filter->GetOutput());
     Require(HaveSamePixels<TPixel>(first, filter->GetOutput()), "every instruction set gives the same bits");
   });
-  RequireBounded<TPixel>(input, first, background);
+  if (filter->GetDepthAttenuation() == 0.0)
+  {
+    RequireBounded<TPixel>(input, first, background);
+  }
+  if (!isPlain)
+  {
+    return;
+  }
 
   const double error = EstimateError(view, image, grid);
   if (error < 1e-6)

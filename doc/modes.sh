@@ -1,0 +1,67 @@
+#!/usr/bin/env bash
+# Makes the pictures of modes.md, of a real image from ITK's test data; ITK's source is downloaded for it, once. What is
+# missing on a Debian or Ubuntu machine is installed, as root or through sudo, and itk from PyPI into the cache.
+#
+#   JOBS=<n>              parallel compile jobs                   [all cores]
+#   XDG_CACHE_HOME=<dir>  the cache is itk-shearwarpmip/ inside   [~/.cache]
+#   ITK_SOURCE_DIR=<dir>  ITK's source with its test data         [downloaded and cached]
+#
+# Usage: modes.sh [FOLDER]
+#   FOLDER  where the pictures go    [doc/modes]
+set -euo pipefail
+. "$(dirname "${BASH_SOURCE[0]}")/../tools/common.sh"
+
+case ${1:-} in
+  -*) sed -n '2,/^set/{/^set/d;s/^# \{0,1\}//;p}' "${BASH_SOURCE[0]}" >&2
+    case $1 in -h | --help) exit 0 ;; *) exit 1 ;; esac ;;
+esac
+folder=${1:-$root/doc/modes}
+program=$cache/demo-build/apps/shear-warp-mip
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+
+# make_mask IMAGE MASK: an ellipsoid within the skull.
+make_mask() {
+  [ -x "$cache/itk-python/bin/python" ] || /usr/bin/python3 -m venv "$cache/itk-python"
+  "$cache/itk-python/bin/pip" install --quiet --disable-pip-version-check itk-io
+  "$cache/itk-python/bin/python" - "$@" << 'PYTHON'
+import sys
+import itk
+import numpy as np
+
+image = itk.imread(sys.argv[1])
+z, y, x = np.ogrid[tuple(slice(-1, 1, 1j * n) for n in itk.array_view_from_image(image).shape)]
+ellipsoid = (x / 0.62) ** 2 + ((y + 0.22) / 0.5) ** 2 + (z / 0.55) ** 2 < 1
+mask = itk.image_from_array(ellipsoid.astype(np.uint8))
+mask.CopyInformation(image)
+itk.imwrite(mask, sys.argv[2])
+PYTHON
+}
+
+# project NAME OPTION...
+project() {
+  local name=$1
+  shift
+  "$program" "$work/head.dcm" "$folder/$name.png" "$@"
+}
+
+make_pictures() {
+  local oblique=(--view left --azimuth 20)
+  project maximum "${oblique[@]}"
+  project minimum --view left --mode minimum --slab -5 5
+  project slab "${oblique[@]}" --slab -10 10
+  project crop "${oblique[@]}" --crop "-40,40,-inf,inf,-inf,inf"
+  project mask "${oblique[@]}" --mask "$work/mask.nrrd"
+  project local "${oblique[@]}" --local-maximum 500
+  project fading "${oblique[@]}" --attenuation 0.02 --background 0
+  "$program" "$work/head.dcm" "$work/mip.png" "${oblique[@]}" --depth-colour "$folder/depth.png"
+}
+
+timed "installed what building needs" need_packages build-essential cmake ninja-build libinsighttoolkit5-dev \
+  libcli11-dev python3-venv
+timed "built the program" build_release demo shear-warp-mip -DShearWarpMIP_BUILD_APPS=ON
+source=$("$root/tools/itk-build-tree.sh" --source)
+cp "$source/.ExternalData/CID/$(cat "$root/benchmark/paper/MultiFrameDicomTest.dcm.cid")" "$work/head.dcm"
+mkdir -p "$folder"
+timed "made a mask" make_mask "$work/head.dcm" "$work/mask.nrrd"
+timed "made the pictures" make_pictures
