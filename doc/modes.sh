@@ -20,8 +20,8 @@ program=$cache/demo-build/apps/shear-warp-mip
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
-# make_mask IMAGE MASK: an ellipsoid within the skull.
-make_mask() {
+# make_inputs IMAGE MASK DIFFERENCE: an ellipsoid within the skull; the difference of left and right.
+make_inputs() {
   [ -x "$cache/itk-python/bin/python" ] || /usr/bin/python3 -m venv "$cache/itk-python"
   "$cache/itk-python/bin/pip" install --quiet --disable-pip-version-check itk-io
   "$cache/itk-python/bin/python" - "$@" << 'PYTHON'
@@ -30,11 +30,13 @@ import itk
 import numpy as np
 
 image = itk.imread(sys.argv[1])
-z, y, x = np.ogrid[tuple(slice(-1, 1, 1j * n) for n in itk.array_view_from_image(image).shape)]
+z, y, x = np.ogrid[tuple(slice(-1, 1, 1j * n) for n in tuple(itk.size(image))[::-1])]
 ellipsoid = (x / 0.62) ** 2 + ((y + 0.22) / 0.5) ** 2 + (z / 0.55) ** 2 < 1
-mask = itk.image_from_array(ellipsoid.astype(np.uint8))
-mask.CopyInformation(image)
-itk.imwrite(mask, sys.argv[2])
+voxels = itk.array_view_from_image(image)
+for array, path in (ellipsoid.astype(np.uint8), sys.argv[2]), (voxels - voxels[::-1], sys.argv[3]):
+    result = itk.image_from_array(array)
+    result.CopyInformation(image)
+    itk.imwrite(result, path)
 PYTHON
 }
 
@@ -49,6 +51,8 @@ make_pictures() {
   local oblique=(--view left --azimuth 20)
   project maximum "${oblique[@]}"
   project minimum --view left --mode minimum --slab -5 5
+  "$program" "$work/difference.nrrd" "$folder/absolute.png" --view anterior --mode absolute-maximum --slab -5 5 \
+    --window -400 400
   project slab "${oblique[@]}" --slab -10 10
   project crop "${oblique[@]}" --crop "-40,40,-inf,inf,-inf,inf"
   project mask "${oblique[@]}" --mask "$work/mask.nrrd"
@@ -63,5 +67,5 @@ timed "built the program" build_release demo shear-warp-mip -DShearWarpMIP_BUILD
 source=$("$root/tools/itk-build-tree.sh" --source)
 cp "$source/.ExternalData/CID/$(cat "$root/benchmark/paper/MultiFrameDicomTest.dcm.cid")" "$work/head.dcm"
 mkdir -p "$folder"
-timed "made a mask" make_mask "$work/head.dcm" "$work/mask.nrrd"
+timed "made a mask and a difference" make_inputs "$work/head.dcm" "$work/mask.nrrd" "$work/difference.nrrd"
 timed "made the pictures" make_pictures
