@@ -375,10 +375,10 @@ ReadVolume(const std::filesystem::path & path, const std::string & series, const
       reader->Update();
       const auto * image = reader->GetOutput();
       WarnOfUnevenSlices(image->GetMetaDataDictionary(), warn);
-      Volume series;
-      series.times = { MakeAnyImage<PixelType>(
+      Volume slices;
+      slices.times = { MakeAnyImage<PixelType>(
         image, image->GetNumberOfComponentsPerPixel(), reader->GetOutput()->GetPixelContainer()) };
-      return series;
+      return slices;
     });
   };
   try

@@ -32,10 +32,15 @@ ToPixel(double value, const std::string & name)
   // the limits of 64-bit integers are not doubles: the upper one is rounded up
   const double lowest = static_cast<double>(std::numeric_limits<TPixel>::lowest());
   const double highest = static_cast<double>(std::numeric_limits<TPixel>::max());
-  const bool   fits = std::is_floating_point_v<TPixel>
-                        ? !std::isfinite(value) || (value >= lowest && value <= highest)
-                        : value >= lowest && value <= highest && value < 0x1p64 &&
-                          (std::numeric_limits<TPixel>::digits != 63 || value < 0x1p63) && value == std::trunc(value);
+  bool         fits = value >= lowest && value <= highest;
+  if constexpr (std::is_floating_point_v<TPixel>)
+  {
+    fits = fits || !std::isfinite(value);
+  }
+  else
+  {
+    fits = fits && value < std::ldexp(1.0, std::numeric_limits<TPixel>::digits) && value == std::trunc(value);
+  }
   if (!fits)
   {
     std::ostringstream message;

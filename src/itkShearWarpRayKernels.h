@@ -111,17 +111,18 @@ TakeSamples(const TPixel * __restrict samples,
     const TPixel       sample = samples[p];
     const TPixel       value = values[p];
     const std::int32_t before = slices[p];
+    const std::int32_t isEmpty = -static_cast<std::int32_t>(static_cast<std::uint32_t>(before) >> 31);
     const std::int32_t isNumber = sample == sample ? -1 : 0;
-    const std::int32_t isFirst = TRule::IsStartUnique ? 0 : isNumber & (before >> 31);
+    const std::int32_t isFirst = TRule::IsStartUnique ? 0 : isNumber & isEmpty;
     std::int32_t       isTaken = (TRule::IsBetter(sample, value) ? -1 : 0) | isFirst;
     std::int32_t       kept = before;
     if constexpr (VUntilLocalMaximum)
     {
-      const std::int32_t goesOn = (before - EndedRay) >> 31;
+      const std::int32_t goesOn = before < EndedRay ? -1 : 0;
       const std::int32_t isWorse = TRule::IsWorse(sample, value) ? -1 : 0;
       const std::int32_t isShort = TRule::IsWorse(value, threshold) ? -1 : 0;
       isTaken &= goesOn;
-      kept += EndedRay & goesOn & isWorse & ~isShort & ~(before >> 31);
+      kept += EndedRay & goesOn & isWorse & ~isShort & ~isEmpty;
     }
     values[p] = isTaken != 0 ? sample : value;
     slices[p] = (isTaken & slice) | (~isTaken & kept);

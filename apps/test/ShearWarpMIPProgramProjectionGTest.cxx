@@ -403,10 +403,10 @@ TEST_F(ShearWarpMIPProgramProjection, ColoursByDepth)
     return std::vector<int>(pixel.Begin(), pixel.End());
   };
   const auto expectNear = [&](itk::IndexValueType x, const std::vector<int> & expected) {
-    const auto colour = get(x);
+    const auto pixel = get(x);
     for (unsigned int component = 0; component < 3; ++component)
     {
-      EXPECT_NEAR(colour[component], expected[component], 4) << x << ' ' << component;
+      EXPECT_NEAR(pixel[component], expected[component], 4) << x << ' ' << component;
     }
   };
   expectNear(0, { 255, 0, 0 });
