@@ -55,20 +55,20 @@ ComputeRobustWindow(const TPixel * pixels, std::size_t count, TPixel background)
 } // namespace
 
 AnyImage
-MakePictures(const Projections & projections, const std::optional<WindowType> & given)
+MakePictures(const Projections & projections, const std::optional<WindowType> & window)
 {
   const AnyImage & stack = projections.stack;
-  const AnyImage   pictures = MakeAnyImage<unsigned char>(stack.image, stack.image->GetNumberOfComponentsPerPixel());
+  AnyImage         pictures = MakeAnyImage<unsigned char>(stack.image, stack.image->GetNumberOfComponentsPerPixel());
   DispatchPixelType(stack.componentType, [&](auto tag) {
     using PixelType = typename decltype(tag)::Type;
     auto &                  values = *CastImage<PixelType>(stack).GetPixelContainer();
     const PixelType * const begin = values.GetBufferPointer();
-    const WindowType        window =
-      given ? *given : ComputeRobustWindow(begin, values.Size(), static_cast<PixelType>(projections.background));
+    const WindowType        range =
+      window ? *window : ComputeRobustWindow(begin, values.Size(), static_cast<PixelType>(projections.background));
     std::transform(
-      begin, begin + values.Size(), CastImage<unsigned char>(pictures).GetBufferPointer(), [&window](PixelType pixel) {
-        const double value = std::clamp(static_cast<double>(pixel), window[0], window[1]);
-        return static_cast<unsigned char>(std::lround(255.0 * (value - window[0]) / (window[1] - window[0])));
+      begin, begin + values.Size(), CastImage<unsigned char>(pictures).GetBufferPointer(), [&range](PixelType pixel) {
+        const double value = std::clamp(static_cast<double>(pixel), range[0], range[1]);
+        return static_cast<unsigned char>(std::lround(255.0 * (value - range[0]) / (range[1] - range[0])));
       });
   });
   return pictures;
@@ -78,7 +78,7 @@ AnyImage
 MakeDepthPictures(const Projections & projections, const std::optional<WindowType> & window)
 {
   const AnyImage        brightnesses = MakePictures(projections, window);
-  const AnyImage        pictures = MakeAnyImage<unsigned char>(projections.stack.image, 3);
+  AnyImage              pictures = MakeAnyImage<unsigned char>(projections.stack.image, 3);
   auto &                depths = *CastImage<float>(projections.depths).GetPixelContainer();
   const unsigned char * brightness = CastImage<unsigned char>(brightnesses).GetBufferPointer();
   unsigned char *       pixel = CastImage<unsigned char>(pictures).GetBufferPointer();

@@ -634,7 +634,7 @@ Run(const Options & options, Messages & messages)
     projection.mask = ReadMask(options.mask, options.maskLabel, first.image, warn);
     messages.StepDone("read " + options.mask);
   }
-  for (unsigned int axis = 0; axis < 3 && !options.crop.empty(); ++axis)
+  for (std::size_t axis = 0; axis < 3 && !options.crop.empty(); ++axis)
   {
     projection.cropLower[axis] = options.crop[2 * axis];
     projection.cropUpper[axis] = options.crop[2 * axis + 1];

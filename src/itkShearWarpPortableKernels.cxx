@@ -496,17 +496,17 @@ FindNearestSlices(const IntermediateImage<TPixel> & intermediate,
   }
 }
 
-#define INSTANTIATE(TPixel)                                                  \
-  template const Kernels<TPixel> & GetPortableKernels();                     \
-  template void                    SampleMaskedRow(const Kernels<TPixel> &,  \
-                                                   const SliceRow<TPixel> &, \
-                                                   const std::uint8_t *,     \
-                                                   const std::uint8_t *,     \
-                                                   std::uint8_t,             \
-                                                   ColumnSpan,               \
-                                                   TPixel *,                 \
-                                                   std::uint8_t *);          \
-  template void                    FindNearestSlices(                        \
+#define INSTANTIATE(TPixel)                                                    \
+  template const Kernels<TPixel> & GetPortableKernels();                       \
+  template void                    SampleMaskedRow(const Kernels<TPixel> &,    \
+                                                   const SliceRow<TPixel> &,   \
+                                                   const std::uint8_t *,       \
+                                                   const std::uint8_t *,       \
+                                                   std::uint8_t,               \
+                                                   ColumnSpan,                 \
+                                                   std::add_pointer_t<TPixel>, \
+                                                   std::uint8_t *);            \
+  template void                    FindNearestSlices(                          \
                        const IntermediateImage<TPixel> &, const AffineMap2D &, std::ptrdiff_t, std::ptrdiff_t, std::int32_t *);
 SHEARWARP_FOR_EACH_PIXEL_TYPE(INSTANTIATE)
 #undef INSTANTIATE

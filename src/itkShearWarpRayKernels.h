@@ -96,6 +96,17 @@ private:
   }
 };
 
+template <typename TPixel>
+bool
+IsNumber(TPixel value)
+{
+  if constexpr (IsFloatingPoint<TPixel>)
+  {
+    return value <= std::numeric_limits<TPixel>::infinity();
+  }
+  return true;
+}
+
 template <typename TRule, bool VUntilLocalMaximum, typename TPixel>
 void
 TakeSamples(const TPixel * __restrict samples,
@@ -112,7 +123,7 @@ TakeSamples(const TPixel * __restrict samples,
     const TPixel       value = values[p];
     const std::int32_t before = slices[p];
     const std::int32_t isEmpty = -static_cast<std::int32_t>(static_cast<std::uint32_t>(before) >> 31);
-    const std::int32_t isNumber = sample == sample ? -1 : 0;
+    const std::int32_t isNumber = IsNumber(sample) ? -1 : 0;
     const std::int32_t isFirst = TRule::IsStartUnique ? 0 : isNumber & isEmpty;
     std::int32_t       isTaken = (TRule::IsBetter(sample, value) ? -1 : 0) | isFirst;
     std::int32_t       kept = before;

@@ -493,7 +493,9 @@ TEST_F(ShearWarpMIPProgramProjection, ProjectsEachComponent)
     {
       SCOPED_TRACE(std::to_string(components) + format);
       this->WriteParts<3>("vector" + format, components);
-      this->ExpectSuccess("vector" + format + " out" + format);
+      std::string arguments = "vector";
+      arguments.append(format).append(" out").append(format);
+      this->ExpectSuccess(arguments);
       const auto picture = this->Read<itk::VectorImage<PixelType, 2>>("out" + format);
       ASSERT_EQ(picture->GetNumberOfComponentsPerPixel(), components);
       for (unsigned int component = 0; component < components; ++component)
