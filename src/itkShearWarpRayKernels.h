@@ -130,7 +130,9 @@ TakeSamples(const TPixel * __restrict samples,
     if constexpr (VUntilLocalMaximum)
     {
       const std::int32_t goesOn = before < EndedRay ? -1 : 0;
-      const std::int32_t isWorse = TRule::IsWorse(sample, value) ? -1 : 0;
+      // one as bad as the start counts as none
+      const std::int32_t counts = !TRule::IsStartUnique || TRule::IsBetter(sample, TRule::Start) ? -1 : 0;
+      const std::int32_t isWorse = TRule::IsWorse(sample, value) ? counts : 0;
       const std::int32_t isShort = TRule::IsWorse(value, threshold) ? -1 : 0;
       isTaken &= goesOn;
       kept += EndedRay & goesOn & isWorse & ~isShort & ~isEmpty;

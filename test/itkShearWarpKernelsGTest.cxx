@@ -346,6 +346,32 @@ Warp(const std::vector<TPixel> &              pixels,
 }
 } // namespace
 
+TEST(ShearWarpKernels, ClippedColumnsAreThoseWhereTheFunctionIsWithinItsLimits)
+{
+  // small whole numbers, so that limits are met exactly
+  Random     random(41);
+  const auto draw = [&random] { return static_cast<double>(random.Integer(-4, 4)); };
+  for (int repeat = 0; repeat < 20000; ++repeat)
+  {
+    const itk::ShearWarp::ShearedFunction function{ draw(), draw(), draw(), draw() };
+    const double                          row = draw();
+    const double                          slice = draw();
+    const double                          limits[] = { 3 * draw(), 3 * draw() };
+    const double                          low = std::min(limits[0], limits[1]);
+    const double                          high = std::max(limits[0], limits[1]);
+    const auto                            begin = static_cast<std::int32_t>(random.Integer(-9, 9));
+    const itk::ShearWarp::ColumnSpan      span{ begin, begin + static_cast<std::int32_t>(random.Integer(0, 12)) };
+    const auto                            clipped = itk::ShearWarp::ClipColumns(function, low, high, row, slice, span);
+    for (std::int32_t column = span.begin; column < span.end; ++column)
+    {
+      const double value = function(column, row, slice);
+      ASSERT_EQ(column >= clipped.begin && column < clipped.end, value >= low && value <= high)
+        << "column " << column << " in repetition " << repeat;
+    }
+    ASSERT_TRUE(clipped.begin >= clipped.end || (clipped.begin >= span.begin && clipped.end <= span.end));
+  }
+}
+
 TEST(ShearWarpKernels, QuantizePositionRoundsToNearestHalfUpward)
 {
   const auto expect = [](double position, std::int32_t whole, std::int32_t fraction) {

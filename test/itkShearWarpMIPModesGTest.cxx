@@ -477,6 +477,14 @@ TEST(ShearWarpMIPModesClosedForms, InfinityAndNotANumber)
       EXPECT_EQ(project(ModeEnum::AbsoluteMaximum, { nothing, -0.0f, nothing, nothing }), 0);
     });
   }
+  // what counts as no sample ends no ray
+  filter->LocalMaximumOn();
+  filter->SetLocalMaximumThreshold(4);
+  ForEachInstructionSet([&](const std::string &) {
+    EXPECT_EQ(project(ModeEnum::Maximum, { 5, -infinity, nothing, 9 }), 9);
+    EXPECT_EQ(project(ModeEnum::Maximum, { 5, 1, nothing, 9 }), 5);
+    EXPECT_EQ(project(ModeEnum::Minimum, { 3, infinity, nothing, 1 }), 1);
+  });
 }
 
 TEST(ShearWarpMIPModesOutput, OfThreeDimensionsLiesInThePatient)
