@@ -727,6 +727,18 @@ public:
     m_MemoState.resize(m_Memo.size(), Unknown);
     m_MemoSlices.resize(m_Memo.size());
 
+    // of the matrix from view space to index space, by the Frobenius norm
+    long double squaredNorm = 0.0L;
+    long double squaredNormOfInverse = 0.0L;
+    for (int n = 0; n < 9; ++n)
+    {
+      const int a = (n / 3 + 1) % 3, b = (n / 3 + 2) % 3, c = (n % 3 + 1) % 3, d = (n % 3 + 2) % 3;
+      squaredNorm += m_Axes[n / 3][n % 3] * m_Axes[n / 3][n % 3];
+      const long double cofactor = (m_Axes[a][c] * m_Axes[b][d] - m_Axes[a][d] * m_Axes[b][c]) / Determinant(m_Axes);
+      squaredNormOfInverse += cofactor * cofactor;
+    }
+    m_Condition = std::sqrt(squaredNorm) * std::sqrt(squaredNormOfInverse);
+
     const long double axesDeterminant = Determinant(m_Axes);
     for (int column = 0; column < 3; ++column)
     {
@@ -830,8 +842,8 @@ public:
     const auto isTie = [](long double position, long double uncertainty) {
       return Quantize(position - uncertainty) != Quantize(position + uncertainty);
     };
-    constexpr long double error = 0x1.0p-43L;
-    const std::int64_t    across[2] = { m_I, m_J };
+    const long double  error = 0x1p-45L * m_Condition;
+    const std::int64_t across[2] = { m_I, m_J };
     for (int n = 0; n < 2; ++n)
     {
       for (std::int64_t k = 0; k < m_Length[m_K]; ++k)
@@ -1067,6 +1079,7 @@ private:
   RayRule<TPixel>           m_Rule;
   long double               m_DepthOfIndex[3];
   long double               m_FadeBegin;
+  long double               m_Condition;
   std::vector<std::int64_t> m_MemoSlices;
   long double               m_Axes[3][3]; // of view space, in index space
   long double               m_Offset[3];
