@@ -727,17 +727,7 @@ public:
     m_MemoState.resize(m_Memo.size(), Unknown);
     m_MemoSlices.resize(m_Memo.size());
 
-    // of the matrix from view space to index space, by the Frobenius norm
-    long double squaredNorm = 0.0L;
-    long double squaredNormOfInverse = 0.0L;
-    for (int n = 0; n < 9; ++n)
-    {
-      const int a = (n / 3 + 1) % 3, b = (n / 3 + 2) % 3, c = (n % 3 + 1) % 3, d = (n % 3 + 2) % 3;
-      squaredNorm += m_Axes[n / 3][n % 3] * m_Axes[n / 3][n % 3];
-      const long double cofactor = (m_Axes[a][c] * m_Axes[b][d] - m_Axes[a][d] * m_Axes[b][c]) / Determinant(m_Axes);
-      squaredNormOfInverse += cofactor * cofactor;
-    }
-    m_Condition = std::sqrt(squaredNorm) * std::sqrt(squaredNormOfInverse);
+    m_Condition = GetCondition(indexToPhysical) * GetCondition(viewMatrix);
 
     const long double axesDeterminant = Determinant(m_Axes);
     for (int column = 0; column < 3; ++column)
@@ -827,7 +817,7 @@ public:
   }
 
   /** Whether the value at (u, v) rests on the last digits of a double: a position there, or of a slice, is about
-   * half-way between two multiples of 1/2^15. */
+   * half-way between two multiples of 1/2^15; or the principal axis does. */
   bool
   IsTie(double u, double v) const
   {
@@ -887,6 +877,25 @@ private:
     None,
     Known
   };
+
+  /** By the Frobenius norm. */
+  static long double
+  GetCondition(const long double (&m)[3][3])
+  {
+    long double squaredNorm = 0.0L;
+    long double squaredNormOfCofactors = 0.0L;
+    for (int row = 0; row < 3; ++row)
+    {
+      for (int column = 0; column < 3; ++column)
+      {
+        const int         a = (row + 1) % 3, b = (row + 2) % 3, c = (column + 1) % 3, d = (column + 2) % 3;
+        const long double cofactor = m[a][c] * m[b][d] - m[a][d] * m[b][c];
+        squaredNorm += m[row][column] * m[row][column];
+        squaredNormOfCofactors += cofactor * cofactor;
+      }
+    }
+    return std::sqrt(squaredNorm * squaredNormOfCofactors) / std::abs(Determinant(m));
+  }
 
   static long double
   Determinant(const long double (&m)[3][3])
