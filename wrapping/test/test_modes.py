@@ -400,7 +400,7 @@ def test_mask_changed_in_place(image, labels, oblique_view):
 
 
 BAD = {
-    "slab": ({"slab_near": 3.0, "slab_far": 2.0}, "SlabNear must not be greater than SlabFar.* 3 and 2"),
+    "slab": ({"slab_near": 3.0, "slab_far": 2.0}, "SlabNear must be less than infinity and not greater than SlabFar.* 3 and 2"),
     "slab of NaN": ({"slab_far": np.nan}, "SlabNear.* SlabFar.* nan"),
     "box": ({"crop_lower": [5.0] * 3, "crop_upper": [6.0, 4.0, 6.0]}, "CropLower.* CropUpper.*6, 4, 6"),
     "attenuation": ({"depth_attenuation": -0.5}, "DepthAttenuation must be.* -0.5"),
