@@ -20,7 +20,8 @@ program=$cache/demo-build/apps/shear-warp-mip
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
-# make_inputs IMAGE MASK DIFFERENCE: an ellipsoid within the skull; the difference of left and right.
+# make_inputs IMAGE MASK DIFFERENCE COLOURS: an ellipsoid within the skull; the difference of left and right; the image
+# where the ellipsoid is not, where it is, and its differences from slice to slice, as three channels.
 make_inputs() {
   [ -x "$cache/itk-python/bin/python" ] || /usr/bin/python3 -m venv "$cache/itk-python"
   "$cache/itk-python/bin/pip" install --quiet --disable-pip-version-check itk-io
@@ -33,9 +34,14 @@ image = itk.imread(sys.argv[1])
 z, y, x = np.ogrid[tuple(slice(-1, 1, 1j * n) for n in tuple(itk.size(image))[::-1])]
 ellipsoid = (x / 0.62) ** 2 + ((y + 0.22) / 0.5) ** 2 + (z / 0.55) ** 2 < 1
 voxels = itk.array_view_from_image(image)
-for array, path in (ellipsoid.astype(np.uint8), sys.argv[2]), (voxels - voxels[::-1], sys.argv[3]):
-    result = itk.image_from_array(array)
-    result.CopyInformation(image)
+edges = np.abs(np.gradient(voxels, axis=0))
+colours = np.clip(np.stack((voxels * ~ellipsoid, voxels * ellipsoid, edges), -1), 0, 32767).astype(np.int16)
+for array, path in zip((ellipsoid.astype(np.uint8), voxels - voxels[::-1], colours), sys.argv[2:]):
+    result = itk.image_from_array(array, is_vector=array.ndim == 4)
+    # CopyInformation() would copy the number of components too
+    result.SetSpacing(image.GetSpacing())
+    result.SetOrigin(image.GetOrigin())
+    result.SetDirection(image.GetDirection())
     itk.imwrite(result, path)
 PYTHON
 }
@@ -58,6 +64,9 @@ make_pictures() {
   project mask "${oblique[@]}" --mask "$work/mask.nrrd"
   project local "${oblique[@]}" --local-maximum 500
   project fading "${oblique[@]}" --attenuation 0.02 --background 0
+  "$program" "$work/head.dcm" "$work/slice.nrrd" "${oblique[@]}" --slab -10 10 --in-place
+  "$program" "$work/slice.nrrd" "$folder/in-place.png" --view superior --spacing 0.75
+  "$program" "$work/colours.nrrd" "$folder/channels.png" "${oblique[@]}"
   "$program" "$work/head.dcm" "$work/mip.png" "${oblique[@]}" --depth-colour "$folder/depth.png"
 }
 
@@ -67,5 +76,6 @@ timed "built the program" build_release demo shear-warp-mip -DShearWarpMIP_BUILD
 source=$("$root/tools/itk-build-tree.sh" --source)
 cp "$source/.ExternalData/CID/$(cat "$root/benchmark/paper/MultiFrameDicomTest.dcm.cid")" "$work/head.dcm"
 mkdir -p "$folder"
-timed "made a mask and a difference" make_inputs "$work/head.dcm" "$work/mask.nrrd" "$work/difference.nrrd"
+timed "made a mask, a difference and colours" make_inputs "$work/head.dcm" "$work/mask.nrrd" "$work/difference.nrrd" \
+  "$work/colours.nrrd"
 timed "made the pictures" make_pictures
