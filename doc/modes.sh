@@ -73,8 +73,8 @@ make_pictures() {
 timed "installed what building needs" need_packages build-essential cmake ninja-build libinsighttoolkit5-dev \
   libcli11-dev python3-venv
 timed "built the program" build_release demo shear-warp-mip -DShearWarpMIP_BUILD_APPS=ON
-source=$("$root/tools/itk-build-tree.sh" --source)
-cp "$source/.ExternalData/CID/$(cat "$root/benchmark/paper/MultiFrameDicomTest.dcm.cid")" "$work/head.dcm"
+head=$(find_head)
+cp "$head" "$work/head.dcm"
 mkdir -p "$folder"
 timed "made a mask, a difference and colours" make_inputs "$work/head.dcm" "$work/mask.nrrd" "$work/difference.nrrd" \
   "$work/colours.nrrd"

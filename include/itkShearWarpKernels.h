@@ -22,6 +22,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <limits>
 #include <string>
 #include <vector>
@@ -296,6 +297,14 @@ struct Kernels
   /** The largest magnitude, with its sign; the positive one of two. */
   RayKernels<TPixel> absoluteMaximum;
 };
+
+/** The first column of \a span where \a marks has \a mark, or its end. */
+inline std::int32_t
+FindMark(const std::uint8_t * marks, ColumnSpan span, std::uint8_t mark)
+{
+  const void * found = std::memchr(marks + span.begin, mark, static_cast<std::size_t>(span.end - span.begin));
+  return found ? static_cast<std::int32_t>(static_cast<const std::uint8_t *>(found) - marks) : span.end;
+}
 
 /** Samples as \a kernels does with sampleRow, restricted to a mask: rows \a maskA and \a maskB belong to the row's, and
  * voxels are in it where they are \a label or, if that is 0, not 0. A sample counts where its nearest voxel is in the

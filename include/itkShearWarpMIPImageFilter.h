@@ -357,7 +357,6 @@ private:
   struct Slab
   {
     std::ptrdiff_t begin, end;
-    bool           isFirst{ false }; // of those that are prepared one after the other
   };
 
   Slab
@@ -387,6 +386,7 @@ private:
           const Image<TPixel, 3> *           image,
           ShearWarpPreparedVolume<TPixel> &  prepared,
           const Slab &                       slab,
+          bool                               isFirst,
           const ShearWarp::Kernels<TPixel> & kernels,
           float                              progressWeight);
 

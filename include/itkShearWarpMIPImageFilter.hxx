@@ -503,6 +503,7 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::Prepare(const char *        
                                                             const Image<TPixel, 3> *           image,
                                                             ShearWarpPreparedVolume<TPixel> &  prepared,
                                                             const Slab &                       slab,
+                                                            bool                               isFirst,
                                                             const ShearWarp::Kernels<TPixel> & kernels,
                                                             float                              progressWeight)
 {
@@ -522,7 +523,7 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::Prepare(const char *        
   };
   if (this->GetNumberOfSlabs() > 1)
   {
-    prepared.PrepareSlab(image, slab.begin, slab.end, slab.isFirst, m_PrincipalAxis, kernels, parallelize);
+    prepared.PrepareSlab(image, slab.begin, slab.end, isFirst, m_PrincipalAxis, kernels, parallelize);
   }
   else
   {
@@ -642,25 +643,21 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::Project(TProjector &    proj
   const float projectionShare = (isPrepared ? 0.85f : 0.45f) / static_cast<float>(slabs);
   for (SizeValueType n = 0; n < slabs; ++n)
   {
-    Slab slab = this->GetSlab(isFirstSlabFirst ? n : slabs - 1 - n);
-    slab.isFirst = n == 0;
+    const bool isFirst = n == 0;
+    const Slab slab = this->GetSlab(isFirstSlabFirst ? n : slabs - 1 - n);
     // the pipeline has got the first one
-    if (slabs > 1 && !(n == 0 && isFirstSlabFirst))
+    if (slabs > 1 && !(isFirst && isFirstSlabFirst))
     {
       this->SetInputRequestedRegionToSlab(slab);
       this->UpdateSlab(input);
       this->UpdateSlab(mask);
     }
     const auto preparationStart = Clock::now();
-    this->Prepare("input", this->GetInput(), m_PreparedVolume, slab, kernels, preparationShare);
+    this->Prepare("input", input, m_PreparedVolume, slab, isFirst, kernels, preparationShare);
     if (mask)
     {
-      this->Prepare("MaskImage",
-                    this->GetMaskImage(),
-                    m_PreparedMask,
-                    slab,
-                    ShearWarp::GetKernels<unsigned char>(),
-                    preparationShare);
+      const auto & maskKernels = ShearWarp::GetKernels<unsigned char>();
+      this->Prepare("MaskImage", mask, m_PreparedMask, slab, isFirst, maskKernels, preparationShare);
     }
     m_PreparationSeconds += isPrepared ? 0.0 : SecondsSince(preparationStart);
 
@@ -721,18 +718,21 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::Warp(const IntermediateImage
   });
   m_WarpSeconds = SecondsSince(start);
 
-  // for GetPhysicalPoint(), whatever is set afterwards
-  PhysicalPointType origin(0.0);
-  m_DepthSteps = ShearWarpFactorization::GetLinearPart(this->GetTransform());
-  for (unsigned int axis = 0; axis < 2; ++axis)
+  if (m_ComputeDepth)
   {
-    origin[axis] = m_Grid->GetOrigin()[axis];
-    for (unsigned int row = 0; row < 3; ++row)
+    // for GetPhysicalPoint(), whatever is set afterwards
+    PhysicalPointType origin(0.0);
+    m_DepthSteps = ShearWarpFactorization::GetLinearPart(this->GetTransform());
+    for (unsigned int axis = 0; axis < 2; ++axis)
     {
-      m_DepthSteps(row, axis) *= m_Grid->GetSpacing()[axis];
+      origin[axis] = m_Grid->GetOrigin()[axis];
+      for (unsigned int row = 0; row < 3; ++row)
+      {
+        m_DepthSteps(row, axis) *= m_Grid->GetSpacing()[axis];
+      }
     }
+    m_DepthOrigin = this->GetTransform()->TransformPoint(origin);
   }
-  m_DepthOrigin = this->GetTransform()->TransformPoint(origin);
 }
 
 template <typename TInputImage, typename TOutputImage>

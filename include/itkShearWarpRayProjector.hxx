@@ -20,7 +20,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 
 namespace itk
 {
@@ -246,15 +245,11 @@ ShearWarpRayProjector<TPixel>::ProjectRow(Worker &              worker,
     return;
   }
   // runs of samples that count
-  const auto find = [counted, span](std::int32_t from, int flag) {
-    const void * found = std::memchr(counted + from, flag, static_cast<std::size_t>(span.end - from));
-    return found ? static_cast<std::int32_t>(static_cast<const MaskPixelType *>(found) - counted) : span.end;
-  };
-  for (std::int32_t begin = find(span.begin, 1); begin != span.end;)
+  for (std::int32_t begin = ShearWarp::FindMark(counted, span, 1); begin != span.end;)
   {
-    const std::int32_t end = find(begin, 0);
+    const std::int32_t end = ShearWarp::FindMark(counted, { begin, span.end }, 0);
     take({ begin, end });
-    begin = find(end, 1);
+    begin = ShearWarp::FindMark(counted, { end, span.end }, 1);
   }
 }
 

@@ -20,7 +20,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <functional>
 #include <limits>
 #include <type_traits>
@@ -450,17 +449,13 @@ SampleMaskedRow(const Kernels<TPixel> &  kernels,
     const bool areIn = isIn(maskA[edgeVoxel]) && isIn(maskB[edgeVoxel]);
     counted[edge] = static_cast<std::uint8_t>(isIn(nearest[edgeVoxel]) ? (areIn ? 1 : partly) : 0);
   }
-  const auto find = [counted, span](std::int32_t from, std::uint8_t mark) {
-    const void * found = std::memchr(counted + from, mark, static_cast<std::size_t>(span.end - from));
-    return found ? static_cast<std::int32_t>(static_cast<const std::uint8_t *>(found) - counted) : span.end;
-  };
-  if (find(span.begin, 1) == span.end && find(span.begin, partly) == span.end)
+  if (FindMark(counted, span, 1) == span.end && FindMark(counted, span, partly) == span.end)
   {
     return;
   }
 
   kernels.sampleRow(row, span, samples);
-  for (std::int32_t p = find(span.begin, partly); p != span.end; p = find(p, partly))
+  for (std::int32_t p = FindMark(counted, span, partly); p != span.end; p = FindMark(counted, { p, span.end }, partly))
   {
     const std::int32_t    x = p == edge ? 0 : row.column.fraction;
     const std::ptrdiff_t  i = p == edge ? edgeVoxel : p - row.column.whole;

@@ -19,14 +19,14 @@
  * here. For the same reason nothing here may call an inline function or a template of another header. */
 
 template <typename TPixel>
-constexpr bool IsFloatingPoint = static_cast<TPixel>(0.5) != 0;
+constexpr bool IsFloat = static_cast<TPixel>(0.5) != 0;
 
 template <typename TPixel>
 struct MaximumRule
 {
   static constexpr TPixel Start = NoSample<TPixel>;
   // no sample that counts is as bad as the start
-  static constexpr bool IsStartUnique = IsFloatingPoint<TPixel>;
+  static constexpr bool IsStartUnique = IsFloat<TPixel>;
 
   static bool
   IsBetter(TPixel sample, TPixel value)
@@ -45,7 +45,7 @@ struct MinimumRule
 {
   static constexpr TPixel Start = std::numeric_limits<TPixel>::has_infinity ? std::numeric_limits<TPixel>::infinity()
                                                                             : std::numeric_limits<TPixel>::max();
-  static constexpr bool   IsStartUnique = IsFloatingPoint<TPixel>;
+  static constexpr bool   IsStartUnique = IsFloat<TPixel>;
 
   static bool
   IsBetter(TPixel sample, TPixel value)
@@ -82,7 +82,7 @@ private:
   static auto
   GetMagnitude(TPixel value)
   {
-    if constexpr (IsFloatingPoint<TPixel>)
+    if constexpr (IsFloat<TPixel>)
     {
       return value < 0 ? -value : value;
     }
@@ -100,7 +100,7 @@ template <typename TPixel>
 bool
 IsNumber(TPixel value)
 {
-  if constexpr (IsFloatingPoint<TPixel>)
+  if constexpr (IsFloat<TPixel>)
   {
     return value <= std::numeric_limits<TPixel>::infinity();
   }
@@ -178,7 +178,7 @@ FadeRow(const double * __restrict factors,
     const double product = factor * factors[p - first];
     const auto   from = static_cast<double>(samples[p]);
     const double faded = to + (from - to) * (product < 1.0 ? product : 1.0);
-    if constexpr (IsFloatingPoint<TPixel>)
+    if constexpr (IsFloat<TPixel>)
     {
       samples[p] = static_cast<TPixel>(faded);
     }

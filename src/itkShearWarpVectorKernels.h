@@ -15,9 +15,9 @@
  *  limitations under the License.
  *
  *=========================================================================*/
-/* Included by the file of each instruction set, within its anonymous namespace and after its struct Lanes, so that the
- * linker cannot share what is compiled here. For the same reason nothing here may call an inline function or a template
- * of another header.
+/* Included by the file of each instruction set, within its anonymous namespace, after its struct Lanes and
+ * itkShearWarpRayKernels.h, so that the linker cannot share what is compiled here. For the same reason nothing here may
+ * call an inline function or a template of another header.
  *
  * Lanes has the operations on vectors of 16-bit and 32-bit integers, float and double that are written differently for
  * each instruction set. */
@@ -35,9 +35,6 @@ Larger(T a, T b)
 {
   return a < b ? b : a;
 }
-
-template <typename TPixel>
-constexpr bool IsFloat = static_cast<TPixel>(0.5) != 0;
 
 template <typename TPixel>
 constexpr bool IsUnsignedShort = sizeof(TPixel) == 2 && static_cast<TPixel>(-1) > 0;

@@ -89,46 +89,6 @@ class ShearWarpMIPModes : public testing::Test
 using PixelTypes =
   testing::Types<unsigned char, signed char, unsigned short, short, int, unsigned long, long long, float, double>;
 TYPED_TEST_SUITE(ShearWarpMIPModes, PixelTypes, );
-
-/** Gives the image's voxels in parts. */
-template <typename TPixel>
-class PartSource : public itk::ImageSource<itk::Image<TPixel, 3>>
-{
-public:
-  using Self = PartSource;
-  using Superclass = itk::ImageSource<itk::Image<TPixel, 3>>;
-  using Pointer = itk::SmartPointer<Self>;
-  itkNewMacro(Self);
-
-  typename itk::Image<TPixel, 3>::ConstPointer whole;
-
-protected:
-  void
-  GenerateOutputInformation() override
-  {
-    this->GetOutput()->CopyInformation(whole);
-    this->GetOutput()->SetLargestPossibleRegion(whole->GetLargestPossibleRegion());
-  }
-  void
-  GenerateData() override
-  {
-    this->AllocateOutputs();
-    itk::ImageRegionIterator<itk::Image<TPixel, 3>> it(this->GetOutput(), this->GetOutput()->GetRequestedRegion());
-    for (; !it.IsAtEnd(); ++it)
-    {
-      it.Set(whole->GetPixel(it.GetIndex()));
-    }
-  }
-};
-
-template <typename TPixel>
-typename PartSource<TPixel>::Pointer
-MakeSource(const itk::Image<TPixel, 3> * image)
-{
-  auto source = PartSource<TPixel>::New();
-  source->whole = image;
-  return source;
-}
 } // namespace
 
 TYPED_TEST(ShearWarpMIPModes, FollowTheRuleOnEveryInstructionSet)

@@ -19,7 +19,6 @@
 
 #include "itkShearWarpMIPTestHelper.h"
 
-#include "itkImageSource.h"
 
 #include <gtest/gtest.h>
 
@@ -30,64 +29,6 @@ namespace
 {
 using namespace itk::ShearWarpMIPTest;
 using ReducedResamplingEnum = itk::ShearWarpMIPImageFilterEnums::ReducedResampling;
-
-/** Gives the requested parts of an image, in memory of their own, and remembers how large they were. */
-template <typename TPixel>
-class PartSource : public itk::ImageSource<itk::Image<TPixel, 3>>
-{
-public:
-  using Self = PartSource;
-  using Superclass = itk::ImageSource<itk::Image<TPixel, 3>>;
-  using Pointer = itk::SmartPointer<Self>;
-  using ImageType = itk::Image<TPixel, 3>;
-  itkNewMacro(Self);
-
-  void
-  SetWhole(const ImageType * image)
-  {
-    m_Whole = image;
-    this->Modified();
-  }
-
-  itk::SizeValueType executions{ 0 };
-  itk::SizeValueType mostSlices{ 0 };
-  itk::SizeValueType missingSlices{ 0 }; // an error
-
-protected:
-  void
-  GenerateOutputInformation() override
-  {
-    this->GetOutput()->CopyInformation(m_Whole);
-  }
-
-  void
-  GenerateData() override
-  {
-    ImageType * output = this->GetOutput();
-    auto        region = output->GetRequestedRegion();
-    region.SetSize(2, region.GetSize(2) - missingSlices);
-    output->SetBufferedRegion(region);
-    output->Allocate();
-    for (itk::ImageRegionIterator<ImageType> it(output, region); !it.IsAtEnd(); ++it)
-    {
-      it.Set(m_Whole->GetPixel(it.GetIndex()));
-    }
-    ++executions;
-    mostSlices = std::max(mostSlices, region.GetSize(2));
-  }
-
-private:
-  typename ImageType::ConstPointer m_Whole;
-};
-
-template <typename TPixel>
-typename PartSource<TPixel>::Pointer
-MakeSource(const itk::Image<TPixel, 3> * image)
-{
-  auto source = PartSource<TPixel>::New();
-  source->SetWhole(image);
-  return source;
-}
 
 template <typename TPixel>
 auto

@@ -21,6 +21,7 @@
 #include "itkAffineTransform.h"
 #include "itkImage.h"
 #include "itkImageRegionIterator.h"
+#include "itkImageSource.h"
 #include "itkMatrix.h"
 #include "itkShearWarpFactorization.h"
 #include "itkShearWarpKernels.h"
@@ -343,6 +344,64 @@ Copy(const Image<TPixel, 2> * image)
   copy->Allocate();
   std::copy_n(image->GetBufferPointer(), image->GetBufferedRegion().GetNumberOfPixels(), copy->GetBufferPointer());
   return copy;
+}
+
+/** Gives the requested parts of an image, in memory of their own, and remembers how large they were. */
+template <typename TPixel>
+class PartSource : public ImageSource<Image<TPixel, 3>>
+{
+public:
+  using Self = PartSource;
+  using Superclass = ImageSource<Image<TPixel, 3>>;
+  using Pointer = SmartPointer<Self>;
+  using ImageType = Image<TPixel, 3>;
+  itkNewMacro(Self);
+
+  void
+  SetWhole(const ImageType * image)
+  {
+    m_Whole = image;
+    this->Modified();
+  }
+
+  SizeValueType executions{ 0 };
+  SizeValueType mostSlices{ 0 };
+  SizeValueType missingSlices{ 0 }; // an error
+
+protected:
+  void
+  GenerateOutputInformation() override
+  {
+    this->GetOutput()->CopyInformation(m_Whole);
+  }
+
+  void
+  GenerateData() override
+  {
+    ImageType * output = this->GetOutput();
+    auto        region = output->GetRequestedRegion();
+    region.SetSize(2, region.GetSize(2) - missingSlices);
+    output->SetBufferedRegion(region);
+    output->Allocate();
+    for (ImageRegionIterator<ImageType> it(output, region); !it.IsAtEnd(); ++it)
+    {
+      it.Set(m_Whole->GetPixel(it.GetIndex()));
+    }
+    ++executions;
+    mostSlices = std::max(mostSlices, region.GetSize(2));
+  }
+
+private:
+  typename ImageType::ConstPointer m_Whole;
+};
+
+template <typename TPixel>
+typename PartSource<TPixel>::Pointer
+MakeSource(const Image<TPixel, 3> * image)
+{
+  auto source = PartSource<TPixel>::New();
+  source->SetWhole(image);
+  return source;
 }
 
 constexpr std::int64_t WholePixel = 1 << 15;

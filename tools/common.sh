@@ -28,6 +28,15 @@ need_packages() {
   as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}" >&2
 }
 
+# find_head: the path of a real image, an MR of a head in ITK's test data, whose files are named by their content.
+find_head() {
+  local source file
+  source=$("$root/tools/itk-build-tree.sh" --source)
+  file=$source/.ExternalData/CID/$(cat "$root/benchmark/paper/MultiFrameDicomTest.dcm.cid")
+  [ -f "$file" ] || die "ITK's source in $source is without its test data"
+  echo "$file"
+}
+
 # build_release NAME TARGET OPTION...: builds the target against Debian's ITK, not one that happens to be in the
 # environment, with the flags that its users have by default, in the cache's folder NAME-build. A broken or moved folder
 # is made anew. Needs build-essential cmake ninja-build libinsighttoolkit5-dev.

@@ -35,13 +35,7 @@ done
 
 program=$cache/benchmark-build/benchmark/paper/shear-warp-mip-paper
 
-# An image of ITK's test data: its name is that of its content.
-find_image() {
-  local source
-  source=$("$root/tools/itk-build-tree.sh" --source)
-  image=$source/.ExternalData/CID/$(cat "$root/benchmark/paper/MultiFrameDicomTest.dcm.cid")
-  [ -f "$image" ] || die "ITK's source in $source is without its test data"
-}
+find_image() { image=$(find_head); }
 
 measure() {
   local repetitions=9 views=200 coarseness=3 step=1
