@@ -1119,8 +1119,8 @@ private:
     if (m_Rule.attenuation > 0.0)
     {
       const auto        background = static_cast<long double>(m_Rule.background);
-      const long double faded = background + (static_cast<long double>(sample) - background) *
-                                               std::exp(-m_Rule.attenuation * (depth - m_FadeBegin));
+      const long double factor = std::min(std::exp(-m_Rule.attenuation * (depth - m_FadeBegin)), 1.0L);
+      const long double faded = background + (static_cast<long double>(sample) - background) * factor;
       const long double rounded = std::is_integral_v<TPixel> ? std::floor(faded + 0.5L) : faded;
       // of the largest integers a half may round up
       constexpr TPixel highest = std::numeric_limits<TPixel>::max();
