@@ -181,6 +181,11 @@ public:
     return m_ReachedColumns;
   }
 
+  /** Whether every slice lies at the same place as with \a other, so that the maxima are the same: as they are for
+   * views from opposite sides. */
+  bool
+  HasSameSlicePlacements(const ShearWarpFactorization & other) const;
+
   /** Throws ExceptionObject, with the value, if the transform is not linear, not finite or singular. */
   static void
   VerifyViewTransform(const TransformType * viewTransform);

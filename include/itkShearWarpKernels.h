@@ -117,11 +117,17 @@ struct SliceStack
 };
 
 /** Rows [rowBegin, rowEnd) of slices [sliceBegin, sliceEnd) of a SliceStack: each a multiple of BlockLength or the
- * stack's end. Their samples need the row above too. */
+ * stack's end. Rows [partBegin, partEnd) are in memory, and the one above.
+ *
+ * Sample j of a slice lies between its rows j - 1 and j, and belongs to the block of row j. With `hasCommonRows` that
+ * holds for the middle one of BlockLength slices, and the others have the samples in the same rows of the intermediate
+ * image, so that slices can be projected together; at the ends of the part all that there are. See FindRows(). */
 struct Block
 {
   std::ptrdiff_t rowBegin, rowEnd;
   std::ptrdiff_t sliceBegin, sliceEnd;
+  std::ptrdiff_t partBegin, partEnd;
+  bool           hasCommonRows{ false };
 };
 
 /** Columns [begin, end) of an image row. */
@@ -129,6 +135,23 @@ struct ColumnSpan
 {
   std::int32_t begin, end;
 };
+
+/** Rows [begin, end) of an image or a slice. */
+struct RowSpan
+{
+  std::ptrdiff_t begin, end;
+};
+
+/** The row of the intermediate image where row 0 of \a slice lies or, if the block has common rows, of the middle one
+ * of the BlockLength slices with it. */
+ShearWarpMIP_EXPORT
+std::ptrdiff_t
+FindFirstRow(const Block & block, const SlicePlacement * placements, std::ptrdiff_t slice);
+
+/** The rows of \a slice whose samples are the block's. */
+ShearWarpMIP_EXPORT
+RowSpan
+FindRows(const Block & block, const SlicePlacement * placements, std::ptrdiff_t slice);
 
 /** The intermediate (sheared) image: `rows` x `columns` pixels, `rowStride` pixels from row to row. `reached[r]` are
  * the columns of row r that some slice reaches; what the other pixels hold is not defined.
@@ -146,9 +169,9 @@ struct IntermediateImage
 
 /** A view along the slices' axis: the place of each slice, and the image that collects the maxima.
  *
- * `active`, if not null, tells which tiles of a block are needed: where
- * `active[(row - block.rowBegin) / BlockLength * activeStride + column / TileColumns]` is zero, for a row of the
- * block's slices and a column of the intermediate image, samples may be left out. */
+ * `active`, if not null, tells which tiles of a block of at most BlockLength slices are needed: where
+ * `active[(row - block.rowBegin) / BlockLength * activeStride + column / TileColumns]` is zero, for a row counted from
+ * FindFirstRow() and no further than the block's, and a column of the intermediate image, samples may be left out. */
 template <typename TPixel>
 struct ShearedView
 {
@@ -238,7 +261,7 @@ struct Kernels
 
   /** Raises the pixels of each of \a count views to the maximum of what they hold and of the samples of a block of
    * the sheared volume: the projection of Fang et al. 2002 (figure 2 and equation 2), one set of weights for a slice.
-   * Samples belong to the block of the lower of the two rows that they interpolate. */
+   */
   void (*projectBlock)(const SliceStack<TPixel> &  slices,
                        const Block &               block,
                        const ShearedView<TPixel> * views,

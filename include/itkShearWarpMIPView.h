@@ -82,6 +82,24 @@ public:
   TransformType::Pointer
   MakeTransform(const ImageBase<3> * image, DirectionEnum direction, double azimuth = 0.0, double elevation = 0.0);
 
+  /** The rigid transform of a view of \a image that has \a axis, a direction of physical space of any length, up the
+   * picture: from anterior or, where the axis points that way, from superior. Throws ExceptionObject if \a image is
+   * null, or \a axis is zero or not finite. */
+  static ShearWarpMIP_EXPORT
+  TransformType::Pointer
+  MakeUprightTransform(const ImageBase<3> * image, const Vector<double, 3> & axis);
+
+  /** \a view, a linear transform from view space to physical space, after the viewer has moved by \a degrees,
+   * right-handed, about the line through \a center, in mm, along \a axis, of any length. Multiples of 90 degrees about
+   * an axis of physical space are exact. Throws ExceptionObject if \a view is null or not linear, \a axis is zero, or a
+   * number is not finite. */
+  static ShearWarpMIP_EXPORT
+  TransformType::Pointer
+  Turn(const Transform<double, 3, 3> * view,
+       const Vector<double, 3> &       axis,
+       const Point<double, 3> &        center,
+       double                          degrees);
+
   /** The physical position, in mm, of the centre of \a image's largest possible region. */
   static ShearWarpMIP_EXPORT
   Point<double, 3>

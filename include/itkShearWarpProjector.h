@@ -60,10 +60,11 @@ std::ostream &
 operator<<(std::ostream & out, ShearWarpMIPImageFilterEnums::ReducedResampling value);
 
 /** \class ShearWarpProjector
- * \brief Projects a prepared volume to the intermediate image, by several threads.
+ * \brief Projects a prepared volume to the intermediate images of views along one axis, by several threads.
  *
- * The volume is divided into blocks of rows and slices. Each thread takes the next block and raises an intermediate
- * image of its own; the maximum over the threads' images is the result. It does not depend on who took which block.
+ * The volume is divided into blocks of rows and slices. Each thread takes the next block and raises intermediate
+ * images of its own; the maximum over the threads' images is the result. It does not depend on who took which block.
+ * A block is projected for all views while it is in the cache, so that the volume is read once.
  *
  * Reduced resampling (Fang et al. 2002, figure 3) by tiles: before a thread projects eight slices of a block, it
  * compares the maximum of the cubes that a tile's samples come from with the least pixel that the tile has already. A
@@ -83,14 +84,17 @@ public:
   using ReducedResamplingEnum = ShearWarpMIPImageFilterEnums::ReducedResampling;
   using IntermediateImageType = ShearWarp::IntermediateImage<TPixel>;
 
-  /** Begins a projection by at most \a workers threads. \a factorization and \a kernels must live until Finish(). */
+  using FactorizationList = std::vector<const ShearWarpFactorization *>;
+
+  /** Begins a projection by at most \a workers threads. The factorizations, of one principal axis and one oversampling,
+   * and \a kernels must live until Finish(). */
   void
-  Start(const ShearWarpFactorization &     factorization,
+  Start(FactorizationList                  factorizations,
         const ShearWarp::Kernels<TPixel> & kernels,
         ReducedResamplingEnum              reducedResampling,
         SizeValueType                      workers);
 
-  /** Projects what \a volume has prepared for the factorization's principal axis: all or, one after the other, slabs.
+  /** Projects what \a volume has prepared for the factorizations' principal axis: all or, one after the other, slabs.
    * \a parallelize(count, steps, function) calls function(n, step, worker) for each n of [0, count) and, one after the
    * other, each step of [0, steps); calls with the same worker, less than the number of them, do not overlap.
    * Throws MemoryAllocationError. */
@@ -98,11 +102,11 @@ public:
   void
   Project(const ShearWarpPreparedVolume<TPixel> & volume, const TParallelize & parallelize);
 
-  /** The intermediate image of all that was projected since Start(). It refers to this object's memory and to the
-   * factorization's, and is valid until the next projection. Throws MemoryAllocationError. */
+  /** The intermediate image, of view \a view, of all that was projected since Start(). It refers to this object's
+   * memory and to the factorization's, and is valid until the next call. Throws MemoryAllocationError. */
   template <typename TParallelize>
   IntermediateImageType
-  Finish(const TParallelize & parallelize);
+  Finish(std::size_t view, const TParallelize & parallelize);
 
   /** The fraction of tiles that the last projection left out. */
   double
@@ -177,10 +181,12 @@ private:
   std::vector<std::ptrdiff_t> m_SliceOrder; // the first of each BlockLength slices
 
   const ShearWarp::Kernels<TPixel> *               m_Kernels{ nullptr };
-  const ShearWarpFactorization *                   m_Factorization{ nullptr };
-  const std::vector<ShearWarp::IntermediateGrid> * m_Grids{ nullptr };
+  FactorizationList                                m_Factorizations;
+  std::vector<const ShearWarp::IntermediateGrid *> m_Grids; // of each view its phases
   ShearWarp::SliceStack<TPixel>                    m_Slices{};
   ShearWarp::BlockMaxima<TPixel>                   m_BlockMaxima{};
+  std::ptrdiff_t                                   m_PartBegin{ 0 }, m_PartEnd{ 0 };
+  bool                                             m_HasCommonRows{ false };
   ReducedResamplingEnum                            m_WantedReducedResampling{ ReducedResamplingEnum::Off };
   ReducedResamplingEnum                            m_ReducedResampling{ ReducedResamplingEnum::Off };
   std::ptrdiff_t                                   m_TileColumns{ 0 }, m_TileRows{ 0 }, m_RowStride{ 0 };

@@ -25,29 +25,44 @@ namespace itk
 {
 template <typename TPixel>
 void
-ShearWarpProjector<TPixel>::Start(const ShearWarpFactorization &     factorization,
+ShearWarpProjector<TPixel>::Start(FactorizationList                  factorizations,
                                   const ShearWarp::Kernels<TPixel> & kernels,
                                   ReducedResamplingEnum              reducedResampling,
                                   SizeValueType                      workers)
 {
   m_Kernels = &kernels;
-  m_Factorization = &factorization;
-  m_Grids = &factorization.GetPhases();
+  m_Factorizations = std::move(factorizations);
   m_WantedReducedResampling = reducedResampling;
   m_NumberOfWorkers = workers;
+  m_Grids.clear();
   m_TileColumns = m_TileRows = 0;
-  for (const ShearWarp::IntermediateGrid & grid : *m_Grids)
+  for (const ShearWarpFactorization * factorization : m_Factorizations)
   {
-    m_TileColumns = std::max(m_TileColumns, ShearWarp::CountBlocks(grid.columns, ShearWarp::TileColumns));
-    m_TileRows = std::max(m_TileRows, ShearWarp::CountBlocks(grid.rows));
+    for (const ShearWarp::IntermediateGrid & grid : factorization->GetPhases())
+    {
+      m_Grids.push_back(&grid);
+      m_TileColumns = std::max(m_TileColumns, ShearWarp::CountBlocks(grid.columns, ShearWarp::TileColumns));
+      m_TileRows = std::max(m_TileRows, ShearWarp::CountBlocks(grid.rows));
+    }
   }
+  // slices together are faster where samples have two voxels
+  const auto isTurnAboutAxis = [](const ShearWarpFactorization * factorization) {
+    const auto & placements = factorization->GetSlicePlacements();
+    const auto   areWhole = [&](ShearWarp::SamplingPosition ShearWarp::SlicePlacement::*position) {
+      return std::all_of(
+        placements.begin(), placements.end(), [=](const auto & slice) { return (slice.*position).fraction == 0; });
+    };
+    return areWhole(&ShearWarp::SlicePlacement::column) || areWhole(&ShearWarp::SlicePlacement::row);
+  };
+  m_HasCommonRows =
+    m_Factorizations.size() > 1 && std::all_of(m_Factorizations.begin(), m_Factorizations.end(), isTurnAboutAxis);
   // an odd number of tiles, so that rows do not compete for the same lines of the cache
   m_RowStride = (m_TileColumns | 1) * ShearWarp::TileColumns;
 
   m_Workers.resize(std::max<SizeValueType>(m_Workers.size(), workers));
   for (Worker & worker : m_Workers)
   {
-    worker.images.resize(m_Grids->size());
+    worker.images.resize(m_Grids.size());
     for (PartialImage & image : worker.images)
     {
       image.rowBegin = image.rowEnd = 0;
@@ -65,8 +80,8 @@ ShearWarpProjector<TPixel>::Project(const ShearWarpPreparedVolume<TPixel> & volu
   using ShearWarp::BlockLength;
   using ShearWarp::CountBlocks;
 
-  m_Slices = volume.GetSlices(m_Factorization->GetPrincipalAxis());
-  m_BlockMaxima = volume.GetBlockMaxima(m_Factorization->GetPrincipalAxis());
+  m_Slices = volume.GetSlices(m_Factorizations.front()->GetPrincipalAxis());
+  m_BlockMaxima = volume.GetBlockMaxima(m_Factorizations.front()->GetPrincipalAxis());
   m_ReducedResampling = m_WantedReducedResampling;
   if constexpr (std::is_floating_point_v<TPixel>)
   {
@@ -76,20 +91,24 @@ ShearWarpProjector<TPixel>::Project(const ShearWarpPreparedVolume<TPixel> & volu
       m_ReducedResampling = ReducedResamplingEnum::Off;
     }
   }
-  const ShearWarp::Block part = volume.GetPreparedPart(m_Factorization->GetPrincipalAxis());
+  const ShearWarp::Block part = volume.GetPreparedPart(m_Factorizations.front()->GetPrincipalAxis());
   const std::ptrdiff_t   rows = part.rowEnd - part.rowBegin;
+  m_PartBegin = part.rowBegin;
+  m_PartEnd = part.rowEnd;
 
   // where slices lie side by side a few rows are long runs in memory, else all rows of a slice are; several images
-  // share the cache
-  const std::ptrdiff_t sliceBytes = (1 << 18) / static_cast<std::ptrdiff_t>(m_Grids->size());
+  // share rows of BlockLength slices
+  const auto           images = static_cast<std::ptrdiff_t>(m_Grids.size());
   const std::ptrdiff_t rowBytes = m_Slices.columns * static_cast<std::ptrdiff_t>(sizeof(TPixel));
   const bool           isLongRun = m_Slices.sliceStride > m_Slices.rowStride;
-  const std::ptrdiff_t wanted = isLongRun ? CountBlocks(sliceBytes, rowBytes) : 2 * BlockLength;
+  const std::ptrdiff_t wanted = images > 1  ? CountBlocks(1 << 16, rowBytes)
+                                : isLongRun ? CountBlocks(1 << 18, rowBytes)
+                                            : 2 * BlockLength;
   const std::ptrdiff_t fairShare = CountBlocks(rows, 2 * static_cast<std::ptrdiff_t>(m_NumberOfWorkers));
   const std::ptrdiff_t blockRows = CountBlocks(std::min(wanted, fairShare)) * BlockLength;
   // a step takes milliseconds at most
   constexpr std::ptrdiff_t stepVoxels = 1 << 21;
-  const std::ptrdiff_t     stepCubes = stepVoxels / (blockRows * m_Slices.columns * BlockLength) + 1;
+  const std::ptrdiff_t     stepCubes = stepVoxels / (images * blockRows * m_Slices.columns * BlockLength) + 1;
   this->OrderSlices(part.sliceBegin, part.sliceEnd);
 
   const auto cubes = static_cast<std::ptrdiff_t>(m_SliceOrder.size());
@@ -107,17 +126,20 @@ ShearWarpProjector<TPixel>::Project(const ShearWarpPreparedVolume<TPixel> & volu
 template <typename TPixel>
 template <typename TParallelize>
 auto
-ShearWarpProjector<TPixel>::Finish(const TParallelize & parallelize) -> IntermediateImageType
+ShearWarpProjector<TPixel>::Finish(std::size_t view, const TParallelize & parallelize) -> IntermediateImageType
 {
-  const auto           oversampling = static_cast<std::ptrdiff_t>(m_Factorization->GetOversampling());
-  const std::ptrdiff_t rowStride = oversampling * m_RowStride;
-  const auto           columns = static_cast<std::ptrdiff_t>(m_Factorization->GetIntermediateSize()[0]);
-  const auto           rows = static_cast<std::ptrdiff_t>(m_Factorization->GetIntermediateSize()[1]);
+  const ShearWarpFactorization & factorization = *m_Factorizations[view];
+  const auto                     oversampling = static_cast<std::ptrdiff_t>(factorization.GetOversampling());
+  const std::ptrdiff_t           rowStride = oversampling * m_RowStride;
+  const auto                     columns = static_cast<std::ptrdiff_t>(factorization.GetIntermediateSize()[0]);
+  const auto                     rows = static_cast<std::ptrdiff_t>(factorization.GetIntermediateSize()[1]);
+  const std::size_t              phases = factorization.GetPhases().size();
+  const std::size_t              firstGrid = view * phases;
 
   std::vector<PartialImage> & merged = m_Workers.front().images;
-  for (std::size_t n = 0; n < merged.size(); ++n)
+  for (std::size_t n = firstGrid; n < firstGrid + phases; ++n)
   {
-    this->ExtendRows((*m_Grids)[n], merged[n], 0, m_TileRows * ShearWarp::BlockLength);
+    this->ExtendRows(*m_Grids[n], merged[n], 0, m_TileRows * ShearWarp::BlockLength);
   }
   if (oversampling > 1)
   {
@@ -131,7 +153,8 @@ ShearWarpProjector<TPixel>::Finish(const TParallelize & parallelize) -> Intermed
     {
       for (std::ptrdiff_t column = 0; column < oversampling; ++column)
       {
-        const TPixel * phase = this->MergeRow(row % oversampling * oversampling + column, row / oversampling);
+        const std::ptrdiff_t phaseOfRow = row % oversampling * oversampling + column;
+        const TPixel *       phase = this->MergeRow(firstGrid + phaseOfRow, row / oversampling);
         if (oversampling > 1)
         {
           TPixel * joined = m_JoinedPhases.template GetPointer<TPixel>() + row * rowStride + column;
@@ -144,10 +167,8 @@ ShearWarpProjector<TPixel>::Finish(const TParallelize & parallelize) -> Intermed
     }
   };
   parallelize(static_cast<SizeValueType>(ShearWarp::CountBlocks(rows, bandRows)), 1, mergeBand);
-  const ShearWarpBuffer & pixels = oversampling > 1 ? m_JoinedPhases : merged.front().pixels;
-  return {
-    pixels.template GetPointer<TPixel>(), columns, rows, rowStride, m_Factorization->GetReachedColumns().data()
-  };
+  const ShearWarpBuffer & pixels = oversampling > 1 ? m_JoinedPhases : merged[firstGrid].pixels;
+  return { pixels.template GetPointer<TPixel>(), columns, rows, rowStride, factorization.GetReachedColumns().data() };
 }
 
 template <typename TPixel>
@@ -206,13 +227,14 @@ ShearWarpProjector<TPixel>::ProjectRows(Worker &       worker,
     {
       ++end;
     }
+    const std::ptrdiff_t   sliceEnd = std::min(m_SliceOrder[end - 1] + BlockLength, m_Slices.slices);
     const ShearWarp::Block block{
-      rowBegin, rowEnd, m_SliceOrder[n], std::min(m_SliceOrder[end - 1] + BlockLength, m_Slices.slices)
+      rowBegin, rowEnd, m_SliceOrder[n], sliceEnd, m_PartBegin, m_PartEnd, m_HasCommonRows
     };
-    for (std::size_t g = 0; g < m_Grids->size(); ++g)
+    for (std::size_t g = 0; g < m_Grids.size(); ++g)
     {
       // offsets are monotonic in the slice
-      const ShearWarp::IntermediateGrid & grid = (*m_Grids)[g];
+      const ShearWarp::IntermediateGrid & grid = *m_Grids[g];
       const std::int32_t                  firstRow = grid.placements[block.sliceBegin].row.whole;
       const std::int32_t                  lastRow = grid.placements[block.sliceEnd - 1].row.whole;
       this->ExtendRows(grid,
@@ -222,9 +244,9 @@ ShearWarpProjector<TPixel>::ProjectRows(Worker &       worker,
     }
     const bool hasMask = isTested && this->SelectTiles(worker, block);
     worker.views.clear();
-    for (std::size_t g = 0; g < m_Grids->size(); ++g)
+    for (std::size_t g = 0; g < m_Grids.size(); ++g)
     {
-      const ShearWarp::IntermediateGrid & grid = (*m_Grids)[g];
+      const ShearWarp::IntermediateGrid & grid = *m_Grids[g];
       const PartialImage &                image = worker.images[g];
       if (!hasMask || std::find(image.active.begin(), image.active.end(), 1) != image.active.end())
       {
@@ -243,7 +265,7 @@ ShearWarpProjector<TPixel>::ProjectRows(Worker &       worker,
     {
       worker.untestedCubes -= end - n;
       worker.tiles +=
-        m_Grids->size() * m_TileColumns * ShearWarp::CountBlocks(rowEnd - rowBegin, BlockLength) * (end - n);
+        m_Grids.size() * m_TileColumns * ShearWarp::CountBlocks(rowEnd - rowBegin, BlockLength) * (end - n);
     }
     n = end;
   }
@@ -256,9 +278,9 @@ bool
 ShearWarpProjector<TPixel>::SelectTiles(Worker & worker, const ShearWarp::Block & block) const
 {
   TileCount tiles{ 0, 0 };
-  for (std::size_t g = 0; g < m_Grids->size(); ++g)
+  for (std::size_t g = 0; g < m_Grids.size(); ++g)
   {
-    const TileCount count = this->SelectTiles((*m_Grids)[g], worker.images[g], worker.columnMaxima, block);
+    const TileCount count = this->SelectTiles(*m_Grids[g], worker.images[g], worker.columnMaxima, block);
     tiles.all += count.all;
     tiles.skipped += count.skipped;
   }
@@ -287,6 +309,7 @@ ShearWarpProjector<TPixel>::SelectTiles(const ShearWarp::IntermediateGrid & grid
   const std::ptrdiff_t              lastColumn = std::max(first.column.whole, last.column.whole);
   const std::ptrdiff_t              firstRow = std::min(first.row.whole, last.row.whole);
   const std::ptrdiff_t              lastRow = std::max(first.row.whole, last.row.whole);
+  const std::ptrdiff_t commonRow = ShearWarp::FindFirstRow(block, grid.placements.data(), block.sliceBegin);
 
   const std::ptrdiff_t blockRows = ShearWarp::CountBlocks(block.rowEnd - block.rowBegin, BlockLength);
   image.active.assign(blockRows * m_TileColumns, 0);
@@ -294,34 +317,50 @@ ShearWarpProjector<TPixel>::SelectTiles(const ShearWarp::IntermediateGrid & grid
   TileCount tiles{ 0, 0 };
   for (std::ptrdiff_t blockRow = 0; blockRow < blockRows; ++blockRow)
   {
-    // a sample needs the row above too
-    const std::ptrdiff_t row = block.rowBegin / BlockLength + blockRow;
-    const TPixel *       cubes =
-      m_BlockMaxima.maxima + row * m_BlockMaxima.rowStride + block.sliceBegin / BlockLength * m_BlockMaxima.sliceStride;
-    const std::ptrdiff_t above = row > 0 ? m_BlockMaxima.rowStride : 0;
+    // a sample needs the row above too; the last row of the part may have the edge's sample
+    const std::ptrdiff_t row = block.rowBegin + blockRow * BlockLength;
+    const std::ptrdiff_t end = std::min(row + BlockLength, block.partEnd);
+    const bool           isLast = end == block.partEnd;
+    ShearWarp::RowSpan   voxels{ row - 1, end };
+    ShearWarp::RowSpan   pixels{ row + firstRow, end + lastRow + isLast };
+    if (block.hasCommonRows)
+    {
+      pixels.begin = row == block.partBegin ? pixels.begin : row + commonRow;
+      pixels.end = isLast ? pixels.end : end + commonRow;
+      voxels = { pixels.begin - lastRow - 1, pixels.end - firstRow };
+    }
+    const auto findCube = [&](std::ptrdiff_t voxelRow) {
+      return std::clamp<std::ptrdiff_t>(voxelRow, 0, block.partEnd - 1) / BlockLength;
+    };
+    const std::ptrdiff_t cubeBegin = findCube(voxels.begin);
+    const std::ptrdiff_t cubeEnd = findCube(voxels.end - 1) + 1;
+    const TPixel *       cubes = m_BlockMaxima.maxima + block.sliceBegin / BlockLength * m_BlockMaxima.sliceStride;
     for (std::ptrdiff_t column = 0; column < m_BlockMaxima.columns; ++column)
     {
-      const TPixel * cube = cubes + column * m_BlockMaxima.columnStride;
-      columnMaxima[column] = std::max(cube[0], *(cube - above));
+      const TPixel * cube = cubes + column * m_BlockMaxima.columnStride + cubeBegin * m_BlockMaxima.rowStride;
+      TPixel         maximum = *cube;
+      for (std::ptrdiff_t n = cubeBegin + 1; n < cubeEnd; ++n)
+      {
+        cube += m_BlockMaxima.rowStride;
+        maximum = std::max(maximum, *cube);
+      }
+      columnMaxima[column] = maximum;
     }
 
-    const std::ptrdiff_t tileRowBegin = (row * BlockLength + firstRow) / BlockLength;
-    // the last row of the volume has the edge's sample too
-    const bool           isLast = row + 1 == m_BlockMaxima.rows;
-    const std::ptrdiff_t lastSample = (isLast ? m_Slices.rows : row * BlockLength + BlockLength - 1) + lastRow;
-    const std::ptrdiff_t tileRowEnd = std::min(lastSample / BlockLength + 1, m_TileRows);
+    const std::ptrdiff_t tileRowBegin = pixels.begin / BlockLength;
+    const std::ptrdiff_t tileRowEnd = std::min((pixels.end - 1) / BlockLength + 1, m_TileRows);
     for (std::ptrdiff_t tileColumn = firstColumn / TileColumns; tileColumn < m_TileColumns; ++tileColumn)
     {
-      const std::ptrdiff_t begin = std::max<std::ptrdiff_t>(tileColumn * TileColumns - lastColumn - 1, 0);
-      const std::ptrdiff_t end = std::min(tileColumn * TileColumns + TileColumns - firstColumn, m_Slices.columns);
+      const std::ptrdiff_t columnBegin = std::max<std::ptrdiff_t>(tileColumn * TileColumns - lastColumn - 1, 0);
+      const std::ptrdiff_t columnEnd = std::min(tileColumn * TileColumns + TileColumns - firstColumn, m_Slices.columns);
       if (tileColumn * TileColumns > lastColumn + m_Slices.columns)
       {
         break;
       }
       ++tiles.all;
       const TPixel * maxima = columnMaxima.data();
-      const TPixel   maximum = *std::max_element(maxima + std::min(begin, m_Slices.columns - 1) / BlockLength,
-                                               maxima + (std::max<std::ptrdiff_t>(end, 1) - 1) / BlockLength + 1);
+      const TPixel   maximum = *std::max_element(maxima + std::min(columnBegin, m_Slices.columns - 1) / BlockLength,
+                                               maxima + (std::max<std::ptrdiff_t>(columnEnd, 1) - 1) / BlockLength + 1);
       bool           isActive = false;
       for (std::ptrdiff_t tileRow = tileRowBegin; tileRow < tileRowEnd && !isActive; ++tileRow)
       {
@@ -415,7 +454,7 @@ template <typename TPixel>
 const TPixel *
 ShearWarpProjector<TPixel>::MergeRow(std::size_t grid, std::ptrdiff_t row)
 {
-  const std::ptrdiff_t columns = (*m_Grids)[grid].columns;
+  const std::ptrdiff_t columns = m_Grids[grid]->columns;
   TPixel * const       result = m_Workers.front().images[grid].pixels.template GetPointer<TPixel>() + row * m_RowStride;
   for (std::size_t n = 1; n < m_Workers.size(); ++n)
   {

@@ -35,6 +35,7 @@ struct Lanes
   static constexpr char           Name[] = "avx2";
   static constexpr std::ptrdiff_t ShortCount = 16;
   static constexpr std::ptrdiff_t FloatCount = 8;
+  static constexpr int            SumRows = 4; // of 2 x Int, in half of the registers
   static constexpr std::ptrdiff_t WarpCount = 4;
 
   using Short = __m256i;
@@ -65,6 +66,7 @@ struct Lanes
   static Short InterleaveLow(Short a, Short b) { return _mm256_unpacklo_epi16(a, b); }
   static Short InterleaveHigh(Short a, Short b) { return _mm256_unpackhi_epi16(a, b); }
 
+  static Int MaximumInt(Int a, Int b) { return _mm256_max_epi32(a, b); }
   static Int SetInt(int v) { return _mm256_set1_epi32(v); }
   static Int AddPairProducts(Int sum, Short a, Short b) { return _mm256_add_epi32(sum, _mm256_madd_epi16(a, b)); }
   static Short PackEvenOdd(Int even, Int odd) { return _mm256_blend_epi16(_mm256_srli_epi32(even, 15), _mm256_slli_epi32(odd, 1), 0xAA); }

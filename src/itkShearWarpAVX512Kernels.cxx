@@ -35,6 +35,7 @@ struct Lanes
   static constexpr char           Name[] = "avx512";
   static constexpr std::ptrdiff_t ShortCount = 32;
   static constexpr std::ptrdiff_t FloatCount = 16;
+  static constexpr int            SumRows = 8; // of 2 x Int, in half of the registers
   static constexpr std::ptrdiff_t WarpCount = 8;
 
   using Short = __m512i;
@@ -65,6 +66,7 @@ struct Lanes
   static Short InterleaveLow(Short a, Short b) { return _mm512_unpacklo_epi16(a, b); }
   static Short InterleaveHigh(Short a, Short b) { return _mm512_unpackhi_epi16(a, b); }
 
+  static Int MaximumInt(Int a, Int b) { return _mm512_max_epi32(a, b); }
   static Int SetInt(int v) { return _mm512_set1_epi32(v); }
   static Int AddPairProducts(Int sum, Short a, Short b) { return _mm512_dpwssd_epi32(sum, a, b); }
   static Short PackEvenOdd(Int even, Int odd) { return _mm512_mask_blend_epi16(0xAAAAAAAA, _mm512_srli_epi32(even, 15), _mm512_slli_epi32(odd, 1)); }

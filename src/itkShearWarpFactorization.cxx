@@ -446,6 +446,25 @@ ShearWarpFactorization::GetLinearPart(const TransformType * viewTransform)
   return GetLinearView(viewTransform).matrix;
 }
 
+bool
+ShearWarpFactorization::HasSameSlicePlacements(const ShearWarpFactorization & other) const
+{
+  const auto areSame = [](const ShearWarp::SamplingPosition & a, const ShearWarp::SamplingPosition & b) {
+    return a.whole == b.whole && a.fraction == b.fraction;
+  };
+  const auto haveSamePlacements = [&](const ShearWarp::IntermediateGrid & a, const ShearWarp::IntermediateGrid & b) {
+    return std::equal(a.placements.begin(),
+                      a.placements.end(),
+                      b.placements.begin(),
+                      b.placements.end(),
+                      [&](const ShearWarp::SlicePlacement & x, const ShearWarp::SlicePlacement & y) {
+                        return areSame(x.column, y.column) && areSame(x.row, y.row);
+                      });
+  };
+  return m_Permutation == other.m_Permutation &&
+         std::equal(m_Phases.begin(), m_Phases.end(), other.m_Phases.begin(), other.m_Phases.end(), haveSamePlacements);
+}
+
 void
 ShearWarpFactorization::ComputeViewBounds(const TransformType *      viewTransform,
                                           const InputImageBaseType * image,

@@ -34,6 +34,27 @@ QuantizePosition(double position)
   return { static_cast<std::int32_t>(quantized >> FractionBits), static_cast<std::int32_t>(quantized & (One - 1)) };
 }
 
+std::ptrdiff_t
+FindFirstRow(const Block & block, const SlicePlacement * placements, std::ptrdiff_t slice)
+{
+  if (block.hasCommonRows)
+  {
+    slice = std::min(slice / BlockLength * BlockLength + BlockLength / 2, block.sliceEnd - 1);
+  }
+  return placements[slice].row.whole;
+}
+
+RowSpan
+FindRows(const Block & block, const SlicePlacement * placements, std::ptrdiff_t slice)
+{
+  const std::ptrdiff_t difference = FindFirstRow(block, placements, slice) - placements[slice].row.whole;
+  const auto           shift = [&](std::ptrdiff_t row) {
+    const bool isEnd = row == block.partBegin || row == block.partEnd;
+    return isEnd ? row : std::clamp(row + difference, block.partBegin, block.partEnd);
+  };
+  return { shift(block.rowBegin), shift(block.rowEnd) };
+}
+
 double
 ShearedFunction::operator()(double column, double row, double slice) const
 {

@@ -19,7 +19,9 @@
 
 #include "itkContinuousIndex.h"
 #include "itkMath.h"
+#include "itkShearWarpFactorization.h"
 
+#include <algorithm>
 #include <cmath>
 #include <ostream>
 
@@ -64,20 +66,58 @@ GetAxes(ShearWarpMIPViewEnums::Direction direction)
                                                                                       << '.');
 }
 
-/** Turns \a from towards \a to, both unit vectors at a right angle, and \a to along with it. Multiples of 90 degrees
- * are exact. */
+/** Cosine and sine of an angle in degrees. Of multiples of 90 they are exact. */
 void
-Turn(VectorType & from, VectorType & to, double degrees)
+GetCosineAndSine(double degrees, double & cosine, double & sine)
 {
   const double quarters = std::round(degrees / 90.0);
   const double rest = (degrees - 90.0 * quarters) * Math::pi_over_180;
   const double cosines[4] = { std::cos(rest), -std::sin(rest), -std::cos(rest), std::sin(rest) };
   const auto   quadrant = static_cast<int>(quarters - 4.0 * std::floor(quarters / 4.0));
-  const double cosine = cosines[quadrant];
-  const double sine = cosines[(quadrant + 3) % 4];
-  const auto   turned = from * cosine + to * sine;
+  cosine = cosines[quadrant];
+  sine = cosines[(quadrant + 3) % 4];
+}
+
+/** Turns \a from towards \a to, both unit vectors at a right angle, and \a to along with it. */
+void
+TurnTowards(VectorType & from, VectorType & to, double degrees)
+{
+  double cosine;
+  double sine;
+  GetCosineAndSine(degrees, cosine, sine);
+  const auto turned = from * cosine + to * sine;
   to = to * cosine - from * sine;
   from = turned;
+}
+
+VectorType
+Normalize(const VectorType & axis)
+{
+  // scaled, so that squares neither overflow nor vanish
+  const double largest = std::max({ std::abs(axis[0]), std::abs(axis[1]), std::abs(axis[2]) });
+  const auto   scaled = axis / largest;
+  const double length = scaled.GetNorm();
+  if (!(length > 0.0 && std::isfinite(length)))
+  {
+    itkGenericExceptionMacro("The axis must be finite and not zero, but it is " << axis << '.');
+  }
+  return scaled / length;
+}
+
+ShearWarpMIPView::TransformType::Pointer
+MakeView(const ImageBase<3> * image, const ViewAxes & axes)
+{
+  ShearWarpMIPView::TransformType::MatrixType matrix;
+  for (unsigned int row = 0; row < 3; ++row)
+  {
+    matrix(row, 0) = axes.u[row];
+    matrix(row, 1) = axes.v[row];
+    matrix(row, 2) = axes.w[row];
+  }
+  auto transform = ShearWarpMIPView::TransformType::New();
+  transform->SetMatrix(matrix);
+  transform->SetOffset(ShearWarpMIPView::GetCentre(image).GetVectorFromOrigin());
+  return transform;
 }
 } // namespace
 
@@ -98,20 +138,52 @@ ShearWarpMIPView::MakeTransform(const ImageBase<3> * image, DirectionEnum direct
                                                                                    << '.');
   }
   ViewAxes axes = GetAxes(direction);
-  Turn(axes.u, axes.w, azimuth);
-  Turn(axes.v, axes.w, -elevation);
+  TurnTowards(axes.u, axes.w, azimuth);
+  TurnTowards(axes.v, axes.w, -elevation);
+  return MakeView(image, axes);
+}
 
-  TransformType::MatrixType matrix;
+ShearWarpMIPView::TransformType::Pointer
+ShearWarpMIPView::MakeUprightTransform(const ImageBase<3> * image, const Vector<double, 3> & axis)
+{
+  const VectorType up = Normalize(axis);
+  const double     posterior[] = { 0.0, 1.0, 0.0 };
+  const double     inferior[] = { 0.0, 0.0, -1.0 };
+  // away from the viewer, at a right angle to the axis
+  const VectorType away = std::abs(up[1]) < 0.99 ? VectorType(posterior) : VectorType(inferior);
+  const VectorType w = Normalize(away - up * (away * up));
+  return MakeView(image, { CrossProduct(w, up), -up, w });
+}
+
+ShearWarpMIPView::TransformType::Pointer
+ShearWarpMIPView::Turn(const Transform<double, 3, 3> * view,
+                       const Vector<double, 3> &       axis,
+                       const Point<double, 3> &        center,
+                       double                          degrees)
+{
+  const auto       linearPart = ShearWarpFactorization::GetLinearPart(view);
+  const VectorType k = Normalize(axis);
+  if (!std::isfinite(degrees))
+  {
+    itkGenericExceptionMacro("The angle must be finite, but it is " << degrees << '.');
+  }
+  double cosine;
+  double sine;
+  GetCosineAndSine(degrees, cosine, sine);
+  TransformType::MatrixType rotation;
   for (unsigned int row = 0; row < 3; ++row)
   {
-    matrix(row, 0) = axes.u[row];
-    matrix(row, 1) = axes.v[row];
-    matrix(row, 2) = axes.w[row];
+    const unsigned int next = (row + 1) % 3;
+    const unsigned int last = (row + 2) % 3;
+    rotation(row, row) = cosine + k[row] * k[row] * (1.0 - cosine);
+    rotation(row, next) = k[row] * k[next] * (1.0 - cosine) - k[last] * sine;
+    rotation(row, last) = k[row] * k[last] * (1.0 - cosine) + k[next] * sine;
   }
-  auto transform = TransformType::New();
-  transform->SetMatrix(matrix);
-  transform->SetOffset(GetCentre(image).GetVectorFromOrigin());
-  return transform;
+  auto turned = TransformType::New();
+  turned->SetMatrix(rotation * linearPart);
+  const VectorType fromCenter = view->TransformPoint(Point<double, 3>(0.0)) - center;
+  turned->SetOffset(center.GetVectorFromOrigin() + rotation * fromCenter);
+  return turned;
 }
 
 Point<double, 3>

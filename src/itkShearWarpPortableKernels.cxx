@@ -192,9 +192,11 @@ ProjectBlock(const SliceStack<TPixel> &  slices,
       const Sampler<TPixel>    corner(0, 0);
 
       // sample j lies between rows j - 1 and j; the outer half voxels have the edge's value
+      const RowSpan        span = FindRows(block, view->placements, k);
       const std::ptrdiff_t first = row.fraction > One / 2;
-      const std::ptrdiff_t end = block.rowEnd == slices.rows ? slices.rows + first : block.rowEnd;
-      for (std::ptrdiff_t j = block.rowBegin == 0 ? first : block.rowBegin; j < end; ++j)
+      const std::ptrdiff_t end = span.end == slices.rows ? slices.rows + first : span.end;
+      const std::ptrdiff_t firstTile = FindFirstRow(block, view->placements, k) - row.whole + block.rowBegin;
+      for (std::ptrdiff_t j = span.begin == 0 ? first : span.begin; j < end; ++j)
       {
         const bool edge = j == 0 || j == slices.rows;
         const auto getRow = [&](std::ptrdiff_t index) {
@@ -202,7 +204,8 @@ ProjectBlock(const SliceStack<TPixel> &  slices,
         };
         const TPixel *       a = getRow(std::max<std::ptrdiff_t>(j - 1, 0));
         const TPixel *       b = getRow(std::min(j, slices.rows - 1));
-        const std::ptrdiff_t tile = (std::min(j, slices.rows - 1) - block.rowBegin) / BlockLength;
+        const std::ptrdiff_t tile =
+          std::clamp<std::ptrdiff_t>(j - firstTile, 0, block.rowEnd - block.rowBegin - 1) / BlockLength;
         ProjectRow(a,
                    b,
                    slices.columns,

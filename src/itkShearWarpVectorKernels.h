@@ -81,13 +81,21 @@ enum class Fractions
   Both
 };
 
+/** Rows [rowBegin, rowEnd) and columns [begin, end) of the intermediate image. */
+struct Rectangle
+{
+  std::ptrdiff_t rowBegin, rowEnd;
+  std::ptrdiff_t begin, end;
+};
+
 /** A slice where the view places it: pixel (p, q) is sampled between voxels (p - 1, q - 1) and (p, q) of a slice whose
- * voxel (0, 0) is at `offset`. */
+ * voxel (0, 0) is at `offset`. Of the block's samples it has all voxels of those in `inner`. */
 struct PlacedSlice
 {
   std::ptrdiff_t offset;
   std::ptrdiff_t column, row;
   std::int32_t   x, y;
+  Rectangle      inner;
 
   Fractions
   GetFractions() const
@@ -158,13 +166,15 @@ private:
   int                             m_Streams{ 0 }, m_Stream{ 0 };
 };
 
-/** A row of tiles: columns [begin, end), at least LaneCount of them, of the rows from `row` on. */
+/** A row of tiles: columns [begin, end), at least LaneCount of them, that `count` slices have in common, of the rows
+ * from `row` on. */
 template <typename TPixel>
 struct TileRow
 {
   const TPixel *       voxels;
   std::ptrdiff_t       rowStride;
-  const PlacedSlice *  slice;
+  const PlacedSlice *  slices;
+  std::ptrdiff_t       count;
   std::ptrdiff_t       row, begin, end;
   TPixel *             pixels;
   std::ptrdiff_t       pixelStride;
@@ -173,13 +183,173 @@ struct TileRow
   Prefetcher *         prefetcher;
 };
 
-/** Raises VRows rows of LaneCount pixels to the samples of a slice. Short integers: the difference of two voxels fits
- * in 16 bits unless VWide, and linear interpolation is b + ((a - b) x + 2^14 >> 15). */
-template <typename TPixel, Fractions VFractions, bool VWide, int VRows>
-struct Tile
+/** The samples of a slice in a tile, of one or two short integers whose difference fits in 16 bits: linear
+ * interpolation is b + ((a - b) x + 2^14 >> 15). */
+template <typename TPixel, Fractions VFractions>
+class LinearSampler
 {
+public:
+  using Sample = Lanes::Short;
+
+  /** As many rows as have registers. */
+  static constexpr int MaximumRows = BlockLength;
+
+  explicit LinearSampler(const PlacedSlice & slice)
+    : m_Weight(Lanes::Set(VFractions == Fractions::Column ? slice.x : slice.y))
+  {}
+
+  static Sample
+  Lowest()
+  {
+    return Lanes::Set(IsUnsignedShort<TPixel> ? 0 : -32768);
+  }
+
+  static Sample
+  Larger(Sample a, Sample b)
+  {
+    return Maximum<TPixel>(a, b);
+  }
+
+  static Sample
+  Finish(Sample sample)
+  {
+    return sample;
+  }
+
+  /** Calls \a process(row, voxels, sample) for each of VRows rows; \a b are the first one's lower voxels. */
+  template <int VRows, typename TFunction>
+  SHEARWARP_INLINE void
+  ForEachRow(const TPixel * b, std::ptrdiff_t stride, const TFunction & process) const
+  {
+    Sample above = VFractions == Fractions::Row ? Lanes::Load(b - stride) : m_Weight;
+    SHEARWARP_UNROLL
+    for (int r = 0; r < VRows; ++r, b += stride)
+    {
+      const Sample voxel = Lanes::Load(b);
+      if constexpr (VFractions == Fractions::None)
+      {
+        process(r, b, voxel);
+      }
+      else if constexpr (VFractions == Fractions::Column)
+      {
+        process(r, b, this->Interpolate(Lanes::Load(b - 1), voxel));
+      }
+      else
+      {
+        process(r, b, this->Interpolate(above, voxel));
+        above = voxel;
+      }
+    }
+  }
+
+private:
+  Sample
+  Interpolate(Sample a, Sample b) const
+  {
+    return Lanes::Add(b, Lanes::MultiplyHighRounded(Lanes::Subtract(a, b), m_Weight));
+  }
+
+  Sample m_Weight;
+};
+
+/** The samples of a slice in a tile, of short integers: weighted sums. Unsigned ones fit in 15 bits unless VWide. */
+template <typename TPixel, Fractions VFractions, bool VWide>
+class SumSampler
+{
+public:
   using Short = Lanes::Short;
   using Int = Lanes::Int;
+
+  /** Two halves of weighted sums, 2^14 added. The lanes of one half are the even columns, of the other the odd ones;
+   * or, between rows alone, the halves of interleaved vectors. */
+  struct Sample
+  {
+    Int low, high;
+  };
+
+  static constexpr int MaximumRows = Lanes::SumRows;
+
+  explicit SumSampler(const PlacedSlice & slice)
+  {
+    const std::int32_t x = slice.x;
+    const std::int32_t y = slice.y;
+    const std::int32_t aa = (x * y + (1 << 14)) >> 15;
+    m_WeightsAbove = Lanes::SetPairs(aa, y - aa);
+    m_Weights =
+      VFractions == Fractions::Row ? Lanes::SetPairs(y, 32768 - y) : Lanes::SetPairs(x - aa, 32768 - x - y + aa);
+  }
+
+  static Sample
+  Lowest()
+  {
+    return { Lanes::SetInt(-(1 << 30)), Lanes::SetInt(-(1 << 30)) };
+  }
+
+  static Sample
+  Larger(Sample a, Sample b)
+  {
+    return { Lanes::MaximumInt(a.low, b.low), Lanes::MaximumInt(a.high, b.high) };
+  }
+
+  /** Rounds: that is monotonic, so that a maximum is rounded once. */
+  static Short
+  Finish(Sample sample)
+  {
+    const Short packed = VFractions == Fractions::Row ? Lanes::PackInterleaved(sample.low, sample.high)
+                                                      : Lanes::PackEvenOdd(sample.low, sample.high);
+    return FlipSign ? Lanes::FlipSign(packed) : packed;
+  }
+
+  template <int VRows, typename TFunction>
+  SHEARWARP_INLINE void
+  ForEachRow(const TPixel * b, std::ptrdiff_t stride, const TFunction & process) const
+  {
+    const Int half = Lanes::SetInt(1 << 14);
+    if constexpr (VFractions == Fractions::Row)
+    {
+      Short above = Load(b - stride);
+      SHEARWARP_UNROLL
+      for (int r = 0; r < VRows; ++r, b += stride)
+      {
+        const Short voxel = Load(b);
+        process(r,
+                b,
+                { Lanes::AddPairProducts(half, Lanes::InterleaveLow(above, voxel), m_Weights),
+                  Lanes::AddPairProducts(half, Lanes::InterleaveHigh(above, voxel), m_Weights) });
+        above = voxel;
+      }
+    }
+    else if constexpr (VFractions == Fractions::Column)
+    {
+      SHEARWARP_UNROLL
+      for (int r = 0; r < VRows; ++r, b += stride)
+      {
+        process(
+          r,
+          b,
+          { Lanes::AddPairProducts(half, Load(b - 1), m_Weights), Lanes::AddPairProducts(half, Load(b), m_Weights) });
+      }
+    }
+    else
+    {
+      Short evenAbove = Load(b - stride - 1);
+      Short oddAbove = Load(b - stride);
+      SHEARWARP_UNROLL
+      for (int r = 0; r < VRows; ++r, b += stride)
+      {
+        const Short even = Load(b - 1);
+        const Short odd = Load(b);
+        process(r,
+                b,
+                { Lanes::AddPairProducts(Lanes::AddPairProducts(half, evenAbove, m_WeightsAbove), even, m_Weights),
+                  Lanes::AddPairProducts(Lanes::AddPairProducts(half, oddAbove, m_WeightsAbove), odd, m_Weights) });
+        evenAbove = even;
+        oddAbove = odd;
+      }
+    }
+  }
+
+private:
   static constexpr bool FlipSign = VWide && IsUnsignedShort<TPixel>;
 
   static Short
@@ -189,170 +359,154 @@ struct Tile
     return FlipSign ? Lanes::FlipSign(loaded) : loaded;
   }
 
-  static void
-  Raise(TPixel * pixels, Short sample)
-  {
-    Lanes::Store(pixels, Maximum<TPixel>(Lanes::Load(pixels), sample));
-  }
-
-  static Short
-  Interpolate(Short a, Short b, Short weightOfA)
-  {
-    return Lanes::Add(b, Lanes::MultiplyHighRounded(Lanes::Subtract(a, b), weightOfA));
-  }
-
-  static void
-  Project(const TPixel *      voxels,
-          std::ptrdiff_t      stride,
-          const PlacedSlice & slice,
-          std::ptrdiff_t      position,
-          TPixel *            pixels,
-          std::ptrdiff_t      pixelStride)
-  {
-    if constexpr (VFractions == Fractions::None || (!VWide && VFractions != Fractions::Both))
-    {
-      const TPixel * b = voxels + (slice.offset + position);
-      const Short    weight = Lanes::Set(VFractions == Fractions::Column ? slice.x : slice.y);
-      Short          above = VFractions == Fractions::Row ? Lanes::Load(b - stride) : weight;
-      SHEARWARP_UNROLL
-      for (int r = 0; r < VRows; ++r, b += stride, pixels += pixelStride)
-      {
-        const Short voxel = Lanes::Load(b);
-        Short       sample = voxel;
-        if constexpr (VFractions == Fractions::Column)
-        {
-          sample = Interpolate(Lanes::Load(b - 1), voxel, weight);
-        }
-        if constexpr (VFractions == Fractions::Row)
-        {
-          sample = Interpolate(above, voxel, weight);
-          above = voxel;
-        }
-        Raise(pixels, sample);
-      }
-    }
-    else
-    {
-      Sample(voxels, stride, slice, position, [=](int r, Int low, Int high) {
-        Raise(pixels + r * pixelStride, Pack(low, high));
-      });
-    }
-  }
-
-  /** Two halves of weighted sums, 2^14 added. The lanes of one half are the even columns, of the other the odd ones;
-   * or, between rows alone, the halves of interleaved vectors. */
-  template <typename TFunction>
-  static SHEARWARP_INLINE void
-  Sample(const TPixel *      voxels,
-         std::ptrdiff_t      stride,
-         const PlacedSlice & slice,
-         std::ptrdiff_t      position,
-         const TFunction &   process)
-  {
-    const TPixel *     b = voxels + (slice.offset + position);
-    const std::int32_t x = slice.x;
-    const std::int32_t y = slice.y;
-    const Int          half = Lanes::SetInt(1 << 14);
-    if constexpr (VFractions == Fractions::Row)
-    {
-      const Short weights = Lanes::SetPairs(y, 32768 - y);
-      Short       above = Load(b - stride);
-      SHEARWARP_UNROLL
-      for (int r = 0; r < VRows; ++r, b += stride)
-      {
-        const Short voxel = Load(b);
-        process(r,
-                Lanes::AddPairProducts(half, Lanes::InterleaveLow(above, voxel), weights),
-                Lanes::AddPairProducts(half, Lanes::InterleaveHigh(above, voxel), weights));
-        above = voxel;
-      }
-    }
-    else if constexpr (VFractions == Fractions::Column)
-    {
-      const Short weights = Lanes::SetPairs(x, 32768 - x);
-      SHEARWARP_UNROLL
-      for (int r = 0; r < VRows; ++r, b += stride)
-      {
-        process(r, Lanes::AddPairProducts(half, Load(b - 1), weights), Lanes::AddPairProducts(half, Load(b), weights));
-      }
-    }
-    else
-    {
-      const std::int32_t aa = (x * y + (1 << 14)) >> 15;
-      const Short        weightsAbove = Lanes::SetPairs(aa, y - aa);
-      const Short        weights = Lanes::SetPairs(x - aa, 32768 - x - y + aa);
-      Short              evenAbove = Load(b - stride - 1);
-      Short              oddAbove = Load(b - stride);
-      SHEARWARP_UNROLL
-      for (int r = 0; r < VRows; ++r, b += stride)
-      {
-        const Short even = Load(b - 1);
-        const Short odd = Load(b);
-        process(r,
-                Lanes::AddPairProducts(Lanes::AddPairProducts(half, evenAbove, weightsAbove), even, weights),
-                Lanes::AddPairProducts(Lanes::AddPairProducts(half, oddAbove, weightsAbove), odd, weights));
-        evenAbove = even;
-        oddAbove = odd;
-      }
-    }
-  }
-
-  static Short
-  Pack(Int low, Int high)
-  {
-    const Short packed =
-      VFractions == Fractions::Row ? Lanes::PackInterleaved(low, high) : Lanes::PackEvenOdd(low, high);
-    return FlipSign ? Lanes::FlipSign(packed) : packed;
-  }
+  Short m_WeightsAbove;
+  Short m_Weights;
 };
 
-template <Fractions VFractions, bool VWide, int VRows>
-struct Tile<float, VFractions, VWide, VRows>
+/** The samples of a slice in a tile, of floats. */
+template <Fractions VFractions>
+class FloatSampler
 {
-  using Float = Lanes::Float;
+public:
+  using Sample = Lanes::Float;
 
-  static Float
-  Interpolate(Float a, Float b, Float weightOfA)
+  static constexpr int MaximumRows = BlockLength;
+
+  explicit FloatSampler(const PlacedSlice & slice)
+    : m_X(Lanes::SetFloat(static_cast<float>(slice.x) / 32768))
+    , m_Y(Lanes::SetFloat(static_cast<float>(slice.y) / 32768))
+  {}
+
+  static Sample
+  Lowest()
+  {
+    return Lanes::SetFloat(-__builtin_inff());
+  }
+
+  static Sample
+  Larger(Sample a, Sample b)
+  {
+    return Maximum<float>(a, b);
+  }
+
+  static Sample
+  Finish(Sample sample)
+  {
+    return sample;
+  }
+
+  template <int VRows, typename TFunction>
+  SHEARWARP_INLINE void
+  ForEachRow(const float * b, std::ptrdiff_t stride, const TFunction & process) const
+  {
+    constexpr bool betweenRows = VFractions == Fractions::Row || VFractions == Fractions::Both;
+    Sample         above = betweenRows ? this->InterpolateColumns(b - stride) : m_X;
+    SHEARWARP_UNROLL
+    for (int r = 0; r < VRows; ++r, b += stride)
+    {
+      const Sample row = this->InterpolateColumns(b);
+      process(r, b, betweenRows ? Interpolate(above, row, m_Y) : row);
+      above = row;
+    }
+  }
+
+private:
+  static Sample
+  Interpolate(Sample a, Sample b, Sample weightOfA)
   {
     return Lanes::Add(b, Lanes::Multiply(weightOfA, Lanes::Subtract(a, b)));
   }
 
-  static Float
-  InterpolateColumns(const float * b, Float x)
+  Sample
+  InterpolateColumns(const float * b) const
   {
-    const Float voxel = Lanes::Load(b);
-    return VFractions == Fractions::Column || VFractions == Fractions::Both ? Interpolate(Lanes::Load(b - 1), voxel, x)
-                                                                            : voxel;
+    const Sample voxel = Lanes::Load(b);
+    return VFractions == Fractions::Column || VFractions == Fractions::Both
+             ? Interpolate(Lanes::Load(b - 1), voxel, m_X)
+             : voxel;
   }
 
-  static void
-  Project(const float *       voxels,
-          std::ptrdiff_t      stride,
-          const PlacedSlice & slice,
-          std::ptrdiff_t      position,
-          float *             pixels,
-          std::ptrdiff_t      pixelStride)
+  Sample m_X, m_Y;
+};
+
+template <bool VIsLinear, typename TPixel, Fractions VFractions, bool VWide>
+struct SamplerOf
+{
+  using Type = SumSampler<TPixel, VFractions, VWide>;
+};
+template <typename TPixel, Fractions VFractions, bool VWide>
+struct SamplerOf<true, TPixel, VFractions, VWide>
+{
+  using Type = LinearSampler<TPixel, VFractions>;
+};
+template <Fractions VFractions, bool VWide>
+struct SamplerOf<false, float, VFractions, VWide>
+{
+  using Type = FloatSampler<VFractions>;
+};
+template <typename TPixel, Fractions VFractions, bool VWide>
+using Sampler =
+  typename SamplerOf<!IsFloat<TPixel> && (VFractions == Fractions::None || (!VWide && VFractions != Fractions::Both)),
+                     TPixel,
+                     VFractions,
+                     VWide>::Type;
+
+/** Raises VRows rows of LaneCount pixels, from \a column on, to the samples of a slice. */
+template <typename TSampler, int VRows, typename TPixel>
+SHEARWARP_INLINE inline void
+RaiseToSlice(const TileRow<TPixel> & row, const PlacedSlice & slice, std::ptrdiff_t column)
+{
+  TPixel * const       pixels = row.pixels + column;
+  const std::ptrdiff_t stride = row.pixelStride;
+  TSampler(slice).template ForEachRow<VRows>(
+    row.voxels + (slice.offset + row.row * row.rowStride + column),
+    row.rowStride,
+    [=](int r, const TPixel *, typename TSampler::Sample sample) SHEARWARP_INLINE {
+      TPixel * const pixel = pixels + r * stride;
+      Lanes::Store(pixel, Maximum<TPixel>(Lanes::Load(pixel), TSampler::Finish(sample)));
+    });
+}
+
+/** The same, to those of all slices. */
+template <typename TSampler, int VRows, typename TPixel>
+SHEARWARP_INLINE inline void
+RaiseToSlices(const TileRow<TPixel> & row, std::ptrdiff_t column)
+{
+  using Sample = typename TSampler::Sample;
+  constexpr int rows = VRows < TSampler::MaximumRows ? VRows : TSampler::MaximumRows;
+  for (int first = 0; first < VRows; first += rows)
   {
-    constexpr bool betweenRows = VFractions == Fractions::Row || VFractions == Fractions::Both;
-    const float *  b = voxels + (slice.offset + position);
-    const Float    x = Lanes::SetFloat(static_cast<float>(slice.x) / 32768);
-    const Float    y = Lanes::SetFloat(static_cast<float>(slice.y) / 32768);
-    Float          above = betweenRows ? InterpolateColumns(b - stride, x) : x;
+    Sample maxima[rows];
     SHEARWARP_UNROLL
-    for (int r = 0; r < VRows; ++r, b += stride, pixels += pixelStride)
+    for (int r = 0; r < rows; ++r)
     {
-      const Float row = InterpolateColumns(b, x);
-      const Float sample = betweenRows ? Interpolate(above, row, y) : row;
-      Lanes::Store(pixels, Maximum<float>(Lanes::Load(pixels), sample));
-      above = row;
+      maxima[r] = TSampler::Lowest();
+    }
+    for (const PlacedSlice * slice = row.slices; slice != row.slices + row.count; ++slice)
+    {
+      TSampler(*slice).template ForEachRow<rows>(row.voxels +
+                                                   (slice->offset + (row.row + first) * row.rowStride + column),
+                                                 row.rowStride,
+                                                 [&](int r, const TPixel * voxels, Sample sample) SHEARWARP_INLINE {
+                                                   // what a tile further on needs, from a slower cache
+                                                   Lanes::Prefetch(reinterpret_cast<const char *>(voxels) + 128);
+                                                   maxima[r] = TSampler::Larger(maxima[r], sample);
+                                                 });
+    }
+    SHEARWARP_UNROLL
+    for (int r = 0; r < rows; ++r)
+    {
+      TPixel * const pixel = row.pixels + (first + r) * row.pixelStride + column;
+      Lanes::Store(pixel, Maximum<TPixel>(Lanes::Load(pixel), TSampler::Finish(maxima[r])));
     }
   }
-};
+}
 
 template <typename TPixel, Fractions VFractions, bool VWide, int VRows>
 void
 ProjectTileRow(const TileRow<TPixel> & row)
 {
+  using SamplerType = Sampler<TPixel, VFractions, VWide>;
   constexpr std::ptrdiff_t lanes = LaneCount<TPixel>;
   for (std::ptrdiff_t first = row.begin / lanes * lanes; first < row.end; first += lanes)
   {
@@ -364,7 +518,7 @@ ProjectTileRow(const TileRow<TPixel> & row)
     const std::ptrdiff_t column = Smaller(Larger(first, row.begin), row.end - lanes);
     if (row.active)
     {
-      const TPixel * voxels = row.voxels + (row.slice->offset + row.nextSlice + row.row * row.rowStride + column);
+      const TPixel * voxels = row.voxels + (row.slices->offset + row.nextSlice + row.row * row.rowStride + column);
       for (int r = 0; r < VRows; ++r, voxels += row.rowStride)
       {
         Lanes::Prefetch(reinterpret_cast<const char *>(voxels - 1));
@@ -375,8 +529,26 @@ ProjectTileRow(const TileRow<TPixel> & row)
     {
       row.prefetcher->Step();
     }
-    Tile<TPixel, VFractions, VWide, VRows>::Project(
-      row.voxels, row.rowStride, *row.slice, row.row * row.rowStride + column, row.pixels + column, row.pixelStride);
+    if (row.count == 1)
+    {
+      RaiseToSlice<SamplerType, VRows>(row, *row.slices, column);
+    }
+    else
+    {
+      RaiseToSlices<SamplerType, VRows>(row, column);
+    }
+  }
+  // what a slice has beside the others
+  for (const PlacedSlice * slice = row.slices; row.count > 1 && slice != row.slices + row.count; ++slice)
+  {
+    if (slice->inner.begin < row.begin)
+    {
+      RaiseToSlice<SamplerType, VRows>(row, *slice, slice->inner.begin);
+    }
+    if (slice->inner.end > row.end)
+    {
+      RaiseToSlice<SamplerType, VRows>(row, *slice, slice->inner.end - lanes);
+    }
   }
 }
 
@@ -384,7 +556,7 @@ template <typename TPixel, bool VWide, int VRows>
 void
 ProjectTileRow(const TileRow<TPixel> & row)
 {
-  switch (row.slice->GetFractions())
+  switch (row.slices->GetFractions())
   {
     case Fractions::None:
       return ProjectTileRow<TPixel, Fractions::None, VWide, VRows>(row);
@@ -397,15 +569,25 @@ ProjectTileRow(const TileRow<TPixel> & row)
   }
 }
 
-/** Projects a block of the volume into one view. */
+/** Slices that are projected together: more of them would compete for the lines of the first cache. */
+constexpr int CommonSlices = BlockLength / 2;
+
+/** Projects a few slices of a block of the volume into one view. */
 template <typename TPixel>
 class BlockProjector
 {
 public:
-  BlockProjector(const SliceStack<TPixel> & stack, const Block & block, bool isFirstView)
+  /** View \a index of \a count. */
+  BlockProjector(const SliceStack<TPixel> &  stack,
+                 const Block &               block,
+                 const ShearedView<TPixel> & view,
+                 std::ptrdiff_t              index,
+                 std::ptrdiff_t              count)
     : m_Stack(stack)
     , m_Block(block)
-    , m_IsFirstView(isFirstView)
+    , m_View(view)
+    , m_Index(index)
+    , m_Count(count)
   {
     // the difference of two voxels, and an unsigned voxel, as 16-bit signed integers
     if constexpr (sizeof(TPixel) == 2)
@@ -414,31 +596,67 @@ public:
     }
   }
 
+  /** Slices [begin, end), at most CommonSlices of one cube. */
   void
-  Project(const ShearedView<TPixel> & view, std::ptrdiff_t index) const
+  Project(std::ptrdiff_t begin, std::ptrdiff_t end)
   {
-    const SlicePlacement & placement = view.placements[index];
-    const PlacedSlice      slice{ index * m_Stack.sliceStride - placement.row.whole * m_Stack.rowStride -
-                               placement.column.whole - m_Stack.first,
-                             placement.column.whole,
-                             placement.row.whole,
-                             placement.column.fraction,
-                             placement.row.fraction };
-    // where the slice has all voxels of the samples
-    const std::ptrdiff_t rowBegin = slice.row + Larger<std::ptrdiff_t>(m_Block.rowBegin, slice.y != 0);
-    const std::ptrdiff_t rowEnd = slice.row + m_Block.rowEnd;
-    this->ProjectRectangle(
-      view, slice, index, rowBegin, rowEnd, slice.column + (slice.x != 0), slice.column + m_Stack.columns);
-    this->ProjectEdges(view, slice, rowBegin, rowEnd);
+    m_Grid = m_Block.rowBegin + FindFirstRow(m_Block, m_View.placements, begin);
+    PlacedSlice slices[CommonSlices];
+    const auto  count = static_cast<int>(end - begin);
+    for (int n = 0; n < count; ++n)
+    {
+      slices[n] = this->Place(begin + n);
+    }
+    for (int first = 0, last = 0; first < count; first = last)
+    {
+      Rectangle common = slices[first].inner;
+      for (last = first + 1; last < count && slices[last].GetFractions() == slices[first].GetFractions(); ++last)
+      {
+        const Rectangle & inner = slices[last].inner;
+        common = { Larger(common.rowBegin, inner.rowBegin),
+                   Smaller(common.rowEnd, inner.rowEnd),
+                   Larger(common.begin, inner.begin),
+                   Smaller(common.end, inner.end) };
+      }
+      const bool areTogether = last - first > 1 && common.rowEnd - common.rowBegin >= BlockLength &&
+                               common.end - common.begin >= LaneCount<TPixel>;
+      if (areTogether)
+      {
+        this->ProjectRectangle(slices + first, last - first, begin + first, common);
+      }
+      for (int n = first; n < last; ++n)
+      {
+        const Rectangle & inner = slices[n].inner;
+        const auto        projectRows = [&](std::ptrdiff_t rowBegin, std::ptrdiff_t rowEnd) {
+          this->ProjectRectangle(slices + n, 1, begin + n, { rowBegin, rowEnd, inner.begin, inner.end });
+        };
+        projectRows(inner.rowBegin, areTogether ? common.rowBegin : inner.rowEnd);
+        projectRows(areTogether ? common.rowEnd : inner.rowEnd, inner.rowEnd);
+        this->ProjectEdges(slices[n], FindRows(m_Block, m_View.placements, begin + n));
+      }
+    }
   }
 
 private:
+  PlacedSlice
+  Place(std::ptrdiff_t slice) const
+  {
+    const auto [column, row] = m_View.placements[slice];
+    const RowSpan rows = FindRows(m_Block, m_View.placements, slice);
+    return { slice * m_Stack.sliceStride - row.whole * m_Stack.rowStride - column.whole - m_Stack.first,
+             column.whole,
+             row.whole,
+             column.fraction,
+             row.fraction,
+             { row.whole + Larger<std::ptrdiff_t>(rows.begin, row.fraction != 0),
+               row.whole + rows.end,
+               column.whole + (column.fraction != 0),
+               column.whole + m_Stack.columns } };
+  }
+
   /** Half a voxel beyond the outer voxel centres, with the outer voxels' values. */
   void
-  ProjectEdges(const ShearedView<TPixel> & view,
-               const PlacedSlice &         slice,
-               std::ptrdiff_t              rowBegin,
-               std::ptrdiff_t              rowEnd) const
+  ProjectEdges(const PlacedSlice & slice, const RowSpan & rows) const
   {
     constexpr std::int32_t half = 1 << 14;
     const bool             edgeIsLastColumn = slice.x > half;
@@ -446,49 +664,45 @@ private:
     const std::ptrdiff_t   edgeVoxel = slice.offset + edge - edgeIsLastColumn;
     if (slice.x != 0)
     {
-      for (std::ptrdiff_t row = rowBegin; row < rowEnd; ++row)
+      for (std::ptrdiff_t row = slice.inner.rowBegin; row < slice.inner.rowEnd; ++row)
       {
-        const std::uint8_t * active = this->GetActiveTiles(view, row - slice.row);
+        const std::uint8_t * active = this->GetActiveTiles(row);
         if (!active || active[edge / TileColumns])
         {
-          this->RaiseToRowSample(view, row, edge, edgeVoxel + row * m_Stack.rowStride, slice.y);
+          this->RaiseToRowSample(row, edge, edgeVoxel + row * m_Stack.rowStride, slice.y);
         }
       }
     }
     const bool edgeIsLastRow = slice.y > half;
-    if (slice.y != 0 && (edgeIsLastRow ? m_Block.rowEnd == m_Stack.rows : m_Block.rowBegin == 0))
+    if (slice.y != 0 && (edgeIsLastRow ? rows.end == m_Stack.rows : rows.begin == 0))
     {
       // as in a slice that lies one row further on and not between rows
       PlacedSlice          edgeSlice = slice;
       const std::ptrdiff_t row = slice.row + (edgeIsLastRow ? m_Stack.rows : 0);
       edgeSlice.offset -= edgeIsLastRow ? m_Stack.rowStride : 0;
       edgeSlice.y = 0;
-      this->ProjectRectangle(
-        view, edgeSlice, -1, row, row + 1, slice.column + (slice.x != 0), slice.column + m_Stack.columns);
+      this->ProjectRectangle(&edgeSlice, 1, -1, { row, row + 1, slice.inner.begin, slice.inner.end });
       if (slice.x != 0)
       {
-        this->RaiseToRowSample(view, row, edge, edgeVoxel + (row - edgeIsLastRow) * m_Stack.rowStride, 0);
+        this->RaiseToRowSample(row, edge, edgeVoxel + (row - edgeIsLastRow) * m_Stack.rowStride, 0);
       }
     }
   }
 
-  /** The flags of the tiles with \a row of the slices. */
+  /** The flags of the tiles with \a row of the intermediate image. */
   const std::uint8_t *
-  GetActiveTiles(const ShearedView<TPixel> & view, std::ptrdiff_t row) const
+  GetActiveTiles(std::ptrdiff_t row) const
   {
-    const std::ptrdiff_t tile = Smaller(row, m_Stack.rows - 1) - m_Block.rowBegin;
-    return view.active ? view.active + tile / BlockLength * view.activeStride : nullptr;
+    const std::ptrdiff_t last = m_Block.rowEnd - m_Block.rowBegin - 1;
+    const std::ptrdiff_t tile = Smaller(Larger<std::ptrdiff_t>(row - m_Grid, 0), last) / BlockLength;
+    return m_View.active ? m_View.active + tile * m_View.activeStride : nullptr;
   }
 
   /** One sample between the rows of a column; \a voxel is the index of the lower one. */
   void
-  RaiseToRowSample(const ShearedView<TPixel> & view,
-                   std::ptrdiff_t              row,
-                   std::ptrdiff_t              column,
-                   std::ptrdiff_t              voxel,
-                   std::int32_t                y) const
+  RaiseToRowSample(std::ptrdiff_t row, std::ptrdiff_t column, std::ptrdiff_t voxel, std::int32_t y) const
   {
-    TPixel &     pixel = view.intermediate.pixels[row * view.intermediate.rowStride + column];
+    TPixel &     pixel = m_View.intermediate.pixels[row * m_View.intermediate.rowStride + column];
     const TPixel b = m_Stack.voxels[voxel];
     TPixel       sample = b;
     if (y != 0)
@@ -506,93 +720,115 @@ private:
     pixel = sample > pixel ? sample : pixel;
   }
 
-  /** Rows [rowBegin, rowEnd) and columns [begin, end) of the intermediate image. */
+  /** Samples that \a count slices have in common; \a index is the first slice. */
   void
-  ProjectRectangle(const ShearedView<TPixel> & view,
-                   const PlacedSlice &         slice,
-                   std::ptrdiff_t              index,
-                   std::ptrdiff_t              rowBegin,
-                   std::ptrdiff_t              rowEnd,
-                   std::ptrdiff_t              begin,
-                   std::ptrdiff_t              end) const
+  ProjectRectangle(const PlacedSlice * slices,
+                   std::ptrdiff_t      count,
+                   std::ptrdiff_t      index,
+                   const Rectangle &   samples) const
   {
+    const auto [rowBegin, rowEnd, begin, end] = samples;
     if (rowBegin >= rowEnd || begin >= end)
     {
       return;
     }
     Prefetcher      prefetcher;
-    TileRow<TPixel> tiles{
-      m_Stack.voxels, m_Stack.rowStride,   &slice,     rowBegin, begin, end, nullptr, view.intermediate.rowStride,
-      nullptr,        m_Stack.sliceStride, &prefetcher
-    };
+    TileRow<TPixel> tiles{ m_Stack.voxels,
+                           m_Stack.rowStride,
+                           slices,
+                           count,
+                           rowBegin,
+                           begin,
+                           end,
+                           nullptr,
+                           m_View.intermediate.rowStride,
+                           nullptr,
+                           m_Stack.sliceStride,
+                           &prefetcher };
     if (rowEnd - rowBegin < BlockLength)
     {
       for (std::ptrdiff_t row = rowBegin; row < rowEnd; ++row)
       {
-        this->ProjectTiles<1>(view, tiles, row, row);
+        this->ProjectTiles<1>(tiles, row, row);
       }
       return;
     }
 
     // rows of tiles as those of the block's cubes; where a slice is one run of memory, several places in turn
-    const std::ptrdiff_t grid = m_Block.rowBegin + slice.row;
-    const std::ptrdiff_t firstTile = (rowBegin - grid) / BlockLength;
-    const std::ptrdiff_t lastTile = (rowEnd - 1 - grid) / BlockLength + 1;
+    const std::ptrdiff_t firstTile = (rowBegin - m_Grid + BlockLength) / BlockLength - 1;
+    const std::ptrdiff_t lastTile = (rowEnd - 1 - m_Grid) / BlockLength + 1;
     const bool           isLongRun = m_Stack.sliceStride > m_Stack.rowStride;
-    const std::ptrdiff_t streams = isLongRun ? Prefetcher::MaximumStreams : 1;
+    const std::ptrdiff_t streams = isLongRun && count == 1 ? Prefetcher::MaximumStreams : 1;
     const std::ptrdiff_t length = (lastTile - firstTile + streams - 1) / streams;
+    const std::ptrdiff_t steps = (end - begin) / LaneCount<TPixel> + 1;
+    if (count > 1)
+    {
+      // each view fetches its share of the next slices
+      const std::ptrdiff_t rows = m_Block.rowEnd - m_Block.rowBegin;
+      const std::ptrdiff_t first = rows * m_Index / m_Count;
+      for (std::ptrdiff_t slice = index + count; slice < index + 2 * count; ++slice)
+      {
+        this->AddStream(prefetcher, slice, m_Block.rowBegin + first);
+      }
+      this->StartFetching(prefetcher, rows * (m_Index + 1) / m_Count - first, steps * length);
+    }
     for (std::ptrdiff_t n = 0; n < length; ++n)
     {
-      if (m_IsFirstView && !view.active)
+      if (count == 1 && m_Index == 0 && !m_View.active)
       {
         const bool           isNextSlice = !isLongRun || n + 1 == length;
         const std::ptrdiff_t next = isLongRun ? (n + 1) % length : n;
         prefetcher.ClearStreams();
         for (std::ptrdiff_t tile = firstTile + next; tile < lastTile; tile += length)
         {
-          this->AddStream(prefetcher, index + isNextSlice, m_Block.rowBegin + tile * BlockLength);
+          this->AddStream(prefetcher, index + isNextSlice, m_Grid + tile * BlockLength - slices->row);
         }
-        prefetcher.Start(m_Stack.rowStride * static_cast<std::ptrdiff_t>(sizeof(TPixel)),
-                         BlockLength,
-                         m_Stack.columns * static_cast<std::ptrdiff_t>(sizeof(TPixel)),
-                         ((end - begin) / LaneCount<TPixel> + 1) * streams);
+        this->StartFetching(prefetcher, BlockLength, steps * streams);
       }
       for (std::ptrdiff_t tile = firstTile + n; tile < lastTile; tile += length)
       {
-        const std::ptrdiff_t row = grid + tile * BlockLength;
-        this->ProjectTiles<BlockLength>(view, tiles, row, Smaller(Larger(row, rowBegin), rowEnd - BlockLength));
+        const std::ptrdiff_t row = m_Grid + tile * BlockLength;
+        this->ProjectTiles<BlockLength>(tiles, row, Smaller(Larger(row, rowBegin), rowEnd - BlockLength));
       }
     }
   }
 
+  /** The rows of a slice from \a row on, or next to it. */
   void
   AddStream(Prefetcher & prefetcher, std::ptrdiff_t slice, std::ptrdiff_t row) const
   {
-    if (slice < m_Stack.slices && row + BlockLength <= m_Stack.rows)
+    if (slice < m_Stack.slices && m_Stack.rows >= BlockLength)
     {
+      row = Smaller(Larger<std::ptrdiff_t>(row, 0), m_Stack.rows - BlockLength);
       prefetcher.AddStream(reinterpret_cast<const char *>(
         m_Stack.voxels + (slice * m_Stack.sliceStride + row * m_Stack.rowStride - m_Stack.first)));
     }
   }
 
+  void
+  StartFetching(Prefetcher & prefetcher, std::ptrdiff_t rows, std::ptrdiff_t steps) const
+  {
+    constexpr auto bytes = static_cast<std::ptrdiff_t>(sizeof(TPixel));
+    prefetcher.Start(m_Stack.rowStride * bytes, rows, m_Stack.columns * bytes, steps);
+  }
+
   /** A row of tiles from \a row on; \a gridRow is in the row of cubes that tells whether they are active. */
   template <int VRows>
   void
-  ProjectTiles(const ShearedView<TPixel> & view,
-               TileRow<TPixel> &           tiles,
-               std::ptrdiff_t              gridRow,
-               std::ptrdiff_t              row) const
+  ProjectTiles(TileRow<TPixel> & tiles, std::ptrdiff_t gridRow, std::ptrdiff_t row) const
   {
-    tiles.active = this->GetActiveTiles(view, gridRow - tiles.slice->row);
+    tiles.active = this->GetActiveTiles(gridRow);
     tiles.row = row;
-    tiles.pixels = view.intermediate.pixels + row * view.intermediate.rowStride;
+    tiles.pixels = m_View.intermediate.pixels + row * m_View.intermediate.rowStride;
     m_IsWide ? ProjectTileRow<TPixel, sizeof(TPixel) == 2, VRows>(tiles) : ProjectTileRow<TPixel, false, VRows>(tiles);
   }
 
-  const SliceStack<TPixel> & m_Stack;
-  const Block &              m_Block;
-  bool                       m_IsFirstView;
-  bool                       m_IsWide{ false };
+  const SliceStack<TPixel> &  m_Stack;
+  const Block &               m_Block;
+  const ShearedView<TPixel> & m_View;
+  std::ptrdiff_t              m_Index, m_Count;
+  std::ptrdiff_t              m_Grid{ 0 }; // of the intermediate image, where rows of tiles begin
+  bool                        m_IsWide{ false };
 };
 
 template <typename TPixel>
@@ -606,14 +842,16 @@ ProjectBlock(const SliceStack<TPixel> &  slices,
   {
     return GetPortableKernels<TPixel>().projectBlock(slices, block, views, count);
   }
-  // while a slice's rows are in the cache all views take them, and the first one fetches the next slice's
-  const BlockProjector<TPixel> first(slices, block, true);
-  const BlockProjector<TPixel> other(slices, block, false);
-  for (std::ptrdiff_t slice = block.sliceBegin; slice < block.sliceEnd; ++slice)
+  // all views take a slice's rows, or those of a few slices, while they are in the cache
+  const std::ptrdiff_t length = block.hasCommonRows && !views->active ? CommonSlices : 1;
+  for (std::ptrdiff_t slice = block.sliceBegin, end = slice; slice < block.sliceEnd; slice = end)
   {
+    end = Smaller(slice + length, block.sliceEnd);
     for (std::size_t n = 0; n < count; ++n)
     {
-      (n == 0 ? first : other).Project(views[n], slice);
+      BlockProjector<TPixel>(
+        slices, block, views[n], static_cast<std::ptrdiff_t>(n), static_cast<std::ptrdiff_t>(count))
+        .Project(slice, end);
     }
   }
 }

@@ -631,3 +631,32 @@ TEST(ShearWarpFactorization, OversampledPhasesLieBetweenThePixels)
                  "Oversampling must be 1 or 2, but it is " + std::to_string(oversampling));
   }
 }
+
+TEST(ShearWarpFactorization, ViewsFromOppositeSidesHaveTheSameSlicePlacements)
+{
+  Random random(107);
+  int    opposites = 0;
+  for (int repeat = 0; repeat < 100; ++repeat)
+  {
+    auto image = GeometryType::New();
+    SetRandomGeometry(random, image, MakeRandomSize(random, 2, 60));
+    const auto view = MakeRandomView(random, AllViewKinds[repeat % 3], image);
+    // the same rays, from the other side, in a picture that is turned and shifted
+    auto turned = itk::AffineTransform<double, 3>::New();
+    turned->Rotate(0, 1, random.Uniform(-3, 3));
+    turned->Scale(MakeVector3(-1, 1, -1));
+    turned->Translate(MakeVector3(random.Uniform(-9, 9), random.Uniform(-9, 9), random.Uniform(-9, 9)));
+    auto opposite = itk::CompositeTransform<double, 3>::New();
+    opposite->AddTransform(view);
+    opposite->AddTransform(turned);
+    const auto                   grid = MakeGrid(0.5, 0.7, -10, 4);
+    const ShearWarpFactorization factorization(view, image, grid);
+    EXPECT_TRUE(factorization.HasSameSlicePlacements(factorization));
+    opposites += factorization.HasSameSlicePlacements(ShearWarpFactorization(opposite, image, grid));
+    EXPECT_FALSE(factorization.HasSameSlicePlacements(ShearWarpFactorization(view, image, grid, 2)));
+    const auto other = MakeRandomView(random, ViewKind::Rigid, image);
+    EXPECT_FALSE(factorization.HasSameSlicePlacements(ShearWarpFactorization(other, image, grid)));
+  }
+  // rounding errors may move a slice by 1/2^15
+  EXPECT_GT(opposites, 95);
+}

@@ -197,6 +197,8 @@ public:
     rowSplits.push_back(m_Stack.rows);
     sliceSplits.push_back(m_Stack.slices);
     Kernels::Block block{};
+    block.partEnd = m_Stack.rows;
+    block.hasCommonRows = hasCommonRows;
     for (const std::ptrdiff_t rowEnd : rowSplits)
     {
       block.rowEnd = rowEnd;
@@ -280,6 +282,7 @@ public:
   }
 
   std::ptrdiff_t columns{ 0 }, rows{ 0 };
+  bool           hasCommonRows{ false };
 
 private:
   Kernels::SliceStack<TPixel>          m_Stack;
@@ -569,15 +572,19 @@ TYPED_TEST(ShearWarpKernelsTyped, ProjectBlockGivesTheSameHoweverTheVolumeIsDivi
       {
         slices.Place(k, columnsMove * k * 20011, rowsMove * (20 - k) * 30011);
       }
-      slices.ExpectProjectionFollowsRule(1);
-      slices.ExpectProjectionFollowsRule(3);
-      const std::vector<TypeParam> whole = slices.Project();
-      ForEachInstructionSet([&](const std::string &) {
-        EXPECT_EQ(slices.Project({ 8 }), whole);
-        EXPECT_EQ(slices.Project({ 16, 40 }, { 8 }), whole);
-        EXPECT_EQ(slices.Project({ 24 }, { 8, 16 }, 2), whole);
-        EXPECT_EQ(slices.Project({ 8, 16, 24, 32, 40 }, {}, 2), whole);
-      });
+      for (const bool hasCommonRows : { false, true })
+      {
+        slices.hasCommonRows = hasCommonRows;
+        slices.ExpectProjectionFollowsRule(1);
+        slices.ExpectProjectionFollowsRule(3);
+        const std::vector<TypeParam> whole = slices.Project();
+        ForEachInstructionSet([&](const std::string &) {
+          EXPECT_EQ(slices.Project({ 8 }), whole);
+          EXPECT_EQ(slices.Project({ 16, 40 }, { 8 }), whole);
+          EXPECT_EQ(slices.Project({ 24 }, { 8, 16 }, 2), whole);
+          EXPECT_EQ(slices.Project({ 8, 16, 24, 32, 40 }, {}, 2), whole);
+        });
+      }
     }
   }
 }

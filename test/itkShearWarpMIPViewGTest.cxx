@@ -270,3 +270,79 @@ TEST(ShearWarpMIPView, PatientSidesAreWhereTheReaderExpectsThem)
   expectBright(Anterior, Direction::Anterior, 90, 0, -1, 0);
   expectBright(Anterior, Direction::Anterior, 0, 90, 0, 1);
 }
+
+TEST(ShearWarpMIPView, TurningAboutTheLongAxisIsAzimuth)
+{
+  const auto image = MakeHead();
+  const auto view = ShearWarpMIPView::MakeTransform(image, Direction::Anterior);
+  const auto centre = ShearWarpMIPView::GetCentre(image);
+  for (const double angle : { 0.0, 30.0, 90.0, -45.0, 180.0, 270.0, 1000.0 })
+  {
+    const auto turned = ShearWarpMIPView::Turn(view, Superior * 7.0, centre, angle);
+    const auto expected = ShearWarpMIPView::MakeTransform(image, Direction::Anterior, angle);
+    const bool isExact = std::fmod(angle, 90.0) == 0.0;
+    ExpectAxes(turned,
+               GetViewAxis(expected, 1, 0, 0),
+               GetViewAxis(expected, 0, 1, 0),
+               GetViewAxis(expected, 0, 0, 1),
+               isExact ? 0.0 : 1e-14);
+    EXPECT_LT((turned->TransformPoint(MakePoint3(0, 0, 0)) - centre).GetNorm(), 1e-12);
+  }
+}
+
+TEST(ShearWarpMIPView, TurningIsARotationAboutTheLine)
+{
+  Random     random(310);
+  const auto image = MakeHead();
+  for (int repeat = 0; repeat < 200; ++repeat)
+  {
+    const auto view = MakeRandomView(random, ViewKind::Rigid, image);
+    const auto axis = MakeVector3(random.Uniform(-3, 3), random.Uniform(-3, 3), random.Uniform(-3, 3));
+    const auto centre = MakePoint3(random.Uniform(-50, 50), random.Uniform(-50, 50), random.Uniform(-50, 50));
+    const auto degrees = random.Uniform(-400, 400);
+    const auto turned = ShearWarpMIPView::Turn(view, axis, centre, degrees);
+    auto       rotation = itk::AffineTransform<double, 3>::New();
+    rotation->SetCenter(centre);
+    rotation->Rotate3D(axis, degrees * itk::Math::pi_over_180);
+    const auto point = MakePoint3(random.Uniform(-9, 9), random.Uniform(-9, 9), random.Uniform(-9, 9));
+    const auto expected = rotation->TransformPoint(view->TransformPoint(point));
+    ASSERT_LT((turned->TransformPoint(point) - expected).GetNorm(), 1e-10);
+  }
+}
+
+TEST(ShearWarpMIPView, UprightViewsHaveTheAxisUpThePicture)
+{
+  const auto image = MakeHead();
+  ExpectAxes(ShearWarpMIPView::MakeUprightTransform(image, Superior * 5.0), Left, Inferior, Posterior);
+  ExpectAxes(ShearWarpMIPView::MakeUprightTransform(image, Inferior), Right, Superior, Posterior);
+  ExpectAxes(ShearWarpMIPView::MakeUprightTransform(image, Left), Inferior, Right, Posterior);
+  ExpectAxes(ShearWarpMIPView::MakeUprightTransform(image, Anterior), Right, Posterior, Inferior);
+  Random random(311);
+  for (int repeat = 0; repeat < 100; ++repeat)
+  {
+    const auto axis = MakeVector3(random.Uniform(-1, 1), random.Uniform(-1, 1), random.Uniform(-1, 1)) *
+                      (repeat % 2 == 0 ? 1e-200 : 1e200);
+    const auto view = ShearWarpMIPView::MakeUprightTransform(image, axis);
+    const auto u = GetViewAxis(view, 1, 0, 0);
+    const auto v = GetViewAxis(view, 0, 1, 0);
+    const auto w = GetViewAxis(view, 0, 0, 1);
+    ASSERT_LT((itk::CrossProduct(u, v) - w).GetNorm(), 1e-12);
+    const auto unit = axis / (repeat % 2 == 0 ? 1e-200 : 1e200);
+    ASSERT_LT((v + unit / unit.GetNorm()).GetNorm(), 1e-12);
+  }
+}
+
+TEST(ShearWarpMIPView, ErrorsOfAxesNameTheValue)
+{
+  const auto image = MakeHead();
+  const auto view = ShearWarpMIPView::MakeTransform(image, Direction::Anterior);
+  const auto centre = MakePoint3(0, 0, 0);
+  const auto none = MakeVector3(0, 0, 0);
+  const auto infinite = MakeVector3(0, std::numeric_limits<double>::infinity(), 0);
+  EXPECT_THROW(ShearWarpMIPView::MakeUprightTransform(image, none), itk::ExceptionObject);
+  EXPECT_THROW(ShearWarpMIPView::MakeUprightTransform(image, infinite), itk::ExceptionObject);
+  EXPECT_THROW(ShearWarpMIPView::MakeUprightTransform(nullptr, Superior), itk::ExceptionObject);
+  EXPECT_THROW(ShearWarpMIPView::Turn(view, none, centre, 10.0), itk::ExceptionObject);
+  EXPECT_THROW(ShearWarpMIPView::Turn(nullptr, Superior, centre, 10.0), itk::ExceptionObject);
+  EXPECT_THROW(ShearWarpMIPView::Turn(view, Superior, centre, std::nan("")), itk::ExceptionObject);
+}

@@ -12,7 +12,7 @@ need_packages build-essential cmake gcovr ninja-build libinsighttoolkit5-dev lib
 # counts of a previous run would add up
 find "$build" -name '*.gcda' -delete 2>/dev/null || true
 cmake -S "$root" -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=Debug -DBUILD_TESTING=ON -DShearWarpMIP_BUILD_APPS=OFF \
-  '-DCMAKE_CXX_FLAGS_DEBUG=-O1 --coverage -fprofile-update=atomic -fno-inline -DNDEBUG'
+  '-DCMAKE_CXX_FLAGS_DEBUG=-O1 --coverage -DNDEBUG'
 ninja -C "$build" -j "$jobs" ShearWarpMIPGTestDriver
 timed "tests" "$build/test/ShearWarpMIPGTestDriver" --gtest_brief=1
 mkdir -p "$build/report"

@@ -1,0 +1,427 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#ifndef itkShearWarpMIPBaseImageFilter_h
+#define itkShearWarpMIPBaseImageFilter_h
+
+#include "itkImageToImageFilter.h"
+#include "itkShearWarpFactorization.h"
+#include "itkShearWarpProjector.h"
+#include "itkShearWarpRayProjector.h"
+
+#include <chrono>
+#include <limits>
+#include <string>
+#include <vector>
+
+namespace itk
+{
+/** \class ShearWarpMIPBaseImageFilter
+ * \brief What the filters that project 3D images along rays have in common: their parameters, and the projection of any
+ * number of views onto one grid.
+ *
+ * Views of one principal axis are projected together, as many as IntermediateMemory has room for, so that the volume is
+ * read once for all of them, and views from opposite sides share an intermediate image. What needs rays from front to
+ * back is projected one view after the other. Each view has the bits that it has alone.
+ *
+ * \tparam TInputImage An Image of dimension 3 of any arithmetic pixel type but bool and long double.
+ * \tparam TOutputImage An Image of the same pixel type, of dimension 2 or 3.
+ *
+ * \ingroup ShearWarpMIP
+ * \sa ShearWarpMIPImageFilter, ShearWarpMIPCineImageFilter
+ */
+template <typename TInputImage, typename TOutputImage>
+class ITK_TEMPLATE_EXPORT ShearWarpMIPBaseImageFilter : public ImageToImageFilter<TInputImage, TOutputImage>
+{
+public:
+  ITK_DISALLOW_COPY_AND_MOVE(ShearWarpMIPBaseImageFilter);
+
+  using Self = ShearWarpMIPBaseImageFilter;
+  using Superclass = ImageToImageFilter<TInputImage, TOutputImage>;
+  using Pointer = SmartPointer<Self>;
+  using ConstPointer = SmartPointer<const Self>;
+
+  itkTypeMacro(ShearWarpMIPBaseImageFilter, ImageToImageFilter);
+
+  static constexpr unsigned int InputImageDimension = TInputImage::ImageDimension;
+  static constexpr unsigned int OutputImageDimension = TOutputImage::ImageDimension;
+
+  using InputImageType = TInputImage;
+  using OutputImageType = TOutputImage;
+  using InputPixelType = typename InputImageType::PixelType;
+  using OutputPixelType = typename OutputImageType::PixelType;
+  using OutputImageRegionType = typename OutputImageType::RegionType;
+  using OutputIndexType = typename OutputImageType::IndexType;
+  using SizeType = itk::Size<2>;
+  using SpacingType = Vector<double, 2>;
+  using OriginPointType = Point<double, 2>;
+  using PhysicalPointType = Point<double, 3>;
+  using MaskImageType = Image<unsigned char, 3>;
+  using DepthImageType = Image<float, OutputImageDimension>;
+  using TransformType = Transform<double, 3, 3>;
+  using TransformConstPointer = typename TransformType::ConstPointer;
+  using ReducedResamplingEnum = ShearWarpMIPImageFilterEnums::ReducedResampling;
+  using ModeEnum = ShearWarpMIPImageFilterEnums::Mode;
+
+  static_assert(InputImageDimension == 3, "the input of a projection must have dimension 3");
+  static_assert(OutputImageDimension == 2 || OutputImageDimension == 3,
+                "the output of a projection must have dimension 2, or 3 for a slice in the image's physical space");
+  static_assert(std::is_base_of_v<Image<InputPixelType, 3>, InputImageType>, "the input must be an itk::Image");
+  static_assert(std::is_same_v<OutputPixelType, InputPixelType>, "input and output must have the same pixel type");
+  static_assert(std::is_arithmetic_v<InputPixelType> && !std::is_same_v<InputPixelType, bool> &&
+                  !std::is_same_v<InputPixelType, long double>,
+                "the pixel type must be a scalar other than bool and long double");
+
+  /** Size of the output, in pixels; zero while it is fitted. */
+  void
+  SetSize(const SizeType & size)
+  {
+    this->SetGridParameter(m_Size, m_FitSize, size);
+  }
+  itkGetConstReferenceMacro(Size, SizeType);
+
+  /** Spacing of the output, in units of view space; zero while it is fitted. */
+  void
+  SetOutputSpacing(const SpacingType & spacing)
+  {
+    this->SetGridParameter(m_OutputSpacing, m_FitOutputSpacing, spacing);
+  }
+  itkGetConstReferenceMacro(OutputSpacing, SpacingType);
+
+  /** Position of the output's first pixel centre in the view plane, in units of view space; zero while it is fitted. */
+  void
+  SetOutputOrigin(const OriginPointType & origin)
+  {
+    this->SetGridParameter(m_OutputOrigin, m_FitOutputOrigin, origin);
+  }
+  itkGetConstReferenceMacro(OutputOrigin, OriginPointType);
+
+  /** Fits Size, OutputSpacing and OutputOrigin to the view again: undoes their setting. */
+  void
+  FitOutputGrid();
+
+  /** Value of the output where a ray misses the image; 0 by default. */
+  itkSetMacro(DefaultPixelValue, OutputPixelType);
+  itkGetConstReferenceMacro(DefaultPixelValue, OutputPixelType);
+
+  /** Which of a ray's samples is its value: the Maximum, by default, the Minimum, or the one of AbsoluteMaximum, with
+   * its sign (the positive one of two). */
+  itkSetEnumMacro(Mode, ModeEnum);
+  itkGetEnumMacro(Mode, ModeEnum);
+
+  /** Only samples of depth w, in view space, SlabNear <= w <= SlabFar count: by default from minus to plus infinity. In
+   * the views of ShearWarpMIPView depth is mm behind the image's centre. */
+  itkSetMacro(SlabNear, double);
+  itkGetConstMacro(SlabNear, double);
+  itkSetMacro(SlabFar, double);
+  itkGetConstMacro(SlabFar, double);
+
+  /** Only samples whose physical position is within these corners count, along each physical axis; by default all. */
+  itkSetMacro(CropLower, PhysicalPointType);
+  itkGetConstReferenceMacro(CropLower, PhysicalPointType);
+  itkSetMacro(CropUpper, PhysicalPointType);
+  itkGetConstReferenceMacro(CropUpper, PhysicalPointType);
+
+  /** Only voxels in the mask take part: those that are MaskLabel or, if that is 0 as by default, not 0. The mask has
+   * the input's grid. A sample counts where its nearest voxel is in the mask; its value is the mean of those of its
+   * voxels that are. */
+  itkSetInputMacro(MaskImage, MaskImageType);
+  itkGetInputMacro(MaskImage, MaskImageType);
+  itkSetMacro(MaskLabel, unsigned char);
+  itkGetConstMacro(MaskLabel, unsigned char);
+
+  /** Rays end behind their first local maximum that is not less than LocalMaximumThreshold (the first local minimum
+   * that is not greater, the first local maximum of magnitude), so that a near vessel hides a brighter one behind it;
+   * those that meet none have their maximum. Local maximum intensity projection: Sato et al., J Comput Assist
+   * Tomogr 22:912-917, 1998. Off by default. */
+  itkSetMacro(LocalMaximum, bool);
+  itkGetConstMacro(LocalMaximum, bool);
+  itkBooleanMacro(LocalMaximum);
+  itkSetMacro(LocalMaximumThreshold, InputPixelType);
+  itkGetConstReferenceMacro(LocalMaximumThreshold, InputPixelType);
+
+  /** How fast samples fade with depth, in 1 / unit of view space: one of value v at depth w takes part as
+   * DefaultPixelValue + (v - DefaultPixelValue) exp(-DepthAttenuation (w - w0)), where w0 is SlabNear or, if that is
+   * less, the depth where the image begins. 0, none, by default. */
+  itkSetMacro(DepthAttenuation, double);
+  itkGetConstMacro(DepthAttenuation, double);
+
+  /** Whether there is a Depth output; off by default. */
+  void
+  SetComputeDepth(bool compute);
+  itkGetConstMacro(ComputeDepth, bool);
+  itkBooleanMacro(ComputeDepth);
+
+  /** The depth w of the output's values, in units of view space: T(u, v, w) is where a pixel's maximum lies, the
+   * nearest one of several. It is that of the intermediate pixel that has the largest part in the output's;
+   * not-a-number where no sample is. Null if ComputeDepth is off. */
+  DepthImageType *
+  GetDepthOutput();
+  const DepthImageType *
+  GetDepthOutput() const;
+
+  /** Reduced resampling leaves out parts of slices whose largest voxel is not above what the picture has there already.
+   * It never changes a pixel. Auto, the default, uses it where it saves time. It is used for the plain maximum
+   * alone. */
+  itkSetEnumMacro(ReducedResampling, ReducedResamplingEnum);
+  itkGetEnumMacro(ReducedResampling, ReducedResamplingEnum);
+
+  /** Pixels of the intermediate image per voxel, along each axis: 1, the default, or 2, which samples each slice four
+   * times as densely, so that the second interpolation, of the intermediate image, loses less. The output's grid stays
+   * as it is. */
+  itkSetMacro(Oversampling, unsigned int);
+  itkGetConstMacro(Oversampling, unsigned int);
+
+  /** In how many slabs along the input's z axis its voxels are requested, one after the other; 1 by default. The output
+   * has the same bits. Slabs have at least eight slices. If there are more than one nothing prepared is kept, and each
+   * update gets all of them again. */
+  itkSetMacro(NumberOfStreamDivisions, unsigned int);
+  itkGetConstMacro(NumberOfStreamDivisions, unsigned int);
+
+  /** The most memory, in bytes, that intermediate images of views which are projected together may take: each view has
+   * one for each thread. A view that needs more is projected alone. 1 GiB by default. */
+  itkSetMacro(IntermediateMemory, SizeValueType);
+  itkGetConstMacro(IntermediateMemory, SizeValueType);
+
+  /** The fraction of the volume, 0 to 1, that the last update left out by reduced resampling. */
+  itkGetConstMacro(SkippedFraction, double);
+
+  /** The instruction set of the last update's kernels: "portable", "avx2" or "avx512". The fastest that the processor
+   * has is used, unless the environment variable SHEARWARPMIP_INSTRUCTION_SET names another. */
+  itkGetConstReferenceMacro(InstructionSet, std::string);
+
+  /** Index axis of the input, 0, 1 or 2, along which the last update took the slices of the first view. */
+  itkGetConstMacro(PrincipalAxis, unsigned int);
+
+  /** Seconds that the last update took to prepare the volume; 0 if it was prepared already. */
+  itkGetConstMacro(PreparationSeconds, double);
+
+  /** Seconds that the last update took to project the volume to intermediate images. */
+  itkGetConstMacro(ProjectionSeconds, double);
+
+  /** Seconds that the last update took to warp intermediate images to the output. */
+  itkGetConstMacro(WarpSeconds, double);
+
+  /** Frees the memory of the prepared volume; a later update prepares it again if it needs to. */
+  void
+  ReleasePreparedVolume()
+  {
+    m_PreparedVolume.Release();
+    m_PreparedMask.Release();
+  }
+
+  /** Bytes that the prepared volume, and the mask's, hold beside the inputs. */
+  SizeValueType
+  GetPreparedVolumeSizeInBytes() const
+  {
+    return m_PreparedVolume.GetSizeInBytes() + m_PreparedMask.GetSizeInBytes();
+  }
+
+protected:
+  ShearWarpMIPBaseImageFilter() = default;
+  ~ShearWarpMIPBaseImageFilter() override = default;
+
+  /** The view transforms, from view space to the image's physical space: linear and invertible, at least one. Their
+   * pictures follow each other in the output. */
+  virtual std::vector<TransformConstPointer>
+  MakeViews() const = 0;
+
+  /** Gives an output its geometry. */
+  virtual void
+  SetGeometry(ImageBase<OutputImageDimension> * output) const = 0;
+
+  /** The grid of each view in the view plane, after GenerateOutputInformation(). */
+  const ImageBase<2> *
+  GetViewGrid() const
+  {
+    return m_Grid;
+  }
+
+  /** Where depths of a view are less, and where they are greater, no sample counts. */
+  void
+  GetDepthRange(const TransformType * transform, double & nearest, double & farthest) const;
+
+  void
+  VerifyPreconditions() ITKv5_CONST override;
+
+  void
+  VerifyInputInformation() ITKv5_CONST override;
+
+  void
+  GenerateOutputInformation() override;
+
+  void
+  GenerateInputRequestedRegion() override;
+
+  void
+  EnlargeOutputRequestedRegion(DataObject * output) override;
+
+  void
+  GenerateData() override;
+
+  using Superclass::MakeOutput;
+  DataObject::Pointer
+  MakeOutput(const ProcessObject::DataObjectIdentifierType & name) override;
+
+  void
+  PrintSelf(std::ostream & os, Indent indent) const override;
+
+private:
+  using Kernels = ShearWarp::Kernels<InputPixelType>;
+  using RayProjectorType = ShearWarpRayProjector<InputPixelType>;
+  using IntermediateImageType = ShearWarp::IntermediateImage<InputPixelType>;
+  using Clock = std::chrono::steady_clock;
+
+  struct View
+  {
+    TransformConstPointer  transform;
+    ShearWarpFactorization factorization;
+    SizeValueType          number;
+  };
+
+  /** Views with the same intermediate image. */
+  using Projection = std::vector<const View *>;
+  using Group = std::vector<Projection>;
+
+  static double
+  SecondsSince(Clock::time_point start)
+  {
+    return std::chrono::duration<double>(Clock::now() - start).count();
+  }
+
+  /** Whether rays take samples in any order and all of them. */
+  bool
+  IsPlainMaximum() const;
+
+  typename RayProjectorType::Parameters
+  MakeRayParameters(const View & view, const Kernels & kernels) const;
+
+  /** What is projected together. */
+  std::vector<Group>
+  MakeGroups(const std::vector<View> & views);
+
+  /** Prepares the volume and projects it, slab by slab; \a share is the part of the progress. */
+  template <typename TProjector>
+  void
+  Project(TProjector & projector, unsigned int axis, bool isFirstSlabFirst, const Kernels & kernels, float share);
+
+  /** Writes a view to its place in the output. */
+  void
+  Warp(const IntermediateImageType & intermediate, const View & view, const Kernels & kernels, float share);
+
+  /** Sets one of the output grid's parameters, which is no longer fitted then. */
+  template <typename TParameter>
+  void
+  SetGridParameter(TParameter & parameter, bool & fit, const TParameter & value);
+
+  /** Of the input's region, slab \a n of GetNumberOfSlabs(): from and to which slice. */
+  struct Slab
+  {
+    std::ptrdiff_t begin, end;
+  };
+
+  Slab
+  GetSlab(SizeValueType n) const;
+
+  SizeValueType
+  GetNumberOfSlabs() const;
+
+  /** The slab's part of the input, with the slice before, which its samples need. */
+  void
+  SetInputRequestedRegionToSlab(const Slab & slab);
+
+  /** Makes the source of \a image, if that is not null, put the requested region into memory. */
+  static void
+  UpdateSlab(DataObject * image)
+  {
+    if (image)
+    {
+      image->PropagateRequestedRegion();
+      image->UpdateOutputData();
+    }
+  }
+
+  template <typename TPixel>
+  void
+  Prepare(const char *                       name,
+          const Image<TPixel, 3> *           image,
+          ShearWarpPreparedVolume<TPixel> &  prepared,
+          unsigned int                       axis,
+          const Slab &                       slab,
+          bool                               isFirst,
+          const ShearWarp::Kernels<TPixel> & kernels,
+          float                              progressWeight);
+
+  const Kernels &
+  ChooseKernels() const;
+
+  SizeValueType
+  GetNumberOfWorkers();
+
+  /** Calls \a process(n, step, worker) in parallel for each n of [0, count) and, one after the other, each step of
+   * [0, steps); calls with the same worker, less than GetNumberOfWorkers(), do not overlap. Adds \a progressWeight to
+   * the progress; throws ProcessAborted between two calls. */
+  template <typename TFunction>
+  void
+  Parallelize(SizeValueType count, SizeValueType steps, float progressWeight, const TFunction & process);
+
+  SizeType        m_Size{ { 0, 0 } };
+  SpacingType     m_OutputSpacing{ 0.0 };
+  OriginPointType m_OutputOrigin{ 0.0 };
+  bool            m_FitSize{ true };
+  bool            m_FitOutputSpacing{ true };
+  bool            m_FitOutputOrigin{ true };
+  OutputPixelType m_DefaultPixelValue{};
+
+  // of each view, in the view plane
+  ImageBase<2>::Pointer m_Grid{ ImageBase<2>::New() };
+
+  ModeEnum          m_Mode{ ModeEnum::Maximum };
+  double            m_SlabNear{ -std::numeric_limits<double>::infinity() };
+  double            m_SlabFar{ std::numeric_limits<double>::infinity() };
+  PhysicalPointType m_CropLower{ -std::numeric_limits<double>::infinity() };
+  PhysicalPointType m_CropUpper{ std::numeric_limits<double>::infinity() };
+  unsigned char     m_MaskLabel{ 0 };
+  bool              m_LocalMaximum{ false };
+  InputPixelType    m_LocalMaximumThreshold{};
+  double            m_DepthAttenuation{ 0.0 };
+  bool              m_ComputeDepth{ false };
+
+  ShearWarpPreparedVolume<InputPixelType> m_PreparedVolume;
+  ShearWarpPreparedVolume<unsigned char>  m_PreparedMask;
+  ShearWarpProjector<InputPixelType>      m_Projector;
+  RayProjectorType                        m_RayProjector;
+
+  ReducedResamplingEnum m_ReducedResampling{ ReducedResamplingEnum::Auto };
+  unsigned int          m_Oversampling{ 1 };
+  unsigned int          m_NumberOfStreamDivisions{ 1 };
+  SizeValueType         m_IntermediateMemory{ SizeValueType{ 1 } << 30 };
+  double                m_SkippedFraction{ 0.0 };
+  std::string           m_InstructionSet{ "portable" };
+
+  unsigned int m_PrincipalAxis{ 2 };
+  double       m_PreparationSeconds{ 0.0 };
+  double       m_ProjectionSeconds{ 0.0 };
+  double       m_WarpSeconds{ 0.0 };
+};
+} // namespace itk
+
+#ifndef ITK_MANUAL_INSTANTIATION
+#  include "itkShearWarpMIPBaseImageFilter.hxx"
+#endif
+
+#endif

@@ -1,0 +1,188 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#ifndef itkShearWarpMIPCineImageFilter_h
+#define itkShearWarpMIPCineImageFilter_h
+
+#include "itkDataObjectDecorator.h"
+#include "itkShearWarpMIPBaseImageFilter.h"
+#include "itkShearWarpMIPView.h"
+
+namespace itk
+{
+/** \class ShearWarpMIPCineImageFilter
+ * \brief Maximum intensity projections (MIPs) of a 3D image from many directions: a series that turns.
+ *
+ * Slice n of the 3D output is frame n: what ShearWarpMIPImageFilter gives, to the bit, for the view that FrameTransform
+ * returns, with the same parameters. By default the viewer moves around the image's centre, about the patient's long
+ * axis, in NumberOfFrames equal steps of a full turn: RotationAxis, Center, StartAngle, AngularRange and Rocking change
+ * that. Or the views are any list of transforms: AddTransform().
+ *
+ * All frames have one grid, in view space; by default no frame is clipped by it: its extent is the bounding box of all
+ * frames' projections, its spacing the least that one of them would have. The output's third axis counts the frames.
+ * Its MetaDataDictionary has, as `std::vector<double>`, the frames' angles in degrees ("FrameAngles"; not for a list of
+ * transforms) and for each frame the first three rows of the matrix that takes view space to physical space
+ * ("FrameTransforms", twelve numbers a frame).
+ *
+ * Frames of one principal axis are projected together, so that a block of the volume serves all of them while it is in
+ * the cache, and a series costs far less than its views one by one. That takes memory for an intermediate image of each
+ * frame and thread, up to IntermediateMemory. What follows rays from front to back (Mode other than Maximum, slabs,
+ * boxes, masks, LocalMaximum, DepthAttenuation, ComputeDepth) is projected frame by frame.
+ *
+ * Parameters, errors, streaming and what is kept from one update to the next are as for ShearWarpMIPImageFilter.
+ * Update() also throws ExceptionObject for a NumberOfFrames of zero or too many, a RotationAxis that is zero or not
+ * finite, and a Center, StartAngle or AngularRange that is not finite.
+ *
+ * \tparam TInputImage An Image of dimension 3 of any arithmetic pixel type but bool and long double.
+ * \tparam TOutputImage An Image of the same pixel type, of dimension 3: (u, v, frame).
+ *
+ * \ingroup ShearWarpMIP
+ * \sa ShearWarpMIPImageFilter, ShearWarpMIPView
+ */
+template <typename TInputImage, typename TOutputImage = Image<typename TInputImage::PixelType, 3>>
+class ITK_TEMPLATE_EXPORT ShearWarpMIPCineImageFilter : public ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>
+{
+public:
+  ITK_DISALLOW_COPY_AND_MOVE(ShearWarpMIPCineImageFilter);
+
+  using Self = ShearWarpMIPCineImageFilter;
+  using Superclass = ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>;
+  using Pointer = SmartPointer<Self>;
+  using ConstPointer = SmartPointer<const Self>;
+
+  itkNewMacro(Self);
+  itkTypeMacro(ShearWarpMIPCineImageFilter, ShearWarpMIPBaseImageFilter);
+
+  static_assert(TOutputImage::ImageDimension == 3, "the output of a series must have dimension 3");
+
+  using OutputImageType = TOutputImage;
+  using typename Superclass::PhysicalPointType;
+  using typename Superclass::TransformConstPointer;
+  using typename Superclass::TransformType;
+  using DecoratedTransformType = DataObjectDecorator<TransformType>;
+  using AxisType = Vector<double, 3>;
+
+  /** The view at angle 0, view space to the image's physical space: linear and invertible. By default that of
+   * ShearWarpMIPView::MakeUprightTransform(): RotationAxis points up the picture. */
+  itkSetGetDecoratedObjectInputMacro(Transform, TransformType);
+
+  static constexpr unsigned int MaximumNumberOfFrames = 65535;
+
+  /** How many frames there are, at most MaximumNumberOfFrames; 36 by default. */
+  itkSetMacro(NumberOfFrames, unsigned int);
+  itkGetConstMacro(NumberOfFrames, unsigned int);
+
+  /** The direction of the axis that the viewer moves about, in physical space; of any length. The patient's, towards
+   * superior, by default. Positive angles are right-handed: about the default axis from anterior to the patient's left.
+   */
+  itkSetMacro(RotationAxis, AxisType);
+  itkGetConstReferenceMacro(RotationAxis, AxisType);
+
+  /** A point of the axis, in physical space; the image's centre unless it is set. */
+  void
+  SetCenter(const PhysicalPointType & center);
+  PhysicalPointType
+  GetCenter() const;
+
+  /** Makes the image's centre the Center again. */
+  void
+  UseImageCenter();
+
+  /** The first frame's angle, in degrees; 0 by default. */
+  itkSetMacro(StartAngle, double);
+  itkGetConstMacro(StartAngle, double);
+
+  /** How far the viewer moves, in degrees, negative to the other side; 360 by default. Frame n of N is at StartAngle +
+   * AngularRange n / N, so that a full turn repeats no frame. */
+  itkSetMacro(AngularRange, double);
+  itkGetConstMacro(AngularRange, double);
+
+  /** Whether the viewer moves to and fro instead: frame n of N is at StartAngle + AngularRange / 2 sin(2 pi n / N), so
+   * that the series can be repeated without a jump. Off by default. */
+  itkSetMacro(Rocking, bool);
+  itkGetConstMacro(Rocking, bool);
+  itkBooleanMacro(Rocking);
+
+  /** Adds a frame of any view, view space to physical space: linear and invertible. If there is one, NumberOfFrames and
+   * all that describes the turn is not used. A transform that is changed in place takes effect at the next Update(). */
+  void
+  AddTransform(const TransformType * transform);
+
+  /** Removes the frames that were added. */
+  void
+  ClearTransforms();
+
+  /** The angles of all frames, in degrees; empty if transforms were added. Those that are set, not those of the last
+   * update. */
+  std::vector<double>
+  GetFrameAngles() const;
+
+  /** The view of frame \a frame, view space to physical space, as it is set. Throws ExceptionObject if there is no such
+   * frame, or no input. */
+  TransformConstPointer
+  GetFrameTransform(unsigned int frame) const;
+
+  /** The transforms that were added are part of the filter's state. */
+  ModifiedTimeType
+  GetMTime() const override;
+
+protected:
+  ShearWarpMIPCineImageFilter() { m_RotationAxis[2] = 1.0; }
+  ~ShearWarpMIPCineImageFilter() override = default;
+
+  void
+  VerifyPreconditions() ITKv5_CONST override;
+
+  void
+  GenerateOutputInformation() override;
+
+  std::vector<TransformConstPointer>
+  MakeViews() const override;
+
+  void
+  SetGeometry(ImageBase<3> * output) const override;
+
+  void
+  PrintSelf(std::ostream & os, Indent indent) const override;
+
+private:
+  SizeValueType
+  GetFrames() const
+  {
+    return m_Transforms.empty() ? m_NumberOfFrames : m_Transforms.size();
+  }
+
+  TransformConstPointer
+  MakeView(double angle) const;
+
+  unsigned int      m_NumberOfFrames{ 36 };
+  AxisType          m_RotationAxis{ 0.0 };
+  PhysicalPointType m_Center{ 0.0 };
+  bool              m_IsCenterSet{ false };
+  double            m_StartAngle{ 0.0 };
+  double            m_AngularRange{ 360.0 };
+  bool              m_Rocking{ false };
+
+  std::vector<TransformConstPointer> m_Transforms;
+};
+} // namespace itk
+
+#ifndef ITK_MANUAL_INSTANTIATION
+#  include "itkShearWarpMIPCineImageFilter.hxx"
+#endif
+
+#endif

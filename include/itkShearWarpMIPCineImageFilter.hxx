@@ -1,0 +1,264 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#ifndef itkShearWarpMIPCineImageFilter_hxx
+#define itkShearWarpMIPCineImageFilter_hxx
+
+#include "itkMath.h"
+#include "itkMetaDataObject.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace itk
+{
+template <typename TInputImage, typename TOutputImage>
+void
+ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::SetCenter(const PhysicalPointType & center)
+{
+  if (!m_IsCenterSet || m_Center != center)
+  {
+    m_Center = center;
+    m_IsCenterSet = true;
+    this->Modified();
+  }
+}
+
+template <typename TInputImage, typename TOutputImage>
+auto
+ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::GetCenter() const -> PhysicalPointType
+{
+  return m_IsCenterSet ? m_Center : ShearWarpMIPView::GetCentre(this->GetInput());
+}
+
+template <typename TInputImage, typename TOutputImage>
+void
+ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::UseImageCenter()
+{
+  if (m_IsCenterSet)
+  {
+    m_IsCenterSet = false;
+    this->Modified();
+  }
+}
+
+template <typename TInputImage, typename TOutputImage>
+void
+ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::AddTransform(const TransformType * transform)
+{
+  if (!transform)
+  {
+    itkExceptionMacro("A frame's transform must not be null.");
+  }
+  m_Transforms.push_back(transform);
+  this->Modified();
+}
+
+template <typename TInputImage, typename TOutputImage>
+void
+ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::ClearTransforms()
+{
+  if (!m_Transforms.empty())
+  {
+    m_Transforms.clear();
+    this->Modified();
+  }
+}
+
+template <typename TInputImage, typename TOutputImage>
+std::vector<double>
+ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::GetFrameAngles() const
+{
+  std::vector<double> angles;
+  if (m_Transforms.empty())
+  {
+    for (unsigned int frame = 0; frame < m_NumberOfFrames; ++frame)
+    {
+      const double part = static_cast<double>(frame) / m_NumberOfFrames;
+      angles.push_back(m_StartAngle +
+                       (m_Rocking ? 0.5 * m_AngularRange * std::sin(Math::twopi * part) : m_AngularRange * part));
+    }
+  }
+  return angles;
+}
+
+template <typename TInputImage, typename TOutputImage>
+auto
+ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::GetFrameTransform(unsigned int frame) const
+  -> TransformConstPointer
+{
+  const auto frames = this->GetFrames();
+  if (frame >= frames)
+  {
+    itkExceptionMacro("There is no frame " << frame << ": their number is " << frames << '.');
+  }
+  return m_Transforms.empty() ? this->MakeView(this->GetFrameAngles()[frame]) : m_Transforms[frame];
+}
+
+template <typename TInputImage, typename TOutputImage>
+auto
+ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::MakeView(double angle) const -> TransformConstPointer
+{
+  TransformConstPointer view = this->GetTransform();
+  if (!view)
+  {
+    view = ShearWarpMIPView::MakeUprightTransform(this->GetInput(), m_RotationAxis);
+  }
+  return ShearWarpMIPView::Turn(view, m_RotationAxis, this->GetCenter(), angle).GetPointer();
+}
+
+template <typename TInputImage, typename TOutputImage>
+ModifiedTimeType
+ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::GetMTime() const
+{
+  ModifiedTimeType time = Superclass::GetMTime();
+  for (const TransformConstPointer & transform : m_Transforms)
+  {
+    time = std::max(time, transform->GetMTime());
+  }
+  return time;
+}
+
+template <typename TInputImage, typename TOutputImage>
+auto
+ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::MakeViews() const -> std::vector<TransformConstPointer>
+{
+  std::vector<TransformConstPointer> views = m_Transforms;
+  for (const double angle : this->GetFrameAngles())
+  {
+    views.push_back(this->MakeView(angle));
+  }
+  return views;
+}
+
+template <typename TInputImage, typename TOutputImage>
+void
+ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::VerifyPreconditions() ITKv5_CONST
+{
+  Superclass::VerifyPreconditions();
+  for (std::size_t frame = 0; frame < m_Transforms.size(); ++frame)
+  {
+    try
+    {
+      ShearWarpFactorization::VerifyViewTransform(m_Transforms[frame]);
+    }
+    catch (const ExceptionObject & error)
+    {
+      itkExceptionMacro("Frame " << frame << ": " << error.GetDescription());
+    }
+  }
+  if (m_NumberOfFrames == 0 || m_NumberOfFrames > MaximumNumberOfFrames)
+  {
+    itkExceptionMacro("NumberOfFrames must be from 1 to " << MaximumNumberOfFrames << ", but it is " << m_NumberOfFrames
+                                                          << '.');
+  }
+  bool isZero = true;
+  for (unsigned int axis = 0; axis < 3; ++axis)
+  {
+    isZero = isZero && m_RotationAxis[axis] == 0.0;
+    if (!std::isfinite(m_Center[axis]))
+    {
+      itkExceptionMacro("Center must be finite, but it is " << m_Center << '.');
+    }
+  }
+  if (isZero || !std::isfinite(m_RotationAxis[0]) || !std::isfinite(m_RotationAxis[1]) ||
+      !std::isfinite(m_RotationAxis[2]))
+  {
+    itkExceptionMacro("RotationAxis must be finite and not zero, but it is " << m_RotationAxis << '.');
+  }
+  if (!std::isfinite(m_StartAngle) || !std::isfinite(m_AngularRange))
+  {
+    itkExceptionMacro("StartAngle and AngularRange must be finite, but they are " << m_StartAngle << " and "
+                                                                                  << m_AngularRange << '.');
+  }
+  if (this->GetTransformInput() && !this->GetTransformInput()->GetSource())
+  {
+    ShearWarpFactorization::VerifyViewTransform(this->GetTransform());
+  }
+}
+
+template <typename TInputImage, typename TOutputImage>
+void
+ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::SetGeometry(ImageBase<3> * output) const
+{
+  const ImageBase<2> *                    grid = this->GetViewGrid();
+  const Size<2>                           size = grid->GetLargestPossibleRegion().GetSize();
+  const SizeValueType                     frames = this->GetFrames();
+  typename OutputImageType::SpacingType   spacing(1.0);
+  typename OutputImageType::PointType     origin(0.0);
+  typename OutputImageType::DirectionType direction;
+  direction.SetIdentity();
+  for (unsigned int axis = 0; axis < 2; ++axis)
+  {
+    spacing[axis] = grid->GetSpacing()[axis];
+    origin[axis] = grid->GetOrigin()[axis];
+  }
+  output->SetLargestPossibleRegion(typename OutputImageType::SizeType{ { size[0], size[1], frames } });
+  output->SetSpacing(spacing);
+  output->SetOrigin(origin);
+  output->SetDirection(direction);
+}
+
+template <typename TInputImage, typename TOutputImage>
+void
+ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::GenerateOutputInformation()
+{
+  Superclass::GenerateOutputInformation();
+  std::vector<double> matrices;
+  for (const TransformConstPointer & view : this->MakeViews())
+  {
+    const auto axes = ShearWarpFactorization::GetLinearPart(view);
+    const auto offset = view->TransformPoint(PhysicalPointType(0.0));
+    for (unsigned int row = 0; row < 3; ++row)
+    {
+      matrices.insert(matrices.end(), { axes(row, 0), axes(row, 1), axes(row, 2), offset[row] });
+    }
+  }
+  MetaDataDictionary dictionary;
+  EncapsulateMetaData(dictionary, "FrameTransforms", matrices);
+  if (m_Transforms.empty())
+  {
+    EncapsulateMetaData(dictionary, "FrameAngles", this->GetFrameAngles());
+  }
+  this->GetOutput()->SetMetaDataDictionary(dictionary);
+}
+
+template <typename TInputImage, typename TOutputImage>
+void
+ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::PrintSelf(std::ostream & os, Indent indent) const
+{
+  Superclass::PrintSelf(os, indent);
+  os << indent << "Transform: " << this->GetTransform() << std::endl;
+  os << indent << "NumberOfFrames: " << m_NumberOfFrames << std::endl;
+  os << indent << "RotationAxis: " << m_RotationAxis << std::endl;
+  os << indent << "Center: ";
+  if (m_IsCenterSet)
+  {
+    os << m_Center << std::endl;
+  }
+  else
+  {
+    os << "the image's" << std::endl;
+  }
+  os << indent << "StartAngle: " << m_StartAngle << std::endl;
+  os << indent << "AngularRange: " << m_AngularRange << std::endl;
+  os << indent << "Rocking: " << (m_Rocking ? "On" : "Off") << std::endl;
+  os << indent << "Transforms: " << m_Transforms.size() << std::endl;
+}
+} // namespace itk
+
+#endif
