@@ -382,14 +382,9 @@ SetFrames(ProjectionOptions &      projection,
     axis[turningAxes.at(options.axis)] = 1.0;
     for (unsigned int n = 0; n < options.frames; ++n)
     {
-      const auto turn = itk::AffineTransform<double, 3>::New();
-      turn->SetCenter(itk::ShearWarpMIPView::GetCentre(grid));
-      turn->Rotate3D(axis, itk::Math::twopi * n / options.frames);
-      const auto composite = itk::CompositeTransform<double, 3>::New();
-      composite->AddTransform(turn);
-      composite->AddTransform(still.transform);
       Frame frame = still;
-      frame.transform = composite;
+      frame.transform = itk::ShearWarpMIPView::Turn(
+        still.transform, axis, itk::ShearWarpMIPView::GetCentre(grid), 360.0 * n / options.frames);
       projection.frames.push_back(frame);
     }
   }
@@ -483,20 +478,29 @@ public:
   }
 
   void
-  FrameDone(const FrameReport & report) const
+  FramesDone(const FrameReport & report) const
   {
     if (m_Options.verbose)
     {
-      m_Stream << "frame " << report.frame << ": axis " << report.principalAxis << ", "
-               << (report.preparationSeconds > 0.0 ? "volume transposed in " + Milliseconds(report.preparationSeconds)
+      m_Stream << (report.end - report.begin > 1 ? "frames " : "frame ") << report.begin;
+      if (report.end - report.begin > 1)
+      {
+        m_Stream << " to " << report.end - 1;
+      }
+      m_Stream << ": axis " << report.principalAxis << ", "
+               << (report.preparationSeconds > 0.0 ? "volume prepared in " + Milliseconds(report.preparationSeconds)
                                                    : "nothing to prepare")
                << ", projected in " << Milliseconds(report.projectionSeconds) << ", warped in "
                << Milliseconds(report.warpSeconds) << std::endl;
     }
-    else if (report.frames > 1 && IsTerminal())
+  }
+
+  void
+  Progress(std::size_t done, std::size_t all) const
+  {
+    if (!m_Options.verbose && all > 1 && IsTerminal())
     {
-      const auto done = report.frame + 1;
-      m_Stream << "\rframe " << done << " of " << report.frames << (done == report.frames ? "\n" : "") << std::flush;
+      m_Stream << "\rframe " << done << " of " << all << (done == all ? "\n" : "") << std::flush;
     }
   }
 
@@ -641,8 +645,11 @@ Run(const Options & options, Messages & messages)
   }
   projection.attenuation = options.attenuation;
   projection.computeDepth = !options.depth.empty() || !options.depthColour.empty();
-  const Projections projections =
-    ProjectFrames(volume, projection, [&](const FrameReport & report) { messages.FrameDone(report); });
+  const Projections projections = ProjectFrames(
+    volume,
+    projection,
+    [&](const FrameReport & report) { messages.FramesDone(report); },
+    [&](std::size_t done, std::size_t all) { messages.Progress(done, all); });
   messages.StepDone("projected, " + Describe(projections.stack));
 
   const bool                isSeries = options.frames > 0 || !options.slidingSlab.empty() || volume.times.size() > 1;

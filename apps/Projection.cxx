@@ -17,6 +17,9 @@
  *=========================================================================*/
 #include "Projection.h"
 
+#include "itkCommand.h"
+#include "itkShearWarpMIPImageFilter.h"
+
 #include <algorithm>
 #include <cmath>
 #include <sstream>
@@ -94,58 +97,23 @@ GetComponent(const AnyImage & anyImage, unsigned int component)
   return image;
 }
 
-/** Sets the filter to the smallest grid that holds the projections by all of the transforms. */
-template <typename TFilter>
-void
-FitGrid(TFilter & filter, const ProjectionOptions & options)
-{
-  using PointType = typename TFilter::OriginPointType;
-  PointType lower(itk::NumericTraits<double>::max());
-  PointType upper(itk::NumericTraits<double>::NonpositiveMin());
-  for (const Frame & frame : options.frames)
-  {
-    filter.SetTransform(frame.transform);
-    filter.UpdateOutputInformation();
-    const auto * output = filter.GetOutput();
-    const auto   spacing = output->GetSpacing();
-    const auto   size = output->GetLargestPossibleRegion().GetSize();
-    filter.SetOutputSpacing(spacing);
-    for (unsigned int axis = 0; axis < 2; ++axis)
-    {
-      const double first = output->GetOrigin()[axis];
-      lower[axis] = std::min(lower[axis], first);
-      upper[axis] = std::max(upper[axis], first + spacing[axis] * static_cast<double>(size[axis] - 1));
-    }
-  }
-
-  const auto   spacing = filter.GetOutputSpacing();
-  itk::Size<2> size;
-  PointType    origin;
-  for (unsigned int axis = 0; axis < 2; ++axis)
-  {
-    size[axis] = options.size
-                   ? (*options.size)[axis]
-                   : 1 + static_cast<itk::SizeValueType>(std::ceil((upper[axis] - lower[axis]) / spacing[axis] - 1e-6));
-    origin[axis] = 0.5 * (lower[axis] + upper[axis]) - 0.5 * static_cast<double>(size[axis] - 1) * spacing[axis];
-  }
-  filter.SetSize(size);
-  filter.SetOutputOrigin(origin);
-}
-
-/** The grid of the projection in physical space, a single slice. */
+/** The grid of the first frame in physical space, a single slice. */
 itk::ImageBase<3>::Pointer
-MakeGridInPlace(const itk::ImageBase<2> & projection, const itk::ImageBase<3> * volume, const Frame & frame)
+MakeGridInPlace(const itk::ImageBase<3> * frames, const itk::ImageBase<3> * volume, const Frame & frame)
 {
   using ImageType = itk::Image<unsigned char, 3>;
   const auto image = ImageType::New();
   image->CopyInformation(volume);
   // only for its geometry
-  const auto filter = itk::ShearWarpMIPImageFilter<ImageType, ImageType>::New();
+  const auto   filter = itk::ShearWarpMIPImageFilter<ImageType, ImageType>::New();
+  const auto   size = frames->GetLargestPossibleRegion().GetSize();
+  const double spacing[] = { frames->GetSpacing()[0], frames->GetSpacing()[1] };
+  const double origin[] = { frames->GetOrigin()[0], frames->GetOrigin()[1] };
   filter->SetInput(image);
   filter->SetTransform(frame.transform);
-  filter->SetSize(projection.GetLargestPossibleRegion().GetSize());
-  filter->SetOutputSpacing(projection.GetSpacing());
-  filter->SetOutputOrigin(projection.GetOrigin());
+  filter->SetSize({ { size[0], size[1] } });
+  filter->SetOutputSpacing(spacing);
+  filter->SetOutputOrigin(origin);
   filter->SetSlabNear(frame.slabNear);
   filter->SetSlabFar(frame.slabFar);
   filter->UpdateOutputInformation();
@@ -153,13 +121,13 @@ MakeGridInPlace(const itk::ImageBase<2> & projection, const itk::ImageBase<3> * 
 }
 
 itk::ImageBase<3>::Pointer
-MakeStackGrid(const itk::ImageBase<2> & projection, const ProjectionOptions & options)
+MakeStackGrid(const itk::ImageBase<3> * frames, const ProjectionOptions & options)
 {
   const auto grid = itk::ImageBase<3>::New();
-  const auto size = projection.GetLargestPossibleRegion().GetSize();
+  const auto size = frames->GetLargestPossibleRegion().GetSize();
   grid->SetLargestPossibleRegion(itk::Size<3>{ { size[0], size[1], options.frames.size() } });
-  const double spacing[] = { projection.GetSpacing()[0], projection.GetSpacing()[1], options.frameSpacing };
-  const double origin[] = { projection.GetOrigin()[0], projection.GetOrigin()[1], options.frameOrigin };
+  const double spacing[] = { frames->GetSpacing()[0], frames->GetSpacing()[1], options.frameSpacing };
+  const double origin[] = { frames->GetOrigin()[0], frames->GetOrigin()[1], options.frameOrigin };
   grid->SetSpacing(spacing);
   grid->SetOrigin(origin);
   return grid;
@@ -183,28 +151,43 @@ RequireMemory(const itk::ImageBase<3> & grid, std::size_t bytesPerPixel)
   }
 }
 
-/** Puts a projection into a frame of the stack. */
+/** Puts projections into the stack, from \a frame on. */
 template <typename TPixel>
 void
-CopyToStack(const itk::Image<TPixel, 2> & projection, const AnyImage & stack, std::size_t frame, unsigned int component)
+CopyToStack(const itk::Image<TPixel, 3> & frames, const AnyImage & stack, std::size_t frame, unsigned int component)
 {
   const unsigned int components = stack.image->GetNumberOfComponentsPerPixel();
-  const auto         count = projection.GetBufferedRegion().GetNumberOfPixels();
-  const TPixel *     value = projection.GetBufferPointer();
-  TPixel *           pixel = CastImage<TPixel>(stack).GetBufferPointer() + frame * count * components + component;
-  for (const TPixel * const end = value + count; value != end; ++value, pixel += components)
+  const auto         size = frames.GetBufferedRegion().GetSize();
+  const TPixel *     value = frames.GetBufferPointer();
+  TPixel * pixel = CastImage<TPixel>(stack).GetBufferPointer() + frame * size[0] * size[1] * components + component;
+  for (const TPixel * const end = value + size[0] * size[1] * size[2]; value != end; ++value, pixel += components)
   {
     *pixel = *value;
   }
+}
+
+/** The end of the frames from \a begin on that are of the same time and slab. */
+std::size_t
+FindEndOfSeries(const std::vector<Frame> & frames, std::size_t begin)
+{
+  const Frame & first = frames[begin];
+  return std::find_if(frames.begin() + begin,
+                      frames.end(),
+                      [&](const Frame & frame) {
+                        return frame.time != first.time || frame.slabNear != first.slabNear ||
+                               frame.slabFar != first.slabFar;
+                      }) -
+         frames.begin();
 }
 
 template <typename TPixel>
 Projections
 ProjectVolume(const Volume &                                   volume,
               const ProjectionOptions &                        options,
-              const std::function<void(const FrameReport &)> & report)
+              const std::function<void(const FrameReport &)> & report,
+              const ProgressFunction &                         progress)
 {
-  const auto   filter = itk::ShearWarpMIPImageFilter<itk::Image<TPixel, 3>>::New();
+  const auto   filter = itk::ShearWarpMIPCineImageFilter<itk::Image<TPixel, 3>>::New();
   const TPixel background =
     options.background ? ToPixel<TPixel>(*options.background, "--background") : GetMinimumBelowZero<TPixel>(volume);
   filter->SetDefaultPixelValue(background);
@@ -232,44 +215,50 @@ ProjectVolume(const Volume &                                   volume,
   const itk::ImageBase<3> * const grid = volume.times.front().image;
   const unsigned int              components = grid->GetNumberOfComponentsPerPixel();
   const std::size_t               frames = options.frames.size();
+  const std::size_t               all = components * frames;
   Projections                     projections{ {}, {}, static_cast<double>(background) };
   for (unsigned int component = 0; component < components; ++component)
   {
     std::optional<std::size_t> time;
-    for (std::size_t n = 0; n < frames; ++n)
+    for (std::size_t begin = 0, end = 0; begin < frames; begin = end)
     {
-      const Frame & frame = options.frames[n];
-      if (time != frame.time)
+      end = FindEndOfSeries(options.frames, begin);
+      const Frame & first = options.frames[begin];
+      if (time != first.time)
       {
-        time = frame.time;
-        filter->SetInput(GetComponent<TPixel>(volume.times[frame.time], component));
+        time = first.time;
+        filter->SetInput(GetComponent<TPixel>(volume.times[first.time], component));
       }
+      filter->ClearTransforms();
+      for (std::size_t n = begin; n < end; ++n)
+      {
+        filter->AddTransform(options.frames[n].transform);
+      }
+      filter->SetSlabNear(first.slabNear);
+      filter->SetSlabFar(first.slabFar);
       if (!projections.stack.image)
       {
-        if (frames > 1)
-        {
-          FitGrid(*filter, options);
-        }
-        filter->SetTransform(frame.transform);
         filter->UpdateOutputInformation();
-        const auto & projection = *filter->GetOutput();
-        const auto   stackGrid =
-          options.isInPlace ? MakeGridInPlace(projection, grid, frame) : MakeStackGrid(projection, options);
+        const auto stackGrid = options.isInPlace ? MakeGridInPlace(filter->GetOutput(), grid, first)
+                                                 : MakeStackGrid(filter->GetOutput(), options);
         RequireMemory(*stackGrid, components * sizeof(TPixel) + (options.computeDepth ? sizeof(float) : 0));
         projections.stack = MakeAnyImage<TPixel>(stackGrid, components);
         projections.depths = options.computeDepth ? MakeAnyImage<float>(stackGrid, 1) : AnyImage();
       }
-      filter->SetTransform(frame.transform);
-      filter->SetSlabNear(frame.slabNear);
-      filter->SetSlabFar(frame.slabFar);
+      const std::size_t done = component * frames + begin;
+      const auto        observer = filter->AddObserver(itk::ProgressEvent(), [&](const itk::EventObject &) {
+        progress(done + static_cast<std::size_t>(filter->GetProgress() * static_cast<float>(end - begin)), all);
+      });
       filter->Update();
-      CopyToStack<TPixel>(*filter->GetOutput(), projections.stack, n, component);
+      filter->RemoveObserver(observer);
+      CopyToStack<TPixel>(*filter->GetOutput(), projections.stack, begin, component);
       if (options.computeDepth)
       {
-        CopyToStack<float>(*filter->GetDepthOutput(), projections.depths, n, component);
+        CopyToStack<float>(*filter->GetDepthOutput(), projections.depths, begin, component);
       }
-      report({ component * frames + n,
-               components * frames,
+      report({ done,
+               done + end - begin,
+               all,
                filter->GetPrincipalAxis(),
                filter->GetPreparationSeconds(),
                filter->GetProjectionSeconds(),
@@ -283,9 +272,10 @@ ProjectVolume(const Volume &                                   volume,
 Projections
 ProjectFrames(const Volume &                                   volume,
               const ProjectionOptions &                        options,
-              const std::function<void(const FrameReport &)> & report)
+              const std::function<void(const FrameReport &)> & report,
+              const ProgressFunction &                         progress)
 {
   return DispatchPixelType(volume.times.front().componentType, [&](auto tag) {
-    return ProjectVolume<typename decltype(tag)::Type>(volume, options, report);
+    return ProjectVolume<typename decltype(tag)::Type>(volume, options, report, progress);
   });
 }

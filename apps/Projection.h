@@ -19,7 +19,7 @@
 #define Projection_h
 
 #include "AnyImage.h"
-#include "itkShearWarpMIPImageFilter.h"
+#include "itkShearWarpMIPCineImageFilter.h"
 
 #include <functional>
 #include <limits>
@@ -61,16 +61,19 @@ struct ProjectionOptions
   bool                                  computeDepth{ false };
 };
 
+/** What was done for frames [begin, end) of all, counted over all components, one after the other. */
 struct FrameReport
 {
-  /** Counted over all components, one after the other. */
-  std::size_t  frame;
-  std::size_t  frames;
+  std::size_t begin, end, all;
+  /** Of the first one. */
   unsigned int principalAxis;
   double       preparationSeconds;
   double       projectionSeconds;
   double       warpSeconds;
 };
+
+/** Gets told how many frames of how many are done. */
+using ProgressFunction = std::function<void(std::size_t done, std::size_t all)>;
 
 struct Projections
 {
@@ -81,10 +84,12 @@ struct Projections
   double   background;
 };
 
-/** Projects each component of \a volume for each frame, all on one grid that holds every projection. */
+/** Projects each component of \a volume for each frame, all on one grid that holds every projection: the frames of one
+ * point in time and one slab together. */
 Projections
 ProjectFrames(const Volume &                                   volume,
               const ProjectionOptions &                        options,
-              const std::function<void(const FrameReport &)> & report);
+              const std::function<void(const FrameReport &)> & report,
+              const ProgressFunction &                         progress);
 
 #endif

@@ -384,12 +384,23 @@ GetName(const Measurement & measurement)
 void
 Register(const Measurement & measurement)
 {
-  const auto measure = [measurement](::benchmark::State & state) {
+  RegisterChecked(
+    GetName(measurement), measurement.repetitions * GetNumberOfViews(), [measurement](::benchmark::State & state) {
+      return Dispatch(measurement.data.pixelType,
+                      [&](auto pixel) { return Measure<decltype(pixel)>(state, measurement); });
+    });
+}
+
+void
+RegisterChecked(const std::string &                                            name,
+                unsigned int                                                   iterations,
+                const std::function<std::string(::benchmark::State & state)> & measure)
+{
+  const auto check = [measure](::benchmark::State & state) {
     std::string error;
     try
     {
-      error =
-        Dispatch(measurement.data.pixelType, [&](auto pixel) { return Measure<decltype(pixel)>(state, measurement); });
+      error = measure(state);
     }
     catch (const ExceptionObject & exception)
     {
@@ -405,9 +416,9 @@ Register(const Measurement & measurement)
       state.SkipWithError(error.c_str());
     }
   };
-  ::benchmark::RegisterBenchmark(GetName(measurement).c_str(), measure)
+  ::benchmark::RegisterBenchmark(name.c_str(), check)
     ->UseManualTime()
-    ->Iterations(measurement.repetitions * GetNumberOfViews())
+    ->Iterations(iterations)
     ->Unit(::benchmark::kMillisecond);
 }
 

@@ -24,6 +24,9 @@
 
 #include <benchmark/benchmark.h>
 
+#include <benchmark/benchmark.h>
+
+#include <functional>
 #include <string>
 
 namespace itk::ShearWarpBenchmark
@@ -65,6 +68,13 @@ GetName(const Measurement & measurement);
  * plain shear-warp is an error of the benchmark. README.md says what the counters are. */
 void
 Register(const Measurement & measurement);
+
+/** Registers a benchmark of so many iterations, of which \a measure gives the times. Text that it returns, and what it
+ * throws, is an error of the benchmark. */
+void
+RegisterChecked(const std::string &                                            name,
+                unsigned int                                                   iterations,
+                const std::function<std::string(::benchmark::State & state)> & measure);
 
 /** Whether a benchmark that ran ended with an error. */
 bool

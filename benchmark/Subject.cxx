@@ -67,9 +67,19 @@ GetShortestTime(unsigned int repetitions, const TFunction & function)
 } // namespace
 
 template <typename TPixel>
+typename Image<TPixel, 3>::Pointer
+LoadVolume(const DataSet & data)
+{
+  if (data.file.empty())
+  {
+    return MakeVolume<TPixel>(data.kind, data.size);
+  }
+  return ReadImage<Image<TPixel, 3>>(data.file);
+}
+
+template <typename TPixel>
 Subject<TPixel>::Subject(const DataSet & data)
-  : m_Volume(data.file.empty() ? MakeVolume<TPixel>(data.kind, data.size)
-                               : typename VolumeType::Pointer(ReadImage<VolumeType>(data.file)))
+  : m_Volume(LoadVolume<TPixel>(data))
   , m_PlainShearWarp(m_Volume)
 {
   const Size<3>  size = m_Volume->GetLargestPossibleRegion().GetSize();
@@ -185,8 +195,16 @@ Subject<TPixel>::Compare(unsigned int repetitions)
 }
 
 template class Subject<std::uint8_t>;
+template Image<std::uint8_t, 3>::Pointer
+LoadVolume(const DataSet &);
 template class Subject<std::int16_t>;
+template Image<std::int16_t, 3>::Pointer
+LoadVolume(const DataSet &);
 template class Subject<std::uint16_t>;
+template Image<std::uint16_t, 3>::Pointer
+LoadVolume(const DataSet &);
 template class Subject<float>;
+template Image<float, 3>::Pointer
+LoadVolume(const DataSet &);
 
 } // namespace itk::ShearWarpBenchmark

@@ -27,6 +27,11 @@
 
 namespace itk::ShearWarpBenchmark
 {
+/** Makes or reads the volume. Throws ExceptionObject. */
+template <typename TPixel>
+typename Image<TPixel, 3>::Pointer
+LoadVolume(const DataSet & data);
+
 /** What all measurements of one volume share: the volume, the output grid and, made without the filter, the expected
  * output of every view and the times of the methods that the filter is compared with. */
 template <typename TPixel>

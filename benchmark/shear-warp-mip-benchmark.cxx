@@ -15,9 +15,9 @@
  *  limitations under the License.
  *
  *=========================================================================*/
+#include "Cine.h"
 #include "Data.h"
 #include "Input.h"
-#include "Measurement.h"
 #include "Process.h"
 #include "ReportErrors.h"
 
@@ -47,6 +47,7 @@ struct Options
   std::vector<std::string>  images;
   unsigned int              viewRepetitions{ 0 };
   bool                      hasVariants{ false };
+  bool                      isCine{ false };
 };
 
 std::string
@@ -192,12 +193,8 @@ RegisterAll(const Options & options)
       {
         for (const ReducedResampling mode : modes)
         {
-          Register({ data,
-                     instructionSet,
-                     threads,
-                     mode,
-                     repetitions,
-                     options.hasVariants && mode == ReducedResampling::Auto });
+          const bool hasVariants = options.hasVariants && mode == ReducedResampling::Auto;
+          (options.isCine ? RegisterCine : Register)({ data, instructionSet, threads, mode, repetitions, hasVariants });
         }
       }
     }
@@ -233,6 +230,7 @@ Run(int argc, char * argv[])
     ->delimiter(',');
   app.add_option("--image", options.images, "A file that ITK reads, to measure too")->check(CLI::ExistingFile);
   app.add_flag("--variants", options.hasVariants, "Measure modes, slab, box, mask, depth and the like too, where Auto");
+  app.add_flag("--cine", options.isCine, "Measure turning series of 36 frames instead of single views");
   app.add_option("--threads", options.threads, "Numbers of threads")
     ->delimiter(',')
     ->check(CLI::Range(1, 128))

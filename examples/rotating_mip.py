@@ -40,29 +40,15 @@ def read_volume(path: Path):
 
 
 def render(image, frames: int, elevation: float) -> list[np.ndarray]:
-    """One projection per frame, all on a grid of the same size and spacing."""
+    """One projection per frame, all on one grid."""
     anterior = itk.ShearWarpMIPViewEnums.Direction_Anterior
-    views = [
-        itk.ShearWarpMIPView.MakeTransform(image, anterior, 360.0 * frame / frames, elevation)
-        for frame in range(frames)
-    ]
-    darkest = itk.array_view_from_image(image).min().item()
-    mip = itk.ShearWarpMIPImageFilter.New(image, DefaultPixelValue=darkest)
-
-    # the grid fitted to each view is known before anything is projected
-    sizes = []
-    for view in views:
-        mip.SetTransform(view)
-        mip.UpdateOutputInformation()
-        sizes.append(list(itk.size(mip.GetOutput())))
-    mip.SetSize(np.max(sizes, axis=0).tolist())
-
-    pictures = []
-    for view in views:
-        mip.SetTransform(view)
-        mip.Update()
-        pictures.append(itk.array_from_image(mip.GetOutput()))
-    return pictures
+    series = itk.shear_warp_mip_cine_image_filter(
+        image,
+        transform=itk.ShearWarpMIPView.MakeTransform(image, anterior, 0.0, elevation),
+        number_of_frames=frames,
+        default_pixel_value=itk.array_view_from_image(image).min().item(),
+    )
+    return list(itk.array_from_image(series))
 
 
 def to_grey(pictures: list[np.ndarray], percentiles: tuple[float, float]) -> list[np.ndarray]:

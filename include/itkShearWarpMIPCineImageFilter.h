@@ -131,9 +131,9 @@ public:
   std::vector<double>
   GetFrameAngles() const;
 
-  /** The view of frame \a frame, view space to physical space, as it is set. Throws ExceptionObject if there is no such
-   * frame, or no input. */
-  TransformConstPointer
+  /** The view of frame \a frame, view space to physical space, as it is set: a copy. Throws ExceptionObject if there is
+   * no such frame, or no input. */
+  typename TransformType::Pointer
   GetFrameTransform(unsigned int frame) const;
 
   /** The transforms that were added are part of the filter's state. */
@@ -166,7 +166,7 @@ private:
     return m_Transforms.empty() ? m_NumberOfFrames : m_Transforms.size();
   }
 
-  TransformConstPointer
+  typename TransformType::Pointer
   MakeView(double angle) const;
 
   unsigned int      m_NumberOfFrames{ 36 };

@@ -98,20 +98,20 @@ ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::GetFrameAngles() const
 
 template <typename TInputImage, typename TOutputImage>
 auto
-ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::GetFrameTransform(unsigned int frame) const
-  -> TransformConstPointer
+ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::GetFrameTransform(unsigned int frame) const ->
+  typename TransformType::Pointer
 {
   const auto frames = this->GetFrames();
   if (frame >= frames)
   {
     itkExceptionMacro("There is no frame " << frame << ": their number is " << frames << '.');
   }
-  return m_Transforms.empty() ? this->MakeView(this->GetFrameAngles()[frame]) : m_Transforms[frame];
+  return m_Transforms.empty() ? this->MakeView(this->GetFrameAngles()[frame]) : m_Transforms[frame]->Clone();
 }
 
 template <typename TInputImage, typename TOutputImage>
 auto
-ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::MakeView(double angle) const -> TransformConstPointer
+ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::MakeView(double angle) const -> typename TransformType::Pointer
 {
   TransformConstPointer view = this->GetTransform();
   if (!view)
@@ -140,7 +140,7 @@ ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::MakeViews() const -> std
   std::vector<TransformConstPointer> views = m_Transforms;
   for (const double angle : this->GetFrameAngles())
   {
-    views.push_back(this->MakeView(angle));
+    views.emplace_back(this->MakeView(angle));
   }
   return views;
 }
