@@ -196,15 +196,15 @@ Subject<TPixel>::Compare(unsigned int repetitions)
 
 template class Subject<std::uint8_t>;
 template Image<std::uint8_t, 3>::Pointer
-LoadVolume(const DataSet &);
+LoadVolume<std::uint8_t>(const DataSet &);
 template class Subject<std::int16_t>;
 template Image<std::int16_t, 3>::Pointer
-LoadVolume(const DataSet &);
+LoadVolume<std::int16_t>(const DataSet &);
 template class Subject<std::uint16_t>;
 template Image<std::uint16_t, 3>::Pointer
-LoadVolume(const DataSet &);
+LoadVolume<std::uint16_t>(const DataSet &);
 template class Subject<float>;
 template Image<float, 3>::Pointer
-LoadVolume(const DataSet &);
+LoadVolume<float>(const DataSet &);
 
 } // namespace itk::ShearWarpBenchmark

@@ -178,11 +178,11 @@ ShearWarpPreparedVolume<TPixel>::GetPreparedPart(unsigned int principalAxis) con
   switch (principalAxis)
   {
     case 0:
-      return { m_SlabBegin, m_SlabEnd, 0, m_Size[0] };
+      return { m_SlabBegin, m_SlabEnd, 0, m_Size[0], m_SlabBegin, m_SlabEnd };
     case 1:
-      return { m_SlabBegin, m_SlabEnd, 0, m_Size[1] };
+      return { m_SlabBegin, m_SlabEnd, 0, m_Size[1], m_SlabBegin, m_SlabEnd };
     default:
-      return { 0, m_Size[1], m_SlabBegin, m_SlabEnd };
+      return { 0, m_Size[1], m_SlabBegin, m_SlabEnd, 0, m_Size[1] };
   }
 }
 

@@ -185,8 +185,7 @@ private:
   std::vector<const ShearWarp::IntermediateGrid *> m_Grids; // of each view its phases
   ShearWarp::SliceStack<TPixel>                    m_Slices{};
   ShearWarp::BlockMaxima<TPixel>                   m_BlockMaxima{};
-  std::ptrdiff_t                                   m_PartBegin{ 0 }, m_PartEnd{ 0 };
-  bool                                             m_HasCommonRows{ false };
+  ShearWarp::Block                                 m_Part{}; // that is prepared
   ReducedResamplingEnum                            m_WantedReducedResampling{ ReducedResamplingEnum::Off };
   ReducedResamplingEnum                            m_ReducedResampling{ ReducedResamplingEnum::Off };
   std::ptrdiff_t                                   m_TileColumns{ 0 }, m_TileRows{ 0 }, m_RowStride{ 0 };

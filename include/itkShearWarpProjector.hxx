@@ -45,17 +45,6 @@ ShearWarpProjector<TPixel>::Start(FactorizationList                  factorizati
       m_TileRows = std::max(m_TileRows, ShearWarp::CountBlocks(grid.rows));
     }
   }
-  // slices together are faster where samples have two voxels
-  const auto isTurnAboutAxis = [](const ShearWarpFactorization * factorization) {
-    const auto & placements = factorization->GetSlicePlacements();
-    const auto   areWhole = [&](ShearWarp::SamplingPosition ShearWarp::SlicePlacement::*position) {
-      return std::all_of(
-        placements.begin(), placements.end(), [=](const auto & slice) { return (slice.*position).fraction == 0; });
-    };
-    return areWhole(&ShearWarp::SlicePlacement::column) || areWhole(&ShearWarp::SlicePlacement::row);
-  };
-  m_HasCommonRows =
-    m_Factorizations.size() > 1 && std::all_of(m_Factorizations.begin(), m_Factorizations.end(), isTurnAboutAxis);
   // an odd number of tiles, so that rows do not compete for the same lines of the cache
   m_RowStride = (m_TileColumns | 1) * ShearWarp::TileColumns;
 
@@ -91,10 +80,19 @@ ShearWarpProjector<TPixel>::Project(const ShearWarpPreparedVolume<TPixel> & volu
       m_ReducedResampling = ReducedResamplingEnum::Off;
     }
   }
-  const ShearWarp::Block part = volume.GetPreparedPart(m_Factorizations.front()->GetPrincipalAxis());
-  const std::ptrdiff_t   rows = part.rowEnd - part.rowBegin;
-  m_PartBegin = part.rowBegin;
-  m_PartEnd = part.rowEnd;
+  m_Part = volume.GetPreparedPart(m_Factorizations.front()->GetPrincipalAxis());
+  // slices together are faster where samples have two voxels
+  const auto isTurnAboutAxis = [](const ShearWarpFactorization * factorization) {
+    const auto & placements = factorization->GetSlicePlacements();
+    const auto   areWhole = [&](ShearWarp::SamplingPosition ShearWarp::SlicePlacement::*position) {
+      return std::all_of(
+        placements.begin(), placements.end(), [=](const auto & slice) { return (slice.*position).fraction == 0; });
+    };
+    return areWhole(&ShearWarp::SlicePlacement::column) || areWhole(&ShearWarp::SlicePlacement::row);
+  };
+  m_Part.hasCommonRows =
+    m_Factorizations.size() > 1 && std::all_of(m_Factorizations.begin(), m_Factorizations.end(), isTurnAboutAxis);
+  const std::ptrdiff_t rows = m_Part.rowEnd - m_Part.rowBegin;
 
   // where slices lie side by side a few rows are long runs in memory, else all rows of a slice are; several images
   // share rows of BlockLength slices
@@ -109,17 +107,17 @@ ShearWarpProjector<TPixel>::Project(const ShearWarpPreparedVolume<TPixel> & volu
   // a step takes milliseconds at most
   constexpr std::ptrdiff_t stepVoxels = 1 << 21;
   const std::ptrdiff_t     stepCubes = stepVoxels / (images * blockRows * m_Slices.columns * BlockLength) + 1;
-  this->OrderSlices(part.sliceBegin, part.sliceEnd);
+  this->OrderSlices(m_Part.sliceBegin, m_Part.sliceEnd);
 
   const auto cubes = static_cast<std::ptrdiff_t>(m_SliceOrder.size());
   parallelize(
     static_cast<SizeValueType>(CountBlocks(rows, blockRows)),
     static_cast<SizeValueType>(CountBlocks(cubes, stepCubes)),
     [&](SizeValueType n, SizeValueType step, SizeValueType worker) {
-      const std::ptrdiff_t row = part.rowBegin + static_cast<std::ptrdiff_t>(n) * blockRows;
+      const std::ptrdiff_t row = m_Part.rowBegin + static_cast<std::ptrdiff_t>(n) * blockRows;
       const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(step) * stepCubes;
       this->ProjectRows(
-        m_Workers[worker], row, std::min(row + blockRows, part.rowEnd), first, std::min(first + stepCubes, cubes));
+        m_Workers[worker], row, std::min(row + blockRows, m_Part.rowEnd), first, std::min(first + stepCubes, cubes));
     });
 }
 
@@ -227,10 +225,11 @@ ShearWarpProjector<TPixel>::ProjectRows(Worker &       worker,
     {
       ++end;
     }
-    const std::ptrdiff_t   sliceEnd = std::min(m_SliceOrder[end - 1] + BlockLength, m_Slices.slices);
-    const ShearWarp::Block block{
-      rowBegin, rowEnd, m_SliceOrder[n], sliceEnd, m_PartBegin, m_PartEnd, m_HasCommonRows
-    };
+    ShearWarp::Block block = m_Part;
+    block.rowBegin = rowBegin;
+    block.rowEnd = rowEnd;
+    block.sliceBegin = m_SliceOrder[n];
+    block.sliceEnd = std::min(m_SliceOrder[end - 1] + BlockLength, m_Slices.slices);
     for (std::size_t g = 0; g < m_Grids.size(); ++g)
     {
       // offsets are monotonic in the slice
