@@ -150,16 +150,18 @@ void
 ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::VerifyPreconditions() ITKv5_CONST
 {
   Superclass::VerifyPreconditions();
-  for (std::size_t frame = 0; frame < m_Transforms.size(); ++frame)
+  SizeValueType frame = 0;
+  for (const TransformConstPointer & transform : m_Transforms)
   {
     try
     {
-      ShearWarpFactorization::VerifyViewTransform(m_Transforms[frame]);
+      ShearWarpFactorization::VerifyViewTransform(transform);
     }
     catch (const ExceptionObject & error)
     {
       itkExceptionMacro("Frame " << frame << ": " << error.GetDescription());
     }
+    ++frame;
   }
   if (m_NumberOfFrames == 0 || m_NumberOfFrames > MaximumNumberOfFrames)
   {

@@ -270,14 +270,8 @@ public:
   static constexpr int MaximumRows = Lanes::SumRows;
 
   explicit SumSampler(const PlacedSlice & slice)
-  {
-    const std::int32_t x = slice.x;
-    const std::int32_t y = slice.y;
-    const std::int32_t aa = (x * y + (1 << 14)) >> 15;
-    m_WeightsAbove = Lanes::SetPairs(aa, y - aa);
-    m_Weights =
-      VFractions == Fractions::Row ? Lanes::SetPairs(y, 32768 - y) : Lanes::SetPairs(x - aa, 32768 - x - y + aa);
-  }
+    : SumSampler(slice.x, slice.y, (slice.x * slice.y + (1 << 14)) >> 15)
+  {}
 
   static Sample
   Lowest()
@@ -351,6 +345,12 @@ public:
 
 private:
   static constexpr bool FlipSign = VWide && IsUnsignedShort<TPixel>;
+
+  SumSampler(std::int32_t x, std::int32_t y, std::int32_t aa)
+    : m_WeightsAbove(Lanes::SetPairs(aa, y - aa))
+    , m_Weights(VFractions == Fractions::Row ? Lanes::SetPairs(y, 32768 - y)
+                                             : Lanes::SetPairs(x - aa, 32768 - x - y + aa))
+  {}
 
   static Short
   Load(const TPixel * voxels)
@@ -569,14 +569,14 @@ ProjectTileRow(const TileRow<TPixel> & row)
   }
 }
 
-/** Slices that are projected together: more of them would compete for the lines of the first cache. */
-constexpr int CommonSlices = BlockLength / 2;
-
 /** Projects a few slices of a block of the volume into one view. */
 template <typename TPixel>
 class BlockProjector
 {
 public:
+  /** More would compete for the lines of the first cache. */
+  static constexpr int MaximumSlices = BlockLength / 2;
+
   /** View \a index of \a count. */
   BlockProjector(const SliceStack<TPixel> &  stack,
                  const Block &               block,
@@ -596,12 +596,12 @@ public:
     }
   }
 
-  /** Slices [begin, end), at most CommonSlices of one cube. */
+  /** Slices [begin, end), at most MaximumSlices of one cube. */
   void
   Project(std::ptrdiff_t begin, std::ptrdiff_t end)
   {
     m_Grid = m_Block.rowBegin + FindFirstRow(m_Block, m_View.placements, begin);
-    PlacedSlice slices[CommonSlices];
+    PlacedSlice slices[MaximumSlices];
     const auto  count = static_cast<int>(end - begin);
     for (int n = 0; n < count; ++n)
     {
@@ -843,7 +843,7 @@ ProjectBlock(const SliceStack<TPixel> &  slices,
     return GetPortableKernels<TPixel>().projectBlock(slices, block, views, count);
   }
   // all views take a slice's rows, or those of a few slices, while they are in the cache
-  const std::ptrdiff_t length = block.hasCommonRows && !views->active ? CommonSlices : 1;
+  const std::ptrdiff_t length = block.hasCommonRows && !views->active ? BlockProjector<TPixel>::MaximumSlices : 1;
   for (std::ptrdiff_t slice = block.sliceBegin, end = slice; slice < block.sliceEnd; slice = end)
   {
     end = Smaller(slice + length, block.sliceEnd);

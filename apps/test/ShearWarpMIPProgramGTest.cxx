@@ -325,7 +325,8 @@ TEST_F(ShearWarpMIPProgram, TellsWhatItDoes)
 
   const Result verbose = this->Run("in.nrrd out.png --frames 2 --view left --verbose");
   EXPECT_EQ(verbose.status, 0);
-  for (const std::string text : { "in.nrrd", "[20, 18, 12]", "0.7", "short", "prepared", "axis 0", "frames 0 to 1", " ms" })
+  for (const std::string text :
+       { "in.nrrd", "[20, 18, 12]", "0.7", "short", "prepared", "axis 0", "frames 0 to 1", " ms" })
   {
     EXPECT_NE(verbose.messages.find(text), std::string::npos) << text << " in " << verbose.messages;
   }
