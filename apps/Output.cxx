@@ -151,6 +151,12 @@ OutputFiles::IsPicture(const std::filesystem::path & path)
   return path.extension() == ".png";
 }
 
+bool
+OutputFiles::IsPage(const std::filesystem::path & path)
+{
+  return path.extension() == ".html";
+}
+
 void
 OutputFiles::Reserve(const std::filesystem::path & path, Format format)
 {
@@ -163,6 +169,10 @@ OutputFiles::Reserve(const std::filesystem::path & path, Format format)
   if (format != Format::Values)
   {
     extensions.emplace_back(".png");
+  }
+  if (format == Format::Any)
+  {
+    extensions.emplace_back(".html");
   }
   if (std::none_of(extensions.begin(), extensions.end(), [&](const auto & end) { return EndsWith(name, end); }))
   {
@@ -214,6 +224,37 @@ OutputFiles::Write(const std::filesystem::path & path, const AnyImage & image, L
 }
 
 void
+OutputFiles::WriteText(const std::filesystem::path & path, const std::string & text)
+{
+  std::ofstream file(this->BeginFile(path), std::ios::binary);
+  file << text;
+  file.close();
+  if (!file)
+  {
+    throw std::runtime_error("cannot write all of '" + path.string() + "'; is the disk full?");
+  }
+}
+
+std::string
+OutputFiles::EncodePicture(const std::filesystem::path & path, const AnyImage & image, std::size_t frame)
+{
+  const auto picture = path.parent_path() / (path.filename().string() + ".png");
+  const auto name = this->GetTemporaryName(picture);
+  DispatchPixelType(image.componentType, [&](auto tag) {
+    auto &     frames = CastImage<typename decltype(tag)::Type>(image);
+    const auto size = frames.GetLargestPossibleRegion().GetSize();
+    this->WriteFile(picture, image, 2, frames.GetBufferPointer() + frame * size[0] * size[1]);
+  });
+  std::ifstream      file(name, std::ios::binary);
+  std::ostringstream bytes;
+  bytes << file.rdbuf();
+  file.close();
+  std::filesystem::remove(name);
+  m_Written.pop_back();
+  return bytes.str();
+}
+
+void
 OutputFiles::Commit()
 {
   for (const auto & path : m_Written)
@@ -237,6 +278,18 @@ OutputFiles::GetTemporaryName(const std::filesystem::path & path) const
   return path.parent_path() / (m_Prefix + path.filename().string());
 }
 
+std::string
+OutputFiles::BeginFile(const std::filesystem::path & path)
+{
+  if (!m_HeldSignals)
+  {
+    m_HeldSignals.emplace();
+  }
+  HeldSignals::RequireNone();
+  m_Written.push_back(path);
+  return this->GetTemporaryName(path).string();
+}
+
 void
 OutputFiles::WriteFile(const std::filesystem::path & path,
                        const AnyImage &              image,
@@ -244,7 +297,7 @@ OutputFiles::WriteFile(const std::filesystem::path & path,
                        const void *                  buffer)
 {
   const itk::ImageBase<3> * grid = image.image;
-  const std::string         temporaryName = this->GetTemporaryName(path).string();
+  const std::string         temporaryName = this->BeginFile(path);
   const auto io = itk::ImageIOFactory::CreateImageIO(temporaryName.c_str(), itk::IOFileModeEnum::WriteMode);
   if (!io)
   {
@@ -272,12 +325,6 @@ OutputFiles::WriteFile(const std::filesystem::path & path,
   io->SetIORegion(region);
   io->SetFileName(temporaryName);
 
-  if (!m_HeldSignals)
-  {
-    m_HeldSignals.emplace();
-  }
-  HeldSignals::RequireNone();
-  m_Written.push_back(path);
   // ITK's PNG writer does not survive a full disk
   if (IsPicture(path) && !HasRoom(temporaryName, 2 * static_cast<std::size_t>(io->GetImageSizeInBytes()) + 4096))
   {

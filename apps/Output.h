@@ -68,6 +68,10 @@ public:
   static bool
   IsPicture(const std::filesystem::path & path);
 
+  /** A web page. */
+  static bool
+  IsPage(const std::filesystem::path & path);
+
   /** Throws if \a path has an extension of another format, is reserved already or can't be written. */
   void
   Reserve(const std::filesystem::path & path, Format format);
@@ -76,6 +80,13 @@ public:
   void
   Write(const std::filesystem::path & path, const AnyImage & image, Layout layout);
 
+  void
+  WriteText(const std::filesystem::path & path, const std::string & text);
+
+  /** The bytes of a PNG of one frame of \a image, made in a file beside \a path. */
+  std::string
+  EncodePicture(const std::filesystem::path & path, const AnyImage & image, std::size_t frame);
+
   /** Throws if a name is taken by a folder; no file is changed then. */
   void
   Commit();
@@ -83,6 +94,10 @@ public:
 private:
   std::filesystem::path
   GetTemporaryName(const std::filesystem::path & path) const;
+
+  /** The temporary name of a file that is about to be written. */
+  std::string
+  BeginFile(const std::filesystem::path & path);
 
   void
   WriteFile(const std::filesystem::path & path, const AnyImage & image, unsigned int dimension, const void * buffer);

@@ -51,20 +51,29 @@ ComputeRobustWindow(const TPixel * pixels, std::size_t count, TPixel background)
   }
   return window;
 }
-
 } // namespace
+
+WindowType
+FindWindow(const Projections & projections)
+{
+  return DispatchPixelType(projections.stack.componentType, [&](auto tag) {
+    using PixelType = typename decltype(tag)::Type;
+    auto & values = *CastImage<PixelType>(projections.stack).GetPixelContainer();
+    return ComputeRobustWindow(
+      values.GetBufferPointer(), values.Size(), static_cast<PixelType>(projections.background));
+  });
+}
 
 AnyImage
 MakePictures(const Projections & projections, const std::optional<WindowType> & window)
 {
   const AnyImage & stack = projections.stack;
+  const WindowType range = window ? *window : FindWindow(projections);
   AnyImage         pictures = MakeAnyImage<unsigned char>(stack.image, stack.image->GetNumberOfComponentsPerPixel());
   DispatchPixelType(stack.componentType, [&](auto tag) {
     using PixelType = typename decltype(tag)::Type;
     auto &                  values = *CastImage<PixelType>(stack).GetPixelContainer();
     const PixelType * const begin = values.GetBufferPointer();
-    const WindowType        range =
-      window ? *window : ComputeRobustWindow(begin, values.Size(), static_cast<PixelType>(projections.background));
     std::transform(
       begin, begin + values.Size(), CastImage<unsigned char>(pictures).GetBufferPointer(), [&range](PixelType pixel) {
         const double value = std::clamp(static_cast<double>(pixel), range[0], range[1]);

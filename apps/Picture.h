@@ -24,7 +24,11 @@
 
 using WindowType = itk::Vector<double, 2>;
 
-/** Pixels of 8 bits: \a window, or a robust range of values other than the background, becomes 0 to 255. */
+/** A robust range of values other than the background, LOW less than HIGH. */
+WindowType
+FindWindow(const Projections & projections);
+
+/** Pixels of 8 bits: \a window, or FindWindow(), becomes 0 to 255. */
 AnyImage
 MakePictures(const Projections & projections, const std::optional<WindowType> & window);
 

@@ -17,12 +17,12 @@
  *=========================================================================*/
 #include "Program.h"
 
+#include "CinePage.h"
 #include "Input.h"
 #include "Output.h"
 #include "Phantom.h"
 #include "Picture.h"
 
-#include "itkCompositeTransform.h"
 #include "itkMultiThreaderBase.h"
 #include "itkShearWarpFactorization.h"
 #include "itkShearWarpMIPView.h"
@@ -53,7 +53,8 @@ constexpr auto description =
   "numbered\n"
   "PNGs.\n"
   "OUTPUT's extension gives its format: .mha, .nrrd, .nii and .nii.gz keep the image's values and pixel type;\n"
-  ".png has 8 bits, see --window. Sizes and positions of the output are in mm in the view plane.";
+  ".png has 8 bits, see --window; .html is a page to turn and play a series in any browser. Sizes and positions of the "
+  "output are in mm in the view plane.";
 
 constexpr auto examples = "Examples:\n"
                           "  shear-warp-mip tof.nii.gz mip.png --view superior\n"
@@ -62,6 +63,8 @@ constexpr auto examples = "Examples:\n"
                           "      left anterior oblique 30 degrees, cranial 15 degrees, with the image's values\n"
                           "  shear-warp-mip tof.nrrd cine.png --frames 36\n"
                           "      a full turn around the patient, cine-000.png to cine-035.png\n"
+                          "  shear-warp-mip tof.nrrd turn.html --frames 72\n"
+                          "      a page that turns, for any browser\n"
                           "  shear-warp-mip ct.nrrd slabs.nrrd --view superior --sliding-slab 10 5\n"
                           "      slabs of 10 mm from top to bottom, one every 5 mm\n"
                           "  shear-warp-mip tof.nrrd mip.png --depth-colour depth.png\n"
@@ -101,6 +104,7 @@ struct Options
   std::optional<double>       background;
   unsigned int                oversampling{ 1 };
   unsigned int                frames{ 0 };
+  unsigned int                pageBits{ 8 };
   std::string                 axis{ "superior" };
   std::string                 mode{ "maximum" };
   std::vector<double>         slab;
@@ -204,7 +208,7 @@ DefineOptions(CLI::App & app, Options & options)
     ->group("View");
 
   const auto frames =
-    app.add_option("--frames", options.frames, "A full turn in N frames: a 3D stack, or numbered PNGs")
+    app.add_option("--frames", options.frames, "A full turn in N frames: a 3D stack, numbered PNGs, or a page")
       ->check(CLI::Range(1u, mostFrames))
       ->type_name("N")
       ->group("Turning series");
@@ -212,6 +216,14 @@ DefineOptions(CLI::App & app, Options & options)
     ->check(CLI::IsMember(GetKeys(turningAxes)))
     ->capture_default_str()
     ->needs(frames)
+    ->group("Turning series");
+  app
+    .add_option("--page-bits",
+                options.pageBits,
+                "Bits of a page's pixels: 8 for twice the window's range, or 16 for all values, two to four times as "
+                "large")
+    ->check(CLI::IsMember({ 8, 16 }))
+    ->capture_default_str()
     ->group("Turning series");
 
   app
@@ -244,7 +256,8 @@ DefineOptions(CLI::App & app, Options & options)
   app
     .add_option("--window",
                 options.window,
-                "LOW and HIGH values that become black and white in a PNG; default: percentiles 1 and 99.8 of "
+                "LOW and HIGH values that become black and white in a PNG, and at first in a page; default: "
+                "percentiles 1 and 99.8 of "
                 "the pixels that are not background")
     ->check(Number("a finite number", std::numeric_limits<double>::lowest()))
     ->expected(2)
@@ -582,6 +595,10 @@ VerifyVolume(const Options & options, const Volume & volume)
   {
     refuse(options.depth.empty() ? "--depth-colour" : "--depth", components, "components");
   }
+  if (components > 1 && OutputFiles::IsPage(options.output))
+  {
+    refuse("A page of more than 1 component", components, "components");
+  }
   if (components != 1 && components != 3 && OutputFiles::IsPicture(options.output))
   {
     refuse("A .png of other than 1 or 3 components", components, "components");
@@ -661,8 +678,23 @@ Run(const Options & options, Messages & messages)
   {
     window = WindowType(options.window.data());
   }
-  const bool isPicture = OutputFiles::IsPicture(options.output);
-  files.Write(options.output, isPicture ? MakePictures(projections, window) : projections.stack, layout);
+  if (OutputFiles::IsPage(options.output))
+  {
+    CinePageOptions page{ std::filesystem::path(options.input).filename().string(), window, {}, options.pageBits };
+    for (unsigned int n = 0; n < options.frames; ++n)
+    {
+      page.angles.push_back(360.0 * n / options.frames);
+    }
+    const auto encode = [&](const AnyImage & image, std::size_t frame) {
+      return files.EncodePicture(options.output, image, frame);
+    };
+    files.WriteText(options.output, MakeCinePage(projections, page, encode));
+  }
+  else
+  {
+    const bool isPicture = OutputFiles::IsPicture(options.output);
+    files.Write(options.output, isPicture ? MakePictures(projections, window) : projections.stack, layout);
+  }
   if (!options.depth.empty())
   {
     files.Write(options.depth, projections.depths, layout);

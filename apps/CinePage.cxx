@@ -1,0 +1,167 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#include "CinePage.h"
+
+#include "CinePageTemplate.h"
+
+#include "itksys/Base64.h"
+
+#include <algorithm>
+#include <cmath>
+#include <iomanip>
+#include <limits>
+#include <sstream>
+
+namespace
+{
+/** Pixel 0 is background, the others are intercept + slope * pixel. */
+struct StoredValues
+{
+  AnyImage image;
+  double   slope, intercept;
+};
+
+/** The range of the values other than the background. */
+template <typename TPixel>
+WindowType
+FindRange(const TPixel * begin, const TPixel * end, TPixel background)
+{
+  WindowType range;
+  range[0] = std::numeric_limits<double>::max();
+  range[1] = std::numeric_limits<double>::lowest();
+  std::for_each(begin, end, [&](TPixel pixel) {
+    const auto value = static_cast<double>(pixel);
+    if (pixel != background && std::isfinite(value))
+    {
+      range[0] = std::min(range[0], value);
+      range[1] = std::max(range[1], value);
+    }
+  });
+  if (range[0] > range[1])
+  {
+    range.Fill(static_cast<double>(background));
+  }
+  return range;
+}
+
+template <typename TStored>
+StoredValues
+Store(const Projections & projections, const WindowType & window)
+{
+  StoredValues stored{ MakeAnyImage<TStored>(projections.stack.image, 1), 1.0, 0.0 };
+  DispatchPixelType(projections.stack.componentType, [&](auto tag) {
+    using PixelType = typename decltype(tag)::Type;
+    constexpr double        levels = std::numeric_limits<TStored>::max() - 1;
+    const auto              background = static_cast<PixelType>(projections.background);
+    auto &                  pixels = *CastImage<PixelType>(projections.stack).GetPixelContainer();
+    const PixelType * const begin = pixels.GetBufferPointer();
+    const PixelType * const end = begin + pixels.Size();
+    WindowType              range = FindRange(begin, end, background);
+    if (sizeof(TStored) == 1)
+    {
+      const double margin = 0.5 * (window[1] - window[0]);
+      range[0] = std::max(range[0], window[0] - margin);
+      range[1] = std::max(range[0], std::min(range[1], window[1] + margin));
+    }
+    const bool isExact = std::is_integral_v<PixelType> && range[1] - range[0] <= levels;
+    stored.slope = isExact || range[0] == range[1] ? 1.0 : (range[1] - range[0]) / levels;
+    stored.intercept = range[0] - stored.slope;
+    std::transform(begin, end, CastImage<TStored>(stored.image).GetBufferPointer(), [&](PixelType pixel) {
+      const auto value = static_cast<double>(pixel);
+      if (pixel == background || std::isnan(value))
+      {
+        return TStored{ 0 };
+      }
+      const double clamped = std::clamp(value, range[0], range[1]);
+      return static_cast<TStored>(std::lround((clamped - stored.intercept) / stored.slope));
+    });
+  });
+  return stored;
+}
+
+std::string
+Quote(const std::string & text)
+{
+  std::ostringstream quoted;
+  for (const char character : text)
+  {
+    const auto code = static_cast<unsigned char>(character);
+    const bool isPlain = code >= 0x20 && character != '"' && character != '\\' && character != '<';
+    if (isPlain)
+    {
+      quoted << character;
+    }
+    else
+    {
+      quoted << "\\u" << std::hex << std::setw(4) << std::setfill('0') << static_cast<int>(code);
+    }
+  }
+  return '"' + quoted.str() + '"';
+}
+
+std::string
+EncodeBase64(const std::string & bytes)
+{
+  std::string text((bytes.size() + 2) / 3 * 4, '\0');
+  text.resize(itksysBase64_Encode(reinterpret_cast<const unsigned char *>(bytes.data()),
+                                  bytes.size(),
+                                  reinterpret_cast<unsigned char *>(text.data()),
+                                  0));
+  return text;
+}
+} // namespace
+
+std::string
+MakeCinePage(const Projections & projections, const CinePageOptions & options, const PictureEncoder & encode)
+{
+  const WindowType   window = options.window ? *options.window : FindWindow(projections);
+  const StoredValues stored =
+    options.bits == 8 ? Store<unsigned char>(projections, window) : Store<unsigned short>(projections, window);
+  const itk::ImageBase<3> & grid = *stored.image.image;
+  const auto                size = grid.GetLargestPossibleRegion().GetSize();
+
+  // of a full turn in four seconds
+  const double       rate = std::clamp(std::round(static_cast<double>(size[2]) / 4.0), 5.0, 25.0);
+  std::ostringstream series;
+  series << std::setprecision(std::numeric_limits<double>::max_digits10);
+  series << "{\"title\": " << Quote(options.title) << ", \"width\": " << size[0] << ", \"height\": " << size[1]
+         << ", \"spacing\": [" << grid.GetSpacing()[0] << ", " << grid.GetSpacing()[1] << "], \"origin\": ["
+         << grid.GetOrigin()[0] << ", " << grid.GetOrigin()[1] << "], \"bits\": " << options.bits
+         << ", \"slope\": " << stored.slope << ", \"intercept\": " << stored.intercept << ", \"background\": 0"
+         << ", \"window\": [" << window[0] << ", " << window[1] << "], \"rate\": " << rate
+         << ", \"loop\": " << (options.angles.empty() ? "\"none\"" : "\"turn\"");
+  if (!options.angles.empty())
+  {
+    series << ", \"angles\": [";
+    for (std::size_t n = 0; n < options.angles.size(); ++n)
+    {
+      series << (n > 0 ? ", " : "") << options.angles[n];
+    }
+    series << ']';
+  }
+  series << ", \"frames\": [";
+  for (std::size_t frame = 0; frame < size[2]; ++frame)
+  {
+    series << (frame > 0 ? ",\n" : "\n") << '"' << EncodeBase64(encode(stored.image, frame)) << '"';
+  }
+  series << "]}";
+
+  const std::string mark = "@SERIES@";
+  std::string       page = cinePageTemplate;
+  return page.replace(page.find(mark), mark.size(), series.str());
+}

@@ -1,0 +1,49 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#ifndef CinePage_h
+#define CinePage_h
+
+#include "Picture.h"
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+struct CinePageOptions
+{
+  std::string               title;
+  std::optional<WindowType> window;
+  /** Of the frames of a full turn, in degrees; empty for other series. */
+  std::vector<double> angles;
+  /** 8 or 16. */
+  unsigned int bits{ 8 };
+};
+
+/** The bytes of a PNG of one frame of an image. */
+using PictureEncoder = std::function<std::string(const AnyImage & image, std::size_t frame)>;
+
+/** The text of a web page that shows the projections, of one component, and needs nothing but itself: a series to turn
+ * and play, with window and level.
+ *
+ * It holds the values with 16 bits, exactly if they are whole numbers of a range of less than 65535; or with 8, one
+ * grey level for a 254th of twice the window, which is what can be set from the page, as far as there are values. */
+std::string
+MakeCinePage(const Projections & projections, const CinePageOptions & options, const PictureEncoder & encode);
+
+#endif

@@ -1,0 +1,183 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#include "ShearWarpMIPProgramTestHelper.h"
+
+#include "itkVectorImage.h"
+
+#include "itksys/Base64.h"
+
+#include <cmath>
+#include <regex>
+#include <set>
+
+namespace
+{
+using namespace ShearWarpMIPProgramTest;
+
+class ShearWarpMIPProgramPage : public ShearWarpMIPProgram
+{
+protected:
+  /** The JSON in the page. */
+  std::string
+  ReadSeries(const std::string & name) const
+  {
+    const std::string page = ReadText(this->GetPath(name));
+    EXPECT_EQ(page.find("<!DOCTYPE html>"), 0u);
+    EXPECT_EQ(page.find("http:"), std::string::npos);
+    EXPECT_EQ(page.find("https:"), std::string::npos);
+    EXPECT_EQ(page.find("@SERIES@"), std::string::npos);
+    const std::size_t begin = page.find("{\"title\"");
+    const std::size_t end = page.find("</script>", begin);
+    EXPECT_NE(begin, std::string::npos);
+    EXPECT_NE(end, std::string::npos);
+    return page.substr(begin, end - begin);
+  }
+
+  static double
+  GetNumber(const std::string & series, const std::string & key)
+  {
+    std::smatch match;
+    EXPECT_TRUE(std::regex_search(series, match, std::regex('"' + key + "\": (-?[0-9.e+-]+)"))) << key;
+    return std::stod(match[1]);
+  }
+
+  template <typename TStored>
+  std::vector<std::vector<TStored>>
+  ReadFrames(const std::string & series) const
+  {
+    std::vector<std::vector<TStored>> frames;
+    const std::regex                  quoted("\"(iVBOR[A-Za-z0-9+/=]+)\"");
+    for (std::sregex_iterator it(series.begin(), series.end(), quoted), end; it != end; ++it)
+    {
+      const std::string text = (*it)[1];
+      std::string       bytes(text.size(), '\0');
+      bytes.resize(itksysBase64_Decode(reinterpret_cast<const unsigned char *>(text.data()),
+                                       0,
+                                       reinterpret_cast<unsigned char *>(bytes.data()),
+                                       text.size()));
+      std::ofstream(this->GetPath("frame.png"), std::ios::binary) << bytes;
+      frames.push_back(GetPixels(this->Read<itk::Image<TStored, 2>>("frame.png").GetPointer()));
+    }
+    fs::remove(this->GetPath("frame.png"));
+    return frames;
+  }
+};
+} // namespace
+
+TEST_F(ShearWarpMIPProgramPage, HoldsAllValuesWith16Bits)
+{
+  this->ExpectSuccess("in.nrrd turn.nrrd --frames 5 --background -7");
+  this->ExpectSuccess("in.nrrd turn.html --frames 5 --background -7 --page-bits 16 --window 20 100");
+  const std::string series = this->ReadSeries("turn.html");
+  const auto        values = this->Read<itk::Image<double, 3>>("turn.nrrd");
+  const auto        size = values->GetLargestPossibleRegion().GetSize();
+  EXPECT_EQ(GetNumber(series, "width"), size[0]);
+  EXPECT_EQ(GetNumber(series, "height"), size[1]);
+  EXPECT_EQ(GetNumber(series, "bits"), 16);
+  EXPECT_EQ(GetNumber(series, "slope"), 1);
+  EXPECT_NE(series.find("\"title\": \"in.nrrd\""), std::string::npos);
+  EXPECT_NE(series.find("\"window\": [20, 100]"), std::string::npos);
+  EXPECT_NE(series.find("\"loop\": \"turn\", \"angles\": [0, 72, 144, 216, 288]"), std::string::npos);
+
+  const auto   frames = this->ReadFrames<unsigned short>(series);
+  const double intercept = GetNumber(series, "intercept");
+  ASSERT_EQ(frames.size(), 5u);
+  const double * value = values->GetBufferPointer();
+  for (const auto & frame : frames)
+  {
+    ASSERT_EQ(frame.size(), size[0] * size[1]);
+    for (const unsigned short stored : frame)
+    {
+      ASSERT_EQ(stored == 0 ? -7.0 : intercept + stored, *value);
+      ++value;
+    }
+  }
+}
+
+TEST_F(ShearWarpMIPProgramPage, HoldsTwiceTheWindowWith8Bits)
+{
+  this->ExpectSuccess("in.nrrd turn.nrrd --frames 3 --background -7");
+  this->ExpectSuccess("in.nrrd turn.html --frames 3 --background -7 --window 60 80");
+  const std::string series = this->ReadSeries("turn.html");
+  const auto        frames = this->ReadFrames<unsigned char>(series);
+  const auto        values = this->Read<itk::Image<double, 3>>("turn.nrrd");
+  const double      intercept = GetNumber(series, "intercept");
+  const double      slope = GetNumber(series, "slope");
+  EXPECT_EQ(GetNumber(series, "bits"), 8);
+  ASSERT_EQ(frames.size(), 3u);
+  const double * value = values->GetBufferPointer();
+  for (const auto & frame : frames)
+  {
+    for (const unsigned char stored : frame)
+    {
+      const double expected = *value == -7.0 ? -7.0 : std::clamp(*value, 50.0, 90.0);
+      ASSERT_NEAR(stored == 0 ? -7.0 : intercept + slope * stored, expected, 0.5 * slope + 1e-9);
+      ++value;
+    }
+  }
+}
+
+TEST_F(ShearWarpMIPProgramPage, HoldsFractionsAndSeriesThatDoNotTurn)
+{
+  const auto image = itk::Image<float, 3>::New();
+  image->SetRegions(itk::Size<3>{ { 9, 8, 7 } });
+  image->Allocate();
+  for (itk::SizeValueType n = 0; n < 9 * 8 * 7; ++n)
+  {
+    image->GetBufferPointer()[n] = static_cast<float>(n % 37) / 7.0f - 2.0f;
+  }
+  this->WriteImage<itk::Image<float, 3>>(image, "float \"<.nrrd");
+  this->ExpectSuccess("'float \"<.nrrd' slabs.nrrd --sliding-slab 3 2");
+  this->ExpectSuccess("'float \"<.nrrd' slabs.html --sliding-slab 3 2 --page-bits 16");
+  const std::string series = this->ReadSeries("slabs.html");
+  EXPECT_NE(series.find("\"title\": \"float \\u0022\\u003c.nrrd\""), std::string::npos);
+  EXPECT_NE(series.find("\"loop\": \"none\""), std::string::npos);
+  EXPECT_EQ(series.find("\"angles\""), std::string::npos);
+  const auto     frames = this->ReadFrames<unsigned short>(series);
+  const auto     values = this->Read<itk::Image<float, 3>>("slabs.nrrd");
+  const double   intercept = GetNumber(series, "intercept");
+  const double   slope = GetNumber(series, "slope");
+  const float *  value = values->GetBufferPointer();
+  std::set<bool> areBackground;
+  for (const auto & frame : frames)
+  {
+    for (const unsigned short stored : frame)
+    {
+      areBackground.insert(stored == 0);
+      if (stored != 0)
+      {
+        ASSERT_NEAR(intercept + slope * stored, *value, 0.5 * slope + 1e-6);
+      }
+      ++value;
+    }
+  }
+  EXPECT_TRUE(areBackground.count(false));
+}
+
+TEST_F(ShearWarpMIPProgramPage, RefusesWhatAPageCannotShow)
+{
+  const auto vectors = itk::VectorImage<short, 3>::New();
+  vectors->SetRegions(itk::Size<3>{ { 5, 4, 3 } });
+  vectors->SetNumberOfComponentsPerPixel(3);
+  vectors->Allocate();
+  this->WriteImage<itk::VectorImage<short, 3>>(vectors, "vectors.nrrd");
+  this->ExpectFailure("vectors.nrrd out.html --frames 2", "A page of more than 1 component");
+  this->ExpectFailure("in.nrrd none/out.html --frames 2", "its folder does not exist");
+  this->ExpectFailure("in.nrrd out.nrrd --depth depth.html", "must have one of the extensions");
+  EXPECT_NE(this->Run("in.nrrd out.html --frames 2 --page-bits 12").status, 0);
+}

@@ -1,0 +1,559 @@
+# SPDX-FileCopyrightText: Copyright NumFOCUS
+# SPDX-License-Identifier: Apache-2.0
+"""Uses the cine page in a headless Chromium as a viewer would, and compares its pixels to the series'.
+
+CINE_TEMPLATE     the page with @SERIES@ in it          [../cine.html]
+CINE_PAGE         a finished page: checked as well, in what holds for every series
+CINE_SCREENSHOTS  folder that keeps what was seen
+
+Needs Debian's chromium, chromium-driver, python3-selenium, python3-pil, python3-numpy and python3-pytest.
+"""
+
+import base64
+import io
+import json
+import os
+import pathlib
+import shutil
+import urllib.parse
+
+import numpy as np
+import pytest
+from PIL import Image
+from selenium import webdriver
+from selenium.webdriver.chrome.service import Service
+from selenium.webdriver.common.action_chains import ActionChains
+from selenium.webdriver.common.actions.action_builder import ActionBuilder
+from selenium.webdriver.common.actions.mouse_button import MouseButton
+from selenium.webdriver.common.actions.wheel_input import ScrollOrigin
+from selenium.webdriver.common.by import By
+from selenium.webdriver.common.keys import Keys
+from selenium.webdriver.remote.command import Command
+from selenium.webdriver.support.ui import WebDriverWait
+
+TEMPLATE = pathlib.Path(os.environ.get("CINE_TEMPLATE", pathlib.Path(__file__).parents[1] / "cine.html"))
+MOST_PIXELS_PER_FRAME = 48
+MINUS = "\N{MINUS SIGN}"
+WIDTH, HEIGHT, FRAMES, BLOCK = 96, 64, 36, 16
+
+
+def encode(frame):
+    """8 bits as a gray PNG, 16 bits as red and green."""
+    if frame.dtype == np.uint16:
+        frame = np.stack([frame >> 8, frame & 255, np.zeros_like(frame)], axis=-1).astype(np.uint8)
+    png = io.BytesIO()
+    Image.fromarray(frame).save(png, "PNG")
+    return base64.b64encode(png.getvalue()).decode()
+
+
+def make_frames(bits, count=FRAMES):
+    """Blocks of one value each, another in each frame; the last block row has a value for each pixel."""
+    generator = np.random.default_rng(count)
+    values = generator.integers(1, 2**bits, (count, HEIGHT // BLOCK, WIDTH // BLOCK))
+    frames = values.repeat(BLOCK, axis=1).repeat(BLOCK, axis=2)
+    frames[:, -BLOCK:] = generator.integers(0, 2**bits, (count, BLOCK, WIDTH))
+    return frames.astype(np.uint8 if bits == 8 else np.uint16)
+
+
+def make_series(frames, **changes):
+    bits = 8 * frames.itemsize
+    return {
+        "title": "Maximum intensity </projection>",
+        "width": frames.shape[2],
+        "height": frames.shape[1],
+        "spacing": [0.5, 1.0],
+        "frames": [encode(frame) for frame in frames],
+        "bits": bits,
+        "slope": 1.0 if bits == 8 else 0.1,
+        "intercept": 0.0 if bits == 8 else -1024.0,
+        "window": [20, 220] if bits == 8 else [-500, 4500],
+        "angles": [n * 360 / len(frames) for n in range(len(frames))],
+        "rate": 30,
+        "loop": "turn",
+    } | changes
+
+
+def expected(series, frame, window, inverted=False):
+    low, high = window
+    value = series["slope"] * frame.astype(float) + series["intercept"]
+    gray = np.floor(255 * np.clip((value - low) / (high - low), 0, 1) + 0.5)
+    gray[frame == series.get("background")] = 0
+    return (255 - gray if inverted else gray).astype(np.uint8)
+
+
+class Page:
+    def __init__(self, driver):
+        self.driver = driver
+
+    def open(self, path, motion=False):
+        preference = "no-preference" if motion else "reduce"
+        features = [{"name": "prefers-reduced-motion", "value": preference}]
+        self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": features})
+        self.driver.get("about:blank")
+        self.logs()
+        self.driver.get(path.resolve().as_uri())
+        count = "JSON.parse(document.getElementById('series').textContent).frames.length"
+        self.wait(f"window.cine && (cine.loaded === {count} || !document.getElementById('problem').hidden)")
+        assert self.text("problem") == ""
+        self.stage = self.driver.find_element(By.ID, "stage")
+        self.canvas = self.driver.find_element(By.TAG_NAME, "canvas")
+
+    def show(self, folder, series, **options):
+        path = folder / "cine.html"
+        template = TEMPLATE.read_text("utf-8")
+        assert template.count("@SERIES@") == 1
+        path.write_text(template.replace("@SERIES@", json.dumps(series).replace("<", "\\u003c")), "utf-8")
+        self.open(path, **options)
+
+    def run(self, script):
+        return self.driver.execute_script(f"return {script}")
+
+    def wait(self, condition, seconds=30):
+        WebDriverWait(self.driver, seconds, 0.05).until(lambda driver: self.run(condition), condition)
+
+    def text(self, name):
+        return self.driver.find_element(By.ID, name).text
+
+    @property
+    def frame(self):
+        return self.run("cine.frame")
+
+    @property
+    def window(self):
+        return self.run("cine.window")
+
+    @property
+    def box(self):
+        return self.run("document.querySelector('canvas').getBoundingClientRect().toJSON()")
+
+    def pixels(self):
+        """What the canvas has, one gray value a pixel."""
+        text = self.run("""(() => {
+          const canvas = document.querySelector('canvas');
+          const copy = new OffscreenCanvas(canvas.width, canvas.height).getContext('2d', {willReadFrequently: true});
+          copy.drawImage(canvas, 0, 0);
+          const {data} = copy.getImageData(0, 0, canvas.width, canvas.height);
+          return [canvas.width, canvas.height, btoa(String.fromCharCode(...data))];
+        })()""")
+        rgba = np.frombuffer(base64.b64decode(text[2]), np.uint8).reshape(text[1], text[0], 4)
+        assert (rgba[..., 3] == 255).all() and (rgba[..., :1] == rgba[..., :3]).all()
+        return rgba[..., 0]
+
+    def screenshot(self, name):
+        png = self.driver.get_screenshot_as_png()
+        if "CINE_SCREENSHOTS" in os.environ:
+            folder = pathlib.Path(os.environ["CINE_SCREENSHOTS"])
+            folder.mkdir(parents=True, exist_ok=True)
+            (folder / f"{name}.png").write_bytes(png)
+        return np.asarray(Image.open(io.BytesIO(png)).convert("RGB"))
+
+    def drag(self, right, down=0, button=MouseButton.LEFT):
+        actions = ActionBuilder(self.driver, duration=20)
+        mouse = actions.pointer_action
+        mouse.move_to(self.stage)
+        mouse.pointer_down(button)
+        for n in range(1, 5):
+            mouse.move_to(self.stage, round(right * n / 4), round(down * n / 4))
+        mouse.pointer_up(button)
+        actions.perform()
+
+    def press(self, *keys):
+        ActionChains(self.driver).send_keys(*keys).perform()
+
+    def wheel(self, delta, shift=False):
+        chain = ActionChains(self.driver)
+        if shift:
+            chain.key_down(Keys.SHIFT)
+        chain.scroll_from_origin(ScrollOrigin.from_element(self.stage), 0, delta)
+        if shift:
+            chain.key_up(Keys.SHIFT)
+        chain.perform()
+
+    def touch(self, *fingers):
+        """Each finger is a list of positions; all go on together."""
+
+        def send(kind, points):
+            touches = [{"x": x, "y": y, "id": n} for n, (x, y) in enumerate(points)]
+            self.driver.execute_cdp_cmd("Input.dispatchTouchEvent", {"type": kind, "touchPoints": touches})
+
+        send("touchStart", [finger[0] for finger in fingers])
+        for points in list(zip(*fingers))[1:]:
+            send("touchMove", points)
+        send("touchEnd", [])
+
+    def logs(self):
+        """Messages of the console, and the addresses that were asked for."""
+        messages = [entry["message"] for entry in self.driver.get_log("browser")]
+        events = [json.loads(entry["message"])["message"] for entry in self.driver.get_log("performance")]
+        sent = [event["params"] for event in events if event["method"] == "Network.requestWillBeSent"]
+        return messages, [parameters["request"]["url"] for parameters in sent]
+
+    def check_quiet(self):
+        messages, requests = self.logs()
+        assert not messages
+        assert {urllib.parse.urlsplit(url).scheme for url in requests} <= {"file", "data", "blob", "about"}
+
+
+@pytest.fixture(scope="module")
+def driver():
+    options = webdriver.ChromeOptions()
+    options.binary_location = shutil.which("chromium")
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+    for argument in (
+        "--headless=new",
+        "--window-size=1000,720",
+        "--force-device-scale-factor=1",
+        "--force-color-profile=srgb",
+        "--hide-scrollbars",
+        "--disable-gpu",
+        "--disable-dev-shm-usage",
+    ):
+        options.add_argument(argument)
+    if os.geteuid() == 0:
+        options.add_argument("--no-sandbox")
+    driver = webdriver.Chrome(service=Service(shutil.which("chromedriver")), options=options)
+    yield driver
+    driver.quit()
+
+
+@pytest.fixture
+def page(driver):
+    page = Page(driver)
+    yield page
+    driver.execute(Command.W3C_CLEAR_ACTIONS)
+    page.check_quiet()
+
+
+def pixels_per_frame(page):
+    return min(MOST_PIXELS_PER_FRAME, 2 * page.box["width"] / FRAMES)
+
+
+@pytest.mark.parametrize("bits", [8, 16])
+def test_every_pixel_of_every_frame(page, tmp_path, bits):
+    frames = make_frames(bits)
+    series = make_series(frames)
+    page.show(tmp_path, series)
+    assert page.driver.title == page.text("title") == series["title"]
+    for n, frame in enumerate(frames):
+        assert page.frame == n
+        assert page.text("frame-number") == f"{n + 1} / {FRAMES}"
+        assert page.text("angle") == f"{10 * n}°"
+        np.testing.assert_array_equal(page.pixels(), expected(series, frame, series["window"]))
+        page.press(Keys.ARROW_RIGHT)
+    assert page.frame == 0
+
+
+def test_low_bytes_of_16_bits(page, tmp_path):
+    values = np.arange(WIDTH * HEIGHT, dtype=np.uint16).reshape(1, HEIGHT, WIDTH) + 30000
+    series = make_series(values, slope=1.0, intercept=0.0, window=[30250, 30280], angles=[0])
+    page.show(tmp_path, series)
+    np.testing.assert_array_equal(page.pixels(), expected(series, values[0], series["window"]))
+
+
+def test_png_of_16_bits(page, tmp_path):
+    values = make_frames(16, 1)
+    png = io.BytesIO()
+    Image.fromarray(values[0]).save(png, "PNG")
+    series = make_series(values)
+    series["frames"] = [base64.b64encode(png.getvalue()).decode()]
+    page.show(tmp_path, series)
+    np.testing.assert_array_equal(page.pixels(), expected(series, values[0], series["window"]))
+
+
+def test_on_screen(page, tmp_path):
+    """The aspect is that of the millimetres, and each block has its gray where it belongs."""
+    frames = make_frames(8)
+    series = make_series(frames)
+    page.show(tmp_path, series)
+    box = page.box
+    assert box["width"] / box["height"] == pytest.approx(WIDTH * 0.5 / HEIGHT, abs=0.01)
+    assert box["height"] == page.run("document.getElementById('stage').clientHeight")
+    centres = np.arange(BLOCK // 2, WIDTH, BLOCK), np.arange(BLOCK // 2, HEIGHT - BLOCK, BLOCK)
+    columns = (box["left"] + (centres[0] + 0.5) * box["width"] / WIDTH).astype(int)
+    rows = (box["top"] + (centres[1] + 0.5) * box["height"] / HEIGHT).astype(int)
+    page.press("i")
+    seen = page.screenshot("on-screen")[np.ix_(rows, columns)].astype(int)
+    wanted = expected(series, frames[0][np.ix_(centres[1], centres[0])], series["window"], True)
+    inner = (slice(1, None), slice(1, -1))  # without what is written in the corners
+    assert np.abs(seen[inner] - wanted[inner][..., None]).max() <= 1
+
+
+def test_drag_turns(page, tmp_path):
+    """What is in front follows the pointer: the angle falls to the right. A turn goes on and on."""
+    frames = make_frames(8)
+    series = make_series(frames)
+    page.show(tmp_path, series)
+    step = pixels_per_frame(page)
+    page.drag(-5 * step)
+    assert page.frame == 5
+    np.testing.assert_array_equal(page.pixels(), expected(series, frames[5], series["window"]))
+    page.drag(8 * step)
+    assert page.frame == FRAMES - 3
+    page.drag(-4 * step)
+    assert page.frame == 1
+    page.drag(0, 100)
+    assert page.frame == 1
+    assert page.window == series["window"]
+
+
+def test_drag_through_list(page, tmp_path):
+    series = make_series(make_frames(8, 7), loop="none", angles=None)
+    page.show(tmp_path, series)
+    page.drag(2 * MOST_PIXELS_PER_FRAME)
+    assert page.frame == 2 and page.text("angle") == ""
+    page.drag(-300)
+    assert page.frame == 0
+    page.press(Keys.ARROW_LEFT)
+    assert page.frame == 0
+    page.drag(340)
+    assert page.frame == 6
+    page.press(Keys.ARROW_RIGHT)
+    assert page.frame == 6
+
+
+def test_drag_swings(page, tmp_path):
+    """To and fro in the angle, whatever way the series goes: 0, 10, 20, 30, 20, 10."""
+    angles = [0, 10, 20, 30, 20, 10]
+    page.show(tmp_path, make_series(make_frames(8, 6), loop="swing", angles=angles))
+    page.press(Keys.END)
+    page.drag(-MOST_PIXELS_PER_FRAME)
+    assert angles[page.frame] == 20
+    page.drag(-300)
+    assert angles[page.frame] == 30
+    page.drag(2 * MOST_PIXELS_PER_FRAME)
+    assert angles[page.frame] == 10
+    page.drag(300)
+    assert angles[page.frame] == 0
+
+
+@pytest.mark.parametrize("bits", [8, 16])
+def test_window(page, tmp_path, bits):
+    frames = make_frames(bits)
+    series = make_series(frames)
+    page.show(tmp_path, series)
+    low, high = series["window"]
+    level, width = (low + high) / 2, high - low
+
+    def check(new_level, new_width):
+        assert page.window == pytest.approx([new_level - new_width / 2, new_level + new_width / 2], rel=1e-9)
+        np.testing.assert_array_equal(page.pixels(), expected(series, frames[0], page.window))
+
+    page.wheel(-120)
+    check(level, width * 1.1)
+    assert page.text("window-width") == ("Width 220" if bits == 8 else "Width 5500.0")
+    page.wheel(120)
+    check(level, width)
+    page.wheel(120, shift=True)
+    check(level + 0.05 * width, width)
+    page.press("r")
+    check(level, width)
+    page.press("+", "+", "-", Keys.ARROW_UP)
+    check(level - 0.055 * width, width * 1.1)
+    page.press("r")
+    page.drag(150, 0, MouseButton.RIGHT)
+    check(level, width * 2)
+    page.press("r")
+    page.drag(0, 60, MouseButton.RIGHT)
+    check(level + 0.2 * width, width)
+    assert page.frame == 0
+    ActionChains(page.driver).double_click(page.stage).perform()
+    check(level, width)
+    assert page.frame == 0
+
+
+def test_window_does_not_get_lost(page, tmp_path):
+    page.show(tmp_path, make_series(make_frames(8)))
+    for _ in range(4):
+        page.drag(-450, -250, MouseButton.RIGHT)
+    low, high = page.window
+    assert 0 <= (low + high) / 2 <= 255 and high - low == pytest.approx(1)
+    for _ in range(6):
+        page.drag(450, 250, MouseButton.RIGHT)
+    low, high = page.window
+    assert 0 <= (low + high) / 2 <= 255 and high - low == pytest.approx(2 * 255)
+
+
+def test_invert_and_background(page, tmp_path):
+    frames = make_frames(8)
+    frames[:, 40:, :30] = 77
+    series = make_series(frames, background=77)
+    page.show(tmp_path, series)
+    assert (page.pixels()[40:, :30] == 0).all()
+    page.press("i")
+    np.testing.assert_array_equal(page.pixels(), expected(series, frames[0], series["window"], True))
+    assert page.driver.find_element(By.ID, "invert").get_attribute("aria-pressed") == "true"
+    page.driver.find_element(By.ID, "invert").click()
+    np.testing.assert_array_equal(page.pixels(), expected(series, frames[0], series["window"]))
+
+
+def test_value_under_pointer(page, tmp_path):
+    frames = make_frames(16)
+    frames[:, 50:] = 5
+    page.show(tmp_path, make_series(frames, background=5))
+    box = page.box
+    stage_box = page.stage.rect
+
+    def point(column, row):
+        x = box["left"] + (column + 0.5) * box["width"] / WIDTH - stage_box["x"] - stage_box["width"] / 2
+        y = box["top"] + (row + 0.5) * box["height"] / HEIGHT - stage_box["y"] - stage_box["height"] / 2
+        ActionChains(page.driver, duration=0).move_to_element_with_offset(page.stage, round(x), round(y)).perform()
+
+    point(69, 20)
+    assert page.text("value") == f"{0.1 * frames[0][20, 69] - 1024:.1f}".replace("-", MINUS)
+    assert page.text("place") == f"{0.5 * (69 - 47.5):.1f}, {MINUS}{31.5 - 20:.1f} mm"
+    page.press(Keys.ARROW_RIGHT)
+    assert page.text("value") == f"{0.1 * frames[1][20, 69] - 1024:.1f}".replace("-", MINUS)
+    point(70, 60)
+    assert page.text("value") == "no data"
+    ActionChains(page.driver, duration=0).move_to_element_with_offset(page.stage, -490, 0).perform()
+    assert page.text("value") == page.text("place") == ""
+
+
+def test_scale_bar(page, tmp_path):
+    page.show(tmp_path, make_series(make_frames(8)))
+    assert page.text("scale-length") == "10 mm"
+    length = page.run("document.getElementById('scale-bar').getBoundingClientRect().width")
+    assert length == pytest.approx(10 * page.box["width"] / (WIDTH * 0.5), rel=0.01)
+
+
+def record_play(page, changes):
+    """The frames that pass while it plays, in their order."""
+    return page.driver.execute_async_script(
+        """
+      const [changes, done] = arguments;
+      const seen = [cine.frame];
+      const look = () => {
+        if (cine.frame !== seen.at(-1)) { seen.push(cine.frame); }
+        if (seen.length > changes) { done(seen); } else { requestAnimationFrame(look); }
+      };
+      look();
+    """,
+        changes,
+    )
+
+
+def test_plays_by_itself_and_wraps(page, tmp_path):
+    frames = make_frames(8, 8)
+    series = make_series(frames)
+    page.show(tmp_path, series, motion=True)
+    assert page.run("cine.playing")
+    seen = record_play(page, 20)
+    steps = np.diff(seen) % 8
+    assert np.median(steps) == 1
+    assert (np.diff(seen) < 0).any()
+    page.press(" ")
+    assert not page.run("cine.playing")
+    stopped = page.frame
+    np.testing.assert_array_equal(page.pixels(), expected(series, frames[stopped], series["window"]))
+    assert page.run("new Promise((done) => setTimeout(() => done(cine.frame), 300))") == stopped
+    page.driver.find_element(By.ID, "play").click()
+    assert page.run("cine.playing")
+    page.drag(100)
+    assert not page.run("cine.playing")
+
+
+def test_list_plays_to_and_fro(page, tmp_path):
+    page.show(tmp_path, make_series(make_frames(8, 5), loop="none", angles=None), motion=True)
+    seen = record_play(page, 16)
+    assert {0, 4} <= set(seen)
+    assert np.median(np.abs(np.diff(seen))) == 1 and np.abs(np.diff(seen)).max() < 4
+
+
+def test_reduced_motion_waits(page, tmp_path):
+    page.show(tmp_path, make_series(make_frames(8)))
+    assert not page.run("cine.playing")
+    assert page.driver.find_element(By.ID, "play").get_attribute("aria-label") == "Play"
+    assert page.run("new Promise((done) => setTimeout(() => done(cine.frame), 300))") == 0
+    page.press(" ")
+    page.wait("cine.frame > 2")
+    assert page.driver.find_element(By.ID, "play").get_attribute("aria-label") == "Pause"
+
+
+def test_speed(page, tmp_path):
+    page.show(tmp_path, make_series(make_frames(8), rate=12))
+    assert page.text("rate") == "12 fps"
+    speed = page.driver.find_element(By.ID, "speed")
+    page.driver.execute_script("arguments[0].focus()", speed)
+    page.press(Keys.ARROW_RIGHT, Keys.ARROW_RIGHT)
+    assert page.run("cine.rate") == 14 and page.frame == 0
+    page.press("r")
+    assert page.run("cine.rate") == 12
+
+
+def test_position(page, tmp_path):
+    page.show(tmp_path, make_series(make_frames(8)))
+    position = page.driver.find_element(By.ID, "position")
+    position.click()
+    assert abs(page.frame - (FRAMES - 1) / 2) <= 1
+    page.press(Keys.HOME, Keys.ARROW_LEFT)
+    assert page.frame == FRAMES - 1
+    assert position.get_attribute("aria-valuetext") == "Frame 36 of 36, 350°"
+
+
+def test_touch(page, tmp_path):
+    series = make_series(make_frames(8))
+    page.show(tmp_path, series)
+    step = pixels_per_frame(page)
+    page.touch([(500, 300), (500 - 2 * step, 300), (500 - 4 * step, 305)])
+    assert page.frame == 4
+    assert page.window == series["window"]
+    page.touch([(480, 300), (440, 300), (400, 300)], [(520, 300), (560, 300), (600, 300)])
+    assert page.frame == 4
+    low, high = page.window
+    assert (low + high) / 2 == pytest.approx(120) and high - low == pytest.approx(2 * 255)  # 5 times 200, but the most
+    page.press("r")
+    page.touch([(480, 300), (480, 330)], [(520, 300), (520, 330)])
+    low, high = page.window
+    assert (low + high) / 2 == pytest.approx(120 + 200 * 30 / 300) and high - low == pytest.approx(200)
+
+
+def test_keyboard_reaches_everything(page, tmp_path):
+    page.show(tmp_path, make_series(make_frames(8)))
+    names = []
+    for _ in range(9):
+        page.press(Keys.TAB)
+        names.append(page.run("document.activeElement.getAttribute('aria-label')"))
+        assert page.run("getComputedStyle(document.activeElement).outlineStyle") == "solid"
+    assert names == [
+        "Play",
+        "Previous frame",
+        "Next frame",
+        "Frame",
+        "Speed in frames per second",
+        "Invert",
+        "Reset",
+        "Full screen",
+        "Help",
+    ]
+    page.screenshot("focus")
+    page.press("?")
+    assert page.run("document.getElementById('help-box').open")
+    page.screenshot("help")
+    page.press("i")
+    assert not page.run("cine.inverted")
+    page.press("h")
+    assert not page.run("document.getElementById('help-box').open")
+    page.press("f")
+    page.wait("document.fullscreenElement !== null", 5)
+    page.press("f")
+    page.wait("document.fullscreenElement === null", 5)
+
+
+def test_damaged_frame_is_reported(page, tmp_path):
+    series = make_series(make_frames(8, 3))
+    series["frames"][1] = encode(np.zeros((HEIGHT, WIDTH + 1), np.uint8))
+    with pytest.raises(AssertionError, match="Frame 2 cannot be shown: it has another size or depth"):
+        page.show(tmp_path, series)
+
+
+@pytest.mark.skipif("CINE_PAGE" not in os.environ, reason="CINE_PAGE names a finished page")
+def test_finished_page(page):
+    page.open(pathlib.Path(os.environ["CINE_PAGE"]))
+    before = page.screenshot("finished-page")
+    assert (before == page.screenshot("finished-page")).all()
+    assert before[..., 0].std() > 0
+    canvas = page.canvas.screenshot_as_png
+    page.drag(-200)
+    assert page.frame != 0
+    assert page.canvas.screenshot_as_png != canvas
+    page.screenshot("finished-page-turned")
