@@ -22,6 +22,7 @@
 #include "itkImageIOBase.h"
 #include "itkVectorImage.h"
 
+#include <filesystem>
 #include <vector>
 
 /** A 3D image of one of ITK's component types, an itk::VectorImage. */
@@ -39,6 +40,8 @@ struct Volume
   double                timeOrigin{ 0.0 };
   /** Owns the pixels. */
   itk::Object::Pointer pixels;
+  /** The files, if they are DICOM. */
+  std::vector<std::filesystem::path> dicomFiles{};
 };
 
 template <typename TPixel>

@@ -347,6 +347,7 @@ ReadVolume(const std::filesystem::path & path, const std::string & series, const
   }
 
   Volume     volume;
+  bool       isDICOM = isFolder;
   const auto read = [&] {
     const itk::ImageIOBase::Pointer io =
       isFolder ? itk::ImageIOBase::Pointer(itk::GDCMImageIO::New())
@@ -355,6 +356,7 @@ ReadVolume(const std::filesystem::path & path, const std::string & series, const
     {
       throw std::runtime_error("'" + path.string() + "' is not an image that ITK can read");
     }
+    isDICOM = dynamic_cast<const itk::GDCMImageIO *>(io.GetPointer()) != nullptr;
     io->SetFileName(files.front());
     io->ReadImageInformation();
     RequireVolume(*io, path.string());
@@ -392,6 +394,10 @@ ReadVolume(const std::filesystem::path & path, const std::string & series, const
   catch (const std::bad_alloc &)
   {
     throw std::runtime_error("not enough memory for '" + path.string() + "'");
+  }
+  if (isDICOM)
+  {
+    volume.dicomFiles.assign(files.begin(), files.end());
   }
   return volume;
 }

@@ -18,6 +18,7 @@
 #include "Program.h"
 
 #include "CinePage.h"
+#include "DicomSeries.h"
 #include "Input.h"
 #include "Output.h"
 #include "Phantom.h"
@@ -65,6 +66,8 @@ constexpr auto examples = "Examples:\n"
                           "      a full turn around the patient, cine-000.png to cine-035.png\n"
                           "  shear-warp-mip tof.nrrd turn.html --frames 72\n"
                           "      a page that turns, for any browser\n"
+                          "  shear-warp-mip dicom-folder/ turn.html --frames 72 --dicom-out turn/\n"
+                          "      the same and a DICOM series for the archive\n"
                           "  shear-warp-mip ct.nrrd slabs.nrrd --view superior --sliding-slab 10 5\n"
                           "      slabs of 10 mm from top to bottom, one every 5 mm\n"
                           "  shear-warp-mip tof.nrrd mip.png --depth-colour depth.png\n"
@@ -116,6 +119,7 @@ struct Options
   double                      attenuation{ 0.0 };
   std::string                 depth;
   std::string                 depthColour;
+  std::string                 dicomOut;
   bool                        isInPlace{ false };
   unsigned int                threads{ 0 };
   bool                        verbose{ false };
@@ -339,6 +343,14 @@ DefineOptions(CLI::App & app, Options & options)
                 "is bright, to blue, the farthest; as bright as OUTPUT with --window; black where nothing is")
     ->type_name("FILE")
     ->group("Projection");
+  app
+    .add_option("--dicom-out",
+                options.dicomOut,
+                "Also writes a DICOM series, one file for each picture, into this folder, which must be new or empty; "
+                "patient, study and frame of reference are those of INPUT if that is DICOM")
+    ->type_name("DIR")
+    ->group("Turning series");
+
   app
     .add_flag("--in-place",
               options.isInPlace,
@@ -595,6 +607,14 @@ VerifyVolume(const Options & options, const Volume & volume)
   {
     refuse(options.depth.empty() ? "--depth-colour" : "--depth", components, "components");
   }
+  if (!options.dicomOut.empty() && times > 1)
+  {
+    refuse("--dicom-out", times, "points in time");
+  }
+  if (!options.dicomOut.empty() && components > 1)
+  {
+    refuse("--dicom-out", components, "components");
+  }
   if (components > 1 && OutputFiles::IsPage(options.output))
   {
     refuse("A page of more than 1 component", components, "components");
@@ -603,6 +623,27 @@ VerifyVolume(const Options & options, const Volume & volume)
   {
     refuse("A .png of other than 1 or 3 components", components, "components");
   }
+}
+
+/** Of a frame without a slab the plane through the image's centre. */
+std::vector<DicomView>
+MakeDicomViews(const ProjectionOptions & projection, const Options & options, const itk::ImageBase<3> * grid)
+{
+  std::vector<DicomView> views;
+  for (const Frame & frame : projection.frames)
+  {
+    DicomView view;
+    view.transform = frame.transform;
+    view.thickness = frame.slabFar - frame.slabNear;
+    view.depth = std::isfinite(view.thickness) ? 0.5 * (frame.slabNear + frame.slabFar)
+                                               : ComputeDepthOfCentre(frame.transform, grid);
+    if (options.frames > 0)
+    {
+      view.angle = 360.0 * static_cast<double>(views.size()) / options.frames;
+    }
+    views.push_back(view);
+  }
+  return views;
 }
 
 void
@@ -623,6 +664,10 @@ Run(const Options & options, Messages & messages)
   if (!options.depthColour.empty())
   {
     files.Reserve(options.depthColour, OutputFiles::Format::Picture);
+  }
+  if (!options.dicomOut.empty())
+  {
+    RequireDicomDirectory(options.dicomOut);
   }
   const TransformPointer given = options.transform.empty() ? nullptr : ReadLinearTransform(options.transform);
 
@@ -704,6 +749,22 @@ Run(const Options & options, Messages & messages)
     files.Write(options.depthColour,
                 MakeDepthPictures(projections, window),
                 isSeries ? OutputFiles::Layout::Series : OutputFiles::Layout::Still);
+  }
+  if (!options.dicomOut.empty())
+  {
+    DicomSeriesOptions dicom;
+    dicom.isMinimum = projection.mode == ModeEnum::Minimum;
+    dicom.derivation = projection.mode == ModeEnum::Maximum   ? "Maximum intensity projection"
+                       : projection.mode == ModeEnum::Minimum ? "Minimum intensity projection"
+                                                              : "Maximum intensity projection of absolute values";
+    dicom.version = ShearWarpMIP_VERSION;
+    if (window)
+    {
+      dicom.window = std::make_pair((*window)[0], (*window)[1]);
+    }
+    WriteDicomSeries(
+      projections.stack, MakeDicomViews(projection, options, first.image), volume.dicomFiles, options.dicomOut, dicom);
+    messages.StepDone("wrote " + options.dicomOut);
   }
   files.Commit();
   messages.StepDone("wrote " + options.output);

@@ -26,6 +26,7 @@
 #include <cmath>
 #include <complex>
 #include <csignal>
+#include <set>
 
 namespace
 {
@@ -270,6 +271,44 @@ TEST_F(ShearWarpMIPProgram, RefusesSlicesThatDiffer)
   this->ExpectFailure("dicom out.png", "differ in orientation or pixel type");
   this->WriteDICOMSeries<unsigned char>("1.2.3.4", "b", { 8 });
   this->ExpectFailure("dicom out.png", "dicom/b0.dcm");
+}
+
+TEST_F(ShearWarpMIPProgram, WritesDICOMSeries)
+{
+  this->WriteDICOMSeries("1.2.3.4", "a", { 0, 2, 4, 6 });
+  this->ExpectSuccess("dicom out.nrrd --frames 3 --dicom-out series");
+  const auto         values = this->Read<VolumeType>("out.nrrd");
+  const auto         size = values->GetLargestPossibleRegion().GetSize();
+  const auto *       value = values->GetBufferPointer();
+  const auto         source = itk::GDCMImageIO::New();
+  std::string        study;
+  std::set<fs::path> names;
+  source->SetFileName(this->GetPath("dicom/a0.dcm"));
+  source->ReadImageInformation();
+  ASSERT_TRUE(itk::ExposeMetaData(source->GetMetaDataDictionary(), "0020|000d", study));
+  for (const auto & entry : fs::directory_iterator(this->GetPath("series")))
+  {
+    names.insert(entry.path());
+  }
+  ASSERT_EQ(names.size(), 3u);
+  for (const auto & name : names)
+  {
+    const auto io = itk::GDCMImageIO::New();
+    const auto reader = itk::ImageFileReader<VolumeType>::New();
+    reader->SetImageIO(io);
+    reader->SetFileName(name.string());
+    reader->Update();
+    std::string ofFrame;
+    EXPECT_TRUE(itk::ExposeMetaData(io->GetMetaDataDictionary(), "0020|000d", ofFrame));
+    EXPECT_EQ(ofFrame, study);
+    ASSERT_EQ(reader->GetOutput()->GetLargestPossibleRegion().GetNumberOfPixels(), size[0] * size[1]);
+    const auto pixels = GetPixels(reader->GetOutput());
+    EXPECT_TRUE(std::equal(pixels.begin(), pixels.end(), value)) << name;
+    value += size[0] * size[1];
+  }
+
+  this->ExpectFailure("dicom out.png --frames 3 --dicom-out series", "needs an empty folder");
+  this->ExpectFailure("dicom out.png --dicom-out none/series", "its folder does not exist");
 }
 
 TEST_F(ShearWarpMIPProgram, RefusesDamagedDICOM)

@@ -1,0 +1,107 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#ifndef DicomSeries_h
+#define DicomSeries_h
+
+#include "AnyImage.h"
+#include "itkTransform.h"
+
+#include <filesystem>
+#include <limits>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+/** Where a frame of a DICOM series lies. */
+struct DicomView
+{
+  /** Linear, from view space (u right in the picture, v down, w away from the viewer) to the patient's (towards left,
+   * posterior, head), both in mm. */
+  itk::Transform<double, 3, 3>::ConstPointer transform;
+  /** The picture's w in view space, in mm. */
+  double depth{ 0.0 };
+  /** Of the slab that was projected, in mm; infinite if that is the whole volume. */
+  double thickness{ std::numeric_limits<double>::infinity() };
+  /** How far the view has turned, in degrees; not a number if that does not apply. */
+  double angle{ std::numeric_limits<double>::quiet_NaN() };
+};
+
+struct DicomSeriesOptions
+{
+  /** In DerivationDescription: printable ASCII, at most 1024 characters. */
+  std::string derivation{ "Maximum intensity projection" };
+  bool        isMinimum{ false };
+  /** SeriesDescription, printable ASCII, at most 64 characters. If empty, MIP (or MinIP) and the source's. */
+  std::string description;
+  /** If not given, the source's and 1000 more. */
+  std::optional<int> number;
+  /** The lowest and the highest value to tell apart. If not given the source's window, or else all values. */
+  std::optional<std::pair<double, double>> window;
+  /** ManufacturerModelName and SoftwareVersions. */
+  std::string program{ "shear-warp-mip" };
+  std::string version;
+};
+
+/** The w in view space, in mm, of the centre of \a grid. \a transform is as in DicomView. */
+double
+ComputeDepthOfCentre(const itk::Transform<double, 3, 3> * transform, const itk::ImageBase<3> * grid);
+
+/** Throws std::runtime_error unless WriteDicomSeries can make the folder \a directory or fill it. */
+void
+RequireDicomDirectory(const std::filesystem::path & directory);
+
+/** Writes each frame of \a frames as a DICOM file of one new series into \a directory, which must be empty or not exist
+ * (its parent must). Names sort as the frames do. Files appear when all are complete: the caller should hold signals
+ * (HeldSignals) during the call.
+ *
+ * \a frames has the axes u (columns), v (rows) and frame, with origin and spacing of the first two in view space, in
+ * mm, and one component; \a views has as many elements as there are frames.
+ *
+ * \a source are the DICOM files of the series that was projected, all of which are referenced. From the first come
+ * patient, study, frame of reference, character set, lossy compression and acquisition; its equipment is the one that
+ * contributed. If \a source is empty, study and frame of reference are new and the patient is unknown.
+ *
+ * The SOP class, by DICOM PS3.3 (2024):
+ * - CT and MR Image Storage for such sources: in these, values, position and orientation are understood everywhere.
+ *   What they want to know of the acquisition (C.8.2.1, C.8.3.1) the source has; an MR source without is none. An MR
+ *   image may be a "PROJECTION IMAGE" (C.8.3.1.1.1). The standard's editor advises so: pydicom's issue 1186.
+ * - Secondary Capture Image Storage for all others, enhanced images among them. It is for "synthesized images [...]
+ *   such as cine-loops of 3D reconstructions" of any modality (A.8) and may have an Image Plane, which ties it to a
+ *   frame of reference (Table A.8-1 since CP 2330; older readers, as GDCM 3.0, ignore that), and any pixels.
+ * - not Enhanced CT or MR, though they know MAX_IP (C.8.16.2.1.3): not every archive takes them.
+ * - not a multi-frame Secondary Capture: few viewers look for planes in its functional groups (A.8.4.5).
+ *
+ * ImageType is DERIVED, SECONDARY (C.7.6.1.1.2), PROJECTION IMAGE (of MR; for CT, C.8.2.1.1.1 has terms for
+ * cross-sections and localizers alone, but no closed list) and MAX_IP or MIN_IP.
+ *
+ * Pixels have 16 bits. Whole numbers are exact if the lowest and the highest are at most 65535 apart; all others are
+ * rounded to 65536 levels from the lowest to the highest, one RescaleSlope and RescaleIntercept for all frames. As an
+ * MR image has none (A.4.3), MR becomes Secondary Capture where one is needed.
+ *
+ * Throws std::runtime_error, and leaves nothing, if \a directory is not as above or not writable, if a source is not
+ * DICOM, if a picture is too large, if a pixel is not finite, if the plane of a view is sheared, or if a text does not
+ * fit. */
+void
+WriteDicomSeries(const AnyImage &                           frames,
+                 const std::vector<DicomView> &             views,
+                 const std::vector<std::filesystem::path> & source,
+                 const std::filesystem::path &              directory,
+                 const DicomSeriesOptions &                 options = {});
+
+#endif

@@ -1,0 +1,659 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#include "DicomSeries.h"
+#include "Output.h"
+
+#include "itkAffineTransform.h"
+#include "itkCompositeTransform.h"
+#include "itkGDCMImageIO.h"
+#include "itkGDCMSeriesFileNames.h"
+#include "itkImageFileReader.h"
+#include "itkImageFileWriter.h"
+#include "itkMetaDataObject.h"
+
+#include <gdcmReader.h>
+#include <gtest/gtest.h>
+
+#include <sys/resource.h>
+
+#include <cmath>
+#include <csignal>
+#include <cstdint>
+#include <cstdlib>
+#include <fstream>
+#include <functional>
+#include <map>
+#include <random>
+#include <set>
+
+namespace
+{
+namespace fs = std::filesystem;
+using TransformType = itk::AffineTransform<double, 3>;
+using Tags = std::map<std::string, std::string>;
+
+const std::string ctImage = "1.2.840.10008.5.1.4.1.1.2";
+const std::string mrImage = "1.2.840.10008.5.1.4.1.1.4";
+const std::string secondaryCapture = "1.2.840.10008.5.1.4.1.1.7";
+
+constexpr unsigned int columns = 7;
+constexpr unsigned int rows = 5;
+
+std::vector<double>
+Split(const std::string & text)
+{
+  std::vector<double> numbers;
+  std::istringstream  stream(text);
+  for (std::string number; std::getline(stream, number, '\\');)
+  {
+    numbers.push_back(std::stod(number));
+  }
+  return numbers;
+}
+
+class ShearWarpMIPProgramDicom : public testing::Test
+{
+protected:
+  void
+  SetUp() override
+  {
+    m_Folder = fs::temp_directory_path() / ("shear-warp-mip-test-" + std::to_string(std::random_device()()));
+    m_Series = m_Folder / "series";
+    fs::create_directory(m_Folder);
+  }
+
+  void
+  TearDown() override
+  {
+    fs::remove_all(m_Folder);
+  }
+
+  /** Frames whose pixels are what \a value makes of their number. */
+  template <typename TPixel>
+  static AnyImage
+  MakeFrames(unsigned int count, const std::function<double(std::size_t)> & value)
+  {
+    const auto   grid = itk::ImageBase<3>::New();
+    const double spacing[] = { 0.75, 1.25, 1.0 };
+    const double origin[] = { -20.0, -30.5, 0.0 };
+    grid->SetRegions(itk::Size<3>{ { columns, rows, count } });
+    grid->SetSpacing(spacing);
+    grid->SetOrigin(origin);
+    AnyImage     frames = MakeAnyImage<TPixel>(grid, 1);
+    auto * const pixels = CastImage<TPixel>(frames).GetBufferPointer();
+    for (std::size_t pixel = 0; pixel < std::size_t(columns) * rows * count; ++pixel)
+    {
+      pixels[pixel] = static_cast<TPixel>(value(pixel));
+    }
+    return frames;
+  }
+
+  /** From anterior and then turning about the patient's axis: rows are the patient's height. */
+  static std::vector<DicomView>
+  MakeViews(unsigned int count)
+  {
+    std::vector<DicomView> views;
+    views.reserve(count);
+    for (unsigned int n = 0; n < count; ++n)
+    {
+      const auto                anterior = TransformType::New();
+      TransformType::MatrixType matrix;
+      matrix.Fill(0.0);
+      matrix(0, 0) = matrix(1, 2) = 1.0;
+      matrix(2, 1) = -1.0;
+      anterior->SetMatrix(matrix);
+      TransformType::OutputVectorType offset;
+      offset[0] = 10.0;
+      offset[1] = 20.0;
+      offset[2] = 30.0;
+      anterior->SetOffset(offset);
+
+      const auto             turn = TransformType::New();
+      itk::Vector<double, 3> axis(0.0);
+      axis[2] = 1.0;
+      turn->Rotate3D(axis, itk::Math::twopi * n / count);
+      const auto composite = itk::CompositeTransform<double, 3>::New();
+      composite->AddTransform(turn);
+      composite->AddTransform(anterior);
+      DicomView view;
+      view.transform = composite.GetPointer();
+      view.depth = 4.0;
+      view.angle = 360.0 * n / count;
+      views.push_back(view);
+    }
+    return views;
+  }
+
+  /** Writes slices with \a tags, and returns their names. */
+  std::vector<fs::path>
+  WriteSource(const Tags & tags, unsigned int count = 2) const
+  {
+    std::vector<fs::path> names;
+    for (unsigned int slice = 0; slice < count; ++slice)
+    {
+      using SliceType = itk::Image<short, 3>;
+      const auto image = SliceType::New();
+      image->SetRegions(itk::Size<3>{ { 4, 4, 1 } });
+      image->Allocate(true);
+      auto & dictionary = image->GetMetaDataDictionary();
+      itk::EncapsulateMetaData<std::string>(dictionary, "0008|0018", "1.2.3.4." + std::to_string(slice + 1));
+      itk::EncapsulateMetaData<std::string>(dictionary, "0020|000d", "1.2.3");
+      itk::EncapsulateMetaData<std::string>(dictionary, "0020|000e", "1.2.3.4");
+      itk::EncapsulateMetaData<std::string>(dictionary, "0020|0052", "1.2.3.5");
+      for (const auto & [tag, value] : tags)
+      {
+        itk::EncapsulateMetaData<std::string>(dictionary, tag, value);
+      }
+      const auto io = itk::GDCMImageIO::New();
+      io->KeepOriginalUIDOn();
+      const auto writer = itk::ImageFileWriter<SliceType>::New();
+      names.push_back(m_Folder / ("source" + std::to_string(slice) + ".dcm"));
+      writer->SetImageIO(io);
+      writer->SetInput(image);
+      writer->SetFileName(names.back().string());
+      writer->Update();
+    }
+    return names;
+  }
+
+  static Tags
+  GetCT()
+  {
+    return { { "0008|0060", "CT" },
+             { "0008|0070", "Maker" },
+             { "0018|0060", "120" },
+             { "0010|0010", "Doe^Jane" },
+             { "0010|0020", "ID 7" },
+             { "0010|0030", "19700102" },
+             { "0010|0040", "F" },
+             { "0008|0050", "A1" },
+             { "0008|0020", "20240102" },
+             { "0008|0030", "101112" },
+             { "0020|0010", "S1" },
+             { "0008|103e", "Thorax" },
+             { "0020|0011", "3" },
+             { "0018|5100", "HFS" },
+             { "0028|1050", "40" },
+             { "0028|1051", "400" },
+             { "0008|1030", "CT of a thorax" } };
+  }
+
+  static Tags
+  GetMR()
+  {
+    return { { "0008|0060", "MR" }, { "0018|0020", "GR" }, { "0018|0021", "SP" }, { "0018|0081", "4.6" } };
+  }
+
+  struct File
+  {
+    Tags                           tags;
+    itk::Image<double, 2>::Pointer image;
+    itk::GDCMImageIO::Pointer      io;
+
+    std::vector<double>
+    GetNumbers(const std::string & tag) const
+    {
+      return Split(tags.at(tag));
+    }
+
+    std::vector<double>
+    GetPixels() const
+    {
+      return { image->GetBufferPointer(), image->GetBufferPointer() + image->GetBufferedRegion().GetNumberOfPixels() };
+    }
+  };
+
+  static File
+  Read(const fs::path & path)
+  {
+    File file;
+    file.io = itk::GDCMImageIO::New();
+    const auto reader = itk::ImageFileReader<itk::Image<double, 2>>::New();
+    reader->SetImageIO(file.io);
+    reader->SetFileName(path.string());
+    reader->Update();
+    file.image = reader->GetOutput();
+    const auto & dictionary = file.io->GetMetaDataDictionary();
+    for (const std::string & key : dictionary.GetKeys())
+    {
+      std::string value;
+      itk::ExposeMetaData(dictionary, key, value);
+      const auto end = value.find_last_not_of(std::string(" \0", 2));
+      file.tags[key] = end == std::string::npos ? "" : value.substr(0, end + 1);
+    }
+    return file;
+  }
+
+  /** In the order of their names. */
+  std::vector<File>
+  ReadSeries() const
+  {
+    std::set<fs::path> names;
+    for (const auto & entry : fs::directory_iterator(m_Series))
+    {
+      names.insert(entry.path());
+    }
+    std::vector<File> files;
+    files.reserve(names.size());
+    for (const auto & name : names)
+    {
+      files.push_back(Read(name));
+    }
+    return files;
+  }
+
+  /** That pixels read back differ from what was written by at most \a tolerance. */
+  template <typename TPixel>
+  void
+  ExpectPixels(const AnyImage & frames, const std::vector<File> & files, double tolerance) const
+  {
+    const auto * expected = CastImage<TPixel>(frames).GetBufferPointer();
+    ASSERT_EQ(files.size(), frames.image->GetLargestPossibleRegion().GetSize(2));
+    for (const File & file : files)
+    {
+      for (const double pixel : file.GetPixels())
+      {
+        ASSERT_NEAR(pixel, static_cast<double>(*expected++), tolerance);
+      }
+    }
+  }
+
+  template <typename TPixel>
+  std::vector<File>
+  ExpectExact(const std::function<double(std::size_t)> & value, const std::vector<fs::path> & source = {})
+  {
+    const AnyImage frames = MakeFrames<TPixel>(2, value);
+    fs::remove_all(m_Series);
+    WriteDicomSeries(frames, MakeViews(2), source, m_Series);
+    auto files = this->ReadSeries();
+    this->ExpectPixels<TPixel>(frames, files, 0.0);
+    return files;
+  }
+
+  void
+  ExpectError(const AnyImage &               frames,
+              const std::vector<DicomView> & views,
+              const std::vector<fs::path> &  source,
+              const fs::path &               directory,
+              const std::string &            mention,
+              const DicomSeriesOptions &     options = {}) const
+  {
+    SCOPED_TRACE(mention);
+    const auto before = this->GetNames();
+    try
+    {
+      WriteDicomSeries(frames, views, source, directory, options);
+      ADD_FAILURE() << "no error";
+    }
+    catch (const std::runtime_error & error)
+    {
+      EXPECT_NE(std::string(error.what()).find(mention), std::string::npos) << error.what();
+    }
+    EXPECT_EQ(this->GetNames(), before);
+  }
+
+  std::set<fs::path>
+  GetNames() const
+  {
+    std::set<fs::path> names;
+    for (const auto & entry : fs::recursive_directory_iterator(m_Folder))
+    {
+      names.insert(entry.path());
+    }
+    return names;
+  }
+
+  fs::path m_Folder;
+  fs::path m_Series;
+};
+
+TEST_F(ShearWarpMIPProgramDicom, WritesCTInHounsfieldUnits)
+{
+  const auto source = this->WriteSource(GetCT());
+  const auto files = this->ExpectExact<short>([](std::size_t n) { return -1024.0 + 100.0 * n; }, source);
+  for (const File & file : files)
+  {
+    EXPECT_EQ(file.tags.at("0008|0016"), ctImage);
+    EXPECT_EQ(file.tags.at("0008|0008"), "DERIVED\\SECONDARY\\PROJECTION IMAGE\\MAX_IP");
+    EXPECT_EQ(file.tags.at("0028|0103"), "1");
+    EXPECT_EQ(file.tags.at("0028|1052"), "0");
+    EXPECT_EQ(file.tags.at("0028|1053"), "1");
+    EXPECT_EQ(file.tags.at("0028|1054"), "HU");
+    EXPECT_EQ(file.tags.at("0028|1050"), "40");
+    EXPECT_EQ(file.tags.at("0028|1051"), "400");
+    EXPECT_EQ(file.tags.at("0028|0301"), "NO");
+    EXPECT_EQ(file.tags.at("0008|103e"), "MIP Thorax");
+    EXPECT_EQ(file.tags.at("0020|0011"), "1003");
+    EXPECT_EQ(file.tags.at("0018|0060"), "120");
+    EXPECT_EQ(file.tags.at("0008|0070"), "");
+    EXPECT_EQ(file.tags.at("0008|1090"), "shear-warp-mip");
+    for (const std::string tag : { "0008|0020",
+                                   "0008|0030",
+                                   "0008|0050",
+                                   "0008|1030",
+                                   "0010|0010",
+                                   "0010|0020",
+                                   "0010|0030",
+                                   "0010|0040",
+                                   "0018|5100",
+                                   "0020|0010" })
+    {
+      EXPECT_EQ(file.tags.at(tag), GetCT().at(tag)) << tag;
+    }
+    EXPECT_EQ(file.tags.at("0020|000d"), "1.2.3");
+    EXPECT_EQ(file.tags.at("0020|0052"), "1.2.3.5");
+    EXPECT_EQ(file.tags.at("0020|000e"), files[0].tags.at("0020|000e"));
+    EXPECT_NE(file.tags.at("0020|000e"), "1.2.3.4");
+  }
+  EXPECT_NE(files[0].tags.at("0008|0018"), files[1].tags.at("0008|0018"));
+}
+
+TEST_F(ShearWarpMIPProgramDicom, ReferencesSourcesAndEquipment)
+{
+  const auto source = this->WriteSource(GetCT(), 3);
+  WriteDicomSeries(MakeFrames<short>(1, [](std::size_t n) { return n; }), MakeViews(1), source, m_Series);
+  gdcm::Reader reader;
+  reader.SetFileName((m_Series / "frame-001.dcm").string().c_str());
+  ASSERT_TRUE(reader.Read());
+  const gdcm::DataSet & dataSet = reader.GetFile().GetDataSet();
+  const auto            getText = [](const gdcm::DataSet & item, const gdcm::Tag & tag) {
+    const auto * const value = item.GetDataElement(tag).GetByteValue();
+    return std::string(value->GetPointer(), value->GetLength());
+  };
+  const auto getItem = [](const gdcm::DataSet & from, const gdcm::Tag & tag, std::size_t item) {
+    return from.GetDataElement(tag).GetValueAsSQ()->GetItem(item).GetNestedDataSet();
+  };
+  const gdcm::Tag sources(0x0008, 0x2112);
+  ASSERT_EQ(dataSet.GetDataElement(sources).GetValueAsSQ()->GetNumberOfItems(), 3u);
+  for (std::size_t item = 1; item <= 3; ++item)
+  {
+    const auto reference = getItem(dataSet, sources, item);
+    EXPECT_EQ(getText(reference, gdcm::Tag(0x0008, 0x1155)).c_str(), "1.2.3.4." + std::to_string(item));
+  }
+  const auto derivation = getItem(dataSet, gdcm::Tag(0x0008, 0x9215), 1);
+  EXPECT_EQ(getText(derivation, gdcm::Tag(0x0008, 0x0100)), "113078");
+  const auto equipment = getItem(dataSet, gdcm::Tag(0x0018, 0xa001), 1);
+  EXPECT_EQ(getText(equipment, gdcm::Tag(0x0008, 0x0070)), "Maker ");
+}
+
+TEST_F(ShearWarpMIPProgramDicom, PlacesEachFrame)
+{
+  const auto source = this->WriteSource(GetCT());
+  auto       views = MakeViews(4);
+  views[1].thickness = 2.5;
+  WriteDicomSeries(MakeFrames<short>(4, [](std::size_t n) { return n; }), views, source, m_Series);
+  const auto files = this->ReadSeries();
+  ASSERT_EQ(files.size(), 4u);
+  for (unsigned int n = 0; n < 4; ++n)
+  {
+    EXPECT_EQ(files[n].tags.at("0020|0013"), std::to_string(n + 1));
+    EXPECT_EQ(files[n].tags.at("0018|0050"), n == 1 ? "2.5" : "");
+    EXPECT_EQ(files[n].tags.at("0020|4000"), "Turned by " + std::to_string(90 * n) + " degrees");
+
+    itk::Point<double, 3> corner;
+    corner[0] = -20.0;
+    corner[1] = -30.5;
+    corner[2] = 4.0;
+    itk::Point<double, 3> last = corner;
+    last[0] += (columns - 1) * 0.75;
+    last[1] += (rows - 1) * 1.25;
+    const auto first = views[n].transform->TransformPoint(corner);
+    const auto end = views[n].transform->TransformPoint(last);
+    for (unsigned int axis = 0; axis < 3; ++axis)
+    {
+      EXPECT_NEAR(files[n].io->GetOrigin(axis), first[axis], 1e-9);
+      EXPECT_NEAR(files[n].io->GetOrigin(axis) +
+                    files[n].io->GetDirection(0)[axis] * files[n].io->GetSpacing(0) * (columns - 1) +
+                    files[n].io->GetDirection(1)[axis] * files[n].io->GetSpacing(1) * (rows - 1),
+                  end[axis],
+                  1e-9);
+    }
+  }
+  const std::string orientations[] = { "L\\F", "P\\F", "R\\F", "A\\F" };
+  for (unsigned int n = 0; n < 4; ++n)
+  {
+    EXPECT_EQ(files[n].tags.at("0020|0020"), orientations[n]);
+  }
+}
+
+TEST_F(ShearWarpMIPProgramDicom, ScalesSpacing)
+{
+  auto       views = MakeViews(1);
+  const auto scale = TransformType::New();
+  scale->Scale(2.0);
+  views[0].transform = scale.GetPointer();
+  WriteDicomSeries(MakeFrames<short>(1, [](std::size_t n) { return n; }), views, {}, m_Series);
+  EXPECT_EQ(this->ReadSeries()[0].tags.at("0028|0030"), "2.5\\1.5");
+}
+
+TEST_F(ShearWarpMIPProgramDicom, FindsDepthOfCentre)
+{
+  const auto   grid = itk::ImageBase<3>::New();
+  const double spacing[] = { 1.0, 2.0, 3.0 };
+  const double origin[] = { 5.0, 6.0, 7.0 };
+  grid->SetRegions(itk::ImageRegion<3>({ { 1, 2, 3 } }, { { 5, 6, 7 } }));
+  grid->SetSpacing(spacing);
+  grid->SetOrigin(origin);
+  // from anterior, w is posterior: 6 + 2 * (2 + 2.5) is 20 mm away
+  EXPECT_NEAR(ComputeDepthOfCentre(MakeViews(1)[0].transform, grid), 15.0 - 20.0, 1e-12);
+  // turned to the half, the other way
+  EXPECT_NEAR(ComputeDepthOfCentre(MakeViews(2)[1].transform, grid), -15.0 - 20.0, 1e-12);
+}
+
+TEST_F(ShearWarpMIPProgramDicom, WritesMRWithoutRescale)
+{
+  const auto source = this->WriteSource(GetMR());
+  const auto files = this->ExpectExact<float>([](std::size_t n) { return 900.0 * n; }, source);
+  EXPECT_EQ(files[0].tags.at("0008|0016"), mrImage);
+  EXPECT_EQ(files[0].tags.at("0028|0103"), "0");
+  EXPECT_EQ(files[0].tags.at("0018|0081"), "4.6");
+  EXPECT_EQ(files[0].tags.at("0008|103e"), "MIP");
+  EXPECT_EQ(files[0].tags.count("0028|1052"), 0u);
+  // all values are in the window
+  EXPECT_EQ(files[0].tags.at("0028|1050"), "31050.5");
+  EXPECT_EQ(files[0].tags.at("0028|1051"), "62101");
+}
+
+TEST_F(ShearWarpMIPProgramDicom, ChoosesSecondaryCaptureForOthers)
+{
+  const auto ramp = [](std::size_t n) { return 1.0 * n; };
+  EXPECT_EQ(this->ExpectExact<short>(ramp)[0].tags.at("0008|0016"), secondaryCapture);
+  const auto positron = this->ExpectExact<short>(ramp, this->WriteSource({ { "0008|0060", "PT" } }))[0];
+  EXPECT_EQ(positron.tags.at("0008|0016"), secondaryCapture);
+  EXPECT_EQ(positron.tags.at("0008|0060"), "PT");
+  auto incomplete = GetMR();
+  incomplete.erase("0018|0020");
+  EXPECT_EQ(this->ExpectExact<short>(ramp, this->WriteSource(incomplete))[0].tags.at("0008|0016"), secondaryCapture);
+  // MR cannot hold these
+  const auto scaled = this->ExpectExact<int>([](std::size_t n) { return 100000.0 + n; }, this->WriteSource(GetMR()))[0];
+  EXPECT_EQ(scaled.tags.at("0008|0016"), secondaryCapture);
+  EXPECT_EQ(scaled.tags.at("0008|0060"), "MR");
+}
+
+TEST_F(ShearWarpMIPProgramDicom, MakesStudyWithoutSource)
+{
+  const auto files = this->ExpectExact<unsigned short>([](std::size_t n) { return 65535.0 - n; });
+  for (const std::string tag : { "0010|0010", "0010|0020", "0010|0030", "0010|0040", "0008|0020", "0008|0050" })
+  {
+    EXPECT_EQ(files[0].tags.at(tag), "") << tag;
+  }
+  EXPECT_EQ(files[0].tags.at("0008|0060"), "OT");
+  EXPECT_EQ(files[0].tags.at("0008|0064"), "WSD");
+  for (const std::string tag : { "0020|000d", "0020|000e", "0020|0052" })
+  {
+    EXPECT_FALSE(files[0].tags.at(tag).empty());
+    EXPECT_EQ(files[0].tags.at(tag), files[1].tags.at(tag));
+  }
+}
+
+TEST_F(ShearWarpMIPProgramDicom, KeepsWholeNumbersThatFit)
+{
+  this->ExpectExact<unsigned char>([](std::size_t n) { return 3.0 * n; });
+  this->ExpectExact<signed char>([](std::size_t n) { return n - 30.0; });
+  this->ExpectExact<float>([](std::size_t n) { return n == 0 ? -32768.0 : 32767.0; });
+  this->ExpectExact<float>([](std::size_t n) { return n == 0 ? 0.0 : 65535.0; });
+  this->ExpectExact<double>([](std::size_t n) { return n == 0 ? -40000.0 : 25535.0; });
+  this->ExpectExact<double>([](std::size_t) { return -7.0; });
+  this->ExpectExact<double>([](std::size_t) { return 0.5; });
+  this->ExpectExact<unsigned long long>([](std::size_t n) { return 1e12 + 900.0 * n; });
+}
+
+TEST_F(ShearWarpMIPProgramDicom, RoundsOtherNumbers)
+{
+  const AnyImage frames = MakeFrames<float>(2, [](std::size_t n) { return std::sin(0.1 * n) / 3.0; });
+  WriteDicomSeries(frames, MakeViews(2), {}, m_Series);
+  const auto files = this->ReadSeries();
+  this->ExpectPixels<float>(frames, files, 0.51 * 2.0 / 3.0 / 65535.0);
+  EXPECT_EQ(files[0].tags.at("0028|1052"), files[1].tags.at("0028|1052"));
+  EXPECT_EQ(files[0].tags.at("0028|1056"), "LINEAR_EXACT");
+  EXPECT_NEAR(files[0].GetNumbers("0028|1051")[0], 2.0 / 3.0, 0.01);
+}
+
+TEST_F(ShearWarpMIPProgramDicom, KeepsCharacterSetAndCompression)
+{
+  auto tags = GetCT();
+  tags["0008|0005"] = "ISO_IR 100";
+  tags["0010|0010"] = "M\xfcller^Ren\xe9";
+  tags["0028|2110"] = "01";
+  tags["0028|2112"] = "8.5";
+  tags["0028|2114"] = "ISO_10918_1";
+  const auto file = this->ExpectExact<short>([](std::size_t n) { return n; }, this->WriteSource(tags))[0];
+  for (const std::string tag : { "0008|0005", "0010|0010", "0028|2110", "0028|2112", "0028|2114" })
+  {
+    EXPECT_EQ(file.tags.at(tag), tags.at(tag)) << tag;
+  }
+}
+
+TEST_F(ShearWarpMIPProgramDicom, TakesOptions)
+{
+  DicomSeriesOptions options;
+  options.isMinimum = true;
+  options.description = "airways";
+  options.derivation = "Minimum of slabs";
+  options.number = 12;
+  options.window = { -1000.0, -500.0 };
+  options.version = "1.2";
+  WriteDicomSeries(
+    MakeFrames<short>(2, [](std::size_t n) { return n; }), MakeViews(2), this->WriteSource(GetCT()), m_Series, options);
+  const auto tags = this->ReadSeries()[0].tags;
+  EXPECT_EQ(tags.at("0008|0008"), "DERIVED\\SECONDARY\\PROJECTION IMAGE\\MIN_IP");
+  EXPECT_EQ(tags.at("0008|103e"), "airways");
+  EXPECT_EQ(tags.at("0008|2111"), "Minimum of slabs");
+  EXPECT_EQ(tags.at("0020|0011"), "12");
+  EXPECT_EQ(tags.at("0028|1050"), "-749.5");
+  EXPECT_EQ(tags.at("0028|1051"), "501");
+  EXPECT_EQ(tags.at("0018|1020"), "1.2");
+}
+
+TEST_F(ShearWarpMIPProgramDicom, SortsManyFrames)
+{
+  WriteDicomSeries(MakeFrames<short>(1001, [](std::size_t n) { return std::floor(n / (1.0 * columns * rows)); }),
+                   MakeViews(1001),
+                   {},
+                   m_Series);
+  const auto files = this->ReadSeries();
+  ASSERT_EQ(files.size(), 1001u);
+  for (unsigned int n = 0; n < 1001; ++n)
+  {
+    ASSERT_EQ(files[n].tags.at("0020|0013"), std::to_string(n + 1));
+    ASSERT_EQ(files[n].GetPixels().front(), n);
+  }
+  const auto names = itk::GDCMSeriesFileNames::New();
+  names->SetUseSeriesDetails(false);
+  names->SetDirectory(m_Series.string());
+  EXPECT_EQ(names->GetSeriesUIDs().size(), 1u);
+}
+
+TEST_F(ShearWarpMIPProgramDicom, FillsEmptyFolder)
+{
+  fs::create_directory(m_Series);
+  RequireDicomDirectory(m_Series);
+  const AnyImage frames = MakeFrames<short>(2, [](std::size_t n) { return n; });
+  WriteDicomSeries(frames, MakeViews(2), {}, m_Series / "");
+  EXPECT_EQ(this->GetNames(), (std::set<fs::path>{ m_Series, m_Series / "frame-001.dcm", m_Series / "frame-002.dcm" }));
+  EXPECT_THROW(RequireDicomDirectory(m_Series), std::runtime_error);
+  this->ExpectError(frames, MakeViews(2), {}, m_Series, "needs an empty folder");
+}
+
+TEST_F(ShearWarpMIPProgramDicom, LeavesNothingIfInterrupted)
+{
+  const AnyImage frames = MakeFrames<float>(2, [](std::size_t n) { return n; });
+  EXPECT_EXIT(
+    {
+      const HeldSignals heldSignals;
+      std::raise(SIGINT);
+      this->ExpectError(frames, MakeViews(2), {}, m_Series, "interrupted");
+      std::_Exit(HasFailure() ? 1 : 7);
+    },
+    testing::ExitedWithCode(7),
+    "");
+}
+
+TEST_F(ShearWarpMIPProgramDicom, LeavesNothingIfDiskIsFull)
+{
+  const AnyImage frames = MakeFrames<float>(2, [](std::size_t n) { return n; });
+  EXPECT_EXIT(
+    {
+      rlimit limit;
+      limit.rlim_cur = limit.rlim_max = 512;
+      setrlimit(RLIMIT_FSIZE, &limit);
+      std::signal(SIGXFSZ, SIG_IGN);
+      this->ExpectError(
+        frames, MakeViews(2), {}, m_Series, "cannot write all of '" + (m_Series / "frame-001.dcm").string());
+      std::_Exit(HasFailure() ? 1 : 7);
+    },
+    testing::ExitedWithCode(7),
+    "");
+}
+
+TEST_F(ShearWarpMIPProgramDicom, RefusesWhatIsNotPossible)
+{
+  const AnyImage frames = MakeFrames<float>(2, [](std::size_t n) { return n; });
+  const auto     views = MakeViews(2);
+  std::ofstream(m_Folder / "file.txt") << "no image\n";
+  EXPECT_THROW(RequireDicomDirectory(m_Folder / "no" / "series"), std::runtime_error);
+  this->ExpectError(frames, views, {}, m_Folder / "no" / "series", "does not exist or is not writable");
+  this->ExpectError(frames, views, {}, m_Folder / "file.txt", "needs an empty folder");
+  this->ExpectError(frames, views, {}, m_Folder / "file.txt" / "series", "does not exist or is not writable");
+  this->ExpectError(frames, views, { m_Folder / "file.txt" }, m_Series, "file.txt' is not a DICOM file");
+  this->ExpectError(frames, MakeViews(3), {}, m_Series, "2 frames, but 3 views");
+
+  auto sheared = views;
+  auto shear = TransformType::New();
+  shear->Shear(0, 1, 0.1);
+  sheared[1].transform = shear.GetPointer();
+  this->ExpectError(frames, sheared, {}, m_Series, "frame 2 is sheared");
+
+  const AnyImage infinite = MakeFrames<float>(2, [](std::size_t n) { return std::log(n); });
+  this->ExpectError(infinite, views, {}, m_Series, "a pixel is -inf");
+  const auto grid = itk::ImageBase<3>::New();
+  grid->SetRegions(itk::Size<3>{ { 65536, 1, 1 } });
+  this->ExpectError(MakeAnyImage<short>(grid, 1), MakeViews(1), {}, m_Series, "65536 x 1 pixels");
+  grid->SetRegions(itk::Size<3>{ { 2, 2, 1 } });
+  this->ExpectError(MakeAnyImage<short>(grid, 3), MakeViews(1), {}, m_Series, "one component");
+
+  DicomSeriesOptions options;
+  options.window = { 2.0, 2.0 };
+  this->ExpectError(frames, views, {}, m_Series, "lower end of a window", options);
+  options.window.reset();
+  options.description = std::string(65, 'a');
+  this->ExpectError(frames, views, {}, m_Series, "at most 64", options);
+  options.description = "a\\b";
+  this->ExpectError(frames, views, {}, m_Series, "no backslash", options);
+}
+} // namespace
