@@ -86,7 +86,7 @@ protected:
   /** Frames whose pixels are what \a value makes of their number. */
   template <typename TPixel>
   static AnyImage
-  MakeFrames(unsigned int count, const std::function<double(std::size_t)> & value)
+  MakeFrames(unsigned int count, const std::function<double(double)> & value)
   {
     const auto   grid = itk::ImageBase<3>::New();
     const double spacing[] = { 0.75, 1.25, 1.0 };
@@ -98,7 +98,7 @@ protected:
     auto * const pixels = CastImage<TPixel>(frames).GetBufferPointer();
     for (std::size_t pixel = 0; pixel < std::size_t(columns) * rows * count; ++pixel)
     {
-      pixels[pixel] = static_cast<TPixel>(value(pixel));
+      pixels[pixel] = static_cast<TPixel>(value(static_cast<double>(pixel)));
     }
     return frames;
   }
@@ -275,7 +275,7 @@ protected:
 
   template <typename TPixel>
   std::vector<File>
-  ExpectExact(const std::function<double(std::size_t)> & value, const std::vector<fs::path> & source = {})
+  ExpectExact(const std::function<double(double)> & value, const std::vector<fs::path> & source = {})
   {
     const AnyImage frames = MakeFrames<TPixel>(2, value);
     fs::remove_all(m_Series);
@@ -325,7 +325,7 @@ protected:
 TEST_F(ShearWarpMIPProgramDicom, WritesCTInHounsfieldUnits)
 {
   const auto source = this->WriteSource(GetCT());
-  const auto files = this->ExpectExact<short>([](std::size_t n) { return -1024.0 + 100.0 * n; }, source);
+  const auto files = this->ExpectExact<short>([](double n) { return -1024.0 + 100.0 * n; }, source);
   for (const File & file : files)
   {
     EXPECT_EQ(file.tags.at("0008|0016"), ctImage);
@@ -366,7 +366,7 @@ TEST_F(ShearWarpMIPProgramDicom, WritesCTInHounsfieldUnits)
 TEST_F(ShearWarpMIPProgramDicom, ReferencesSourcesAndEquipment)
 {
   const auto source = this->WriteSource(GetCT(), 3);
-  WriteDicomSeries(MakeFrames<short>(1, [](std::size_t n) { return n; }), MakeViews(1), source, m_Series);
+  WriteDicomSeries(MakeFrames<short>(1, [](double n) { return n; }), MakeViews(1), source, m_Series);
   gdcm::Reader reader;
   reader.SetFileName((m_Series / "frame-001.dcm").string().c_str());
   ASSERT_TRUE(reader.Read());
@@ -396,7 +396,7 @@ TEST_F(ShearWarpMIPProgramDicom, PlacesEachFrame)
   const auto source = this->WriteSource(GetCT());
   auto       views = MakeViews(4);
   views[1].thickness = 2.5;
-  WriteDicomSeries(MakeFrames<short>(4, [](std::size_t n) { return n; }), views, source, m_Series);
+  WriteDicomSeries(MakeFrames<short>(4, [](double n) { return n; }), views, source, m_Series);
   const auto files = this->ReadSeries();
   ASSERT_EQ(files.size(), 4u);
   for (unsigned int n = 0; n < 4; ++n)
@@ -437,7 +437,7 @@ TEST_F(ShearWarpMIPProgramDicom, ScalesSpacing)
   const auto scale = TransformType::New();
   scale->Scale(2.0);
   views[0].transform = scale.GetPointer();
-  WriteDicomSeries(MakeFrames<short>(1, [](std::size_t n) { return n; }), views, {}, m_Series);
+  WriteDicomSeries(MakeFrames<short>(1, [](double n) { return n; }), views, {}, m_Series);
   EXPECT_EQ(this->ReadSeries()[0].tags.at("0028|0030"), "2.5\\1.5");
 }
 
@@ -458,7 +458,7 @@ TEST_F(ShearWarpMIPProgramDicom, FindsDepthOfCentre)
 TEST_F(ShearWarpMIPProgramDicom, WritesMRWithoutRescale)
 {
   const auto source = this->WriteSource(GetMR());
-  const auto files = this->ExpectExact<float>([](std::size_t n) { return 900.0 * n; }, source);
+  const auto files = this->ExpectExact<float>([](double n) { return 900.0 * n; }, source);
   EXPECT_EQ(files[0].tags.at("0008|0016"), mrImage);
   EXPECT_EQ(files[0].tags.at("0028|0103"), "0");
   EXPECT_EQ(files[0].tags.at("0018|0081"), "4.6");
@@ -471,7 +471,7 @@ TEST_F(ShearWarpMIPProgramDicom, WritesMRWithoutRescale)
 
 TEST_F(ShearWarpMIPProgramDicom, ChoosesSecondaryCaptureForOthers)
 {
-  const auto ramp = [](std::size_t n) { return 1.0 * n; };
+  const auto ramp = [](double n) { return 1.0 * n; };
   EXPECT_EQ(this->ExpectExact<short>(ramp)[0].tags.at("0008|0016"), secondaryCapture);
   const auto positron = this->ExpectExact<short>(ramp, this->WriteSource({ { "0008|0060", "PT" } }))[0];
   EXPECT_EQ(positron.tags.at("0008|0016"), secondaryCapture);
@@ -480,14 +480,14 @@ TEST_F(ShearWarpMIPProgramDicom, ChoosesSecondaryCaptureForOthers)
   incomplete.erase("0018|0020");
   EXPECT_EQ(this->ExpectExact<short>(ramp, this->WriteSource(incomplete))[0].tags.at("0008|0016"), secondaryCapture);
   // MR cannot hold these
-  const auto scaled = this->ExpectExact<int>([](std::size_t n) { return 100000.0 + n; }, this->WriteSource(GetMR()))[0];
+  const auto scaled = this->ExpectExact<int>([](double n) { return 100000.0 + n; }, this->WriteSource(GetMR()))[0];
   EXPECT_EQ(scaled.tags.at("0008|0016"), secondaryCapture);
   EXPECT_EQ(scaled.tags.at("0008|0060"), "MR");
 }
 
 TEST_F(ShearWarpMIPProgramDicom, MakesStudyWithoutSource)
 {
-  const auto files = this->ExpectExact<unsigned short>([](std::size_t n) { return 65535.0 - n; });
+  const auto files = this->ExpectExact<unsigned short>([](double n) { return 65535.0 - n; });
   for (const std::string tag : { "0010|0010", "0010|0020", "0010|0030", "0010|0040", "0008|0020", "0008|0050" })
   {
     EXPECT_EQ(files[0].tags.at(tag), "") << tag;
@@ -503,19 +503,19 @@ TEST_F(ShearWarpMIPProgramDicom, MakesStudyWithoutSource)
 
 TEST_F(ShearWarpMIPProgramDicom, KeepsWholeNumbersThatFit)
 {
-  this->ExpectExact<unsigned char>([](std::size_t n) { return 3.0 * n; });
-  this->ExpectExact<signed char>([](std::size_t n) { return n - 30.0; });
-  this->ExpectExact<float>([](std::size_t n) { return n == 0 ? -32768.0 : 32767.0; });
-  this->ExpectExact<float>([](std::size_t n) { return n == 0 ? 0.0 : 65535.0; });
-  this->ExpectExact<double>([](std::size_t n) { return n == 0 ? -40000.0 : 25535.0; });
-  this->ExpectExact<double>([](std::size_t) { return -7.0; });
-  this->ExpectExact<double>([](std::size_t) { return 0.5; });
-  this->ExpectExact<unsigned long long>([](std::size_t n) { return 1e12 + 900.0 * n; });
+  this->ExpectExact<unsigned char>([](double n) { return 3.0 * n; });
+  this->ExpectExact<signed char>([](double n) { return n - 30.0; });
+  this->ExpectExact<float>([](double n) { return n == 0 ? -32768.0 : 32767.0; });
+  this->ExpectExact<float>([](double n) { return n == 0 ? 0.0 : 65535.0; });
+  this->ExpectExact<double>([](double n) { return n == 0 ? -40000.0 : 25535.0; });
+  this->ExpectExact<double>([](double) { return -7.0; });
+  this->ExpectExact<double>([](double) { return 0.5; });
+  this->ExpectExact<unsigned long long>([](double n) { return 1e12 + 900.0 * n; });
 }
 
 TEST_F(ShearWarpMIPProgramDicom, RoundsOtherNumbers)
 {
-  const AnyImage frames = MakeFrames<float>(2, [](std::size_t n) { return std::sin(0.1 * n) / 3.0; });
+  const AnyImage frames = MakeFrames<float>(2, [](double n) { return std::sin(0.1 * n) / 3.0; });
   WriteDicomSeries(frames, MakeViews(2), {}, m_Series);
   const auto files = this->ReadSeries();
   this->ExpectPixels<float>(frames, files, 0.51 * 2.0 / 3.0 / 65535.0);
@@ -532,7 +532,7 @@ TEST_F(ShearWarpMIPProgramDicom, KeepsCharacterSetAndCompression)
   tags["0028|2110"] = "01";
   tags["0028|2112"] = "8.5";
   tags["0028|2114"] = "ISO_10918_1";
-  const auto file = this->ExpectExact<short>([](std::size_t n) { return n; }, this->WriteSource(tags))[0];
+  const auto file = this->ExpectExact<short>([](double n) { return n; }, this->WriteSource(tags))[0];
   for (const std::string tag : { "0008|0005", "0010|0010", "0028|2110", "0028|2112", "0028|2114" })
   {
     EXPECT_EQ(file.tags.at(tag), tags.at(tag)) << tag;
@@ -549,7 +549,7 @@ TEST_F(ShearWarpMIPProgramDicom, TakesOptions)
   options.window = { -1000.0, -500.0 };
   options.version = "1.2";
   WriteDicomSeries(
-    MakeFrames<short>(2, [](std::size_t n) { return n; }), MakeViews(2), this->WriteSource(GetCT()), m_Series, options);
+    MakeFrames<short>(2, [](double n) { return n; }), MakeViews(2), this->WriteSource(GetCT()), m_Series, options);
   const auto tags = this->ReadSeries()[0].tags;
   EXPECT_EQ(tags.at("0008|0008"), "DERIVED\\SECONDARY\\PROJECTION IMAGE\\MIN_IP");
   EXPECT_EQ(tags.at("0008|103e"), "airways");
@@ -562,7 +562,7 @@ TEST_F(ShearWarpMIPProgramDicom, TakesOptions)
 
 TEST_F(ShearWarpMIPProgramDicom, SortsManyFrames)
 {
-  WriteDicomSeries(MakeFrames<short>(1001, [](std::size_t n) { return std::floor(n / (1.0 * columns * rows)); }),
+  WriteDicomSeries(MakeFrames<short>(1001, [](double n) { return std::floor(n / (1.0 * columns * rows)); }),
                    MakeViews(1001),
                    {},
                    m_Series);
@@ -583,7 +583,7 @@ TEST_F(ShearWarpMIPProgramDicom, FillsEmptyFolder)
 {
   fs::create_directory(m_Series);
   RequireDicomDirectory(m_Series);
-  const AnyImage frames = MakeFrames<short>(2, [](std::size_t n) { return n; });
+  const AnyImage frames = MakeFrames<short>(2, [](double n) { return n; });
   WriteDicomSeries(frames, MakeViews(2), {}, m_Series / "");
   EXPECT_EQ(this->GetNames(), (std::set<fs::path>{ m_Series, m_Series / "frame-001.dcm", m_Series / "frame-002.dcm" }));
   EXPECT_THROW(RequireDicomDirectory(m_Series), std::runtime_error);
@@ -592,7 +592,7 @@ TEST_F(ShearWarpMIPProgramDicom, FillsEmptyFolder)
 
 TEST_F(ShearWarpMIPProgramDicom, LeavesNothingIfInterrupted)
 {
-  const AnyImage frames = MakeFrames<float>(2, [](std::size_t n) { return n; });
+  const AnyImage frames = MakeFrames<float>(2, [](double n) { return n; });
   EXPECT_EXIT(
     {
       const HeldSignals heldSignals;
@@ -606,7 +606,7 @@ TEST_F(ShearWarpMIPProgramDicom, LeavesNothingIfInterrupted)
 
 TEST_F(ShearWarpMIPProgramDicom, LeavesNothingIfDiskIsFull)
 {
-  const AnyImage frames = MakeFrames<float>(2, [](std::size_t n) { return n; });
+  const AnyImage frames = MakeFrames<float>(2, [](double n) { return n; });
   EXPECT_EXIT(
     {
       rlimit limit;
@@ -623,7 +623,7 @@ TEST_F(ShearWarpMIPProgramDicom, LeavesNothingIfDiskIsFull)
 
 TEST_F(ShearWarpMIPProgramDicom, RefusesWhatIsNotPossible)
 {
-  const AnyImage frames = MakeFrames<float>(2, [](std::size_t n) { return n; });
+  const AnyImage frames = MakeFrames<float>(2, [](double n) { return n; });
   const auto     views = MakeViews(2);
   std::ofstream(m_Folder / "file.txt") << "no image\n";
   EXPECT_THROW(RequireDicomDirectory(m_Folder / "no" / "series"), std::runtime_error);
@@ -639,7 +639,7 @@ TEST_F(ShearWarpMIPProgramDicom, RefusesWhatIsNotPossible)
   sheared[1].transform = shear.GetPointer();
   this->ExpectError(frames, sheared, {}, m_Series, "frame 2 is sheared");
 
-  const AnyImage infinite = MakeFrames<float>(2, [](std::size_t n) { return std::log(n); });
+  const AnyImage infinite = MakeFrames<float>(2, [](double n) { return std::log(n); });
   this->ExpectError(infinite, views, {}, m_Series, "a pixel is -inf");
   const auto grid = itk::ImageBase<3>::New();
   grid->SetRegions(itk::Size<3>{ { 65536, 1, 1 } });

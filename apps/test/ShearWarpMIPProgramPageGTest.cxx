@@ -137,7 +137,7 @@ TEST_F(ShearWarpMIPProgramPage, HoldsFractionsAndSeriesThatDoNotTurn)
   const auto image = itk::Image<float, 3>::New();
   image->SetRegions(itk::Size<3>{ { 9, 8, 7 } });
   image->Allocate();
-  for (itk::SizeValueType n = 0; n < 9 * 8 * 7; ++n)
+  for (itk::SizeValueType n = 0; n < image->GetLargestPossibleRegion().GetNumberOfPixels(); ++n)
   {
     image->GetBufferPointer()[n] = static_cast<float>(n % 37) / 7.0f - 2.0f;
   }
