@@ -28,13 +28,18 @@ need_packages() {
   as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}" >&2
 }
 
-# find_head: the path of a real image, an MR of a head in ITK's test data, whose files are named by their content.
-find_head() {
+# find_itk_image CID_FILE: the path of an image of ITK's test data, whose files are named by their content.
+find_itk_image() {
   local source file
   source=$("$root/tools/itk-build-tree.sh" --source)
-  file=$source/.ExternalData/CID/$(cat "$root/benchmark/paper/MultiFrameDicomTest.dcm.cid")
+  file=$source/.ExternalData/CID/$(cat "$1")
   [ -f "$file" ] || die "ITK's source in $source is without its test data"
   echo "$file"
+}
+
+# find_head: the path of a real image, an MR of a head.
+find_head() {
+  find_itk_image "$root/benchmark/paper/MultiFrameDicomTest.dcm.cid"
 }
 
 # build_release NAME TARGET OPTION...: builds the target against Debian's ITK, not one that happens to be in the

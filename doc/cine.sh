@@ -1,0 +1,59 @@
+#!/usr/bin/env bash
+# Makes the moving picture of cine.md, of a real chest from ITK's test data; ITK's source is downloaded for it, once. What
+# is missing on a Debian or Ubuntu machine is installed, as root or through sudo, and itk from PyPI into the cache.
+#
+#   JOBS=<n>              parallel compile jobs                   [all cores]
+#   XDG_CACHE_HOME=<dir>  the cache is itk-shearwarpmip/ inside   [~/.cache]
+#   ITK_SOURCE_DIR=<dir>  ITK's source with its test data         [downloaded and cached]
+#
+# Usage: cine.sh [PICTURE]
+#   PICTURE  the animation    [doc/heart.gif]
+set -euo pipefail
+. "$(dirname "${BASH_SOURCE[0]}")/../tools/common.sh"
+
+case ${1:-} in
+  -*) sed -n '2,/^set/{/^set/d;s/^# \{0,1\}//;p}' "${BASH_SOURCE[0]}" >&2
+    case $1 in -h | --help) exit 0 ;; *) exit 1 ;; esac ;;
+esac
+picture=${1:-$root/doc/heart.gif}
+program=$cache/demo-build/apps/shear-warp-mip
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+
+# Of 25 phases of the heart the first one, with the spacing that the file has where GDCM does not find it.
+extract_phase() {
+  [ -x "$cache/itk-python/bin/python" ] || /usr/bin/python3 -m venv "$cache/itk-python"
+  "$cache/itk-python/bin/pip" install --quiet --disable-pip-version-check itk-io
+  "$cache/itk-python/bin/python" - "$@" << 'PYTHON'
+import sys
+
+import itk
+import numpy as np
+
+phases = itk.imread(sys.argv[1], itk.US)
+phase = itk.image_from_array(np.ascontiguousarray(itk.array_view_from_image(phases)[::25]))
+phase.SetOrigin(phases.GetOrigin())
+phase.SetDirection(phases.GetDirection())
+phase.SetSpacing([1.8518518, 1.8518518, 1.85])
+itk.imwrite(phase, sys.argv[2])
+PYTHON
+}
+
+animate() {
+  /usr/bin/python3 - "$work" "$picture" << 'PYTHON'
+import pathlib, sys
+from PIL import Image
+
+first, *others = [Image.open(path) for path in sorted(pathlib.Path(sys.argv[1]).glob("turn-*.png"))]
+first.save(sys.argv[2], save_all=True, append_images=others, duration=100, loop=0)
+PYTHON
+}
+
+timed "installed what building needs" need_packages build-essential cmake ninja-build libinsighttoolkit5-dev \
+  libcli11-dev python3-pil python3-venv
+timed "built the program" build_release demo shear-warp-mip -DShearWarpMIP_BUILD_APPS=ON
+image=$(find_itk_image "$root/test/Input/Philips_4D_DICOM.dcm.cid")
+cp "$image" "$work/phases.dcm"
+timed "took one phase" extract_phase "$work/phases.dcm" "$work/phase.nrrd"
+timed "turned" "$program" "$work/phase.nrrd" "$work/turn.png" --frames 36 --elevation 5 --spacing 1.2
+timed "made the animation" animate
