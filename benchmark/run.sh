@@ -14,8 +14,6 @@
 set -euo pipefail
 . "$(dirname "${BASH_SOURCE[0]}")/../tools/common.sh"
 
-usage() { sed -n '2,/^set/{/^set/d;s/^# \{0,1\}//;p}' "${BASH_SOURCE[0]}" >&2; }
-
 smoke=
 output=benchmark-output
 options=()
@@ -27,8 +25,8 @@ while [ $# -gt 0 ]; do
       if [ "$1" = --output ]; then output=$2; else options+=(--image "$2"); fi
       shift ;;
     --) shift; options+=("$@"); break ;;
-    -h | --help) usage; exit 0 ;;
-    *) usage; exit 1 ;;
+    -h | --help) show_usage; exit 0 ;;
+    *) show_usage; exit 1 ;;
   esac
   shift
 done

@@ -12,7 +12,7 @@ set -euo pipefail
 . "$(dirname "${BASH_SOURCE[0]}")/../tools/common.sh"
 
 case ${1:-} in
-  -*) sed -n '2,/^set/{/^set/d;s/^# \{0,1\}//;p}' "${BASH_SOURCE[0]}" >&2
+  -*) show_usage
     case $1 in -h | --help) exit 0 ;; *) exit 1 ;; esac ;;
 esac
 picture=${1:-$root/doc/heart.gif}
@@ -22,9 +22,7 @@ trap 'rm -rf "$work"' EXIT
 
 # Of 25 phases of the heart the first one, with the spacing that the file has where GDCM does not find it.
 extract_phase() {
-  [ -x "$cache/itk-python/bin/python" ] || /usr/bin/python3 -m venv "$cache/itk-python"
-  "$cache/itk-python/bin/pip" install --quiet --disable-pip-version-check itk-io
-  "$cache/itk-python/bin/python" - "$@" << 'PYTHON'
+  run_itk_python - "$@" << 'PYTHON'
 import sys
 
 import itk
@@ -39,16 +37,6 @@ itk.imwrite(phase, sys.argv[2])
 PYTHON
 }
 
-animate() {
-  /usr/bin/python3 - "$work" "$picture" << 'PYTHON'
-import pathlib, sys
-from PIL import Image
-
-first, *others = [Image.open(path) for path in sorted(pathlib.Path(sys.argv[1]).glob("turn-*.png"))]
-first.save(sys.argv[2], save_all=True, append_images=others, duration=100, loop=0)
-PYTHON
-}
-
 timed "installed what building needs" need_packages build-essential cmake ninja-build libinsighttoolkit5-dev \
   libcli11-dev python3-pil python3-venv
 timed "built the program" build_release demo shear-warp-mip -DShearWarpMIP_BUILD_APPS=ON
@@ -56,4 +44,4 @@ image=$(find_itk_image "$root/test/Input/Philips_4D_DICOM.dcm.cid")
 cp "$image" "$work/phases.dcm"
 timed "took one phase" extract_phase "$work/phases.dcm" "$work/phase.nrrd"
 timed "turned" "$program" "$work/phase.nrrd" "$work/turn.png" --frames 36 --elevation 5 --spacing 1.2
-timed "made the animation" animate
+timed "made the animation" animate "$picture" 100 "$work"/turn-*.png

@@ -12,7 +12,7 @@ set -euo pipefail
 . "$(dirname "${BASH_SOURCE[0]}")/../tools/common.sh"
 
 case ${1:-} in
-  -*) sed -n '2,/^set/{/^set/d;s/^# \{0,1\}//;p}' "${BASH_SOURCE[0]}" >&2
+  -*) show_usage
     case $1 in -h | --help) exit 0 ;; *) exit 1 ;; esac ;;
 esac
 folder=${1:-$root/doc/modes}
@@ -23,9 +23,7 @@ trap 'rm -rf "$work"' EXIT
 # make_inputs IMAGE MASK DIFFERENCE COLOURS: an ellipsoid within the skull; the difference of left and right; the image
 # where the ellipsoid is not, where it is, and its differences from slice to slice, as three channels.
 make_inputs() {
-  [ -x "$cache/itk-python/bin/python" ] || /usr/bin/python3 -m venv "$cache/itk-python"
-  "$cache/itk-python/bin/pip" install --quiet --disable-pip-version-check itk-io
-  "$cache/itk-python/bin/python" - "$@" << 'PYTHON'
+  run_itk_python - "$@" << 'PYTHON'
 import sys
 import itk
 import numpy as np

@@ -21,7 +21,7 @@ stages=("$@")
 for stage in "${stages[@]}"; do
   case $stage in
     format | compile | tidy | cppcheck | scripts) ;;
-    *) sed -n '2,/^set/{/^set/d;s/^# \{0,1\}//;p}' "${BASH_SOURCE[0]}" >&2; exit 1 ;;
+    *) show_usage; exit 1 ;;
   esac
 done
 

@@ -7,6 +7,9 @@ jobs=${JOBS:-$(nproc)}
 say() { printf '%s\n' "$*" >&2; }
 die() { say "$(basename "$0"): $*"; exit 1; }
 
+# show_usage: prints the comment at the beginning of the script that calls it.
+show_usage() { sed -n '2,/^set/{/^set/d;s/^# \{0,1\}//;p}' "${BASH_SOURCE[1]}" >&2; }
+
 # as_root COMMAND...: runs it as root, through sudo where that is needed.
 as_root() {
   if [ "$(id -u)" -eq 0 ]; then "$@"
@@ -40,6 +43,26 @@ find_itk_image() {
 # find_head: the path of a real image, an MR of a head.
 find_head() {
   find_itk_image "$root/benchmark/paper/MultiFrameDicomTest.dcm.cid"
+}
+
+# run_itk_python ARGUMENT...: Python with PyPI's itk-io, in the cache; needs python3-venv.
+run_itk_python() {
+  [ -x "$cache/itk-python/bin/python" ] || /usr/bin/python3 -m venv "$cache/itk-python"
+  "$cache/itk-python/bin/pip" install --quiet --disable-pip-version-check itk-io
+  "$cache/itk-python/bin/python" "$@"
+}
+
+# animate ANIMATION MILLISECONDS PICTURE...: makes a file, such as a GIF, that shows the pictures for so long each; needs
+# python3-pil.
+animate() {
+  /usr/bin/python3 - "$@" << 'PYTHON'
+import sys
+from PIL import Image
+
+animation, duration, *names = sys.argv[1:]
+first, *others = map(Image.open, names)
+first.save(animation, save_all=True, append_images=others, duration=int(duration), loop=0)
+PYTHON
 }
 
 # build_release NAME TARGET OPTION...: builds the target against Debian's ITK, not one that happens to be in the

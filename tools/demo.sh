@@ -13,7 +13,7 @@ set -euo pipefail
 . "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 case ${1:-} in
-  -*) sed -n '2,/^set/{/^set/d;s/^# \{0,1\}//;p}' "${BASH_SOURCE[0]}" >&2
+  -*) show_usage
     case $1 in -h | --help) exit 0 ;; *) exit 1 ;; esac ;;
 esac
 [ $# -le 2 ] || die "at most an image and a folder, see --help"
@@ -35,17 +35,6 @@ render_cine() {
   "$program" "$image" "$folder/cine.nrrd" --frames 36
 }
 
-animate() {
-  /usr/bin/python3 - "$folder" << 'PYTHON'
-import pathlib, sys
-from PIL import Image
-
-folder = pathlib.Path(sys.argv[1])
-first, *others = [Image.open(path) for path in sorted(folder.glob("cine-*.png"))]
-first.save(folder / "cine.gif", save_all=True, append_images=others, duration=80, loop=0)
-PYTHON
-}
-
 timed "installed what building needs" need_packages build-essential cmake ninja-build libinsighttoolkit5-dev \
   libcli11-dev python3-pil
 timed "built the program" build_release demo shear-warp-mip -DShearWarpMIP_BUILD_APPS=ON
@@ -56,7 +45,7 @@ if [ -z "$image" ]; then
 fi
 timed "rendered six views" render_views
 timed "rendered 36 frames, as pictures and as a stack" render_cine
-timed "made the animation" animate
+timed "made the animation" animate "$folder/cine.gif" 80 "$folder"/cine-*.png
 
 say "
 The pictures are in $(cd "$folder" && pwd):

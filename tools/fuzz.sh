@@ -20,7 +20,7 @@ set -euo pipefail
 seconds=${1:-600}
 corpus=${2:-$cache/fuzz}
 if [ $# -gt 2 ] || ! [[ $seconds =~ ^[1-9][0-9]*$ ]]; then
-  sed -n '2,/^set/{/^set/d;s/^# \{0,1\}//;p}' "${BASH_SOURCE[0]}" >&2
+  show_usage
   case $seconds in -h | --help) exit 0 ;; *) exit 1 ;; esac
 fi
 

@@ -18,7 +18,7 @@ set -euo pipefail
 what=${1:-}
 case $what in
   '' | --tools | --source) ;;
-  *) sed -n '2,/^set/{/^set/d;s/^# \{0,1\}//;p}' "${BASH_SOURCE[0]}" >&2; exit 1 ;;
+  *) show_usage; exit 1 ;;
 esac
 
 python=${PYTHON:-/usr/bin/python3}

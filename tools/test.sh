@@ -30,7 +30,7 @@ stages=("${@/#--sanitize/sanitize}")
 for stage in "${stages[@]}"; do
   case $stage in
     tree | installed | module | python | sanitize) ;;
-    *) sed -n '2,/^set/{/^set/d;s/^# \{0,1\}//;p}' "${BASH_SOURCE[0]}" >&2; exit 1 ;;
+    *) show_usage; exit 1 ;;
   esac
 done
 

@@ -27,7 +27,7 @@ while [ $# -gt 0 ]; do
       if [ "$1" = --output ]; then output=$2; else image=$2 description=(image "$(basename "$2")"); fi
       shift ;;
     -h | --help | *)
-      sed -n '2,/^set/{/^set/d;s/^# \{0,1\}//;p}' "${BASH_SOURCE[0]}" >&2
+      show_usage
       case $1 in -h | --help) exit 0 ;; *) exit 1 ;; esac ;;
   esac
   shift
