@@ -62,18 +62,9 @@ Measure(::benchmark::State & state, const Measurement & measurement, const Axis 
   const auto                 volume = LoadVolume<TPixel>(measurement.data);
   const auto                 cine = ShearWarpMIPCineImageFilter<VolumeType>::New();
   const auto                 single = ShearWarpMIPImageFilter<VolumeType>::New();
-  const Size<3>              volumeSize = volume->GetLargestPossibleRegion().GetSize();
-  const Size<2>              size{ { std::max(volumeSize[0], volumeSize[1]), std::max(volumeSize[0], volumeSize[1]) } };
-  const auto                 smallest = *std::min_element(volume->GetSpacing().Begin(), volume->GetSpacing().End());
-  const auto                 setUp = [&](auto & filter) {
-    filter.SetInput(volume);
-    filter.SetSize(size);
-    filter.SetOutputSpacing(itk::Vector<double, 2>(smallest));
-    filter.SetReducedResampling(measurement.reducedResampling);
-    filter.SetNumberOfWorkUnits(measurement.threads == 1 ? 1 : 4 * measurement.threads);
-  };
-  setUp(*cine);
-  setUp(*single);
+  const Size<2>              size = GetOutputSize(volume);
+  SetUp(*cine, volume, measurement);
+  SetUp(*single, volume, measurement);
   cine->SetNumberOfFrames(NumberOfFrames);
   cine->SetRotationAxis(axis.direction);
   cine->Update();

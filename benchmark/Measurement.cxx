@@ -192,8 +192,9 @@ MakeVariants(const Subject<TPixel> & subject)
       filter.SetCropUpper(upper);
     };
   };
-  const Size<3>              size = volume->GetLargestPossibleRegion().GetSize();
-  const double               depth = subject.GetOutputSpacing() * static_cast<double>(subject.GetOutputSize()[0]);
+  const Size<3> size = volume->GetLargestPossibleRegion().GetSize();
+  const double  depth =
+    GetOutputSpacing(subject.GetVolume()) * static_cast<double>(GetOutputSize(subject.GetVolume())[0]);
   Point<double, 3>           lower;
   Point<double, 3>           upper;
   ContinuousIndex<double, 3> quarter;
@@ -255,12 +256,7 @@ Measure(::benchmark::State & state, const Measurement & measurement)
   const bool isPeakKnown = ResetPeakMemory();
 
   const auto filter = ShearWarpMIPImageFilter<Image<TPixel, 3>>::New();
-  filter->SetInput(volume);
-  filter->SetSize(subject.GetOutputSize());
-  filter->SetOutputSpacing(itk::Vector<double, 2>(subject.GetOutputSpacing()));
-  filter->SetReducedResampling(measurement.reducedResampling);
-  // what ITK's thread pool takes by default for so many threads
-  filter->SetNumberOfWorkUnits(measurement.threads == 1 ? 1 : 4 * measurement.threads);
+  SetUp(*filter, volume, measurement);
   std::vector<Variant<ShearWarpMIPImageFilter<Image<TPixel, 3>>>> variants;
   if (measurement.hasVariants)
   {

@@ -77,12 +77,24 @@ LoadVolume(const DataSet & data)
   return ReadImage<Image<TPixel, 3>>(data.file);
 }
 
+Size<2>
+GetOutputSize(const ImageBase<3> * volume)
+{
+  const Size<3> size = volume->GetLargestPossibleRegion().GetSize();
+  return Size<2>::Filled(std::max(size[0], size[1]));
+}
+
+double
+GetOutputSpacing(const ImageBase<3> * volume)
+{
+  return *std::min_element(volume->GetSpacing().Begin(), volume->GetSpacing().End());
+}
+
 template <typename TPixel>
 Subject<TPixel>::Subject(const DataSet & data)
   : m_Volume(LoadVolume<TPixel>(data))
   , m_PlainShearWarp(m_Volume)
 {
-  const Size<3>  size = m_Volume->GetLargestPossibleRegion().GetSize();
   const TPixel * voxels = m_Volume->GetBufferPointer();
   const TPixel * voxelsEnd = voxels + m_Volume->GetLargestPossibleRegion().GetNumberOfPixels();
   if (!std::all_of(voxels, voxelsEnd, [](TPixel voxel) { return std::isfinite(static_cast<float>(voxel)); }))
@@ -90,8 +102,8 @@ Subject<TPixel>::Subject(const DataSet & data)
     itkGenericExceptionMacro("The volume has infinite voxels or such that are not a number; they are not measured.");
   }
   m_Maximum = *std::max_element(voxels, voxelsEnd);
-  m_OutputSize.Fill(std::max(size[0], size[1]));
-  m_OutputSpacing = *std::min_element(m_Volume->GetSpacing().Begin(), m_Volume->GetSpacing().End());
+  m_OutputSize = GetOutputSize(m_Volume);
+  m_OutputSpacing = GetOutputSpacing(m_Volume);
 
   struct Candidate
   {

@@ -32,6 +32,27 @@ template <typename TPixel>
 typename Image<TPixel, 3>::Pointer
 LoadVolume(const DataSet & data);
 
+/** A square of the larger of the volume's first two sizes. */
+Size<2>
+GetOutputSize(const ImageBase<3> * volume);
+
+/** The smallest spacing of the volume. */
+double
+GetOutputSpacing(const ImageBase<3> * volume);
+
+/** Gives a filter its input, output grid and threads. */
+template <typename TFilter>
+void
+SetUp(TFilter & filter, const typename TFilter::InputImageType * volume, const Measurement & measurement)
+{
+  filter.SetInput(volume);
+  filter.SetSize(GetOutputSize(volume));
+  filter.SetOutputSpacing(itk::Vector<double, 2>(GetOutputSpacing(volume)));
+  filter.SetReducedResampling(measurement.reducedResampling);
+  // what ITK's thread pool takes by default for so many threads
+  filter.SetNumberOfWorkUnits(measurement.threads == 1 ? 1 : 4 * measurement.threads);
+}
+
 /** What all measurements of one volume share: the volume, the output grid and, made without the filter, the expected
  * output of every view and the times of the methods that the filter is compared with. */
 template <typename TPixel>
@@ -63,20 +84,6 @@ public:
   GetMaximum() const
   {
     return m_Maximum;
-  }
-
-  /** A square of the larger of the volume's first two sizes. */
-  Size<2>
-  GetOutputSize() const
-  {
-    return m_OutputSize;
-  }
-
-  /** The smallest spacing of the volume. */
-  double
-  GetOutputSpacing() const
-  {
-    return m_OutputSpacing;
   }
 
   bool

@@ -485,13 +485,13 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GenerateData()
       count += projection.size();
     }
     const float share = viewShare * static_cast<float>(count);
-    const auto  finish = [&](auto & projector) {
+    const auto  finish = [&](const auto & finishProjection) {
       for (std::size_t n = 0; n < group.size(); ++n)
       {
         const auto                  start = Clock::now();
         const auto                  mergeShare = 0.05f * viewShare * static_cast<float>(group[n].size());
         const IntermediateImageType intermediate =
-          projector.Finish(n, [this, mergeShare](SizeValueType bands, SizeValueType steps, const auto & process) {
+          finishProjection(n, [this, mergeShare](SizeValueType bands, SizeValueType steps, const auto & process) {
             this->Parallelize(bands, steps, mergeShare, process);
           });
         m_ProjectionSeconds += SecondsSince(start);
@@ -512,13 +512,13 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GenerateData()
       m_Projector.Start(factorizations, kernels, m_ReducedResampling, workers);
       this->Project(m_Projector, axis, true, kernels, share);
       m_SkippedFraction += m_Projector.GetSkippedFraction() * share;
-      finish(m_Projector);
+      finish([this](std::size_t n, const auto & parallelize) { return m_Projector.Finish(n, parallelize); });
     }
     else
     {
       m_RayProjector.Start(first.factorization, kernels, this->MakeRayParameters(first, kernels), workers);
       this->Project(m_RayProjector, axis, m_RayProjector.IsFirstSlabFront(), kernels, share);
-      finish(m_RayProjector);
+      finish([this](std::size_t, const auto & parallelize) { return m_RayProjector.Finish(parallelize); });
     }
   }
   if (this->GetNumberOfSlabs() > 1)

@@ -101,7 +101,7 @@ public:
    */
   template <typename TParallelize>
   IntermediateImageType
-  Finish(std::size_t, const TParallelize & parallelize);
+  Finish(const TParallelize & parallelize);
 
 private:
   /** The rays of one phase: as many rows as its grid. */

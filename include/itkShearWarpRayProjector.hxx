@@ -256,7 +256,7 @@ ShearWarpRayProjector<TPixel>::ProjectRow(Worker &              worker,
 template <typename TPixel>
 template <typename TParallelize>
 auto
-ShearWarpRayProjector<TPixel>::Finish(std::size_t, const TParallelize & parallelize) -> IntermediateImageType
+ShearWarpRayProjector<TPixel>::Finish(const TParallelize & parallelize) -> IntermediateImageType
 {
   const auto           oversampling = static_cast<std::ptrdiff_t>(m_Factorization->GetOversampling());
   const std::ptrdiff_t rowStride = oversampling * m_RowStride;
