@@ -53,7 +53,8 @@ WeightedMean(const TPixel (&values)[N], const std::int32_t (&weights)[N], std::i
     };
     const TPixel lowest = weighted(std::numeric_limits<TPixel>::infinity(), std::less<>());
     const TPixel highest = weighted(-std::numeric_limits<TPixel>::infinity(), std::greater<>());
-    return std::clamp(static_cast<TPixel>(mean / sum), lowest, highest);
+    // no std::clamp: where all are not a number, lowest is more than highest
+    return std::min(std::max(static_cast<TPixel>(mean / sum), lowest), highest);
   }
   else
   {

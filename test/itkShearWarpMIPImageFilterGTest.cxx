@@ -644,31 +644,40 @@ TEST(ShearWarpMIPImageFilter, FootprintIsTheImagesPhysicalExtent)
   EXPECT_LT(last[0], 8.0);
 }
 
-TEST(ShearWarpMIPImageFilter, NotANumberInTheImageStaysAwayFromTheOutput)
+template <typename TPixel>
+void
+ExpectNotANumberStaysAway()
 {
   Random     random(412);
-  const auto image = MakeRandomImage<float>(random, { { 9, 8, 7 } });
+  const auto image = MakeRandomImage<TPixel>(random, { { 9, 8, 7 } });
   for (itk::SizeValueType n = 0; n < image->GetBufferedRegion().GetNumberOfPixels(); n += 5)
   {
-    image->GetBufferPointer()[n] = std::numeric_limits<float>::quiet_NaN();
+    image->GetBufferPointer()[n] = std::numeric_limits<TPixel>::quiet_NaN();
   }
   for (int repeat = 0; repeat < 20; ++repeat)
   {
-    const auto                  view = MakeRandomView(random, ViewKind::Affine, image);
-    const auto                  output = Project<float>(image, view);
-    BruteForceProjection<float> bruteForce(view, image);
-    EXPECT_TRUE(HaveSamePixels(bruteForce.Evaluate(output, 0.0f).GetPointer(), output.GetPointer()));
-    const float * pixels = output->GetBufferPointer();
-    EXPECT_TRUE(std::none_of(
-      pixels, pixels + output->GetBufferedRegion().GetNumberOfPixels(), [](float pixel) { return std::isnan(pixel); }));
+    const auto                   view = MakeRandomView(random, ViewKind::Affine, image);
+    const auto                   output = Project<TPixel>(image, view);
+    BruteForceProjection<TPixel> bruteForce(view, image);
+    EXPECT_TRUE(HaveSamePixels(bruteForce.Evaluate(output, TPixel{}).GetPointer(), output.GetPointer()));
+    const TPixel * pixels = output->GetBufferPointer();
+    EXPECT_TRUE(std::none_of(pixels, pixels + output->GetBufferedRegion().GetNumberOfPixels(), [](TPixel pixel) {
+      return std::isnan(pixel);
+    }));
   }
 
-  image->FillBuffer(std::numeric_limits<float>::quiet_NaN());
+  image->FillBuffer(std::numeric_limits<TPixel>::quiet_NaN());
   image->Modified();
-  const auto filter = MakeFilter<float>(image, MakeAxisView(1));
-  filter->SetDefaultPixelValue(-3.5f);
+  const auto filter = MakeFilter<TPixel>(image, MakeAxisView(1));
+  filter->SetDefaultPixelValue(TPixel(-3.5));
   filter->Update();
-  const float * pixels = filter->GetOutput()->GetBufferPointer();
-  const auto    count = filter->GetOutput()->GetBufferedRegion().GetNumberOfPixels();
-  EXPECT_EQ(std::count(pixels, pixels + count, -3.5f), static_cast<std::ptrdiff_t>(count));
+  const TPixel * pixels = filter->GetOutput()->GetBufferPointer();
+  const auto     count = filter->GetOutput()->GetBufferedRegion().GetNumberOfPixels();
+  EXPECT_EQ(std::count(pixels, pixels + count, TPixel(-3.5)), static_cast<std::ptrdiff_t>(count));
+}
+
+TEST(ShearWarpMIPImageFilter, NotANumberInTheImageStaysAwayFromTheOutput)
+{
+  ExpectNotANumberStaysAway<float>();
+  ExpectNotANumberStaysAway<double>();
 }
