@@ -135,16 +135,14 @@ MakeCinePage(const Projections & projections, const CinePageOptions & options, c
   const itk::ImageBase<3> & grid = *stored.image.image;
   const auto                size = grid.GetLargestPossibleRegion().GetSize();
 
-  // of a full turn in four seconds
-  const double       rate = std::clamp(std::round(static_cast<double>(size[2]) / 4.0), 5.0, 25.0);
   std::ostringstream series;
   series << std::setprecision(std::numeric_limits<double>::max_digits10);
   series << "{\"title\": " << Quote(options.title) << ", \"width\": " << size[0] << ", \"height\": " << size[1]
          << ", \"spacing\": [" << grid.GetSpacing()[0] << ", " << grid.GetSpacing()[1] << "], \"origin\": ["
          << grid.GetOrigin()[0] << ", " << grid.GetOrigin()[1] << "], \"bits\": " << options.bits
          << ", \"slope\": " << stored.slope << ", \"intercept\": " << stored.intercept << ", \"background\": 0"
-         << ", \"window\": [" << window[0] << ", " << window[1] << "], \"rate\": " << rate
-         << ", \"loop\": " << (options.angles.empty() ? "\"none\"" : "\"turn\"");
+         << ", \"window\": [" << window[0] << ", " << window[1] << "], \"rate\": " << options.rate
+         << ", \"loop\": " << Quote(options.loop);
   if (!options.angles.empty())
   {
     series << ", \"angles\": [";

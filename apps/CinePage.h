@@ -29,8 +29,12 @@ struct CinePageOptions
 {
   std::string               title;
   std::optional<WindowType> window;
-  /** Of the frames of a full turn, in degrees; empty for other series. */
+  /** Of the frames of a turn, in degrees; empty for other series. */
   std::vector<double> angles;
+  /** "none", or how the series goes on behind its last frame: "turn" on and on, or "swing" to and fro. */
+  std::string loop{ "none" };
+  /** In frames per second. */
+  double rate{ 10.0 };
   /** 8 or 16. */
   unsigned int bits{ 8 };
 };

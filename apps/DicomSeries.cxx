@@ -22,6 +22,8 @@
 #include "itkByteSwapper.h"
 #include "itkGDCMImageIO.h"
 #include "itkMatrix.h"
+#include "itkShearWarpFactorization.h"
+#include "itkShearWarpMIPView.h"
 
 #include <gdcmAttribute.h>
 #include <gdcmDict.h>
@@ -661,24 +663,9 @@ private:
 double
 ComputeDepthOfCentre(const itk::Transform<double, 3, 3> * transform, const itk::ImageBase<3> * grid)
 {
-  const auto &                    region = grid->GetLargestPossibleRegion();
-  itk::ContinuousIndex<double, 3> middle;
-  itk::Matrix<double, 3, 3>       matrix;
-  const PointType                 origin = transform->TransformPoint(PointType(0.0));
-  for (unsigned int axis = 0; axis < 3; ++axis)
-  {
-    middle[axis] = static_cast<double>(region.GetIndex(axis)) + 0.5 * (static_cast<double>(region.GetSize(axis)) - 1.0);
-    PointType unit(0.0);
-    unit[axis] = 1.0;
-    const VectorType column = transform->TransformPoint(unit) - origin;
-    for (unsigned int row = 0; row < 3; ++row)
-    {
-      matrix(row, axis) = column[row];
-    }
-  }
-  PointType centre;
-  grid->TransformContinuousIndexToPhysicalPoint(middle, centre);
-  return (itk::Matrix<double, 3, 3>(matrix.GetInverse()) * (centre - origin))[2];
+  const auto      axes = itk::ShearWarpFactorization::GetLinearPart(transform);
+  const PointType origin = transform->TransformPoint(PointType(0.0));
+  return (itk::Matrix<double, 3, 3>(axes.GetInverse()) * (itk::ShearWarpMIPView::GetCentre(grid) - origin))[2];
 }
 
 void

@@ -81,9 +81,9 @@ RequireDicomDirectory(const std::filesystem::path & directory);
  * - CT and MR Image Storage for such sources: in these, values, position and orientation are understood everywhere.
  *   What they want to know of the acquisition (C.8.2.1, C.8.3.1) the source has; an MR source without is none. An MR
  *   image may be a "PROJECTION IMAGE" (C.8.3.1.1.1). The standard's editor advises so: pydicom's issue 1186.
- * - Secondary Capture Image Storage for all others, enhanced images among them. It is for "synthesized images [...]
- *   such as cine-loops of 3D reconstructions" of any modality (A.8) and may have an Image Plane, which ties it to a
- *   frame of reference (Table A.8-1 since CP 2330; older readers, as GDCM 3.0, ignore that), and any pixels.
+ * - Secondary Capture Image Storage for all others, enhanced images among them. It is for computed pictures of any
+ *   modality (A.8), may have an Image Plane, which ties it to a frame of reference (Table A.8-1 since CP 2330; older
+ *   readers, as GDCM 3.0, ignore that), and any pixels.
  * - not Enhanced CT or MR, though they know MAX_IP (C.8.16.2.1.3): not every archive takes them.
  * - not a multi-frame Secondary Capture: few viewers look for planes in its functional groups (A.8.4.5).
  *

@@ -445,8 +445,8 @@ ReadMask(const std::filesystem::path &       path,
   return mask;
 }
 
-itk::Transform<double, 3, 3>::Pointer
-ReadLinearTransform(const std::filesystem::path & path)
+std::vector<itk::Transform<double, 3, 3>::Pointer>
+ReadLinearTransforms(const std::filesystem::path & path)
 {
   RequireExistence(path);
   const auto unreadable = [&path] {
@@ -468,11 +468,14 @@ ReadLinearTransform(const std::filesystem::path & path)
     throw unreadable();
   }
 
-  const auto & transforms = *reader->GetTransformList();
-  if (transforms.size() != 1)
+  std::vector<itk::Transform<double, 3, 3>::Pointer> transforms;
+  for (const auto & transform : *reader->GetTransformList())
   {
-    throw std::runtime_error("'" + path.string() + "' holds " + std::to_string(transforms.size()) +
-                             " transforms; 1 is needed");
+    transforms.push_back(RequireLinear(transform, path));
   }
-  return RequireLinear(transforms.front(), path);
+  if (transforms.empty())
+  {
+    throw unreadable();
+  }
+  return transforms;
 }

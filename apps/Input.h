@@ -26,6 +26,7 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <vector>
 
 using WarningFunction = std::function<void(const std::string &)>;
 
@@ -43,8 +44,8 @@ ReadMask(const std::filesystem::path &       path,
          const itk::ImageBase<3> *           grid,
          const WarningFunction &             warn);
 
-/** Reads a linear 3D transform. */
-itk::Transform<double, 3, 3>::Pointer
-ReadLinearTransform(const std::filesystem::path & path);
+/** Reads linear 3D transforms, at least one. */
+std::vector<itk::Transform<double, 3, 3>::Pointer>
+ReadLinearTransforms(const std::filesystem::path & path);
 
 #endif

@@ -16,6 +16,7 @@
  *
  *=========================================================================*/
 #include "Output.h"
+#include "Animation.h"
 #include "Integrity.h"
 
 #include "itkImageIOFactory.h"
@@ -152,6 +153,13 @@ OutputFiles::IsPicture(const std::filesystem::path & path)
 }
 
 bool
+OutputFiles::IsAnimation(const std::filesystem::path & path)
+{
+  const auto extension = path.extension();
+  return extension == ".gif" || extension == ".apng" || extension == ".mp4";
+}
+
+bool
 OutputFiles::IsPage(const std::filesystem::path & path)
 {
   return path.extension() == ".html";
@@ -168,7 +176,7 @@ OutputFiles::Reserve(const std::filesystem::path & path, Format format)
   }
   if (format != Format::Values)
   {
-    extensions.emplace_back(".png");
+    extensions.insert(extensions.end(), { ".png", ".gif", ".apng", ".mp4" });
   }
   if (format == Format::Any)
   {
@@ -182,6 +190,10 @@ OutputFiles::Reserve(const std::filesystem::path & path, Format format)
       good += ' ' + extension;
     }
     throw std::runtime_error("'" + path.string() + "' must have one of the extensions" + good);
+  }
+  if (IsAnimation(path))
+  {
+    RequireAnimationEncoder();
   }
   if (std::filesystem::is_directory(path))
   {
@@ -221,6 +233,23 @@ OutputFiles::Write(const std::filesystem::path & path, const AnyImage & image, L
       this->WriteFile(GetFrameName(path, frame), image, 2, pixels + frame * length);
     }
   });
+}
+
+void
+OutputFiles::WriteAnimation(const std::filesystem::path & path, const AnyImage & pictures, double rate)
+{
+  const std::string animation = this->BeginFile(path);
+  const std::string raw = this->BeginFile(path.parent_path() / (path.filename().string() + ".raw"));
+  try
+  {
+    EncodeAnimation(pictures, rate, raw, animation);
+  }
+  catch (const std::runtime_error & error)
+  {
+    throw std::runtime_error("cannot write '" + path.string() + "': " + error.what());
+  }
+  std::filesystem::remove(raw);
+  m_Written.pop_back();
 }
 
 void

@@ -48,6 +48,7 @@ public:
   enum class Format
   {
     Values,
+    /** Still or moving. */
     Picture,
     Any
   };
@@ -68,6 +69,9 @@ public:
   static bool
   IsPicture(const std::filesystem::path & path);
 
+  static bool
+  IsAnimation(const std::filesystem::path & path);
+
   /** A web page. */
   static bool
   IsPage(const std::filesystem::path & path);
@@ -79,6 +83,10 @@ public:
   /** Writes a still without its third axis, and a series of pictures as one file for each frame, numbered. */
   void
   Write(const std::filesystem::path & path, const AnyImage & image, Layout layout);
+
+  /** Writes pictures of 8 bits as an animation, \a rate of them per second. */
+  void
+  WriteAnimation(const std::filesystem::path & path, const AnyImage & pictures, double rate);
 
   void
   WriteText(const std::filesystem::path & path, const std::string & text);

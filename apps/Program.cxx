@@ -25,6 +25,7 @@
 #include "Picture.h"
 
 #include "itkMultiThreaderBase.h"
+#include "itkShearWarpMIPCineImageFilter.h"
 #include "itkShearWarpFactorization.h"
 #include "itkShearWarpMIPView.h"
 #include "itkVersion.h"
@@ -50,12 +51,13 @@ using TransformPointer = itk::Transform<double, 3, 3>::Pointer;
 constexpr auto description =
   "Maximum intensity projection (MIP) of a 3D image from any direction.\n\n"
   "INPUT is an image that ITK reads (NIfTI, NRRD, MetaImage, DICOM, ...) or a folder of DICOM files. Each\n"
-  "component of its pixels is projected by itself, and so is each point in time of a 4D image: a 3D stack, or "
-  "numbered\n"
-  "PNGs.\n"
-  "OUTPUT's extension gives its format: .mha, .nrrd, .nii and .nii.gz keep the image's values and pixel type;\n"
-  ".png has 8 bits, see --window; .html is a page to turn and play a series in any browser. Sizes and positions of the "
-  "output are in mm in the view plane.";
+  "component of its pixels is projected by itself, and so is each point in time of a 4D image: a series of frames.\n"
+  "OUTPUT's extension gives its format: .mha, .nrrd, .nii and .nii.gz keep the image's values and pixel type, a "
+  "series\n"
+  "as a 3D stack; .png has 8 bits, see --window, a series as numbered files; .gif, .apng and .mp4 are animations, "
+  "made\n"
+  "by the program ffmpeg; .html is a page to turn and play a series in any browser. Sizes and positions of the output\n"
+  "are in mm in the view plane.";
 
 constexpr auto examples = "Examples:\n"
                           "  shear-warp-mip tof.nii.gz mip.png --view superior\n"
@@ -66,6 +68,8 @@ constexpr auto examples = "Examples:\n"
                           "      a full turn around the patient, cine-000.png to cine-035.png\n"
                           "  shear-warp-mip tof.nrrd turn.html --frames 72\n"
                           "      a page that turns, for any browser\n"
+                          "  shear-warp-mip tof.nrrd rocking.mp4 --frames 48 --rocking 60 --elevation 15\n"
+                          "      an animation, 30 degrees to either side and back, from somewhat above\n"
                           "  shear-warp-mip dicom-folder/ turn.html --frames 72 --dicom-out turn/\n"
                           "      the same and a DICOM series for the archive\n"
                           "  shear-warp-mip ct.nrrd slabs.nrrd --view superior --sliding-slab 10 5\n"
@@ -81,15 +85,17 @@ const std::map<std::string, Direction> directions = {
 };
 
 // LPS: x to the left, y to posterior, z to superior
-const std::map<std::string, unsigned int> turningAxes = { { "left", 0 }, { "posterior", 1 }, { "superior", 2 } };
+const std::map<std::string, unsigned int> patientAxes = { { "left", 0 }, { "posterior", 1 }, { "superior", 2 } };
+const std::map<std::string, unsigned int> imageAxes = { { "i", 0 }, { "j", 1 }, { "k", 2 } };
 
 using ModeEnum = ProjectionOptions::ModeEnum;
 const std::map<std::string, ModeEnum> modes = { { "maximum", ModeEnum::Maximum },
                                                 { "minimum", ModeEnum::Minimum },
                                                 { "absolute-maximum", ModeEnum::AbsoluteMaximum } };
 
-// each has a transform in memory before the first is projected
-constexpr unsigned int mostFrames = 100000;
+// only for its geometry
+using TurnType = itk::ShearWarpMIPCineImageFilter<itk::Image<unsigned char, 3>>;
+constexpr unsigned int mostFrames = TurnType::MaximumNumberOfFrames;
 
 struct Options
 {
@@ -108,7 +114,11 @@ struct Options
   unsigned int                oversampling{ 1 };
   unsigned int                frames{ 0 };
   unsigned int                pageBits{ 8 };
-  std::string                 axis{ "superior" };
+  std::vector<std::string>    axis{ "superior" };
+  std::vector<double>         centre;
+  double                      range{ 360.0 };
+  std::optional<double>       rocking;
+  std::optional<double>       rate;
   std::string                 mode{ "maximum" };
   std::vector<double>         slab;
   std::vector<double>         slidingSlab;
@@ -204,22 +214,59 @@ DefineOptions(CLI::App & app, Options & options)
     .add_option("--transform",
                 options.transform,
                 "Linear ITK transform from view space (right, down, away; mm) to the image's space; depths are then "
-                "from its origin")
+                "from its origin. Several are a series of frames")
     ->excludes(view)
     ->excludes(azimuth)
     ->excludes(elevation)
     ->type_name("FILE")
     ->group("View");
 
-  const auto frames =
-    app.add_option("--frames", options.frames, "A full turn in N frames: a 3D stack, numbered PNGs, or a page")
-      ->check(CLI::Range(1u, mostFrames))
-      ->type_name("N")
-      ->group("Turning series");
-  app.add_option("--axis", options.axis, "The patient's axis to turn about, towards the left from anterior")
-    ->check(CLI::IsMember(GetKeys(turningAxes)))
-    ->capture_default_str()
+  const auto frames = app.add_option("--frames", options.frames, "A turn in N frames: a series")
+                        ->check(CLI::Range(1u, mostFrames))
+                        ->type_name("N")
+                        ->group("Turning series");
+  app
+    .add_option("--axis",
+                options.axis,
+                "To turn about, right-handed: the patient's left, posterior or superior, the image's i, j or k, or a "
+                "direction X,Y,Z (LPS); default: superior, towards the patient's left from anterior")
+    ->delimiter(',')
+    ->expected(1)
+    ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
     ->needs(frames)
+    ->type_name("AXIS")
+    ->group("Turning series");
+  app
+    .add_option("--centre",
+                options.centre,
+                "X,Y,Z in the patient's space (LPS): a point of the axis; default: the image's centre")
+    ->check(Number("a finite number", std::numeric_limits<double>::lowest()))
+    ->delimiter(',')
+    ->expected(3)
+    ->needs(frames)
+    ->type_name("MM")
+    ->group("Turning series");
+  const auto range =
+    app.add_option("--range", options.range, "How far to turn, negative to the other side; default: 360")
+      ->check(angle)
+      ->needs(frames)
+      ->type_name("DEGREES")
+      ->group("Turning series");
+  app
+    .add_option("--rocking",
+                options.rocking,
+                "Turn to and fro instead, over so many degrees in all, half of them to either side; fit to be repeated")
+    ->check(angle)
+    ->needs(frames)
+    ->excludes(range)
+    ->type_name("DEGREES")
+    ->group("Turning series");
+  app
+    .add_option("--rate",
+                options.rate,
+                "Frames per second of an animation or page; default: the series in four seconds, from 5 to 25")
+    ->check(CLI::Range(0.1, 100.0))
+    ->type_name("FPS")
     ->group("Turning series");
   app
     .add_option("--page-bits",
@@ -260,9 +307,8 @@ DefineOptions(CLI::App & app, Options & options)
   app
     .add_option("--window",
                 options.window,
-                "LOW and HIGH values that become black and white in a PNG, and at first in a page; default: "
-                "percentiles 1 and 99.8 of "
-                "the pixels that are not background")
+                "LOW and HIGH values that become black and white in pictures and animations, and at first in a page; "
+                "default: percentiles 1 and 99.8 of the pixels that are not background")
     ->check(Number("a finite number", std::numeric_limits<double>::lowest()))
     ->expected(2)
     ->type_name("VALUE")
@@ -339,7 +385,8 @@ DefineOptions(CLI::App & app, Options & options)
   app
     .add_option("--depth-colour",
                 options.depthColour,
-                "Also writes a .png, or numbered ones with a series: coloured by depth from red, the nearest of what "
+                "Also writes a .png, or numbered ones or an animation of a series: coloured by depth from red, the "
+                "nearest of what "
                 "is bright, to blue, the farthest; as bright as OUTPUT with --window; black where nothing is")
     ->type_name("FILE")
     ->group("Projection");
@@ -355,7 +402,7 @@ DefineOptions(CLI::App & app, Options & options)
     .add_flag("--in-place",
               options.isInPlace,
               "OUTPUT is a slice in the patient's space, as thick as what is projected, which viewers show with INPUT; "
-              "not for .png")
+              "only .mha, .nrrd, .nii and .nii.gz")
     ->excludes(frames)
     ->excludes(slidingSlab)
     ->group("Projection");
@@ -380,20 +427,102 @@ DefineOptions(CLI::App & app, Options & options)
   app.set_help_flag("-h,--help", "Prints this text")->group("Program");
 }
 
-/** A turn, or a slab of it all, or one frame for each point in time. */
+itk::Vector<double, 3>
+MakeAxis(const std::vector<std::string> & axis, const itk::ImageBase<3> * grid)
+{
+  itk::Vector<double, 3> direction(0.0);
+  if (axis.size() == 3)
+  {
+    std::transform(axis.begin(), axis.end(), direction.Begin(), [](const std::string & text) {
+      double value = 0.0;
+      CLI::detail::lexical_cast(text, value);
+      return value;
+    });
+  }
+  else if (const auto found = imageAxes.find(axis.front()); found != imageAxes.end())
+  {
+    for (unsigned int row = 0; row < 3; ++row)
+    {
+      direction[row] = grid->GetDirection()(row, found->second);
+    }
+  }
+  else
+  {
+    direction[patientAxes.at(axis.front())] = 1.0;
+  }
+  return direction;
+}
+
+std::vector<Frame>
+MakeTurn(const Options & options, const Frame & still, const itk::ImageBase<3> * grid)
+{
+  const auto image = TurnType::InputImageType::New();
+  image->CopyInformation(grid);
+  const auto turn = TurnType::New();
+  turn->SetInput(image);
+  turn->SetTransform(still.transform);
+  turn->SetNumberOfFrames(options.frames);
+  turn->SetRotationAxis(MakeAxis(options.axis, grid));
+  if (!options.centre.empty())
+  {
+    turn->SetCenter(itk::Point<double, 3>(options.centre.data()));
+  }
+  turn->SetRocking(options.rocking.has_value());
+  turn->SetAngularRange(options.rocking.value_or(options.range));
+
+  const auto         angles = turn->GetFrameAngles();
+  std::vector<Frame> frames(options.frames, still);
+  for (unsigned int n = 0; n < options.frames; ++n)
+  {
+    frames[n].transform = turn->GetFrameTransform(n);
+    frames[n].angle = angles[n];
+  }
+  return frames;
+}
+
 void
-SetFrames(ProjectionOptions &      projection,
-          const Options &          options,
-          const TransformPointer & given,
-          const Volume &           volume)
+SetSlidingSlabs(ProjectionOptions & projection, const Options & options, Frame frame, const itk::ImageBase<3> * grid)
+{
+  const double          thickness = options.slidingSlab[0];
+  const double          step = options.slidingSlab[1];
+  itk::Point<double, 3> lower;
+  itk::Point<double, 3> upper;
+  itk::ShearWarpFactorization::VerifyViewTransform(frame.transform);
+  itk::ShearWarpFactorization::ComputeViewBounds(frame.transform, grid, lower, upper);
+  const double more = std::max(0.0, std::ceil((upper[2] - lower[2] - thickness) / step - 1e-6));
+  if (!(more < mostFrames))
+  {
+    std::ostringstream message;
+    message << "--sliding-slab: " << more + 1.0 << " slabs are too many; at most " << mostFrames << " are possible";
+    throw std::runtime_error(message.str());
+  }
+  for (unsigned int n = 0; n <= static_cast<unsigned int>(more); ++n)
+  {
+    frame.slabNear = lower[2] + n * step;
+    frame.slabFar = frame.slabNear + thickness;
+    projection.frames.push_back(frame);
+  }
+  projection.frameSpacing = step;
+  projection.frameOrigin = lower[2] + 0.5 * thickness;
+}
+
+/** A turn, or slabs, or the views that are given, or one frame for each point in time. */
+void
+SetFrames(ProjectionOptions &                   projection,
+          const Options &                       options,
+          const std::vector<TransformPointer> & given,
+          const Volume &                        volume)
 {
   const itk::ImageBase<3> * grid = volume.times.front().image;
   Frame                     still;
-  still.transform = given;
-  if (!given)
+  if (given.empty())
   {
     still.transform =
       itk::ShearWarpMIPView::MakeTransform(grid, directions.at(options.view), options.azimuth, options.elevation);
+  }
+  else
+  {
+    still.transform = given.front();
   }
   if (!options.slab.empty())
   {
@@ -403,48 +532,26 @@ SetFrames(ProjectionOptions &      projection,
 
   if (options.frames > 0)
   {
-    itk::Vector<double, 3> axis(0.0);
-    axis[turningAxes.at(options.axis)] = 1.0;
-    for (unsigned int n = 0; n < options.frames; ++n)
-    {
-      Frame frame = still;
-      frame.transform = itk::ShearWarpMIPView::Turn(
-        still.transform, axis, itk::ShearWarpMIPView::GetCentre(grid), 360.0 * n / options.frames);
-      projection.frames.push_back(frame);
-    }
+    projection.frames = MakeTurn(options, still, grid);
   }
   else if (!options.slidingSlab.empty())
   {
-    const double          thickness = options.slidingSlab[0];
-    const double          step = options.slidingSlab[1];
-    itk::Point<double, 3> lower;
-    itk::Point<double, 3> upper;
-    itk::ShearWarpFactorization::VerifyViewTransform(still.transform);
-    itk::ShearWarpFactorization::ComputeViewBounds(still.transform, grid, lower, upper);
-    const double more = std::max(0.0, std::ceil((upper[2] - lower[2] - thickness) / step - 1e-6));
-    if (!(more < mostFrames))
+    SetSlidingSlabs(projection, options, still, grid);
+  }
+  else if (given.size() > 1)
+  {
+    projection.frames.resize(given.size(), still);
+    for (std::size_t n = 0; n < given.size(); ++n)
     {
-      std::ostringstream message;
-      message << "--sliding-slab: " << more + 1.0 << " slabs are too many; at most " << mostFrames << " are possible";
-      throw std::runtime_error(message.str());
+      projection.frames[n].transform = given[n];
     }
-    for (unsigned int n = 0; n <= static_cast<unsigned int>(more); ++n)
-    {
-      Frame frame = still;
-      frame.slabNear = lower[2] + n * step;
-      frame.slabFar = frame.slabNear + thickness;
-      projection.frames.push_back(frame);
-    }
-    projection.frameSpacing = step;
-    projection.frameOrigin = lower[2] + 0.5 * thickness;
   }
   else
   {
+    projection.frames.resize(volume.times.size(), still);
     for (std::size_t time = 0; time < volume.times.size(); ++time)
     {
-      Frame frame = still;
-      frame.time = time;
-      projection.frames.push_back(frame);
+      projection.frames[time].time = time;
     }
     projection.frameSpacing = volume.timeSpacing;
     projection.frameOrigin = volume.timeOrigin;
@@ -572,6 +679,17 @@ Verify(const Options & options)
   {
     throw std::runtime_error("--spacing: one or two values are needed");
   }
+  const bool isDirection =
+    options.axis.size() == 3 && std::all_of(options.axis.begin(), options.axis.end(), [](const std::string & text) {
+      double value = 0.0;
+      return CLI::detail::lexical_cast(text, value) && std::isfinite(value);
+    });
+  const bool isName = options.axis.size() == 1 &&
+                      (patientAxes.count(options.axis.front()) > 0 || imageAxes.count(options.axis.front()) > 0);
+  if (!isName && !isDirection)
+  {
+    throw std::runtime_error("--axis: it must be left, posterior, superior, i, j, k or a direction X,Y,Z");
+  }
   if (options.slab.size() == 2 && options.slab[0] > options.slab[1])
   {
     throw std::runtime_error("--slab: NEAR must not be greater than FAR");
@@ -582,6 +700,22 @@ Verify(const Options & options)
     {
       throw std::runtime_error("--crop: X0, Y0 and Z0 must not be greater than X1, Y1 and Z1");
     }
+  }
+}
+
+/** Throws if several views are given but something else makes a series, or cannot be one. */
+void
+VerifyViews(const Options & options, std::size_t views, std::size_t times)
+{
+  const std::string other = options.frames > 0             ? "--frames"
+                            : !options.slidingSlab.empty() ? "--sliding-slab"
+                            : options.isInPlace            ? "--in-place"
+                            : times > 1                    ? "An image of several points in time"
+                                                           : "";
+  if (views > 1 && !other.empty())
+  {
+    throw std::runtime_error(other + " is not possible: '" + options.transform + "' holds " + std::to_string(views) +
+                             " transforms");
   }
 }
 
@@ -619,15 +753,16 @@ VerifyVolume(const Options & options, const Volume & volume)
   {
     refuse("A page of more than 1 component", components, "components");
   }
-  if (components != 1 && components != 3 && OutputFiles::IsPicture(options.output))
+  if (components != 1 && components != 3 &&
+      (OutputFiles::IsPicture(options.output) || OutputFiles::IsAnimation(options.output)))
   {
-    refuse("A .png of other than 1 or 3 components", components, "components");
+    refuse("A picture of other than 1 or 3 components", components, "components");
   }
 }
 
 /** Of a frame without a slab the plane through the image's centre. */
 std::vector<DicomView>
-MakeDicomViews(const ProjectionOptions & projection, const Options & options, const itk::ImageBase<3> * grid)
+MakeDicomViews(const ProjectionOptions & projection, const itk::ImageBase<3> * grid)
 {
   std::vector<DicomView> views;
   for (const Frame & frame : projection.frames)
@@ -637,13 +772,30 @@ MakeDicomViews(const ProjectionOptions & projection, const Options & options, co
     view.thickness = frame.slabFar - frame.slabNear;
     view.depth = std::isfinite(view.thickness) ? 0.5 * (frame.slabNear + frame.slabFar)
                                                : ComputeDepthOfCentre(frame.transform, grid);
-    if (options.frames > 0)
-    {
-      view.angle = 360.0 * static_cast<double>(views.size()) / options.frames;
-    }
+    view.angle = frame.angle;
     views.push_back(view);
   }
   return views;
+}
+
+CinePageOptions
+MakePageOptions(const Options &                   options,
+                const ProjectionOptions &         projection,
+                const std::optional<WindowType> & window,
+                double                            rate)
+{
+  CinePageOptions page{
+    std::filesystem::path(options.input).filename().string(), window, {}, "none", rate, options.pageBits
+  };
+  if (options.frames > 0)
+  {
+    page.loop = options.rocking ? "swing" : std::abs(options.range) == 360.0 ? "turn" : "none";
+    for (const Frame & frame : projection.frames)
+    {
+      page.angles.push_back(frame.angle);
+    }
+  }
+  return page;
 }
 
 void
@@ -669,7 +821,11 @@ Run(const Options & options, Messages & messages)
   {
     RequireDicomDirectory(options.dicomOut);
   }
-  const TransformPointer given = options.transform.empty() ? nullptr : ReadLinearTransform(options.transform);
+  std::vector<TransformPointer> given;
+  if (!options.transform.empty())
+  {
+    given = ReadLinearTransforms(options.transform);
+  }
 
   const auto        warn = [&](const std::string & text) { messages.Warn(text); };
   const Volume      volume = ReadVolume(options.input, options.series, warn);
@@ -677,6 +833,7 @@ Run(const Options & options, Messages & messages)
   const std::string times = volume.times.size() > 1 ? std::to_string(volume.times.size()) + " x " : "";
   messages.StepDone("read " + options.input + ", " + times + Describe(first));
   VerifyVolume(options, volume);
+  VerifyViews(options, given.size(), volume.times.size());
 
   ProjectionOptions projection;
   SetFrames(projection, options, given, volume);
@@ -714,31 +871,42 @@ Run(const Options & options, Messages & messages)
     [&](std::size_t done, std::size_t all) { messages.Progress(done, all); });
   messages.StepDone("projected, " + Describe(projections.stack));
 
-  const bool                isSeries = options.frames > 0 || !options.slidingSlab.empty() || volume.times.size() > 1;
-  const auto                layout = options.isInPlace ? OutputFiles::Layout::Volume
-                                     : isSeries        ? OutputFiles::Layout::Series
-                                                       : OutputFiles::Layout::Still;
+  const std::size_t frames = projection.frames.size();
+  const bool        isSeries = options.frames > 0 || !options.slidingSlab.empty() || frames > 1;
+  const double      rate = options.rate.value_or(std::clamp(std::round(static_cast<double>(frames) / 4.0), 5.0, 25.0));
+  const auto        layout = options.isInPlace ? OutputFiles::Layout::Volume
+                             : isSeries        ? OutputFiles::Layout::Series
+                                               : OutputFiles::Layout::Still;
   std::optional<WindowType> window;
   if (!options.window.empty())
   {
     window = WindowType(options.window.data());
   }
+  const auto writePictures = [&](const std::string & path, const AnyImage & pictures) {
+    if (OutputFiles::IsAnimation(path))
+    {
+      files.WriteAnimation(path, pictures, rate);
+    }
+    else
+    {
+      files.Write(path, pictures, isSeries ? OutputFiles::Layout::Series : OutputFiles::Layout::Still);
+    }
+  };
   if (OutputFiles::IsPage(options.output))
   {
-    CinePageOptions page{ std::filesystem::path(options.input).filename().string(), window, {}, options.pageBits };
-    for (unsigned int n = 0; n < options.frames; ++n)
-    {
-      page.angles.push_back(360.0 * n / options.frames);
-    }
     const auto encode = [&](const AnyImage & image, std::size_t frame) {
       return files.EncodePicture(options.output, image, frame);
     };
-    files.WriteText(options.output, MakeCinePage(projections, page, encode));
+    files.WriteText(options.output,
+                    MakeCinePage(projections, MakePageOptions(options, projection, window, rate), encode));
+  }
+  else if (OutputFiles::IsPicture(options.output) || OutputFiles::IsAnimation(options.output))
+  {
+    writePictures(options.output, MakePictures(projections, window));
   }
   else
   {
-    const bool isPicture = OutputFiles::IsPicture(options.output);
-    files.Write(options.output, isPicture ? MakePictures(projections, window) : projections.stack, layout);
+    files.Write(options.output, projections.stack, layout);
   }
   if (!options.depth.empty())
   {
@@ -746,9 +914,7 @@ Run(const Options & options, Messages & messages)
   }
   if (!options.depthColour.empty())
   {
-    files.Write(options.depthColour,
-                MakeDepthPictures(projections, window),
-                isSeries ? OutputFiles::Layout::Series : OutputFiles::Layout::Still);
+    writePictures(options.depthColour, MakeDepthPictures(projections, window));
   }
   if (!options.dicomOut.empty())
   {
@@ -763,7 +929,7 @@ Run(const Options & options, Messages & messages)
       dicom.window = std::make_pair((*window)[0], (*window)[1]);
     }
     WriteDicomSeries(
-      projections.stack, MakeDicomViews(projection, options, first.image), volume.dicomFiles, options.dicomOut, dicom);
+      projections.stack, MakeDicomViews(projection, first.image), volume.dicomFiles, options.dicomOut, dicom);
     messages.StepDone("wrote " + options.dicomOut);
   }
   files.Commit();

@@ -34,6 +34,8 @@ struct Frame
   double                                slabNear{ -std::numeric_limits<double>::infinity() };
   double                                slabFar{ std::numeric_limits<double>::infinity() };
   std::size_t                           time{ 0 };
+  /** How far the view has turned, in degrees; not a number unless it does. */
+  double angle{ std::numeric_limits<double>::quiet_NaN() };
 };
 
 struct ProjectionOptions

@@ -166,8 +166,11 @@ private:
     return m_Transforms.empty() ? m_NumberOfFrames : m_Transforms.size();
   }
 
+  double
+  GetFrameAngle(unsigned int frame) const;
+
   typename TransformType::Pointer
-  MakeView(double angle) const;
+  MakeView(unsigned int frame) const;
 
   unsigned int      m_NumberOfFrames{ 36 };
   AxisType          m_RotationAxis{ 0.0 };

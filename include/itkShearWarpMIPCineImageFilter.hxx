@@ -88,12 +88,18 @@ ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::GetFrameAngles() const
   {
     for (unsigned int frame = 0; frame < m_NumberOfFrames; ++frame)
     {
-      const double part = static_cast<double>(frame) / m_NumberOfFrames;
-      angles.push_back(m_StartAngle +
-                       (m_Rocking ? 0.5 * m_AngularRange * std::sin(Math::twopi * part) : m_AngularRange * part));
+      angles.push_back(this->GetFrameAngle(frame));
     }
   }
   return angles;
+}
+
+template <typename TInputImage, typename TOutputImage>
+double
+ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::GetFrameAngle(unsigned int frame) const
+{
+  const double part = static_cast<double>(frame) / m_NumberOfFrames;
+  return m_StartAngle + (m_Rocking ? 0.5 * m_AngularRange * std::sin(Math::twopi * part) : m_AngularRange * part);
 }
 
 template <typename TInputImage, typename TOutputImage>
@@ -106,19 +112,20 @@ ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::GetFrameTransform(unsign
   {
     itkExceptionMacro("There is no frame " << frame << ": their number is " << frames << '.');
   }
-  return m_Transforms.empty() ? this->MakeView(this->GetFrameAngles()[frame]) : m_Transforms[frame]->Clone();
+  return m_Transforms.empty() ? this->MakeView(frame) : m_Transforms[frame]->Clone();
 }
 
 template <typename TInputImage, typename TOutputImage>
 auto
-ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::MakeView(double angle) const -> typename TransformType::Pointer
+ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::MakeView(unsigned int frame) const ->
+  typename TransformType::Pointer
 {
   TransformConstPointer view = this->GetTransform();
   if (!view)
   {
     view = ShearWarpMIPView::MakeUprightTransform(this->GetInput(), m_RotationAxis);
   }
-  return ShearWarpMIPView::Turn(view, m_RotationAxis, this->GetCenter(), angle).GetPointer();
+  return ShearWarpMIPView::Turn(view, m_RotationAxis, this->GetCenter(), this->GetFrameAngle(frame)).GetPointer();
 }
 
 template <typename TInputImage, typename TOutputImage>
@@ -138,9 +145,9 @@ auto
 ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::MakeViews() const -> std::vector<TransformConstPointer>
 {
   std::vector<TransformConstPointer> views = m_Transforms;
-  for (const double angle : this->GetFrameAngles())
+  for (unsigned int frame = 0; m_Transforms.empty() && frame < m_NumberOfFrames; ++frame)
   {
-    views.emplace_back(this->MakeView(angle));
+    views.emplace_back(this->MakeView(frame));
   }
   return views;
 }

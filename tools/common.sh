@@ -52,19 +52,6 @@ run_itk_python() {
   "$cache/itk-python/bin/python" "$@"
 }
 
-# animate ANIMATION MILLISECONDS PICTURE...: makes a file, such as a GIF, that shows the pictures for so long each; needs
-# python3-pil.
-animate() {
-  /usr/bin/python3 - "$@" << 'PYTHON'
-import sys
-from PIL import Image
-
-animation, duration, *names = sys.argv[1:]
-first, *others = map(Image.open, names)
-first.save(animation, save_all=True, append_images=others, duration=int(duration), loop=0)
-PYTHON
-}
-
 # build_release NAME TARGET OPTION...: builds the target against Debian's ITK, not one that happens to be in the
 # environment, with the flags that its users have by default, in the cache's folder NAME-build. A broken or moved folder
 # is made anew. Needs build-essential cmake ninja-build libinsighttoolkit5-dev.

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Builds the program shear-warp-mip and shows what it does: six anatomical views, a turning series as
-# 36 pictures, as a stack with the image's values, and as an animation. What is missing on a Debian or Ubuntu
+# Builds the program shear-warp-mip and shows what it does: six anatomical views, a turning series of 36 pictures
+# as an animation, as a page to turn and as a stack with the image's values. What is missing on a Debian or Ubuntu
 # machine is installed, as root or through sudo.
 #
 #   JOBS=<n>              parallel compile jobs                   [all cores]
@@ -31,12 +31,14 @@ render_views() {
 }
 
 render_cine() {
-  "$program" "$image" "$folder/cine.png" --frames 36
-  "$program" "$image" "$folder/cine.nrrd" --frames 36
+  local extension
+  for extension in gif html nrrd; do
+    "$program" "$image" "$folder/cine.$extension" --frames 36 --rate 12.5
+  done
 }
 
 timed "installed what building needs" need_packages build-essential cmake ninja-build libinsighttoolkit5-dev \
-  libcli11-dev python3-pil
+  libcli11-dev ffmpeg
 timed "built the program" build_release demo shear-warp-mip -DShearWarpMIP_BUILD_APPS=ON
 mkdir -p "$folder"
 if [ -z "$image" ]; then
@@ -44,11 +46,10 @@ if [ -z "$image" ]; then
   timed "made a synthetic angiogram" "$program" --write-phantom "$image"
 fi
 timed "rendered six views" render_views
-timed "rendered 36 frames, as pictures and as a stack" render_cine
-timed "made the animation" animate "$folder/cine.gif" 80 "$folder"/cine-*.png
+timed "rendered 36 frames, three times" render_cine
 
 say "
 The pictures are in $(cd "$folder" && pwd):
   anterior.png posterior.png left.png right.png superior.png inferior.png
-  cine-000.png to cine-035.png, cine.gif (animated), cine.nrrd (with the image's values)
+  cine.gif (animated), cine.html (to turn, in a browser), cine.nrrd (with the image's values)
 The program is $program; try it with --help."

@@ -53,7 +53,7 @@ use_tree() {
 test_installed() (
   unset ITK_DIR
   need_packages build-essential cmake ninja-build libinsighttoolkit5-dev libbenchmark-dev libcli11-dev libgtest-dev \
-    chromium chromium-driver dicom3tools python3-numpy python3-pil python3-pydicom python3-pytest python3-selenium
+    chromium chromium-driver dicom3tools ffmpeg python3-numpy python3-pil python3-pydicom python3-pytest python3-selenium
   local images=$build/tree/ExternalData/test/Input
   [ -d "$images" ] || images=
   configure_build_test "$build/installed" -DShearWarpMIP_TEST_IMAGES="$images" -DShearWarpMIP_BUILD_BENCHMARKS=ON \

@@ -73,70 +73,6 @@ TEST_F(ShearWarpMIPProgram, ShowsPatientFromEachSide)
   }
 }
 
-TEST_F(ShearWarpMIPProgram, TurnsAboutEachAxis)
-{
-  this->WriteLandmark();
-  // after a quarter of a turn from anterior: seen from the left, from below, and with the right side down
-  const std::map<std::string, std::string> expected = { { "superior", "top left" },
-                                                        { "left", "top right" },
-                                                        { "posterior", "top left" } };
-  for (const auto & [axis, place] : expected)
-  {
-    this->ExpectSuccess("landmark.nrrd out.nrrd --frames 4 --axis " + axis);
-    const auto stack = this->Read<VolumeType>("out.nrrd");
-    const auto size = stack->GetBufferedRegion().GetSize();
-    ASSERT_EQ(size[2], 4u);
-    const auto * const frame = stack->GetBufferPointer() + size[0] * size[1];
-    EXPECT_EQ(FindLandmark({ frame, frame + size[0] * size[1] }, size[0]), place) << axis;
-  }
-}
-
-TEST_F(ShearWarpMIPProgram, StacksFramesOnOneGrid)
-{
-  this->ExpectSuccess("in.nrrd out.nrrd --frames 5 --elevation 10 --background 3");
-  const auto stack = this->Read<VolumeType>("out.nrrd");
-  const auto size = stack->GetBufferedRegion().GetSize();
-  ASSERT_EQ(size[2], 5u);
-  EXPECT_EQ(stack->GetSpacing()[2], 1.0);
-
-  itk::SizeValueType widest = 0;
-  for (unsigned int k = 0; k < 5; ++k)
-  {
-    const auto turn = itk::AffineTransform<double, 3>::New();
-    turn->SetCenter(itk::ShearWarpMIPView::GetCentre(m_Volume));
-    turn->Rotate3D(itk::Vector<double, 3>(std::array<double, 3>{ 0, 0, 1 }.data()), k * itk::Math::twopi / 5);
-    const auto transform = this->MakeTransform(Direction::Anterior, 0.0, 10.0);
-    transform->Compose(turn);
-    widest = std::max(widest, this->Project(transform)->GetBufferedRegion().GetSize(0));
-
-    const auto         expected = this->Project(transform, [&](FilterType & filter) {
-      filter.SetSize({ { size[0], size[1] } });
-      filter.SetOutputSpacing(itk::Vector<double, 2>(stack->GetSpacing().GetDataPointer()));
-      filter.SetOutputOrigin(itk::Point<double, 2>(stack->GetOrigin().GetDataPointer()));
-      filter.SetDefaultPixelValue(3);
-    });
-    const auto         pixels = GetPixels(expected.GetPointer());
-    const auto * const frame = stack->GetBufferPointer() + k * pixels.size();
-    for (std::size_t i = 0; i < pixels.size(); ++i)
-    {
-      ASSERT_NEAR(frame[i], pixels[i], 1) << "frame " << k << ", pixel " << i;
-    }
-  }
-  EXPECT_GE(size[0], widest);
-  EXPECT_LE(size[0], widest + 1);
-}
-
-TEST_F(ShearWarpMIPProgram, NumbersPictures)
-{
-  this->ExpectSuccess("in.nrrd out.png --frames 3 --window 0 100");
-  EXPECT_FALSE(fs::exists(m_Folder / "out.png"));
-  EXPECT_FALSE(fs::exists(m_Folder / "out-003.png"));
-  const auto size = this->Read("out-000.png")->GetBufferedRegion();
-  EXPECT_EQ(this->Read("out-001.png")->GetBufferedRegion(), size);
-  EXPECT_EQ(this->Read("out-002.png")->GetBufferedRegion(), size);
-  EXPECT_EQ(this->GetContents().size(), 4u);
-}
-
 TEST_F(ShearWarpMIPProgram, WindowsPictures)
 {
   this->ExpectSuccess("in.nrrd out.nrrd --azimuth 30");
@@ -409,8 +345,6 @@ TEST_F(ShearWarpMIPProgram, RefusesWrongOptions)
   this->ExpectFailure("in.nrrd out.png --frames 0", "--frames");
   this->ExpectFailure("in.nrrd out.png --frames 4000000000", "--frames");
   this->ExpectFailure("in.nrrd out.png --frames 99999999999", "--frames");
-  this->ExpectFailure("in.nrrd out.png --axis left", "--axis");
-  this->ExpectFailure("in.nrrd out.png --frames 2 --axis up", "--axis");
   this->ExpectFailure("in.nrrd out.png --threads 0", "--threads");
   this->ExpectFailure("in.nrrd out.png --transform a.tfm --azimuth 3", "--transform");
 }

@@ -169,6 +169,18 @@ TEST_F(ShearWarpMIPProgramPage, HoldsFractionsAndSeriesThatDoNotTurn)
   EXPECT_TRUE(areBackground.count(false));
 }
 
+TEST_F(ShearWarpMIPProgramPage, TellsHowTheSeriesGoesOn)
+{
+  this->ExpectSuccess("in.nrrd turn.html --frames 2 --range -360 --rate 7.5");
+  const std::string turn = this->ReadSeries("turn.html");
+  EXPECT_NE(turn.find("\"loop\": \"turn\", \"angles\": [0, -180]"), std::string::npos);
+  EXPECT_EQ(GetNumber(turn, "rate"), 7.5);
+  this->ExpectSuccess("in.nrrd part.html --frames 3 --range 90");
+  EXPECT_NE(this->ReadSeries("part.html").find("\"loop\": \"none\", \"angles\": [0, 30, 60]"), std::string::npos);
+  this->ExpectSuccess("in.nrrd rocking.html --frames 4 --rocking 60");
+  EXPECT_NE(this->ReadSeries("rocking.html").find("\"loop\": \"swing\", \"angles\": [0, 30, "), std::string::npos);
+}
+
 TEST_F(ShearWarpMIPProgramPage, RefusesWhatAPageCannotShow)
 {
   const auto vectors = itk::VectorImage<short, 3>::New();

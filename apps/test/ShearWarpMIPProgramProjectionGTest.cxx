@@ -226,7 +226,7 @@ TEST_F(ShearWarpMIPProgramProjection, SlidesSlab)
   this->ExpectFailure("in.nrrd out.png --sliding-slab 0 1", "--sliding-slab");
   this->ExpectFailure("in.nrrd out.png --sliding-slab 5 -1", "--sliding-slab");
   this->ExpectFailure("in.nrrd out.png --sliding-slab 5", "--sliding-slab");
-  this->ExpectFailure("in.nrrd out.png --sliding-slab 5 1e-9", "at most 100000");
+  this->ExpectFailure("in.nrrd out.png --sliding-slab 5 1e-9", "at most 65535");
   this->ExpectFailure("in.nrrd out.png --sliding-slab 5 1 --slab 0 1", "--slab");
   this->ExpectFailure("in.nrrd out.png --sliding-slab 5 1 --frames 3", "--frames");
 }

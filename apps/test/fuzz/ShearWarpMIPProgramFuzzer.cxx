@@ -199,7 +199,7 @@ LLVMFuzzerTestOneInput(const std::uint8_t * data, std::size_t size)
   for (const std::string & name : after)
   {
     Require(name.compare(0, 16, ".shear-warp-mip-") != 0, "no temporary file is left", name);
-    fs::remove(name);
+    fs::remove_all(name);
   }
   return 0;
 }
