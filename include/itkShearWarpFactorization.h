@@ -46,14 +46,17 @@ struct IntermediateGrid
  * axis comes third, (i, j, k), the view of the image is
  * \f[ M_{view} P^{-1} = M_{warp} M_{shear} \f]
  * (Fang et al., Magn Reson Med 47:696-700, 2002, appendix). The shear moves slice k by whole and fractional
- * voxels, (i, j) -> (i + s_a k + t_a, j + s_b k + t_b), onto the intermediate image; the warp takes pixels of the
- * intermediate image to the view plane. Here, as everywhere in this module, coordinates of the view plane are in
- * the units of the view transform's input (mm, for a rigid transform of an image in mm).
+ * voxels, (i, j) to \f$ (i + s_a k + t_a, j + s_b k + t_b) \f$, onto the intermediate image; the warp takes pixels of
+ * the intermediate image to the view plane. Here, as everywhere in this module, coordinates of the view plane are in
+ * the units of the view transform's input (mm, for a rigid transform of an image in mm). With \f$ M_{view} P^{-1} =
+ * [m_{ij}] \f$ the shear is
+ * \f[ s_a = (m_{22} m_{13} - m_{12} m_{23}) / (m_{11} m_{22} - m_{21} m_{12}) \f]
+ * \f[ s_b = (m_{11} m_{23} - m_{21} m_{13}) / (m_{11} m_{22} - m_{21} m_{12}) \f]
  *
  * The principal axis is the one along which a ray's index changes most (the later one where two are equal but for
  * rounding errors), so that |s_a| <= 1 and |s_b| <= 1 for anisotropic voxels and affine views too. The published
- * translations are twice too large for negative shears; here t_a = max(0, -s_a (n_k - 1)), and t_b likewise, so that
- * every slice lies at a non-negative offset.
+ * translations are twice too large for negative shears; here \f$ t_a = \max(0, -s_a (n_k - 1)) \f$ for n_k slices,
+ * and t_b likewise, so that every slice lies at a non-negative offset.
  *
  * With an oversampling of N the intermediate image has N pixels per voxel along each axis: its pixel (x, y) lies where
  * the sheared voxels have column (x + 1) / N - 1 and row (y + 1) / N - 1. Its N x N phases, of which each takes every

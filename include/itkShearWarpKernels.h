@@ -34,7 +34,8 @@
  * instruction sets of x86-64 too. All give the same bits.
  *
  * Positions are quantized to 1/2^15 voxel, and bilinear weights are integers that sum to 2^15:
- * see SamplingPosition and BilinearWeights. Integer samples are the weighted sum rounded once, half upward.
+ * see SamplingPosition and BilinearWeights. Integer samples are the weighted sum rounded once, half upward:
+ * \f[ \lfloor (w_{aa} v_{aa} + w_{ab} v_{ab} + w_{ba} v_{ba} + w_{bb} v_{bb} + 2^{14}) / 2^{15} \rfloor \f]
  * Floating-point samples are three linear interpolations `b + x * (a - b)`, along columns first, each in
  * the pixel's own precision and without contraction; the result is never outside the range of the four
  * voxels, because x is at most 1 - 2^-15, unless their difference overflows. A voxel of weight zero takes no part. A
@@ -67,7 +68,8 @@ QuantizePosition(double position);
 
 /** Weights of the four corners of a cell in 1/2^15: none negative, their sum exactly 2^15.
  * First letter: row, second letter: column; `a` is the neighbour of weight \a x (or \a y), `b` the one that
- * has the rest. */
+ * has the rest. \f[ aa = \lfloor (x y + 2^{14}) / 2^{15} \rfloor, \quad ab = y - aa, \quad ba = x - aa, \quad
+ * bb = 2^{15} - x - y + aa \f] */
 struct BilinearWeights
 {
   BilinearWeights(std::int32_t x, std::int32_t y)

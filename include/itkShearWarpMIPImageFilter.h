@@ -26,8 +26,9 @@ namespace itk
 /** \class ShearWarpMIPImageFilter
  * \brief Maximum intensity projection (MIP) of a 3D image from any direction.
  *
- * Pixel (u, v) of the 2D output is the maximum of the input along the line of all w at T(u, v, w), where T is the
- * Transform parameter, from view space to the image's physical space (as in ResampleImageFilter, output to input).
+ * Pixel (u, v) of the 2D output is the maximum of the input I along the line of all w at T(u, v, w), where T is the
+ * Transform parameter, from view space to the image's physical space (as in ResampleImageFilter, output to input):
+ * \f[ MIP(u, v) = \max_w I(T(u, v, w)) \f]
  * The output's index axes point along u and v, its spacing and origin are in view space: mm, for a rigid
  * transform of an image in mm. Where the line misses the image the output is DefaultPixelValue; every other
  * value is one that the input's voxels bound.

@@ -14,27 +14,13 @@ if(DOXYGEN_FOUND)
   file(MAKE_DIRECTORY ${ShearWarpMIP_DOXYGEN_DIR})
   file(
     WRITE ${ShearWarpMIP_DOXYGEN_DIR}/Doxyfile
-    "INPUT = ${headers}
+    "@INCLUDE = ${CMAKE_CURRENT_SOURCE_DIR}/Doxyfile
+INPUT = ${headers}
 INPUT_FILTER = \"${Python3_EXECUTABLE} ${CMAKE_CURRENT_SOURCE_DIR}/repeat_comments.py\"
 OUTPUT_DIRECTORY = ${ShearWarpMIP_DOXYGEN_DIR}
 GENERATE_HTML = NO
-GENERATE_LATEX = NO
 GENERATE_XML = YES
-CASE_SENSE_NAMES = YES
-QUIET = YES
 WARNINGS = NO
-MACRO_EXPANSION = YES
-EXPAND_ONLY_PREDEF = YES
-PREDEFINED = ITK_TEMPLATE_EXPORT= ShearWarpMIP_EXPORT= ITKv5_CONST=const \\
-  \"itkSetMacro(name,type)=void Set##name(type);\" \\
-  \"itkSetEnumMacro(name,type)=void Set##name(type);\" \\
-  \"itkGetEnumMacro(name,type)=type Get##name() const;\" \\
-  \"itkBooleanMacro(name)=void name##On(); void name##Off();\" \\
-  \"itkSetInputMacro(name,type)=void Set##name(const type *);\" \\
-  \"itkGetInputMacro(name,type)=const type * Get##name() const;\" \\
-  \"itkGetConstMacro(name,type)=type Get##name() const;\" \\
-  \"itkGetConstReferenceMacro(name,type)=const type & Get##name() const;\" \\
-  \"itkSetGetDecoratedObjectInputMacro(name,type)=void Set##name(const type *);\"
 ")
   execute_process(COMMAND ${DOXYGEN_EXECUTABLE} ${ShearWarpMIP_DOXYGEN_DIR}/Doxyfile COMMAND_ERROR_IS_FATAL ANY)
 endif()
