@@ -1,14 +1,12 @@
 #!/usr/bin/env bash
-# Static checks of every file; any finding is a failure.
+# Static analysis of the C++ code; any finding is a failure.
 #
-#   format    clang-format
 #   compile   g++ with -Wall -Wextra -Wconversion -Wshadow
 #   tidy      clang-tidy, with the checks of .clang-tidy and clang's warnings; of the module and its program
 #   cppcheck
-#   scripts   shellcheck and ruff
 #
-# Usage: check.sh [format | compile | tidy | cppcheck | scripts]...    [all five]
-# Installs what is missing, as root or with sudo; ruff from PyPI. Environment: see itk-build-tree.sh.
+# Usage: check.sh [compile | tidy | cppcheck]...    [all three]
+# Installs what is missing, as root or with sudo. Environment: see itk-build-tree.sh.
 set -euo pipefail
 . "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 cd "$root"
@@ -17,27 +15,19 @@ unset ITK_DIR
 build=$root/build/check
 
 stages=("$@")
-[ ${#stages[@]} -gt 0 ] || stages=(format compile tidy cppcheck scripts)
+[ ${#stages[@]} -gt 0 ] || stages=(compile tidy cppcheck)
 for stage in "${stages[@]}"; do
   case $stage in
-    format | compile | tidy | cppcheck | scripts) ;;
+    compile | tidy | cppcheck) ;;
     *) show_usage; exit 1 ;;
   esac
 done
-
-# list NAME...: this project's files of these names, those that are not committed yet too.
-list() { git ls-files --cached --others --exclude-standard -- "$@"; }
 
 configure() {
   need_packages build-essential cmake ninja-build libinsighttoolkit5-dev libbenchmark-dev libcli11-dev libgtest-dev
   cmake -S "$root" -B "$build" -G Ninja -DBUILD_TESTING=ON -DCMAKE_EXPORT_COMPILE_COMMANDS=ON \
     -DShearWarpMIP_BUILD_APPS=ON -DShearWarpMIP_BUILD_BENCHMARKS=ON -DCMAKE_BUILD_TYPE=Check \
     '-DCMAKE_CXX_FLAGS_CHECK=-fsyntax-only -Wall -Wextra -Wconversion -Wshadow -Werror' > /dev/null
-}
-
-check_format() {
-  need_packages clang-format
-  list '*.h' '*.hxx' '*.cxx' | xargs clang-format --dry-run -Werror
 }
 
 check_compile() {
@@ -58,20 +48,10 @@ check_tidy() {
 check_cppcheck() {
   need_packages cppcheck
   mkdir -p "$build"
-  list '*.cxx' > "$build/files"
+  git ls-files --cached --others --exclude-standard -- '*.cxx' > "$build/files"
   cppcheck --quiet -j "$jobs" --std=c++17 --enable=warning,performance,portability --inline-suppr --error-exitcode=1 \
     --library=googletest --library=gnu '-DTYPED_TEST_SUITE(...)=' -D__linux__ -DShearWarpMIP_HAS_X86_KERNELS \
     -I include -I src -I apps -I benchmark --file-list="$build/files"
-}
-
-check_scripts() {
-  need_packages python3-venv shellcheck
-  list '*.sh' .ci/run | xargs shellcheck
-  [ -x "$cache/ruff/bin/ruff" ] || {
-    /usr/bin/python3 -m venv "$cache/ruff"
-    "$cache/ruff/bin/pip" install --quiet --disable-pip-version-check ruff==0.8.4
-  }
-  "$cache/ruff/bin/ruff" check --quiet
 }
 
 for stage in "${stages[@]}"; do
