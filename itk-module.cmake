@@ -1,7 +1,9 @@
-set(DOCUMENTATION
-    "Maximum intensity projection (MIP) of 3D images from any direction, exact and at the speed of memory, by
+set(
+  DOCUMENTATION
+  "Maximum intensity projection (MIP) of 3D images from any direction, exact and at the speed of memory, by
 shear-warp factorization and reduced resampling: Fang et al., Fast Maximum Intensity Projection Algorithm
-Using Shear Warp Factorization and Reduced Resampling, Magn Reson Med 47:696-700, 2002.")
+Using Shear Warp Factorization and Reduced Resampling, Magn Reson Med 47:696-700, 2002."
+)
 
 itk_module(
   ShearWarpMIP
@@ -20,4 +22,5 @@ itk_module(
   ITKIONRRD
   EXCLUDE_FROM_DEFAULT
   DESCRIPTION
-  "${DOCUMENTATION}")
+  "${DOCUMENTATION}"
+)

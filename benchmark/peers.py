@@ -133,9 +133,7 @@ def half_depth(volume: Volume, view: View, step: float) -> int:
 # -------------------------------------------------------------------------------------------- data
 
 
-def smooth_curves(
-    random: np.random.Generator, start: np.ndarray, steps: int, wander: float
-) -> np.ndarray:
+def smooth_curves(random: np.random.Generator, start: np.ndarray, steps: int, wander: float) -> np.ndarray:
     """steps x count x 3 points, half a voxel apart, of curves that begin at count x 3 points."""
 
     def unit(vectors: np.ndarray) -> np.ndarray:
@@ -324,9 +322,7 @@ def sample(voxels: np.ndarray, index: np.ndarray) -> tuple[np.ndarray, np.ndarra
     )
 
 
-def stepped_maximum(
-    volume: Volume, view: View, grid: Grid, rays: Rays, phases: int
-) -> tuple[np.ndarray, np.ndarray]:
+def stepped_maximum(volume: Volume, view: View, grid: Grid, rays: Rays, phases: int) -> tuple[np.ndarray, np.ndarray]:
     """Maxima (rays x phases) of samples a spacing apart; and of those at the image's border (rays).
 
     Phase p is displaced along the rays by p / phases of a step.
@@ -345,9 +341,7 @@ def stepped_maximum(
     return inside, border
 
 
-def slice_maximum(
-    volume: Volume, direction: np.ndarray, axis: int, start: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def slice_maximum(volume: Volume, direction: np.ndarray, axis: int, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Maxima of one sample per slice, inside and at the border, of rays that start in slice 0.
 
     `start` (rays x 3) and `direction` are in voxels (x, y, z); the direction's `axis` is 1.
@@ -627,9 +621,7 @@ class Rtk(ItkPeer):
         distance = float(np.linalg.norm(self.volume.size * self.volume.spacing))
         gantry, out_of_plane, in_plane = self.angles(view.rotation)
         geometry = self.new_geometry()
-        geometry.AddProjectionInRadians(
-            distance, 0.0, gantry, 0.0, 0.0, out_of_plane, in_plane, 0.0, 0.0
-        )
+        geometry.AddProjectionInRadians(distance, 0.0, gantry, 0.0, 0.0, out_of_plane, in_plane, 0.0, 0.0)
         self.filter.SetGeometry(geometry)
         self.filter.Update()
         ray = view_to_index(self.volume, view)[:, 2]
@@ -869,9 +861,7 @@ class VtkRayCast(VtkPeer):
         return {"window": self.window.GetClassName(), "drawing": asdict(drawing)}
 
 
-PEERS: dict[str, type[Peer]] = {
-    peer.key: peer for peer in (Ours, Rtk, VtkRayCast, VtkSlab, ResampleAndMaximum, Scipy)
-}
+PEERS: dict[str, type[Peer]] = {peer.key: peer for peer in (Ours, Rtk, VtkRayCast, VtkSlab, ResampleAndMaximum, Scipy)}
 
 
 # --------------------------------------------------------------------------------------- measuring
@@ -1036,9 +1026,7 @@ def run(job: Job, timeout: float) -> tuple[list[Result], list[Problem]]:
     results: list[Result] = []
     problems: list[Problem] = []
     version = ""
-    ready = (
-        job.peer == Ours.key
-    )  # has to work if it is installed; the others once they have started
+    ready = job.peer == Ours.key  # has to work if it is installed; the others once they have started
 
     def problem(reason: str, failed: bool) -> None:
         problems.append(Problem(job.name, job.peer, " ".join(reason.split())[:200], failed))
@@ -1073,9 +1061,7 @@ def check_rule(result: Result, volume: Volume, view: View, grid: Grid, mask: np.
     peer = PEERS[result.peer]
     rays = random_rays(mask, grid)
     drawing = result.notes.get("drawing")
-    low, high, known = reference(
-        peer.sampling, volume, view, grid, rays, Drawing(**drawing) if drawing else None
-    )
+    low, high, known = reference(peer.sampling, volume, view, grid, rays, Drawing(**drawing) if drawing else None)
     low, high = np.maximum(low, peer.lowest)[known], np.maximum(high, peer.lowest)[known]
     values = result.picture[rays.rows, rays.columns].astype(float)[known]
     extent = float(volume.voxels.max()) - float(volume.voxels.min())
@@ -1090,9 +1076,7 @@ def check_rule(result: Result, volume: Volume, view: View, grid: Grid, mask: np.
     result.passed &= result.rule <= result.rule_bound
 
 
-def check_picture(
-    result: Result, ours: Result, volume: Volume, mask: np.ndarray, control: float | None
-) -> None:
+def check_picture(result: Result, ours: Result, volume: Volume, mask: np.ndarray, control: float | None) -> None:
     """How far the picture is from ours; `control` is the 99th percentile of a pixel's move."""
     extent = float(volume.voxels.max()) - float(volume.voxels.min())
     expected = np.maximum(ours.picture[mask].astype(float), PEERS[result.peer].lowest)
@@ -1112,9 +1096,7 @@ def moved(ours: Result, volume: Volume, mask: np.ndarray) -> float:
     return float(np.percentile(difference, 99))
 
 
-def compare(
-    results: list[Result], volume: Volume, views: list[View], grid: Grid, judge: bool
-) -> list[str]:
+def compare(results: list[Result], volume: Volume, views: list[View], grid: Grid, judge: bool) -> list[str]:
     """Makes both checks for all results of an image; returns the pictures' bounds, in words."""
     remarks = []
     for view in views:
@@ -1185,9 +1167,7 @@ def disturbed(results: list[Result]) -> str:
     most = max((r.others or 0.0 for r in results), default=0.0)
     if most < BUSY:
         return ""
-    return (
-        f"Other programs used up to {most:.1f} cores meanwhile: times and ratios are not reliable."
-    )
+    return f"Other programs used up to {most:.1f} cores meanwhile: times and ratios are not reliable."
 
 
 def machine() -> str:
@@ -1202,9 +1182,7 @@ def machine() -> str:
     return f"{processor}, {os.cpu_count()} cores, {platform.system()}, Python {python}"
 
 
-def markdown(
-    results: list[Result], problems: list[Problem], views: list[View], threads: int
-) -> str:
+def markdown(results: list[Result], problems: list[Problem], views: list[View], threads: int) -> str:
     """A table per image: median times of a prepared view, and how many times ours that is."""
 
     def cell(result: Result | None) -> str:
@@ -1320,9 +1298,7 @@ def draw_times(file: Path, results: list[Result], views: list[View], threads: in
     if Ours.key in keys:
         handles.append(plt.Line2D([], [], color="black", marker="_", linestyle="", markersize=10))
         labels.append(f"{Ours.title}, first view of an image")
-    figure.legend(
-        handles, labels, loc="outside lower center", ncols=min(4, 1 + len(images)), fontsize=8
-    )
+    figure.legend(handles, labels, loc="outside lower center", ncols=min(4, 1 + len(images)), fontsize=8)
     figure.savefig(file, dpi=150)
     plt.close(figure)
 
@@ -1364,9 +1340,7 @@ def parse_size(text: str) -> tuple[int, int, int]:
     match = re.fullmatch(r"(\d+)x(\d+)x(\d+)", text)
     size = tuple(int(n) for n in match.groups()) if match else ()
     if len(size) != 3 or min(size) < 16:
-        raise argparse.ArgumentTypeError(
-            f"{text!r} is not a size such as 256x256x64, 16 or more each"
-        )
+        raise argparse.ArgumentTypeError(f"{text!r} is not a size such as 256x256x64, 16 or more each")
     return size
 
 
@@ -1382,8 +1356,7 @@ def parse_arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
-        epilog="peers:\n"
-        + "\n".join(f"  {key:<12} {peer.title} ({peer.package})" for key, peer in PEERS.items()),
+        epilog="peers:\n" + "\n".join(f"  {key:<12} {peer.title} ({peer.package})" for key, peer in PEERS.items()),
     )
     image = parser.add_mutually_exclusive_group()
     image.add_argument(
@@ -1402,9 +1375,7 @@ def parse_arguments() -> argparse.Namespace:
         metavar="VIEW",
         help="rotations by degrees about the axes, of which + makes products [y30 x40 y60+x20]",
     )
-    parser.add_argument(
-        "--peers", nargs="+", choices=PEERS, default=list(PEERS), metavar="PEER", help="which [all]"
-    )
+    parser.add_argument("--peers", nargs="+", choices=PEERS, default=list(PEERS), metavar="PEER", help="which [all]")
     parser.add_argument("--repetitions", type=positive, default=10, help="of each view [10]")
     parser.add_argument(
         "--budget",
@@ -1421,12 +1392,8 @@ def parse_arguments() -> argparse.Namespace:
         help="a peer silent for so long is stopped [300]",
     )
     parser.add_argument("--threads", type=positive, default=2, help="of every peer [2]")
-    parser.add_argument(
-        "--output", type=Path, metavar="DIR", help="for peers.csv, .json, .md and .png [none]"
-    )
-    parser.add_argument(
-        "--pictures", action="store_true", help="the projections side by side too, in --output"
-    )
+    parser.add_argument("--output", type=Path, metavar="DIR", help="for peers.csv, .json, .md and .png [none]")
+    parser.add_argument("--pictures", action="store_true", help="the projections side by side too, in --output")
     parser.add_argument(
         "--smoke",
         action="store_true",

@@ -70,9 +70,7 @@ def project(image, azimuth: float, elevation: float):
             view = itk.ShearWarpMIPView.MakeTransform(
                 volume, itk.ShearWarpMIPViewEnums.Direction_Anterior, azimuth, elevation
             )
-            mip = itk.ShearWarpMIPImageFilter.New(
-                volume, Transform=view, DefaultPixelValue=voxels.min().item()
-            )
+            mip = itk.ShearWarpMIPImageFilter.New(volume, Transform=view, DefaultPixelValue=voxels.min().item())
         mip.SetInput(volume)
         mip.Update()
         pictures.append(itk.array_from_image(mip.GetOutput()))
@@ -90,14 +88,10 @@ def project(image, azimuth: float, elevation: float):
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("image", type=Path, help="a file with a 3D image of several channels, or with a 4D image")
     parser.add_argument("output", type=Path, help="the projection: .nrrd, .mha, .tif, ...")
-    parser.add_argument(
-        "--azimuth", type=float, default=0.0, help="degrees to the patient's left [0]"
-    )
+    parser.add_argument("--azimuth", type=float, default=0.0, help="degrees to the patient's left [0]")
     parser.add_argument("--elevation", type=float, default=0.0, help="degrees from above [0]")
     arguments = parser.parse_args()
 

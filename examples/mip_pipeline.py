@@ -46,14 +46,10 @@ def show(axes, mip, title: str) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("image", type=Path, help="a 3D image file")
     parser.add_argument("output", type=Path, help="the picture: .png, .jpg, .pdf, ...")
-    parser.add_argument(
-        "--azimuth", type=float, default=0.0, help="degrees to the patient's left [0]"
-    )
+    parser.add_argument("--azimuth", type=float, default=0.0, help="degrees to the patient's left [0]")
     parser.add_argument("--elevation", type=float, default=0.0, help="degrees from above [0]")
     parser.add_argument(
         "--sigma",

@@ -60,9 +60,7 @@ def to_grey(pictures: list[np.ndarray], percentiles: tuple[float, float]) -> lis
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("image", type=Path, help="a 3D image file, or a folder of DICOM files")
     parser.add_argument("output", type=Path, help="the animation: .gif, .webp or .png")
     parser.add_argument("--frames", type=int, default=36, help="frames of a full turn [36]")

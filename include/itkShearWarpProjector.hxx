@@ -84,7 +84,7 @@ ShearWarpProjector<TPixel>::Project(const ShearWarpPreparedVolume<TPixel> & volu
   // slices together are faster where samples have two voxels
   const auto isTurnAboutAxis = [](const ShearWarpFactorization * factorization) {
     const auto & placements = factorization->GetSlicePlacements();
-    const auto   areWhole = [&](ShearWarp::SamplingPosition ShearWarp::SlicePlacement::*position) {
+    const auto   areWhole = [&](ShearWarp::SamplingPosition ShearWarp::SlicePlacement::* position) {
       return std::all_of(
         placements.begin(), placements.end(), [=](const auto & slice) { return (slice.*position).fraction == 0; });
     };

@@ -21,7 +21,8 @@ OUTPUT_DIRECTORY = ${ShearWarpMIP_DOXYGEN_DIR}
 GENERATE_HTML = NO
 GENERATE_XML = YES
 WARNINGS = NO
-")
+"
+  )
   execute_process(COMMAND ${DOXYGEN_EXECUTABLE} ${ShearWarpMIP_DOXYGEN_DIR}/Doxyfile COMMAND_ERROR_IS_FATAL ANY)
 endif()
 
@@ -36,9 +37,11 @@ macro(shear_warp_mip_docstrings class)
     string(REPLACE ";" "\t" tabbed_names "${ARGN}")
     file(WRITE ${ShearWarpMIP_DOXYGEN_DIR}/${class}.conf "${xml_file}\titk::${class}\t${tabbed_names}\n")
     execute_process(
-      COMMAND ${Python3_EXECUTABLE} ${WRAP_ITK_CMAKE_DIR}/Generators/Doc/itk_doxy2swig.py
-              ${ShearWarpMIP_DOXYGEN_DIR}/${class}.conf ${ShearWarpMIP_DOXYGEN_DIR}/${class}_doc.i
-      COMMAND_ERROR_IS_FATAL ANY)
+      COMMAND
+        ${Python3_EXECUTABLE} ${WRAP_ITK_CMAKE_DIR}/Generators/Doc/itk_doxy2swig.py
+        ${ShearWarpMIP_DOXYGEN_DIR}/${class}.conf ${ShearWarpMIP_DOXYGEN_DIR}/${class}_doc.i
+      COMMAND_ERROR_IS_FATAL ANY
+    )
     string(APPEND ITK_WRAP_PYTHON_SWIG_EXT "%include \"${ShearWarpMIP_DOXYGEN_DIR}/${class}_doc.i\"\n")
   endif()
 endmacro()

@@ -1,8 +1,16 @@
 # Installs the type stubs that ITK generated in ITK_STUB_DIR. They lack some imports, and take base classes from a
 # file that ITK's own wheels do not have.
 
-foreach(class ShearWarpFactorization ShearWarpMIPBaseImageFilter ShearWarpMIPCineImageFilter ShearWarpMIPImageFilter
-        ShearWarpMIPImageFilterEnums ShearWarpMIPView ShearWarpMIPViewEnums)
+foreach(
+  class
+  ShearWarpFactorization
+  ShearWarpMIPBaseImageFilter
+  ShearWarpMIPCineImageFilter
+  ShearWarpMIPImageFilter
+  ShearWarpMIPImageFilterEnums
+  ShearWarpMIPView
+  ShearWarpMIPViewEnums
+)
   foreach(kind Proxy Template)
     file(READ "${ITK_STUB_DIR}/${class}${kind}.pyi" stub)
     string(REPLACE "import Union, Any" "import Any, Sequence, Union, overload" stub "${stub}")

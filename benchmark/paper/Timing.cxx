@@ -307,7 +307,7 @@ struct Series
 };
 
 double
-GetMedianOf(double Times::*time, const std::vector<Times> & measured)
+GetMedianOf(double Times::* time, const std::vector<Times> & measured)
 {
   std::vector<double> values;
   for (const Times & times : measured)

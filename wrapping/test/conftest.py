@@ -86,6 +86,4 @@ def image(rng):
 @pytest.fixture
 def oblique_view(image):
     """A view of ``image`` along none of its axes."""
-    return itk.ShearWarpMIPView.MakeTransform(
-        image, itk.ShearWarpMIPViewEnums.Direction_Anterior, 35.0, 20.0
-    )
+    return itk.ShearWarpMIPView.MakeTransform(image, itk.ShearWarpMIPViewEnums.Direction_Anterior, 35.0, 20.0)

@@ -37,9 +37,7 @@ def linear_map(transform) -> tuple[np.ndarray, np.ndarray]:
 def view_to_index(transform, image) -> tuple[np.ndarray, np.ndarray]:
     """Matrix and offset from view space to indices relative to the first voxel."""
     matrix, offset = linear_map(transform)
-    index_to_physical = itk.array_from_matrix(image.GetDirection()) @ np.diag(
-        list(image.GetSpacing())
-    )
+    index_to_physical = itk.array_from_matrix(image.GetDirection()) @ np.diag(list(image.GetSpacing()))
     start = np.array(list(image.GetLargestPossibleRegion().GetIndex()), float)
     physical_to_index = np.linalg.inv(index_to_physical)
     return (
@@ -84,10 +82,7 @@ def oversampled_image(slices: np.ndarray, shear, translation, oversampling: int)
     """The intermediate image whose pixel x is sheared voxel (x + 1) / oversampling - 1."""
     steps = range(oversampling)
     shifts = [ONE * (oversampling - 1 - step) // oversampling for step in steps]
-    phases = [
-        [intermediate_image(slices, shear, translation, (column, row)) for column in shifts]
-        for row in shifts
-    ]
+    phases = [[intermediate_image(slices, shear, translation, (column, row)) for column in shifts] for row in shifts]
     shape = np.max([pixels.shape for row in phases for pixels, _ in row], axis=0) * oversampling
     joined = np.zeros(shape, slices.dtype), np.zeros(shape, bool)
     for y in steps:
@@ -108,9 +103,7 @@ def intermediate_image(slices, shear, translation, shift=(0, 0)) -> tuple[np.nda
         return moved >> 15, moved & (ONE - 1)
 
     offsets = [(place(0, k), place(1, k)) for k in range(count)]
-    first = [
-        [int(whole + (fraction > ONE // 2)) for whole, fraction in offset] for offset in offsets
-    ]
+    first = [[int(whole + (fraction > ONE // 2)) for whole, fraction in offset] for offset in offsets]
     shape = rows + max(row for _, row in first), columns + max(column for column, _ in first)
     lowest = -np.inf if slices.dtype.kind == "f" else np.iinfo(slices.dtype).min
     pixels = np.full(shape, lowest, slices.dtype)
@@ -136,9 +129,7 @@ def weighted_mean(values: np.ndarray, weights: np.ndarray, dtype: np.dtype) -> n
         highest = np.where(weights > 0, values, -np.inf).max(axis=0)
         return np.clip(mean, lowest, highest)
     total = weights.sum(axis=0)
-    return ((2 * (values.astype(np.int64) * weights).sum(axis=0) + total) // (2 * total)).astype(
-        dtype
-    )
+    return ((2 * (values.astype(np.int64) * weights).sum(axis=0) + total) // (2 * total)).astype(dtype)
 
 
 class View:
@@ -293,15 +284,11 @@ def collect_rays(view: View, transform, rule: Rule, default, oversampling: int):
                 samples, counts = masked_samples(padded, inside, *weight)
             samples, counts = samples[cells], counts[cells].copy()
 
-            p, q = np.meshgrid(
-                np.arange(columns) + whole[0] + first[0], np.arange(rows) + whole[1] + first[1]
-            )
+            p, q = np.meshgrid(np.arange(columns) + whole[0] + first[0], np.arange(rows) + whole[1] + first[1])
             index = np.empty((3, *samples.shape))
             index[i], index[j] = p + corner[0] - moved[0], q + corner[1] - moved[1]
             index[k] = slice_number
-            of_view = np.linalg.solve(
-                view.matrix, index.reshape(3, -1) - view.offset[:, np.newaxis]
-            )
+            of_view = np.linalg.solve(view.matrix, index.reshape(3, -1) - view.offset[:, np.newaxis])
             depths = of_view[2].reshape(samples.shape)
             points = of_physical @ of_view + physical_offset[:, np.newaxis]
             counts &= (depths >= rule.slab_near) & (depths <= rule.slab_far)

@@ -279,9 +279,7 @@ def test_bad_input_raises(code, exception, message, isolated):
     outcome = isolated(PREAMBLE + code)
     assert outcome.code == 1, f"exit code {outcome.code}: {outcome.text}"
     last = [line for line in outcome.text.splitlines() if line and not line.startswith((" ", "\t"))]
-    assert any(
-        line.startswith(exception) or f".{exception}:" in line for line in last
-    ), outcome.text
+    assert any(line.startswith(exception) or f".{exception}:" in line for line in last), outcome.text
     assert message in outcome.text
 
 

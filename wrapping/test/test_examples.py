@@ -53,9 +53,7 @@ def test_rotating_mip(volume, tmp_path):
 
 
 def test_rotating_mip_as_webp_from_above(volume, tmp_path):
-    outcome = run(
-        "rotating_mip.py", volume, tmp_path / "tube.webp", "--frames", 3, "--elevation", 20
-    )
+    outcome = run("rotating_mip.py", volume, tmp_path / "tube.webp", "--frames", 3, "--elevation", 20)
     assert outcome.returncode == 0, outcome.stderr
     with Image.open(tmp_path / "tube.webp") as animation:
         assert (animation.format, animation.n_frames) == ("WEBP", 3)
@@ -123,9 +121,7 @@ def test_channels_mip(kind, tmp_path):
     image = (
         itk.image_from_array(array, is_vector=True)
         if is_long_vector
-        else itk.image_from_array(
-            array[..., 0] if channels == 1 else array, ttype=itk.Image[pixel_type, dimension]
-        )
+        else itk.image_from_array(array[..., 0] if channels == 1 else array, ttype=itk.Image[pixel_type, dimension])
     )
     image.SetSpacing([0.5, 0.75, 2.0, 1.5][:dimension])
     image.SetOrigin([-3.0, 4.0, 50.0, 10.0][:dimension])
@@ -143,9 +139,7 @@ def test_channels_mip(kind, tmp_path):
         volume = itk.image_from_array(np.ascontiguousarray(voxels[time, ..., channel]))
         volume.SetSpacing([0.5, 0.75, 2.0])
         volume.SetOrigin([-3.0, 4.0, 50.0])
-        view = itk.ShearWarpMIPView.MakeTransform(
-            volume, itk.ShearWarpMIPViewEnums.Direction_Anterior, 25.0
-        )
+        view = itk.ShearWarpMIPView.MakeTransform(volume, itk.ShearWarpMIPViewEnums.Direction_Anterior, 25.0)
         darkest = voxels.min().item()
         mip = itk.shear_warp_mip_image_filter(volume, transform=view, default_pixel_value=darkest)
         np.testing.assert_array_equal(pixels[time, ..., channel], itk.array_from_image(mip))

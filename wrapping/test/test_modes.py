@@ -19,9 +19,7 @@ SLICE = itk.Image[itk.SS, 3], itk.Image[itk.SS, 3]
 
 def keywords(rule: Rule) -> dict:
     """Those that the functional interface takes for a rule."""
-    changed = {
-        name: value for name, value in rule._asdict().items() if value is not Rule._field_defaults[name]
-    }
+    changed = {name: value for name, value in rule._asdict().items() if value is not Rule._field_defaults[name]}
     return changed | ({"mode": MODES[rule.mode]} if "mode" in changed else {})
 
 
@@ -197,8 +195,8 @@ def test_depth_leads_to_the_bright_voxel(azimuth, elevation, image):
     place = np.array(list(point))
     expected = np.array(list(image.TransformIndexToPhysicalPoint([9, 6, 3])))
     assert np.linalg.norm(place - expected) < max(image.GetSpacing())
-    assert list(image.TransformPhysicalPointToIndex(point))[mip.GetPrincipalAxis()] == (
-        [9, 6, 3][mip.GetPrincipalAxis()]
+    assert (
+        list(image.TransformPhysicalPointToIndex(point))[mip.GetPrincipalAxis()] == ([9, 6, 3][mip.GetPrincipalAxis()])
     )
     depth = mip.GetDepthOutput()
     in_view = [*depth.TransformIndexToPhysicalPoint([column, row]), depth.GetPixel([column, row])]
@@ -216,9 +214,7 @@ def test_depth_is_an_image_of_the_same_grid(image, oblique_view):
     assert depth.GetSpacing() == output.GetSpacing()
     assert depth.GetOrigin() == output.GetOrigin()
     plain = itk.shear_warp_mip_image_filter(image, transform=oblique_view, default_pixel_value=-2000)
-    np.testing.assert_array_equal(
-        np.isnan(itk.array_from_image(depth)), itk.array_from_image(plain) == -2000
-    )
+    np.testing.assert_array_equal(np.isnan(itk.array_from_image(depth)), itk.array_from_image(plain) == -2000)
     expected = itk.array_from_image(depth)
     del mip, output
     np.testing.assert_array_equal(itk.array_from_image(depth), expected)
@@ -258,9 +254,7 @@ def test_two_dimensions_are_the_default(image):
 @pytest.mark.parametrize("dtype", DTYPES)
 def test_slice_has_the_pixels_of_the_flat_output(dtype, oblique_view, rng):
     image = itk.image_from_array(rng.integers(0, 100, (6, 7, 8)).astype(dtype))
-    volume = itk.shear_warp_mip_image_filter(
-        image, transform=oblique_view, ttype=(type(image), type(image))
-    )
+    volume = itk.shear_warp_mip_image_filter(image, transform=oblique_view, ttype=(type(image), type(image)))
     flat = itk.shear_warp_mip_image_filter(image, transform=oblique_view)
     assert type(volume) is type(image)
     np.testing.assert_array_equal(itk.array_from_image(volume)[0], itk.array_from_image(flat))
@@ -269,12 +263,8 @@ def test_slice_has_the_pixels_of_the_flat_output(dtype, oblique_view, rng):
 @pytest.mark.parametrize("slab", [None, (-3.0, 5.0)])
 def test_slice_lies_where_its_rays_begin_and_end(slab, image, oblique_view):
     near_far = dict(zip(("SlabNear", "SlabFar"), slab or ()))
-    mip = itk.ShearWarpMIPImageFilter.New(
-        image, ttype=SLICE, Transform=oblique_view, ComputeDepth=True, **near_far
-    )
-    flat = itk.ShearWarpMIPImageFilter.New(
-        image, Transform=oblique_view, ComputeDepth=True, **near_far
-    )
+    mip = itk.ShearWarpMIPImageFilter.New(image, ttype=SLICE, Transform=oblique_view, ComputeDepth=True, **near_far)
+    flat = itk.ShearWarpMIPImageFilter.New(image, Transform=oblique_view, ComputeDepth=True, **near_far)
     mip.Update()
     flat.Update()
     output, grid = mip.GetOutput(), flat.GetOutput()
@@ -291,9 +281,7 @@ def test_slice_lies_where_its_rays_begin_and_end(slab, image, oblique_view):
         assert physical_point(output, [u, v, end]) == pytest.approx(list(expected))
     assert type(mip.GetDepthOutput()) is itk.Image[itk.F, 3]
     assert mip.GetDepthOutput().GetDirection() == output.GetDirection()
-    assert mip.GetPhysicalPoint([width // 2, height // 2, 0]) == flat.GetPhysicalPoint(
-        [width // 2, height // 2]
-    )
+    assert mip.GetPhysicalPoint([width // 2, height // 2, 0]) == flat.GetPhysicalPoint([width // 2, height // 2])
 
 
 def test_slice_finds_its_place_after_a_file(image, oblique_view, tmp_path):
@@ -330,9 +318,7 @@ def test_arrays_as_image_and_mask(rng):
     np.testing.assert_array_equal(minimum, voxels.min(axis=0))
 
     # one array makes the result an array
-    mip = itk.shear_warp_mip_image_filter(
-        itk.image_from_array(voxels), mask_image=labels, mask_label=2
-    )
+    mip = itk.shear_warp_mip_image_filter(itk.image_from_array(voxels), mask_image=labels, mask_label=2)
     assert isinstance(mip, np.ndarray)
     np.testing.assert_array_equal(mip, inside)
 
@@ -356,9 +342,7 @@ def test_data_arrays_as_image_and_mask(rng):
             rng.integers(0, 2, (4, 5, 6), np.uint8),
         )
     )
-    mip = itk.shear_warp_mip_image_filter(
-        voxels, mask_image=labels, output_spacing=[1.5, 2.0], slab_near=102.0
-    )
+    mip = itk.shear_warp_mip_image_filter(voxels, mask_image=labels, output_spacing=[1.5, 2.0], slab_near=102.0)
     assert isinstance(mip, xarray.DataArray)
     assert mip.dims == ("y", "x")
     expected = np.where(labels.values == 1, voxels.values, 0)[1:].max(axis=0)
@@ -376,9 +360,7 @@ def test_mask_from_a_pipeline(image, oblique_view):
         threshold.SetUpperThreshold(upper)
         mip.Update()
         output = mip.GetOutput()
-        expected, _ = oracle.project_rays(
-            image, oblique_view, output, Rule(mask_image=threshold.GetOutput()), -2000
-        )
+        expected, _ = oracle.project_rays(image, oblique_view, output, Rule(mask_image=threshold.GetOutput()), -2000)
         np.testing.assert_array_equal(itk.array_from_image(output), expected)
         assert 0 < itk.array_from_image(output).max() <= upper
 
@@ -400,7 +382,10 @@ def test_mask_changed_in_place(image, labels, oblique_view):
 
 
 BAD = {
-    "slab": ({"slab_near": 3.0, "slab_far": 2.0}, "SlabNear must be less than infinity and not greater than SlabFar.* 3 and 2"),
+    "slab": (
+        {"slab_near": 3.0, "slab_far": 2.0},
+        "SlabNear must be less than infinity and not greater than SlabFar.* 3 and 2",
+    ),
     "slab of NaN": ({"slab_far": np.nan}, "SlabNear.* SlabFar.* nan"),
     "box": ({"crop_lower": [5.0] * 3, "crop_upper": [6.0, 4.0, 6.0]}, "CropLower.* CropUpper.*6, 4, 6"),
     "attenuation": ({"depth_attenuation": -0.5}, "DepthAttenuation must be.* -0.5"),
@@ -415,7 +400,7 @@ def test_errors_name_the_parameter(parameters, message, image):
 
 
 def test_errors_of_the_threshold(image):
-    with pytest.raises(RuntimeError, match="LocalMaximumThreshold must be a number.* nan"):
+    with pytest.raises(RuntimeError, match=r"LocalMaximumThreshold must be a number.* nan"):
         itk.shear_warp_mip_image_filter(
             np.ones((3, 4, 5), np.float32), local_maximum=True, local_maximum_threshold=np.nan
         )
@@ -430,9 +415,7 @@ def test_errors_of_the_mask(image):
     with pytest.raises(RuntimeError, match="MaskImage must have the input's region"):
         itk.shear_warp_mip_image_filter(image, mask_image=smaller)
     with pytest.raises(RuntimeError, match="Inputs do not occupy the same physical space"):
-        itk.shear_warp_mip_image_filter(
-            image, mask_image=itk.image_from_array(np.ones((9, 11, 14), np.uint8))
-        )
+        itk.shear_warp_mip_image_filter(image, mask_image=itk.image_from_array(np.ones((9, 11, 14), np.uint8)))
     with pytest.raises(TypeError, match="Expecting argument of type itkImageUC3"):
         itk.shear_warp_mip_image_filter(image, mask_image=image)
     with pytest.raises(KeyError, match="bool"):

@@ -73,9 +73,7 @@ def test_random_views_of_random_images(dtype):
         misses += missed.sum()
         hits += (~missed).sum()
         axes.add(mip.GetPrincipalAxis())
-        assert mip.GetPrincipalAxis() == oracle.principal_axis(
-            oracle.view_to_index(view, image)[0][:, 2]
-        )
+        assert mip.GetPrincipalAxis() == oracle.principal_axis(oracle.view_to_index(view, image)[0][:, 2])
     assert axes == {0, 1, 2}
     assert hits > 10_000 and misses > 1_000
 

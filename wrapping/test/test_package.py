@@ -88,24 +88,14 @@ def test_type_stubs(files):
     assert "Mode_Minimum" in enums.read_text()
     named = set()
     for stub in stubs:
-        named |= {
-            node.name
-            for node in ast.walk(ast.parse(stub.read_text()))
-            if isinstance(node, ast.FunctionDef)
-        }
+        named |= {node.name for node in ast.walk(ast.parse(stub.read_text())) if isinstance(node, ast.FunctionDef)}
     assert METHODS <= named
     assert {"MakeTransform", "GetCentre"} <= named
     # every other stub that one imports is there
     for stub in stubs:
         for node in ast.walk(ast.parse(stub.read_text())):
-            if (
-                isinstance(node, ast.ImportFrom)
-                and node.level == 1
-                and "ShearWarp" in (node.module or "")
-            ):
-                assert (stub.parent / f"{node.module}.pyi").exists() or (
-                    stub.parent / f"{node.module}.py"
-                ).exists()
+            if isinstance(node, ast.ImportFrom) and node.level == 1 and "ShearWarp" in (node.module or ""):
+                assert (stub.parent / f"{node.module}.pyi").exists() or (stub.parent / f"{node.module}.py").exists()
 
 
 def test_metadata(files):
@@ -125,14 +115,8 @@ def test_needs_runtime_libraries_only(files):
     libraries = [file for file in files if ".so" in file.name]
     assert libraries
     for library in libraries:
-        dynamic = subprocess.run(
-            [readelf, "-d", library], check=True, capture_output=True, text=True
-        ).stdout
-        needed = {
-            line.split("[")[1].rstrip("]").split(".so")[0]
-            for line in dynamic.splitlines()
-            if "(NEEDED)" in line
-        }
+        dynamic = subprocess.run([readelf, "-d", library], check=True, capture_output=True, text=True).stdout
+        needed = {line.split("[")[1].rstrip("]").split(".so")[0] for line in dynamic.splitlines() if "(NEEDED)" in line}
         assert needed
         assert needed <= {
             "libc",

@@ -32,9 +32,7 @@ def view_matrix(transform) -> np.ndarray:
 @pytest.fixture
 def patient():
     """A volume with marks: patient's left 200, head 150, nose (anterior) 100."""
-    voxels = np.zeros(
-        (41, 31, 21), np.uint8
-    )  # 41 along superior, 31 along posterior, 21 along left
+    voxels = np.zeros((41, 31, 21), np.uint8)  # 41 along superior, 31 along posterior, 21 along left
     voxels[20, 15, 18] = 200
     voxels[38, 15, 10] = 150
     voxels[20, 1, 10] = 100
@@ -82,9 +80,7 @@ def test_marks_of_a_patient_are_where_a_physician_expects_them(name, left, head,
         only = itk.image_duplicator(patient)
         voxels = itk.array_view_from_image(only)
         voxels[voxels != value] = 0
-        pixels = itk.array_from_image(
-            itk.shear_warp_mip_image_filter(only, transform=view, size=[81, 81])
-        )
+        pixels = itk.array_from_image(itk.shear_warp_mip_image_filter(only, transform=view, size=[81, 81]))
         assert find(pixels, value) == pytest.approx(place, abs=0.51)
 
 
@@ -116,17 +112,12 @@ def test_direction_of_the_image_does_not_turn_the_view(image):
     """Views are of the patient, not of the image's index axes."""
     straight = itk.image_duplicator(image)
     straight.SetDirection(itk.matrix_from_array(np.eye(3)))
-    views = [
-        itk.ShearWarpMIPView.MakeTransform(each, Enums.Direction_Left, 10.0)
-        for each in (image, straight)
-    ]
+    views = [itk.ShearWarpMIPView.MakeTransform(each, Enums.Direction_Left, 10.0) for each in (image, straight)]
     assert views[0].GetMatrix() == views[1].GetMatrix()
 
 
 def test_factorization(image, oblique_view):
-    output = itk.shear_warp_mip_image_filter(
-        image, transform=oblique_view, default_pixel_value=-2000
-    )
+    output = itk.shear_warp_mip_image_filter(image, transform=oblique_view, default_pixel_value=-2000)
     factorization = itk.ShearWarpFactorization(oblique_view, image, output)
 
     assert sorted(factorization.GetPermutation()) == [0, 1, 2]

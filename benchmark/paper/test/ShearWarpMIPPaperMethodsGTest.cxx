@@ -348,7 +348,8 @@ TEST(PaperMethods, TimesEachMethodAtEachAngle)
   std::string   line;
   std::size_t   lines = 0;
   for (; std::getline(csv, line); ++lines)
-  {}
+  {
+  }
   EXPECT_EQ(lines, 1 + timings.size());
   csv.close();
   std::remove(file.c_str());
