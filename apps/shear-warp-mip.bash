@@ -9,8 +9,8 @@ _shear_warp_mip() {
     option=${COMP_WORDS[COMP_CWORD - 2]}
   fi
   if [[ $word == -* ]]; then
-    words=$(grep -oE '^  (-h,)?--[a-z0-9-]+' <<< "$help" | tr , '\n')
-  elif [[ $help =~ $'\n'"  $option "[^[:space:]]*\{([^\}]*)\} ]]; then
+    words=$(grep -oE '^ +(-[a-z], *)?--[a-z0-9-]+' <<< "$help" | tr -s ', ' '\n')
+  elif [[ $help =~ $'\n'\ +"$option "[^[:space:]]*\{([^\}]*)\} ]]; then
     words=${BASH_REMATCH[1]//,/ }
   fi
   mapfile -t COMPREPLY < <(compgen -W "$words" -- "$word")

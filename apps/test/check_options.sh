@@ -14,7 +14,7 @@ complete_words() {
   printf '%s\n' "${COMPREPLY[@]}"
 }
 
-options=$("$program" --help | grep -oE '^ +(-[a-z],)?--[^ ]+' | tr , '\n' | tr -d ' ' | sort)
+options=$("$program" --help | grep -oE '^ +(-[a-z], *)?--[^ ]+' | tr -s ', ' '\n' | sed '/^$/d' | sort)
 [ "$(wc -l <<< "$options")" -gt 20 ] || fail "--help lists too few options: $options"
 
 # shellcheck source=../shear-warp-mip.bash
