@@ -4,8 +4,9 @@
 #   tree       library, program and their tests against an ITK 5.4 build tree (tools/itk-build-tree.sh makes it once
 #              and caches it), with real clinical images from ITK's test data
 #   installed  the same against Debian's installed ITK, with those images if `tree` went before; and the methods that
-#              the benchmarks compare with
-#   module     the module inside ITK's source tree, with nothing but the folders that ITK takes
+#              the benchmarks compare with; the Debian packages
+#   module     the module inside ITK's source tree, fetched as ShearWarpMIP.remote.cmake says, with nothing but the
+#              folders that ITK takes
 #   python     the wheel, in a fresh environment beside PyPI's itk of the same version; the sdist
 #   sanitize   the C++ tests under AddressSanitizer with UndefinedBehaviorSanitizer, and under ThreadSanitizer, against
 #              Debian's installed ITK
@@ -52,18 +53,24 @@ use_tree() {
 
 test_installed() (
   unset ITK_DIR
-  need_packages build-essential cmake ninja-build libinsighttoolkit5-dev libbenchmark-dev libcli11-dev libgtest-dev \
-    chromium chromium-driver dicom3tools ffmpeg python3-numpy python3-pil python3-pydicom python3-pytest python3-selenium
-  local images=$build/tree/ExternalData/test/Input
+  need_packages build-essential cmake file help2man ninja-build libinsighttoolkit5-dev libbenchmark-dev libcli11-dev \
+    libgtest-dev dicom3tools ffmpeg python3-numpy python3-pil python3-pydicom python3-pytest python3-selenium
+  # Ubuntu has no such packages: the page is not tested in a browser there
+  grep -q '^ID=ubuntu' /etc/os-release || need_packages chromium chromium-driver
+  local package images=$build/tree/ExternalData/test/Input
   [ -d "$images" ] || images=
-  configure_build_test "$build/installed" -DShearWarpMIP_TEST_IMAGES="$images" -DShearWarpMIP_BUILD_BENCHMARKS=ON \
-    -DCMAKE_INSTALL_PREFIX="$build/prefix"
+  configure_build_test "$build/installed" -DShearWarpMIP_TEST_IMAGES="$images" -DShearWarpMIP_BUILD_BENCHMARKS=ON
 
-  # as another project uses it
-  cmake --install "$build/installed" > /dev/null
-  cmake -S "$root/examples" -B "$build/examples" -G Ninja -DCMAKE_BUILD_TYPE=Release -DCMAKE_PREFIX_PATH="$build/prefix"
+  # as another project uses it, from Debian packages
+  rm -rf "$build/packages" "$build/root"
+  cpack --config "$build/installed/CPackConfig.cmake" -B "$build/packages" > /dev/null
+  for package in "$build"/packages/*.deb; do
+    dpkg-deb --extract "$package" "$build/root"
+  done
+  cmake -S "$root/examples" -B "$build/examples" -G Ninja -DCMAKE_BUILD_TYPE=Release \
+    -DCMAKE_PREFIX_PATH="$build/root/usr"
   cmake --build "$build/examples" --parallel "$jobs"
-  "$build/prefix/bin/shear-warp-mip" --write-phantom "$build/examples/phantom.nrrd"
+  "$build/root/usr/bin/shear-warp-mip" --write-phantom "$build/examples/phantom.nrrd"
   "$build/examples/MaximumIntensityProjection" "$build/examples/phantom.nrrd" "$build/examples/mip.nrrd" 30
 )
 
@@ -77,32 +84,43 @@ test_tree() {
     -DCMAKE_RUNTIME_OUTPUT_DIRECTORY="$build/tree/bin"
 }
 
-# ITK's source as links, beside it the module; both at fixed places, so that ITK is compiled only once.
+# ITK's source as links, in it the module as ITK fetches it, from a stand-in for the published repository; at fixed
+# places, so that ITK is compiled only once.
 test_module() {
-  need_packages rsync
+  need_packages git rsync
   use_tree
-  local dir=$cache/itk-module module entry
-  module=$dir/source/Modules/External/ShearWarpMIP
+  local dir=$cache/itk-remote-module remote=ShearWarpMIP.remote.cmake published entry
+  published=$dir/published
   if [ "$(cat "$dir/tree" 2>/dev/null)" != "$tree" ]; then
     rm -rf "$dir"
-    mkdir -p "$module"
-    for entry in "$source"/* "$source"/Modules/*; do
-      [ "$entry" = "$source/Modules" ] || ln -s "$entry" "$dir/source/${entry#"$source/"}"
+    mkdir -p "$dir/source/Modules/Remote"
+    for entry in "$source"/* "$source"/Modules/* "$source"/Modules/Remote/*; do
+      [ -e "$dir/source/${entry#"$source/"}" ] || ln -s "$entry" "$dir/source/${entry#"$source/"}"
     done
+    git init --quiet "$published"
     echo "$tree" > "$dir/tree"
   fi
-  rsync -a --delete "$root"/{include,src,test,wrapping,CMakeLists.txt,itk-module.cmake} "$module"
-  cmake -S "$dir/source" -B "$dir/build" -G Ninja -DCMAKE_BUILD_TYPE=Release -DBUILD_TESTING=ON -DBUILD_EXAMPLES=OFF \
+  cp "$root/$remote" "$dir/source/Modules/Remote"
+  rsync -a --delete "$root"/{include,src,test,wrapping,CMakeLists.txt,itk-module.cmake,"$remote"} "$published"
+  git -C "$published" add --all
+  if ! git -C "$published" diff --cached --quiet; then
+    git -C "$published" -c user.name=test -c user.email=test@localhost commit --quiet --message test
+    rm -rf "$dir/source/Modules/Remote/ShearWarpMIP"
+  fi
+  git -C "$published" tag --force "$(sed -n 's/^ *GIT_TAG //p' "$root/$remote")" > /dev/null
+  GIT_CONFIG_COUNT=1 GIT_CONFIG_KEY_0=url.$published.insteadOf \
+    GIT_CONFIG_VALUE_0=$(sed -n 's/^ *GIT_REPOSITORY //p' "$root/$remote") \
+    cmake -S "$dir/source" -B "$dir/build" -G Ninja -DCMAKE_BUILD_TYPE=Release -DBUILD_TESTING=ON -DBUILD_EXAMPLES=OFF \
     -DCMAKE_PROJECT_INCLUDE="$root/tools/itk-unity-build.cmake" \
-    -DITK_BUILD_DEFAULT_MODULES=OFF -DITKGroup_Core=OFF -DModule_ShearWarpMIP=ON -DITK_FORBID_DOWNLOADS=ON \
+    -DITK_BUILD_DEFAULT_MODULES=OFF -DITKGroup_Core=OFF -DModule_ShearWarpMIP=ON \
     -DITK_USE_KWSTYLE=OFF -DITK_USE_CLANG_FORMAT=OFF -DITK_USE_SYSTEM_GDCM=ON -DITK_USE_SYSTEM_EIGEN=ON \
     -DExternalData_OBJECT_STORES="$source/.ExternalData" > "$dir/configure.log" 2>&1 || {
     tail -n 30 "$dir/configure.log" >&2
     die "ITK with the module did not configure"
   }
   ninja -C "$dir/build" -j "$jobs" ShearWarpMIPGTestDriver
-  ctest --test-dir "$dir/build/Modules/External/ShearWarpMIP" --no-tests=error
-  ctest --test-dir "$dir/build/Modules/External/ShearWarpMIP/test" --no-tests=error
+  ctest --test-dir "$dir/build/Modules/Remote/ShearWarpMIP" --no-tests=error
+  ctest --test-dir "$dir/build/Modules/Remote/ShearWarpMIP/test" --no-tests=error
 }
 
 test_python() {
