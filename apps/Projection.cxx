@@ -18,6 +18,7 @@
 #include "Projection.h"
 
 #include "itkCommand.h"
+#include "itkShearWarpBuffer.h"
 #include "itkShearWarpMIPImageFilter.h"
 
 #include <algorithm>
@@ -140,9 +141,7 @@ RequireMemory(const itk::ImageBase<3> & grid, std::size_t bytesPerPixel)
   const auto size = grid.GetLargestPossibleRegion().GetSize();
   const auto bytes = static_cast<double>(size[0]) * static_cast<double>(size[1]) * static_cast<double>(size[2]) *
                      static_cast<double>(bytesPerPixel);
-  itksys::SystemInformation system;
-  system.RunMemoryCheck();
-  if (bytes > 0x1p20 * static_cast<double>(system.GetTotalPhysicalMemory()))
+  if (bytes > itk::ShearWarpBuffer::GetPhysicalMemory())
   {
     std::ostringstream message;
     message << size[2] << " frames of size [" << size[0] << ", " << size[1] << "] take " << bytes

@@ -18,8 +18,6 @@
 #ifndef itkShearWarpMIPBaseImageFilter_hxx
 #define itkShearWarpMIPBaseImageFilter_hxx
 
-#include "itksys/SystemInformation.hxx"
-
 #include <algorithm>
 #include <atomic>
 #include <chrono>
@@ -242,11 +240,7 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GenerateOutputInformatio
     }
   }
 
-  static const double memory = []() {
-    itksys::SystemInformation system;
-    system.RunMemoryCheck();
-    return 1024.0 * 1024.0 * static_cast<double>(system.GetTotalPhysicalMemory());
-  }();
+  const double memory = ShearWarpBuffer::GetPhysicalMemory();
   const double bytes = size[0] * size[1] * sizeof(OutputPixelType) * static_cast<double>(views.size());
   if (!(bytes <= memory))
   {

@@ -19,6 +19,8 @@
 
 #include "itkMacro.h"
 
+#include "itksys/SystemInformation.hxx"
+
 #include <limits>
 #include <new>
 #include <utility>
@@ -87,5 +89,18 @@ ShearWarpBuffer::Release()
     m_Memory = nullptr;
     m_Size = 0;
   }
+}
+
+double
+ShearWarpBuffer::GetPhysicalMemory()
+{
+  static const double memory = []() {
+    itksys::SystemInformation system;
+    system.RunMemoryCheck();
+    const auto megabytes = system.GetTotalPhysicalMemory();
+    return megabytes > 0 ? 0x1p20 * static_cast<double>(megabytes)
+                         : static_cast<double>(std::numeric_limits<std::ptrdiff_t>::max() / 2);
+  }();
+  return memory;
 }
 } // namespace itk
