@@ -234,7 +234,7 @@ DefineOptions(CLI::App & app, Options & options)
     ->expected(1)
     ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
     ->needs(frames)
-    ->type_name("AXIS")
+    ->type_name("NAME or X,Y,Z")
     ->group("Turning series");
   app
     .add_option("--centre",
