@@ -99,7 +99,7 @@ ShearWarpBuffer::GetPhysicalMemory()
     system.RunMemoryCheck();
     const auto megabytes = system.GetTotalPhysicalMemory();
     return megabytes > 0 ? 0x1p20 * static_cast<double>(megabytes)
-                         : static_cast<double>(std::numeric_limits<std::ptrdiff_t>::max() / 2);
+                         : 0.5 * static_cast<double>(std::numeric_limits<std::ptrdiff_t>::max());
   }();
   return memory;
 }
