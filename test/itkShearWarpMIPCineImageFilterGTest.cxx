@@ -406,6 +406,8 @@ TEST(ShearWarpMIPCine, AbortThrowsProgressRisesAndTheNextUpdateIsRight)
   cine->SetInput(image);
   cine->SetNumberOfFrames(10);
   cine->SetReducedResampling(ReducedResamplingEnum::Off);
+  // only the thread that updates reports
+  cine->SetNumberOfWorkUnits(1);
   std::vector<float> reported;
   float              abortAt = 2.0f;
   cine->AddObserver(itk::ProgressEvent(), [&](const itk::EventObject &) {
