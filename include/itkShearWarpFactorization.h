@@ -29,6 +29,12 @@ namespace itk
 {
 namespace ShearWarp
 {
+/** The places of slices [corner.slice, corner.slice + slices) of a part of a volume whose voxel (0, 0, 0) is the
+ * volume's at \a corner. */
+ShearWarpMIP_EXPORT
+std::vector<SlicePlacement>
+PlacePart(const std::vector<SlicePlacement> & placements, const Corner & corner, std::ptrdiff_t slices);
+
 /** An image that collects the maxima of sheared slices: where each slice lies in it, and the columns of each row that
  * some slice reaches. */
 struct IntermediateGrid

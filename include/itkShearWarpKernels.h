@@ -104,9 +104,17 @@ struct SlicePlacement
   }
 };
 
-/** A volume as slices along the principal axis. A slice is `rows` x `columns` voxels, its columns are
- * contiguous in memory; strides are in voxels. Only a part of the volume may be in memory: its voxel (i, j, k) is
- * `voxels[i + j * rowStride + k * sliceStride - first]`. No voxel there is below `lowest` or above `highest`. */
+/** Whether the first and the last voxel along an axis are the volume's. */
+struct Ends
+{
+  bool first{ true }, last{ true };
+};
+
+/** A volume, or a part of it, as slices along the principal axis. A slice is `rows` x `columns` voxels, its columns are
+ * contiguous in memory; strides are in voxels. No voxel is below `lowest` or above `highest`.
+ *
+ * A part has the samples between its voxels and, if its first voxel is not the volume's, none at that: along columns
+ * and rows parts must have one voxel in common, and then they have all samples once. */
 template <typename TPixel>
 struct SliceStack
 {
@@ -115,20 +123,26 @@ struct SliceStack
   std::ptrdiff_t rowStride, sliceStride;
   TPixel         lowest{ std::numeric_limits<TPixel>::lowest() };
   TPixel         highest{ std::numeric_limits<TPixel>::max() };
-  std::ptrdiff_t first{ 0 };
+  Ends           columnEnds{}, rowEnds{};
 };
 
-/** Rows [rowBegin, rowEnd) of slices [sliceBegin, sliceEnd) of a SliceStack: each a multiple of BlockLength or the
- * stack's end. Rows [partBegin, partEnd) are in memory, and the one above.
+/** Where a part of a volume begins. */
+struct Corner
+{
+  std::ptrdiff_t column, row, slice;
+};
+
+/** Rows [rowBegin, rowEnd), of `rows`, of slices [sliceBegin, sliceEnd) of a SliceStack: each a multiple of BlockLength
+ * or the stack's end.
  *
  * Sample j of a slice lies between its rows j - 1 and j, and belongs to the block of row j. With `hasCommonRows` that
  * holds for the middle one of BlockLength slices, and the others have the samples in the same rows of the intermediate
- * image, so that slices can be projected together; at the ends of the part all that there are. See FindRows(). */
+ * image, so that slices can be projected together; at the ends of the stack all that there are. See FindRows(). */
 struct Block
 {
   std::ptrdiff_t rowBegin, rowEnd;
   std::ptrdiff_t sliceBegin, sliceEnd;
-  std::ptrdiff_t partBegin, partEnd;
+  std::ptrdiff_t rows;
   bool           hasCommonRows{ false };
 };
 
@@ -143,6 +157,13 @@ struct RowSpan
 {
   std::ptrdiff_t begin, end;
 };
+
+/** The samples of a slice of \a voxels voxels along one axis, counted from `position.whole`: sample n lies between
+ * voxels n - 1 and n, and the outer one at the end that is nearer, if it is the volume's, has the outer voxel's value.
+ */
+ShearWarpMIP_EXPORT
+RowSpan
+FindSamples(const SamplingPosition & position, std::ptrdiff_t voxels, Ends ends);
 
 /** The row of the intermediate image where row 0 of \a slice lies or, if the block has common rows, of the middle one
  * of the BlockLength slices with it. */

@@ -362,7 +362,6 @@ private:
           ShearWarpPreparedVolume<TPixel> &  prepared,
           unsigned int                       axis,
           const Slab &                       slab,
-          bool                               isFirst,
           const ShearWarp::Kernels<TPixel> & kernels,
           float                              progressWeight);
 

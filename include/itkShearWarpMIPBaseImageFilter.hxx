@@ -424,7 +424,6 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::Prepare(const char *    
                                                                 ShearWarpPreparedVolume<TPixel> &  prepared,
                                                                 unsigned int                       axis,
                                                                 const Slab &                       slab,
-                                                                bool                               isFirst,
                                                                 const ShearWarp::Kernels<TPixel> & kernels,
                                                                 float                              progressWeight)
 {
@@ -444,7 +443,9 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::Prepare(const char *    
   };
   if (this->GetNumberOfSlabs() > 1)
   {
-    prepared.PrepareSlab(image, slab.begin, slab.end, isFirst, axis, kernels, parallelize);
+    // rows along z need the slice before
+    const std::ptrdiff_t begin = axis == 2 ? slab.begin : std::max<std::ptrdiff_t>(slab.begin - 1, 0);
+    prepared.PreparePart(image, begin, slab.end, axis, kernels, parallelize);
   }
   else
   {
@@ -650,7 +651,6 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::Project(TProjector &    
   const float projectionShare = share * (isPrepared ? 0.85f : 0.45f) / static_cast<float>(slabs);
   for (SizeValueType n = 0; n < slabs; ++n)
   {
-    const bool isFirst = n == 0;
     const Slab slab = this->GetSlab(isFirstSlabFirst ? n : slabs - 1 - n);
     if (slabs > 1)
     {
@@ -659,11 +659,11 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::Project(TProjector &    
       this->UpdateSlab(mask);
     }
     const auto preparationStart = Clock::now();
-    this->Prepare("input", input, m_PreparedVolume, axis, slab, isFirst, kernels, preparationShare);
+    this->Prepare("input", input, m_PreparedVolume, axis, slab, kernels, preparationShare);
     if (mask)
     {
       const auto & maskKernels = ShearWarp::GetKernels<unsigned char>();
-      this->Prepare("MaskImage", mask, m_PreparedMask, axis, slab, isFirst, maskKernels, preparationShare);
+      this->Prepare("MaskImage", mask, m_PreparedMask, axis, slab, maskKernels, preparationShare);
     }
     m_PreparationSeconds += isPrepared ? 0.0 : SecondsSince(preparationStart);
 

@@ -54,8 +54,7 @@ struct BlockMaxima
  * keep three permuted copies.) Block maxima, of 1/512 of the image's size, are those of cubes, so that all axes share
  * them.
  *
- * Of an image that is streamed there is one slab at a time, some of its slices along z, of which nothing is kept for
- * another view.
+ * It can be of a part of an image, of which nothing is kept for another view: so an image is streamed, part by part.
  *
  * \ingroup ShearWarpMIP
  */
@@ -86,21 +85,19 @@ public:
           const ShearWarp::Kernels<TPixel> & kernels,
           const TParallelize &               parallelize);
 
-  /** Makes the same for slices [begin, end) along z of the image's largest possible region, which must be buffered and
-   * with them, unless \a begin is 0, the slice before; nothing of it is kept for another view. The slabs of a volume
-   * come one after the other, the first one with \a isFirst; all begin and end at multiples of ShearWarp::BlockLength
-   * or at the end. */
+  /** Makes the same for a part of the image: slices [begin, end) along z, counted from the largest possible region's
+   * first, of what is buffered. Nothing of it is kept for another view. Samples are taken between the voxels of a
+   * part: to have them all, parts must have one voxel in common along each axis but the principal one. */
   template <typename TParallelize>
   void
-  PrepareSlab(const ImageType *                  image,
+  PreparePart(const ImageType *                  image,
               std::ptrdiff_t                     begin,
               std::ptrdiff_t                     end,
-              bool                               isFirst,
               unsigned int                       principalAxis,
               const ShearWarp::Kernels<TPixel> & kernels,
               const TParallelize &               parallelize);
 
-  /** Slices of the prepared image along its index axis \a principalAxis, with its other axes, in their order, as
+  /** Slices of what is prepared along its index axis \a principalAxis, with its other axes, in their order, as
    * columns and rows. They refer to the image's memory or to this object's. */
   SliceStackType
   GetSlices(unsigned int principalAxis) const;
@@ -108,9 +105,9 @@ public:
   BlockMaximaType
   GetBlockMaxima(unsigned int principalAxis) const;
 
-  /** The part of these slices that is prepared: all, or the last slab. */
-  ShearWarp::Block
-  GetPreparedPart(unsigned int principalAxis) const;
+  /** The column, row and slice of the whole image where these slices begin. */
+  ShearWarp::Corner
+  GetCorner(unsigned int principalAxis) const;
 
   /** Frees all memory. */
   void
@@ -131,22 +128,15 @@ private:
   }
 
   void
-  SetSlab(const ImageType * image, std::ptrdiff_t begin, std::ptrdiff_t end);
+  SetPart(const ImageType * image, std::ptrdiff_t begin, std::ptrdiff_t end);
 
   template <typename TParallelize>
   void
-  FindBlockMaxima(bool isFirstSlab, const ShearWarp::Kernels<TPixel> & kernels, const TParallelize & parallelize);
+  FindBlockMaxima(const ShearWarp::Kernels<TPixel> & kernels, const TParallelize & parallelize);
 
   template <typename TParallelize>
   void
   Transpose(const ShearWarp::Kernels<TPixel> & kernels, const TParallelize & parallelize, ShearWarpBuffer memory);
-
-  /** The first slice along z of the transposed copy: that of the slab, or the one before. */
-  std::ptrdiff_t
-  GetFirstTransposedSlice() const
-  {
-    return std::max<std::ptrdiff_t>(m_SlabBegin - 1, 0);
-  }
 
   ShearWarpBuffer m_Transposed;
   ShearWarpBuffer m_BlockMaxima;
@@ -157,9 +147,9 @@ private:
   const ImageType * m_Image{ nullptr };
   ModifiedTimeType  m_ImageMTime{ 0 };
   const TPixel *    m_Voxels{ nullptr };
+  std::ptrdiff_t    m_Begin[3]{ 0, 0, 0 }; // of the part in the image
   std::ptrdiff_t    m_Size[3]{ 0, 0, 0 };
-  std::ptrdiff_t    m_FirstBufferedSlice{ 0 };
-  std::ptrdiff_t    m_SlabBegin{ 0 }, m_SlabEnd{ 0 };
+  ShearWarp::Ends   m_Ends[3];
 };
 } // namespace itk
 

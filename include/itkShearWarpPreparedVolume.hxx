@@ -37,8 +37,8 @@ ShearWarpPreparedVolume<TPixel>::Prepare(const ImageType *                  imag
     // the next copy can have the memory of the last one
     memory = std::move(m_Transposed);
     this->Release();
-    this->SetSlab(image, 0, image->GetLargestPossibleRegion().GetSize(2));
-    this->FindBlockMaxima(true, kernels, parallelize);
+    this->SetPart(image, 0, static_cast<std::ptrdiff_t>(image->GetLargestPossibleRegion().GetSize(2)));
+    this->FindBlockMaxima(kernels, parallelize);
     m_Image = image;
     m_ImageMTime = image->GetMTime();
   }
@@ -51,18 +51,17 @@ ShearWarpPreparedVolume<TPixel>::Prepare(const ImageType *                  imag
 template <typename TPixel>
 template <typename TParallelize>
 void
-ShearWarpPreparedVolume<TPixel>::PrepareSlab(const ImageType *                  image,
+ShearWarpPreparedVolume<TPixel>::PreparePart(const ImageType *                  image,
                                              std::ptrdiff_t                     begin,
                                              std::ptrdiff_t                     end,
-                                             bool                               isFirst,
                                              unsigned int                       principalAxis,
                                              const ShearWarp::Kernels<TPixel> & kernels,
                                              const TParallelize &               parallelize)
 {
   m_Image = nullptr;
   ShearWarpBuffer memory = std::move(m_Transposed);
-  this->SetSlab(image, begin, end);
-  this->FindBlockMaxima(isFirst, kernels, parallelize);
+  this->SetPart(image, begin, end);
+  this->FindBlockMaxima(kernels, parallelize);
   if (principalAxis == 0)
   {
     this->Transpose(kernels, parallelize, std::move(memory));
@@ -71,13 +70,23 @@ ShearWarpPreparedVolume<TPixel>::PrepareSlab(const ImageType *                  
 
 template <typename TPixel>
 void
-ShearWarpPreparedVolume<TPixel>::SetSlab(const ImageType * image, std::ptrdiff_t begin, std::ptrdiff_t end)
+ShearWarpPreparedVolume<TPixel>::SetPart(const ImageType * image, std::ptrdiff_t begin, std::ptrdiff_t end)
 {
-  m_Voxels = image->GetBufferPointer();
-  std::copy_n(image->GetLargestPossibleRegion().GetSize().begin(), 3, m_Size);
-  m_FirstBufferedSlice = image->GetBufferedRegion().GetIndex(2) - image->GetLargestPossibleRegion().GetIndex(2);
-  m_SlabBegin = begin;
-  m_SlabEnd = end;
+  const auto & whole = image->GetLargestPossibleRegion();
+  const auto & buffered = image->GetBufferedRegion();
+  for (unsigned int axis = 0; axis < 3; ++axis)
+  {
+    m_Begin[axis] = buffered.GetIndex(axis) - whole.GetIndex(axis);
+    m_Size[axis] = static_cast<std::ptrdiff_t>(buffered.GetSize(axis));
+  }
+  m_Voxels = image->GetBufferPointer() + (begin - m_Begin[2]) * m_Size[0] * m_Size[1];
+  m_Begin[2] = begin;
+  m_Size[2] = end - begin;
+  for (unsigned int axis = 0; axis < 3; ++axis)
+  {
+    const auto length = static_cast<std::ptrdiff_t>(whole.GetSize(axis));
+    m_Ends[axis] = { m_Begin[axis] == 0, m_Begin[axis] + m_Size[axis] == length };
+  }
 }
 
 template <typename TPixel>
@@ -92,8 +101,7 @@ ShearWarpPreparedVolume<TPixel>::Release()
 template <typename TPixel>
 template <typename TParallelize>
 void
-ShearWarpPreparedVolume<TPixel>::FindBlockMaxima(bool                               isFirstSlab,
-                                                 const ShearWarp::Kernels<TPixel> & kernels,
+ShearWarpPreparedVolume<TPixel>::FindBlockMaxima(const ShearWarp::Kernels<TPixel> & kernels,
                                                  const TParallelize &               parallelize)
 {
   using ShearWarp::BlockLength;
@@ -103,23 +111,20 @@ ShearWarpPreparedVolume<TPixel>::FindBlockMaxima(bool                           
   const std::ptrdiff_t blocksX = CountBlocks(x);
   const std::ptrdiff_t blocksY = CountBlocks(y);
   ShearWarpBuffer      maxima = std::move(m_BlockMaxima);
-  if (isFirstSlab)
-  {
-    maxima.Reserve(blocksX * blocksY * CountBlocks(m_Size[2]) * sizeof(TPixel), "the block maxima");
-    m_Lowest = NumericTraits<TPixel>::max();
-    m_Highest = NumericTraits<TPixel>::NonpositiveMin();
-  }
+  maxima.Reserve(blocksX * blocksY * CountBlocks(m_Size[2]) * sizeof(TPixel), "the block maxima");
+  m_Lowest = NumericTraits<TPixel>::max();
+  m_Highest = NumericTraits<TPixel>::NonpositiveMin();
   std::mutex mutex;
-  parallelize(static_cast<SizeValueType>(blocksY * CountBlocks(m_SlabEnd - m_SlabBegin)), [&](SizeValueType n) {
-    const std::ptrdiff_t block = m_SlabBegin / BlockLength * blocksY + static_cast<std::ptrdiff_t>(n);
+  parallelize(static_cast<SizeValueType>(blocksY * CountBlocks(m_Size[2])), [&](SizeValueType n) {
+    const auto           block = static_cast<std::ptrdiff_t>(n);
     const std::ptrdiff_t row = block % blocksY * BlockLength;
     const std::ptrdiff_t slice = block / blocksY * BlockLength;
     TPixel               lowest = NumericTraits<TPixel>::max();
     TPixel               highest = NumericTraits<TPixel>::NonpositiveMin();
-    kernels.findBlockMaxima(m_Voxels + ((slice - m_FirstBufferedSlice) * y + row) * x,
+    kernels.findBlockMaxima(m_Voxels + (slice * y + row) * x,
                             x,
                             std::min(BlockLength, y - row),
-                            std::min(BlockLength, m_SlabEnd - slice),
+                            std::min(BlockLength, m_Size[2] - slice),
                             x,
                             x * y,
                             maxima.GetPointer<TPixel>() + block * blocksX,
@@ -140,13 +145,10 @@ ShearWarpPreparedVolume<TPixel>::Transpose(const ShearWarp::Kernels<TPixel> & ke
                                            ShearWarpBuffer                    memory)
 {
   const std::ptrdiff_t slice = m_Size[0] * m_Size[1];
-  const std::ptrdiff_t first = this->GetFirstTransposedSlice();
-  const std::ptrdiff_t count = m_SlabEnd - first;
-  memory.Reserve(slice * count * sizeof(TPixel), "the transposed copy of the volume");
-  const TPixel * input = m_Voxels + (first - m_FirstBufferedSlice) * slice;
-  TPixel *       transposed = memory.GetPointer<TPixel>();
-  parallelize(static_cast<SizeValueType>(count), [&](SizeValueType z) {
-    kernels.transposeSlice(input + z * slice, m_Size[0], m_Size[1], transposed + z * slice);
+  memory.Reserve(slice * m_Size[2] * sizeof(TPixel), "the transposed copy of the volume");
+  TPixel * transposed = memory.GetPointer<TPixel>();
+  parallelize(static_cast<SizeValueType>(m_Size[2]), [&](SizeValueType z) {
+    kernels.transposeSlice(m_Voxels + z * slice, m_Size[0], m_Size[1], transposed + z * slice);
   });
   m_Transposed = std::move(memory);
 }
@@ -158,31 +160,30 @@ ShearWarpPreparedVolume<TPixel>::GetSlices(unsigned int principalAxis) const -> 
   const std::ptrdiff_t x = m_Size[0];
   const std::ptrdiff_t y = m_Size[1];
   const std::ptrdiff_t z = m_Size[2];
-  const std::ptrdiff_t first = m_FirstBufferedSlice * x * y;
+  const TPixel *       transposed = m_Transposed.GetPointer<TPixel>();
   switch (principalAxis)
   {
     case 0:
-      return { m_Transposed.GetPointer<TPixel>(),      y, z, x, x * y, y, m_Lowest, m_Highest,
-               this->GetFirstTransposedSlice() * x * y };
+      return { transposed, y, z, x, x * y, y, m_Lowest, m_Highest, m_Ends[1], m_Ends[2] };
     case 1:
-      return { m_Voxels, x, z, y, x * y, x, m_Lowest, m_Highest, first };
+      return { m_Voxels, x, z, y, x * y, x, m_Lowest, m_Highest, m_Ends[0], m_Ends[2] };
     default:
-      return { m_Voxels, x, y, z, x, x * y, m_Lowest, m_Highest, first };
+      return { m_Voxels, x, y, z, x, x * y, m_Lowest, m_Highest, m_Ends[0], m_Ends[1] };
   }
 }
 
 template <typename TPixel>
-ShearWarp::Block
-ShearWarpPreparedVolume<TPixel>::GetPreparedPart(unsigned int principalAxis) const
+ShearWarp::Corner
+ShearWarpPreparedVolume<TPixel>::GetCorner(unsigned int principalAxis) const
 {
   switch (principalAxis)
   {
     case 0:
-      return { m_SlabBegin, m_SlabEnd, 0, m_Size[0], m_SlabBegin, m_SlabEnd };
+      return { m_Begin[1], m_Begin[2], m_Begin[0] };
     case 1:
-      return { m_SlabBegin, m_SlabEnd, 0, m_Size[1], m_SlabBegin, m_SlabEnd };
+      return { m_Begin[0], m_Begin[2], m_Begin[1] };
     default:
-      return { 0, m_Size[1], m_SlabBegin, m_SlabEnd, 0, m_Size[1] };
+      return { m_Begin[0], m_Begin[1], m_Begin[2] };
   }
 }
 

@@ -94,7 +94,7 @@ public:
         ReducedResamplingEnum              reducedResampling,
         SizeValueType                      workers);
 
-  /** Projects what \a volume has prepared for the factorizations' principal axis: all or, one after the other, slabs.
+  /** Projects what \a volume has prepared for the factorizations' principal axis: all or, one after the other, parts.
    * \a parallelize(count, steps, function) calls function(n, step, worker) for each n of [0, count) and, one after the
    * other, each step of [0, steps); calls with the same worker, less than the number of them, do not overlap.
    * Throws MemoryAllocationError. */
@@ -113,6 +113,8 @@ public:
   GetSkippedFraction() const;
 
 private:
+  using PlacementList = std::vector<ShearWarp::SlicePlacement>;
+
   /** What one thread has projected onto one grid: rows [rowBegin, rowEnd). */
   struct PartialImage
   {
@@ -139,7 +141,7 @@ private:
   };
 
   void
-  OrderSlices(std::ptrdiff_t begin, std::ptrdiff_t end);
+  OrderSlices();
 
   void
   ProjectRows(Worker &       worker,
@@ -152,10 +154,10 @@ private:
   SelectTiles(Worker & worker, const ShearWarp::Block & block) const;
 
   TileCount
-  SelectTiles(const ShearWarp::IntermediateGrid & grid,
-              PartialImage &                      image,
-              std::vector<TPixel> &               columnMaxima,
-              const ShearWarp::Block &            block) const;
+  SelectTiles(const PlacementList &    placements,
+              PartialImage &           image,
+              std::vector<TPixel> &    columnMaxima,
+              const ShearWarp::Block & block) const;
 
   bool
   IsAnyBelow(PartialImage & image, std::ptrdiff_t tileRow, std::ptrdiff_t tileColumn, TPixel value) const;
@@ -182,10 +184,11 @@ private:
 
   const ShearWarp::Kernels<TPixel> *               m_Kernels{ nullptr };
   FactorizationList                                m_Factorizations;
-  std::vector<const ShearWarp::IntermediateGrid *> m_Grids; // of each view its phases
+  std::vector<const ShearWarp::IntermediateGrid *> m_Grids;      // of each view its phases
+  std::vector<PlacementList>                       m_Placements; // on each grid, of the slices
   ShearWarp::SliceStack<TPixel>                    m_Slices{};
   ShearWarp::BlockMaxima<TPixel>                   m_BlockMaxima{};
-  ShearWarp::Block                                 m_Part{}; // that is prepared
+  bool                                             m_HasCommonRows{ false };
   ReducedResamplingEnum                            m_WantedReducedResampling{ ReducedResamplingEnum::Off };
   ReducedResamplingEnum                            m_ReducedResampling{ ReducedResamplingEnum::Off };
   std::ptrdiff_t                                   m_TileColumns{ 0 }, m_TileRows{ 0 }, m_RowStride{ 0 };

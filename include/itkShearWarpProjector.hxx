@@ -69,8 +69,14 @@ ShearWarpProjector<TPixel>::Project(const ShearWarpPreparedVolume<TPixel> & volu
   using ShearWarp::BlockLength;
   using ShearWarp::CountBlocks;
 
-  m_Slices = volume.GetSlices(m_Factorizations.front()->GetPrincipalAxis());
-  m_BlockMaxima = volume.GetBlockMaxima(m_Factorizations.front()->GetPrincipalAxis());
+  const unsigned int axis = m_Factorizations.front()->GetPrincipalAxis();
+  m_Slices = volume.GetSlices(axis);
+  m_BlockMaxima = volume.GetBlockMaxima(axis);
+  m_Placements.clear();
+  for (const ShearWarp::IntermediateGrid * grid : m_Grids)
+  {
+    m_Placements.push_back(ShearWarp::PlacePart(grid->placements, volume.GetCorner(axis), m_Slices.slices));
+  }
   m_ReducedResampling = m_WantedReducedResampling;
   if constexpr (std::is_floating_point_v<TPixel>)
   {
@@ -80,7 +86,6 @@ ShearWarpProjector<TPixel>::Project(const ShearWarpPreparedVolume<TPixel> & volu
       m_ReducedResampling = ReducedResamplingEnum::Off;
     }
   }
-  m_Part = volume.GetPreparedPart(m_Factorizations.front()->GetPrincipalAxis());
   // slices together are faster where samples have two voxels
   const auto isTurnAboutAxis = [](const ShearWarpFactorization * factorization) {
     const auto & placements = factorization->GetSlicePlacements();
@@ -90,9 +95,8 @@ ShearWarpProjector<TPixel>::Project(const ShearWarpPreparedVolume<TPixel> & volu
     };
     return areWhole(&ShearWarp::SlicePlacement::column) || areWhole(&ShearWarp::SlicePlacement::row);
   };
-  m_Part.hasCommonRows =
+  m_HasCommonRows =
     m_Factorizations.size() > 1 && std::all_of(m_Factorizations.begin(), m_Factorizations.end(), isTurnAboutAxis);
-  const std::ptrdiff_t rows = m_Part.rowEnd - m_Part.rowBegin;
 
   // where slices lie side by side a few rows are long runs in memory, else all rows of a slice are; several images
   // share rows of BlockLength slices
@@ -102,22 +106,22 @@ ShearWarpProjector<TPixel>::Project(const ShearWarpPreparedVolume<TPixel> & volu
   const std::ptrdiff_t wanted = images > 1  ? CountBlocks(1 << 16, rowBytes)
                                 : isLongRun ? CountBlocks(1 << 18, rowBytes)
                                             : 2 * BlockLength;
-  const std::ptrdiff_t fairShare = CountBlocks(rows, 2 * static_cast<std::ptrdiff_t>(m_NumberOfWorkers));
+  const std::ptrdiff_t fairShare = CountBlocks(m_Slices.rows, 2 * static_cast<std::ptrdiff_t>(m_NumberOfWorkers));
   const std::ptrdiff_t blockRows = CountBlocks(std::min(wanted, fairShare)) * BlockLength;
   // a step takes milliseconds at most
   constexpr std::ptrdiff_t stepVoxels = 1 << 21;
   const std::ptrdiff_t     stepCubes = stepVoxels / (images * blockRows * m_Slices.columns * BlockLength) + 1;
-  this->OrderSlices(m_Part.sliceBegin, m_Part.sliceEnd);
+  this->OrderSlices();
 
   const auto cubes = static_cast<std::ptrdiff_t>(m_SliceOrder.size());
   parallelize(
-    static_cast<SizeValueType>(CountBlocks(rows, blockRows)),
+    static_cast<SizeValueType>(CountBlocks(m_Slices.rows, blockRows)),
     static_cast<SizeValueType>(CountBlocks(cubes, stepCubes)),
     [&](SizeValueType n, SizeValueType step, SizeValueType worker) {
-      const std::ptrdiff_t row = m_Part.rowBegin + static_cast<std::ptrdiff_t>(n) * blockRows;
+      const std::ptrdiff_t row = static_cast<std::ptrdiff_t>(n) * blockRows;
       const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(step) * stepCubes;
       this->ProjectRows(
-        m_Workers[worker], row, std::min(row + blockRows, m_Part.rowEnd), first, std::min(first + stepCubes, cubes));
+        m_Workers[worker], row, std::min(row + blockRows, m_Slices.rows), first, std::min(first + stepCubes, cubes));
     });
 }
 
@@ -186,16 +190,16 @@ ShearWarpProjector<TPixel>::GetSkippedFraction() const
 /** Storage order, but for reduced resampling every few slices first: they soon give all pixels a value. */
 template <typename TPixel>
 void
-ShearWarpProjector<TPixel>::OrderSlices(std::ptrdiff_t begin, std::ptrdiff_t end)
+ShearWarpProjector<TPixel>::OrderSlices()
 {
   using ShearWarp::BlockLength;
   constexpr std::ptrdiff_t seedDistance = 8 * BlockLength;
   const bool               hasSeeds = m_ReducedResampling != ReducedResamplingEnum::Off;
-  const std::ptrdiff_t     lastCube = (end - 1) / BlockLength * BlockLength;
+  const std::ptrdiff_t     lastCube = (m_Slices.slices - 1) / BlockLength * BlockLength;
   m_SliceOrder.clear();
   for (const bool isSeed : { true, false })
   {
-    for (std::ptrdiff_t slice = begin; slice < end; slice += BlockLength)
+    for (std::ptrdiff_t slice = 0; slice < m_Slices.slices; slice += BlockLength)
     {
       if (isSeed == (hasSeeds && (slice % seedDistance == 0 || slice == lastCube)))
       {
@@ -225,17 +229,15 @@ ShearWarpProjector<TPixel>::ProjectRows(Worker &       worker,
     {
       ++end;
     }
-    ShearWarp::Block block = m_Part;
-    block.rowBegin = rowBegin;
-    block.rowEnd = rowEnd;
-    block.sliceBegin = m_SliceOrder[n];
-    block.sliceEnd = std::min(m_SliceOrder[end - 1] + BlockLength, m_Slices.slices);
+    const ShearWarp::Block block{ rowBegin,        rowEnd,
+                                  m_SliceOrder[n], std::min(m_SliceOrder[end - 1] + BlockLength, m_Slices.slices),
+                                  m_Slices.rows,   m_HasCommonRows };
     for (std::size_t g = 0; g < m_Grids.size(); ++g)
     {
       // offsets are monotonic in the slice
       const ShearWarp::IntermediateGrid & grid = *m_Grids[g];
-      const std::int32_t                  firstRow = grid.placements[block.sliceBegin].row.whole;
-      const std::int32_t                  lastRow = grid.placements[block.sliceEnd - 1].row.whole;
+      const std::int32_t                  firstRow = m_Placements[g][block.sliceBegin].row.whole;
+      const std::int32_t                  lastRow = m_Placements[g][block.sliceEnd - 1].row.whole;
       this->ExtendRows(grid,
                        worker.images[g],
                        rowBegin + std::min(firstRow, lastRow),
@@ -250,7 +252,7 @@ ShearWarpProjector<TPixel>::ProjectRows(Worker &       worker,
       if (!hasMask || std::find(image.active.begin(), image.active.end(), 1) != image.active.end())
       {
         worker.views.push_back(
-          { grid.placements.data(),
+          { m_Placements[g].data(),
             { image.pixels.template GetPointer<TPixel>(), grid.columns, grid.rows, m_RowStride, grid.reached.data() },
             hasMask ? image.active.data() : nullptr,
             m_TileColumns });
@@ -279,7 +281,7 @@ ShearWarpProjector<TPixel>::SelectTiles(Worker & worker, const ShearWarp::Block 
   TileCount tiles{ 0, 0 };
   for (std::size_t g = 0; g < m_Grids.size(); ++g)
   {
-    const TileCount count = this->SelectTiles(*m_Grids[g], worker.images[g], worker.columnMaxima, block);
+    const TileCount count = this->SelectTiles(m_Placements[g], worker.images[g], worker.columnMaxima, block);
     tiles.all += count.all;
     tiles.skipped += count.skipped;
   }
@@ -295,20 +297,20 @@ ShearWarpProjector<TPixel>::SelectTiles(Worker & worker, const ShearWarp::Block 
 
 template <typename TPixel>
 auto
-ShearWarpProjector<TPixel>::SelectTiles(const ShearWarp::IntermediateGrid & grid,
-                                        PartialImage &                      image,
-                                        std::vector<TPixel> &               columnMaxima,
-                                        const ShearWarp::Block &            block) const -> TileCount
+ShearWarpProjector<TPixel>::SelectTiles(const PlacementList &    placements,
+                                        PartialImage &           image,
+                                        std::vector<TPixel> &    columnMaxima,
+                                        const ShearWarp::Block & block) const -> TileCount
 {
   using ShearWarp::BlockLength;
   using ShearWarp::TileColumns;
-  const ShearWarp::SlicePlacement & first = grid.placements[block.sliceBegin];
-  const ShearWarp::SlicePlacement & last = grid.placements[block.sliceEnd - 1];
+  const ShearWarp::SlicePlacement & first = placements[block.sliceBegin];
+  const ShearWarp::SlicePlacement & last = placements[block.sliceEnd - 1];
   const std::ptrdiff_t              firstColumn = std::min(first.column.whole, last.column.whole);
   const std::ptrdiff_t              lastColumn = std::max(first.column.whole, last.column.whole);
   const std::ptrdiff_t              firstRow = std::min(first.row.whole, last.row.whole);
   const std::ptrdiff_t              lastRow = std::max(first.row.whole, last.row.whole);
-  const std::ptrdiff_t commonRow = ShearWarp::FindFirstRow(block, grid.placements.data(), block.sliceBegin);
+  const std::ptrdiff_t              commonRow = ShearWarp::FindFirstRow(block, placements.data(), block.sliceBegin);
 
   const std::ptrdiff_t blockRows = ShearWarp::CountBlocks(block.rowEnd - block.rowBegin, BlockLength);
   image.active.assign(blockRows * m_TileColumns, 0);
@@ -316,20 +318,20 @@ ShearWarpProjector<TPixel>::SelectTiles(const ShearWarp::IntermediateGrid & grid
   TileCount tiles{ 0, 0 };
   for (std::ptrdiff_t blockRow = 0; blockRow < blockRows; ++blockRow)
   {
-    // a sample needs the row above too; the last row of the part may have the edge's sample
+    // a sample needs the row above too; the last row may have the edge's sample
     const std::ptrdiff_t row = block.rowBegin + blockRow * BlockLength;
-    const std::ptrdiff_t end = std::min(row + BlockLength, block.partEnd);
-    const bool           isLast = end == block.partEnd;
+    const std::ptrdiff_t end = std::min(row + BlockLength, block.rows);
+    const bool           isLast = end == block.rows;
     ShearWarp::RowSpan   voxels{ row - 1, end };
     ShearWarp::RowSpan   pixels{ row + firstRow, end + lastRow + isLast };
     if (block.hasCommonRows)
     {
-      pixels.begin = row == block.partBegin ? pixels.begin : row + commonRow;
+      pixels.begin = row == 0 ? pixels.begin : row + commonRow;
       pixels.end = isLast ? pixels.end : end + commonRow;
       voxels = { pixels.begin - lastRow - 1, pixels.end - firstRow };
     }
     const auto findCube = [&](std::ptrdiff_t voxelRow) {
-      return std::clamp<std::ptrdiff_t>(voxelRow, 0, block.partEnd - 1) / BlockLength;
+      return std::clamp<std::ptrdiff_t>(voxelRow, 0, block.rows - 1) / BlockLength;
     };
     const std::ptrdiff_t cubeBegin = findCube(voxels.begin);
     const std::ptrdiff_t cubeEnd = findCube(voxels.end - 1) + 1;

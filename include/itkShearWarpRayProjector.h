@@ -136,7 +136,14 @@ private:
   ClearBand(const Band & band) const;
 
   void
-  ProjectSlice(Worker & worker, const Band & band, const ShearWarp::Block & part, std::ptrdiff_t slice) const;
+  ProjectSlice(Worker & worker, const Band & band, std::ptrdiff_t slice) const;
+
+  /** The slice's number in the volume. */
+  double
+  GetPosition(std::ptrdiff_t slice) const
+  {
+    return static_cast<double>(m_FirstSlice + slice);
+  }
 
   /** Projects row \a j of a slice to rays \a span of row \a pixelRow. */
   void
@@ -154,13 +161,15 @@ private:
   std::vector<Rays>                  m_Rays; // of the factorization's phases
   std::vector<Band>                  m_Bands;
   std::vector<double>                m_Fades; // by column of a slice
+  std::ptrdiff_t                     m_FirstSlice{ 0 };
   std::vector<Worker>                m_Workers;
   std::ptrdiff_t                     m_RowStride{ 0 };
   bool                               m_IsCleared{ false };
   ShearWarpBuffer                    m_JoinedValues, m_JoinedSlices;
 
-  ShearWarp::SliceStack<TPixel>        m_Slices{};
-  ShearWarp::SliceStack<MaskPixelType> m_Mask{};
+  ShearWarp::SliceStack<TPixel>                       m_Slices{};
+  ShearWarp::SliceStack<MaskPixelType>                m_Mask{};
+  std::vector<std::vector<ShearWarp::SlicePlacement>> m_Placements; // of these slices, for each phase
 };
 } // namespace itk
 

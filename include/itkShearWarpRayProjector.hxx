@@ -95,9 +95,15 @@ template <typename TParallelize>
 void
 ShearWarpRayProjector<TPixel>::Project(const ShearWarpPreparedVolume<TPixel> & volume, const TParallelize & parallelize)
 {
-  const unsigned int     axis = m_Factorization->GetPrincipalAxis();
-  const ShearWarp::Block part = volume.GetPreparedPart(axis);
+  const unsigned int      axis = m_Factorization->GetPrincipalAxis();
+  const ShearWarp::Corner corner = volume.GetCorner(axis);
   m_Slices = volume.GetSlices(axis);
+  m_FirstSlice = corner.slice;
+  m_Placements.clear();
+  for (const ShearWarp::IntermediateGrid & phase : m_Factorization->GetPhases())
+  {
+    m_Placements.push_back(ShearWarp::PlacePart(phase.placements, corner, m_Slices.slices));
+  }
   if (m_Parameters.mask)
   {
     m_Mask = m_Parameters.mask->GetSlices(axis);
@@ -116,23 +122,21 @@ ShearWarpRayProjector<TPixel>::Project(const ShearWarpPreparedVolume<TPixel> & v
     worker.counted.resize(m_RowStride);
   }
 
-  const std::ptrdiff_t slices = part.sliceEnd - part.sliceBegin;
   // a step takes milliseconds at most
   constexpr std::ptrdiff_t stepPixels = 1 << 20;
   const std::ptrdiff_t     stepSlices = stepPixels / (2 * ShearWarp::BlockLength * m_RowStride) + 1;
   const bool               isAscending = m_Depth.perSlice > 0;
   parallelize(static_cast<SizeValueType>(m_Bands.size()),
-              static_cast<SizeValueType>(ShearWarp::CountBlocks(slices, stepSlices)),
+              static_cast<SizeValueType>(ShearWarp::CountBlocks(m_Slices.slices, stepSlices)),
               [&](SizeValueType n, SizeValueType step, SizeValueType worker) {
                 const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(step) * stepSlices;
                 if (!m_IsCleared && first == 0)
                 {
                   this->ClearBand(m_Bands[n]);
                 }
-                for (std::ptrdiff_t k = first; k < std::min(first + stepSlices, slices); ++k)
+                for (std::ptrdiff_t k = first; k < std::min(first + stepSlices, m_Slices.slices); ++k)
                 {
-                  this->ProjectSlice(
-                    m_Workers[worker], m_Bands[n], part, isAscending ? part.sliceBegin + k : part.sliceEnd - 1 - k);
+                  this->ProjectSlice(m_Workers[worker], m_Bands[n], isAscending ? k : m_Slices.slices - 1 - k);
                 }
               });
   m_IsCleared = true;
@@ -158,27 +162,23 @@ ShearWarpRayProjector<TPixel>::ClearBand(const Band & band) const
 
 template <typename TPixel>
 void
-ShearWarpRayProjector<TPixel>::ProjectSlice(Worker &                 worker,
-                                            const Band &             band,
-                                            const ShearWarp::Block & part,
-                                            std::ptrdiff_t           slice) const
+ShearWarpRayProjector<TPixel>::ProjectSlice(Worker & worker, const Band & band, std::ptrdiff_t slice) const
 {
-  const ShearWarp::SlicePlacement & placement = m_Factorization->GetPhases()[band.phase].placements[slice];
-  // row j is between voxel rows j - 1 and j; the outer half voxels have the edge's value
-  const std::ptrdiff_t        first = placement.FirstRow() - placement.row.whole;
-  const std::ptrdiff_t        begin = part.rowBegin == 0 ? first : part.rowBegin;
-  const std::ptrdiff_t        end = part.rowEnd == m_Slices.rows ? m_Slices.rows + first : part.rowEnd;
-  const std::int32_t          firstColumn = placement.FirstColumn();
-  const ShearWarp::ColumnSpan reached{ firstColumn, firstColumn + static_cast<std::int32_t>(m_Slices.columns) };
-  for (std::ptrdiff_t row = std::max(band.begin, placement.row.whole + begin);
-       row < std::min(band.end, placement.row.whole + end);
+  const ShearWarp::SlicePlacement & placement = m_Placements[band.phase][slice];
+  // row j is between voxel rows j - 1 and j
+  const ShearWarp::RowSpan    rows = ShearWarp::FindSamples(placement.row, m_Slices.rows, m_Slices.rowEnds);
+  const ShearWarp::RowSpan    columns = ShearWarp::FindSamples(placement.column, m_Slices.columns, m_Slices.columnEnds);
+  const ShearWarp::ColumnSpan reached{ placement.column.whole + static_cast<std::int32_t>(columns.begin),
+                                       placement.column.whole + static_cast<std::int32_t>(columns.end) };
+  for (std::ptrdiff_t row = std::max(band.begin, placement.row.whole + rows.begin);
+       row < std::min(band.end, placement.row.whole + rows.end);
        ++row)
   {
     ShearWarp::ColumnSpan span = reached;
     for (const Interval & interval : m_Rays[band.phase].intervals)
     {
       span = ShearWarp::ClipColumns(
-        interval.function, interval.low, interval.high, static_cast<double>(row), static_cast<double>(slice), span);
+        interval.function, interval.low, interval.high, static_cast<double>(row), this->GetPosition(slice), span);
     }
     if (span.begin < span.end)
     {
@@ -196,12 +196,12 @@ ShearWarpRayProjector<TPixel>::ProjectRow(Worker &              worker,
                                           std::ptrdiff_t        slice,
                                           std::ptrdiff_t        j) const
 {
-  const ShearWarp::SlicePlacement & placement = m_Factorization->GetPhases()[phase].placements[slice];
+  const ShearWarp::SlicePlacement & placement = m_Placements[phase][slice];
   const bool                        isEdge = j == 0 || j == m_Slices.rows;
   const std::ptrdiff_t              after = std::min(j, m_Slices.rows - 1);
   const std::ptrdiff_t              before = isEdge ? after : j - 1;
   const auto                        getRow = [slice](const auto & stack, std::ptrdiff_t row) {
-    return stack.voxels + (slice * stack.sliceStride + row * stack.rowStride - stack.first);
+    return stack.voxels + (slice * stack.sliceStride + row * stack.rowStride);
   };
   const ShearWarp::SliceRow<TPixel> row{ getRow(m_Slices, before),
                                          getRow(m_Slices, after),
@@ -222,14 +222,14 @@ ShearWarpRayProjector<TPixel>::ProjectRow(Worker &              worker,
   if (m_Parameters.fading)
   {
     const double depth =
-      m_Rays[phase].depth(placement.column.whole, static_cast<double>(pixelRow), static_cast<double>(slice));
+      m_Rays[phase].depth(placement.column.whole, static_cast<double>(pixelRow), this->GetPosition(slice));
     const double factor = std::exp(-m_Parameters.fading->rate * (depth - m_Parameters.fading->begin));
     m_Kernels->fadeRow(m_Fades.data(), placement.column.whole, factor, m_Parameters.fading->background, span, samples);
   }
 
   const ShearWarp::RayRow<TPixel> rays = this->GetRayRow(phase, pixelRow);
   const auto                      take = [&](ShearWarp::ColumnSpan columns) {
-    const auto index = static_cast<std::int32_t>(slice);
+    const auto index = static_cast<std::int32_t>(m_FirstSlice + slice);
     if (m_Parameters.localMaximumThreshold)
     {
       m_Parameters.mode->takeUntilLocalMaximum(samples, columns, index, *m_Parameters.localMaximumThreshold, rays);

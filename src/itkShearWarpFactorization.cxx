@@ -23,6 +23,18 @@
 
 namespace itk
 {
+std::vector<ShearWarp::SlicePlacement>
+ShearWarp::PlacePart(const std::vector<SlicePlacement> & placements, const Corner & corner, std::ptrdiff_t slices)
+{
+  std::vector<SlicePlacement> part(placements.begin() + corner.slice, placements.begin() + corner.slice + slices);
+  for (SlicePlacement & placement : part)
+  {
+    placement.column.whole += static_cast<std::int32_t>(corner.column);
+    placement.row.whole += static_cast<std::int32_t>(corner.row);
+  }
+  return part;
+}
+
 namespace
 {
 

@@ -34,6 +34,13 @@ QuantizePosition(double position)
   return { static_cast<std::int32_t>(quantized >> FractionBits), static_cast<std::int32_t>(quantized & (One - 1)) };
 }
 
+RowSpan
+FindSamples(const SamplingPosition & position, std::ptrdiff_t voxels, Ends ends)
+{
+  const bool isLastNearer = position.fraction > One / 2;
+  return { ends.first ? isLastNearer : 1, voxels + (ends.last && isLastNearer) };
+}
+
 std::ptrdiff_t
 FindFirstRow(const Block & block, const SlicePlacement * placements, std::ptrdiff_t slice)
 {
@@ -49,8 +56,8 @@ FindRows(const Block & block, const SlicePlacement * placements, std::ptrdiff_t 
 {
   const std::ptrdiff_t difference = FindFirstRow(block, placements, slice) - placements[slice].row.whole;
   const auto           shift = [&](std::ptrdiff_t row) {
-    const bool isEnd = row == block.partBegin || row == block.partEnd;
-    return isEnd ? row : std::clamp(row + difference, block.partBegin, block.partEnd);
+    const bool isEnd = row == 0 || row == block.rows;
+    return isEnd ? row : std::clamp<std::ptrdiff_t>(row + difference, 0, block.rows);
   };
   return { shift(block.rowBegin), shift(block.rowEnd) };
 }

@@ -142,13 +142,15 @@ Raise(TPixel & maximum, TPixel value)
   maximum = value > maximum ? value : maximum;
 }
 
-/** Samples one slice along the rows [\a a and] \a b, and at the outer voxels with \a edgeSample. */
+/** Takes \a samples of one slice between the rows \a a and \a b, of \a columns voxels; the outer one is an
+ * \a edgeSample. */
 template <typename TPixel>
 void
 ProjectRow(const TPixel *           a,
            const TPixel *           b,
            std::ptrdiff_t           columns,
            const SamplingPosition & position,
+           const RowSpan &          samples,
            const Sampler<TPixel> &  sample,
            const Sampler<TPixel> &  edgeSample,
            const std::uint8_t *     active,
@@ -168,7 +170,8 @@ ProjectRow(const TPixel *           a,
   }
   const std::ptrdiff_t edge = position.fraction > One / 2 ? columns : 0;
   const std::ptrdiff_t i = std::min(edge, columns - 1);
-  if (!active || active[(position.whole + edge) / TileColumns])
+  const bool           hasEdge = edge >= samples.begin && edge < samples.end;
+  if (hasEdge && (!active || active[(position.whole + edge) / TileColumns]))
   {
     Raise(pixels[position.whole + edge], edgeSample(a[i], a[i], b[i], b[i]));
   }
@@ -194,14 +197,16 @@ ProjectBlock(const SliceStack<TPixel> &  slices,
 
       // sample j lies between rows j - 1 and j; the outer half voxels have the edge's value
       const RowSpan        span = FindRows(block, view->placements, k);
-      const std::ptrdiff_t first = row.fraction > One / 2;
-      const std::ptrdiff_t end = span.end == slices.rows ? slices.rows + first : span.end;
+      const RowSpan        columnSamples = FindSamples(column, slices.columns, slices.columnEnds);
+      const RowSpan        rowSamples = FindSamples(row, slices.rows, slices.rowEnds);
+      const std::ptrdiff_t begin = span.begin == 0 ? rowSamples.begin : span.begin;
+      const std::ptrdiff_t end = span.end == slices.rows ? rowSamples.end : span.end;
       const std::ptrdiff_t firstTile = FindFirstRow(block, view->placements, k) - row.whole + block.rowBegin;
-      for (std::ptrdiff_t j = span.begin == 0 ? first : span.begin; j < end; ++j)
+      for (std::ptrdiff_t j = begin; j < end; ++j)
       {
         const bool edge = j == 0 || j == slices.rows;
         const auto getRow = [&](std::ptrdiff_t index) {
-          return slices.voxels + (k * slices.sliceStride + index * slices.rowStride - slices.first);
+          return slices.voxels + (k * slices.sliceStride + index * slices.rowStride);
         };
         const TPixel *       a = getRow(std::max<std::ptrdiff_t>(j - 1, 0));
         const TPixel *       b = getRow(std::min(j, slices.rows - 1));
@@ -211,6 +216,7 @@ ProjectBlock(const SliceStack<TPixel> &  slices,
                    b,
                    slices.columns,
                    column,
+                   columnSamples,
                    edge ? edgeRow : sample,
                    edge ? corner : edgeColumn,
                    view->active ? view->active + tile * view->activeStride : nullptr,

@@ -643,14 +643,14 @@ private:
   {
     const auto [column, row] = m_View.placements[slice];
     const RowSpan rows = FindRows(m_Block, m_View.placements, slice);
-    return { slice * m_Stack.sliceStride - row.whole * m_Stack.rowStride - column.whole - m_Stack.first,
+    return { slice * m_Stack.sliceStride - row.whole * m_Stack.rowStride - column.whole,
              column.whole,
              row.whole,
              column.fraction,
              row.fraction,
-             { row.whole + Larger<std::ptrdiff_t>(rows.begin, row.fraction != 0),
+             { row.whole + Larger<std::ptrdiff_t>(rows.begin, row.fraction != 0 || !m_Stack.rowEnds.first),
                row.whole + rows.end,
-               column.whole + (column.fraction != 0),
+               column.whole + (column.fraction != 0 || !m_Stack.columnEnds.first),
                column.whole + m_Stack.columns } };
   }
 
@@ -662,7 +662,8 @@ private:
     const bool             edgeIsLastColumn = slice.x > half;
     const std::ptrdiff_t   edge = slice.column + (edgeIsLastColumn ? m_Stack.columns : 0);
     const std::ptrdiff_t   edgeVoxel = slice.offset + edge - edgeIsLastColumn;
-    if (slice.x != 0)
+    const bool hasColumn = slice.x != 0 && (edgeIsLastColumn ? m_Stack.columnEnds.last : m_Stack.columnEnds.first);
+    if (hasColumn)
     {
       for (std::ptrdiff_t row = slice.inner.rowBegin; row < slice.inner.rowEnd; ++row)
       {
@@ -674,7 +675,9 @@ private:
       }
     }
     const bool edgeIsLastRow = slice.y > half;
-    if (slice.y != 0 && (edgeIsLastRow ? rows.end == m_Stack.rows : rows.begin == 0))
+    const bool hasRow = slice.y != 0 && (edgeIsLastRow ? m_Stack.rowEnds.last && rows.end == m_Stack.rows
+                                                       : m_Stack.rowEnds.first && rows.begin == 0);
+    if (hasRow)
     {
       // as in a slice that lies one row further on and not between rows
       PlacedSlice          edgeSlice = slice;
@@ -682,7 +685,7 @@ private:
       edgeSlice.offset -= edgeIsLastRow ? m_Stack.rowStride : 0;
       edgeSlice.y = 0;
       this->ProjectRectangle(&edgeSlice, 1, -1, { row, row + 1, slice.inner.begin, slice.inner.end });
-      if (slice.x != 0)
+      if (hasColumn)
       {
         this->RaiseToRowSample(row, edge, edgeVoxel + (row - edgeIsLastRow) * m_Stack.rowStride, 0);
       }
@@ -800,8 +803,8 @@ private:
     if (slice < m_Stack.slices && m_Stack.rows >= BlockLength)
     {
       row = Smaller(Larger<std::ptrdiff_t>(row, 0), m_Stack.rows - BlockLength);
-      prefetcher.AddStream(reinterpret_cast<const char *>(
-        m_Stack.voxels + (slice * m_Stack.sliceStride + row * m_Stack.rowStride - m_Stack.first)));
+      prefetcher.AddStream(
+        reinterpret_cast<const char *>(m_Stack.voxels + (slice * m_Stack.sliceStride + row * m_Stack.rowStride)));
     }
   }
 

@@ -197,7 +197,7 @@ public:
     rowSplits.push_back(m_Stack.rows);
     sliceSplits.push_back(m_Stack.slices);
     Kernels::Block block{};
-    block.partEnd = m_Stack.rows;
+    block.rows = m_Stack.rows;
     block.hasCommonRows = hasCommonRows;
     for (const std::ptrdiff_t rowEnd : rowSplits)
     {
@@ -224,6 +224,26 @@ public:
       EXPECT_EQ(std::count(memory.begin(), memory.begin() + Guard, untouched), Guard);
       EXPECT_EQ(std::count(memory.end() - Guard, memory.end(), untouched), Guard);
       EXPECT_TRUE(memory == memories.front());
+    }
+    return pixels;
+  }
+
+  /** Projects, one after the other, parts that end with columns and rows of these numbers, the last ones with the
+   * stack; each is in memory of its own, between guards. */
+  std::vector<TPixel>
+  ProjectParts(const std::vector<std::ptrdiff_t> & columnEnds, const std::vector<std::ptrdiff_t> & rowEnds, bool atEnd)
+  {
+    std::vector<TPixel> pixels(columns * rows, Kernels::NoSample<TPixel>);
+    std::ptrdiff_t      firstRow = 0;
+    for (const std::ptrdiff_t rowEnd : rowEnds)
+    {
+      std::ptrdiff_t firstColumn = 0;
+      for (const std::ptrdiff_t columnEnd : columnEnds)
+      {
+        this->ProjectPart(firstColumn, columnEnd, firstRow, rowEnd, atEnd, pixels);
+        firstColumn = columnEnd - 1;
+      }
+      firstRow = rowEnd - 1;
     }
     return pixels;
   }
@@ -285,6 +305,39 @@ public:
   bool           hasCommonRows{ false };
 
 private:
+  void
+  ProjectPart(std::ptrdiff_t        firstColumn,
+              std::ptrdiff_t        columnEnd,
+              std::ptrdiff_t        firstRow,
+              std::ptrdiff_t        rowEnd,
+              bool                  atEnd,
+              std::vector<TPixel> & pixels) const
+  {
+    Kernels::SliceStack<TPixel> part = m_Stack;
+    part.columns = columnEnd - firstColumn;
+    part.rows = rowEnd - firstRow;
+    part.rowStride = part.columns;
+    part.sliceStride = part.columns * part.rows;
+    part.columnEnds = { firstColumn == 0, columnEnd == m_Stack.columns };
+    part.rowEnds = { firstRow == 0, rowEnd == m_Stack.rows };
+    std::vector<TPixel> voxels;
+    auto                placements = m_Placements;
+    for (std::ptrdiff_t k = 0; k < part.slices; ++k)
+    {
+      placements[k].column.whole += static_cast<std::int32_t>(firstColumn);
+      placements[k].row.whole += static_cast<std::int32_t>(firstRow);
+      for (std::ptrdiff_t j = firstRow; j < rowEnd; ++j)
+      {
+        const TPixel * row = m_Voxels.data() + k * m_Stack.sliceStride + j * m_Stack.rowStride;
+        voxels.insert(voxels.end(), row + firstColumn, row + columnEnd);
+      }
+    }
+    GuardedMemory memory(voxels.size() * sizeof(TPixel));
+    part.voxels = memory.Place(voxels, atEnd);
+    const Kernels::ShearedView<TPixel> view{ placements.data(), { pixels.data(), columns, rows, columns, nullptr } };
+    Kernels::GetKernels<TPixel>().projectBlock(part, { 0, part.rows, 0, part.slices, part.rows }, &view, 1);
+  }
+
   Kernels::SliceStack<TPixel>          m_Stack;
   std::vector<TPixel>                  m_Voxels;
   std::unique_ptr<GuardedMemory>       m_Memory;
@@ -493,6 +546,44 @@ TYPED_TEST(ShearWarpKernelsTyped, ProjectBlockTakesTheMaximumOfManySlices)
       slices.Place(k, random.Integer(0, 4 * WholePixel), random.Integer(0, 4 * WholePixel));
     }
     slices.ExpectProjectionFollowsRule();
+  }
+}
+
+TYPED_TEST(ShearWarpKernelsTyped, PartsHaveTheSamplesOfTheWhole)
+{
+  Random random(10);
+  for (int repeat = 0; repeat < 200; ++repeat)
+  {
+    const std::ptrdiff_t     columns = random.Integer(1, 150);
+    const std::ptrdiff_t     rows = random.Integer(1, 25);
+    SlicesFixture<TypeParam> slices(random, columns, rows, random.Integer(1, 3));
+    for (std::ptrdiff_t k = 0; k < slices.GetNumberOfSlices(); ++k)
+    {
+      const auto position = [&random] {
+        return random.Integer(0, 3) * WholePixel + RimFractions[random.Integer(0, std::size(RimFractions) - 1)];
+      };
+      slices.Place(k, position(), position());
+    }
+    const auto makeEnds = [&random](std::ptrdiff_t length) {
+      std::vector<std::ptrdiff_t> ends{ length };
+      for (std::ptrdiff_t end = random.Integer(1, length); end < length; end = random.Integer(end + 1, length))
+      {
+        ends.insert(ends.end() - 1, end);
+      }
+      return ends;
+    };
+    const auto columnEnds = makeEnds(columns);
+    const auto rowEnds = makeEnds(rows);
+    ForEachInstructionSet([&](const std::string &) {
+      const auto whole = slices.Project();
+      const auto parts = slices.ProjectParts(columnEnds, rowEnds, repeat % 2 == 0);
+      ASSERT_EQ(parts.size(), whole.size());
+      for (std::size_t n = 0; n < whole.size(); ++n)
+      {
+        ASSERT_TRUE(HaveSameBits(WithoutSignOfZero(whole[n]), WithoutSignOfZero(parts[n])))
+          << "repeat " << repeat << ", pixel " << n << ": " << +parts[n] << " instead of " << +whole[n];
+      }
+    });
   }
 }
 

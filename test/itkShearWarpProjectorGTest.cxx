@@ -16,6 +16,7 @@
  *
  *=========================================================================*/
 #include "itkEuler3DTransform.h"
+#include "itkImageAlgorithm.h"
 #include "itkShearWarpMIPImageFilter.h"
 
 #include "itkShearWarpMIPTestHelper.h"
@@ -47,7 +48,83 @@ public:
     return std::max(skipped, ExpectTheSameBits(image, view, 2));
   }
 
+  /** The intermediate image, where slices reach it, from parts that begin at these voxels along each axis. Each is an
+   * image that has one voxel more below, if there is one. Empty lists are the whole. */
+  static std::vector<TPixel>
+  ProjectInParts(const ImageType *                                       image,
+                 const itk::Transform<double, 3, 3> *                    view,
+                 unsigned int                                            oversampling,
+                 const std::array<std::vector<itk::IndexValueType>, 3> & begins)
+  {
+    const auto & kernels = itk::ShearWarp::GetKernels<TPixel>();
+    const auto   grid = itk::ImageBase<2>::New();
+    grid->SetLargestPossibleRegion(itk::Size<2>{ { 1, 1 } });
+    const itk::ShearWarpFactorization    factorization(view, image, grid, oversampling);
+    const unsigned int                   axis = factorization.GetPrincipalAxis();
+    itk::ShearWarpPreparedVolume<TPixel> volume;
+    itk::ShearWarpProjector<TPixel>      projector;
+    const auto                           call = [](itk::SizeValueType count, const auto & process) {
+      for (itk::SizeValueType n = 0; n < count; ++n)
+      {
+        process(n);
+      }
+    };
+    const auto callSteps = [](itk::SizeValueType count, itk::SizeValueType steps, const auto & process) {
+      for (itk::SizeValueType n = 0; n < count * steps; ++n)
+      {
+        process(n / steps, n % steps, n / steps % 2);
+      }
+    };
+    projector.Start({ &factorization }, kernels, ReducedResamplingEnum::On, 2);
+    for (const auto & region : MakeParts(image->GetLargestPossibleRegion(), begins))
+    {
+      const auto part = ImageType::New();
+      part->SetLargestPossibleRegion(image->GetLargestPossibleRegion());
+      part->SetBufferedRegion(region);
+      part->Allocate();
+      itk::ImageAlgorithm::Copy(image, part.GetPointer(), region, region);
+      const auto begin = region.GetIndex(2) - image->GetLargestPossibleRegion().GetIndex(2);
+      const auto end = begin + static_cast<itk::IndexValueType>(region.GetSize(2));
+      volume.PreparePart(part, begin, end, axis, kernels, call);
+      projector.Project(volume, callSteps);
+    }
+    const auto          intermediate = projector.Finish(0, callSteps);
+    std::vector<TPixel> pixels;
+    for (std::ptrdiff_t row = 0; row < intermediate.rows; ++row)
+    {
+      const TPixel * begin = intermediate.pixels + row * intermediate.rowStride;
+      pixels.insert(pixels.end(), begin + intermediate.reached[row].begin, begin + intermediate.reached[row].end);
+    }
+    return pixels;
+  }
+
 private:
+  using RegionType = typename ImageType::RegionType;
+
+  static std::vector<RegionType>
+  MakeParts(const RegionType & whole, const std::array<std::vector<itk::IndexValueType>, 3> & begins)
+  {
+    std::vector<RegionType> parts{ whole };
+    for (unsigned int axis = 0; axis < 3; ++axis)
+    {
+      std::vector<RegionType> smaller;
+      for (const RegionType & part : parts)
+      {
+        for (auto begin = begins[axis].begin(); begin != begins[axis].end(); ++begin)
+        {
+          const auto next = std::next(begin);
+          const auto end = next == begins[axis].end() ? static_cast<itk::IndexValueType>(whole.GetSize(axis)) : *next;
+          const auto first = std::max<itk::IndexValueType>(*begin - 1, 0);
+          smaller.push_back(part);
+          smaller.back().SetIndex(axis, whole.GetIndex(axis) + first);
+          smaller.back().SetSize(axis, static_cast<itk::SizeValueType>(end - first));
+        }
+      }
+      parts = begins[axis].empty() ? parts : smaller;
+    }
+    return parts;
+  }
+
   static double
   ExpectTheSameBits(const ImageType * image, const itk::Transform<double, 3, 3> * view, unsigned int oversampling)
   {
@@ -135,6 +212,32 @@ TYPED_TEST(ShearWarpProjectorTyped, NoiseGivesTheSameBitsHoweverItIsProjected)
     for (const auto & view : MakeViews())
     {
       TestFixture::ExpectTheSameBits(image, view);
+    }
+  }
+}
+
+TYPED_TEST(ShearWarpProjectorTyped, PartsOfAnImageGiveTheBitsOfTheWhole)
+{
+  Random             random(606);
+  const itk::Size<3> size{ { 61, 45, 38 } };
+  const auto         image = MakeRandomImage<TypeParam>(random, size);
+  for (const auto & view : MakeViews())
+  {
+    for (const unsigned int oversampling : { 1, 2 })
+    {
+      const auto whole = TestFixture::ProjectInParts(image, view, oversampling, {});
+      std::array<std::vector<itk::IndexValueType>, 3> begins;
+      for (unsigned int axis = 0; axis < 3; ++axis)
+      {
+        for (itk::IndexValueType begin = 0; begin < static_cast<itk::IndexValueType>(size[axis]);)
+        {
+          begins[axis].push_back(begin);
+          begin += random.Integer(1, 30);
+        }
+      }
+      ForEachInstructionSet([&](const std::string &) {
+        EXPECT_TRUE(TestFixture::ProjectInParts(image, view, oversampling, begins) == whole);
+      });
     }
   }
 }
