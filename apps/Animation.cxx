@@ -31,6 +31,8 @@ namespace
 {
 using Arguments = std::vector<std::string>;
 
+const std::string gray = "gray";
+
 std::string
 FindEncoder()
 {
@@ -67,9 +69,8 @@ RunQuietly(const Arguments & arguments)
 }
 
 Arguments
-ChooseEncoding(const std::string & extension, bool isColour)
+ChooseEncoding(const std::string & extension, const std::string & pixels)
 {
-  const std::string pixels = isColour ? "rgb24" : "gray";
   if (extension == ".mp4")
   {
     // sizes must be even
@@ -84,8 +85,8 @@ ChooseEncoding(const std::string & extension, bool isColour)
   {
     return { "-pix_fmt", pixels, "-pred", "mixed", "-plays", "0", "-f", "apng" };
   }
-  return isColour ? Arguments{ "-vf", "split[a][b];[a]palettegen[p];[b][p]paletteuse", "-f", "gif" }
-                  : Arguments{ "-pix_fmt", pixels, "-f", "gif" };
+  return pixels == gray ? Arguments{ "-pix_fmt", pixels, "-f", "gif" }
+                        : Arguments{ "-vf", "split[a][b];[a]palettegen[p];[b][p]paletteuse", "-f", "gif" };
 }
 } // namespace
 
@@ -106,7 +107,7 @@ EncodeAnimation(const AnyImage &              pictures,
 {
   auto &             pixels = *CastImage<unsigned char>(pictures).GetPixelContainer();
   const auto         size = pictures.image->GetLargestPossibleRegion().GetSize();
-  const bool         isColour = pictures.image->GetNumberOfComponentsPerPixel() == 3;
+  const std::string  format = pictures.image->GetNumberOfComponentsPerPixel() == 3 ? "rgb24" : gray;
   std::ofstream      file(raw, std::ios::binary);
   std::ostringstream sizeText;
   std::ostringstream rateText;
@@ -119,22 +120,12 @@ EncodeAnimation(const AnyImage &              pictures,
     throw std::runtime_error("cannot write the pictures; is the disk full?");
   }
 
-  Arguments       arguments{ FindEncoder(),
-                       "-nostdin",
-                       "-v",
-                       "error",
-                       "-y",
-                       "-f",
-                       "rawvideo",
-                       "-pixel_format",
-                       isColour ? "rgb24" : "gray",
-                       "-video_size",
-                       sizeText.str(),
-                       "-framerate",
-                       rateText.str(),
-                       "-i",
-                       "file:" + raw.string() };
-  const Arguments encoding = ChooseEncoding(path.extension().string(), isColour);
+  Arguments arguments{
+    FindEncoder(),         "-nostdin", "-v",          "error",        "-y",         "-f",           "rawvideo",
+    "-pixel_format",       format,     "-video_size", sizeText.str(), "-framerate", rateText.str(), "-i",
+    "file:" + raw.string()
+  };
+  const Arguments encoding = ChooseEncoding(path.extension().string(), format);
   arguments.insert(arguments.end(), encoding.begin(), encoding.end());
   arguments.insert(arguments.end(), { "-bitexact", "file:" + path.string() });
   RunQuietly(arguments);

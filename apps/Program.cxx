@@ -52,12 +52,10 @@ constexpr auto description =
   "Maximum intensity projection (MIP) of a 3D image from any direction.\n\n"
   "INPUT is an image that ITK reads (NIfTI, NRRD, MetaImage, DICOM, ...) or a folder of DICOM files. Each\n"
   "component of its pixels is projected by itself, and so is each point in time of a 4D image: a series of frames.\n"
-  "OUTPUT's extension gives its format: .mha, .nrrd, .nii and .nii.gz keep the image's values and pixel type, a "
-  "series\n"
-  "as a 3D stack; .png has 8 bits, see --window, a series as numbered files; .gif, .apng and .mp4 are animations, "
-  "made\n"
-  "by the program ffmpeg; .html is a page to turn and play a series in any browser. Sizes and positions of the output\n"
-  "are in mm in the view plane.";
+  "OUTPUT's extension gives its format: .mha, .nrrd, .nii and .nii.gz keep the image's values and pixel type, a\n"
+  "series as a 3D stack; .png has 8 bits, see --window, a series as numbered files; .gif, .apng and .mp4 are\n"
+  "animations, made by the program ffmpeg; .html is a page to turn and play a series in any browser. Sizes and\n"
+  "positions of the output are in mm in the view plane.";
 
 constexpr auto examples = "Examples:\n"
                           "  shear-warp-mip tof.nii.gz mip.png --view superior\n"
@@ -386,8 +384,8 @@ DefineOptions(CLI::App & app, Options & options)
     .add_option("--depth-colour",
                 options.depthColour,
                 "Also writes a .png, or numbered ones or an animation of a series: coloured by depth from red, the "
-                "nearest of what "
-                "is bright, to blue, the farthest; as bright as OUTPUT with --window; black where nothing is")
+                "nearest of what is bright, to blue, the farthest; as bright as OUTPUT with --window; black where "
+                "nothing is")
     ->type_name("FILE")
     ->group("Projection");
   app
@@ -427,19 +425,34 @@ DefineOptions(CLI::App & app, Options & options)
   app.set_help_flag("-h,--help", "Prints this text")->group("Program");
 }
 
+/** X,Y,Z, if it is three finite numbers. */
+std::optional<itk::Vector<double, 3>>
+ReadDirection(const std::vector<std::string> & axis)
+{
+  if (axis.size() != 3)
+  {
+    return std::nullopt;
+  }
+  itk::Vector<double, 3> direction;
+  for (unsigned int n = 0; n < 3; ++n)
+  {
+    if (!CLI::detail::lexical_cast(axis[n], direction[n]) || !std::isfinite(direction[n]))
+    {
+      return std::nullopt;
+    }
+  }
+  return direction;
+}
+
 itk::Vector<double, 3>
 MakeAxis(const std::vector<std::string> & axis, const itk::ImageBase<3> * grid)
 {
-  itk::Vector<double, 3> direction(0.0);
-  if (axis.size() == 3)
+  if (const auto given = ReadDirection(axis))
   {
-    std::transform(axis.begin(), axis.end(), direction.Begin(), [](const std::string & text) {
-      double value = 0.0;
-      CLI::detail::lexical_cast(text, value);
-      return value;
-    });
+    return *given;
   }
-  else if (const auto found = imageAxes.find(axis.front()); found != imageAxes.end())
+  itk::Vector<double, 3> direction(0.0);
+  if (const auto found = imageAxes.find(axis.front()); found != imageAxes.end())
   {
     for (unsigned int row = 0; row < 3; ++row)
     {
@@ -679,14 +692,9 @@ Verify(const Options & options)
   {
     throw std::runtime_error("--spacing: one or two values are needed");
   }
-  const bool isDirection =
-    options.axis.size() == 3 && std::all_of(options.axis.begin(), options.axis.end(), [](const std::string & text) {
-      double value = 0.0;
-      return CLI::detail::lexical_cast(text, value) && std::isfinite(value);
-    });
   const bool isName = options.axis.size() == 1 &&
                       (patientAxes.count(options.axis.front()) > 0 || imageAxes.count(options.axis.front()) > 0);
-  if (!isName && !isDirection)
+  if (!isName && !ReadDirection(options.axis))
   {
     throw std::runtime_error("--axis: it must be left, posterior, superior, i, j, k or a direction X,Y,Z");
   }

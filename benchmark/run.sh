@@ -25,8 +25,7 @@ while [ $# -gt 0 ]; do
       if [ "$1" = --output ]; then output=$2; else options+=(--image "$2"); fi
       shift ;;
     --) shift; options+=("$@"); break ;;
-    -h | --help) show_usage; exit 0 ;;
-    *) show_usage; exit 1 ;;
+    *) exit_with_usage "$1" ;;
   esac
   shift
 done

@@ -11,10 +11,7 @@
 set -euo pipefail
 . "$(dirname "${BASH_SOURCE[0]}")/../tools/common.sh"
 
-case ${1:-} in
-  -*) show_usage
-    case $1 in -h | --help) exit 0 ;; *) exit 1 ;; esac ;;
-esac
+[[ ${1:-} != -* ]] || exit_with_usage "$1"
 picture=${1:-$root/doc/heart.gif}
 program=$cache/demo-build/apps/shear-warp-mip
 work=$(mktemp -d)

@@ -19,7 +19,7 @@ stages=("$@")
 for stage in "${stages[@]}"; do
   case $stage in
     compile | tidy | cppcheck) ;;
-    *) show_usage; exit 1 ;;
+    *) exit_with_usage ;;
   esac
 done
 

@@ -7,8 +7,12 @@ jobs=${JOBS:-$(nproc)}
 say() { printf '%s\n' "$*" >&2; }
 die() { say "$(basename "$0"): $*"; exit 1; }
 
-# show_usage: prints the comment at the beginning of the script that calls it.
-show_usage() { sed -n '2,/^set/{/^set/d;s/^# \{0,1\}//;p}' "${BASH_SOURCE[1]}" >&2; }
+# exit_with_usage [OPTION]: prints the comment at the beginning of the script that calls it; a success if the option asks
+# for that.
+exit_with_usage() {
+  sed -n '2,/^set/{/^set/d;s/^# \{0,1\}//;p}' "${BASH_SOURCE[1]}" >&2
+  case ${1:-} in -h | --help) exit 0 ;; *) exit 1 ;; esac
+}
 
 # as_root COMMAND...: runs it as root, through sudo where that is needed.
 as_root() {

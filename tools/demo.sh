@@ -12,10 +12,7 @@
 set -euo pipefail
 . "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
-case ${1:-} in
-  -*) show_usage
-    case $1 in -h | --help) exit 0 ;; *) exit 1 ;; esac ;;
-esac
+[[ ${1:-} != -* ]] || exit_with_usage "$1"
 [ $# -le 2 ] || die "at most an image and a folder, see --help"
 image=${1:-}
 folder=${2:-demo-output}

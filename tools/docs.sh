@@ -57,8 +57,7 @@ work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 case ${1:-} in
   --figures) draw_figures; exit ;;
-  -*) show_usage
-    case $1 in -h | --help) exit 0 ;; *) exit 1 ;; esac ;;
+  -*) exit_with_usage "$1" ;;
 esac
 timed "installed what building needs" need_packages doxygen libjs-mathjax python3-venv
 timed "installed Sphinx" install_sphinx

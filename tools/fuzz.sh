@@ -20,8 +20,7 @@ set -euo pipefail
 seconds=${1:-600}
 corpus=${2:-$cache/fuzz}
 if [ $# -gt 2 ] || ! [[ $seconds =~ ^[1-9][0-9]*$ ]]; then
-  show_usage
-  case $seconds in -h | --help) exit 0 ;; *) exit 1 ;; esac
+  exit_with_usage "$seconds"
 fi
 
 need_packages build-essential clang cmake libcli11-dev libgtest-dev libinsighttoolkit5-dev llvm ninja-build

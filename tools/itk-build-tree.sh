@@ -18,7 +18,7 @@ set -euo pipefail
 what=${1:-}
 case $what in
   '' | --tools | --source) ;;
-  *) show_usage; exit 1 ;;
+  *) exit_with_usage ;;
 esac
 
 python=${PYTHON:-/usr/bin/python3}

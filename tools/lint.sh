@@ -8,8 +8,7 @@ set -euo pipefail
 . "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 if [ $# -gt 1 ] || [[ ${1:-} == -* ]]; then
-  show_usage
-  case $1 in -h | --help) exit 0 ;; *) exit 1 ;; esac
+  exit_with_usage "$1"
 fi
 
 need_packages git python3-venv

@@ -31,7 +31,7 @@ stages=("${@/#--sanitize/sanitize}")
 for stage in "${stages[@]}"; do
   case $stage in
     tree | installed | module | python | sanitize) ;;
-    *) show_usage; exit 1 ;;
+    *) exit_with_usage ;;
   esac
 done
 

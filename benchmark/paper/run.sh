@@ -26,9 +26,7 @@ while [ $# -gt 0 ]; do
       [ $# -ge 2 ] || die "$1 needs a value, see --help"
       if [ "$1" = --output ]; then output=$2; else image=$2 description=(image "$(basename "$2")"); fi
       shift ;;
-    -h | --help | *)
-      show_usage
-      case $1 in -h | --help) exit 0 ;; *) exit 1 ;; esac ;;
+    *) exit_with_usage "$1" ;;
   esac
   shift
 done
