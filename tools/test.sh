@@ -154,7 +154,8 @@ test_sanitize() (
   # instrumented kernels do share code: the sanitizer's
   local name options=halt_on_error=1:exitcode=99:allocator_may_return_null=1 skip=ShearWarpVectorKernelsShareNoCode
   export ASAN_OPTIONS=$options:strict_init_order=1
-  export UBSAN_OPTIONS=$options:print_stacktrace=1 TSAN_OPTIONS=$options
+  export UBSAN_OPTIONS=$options:print_stacktrace=1
+  export TSAN_OPTIONS=$options:suppressions=$root/tools/races-of-itk.txt
   export LSAN_OPTIONS=suppressions=$root/tools/leaks-of-itk.txt:print_suppressions=0
   for name in address,undefined,float-cast-overflow thread; do
     [ "$name" != thread ] || export ITK_GLOBAL_DEFAULT_THREADER=Platform
