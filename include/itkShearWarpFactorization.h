@@ -29,20 +29,22 @@ namespace itk
 {
 namespace ShearWarp
 {
-/** The places of slices [corner.slice, corner.slice + slices) of a part of a volume whose voxel (0, 0, 0) is the
- * volume's at \a corner. */
-ShearWarpMIP_EXPORT
-std::vector<SlicePlacement>
-PlacePart(const std::vector<SlicePlacement> & placements, const Corner & corner, std::ptrdiff_t slices);
-
 /** An image that collects the maxima of sheared slices: where each slice lies in it, and the columns of each row that
- * some slice reaches. */
+ * some slice reaches. That of a part of a volume begins at column `begin.column` and row `begin.row` of the whole
+ * volume's, and has the slices from `begin.slice` on. */
 struct IntermediateGrid
 {
   std::ptrdiff_t              columns, rows;
   std::vector<SlicePlacement> placements;
   std::vector<ColumnSpan>     reached;
+  Corner                      begin{ 0, 0, 0 };
 };
+
+/** The places in \a grid of \a slices slices of a part of a volume whose voxel (0, 0, 0) is the volume's at \a corner.
+ */
+ShearWarpMIP_EXPORT
+std::vector<SlicePlacement>
+PlacePart(const IntermediateGrid & grid, const Corner & corner, std::ptrdiff_t slices);
 } // namespace ShearWarp
 
 /** \class ShearWarpFactorization
@@ -128,11 +130,23 @@ public:
     return m_Translation;
   }
 
+  /** The same view, with the intermediate image of a part of the image alone: \a part, which lies within the image's
+   * largest possible region. Throws ExceptionObject if it does not. */
+  ShearWarpFactorization
+  MakePart(const ImageRegion<3> & part) const;
+
   /** Size of the intermediate image, in pixels. */
   const Size<2> &
   GetIntermediateSize() const
   {
-    return m_IntermediateSize;
+    return m_IntermediateRegion.GetSize();
+  }
+
+  /** Where the intermediate image lies in the whole image's: it begins at index (0, 0) but for a part. */
+  const ImageRegion<2> &
+  GetIntermediateRegion() const
+  {
+    return m_IntermediateRegion;
   }
 
   /** M_view P^-1 = [m_ij]: (i, j, k, 1) to view space. */
@@ -163,8 +177,8 @@ public:
   ShearWarp::ShearedFunction
   GetDepthFunction() const;
 
-  /** Column, row, 1 of the output grid to intermediate column, row, 1: the inverse of the warp, after the grid's
-   * spacing and origin. */
+  /** Column, row, 1 of the output grid to column, row, 1 of the whole image's intermediate image: the inverse of the
+   * warp, after the grid's spacing and origin. */
   Matrix3Type
   GetOutputToIntermediateMatrix() const;
 
@@ -220,7 +234,10 @@ public:
   ComputeProjectedSpacing(const TransformType * viewTransform, const InputImageBaseType * image);
 
 private:
-  /** Finds size and reached columns of the intermediate image. */
+  /** Makes the phases' grids for voxels \a part of the image, and the intermediate image that they join to. */
+  void
+  MakePhases(const ImageRegion<3> & part);
+
   void
   JoinPhases();
 
@@ -228,7 +245,8 @@ private:
   unsigned int                             m_Oversampling;
   Vector2Type                              m_Shear;
   Vector2Type                              m_Translation;
-  Size<2>                                  m_IntermediateSize;
+  ImageRegion<3>                           m_ImageRegion;
+  ImageRegion<2>                           m_IntermediateRegion;
   Matrix4Type                              m_ViewMatrix;
   Vector2Type                              m_OutputSpacing;
   Point2Type                               m_OutputOrigin;

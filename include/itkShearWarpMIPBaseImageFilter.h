@@ -18,14 +18,10 @@
 #ifndef itkShearWarpMIPBaseImageFilter_h
 #define itkShearWarpMIPBaseImageFilter_h
 
-#include "itkImageToImageFilter.h"
-#include "itkShearWarpFactorization.h"
-#include "itkShearWarpProjector.h"
+#include "itkShearWarpBaseImageFilter.h"
 #include "itkShearWarpRayProjector.h"
 
-#include <chrono>
 #include <limits>
-#include <string>
 #include <vector>
 
 namespace itk
@@ -45,25 +41,27 @@ namespace itk
  * \sa ShearWarpMIPImageFilter, ShearWarpMIPCineImageFilter
  */
 template <typename TInputImage, typename TOutputImage>
-class ITK_TEMPLATE_EXPORT ShearWarpMIPBaseImageFilter : public ImageToImageFilter<TInputImage, TOutputImage>
+class ITK_TEMPLATE_EXPORT ShearWarpMIPBaseImageFilter : public ShearWarpBaseImageFilter<TInputImage, TOutputImage>
 {
 public:
   ITK_DISALLOW_COPY_AND_MOVE(ShearWarpMIPBaseImageFilter);
 
   using Self = ShearWarpMIPBaseImageFilter;
-  using Superclass = ImageToImageFilter<TInputImage, TOutputImage>;
+  using Superclass = ShearWarpBaseImageFilter<TInputImage, TOutputImage>;
   using Pointer = SmartPointer<Self>;
   using ConstPointer = SmartPointer<const Self>;
 
-  itkTypeMacro(ShearWarpMIPBaseImageFilter, ImageToImageFilter);
+  itkTypeMacro(ShearWarpMIPBaseImageFilter, ShearWarpBaseImageFilter);
 
-  static constexpr unsigned int InputImageDimension = TInputImage::ImageDimension;
+  using Superclass::InputImageDimension;
   static constexpr unsigned int OutputImageDimension = TOutputImage::ImageDimension;
 
   using InputImageType = TInputImage;
   using OutputImageType = TOutputImage;
-  using InputPixelType = typename InputImageType::PixelType;
-  using OutputPixelType = typename OutputImageType::PixelType;
+  using typename Superclass::InputPixelType;
+  using typename Superclass::OutputPixelType;
+  using typename Superclass::TransformConstPointer;
+  using typename Superclass::TransformType;
   using OutputImageRegionType = typename OutputImageType::RegionType;
   using OutputIndexType = typename OutputImageType::IndexType;
   using SizeType = itk::Size<2>;
@@ -72,19 +70,10 @@ public:
   using PhysicalPointType = Point<double, 3>;
   using MaskImageType = Image<unsigned char, 3>;
   using DepthImageType = Image<float, OutputImageDimension>;
-  using TransformType = Transform<double, 3, 3>;
-  using TransformConstPointer = typename TransformType::ConstPointer;
-  using ReducedResamplingEnum = ShearWarpMIPImageFilterEnums::ReducedResampling;
   using ModeEnum = ShearWarpMIPImageFilterEnums::Mode;
 
-  static_assert(InputImageDimension == 3, "the input of a projection must have dimension 3");
   static_assert(OutputImageDimension == 2 || OutputImageDimension == 3,
                 "the output of a projection must have dimension 2, or 3 for a slice in the image's physical space");
-  static_assert(std::is_base_of_v<Image<InputPixelType, 3>, InputImageType>, "the input must be an itk::Image");
-  static_assert(std::is_same_v<OutputPixelType, InputPixelType>, "input and output must have the same pixel type");
-  static_assert(std::is_arithmetic_v<InputPixelType> && !std::is_same_v<InputPixelType, bool> &&
-                  !std::is_same_v<InputPixelType, long double>,
-                "the pixel type must be a scalar other than bool and long double");
 
   /** Size of the output, in pixels; zero while it is fitted. */
   void
@@ -174,18 +163,6 @@ public:
   const DepthImageType *
   GetDepthOutput() const;
 
-  /** Reduced resampling leaves out parts of slices whose largest voxel is not above what the picture has there already.
-   * It never changes a pixel. Auto, the default, uses it where it saves time. It is used for the plain maximum
-   * alone. */
-  itkSetEnumMacro(ReducedResampling, ReducedResamplingEnum);
-  itkGetEnumMacro(ReducedResampling, ReducedResamplingEnum);
-
-  /** Pixels of the intermediate image per voxel, along each axis: 1, the default, or 2, which samples each slice four
-   * times as densely, so that the second interpolation, of the intermediate image, loses less. The output's grid stays
-   * as it is. */
-  itkSetMacro(Oversampling, unsigned int);
-  itkGetConstMacro(Oversampling, unsigned int);
-
   /** In how many slabs along the input's z axis its voxels are requested, one after the other; 1 by default. The output
    * has the same bits. Slabs have at least eight slices. If there are more than one nothing prepared is kept, and each
    * update gets all of them again. */
@@ -197,41 +174,35 @@ public:
   itkSetMacro(IntermediateMemory, SizeValueType);
   itkGetConstMacro(IntermediateMemory, SizeValueType);
 
-  /** The fraction of the volume, 0 to 1, that the last update left out by reduced resampling. */
-  itkGetConstMacro(SkippedFraction, double);
-
-  /** The instruction set of the last update's kernels: "portable", "avx2" or "avx512". The fastest that the processor
-   * has is used, unless the environment variable SHEARWARPMIP_INSTRUCTION_SET names another. */
-  itkGetConstReferenceMacro(InstructionSet, std::string);
-
-  /** Index axis of the input, 0, 1 or 2, along which the last update took the slices of the first view. */
-  itkGetConstMacro(PrincipalAxis, unsigned int);
-
-  /** Seconds that the last update took to prepare the volume; 0 if it was prepared already. */
-  itkGetConstMacro(PreparationSeconds, double);
-
-  /** Seconds that the last update took to project the volume to intermediate images. */
-  itkGetConstMacro(ProjectionSeconds, double);
-
   /** Seconds that the last update took to warp intermediate images to the output. */
   itkGetConstMacro(WarpSeconds, double);
 
-  /** Frees the memory of the prepared volume; a later update prepares it again if it needs to. */
   void
-  ReleasePreparedVolume()
+  ReleasePreparedVolume() override
   {
-    m_PreparedVolume.Release();
+    Superclass::ReleasePreparedVolume();
     m_PreparedMask.Release();
   }
 
-  /** Bytes that the prepared volume, and the mask's, hold beside the inputs. */
   SizeValueType
-  GetPreparedVolumeSizeInBytes() const
+  GetPreparedVolumeSizeInBytes() const override
   {
-    return m_PreparedVolume.GetSizeInBytes() + m_PreparedMask.GetSizeInBytes();
+    return Superclass::GetPreparedVolumeSizeInBytes() + m_PreparedMask.GetSizeInBytes();
   }
 
 protected:
+  using typename Superclass::Clock;
+  using typename Superclass::IntermediateImageType;
+  using typename Superclass::Kernels;
+  using Superclass::SecondsSince;
+
+  struct View
+  {
+    TransformConstPointer  transform;
+    ShearWarpFactorization factorization;
+    SizeValueType          number;
+  };
+
   ShearWarpMIPBaseImageFilter() = default;
   ~ShearWarpMIPBaseImageFilter() override = default;
 
@@ -255,6 +226,14 @@ protected:
   void
   GetDepthRange(const TransformType * transform, double & nearest, double & farthest) const;
 
+  /** Whether rays take samples in any order and all of them. */
+  bool
+  IsPlainMaximum() const;
+
+  /** Writes a view to its place in the output. */
+  void
+  Warp(const IntermediateImageType & intermediate, const View & view, const Kernels & kernels, float share);
+
   void
   VerifyPreconditions() ITKv5_CONST override;
 
@@ -268,9 +247,6 @@ protected:
   GenerateInputRequestedRegion() override;
 
   void
-  EnlargeOutputRequestedRegion(DataObject * output) override;
-
-  void
   GenerateData() override;
 
   using Superclass::MakeOutput;
@@ -281,31 +257,11 @@ protected:
   PrintSelf(std::ostream & os, Indent indent) const override;
 
 private:
-  using Kernels = ShearWarp::Kernels<InputPixelType>;
   using RayProjectorType = ShearWarpRayProjector<InputPixelType>;
-  using IntermediateImageType = ShearWarp::IntermediateImage<InputPixelType>;
-  using Clock = std::chrono::steady_clock;
-
-  struct View
-  {
-    TransformConstPointer  transform;
-    ShearWarpFactorization factorization;
-    SizeValueType          number;
-  };
 
   /** Views with the same intermediate image. */
   using Projection = std::vector<const View *>;
   using Group = std::vector<Projection>;
-
-  static double
-  SecondsSince(Clock::time_point start)
-  {
-    return std::chrono::duration<double>(Clock::now() - start).count();
-  }
-
-  /** Whether rays take samples in any order and all of them. */
-  bool
-  IsPlainMaximum() const;
 
   typename RayProjectorType::Parameters
   MakeRayParameters(const View & view, const Kernels & kernels) const;
@@ -318,10 +274,6 @@ private:
   template <typename TProjector>
   void
   Project(TProjector & projector, unsigned int axis, bool isFirstSlabFirst, const Kernels & kernels, float share);
-
-  /** Writes a view to its place in the output. */
-  void
-  Warp(const IntermediateImageType & intermediate, const View & view, const Kernels & kernels, float share);
 
   /** Sets one of the output grid's parameters, which is no longer fitted then. */
   template <typename TParameter>
@@ -365,19 +317,6 @@ private:
           const ShearWarp::Kernels<TPixel> & kernels,
           float                              progressWeight);
 
-  const Kernels &
-  ChooseKernels() const;
-
-  SizeValueType
-  GetNumberOfWorkers();
-
-  /** Calls \a process(n, step, worker) in parallel for each n of [0, count) and, one after the other, each step of
-   * [0, steps); calls with the same worker, less than GetNumberOfWorkers(), do not overlap. Adds \a progressWeight to
-   * the progress; throws ProcessAborted between two calls. */
-  template <typename TFunction>
-  void
-  Parallelize(SizeValueType count, SizeValueType steps, float progressWeight, const TFunction & process);
-
   SizeType        m_Size{ { 0, 0 } };
   SpacingType     m_OutputSpacing{ 0.0 };
   OriginPointType m_OutputOrigin{ 0.0 };
@@ -400,22 +339,12 @@ private:
   double            m_DepthAttenuation{ 0.0 };
   bool              m_ComputeDepth{ false };
 
-  ShearWarpPreparedVolume<InputPixelType> m_PreparedVolume;
-  ShearWarpPreparedVolume<unsigned char>  m_PreparedMask;
-  ShearWarpProjector<InputPixelType>      m_Projector;
-  RayProjectorType                        m_RayProjector;
+  ShearWarpPreparedVolume<unsigned char> m_PreparedMask;
+  RayProjectorType                       m_RayProjector;
 
-  ReducedResamplingEnum m_ReducedResampling{ ReducedResamplingEnum::Auto };
-  unsigned int          m_Oversampling{ 1 };
-  unsigned int          m_NumberOfStreamDivisions{ 1 };
-  SizeValueType         m_IntermediateMemory{ SizeValueType{ 1 } << 30 };
-  double                m_SkippedFraction{ 0.0 };
-  std::string           m_InstructionSet{ "portable" };
-
-  unsigned int m_PrincipalAxis{ 2 };
-  double       m_PreparationSeconds{ 0.0 };
-  double       m_ProjectionSeconds{ 0.0 };
-  double       m_WarpSeconds{ 0.0 };
+  unsigned int  m_NumberOfStreamDivisions{ 1 };
+  SizeValueType m_IntermediateMemory{ SizeValueType{ 1 } << 30 };
+  double        m_WarpSeconds{ 0.0 };
 };
 } // namespace itk
 

@@ -19,12 +19,7 @@
 #define itkShearWarpMIPBaseImageFilter_hxx
 
 #include <algorithm>
-#include <atomic>
-#include <chrono>
 #include <cmath>
-#include <exception>
-#include <mutex>
-#include <stdexcept>
 
 namespace itk
 {
@@ -103,7 +98,6 @@ void
 ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::VerifyPreconditions() ITKv5_CONST
 {
   Superclass::VerifyPreconditions();
-  ShearWarpFactorization::VerifyOversampling(m_Oversampling);
   if (m_NumberOfStreamDivisions == 0)
   {
     itkExceptionMacro("NumberOfStreamDivisions must be positive, but it is 0.");
@@ -111,11 +105,6 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::VerifyPreconditions() IT
   if (m_Mode > ModeEnum::AbsoluteMaximum)
   {
     itkExceptionMacro("Mode must be one of its enumerators, but it is " << static_cast<unsigned int>(m_Mode) << '.');
-  }
-  if (m_ReducedResampling > ReducedResamplingEnum::Auto)
-  {
-    itkExceptionMacro("ReducedResampling must be one of its enumerators, but it is "
-                      << static_cast<unsigned int>(m_ReducedResampling) << '.');
   }
   constexpr double infinity = std::numeric_limits<double>::infinity();
   if (!(m_SlabNear <= m_SlabFar && m_SlabNear < infinity && m_SlabFar > -infinity))
@@ -160,32 +149,17 @@ template <typename TInputImage, typename TOutputImage>
 void
 ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::VerifyInputInformation() ITKv5_CONST
 {
-  const InputImageType * input = this->GetInput();
-  const MaskImageType *  mask = this->GetMaskImage();
   try
   {
-    Superclass::VerifyInputInformation();
+    ImageToImageFilter<TInputImage, TOutputImage>::VerifyInputInformation();
   }
   catch (const ExceptionObject & error)
   {
     itkExceptionMacro("MaskImage must have the input's geometry. " << error.GetDescription());
   }
-
-  if (input->GetLargestPossibleRegion().GetNumberOfPixels() == 0)
-  {
-    itkExceptionMacro("The input must not be empty, but its region is " << input->GetLargestPossibleRegion());
-  }
-  for (unsigned int axis = 0; axis < InputImageDimension; ++axis)
-  {
-    if (!(input->GetSpacing()[axis] > 0.0 && std::isfinite(input->GetSpacing()[axis])))
-    {
-      itkExceptionMacro("The input's spacing must be positive and finite, but it is " << input->GetSpacing() << '.');
-    }
-    if (!std::isfinite(input->GetOrigin()[axis]))
-    {
-      itkExceptionMacro("The input's origin must be finite, but it is " << input->GetOrigin() << '.');
-    }
-  }
+  Superclass::VerifyInputInformation();
+  const InputImageType * input = this->GetInput();
+  const MaskImageType *  mask = this->GetMaskImage();
   if (mask && mask->GetLargestPossibleRegion() != input->GetLargestPossibleRegion())
   {
     itkExceptionMacro("MaskImage must have the input's region, " << input->GetLargestPossibleRegion() << ", but it has "
@@ -327,96 +301,6 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GetSlab(SizeValueType n)
 }
 
 template <typename TInputImage, typename TOutputImage>
-void
-ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::EnlargeOutputRequestedRegion(DataObject * output)
-{
-  output->SetRequestedRegionToLargestPossibleRegion();
-}
-
-template <typename TInputImage, typename TOutputImage>
-auto
-ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::ChooseKernels() const -> const Kernels &
-{
-  try
-  {
-    return ShearWarp::GetKernels<InputPixelType>();
-  }
-  catch (const std::invalid_argument & error)
-  {
-    itkExceptionMacro(<< error.what());
-  }
-}
-
-template <typename TInputImage, typename TOutputImage>
-SizeValueType
-ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GetNumberOfWorkers()
-{
-  return std::min(this->GetNumberOfWorkUnits(), this->GetMultiThreader()->GetMaximumNumberOfThreads());
-}
-
-template <typename TInputImage, typename TOutputImage>
-template <typename TFunction>
-void
-ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::Parallelize(SizeValueType     count,
-                                                                    SizeValueType     steps,
-                                                                    float             progressWeight,
-                                                                    const TFunction & process)
-{
-  const SizeValueType workers = std::min(count, this->GetNumberOfWorkers());
-  MultiThreaderBase * multiThreader = this->GetMultiThreader();
-  multiThreader->SetNumberOfWorkUnits(static_cast<ThreadIdType>(workers));
-  // ITK's reporters invoke events in their destructors, out of which no observer may throw; its threads lose exceptions
-  const SizeValueType        reportedSteps = (count * steps + 99) / 100;
-  const float                stepWeight = progressWeight / static_cast<float>(count * steps);
-  std::atomic<SizeValueType> next{ 0 };
-  std::exception_ptr         exception;
-  std::mutex                 mutex;
-  const auto                 work = [&](SizeValueType worker) {
-    SizeValueType done = 0;
-    for (SizeValueType n = next++; n < count; n = next++)
-    {
-      for (SizeValueType step = 0; step < steps; ++step)
-      {
-        if (this->GetAbortGenerateData())
-        {
-          throw ProcessAborted(__FILE__, __LINE__);
-        }
-        process(n, step, worker);
-        if (++done == reportedSteps)
-        {
-          this->IncrementProgress(stepWeight * static_cast<float>(done));
-          done = 0;
-        }
-      }
-    }
-    if (done > 0)
-    {
-      this->IncrementProgress(stepWeight * static_cast<float>(done));
-    }
-  };
-  multiThreader->ParallelizeArray(
-    0,
-    workers,
-    [&](SizeValueType worker) {
-      try
-      {
-        work(worker);
-      }
-      catch (...)
-      {
-        next = count;
-        const std::lock_guard<std::mutex> lock(mutex);
-        exception = exception ? exception : std::current_exception();
-      }
-    },
-    nullptr);
-  if (exception)
-  {
-    std::rethrow_exception(exception);
-  }
-}
-
-template <typename TInputImage, typename TOutputImage>
 template <typename TPixel>
 void
 ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::Prepare(const char *                       name,
@@ -427,16 +311,8 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::Prepare(const char *    
                                                                 const ShearWarp::Kernels<TPixel> & kernels,
                                                                 float                              progressWeight)
 {
-  const auto &        buffered = image->GetBufferedRegion();
-  const auto *        voxels = image->GetPixelContainer();
-  const SizeValueType available = voxels ? voxels->Size() : 0;
-  if (!buffered.IsInside(image->GetRequestedRegion()) || !image->GetLargestPossibleRegion().IsInside(buffered) ||
-      available < buffered.GetNumberOfPixels())
-  {
-    itkExceptionMacro("The " << name << " must be buffered where it is requested, but there are " << available
-                             << " voxels, its buffered region is " << buffered << " and its requested region is "
-                             << image->GetRequestedRegion());
-  }
+  const auto * voxels = image->GetPixelContainer();
+  this->VerifyVoxels(name, image, voxels ? voxels->Size() : 0);
   const auto parallelize = [=](SizeValueType count, const auto & process) {
     this->Parallelize(
       count, 1, progressWeight, [&process](SizeValueType n, SizeValueType, SizeValueType) { process(n); });
@@ -449,7 +325,7 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::Prepare(const char *    
   }
   else
   {
-    prepared.Prepare(image, axis, kernels, parallelize);
+    prepared.Prepare(image, image->GetLargestPossibleRegion(), axis, kernels, parallelize);
   }
 }
 
@@ -461,13 +337,10 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GenerateData()
   std::vector<View> views;
   for (const TransformConstPointer & transform : this->MakeViews())
   {
-    views.push_back({ transform, { transform, this->GetInput(), m_Grid, m_Oversampling }, views.size() });
+    views.push_back({ transform, { transform, this->GetInput(), m_Grid, this->m_Oversampling }, views.size() });
   }
-  m_PrincipalAxis = views.front().factorization.GetPrincipalAxis();
-  const Kernels & kernels = this->ChooseKernels();
-  m_InstructionSet = kernels.instructionSet;
-  m_PreparationSeconds = m_ProjectionSeconds = m_WarpSeconds = 0.0;
-  m_SkippedFraction = 0.0;
+  const Kernels & kernels = this->BeginUpdate(views.front().factorization);
+  m_WarpSeconds = 0.0;
 
   const SizeValueType workers = this->GetNumberOfWorkers();
   const float         viewShare = 1.0f / static_cast<float>(views.size());
@@ -489,7 +362,7 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GenerateData()
           finishProjection(n, [this, mergeShare](SizeValueType bands, SizeValueType steps, const auto & process) {
             this->Parallelize(bands, steps, mergeShare, process);
           });
-        m_ProjectionSeconds += SecondsSince(start);
+        this->m_ProjectionSeconds += SecondsSince(start);
         for (const View * view : group[n])
         {
           this->Warp(intermediate, *view, kernels, viewShare);
@@ -504,10 +377,10 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GenerateData()
       {
         factorizations.push_back(&projection.front()->factorization);
       }
-      m_Projector.Start(factorizations, kernels, m_ReducedResampling, workers);
-      this->Project(m_Projector, axis, true, kernels, share);
-      m_SkippedFraction += m_Projector.GetSkippedFraction() * share;
-      finish([this](std::size_t n, const auto & parallelize) { return m_Projector.Finish(n, parallelize); });
+      this->m_Projector.Start(factorizations, kernels, this->m_ReducedResampling, workers);
+      this->Project(this->m_Projector, axis, true, kernels, share);
+      this->m_SkippedFraction += this->m_Projector.GetSkippedFraction() * share;
+      finish([this](std::size_t n, const auto & parallelize) { return this->m_Projector.Finish(n, parallelize); });
     }
     else
     {
@@ -646,7 +519,7 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::Project(TProjector &    
 
   const SizeValueType slabs = this->GetNumberOfSlabs();
   const bool          isPrepared =
-    slabs == 1 && m_PreparedVolume.IsPrepared(input, axis) && (!mask || m_PreparedMask.IsPrepared(mask, axis));
+    slabs == 1 && this->m_PreparedVolume.IsPrepared(input, axis) && (!mask || m_PreparedMask.IsPrepared(mask, axis));
   const float preparationShare = share * (mask ? 0.1f : 0.2f) / static_cast<float>(slabs);
   const float projectionShare = share * (isPrepared ? 0.85f : 0.45f) / static_cast<float>(slabs);
   for (SizeValueType n = 0; n < slabs; ++n)
@@ -659,19 +532,19 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::Project(TProjector &    
       this->UpdateSlab(mask);
     }
     const auto preparationStart = Clock::now();
-    this->Prepare("input", input, m_PreparedVolume, axis, slab, kernels, preparationShare);
+    this->Prepare("input", input, this->m_PreparedVolume, axis, slab, kernels, preparationShare);
     if (mask)
     {
       const auto & maskKernels = ShearWarp::GetKernels<unsigned char>();
       this->Prepare("MaskImage", mask, m_PreparedMask, axis, slab, maskKernels, preparationShare);
     }
-    m_PreparationSeconds += isPrepared ? 0.0 : SecondsSince(preparationStart);
+    this->m_PreparationSeconds += isPrepared ? 0.0 : SecondsSince(preparationStart);
 
     const auto projectionStart = Clock::now();
-    projector.Project(m_PreparedVolume, [=](SizeValueType count, SizeValueType steps, const auto & process) {
+    projector.Project(this->m_PreparedVolume, [=](SizeValueType count, SizeValueType steps, const auto & process) {
       this->Parallelize(count, steps, projectionShare, process);
     });
-    m_ProjectionSeconds += SecondsSince(projectionStart);
+    this->m_ProjectionSeconds += SecondsSince(projectionStart);
   }
 }
 
@@ -704,7 +577,7 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::Warp(const IntermediateI
           const auto shearedPosition = [&](unsigned int axis) {
             const double position =
               map(axis, 0) * static_cast<double>(column) + map(axis, 1) * static_cast<double>(row) + map(axis, 2);
-            return (position + 1.0) / m_Oversampling - 1.0;
+            return (position + 1.0) / this->m_Oversampling - 1.0;
           };
           depths[row * size[0] + column] =
             slices[column] < 0
@@ -740,17 +613,9 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::PrintSelf(std::ostream &
      << static_cast<typename NumericTraits<InputPixelType>::PrintType>(m_LocalMaximumThreshold) << std::endl;
   os << indent << "DepthAttenuation: " << m_DepthAttenuation << std::endl;
   os << indent << "ComputeDepth: " << (m_ComputeDepth ? "On" : "Off") << std::endl;
-  os << indent << "ReducedResampling: " << m_ReducedResampling << std::endl;
-  os << indent << "Oversampling: " << m_Oversampling << std::endl;
   os << indent << "NumberOfStreamDivisions: " << m_NumberOfStreamDivisions << std::endl;
   os << indent << "IntermediateMemory: " << m_IntermediateMemory << std::endl;
-  os << indent << "SkippedFraction: " << m_SkippedFraction << std::endl;
-  os << indent << "InstructionSet: " << m_InstructionSet << std::endl;
-  os << indent << "PrincipalAxis: " << m_PrincipalAxis << std::endl;
-  os << indent << "PreparationSeconds: " << m_PreparationSeconds << std::endl;
-  os << indent << "ProjectionSeconds: " << m_ProjectionSeconds << std::endl;
   os << indent << "WarpSeconds: " << m_WarpSeconds << std::endl;
-  os << indent << "PreparedVolumeSizeInBytes: " << this->GetPreparedVolumeSizeInBytes() << std::endl;
 }
 } // namespace itk
 

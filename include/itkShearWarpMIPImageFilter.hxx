@@ -66,6 +66,35 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::VerifyPreconditions() ITKv5_
   {
     ShearWarpFactorization::VerifyViewTransform(this->GetTransform());
   }
+  for (unsigned int n = 0; n < this->GetNumberOfParts(); ++n)
+  {
+    if (!this->GetPart(n))
+    {
+      itkExceptionMacro("Part " << n << " of " << this->GetNumberOfParts() << " is required but not set.");
+    }
+    if (!this->IsPlainMaximum())
+    {
+      itkExceptionMacro("Parts have plain maxima: Mode, SlabNear, SlabFar, CropLower, CropUpper, MaskImage, "
+                        "LocalMaximum, DepthAttenuation and ComputeDepth must be as by default.");
+    }
+  }
+}
+
+template <typename TInputImage, typename TOutputImage>
+void
+ShearWarpMIPImageFilter<TInputImage, TOutputImage>::GenerateInputRequestedRegion()
+{
+  if (this->GetNumberOfParts() == 0)
+  {
+    Superclass::GenerateInputRequestedRegion();
+    return;
+  }
+  auto * input = const_cast<TInputImage *>(this->GetInput());
+  input->SetRequestedRegion({ input->GetLargestPossibleRegion().GetIndex(), { { 0, 0, 0 } } });
+  for (unsigned int n = 0; n < this->GetNumberOfParts(); ++n)
+  {
+    const_cast<PartImageType *>(this->GetPart(n))->SetRequestedRegionToLargestPossibleRegion();
+  }
 }
 
 template <typename TInputImage, typename TOutputImage>
@@ -128,6 +157,11 @@ template <typename TInputImage, typename TOutputImage>
 void
 ShearWarpMIPImageFilter<TInputImage, TOutputImage>::GenerateData()
 {
+  if (this->GetNumberOfParts() > 0)
+  {
+    this->WarpParts();
+    return;
+  }
   Superclass::GenerateData();
   if (this->GetComputeDepth())
   {
@@ -149,10 +183,64 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::GenerateData()
 
 template <typename TInputImage, typename TOutputImage>
 void
+ShearWarpMIPImageFilter<TInputImage, TOutputImage>::WarpParts()
+{
+  using View = typename Superclass::View;
+  this->AllocateOutputs();
+  const View           view{ this->GetTransform(),
+                             { this->GetTransform(), this->GetInput(), this->GetViewGrid(), this->m_Oversampling },
+                   0 };
+  const auto &         kernels = this->BeginUpdate(view.factorization);
+  const auto           start = Superclass::Clock::now();
+  const ImageRegion<2> whole = view.factorization.GetIntermediateRegion();
+  for (unsigned int n = 0; n < this->GetNumberOfParts(); ++n)
+  {
+    const PartImageType *  part = this->GetPart(n);
+    const ImageRegion<2> & region = part->GetBufferedRegion();
+    if (region != part->GetLargestPossibleRegion() || !whole.IsInside(region))
+    {
+      itkExceptionMacro("Part " << n << " must be buffered and lie within the intermediate image, " << whole
+                                << ", but its buffered region is " << region);
+    }
+  }
+
+  const auto      columns = static_cast<std::ptrdiff_t>(whole.GetSize(0));
+  const auto      rows = static_cast<std::ptrdiff_t>(whole.GetSize(1));
+  ShearWarpBuffer memory;
+  memory.Reserve(columns * rows * sizeof(InputPixelType), "the intermediate image");
+  InputPixelType * const   pixels = memory.template GetPointer<InputPixelType>();
+  constexpr std::ptrdiff_t band = 16;
+  this->Parallelize(
+    ShearWarp::CountBlocks(rows, band), 1, 0.9f, [&](SizeValueType bandNumber, SizeValueType, SizeValueType) {
+      const auto begin = static_cast<std::ptrdiff_t>(bandNumber) * band;
+      const auto end = std::min(begin + band, rows);
+      std::fill(pixels + begin * columns, pixels + end * columns, ShearWarp::NoSample<InputPixelType>);
+      for (unsigned int n = 0; n < this->GetNumberOfParts(); ++n)
+      {
+        const PartImageType *  part = this->GetPart(n);
+        const ImageRegion<2> & region = part->GetBufferedRegion();
+        const auto             width = static_cast<std::ptrdiff_t>(region.GetSize(0));
+        const auto             lastRow = region.GetIndex(1) + static_cast<std::ptrdiff_t>(region.GetSize(1));
+        for (auto row = std::max(begin, region.GetIndex(1)); row < std::min(end, lastRow); ++row)
+        {
+          const InputPixelType * from = part->GetBufferPointer() + (row - region.GetIndex(1)) * width;
+          InputPixelType *       to = pixels + row * columns + region.GetIndex(0);
+          std::transform(from, from + width, to, to, [](InputPixelType a, InputPixelType b) { return a > b ? a : b; });
+        }
+      }
+    });
+  this->m_ProjectionSeconds = Superclass::SecondsSince(start);
+  this->Warp({ pixels, columns, rows, columns, view.factorization.GetReachedColumns().data() }, view, kernels, 1.0f);
+  this->UpdateProgress(1.0f);
+}
+
+template <typename TInputImage, typename TOutputImage>
+void
 ShearWarpMIPImageFilter<TInputImage, TOutputImage>::PrintSelf(std::ostream & os, Indent indent) const
 {
   Superclass::PrintSelf(os, indent);
   os << indent << "Transform: " << this->GetTransform() << std::endl;
+  os << indent << "NumberOfParts: " << this->GetNumberOfParts() << std::endl;
 }
 } // namespace itk
 

@@ -54,7 +54,7 @@ struct BlockMaxima
  * keep three permuted copies.) Block maxima, of 1/512 of the image's size, are those of cubes, so that all axes share
  * them.
  *
- * It can be of a part of an image, of which nothing is kept for another view: so an image is streamed, part by part.
+ * It can be of a part of an image: what is buffered of a larger one or, for streaming, slices of that.
  *
  * \ingroup ShearWarpMIP
  */
@@ -74,20 +74,22 @@ public:
     return this->IsOf(image) && (principalAxis != 0 || m_Transposed.GetSizeInBytes() > 0);
   }
 
-  /** Makes what GetSlices() and GetBlockMaxima() need for \a image and index axis \a principalAxis (0, 1, 2); frees
-   * what was made for another image, or before this one was modified.
+  /** Makes what GetSlices() and GetBlockMaxima() need for what is buffered of \a image, which is a part of \a whole or
+   * all of it, and index axis \a principalAxis (0, 1, 2); frees what was made for another image, or before this one was
+   * modified.
    * \a parallelize(count, function) calls function(n) for each n of [0, count). If it throws, what it should
    * have made is not kept. Throws MemoryAllocationError if there is no memory. */
   template <typename TParallelize>
   void
   Prepare(const ImageType *                  image,
+          const ImageRegion<3> &             whole,
           unsigned int                       principalAxis,
           const ShearWarp::Kernels<TPixel> & kernels,
           const TParallelize &               parallelize);
 
-  /** Makes the same for a part of the image: slices [begin, end) along z, counted from the largest possible region's
-   * first, of what is buffered. Nothing of it is kept for another view. Samples are taken between the voxels of a
-   * part: to have them all, parts must have one voxel in common along each axis but the principal one. */
+  /** Makes the same for slices [begin, end) along z, counted from the largest possible region's first, of what is
+   * buffered; that region is the whole. Nothing of it is kept for another view. Samples are taken between the voxels of
+   * a part: to have them all, parts must have one voxel in common along each axis but the principal one. */
   template <typename TParallelize>
   void
   PreparePart(const ImageType *                  image,
@@ -128,7 +130,7 @@ private:
   }
 
   void
-  SetPart(const ImageType * image, std::ptrdiff_t begin, std::ptrdiff_t end);
+  SetPart(const ImageType * image, const ImageRegion<3> & whole, std::ptrdiff_t begin, std::ptrdiff_t end);
 
   template <typename TParallelize>
   void

@@ -27,6 +27,7 @@ template <typename TPixel>
 template <typename TParallelize>
 void
 ShearWarpPreparedVolume<TPixel>::Prepare(const ImageType *                  image,
+                                         const ImageRegion<3> &             whole,
                                          unsigned int                       principalAxis,
                                          const ShearWarp::Kernels<TPixel> & kernels,
                                          const TParallelize &               parallelize)
@@ -37,7 +38,9 @@ ShearWarpPreparedVolume<TPixel>::Prepare(const ImageType *                  imag
     // the next copy can have the memory of the last one
     memory = std::move(m_Transposed);
     this->Release();
-    this->SetPart(image, 0, static_cast<std::ptrdiff_t>(image->GetLargestPossibleRegion().GetSize(2)));
+    const auto &         buffered = image->GetBufferedRegion();
+    const std::ptrdiff_t begin = buffered.GetIndex(2) - whole.GetIndex(2);
+    this->SetPart(image, whole, begin, begin + static_cast<std::ptrdiff_t>(buffered.GetSize(2)));
     this->FindBlockMaxima(kernels, parallelize);
     m_Image = image;
     m_ImageMTime = image->GetMTime();
@@ -60,7 +63,7 @@ ShearWarpPreparedVolume<TPixel>::PreparePart(const ImageType *                  
 {
   m_Image = nullptr;
   ShearWarpBuffer memory = std::move(m_Transposed);
-  this->SetPart(image, begin, end);
+  this->SetPart(image, image->GetLargestPossibleRegion(), begin, end);
   this->FindBlockMaxima(kernels, parallelize);
   if (principalAxis == 0)
   {
@@ -70,9 +73,11 @@ ShearWarpPreparedVolume<TPixel>::PreparePart(const ImageType *                  
 
 template <typename TPixel>
 void
-ShearWarpPreparedVolume<TPixel>::SetPart(const ImageType * image, std::ptrdiff_t begin, std::ptrdiff_t end)
+ShearWarpPreparedVolume<TPixel>::SetPart(const ImageType *      image,
+                                         const ImageRegion<3> & whole,
+                                         std::ptrdiff_t         begin,
+                                         std::ptrdiff_t         end)
 {
-  const auto & whole = image->GetLargestPossibleRegion();
   const auto & buffered = image->GetBufferedRegion();
   for (unsigned int axis = 0; axis < 3; ++axis)
   {

@@ -75,7 +75,7 @@ ShearWarpProjector<TPixel>::Project(const ShearWarpPreparedVolume<TPixel> & volu
   m_Placements.clear();
   for (const ShearWarp::IntermediateGrid * grid : m_Grids)
   {
-    m_Placements.push_back(ShearWarp::PlacePart(grid->placements, volume.GetCorner(axis), m_Slices.slices));
+    m_Placements.push_back(ShearWarp::PlacePart(*grid, volume.GetCorner(axis), m_Slices.slices));
   }
   m_ReducedResampling = m_WantedReducedResampling;
   if constexpr (std::is_floating_point_v<TPixel>)

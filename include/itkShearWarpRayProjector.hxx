@@ -102,7 +102,7 @@ ShearWarpRayProjector<TPixel>::Project(const ShearWarpPreparedVolume<TPixel> & v
   m_Placements.clear();
   for (const ShearWarp::IntermediateGrid & phase : m_Factorization->GetPhases())
   {
-    m_Placements.push_back(ShearWarp::PlacePart(phase.placements, corner, m_Slices.slices));
+    m_Placements.push_back(ShearWarp::PlacePart(phase, corner, m_Slices.slices));
   }
   if (m_Parameters.mask)
   {

@@ -24,13 +24,14 @@
 namespace itk
 {
 std::vector<ShearWarp::SlicePlacement>
-ShearWarp::PlacePart(const std::vector<SlicePlacement> & placements, const Corner & corner, std::ptrdiff_t slices)
+ShearWarp::PlacePart(const IntermediateGrid & grid, const Corner & corner, std::ptrdiff_t slices)
 {
-  std::vector<SlicePlacement> part(placements.begin() + corner.slice, placements.begin() + corner.slice + slices);
+  const auto                  first = grid.placements.begin() + (corner.slice - grid.begin.slice);
+  std::vector<SlicePlacement> part(first, first + slices);
   for (SlicePlacement & placement : part)
   {
-    placement.column.whole += static_cast<std::int32_t>(corner.column);
-    placement.row.whole += static_cast<std::int32_t>(corner.row);
+    placement.column.whole += static_cast<std::int32_t>(corner.column - grid.begin.column);
+    placement.row.whole += static_cast<std::int32_t>(corner.row - grid.begin.row);
   }
   return part;
 }
@@ -197,35 +198,46 @@ Shift(const ShearWarp::SamplingPosition & position, std::int32_t fractions)
   return { position.whole + (fraction >> ShearWarp::FractionBits), fraction & (ShearWarp::One - 1) };
 }
 
-/** The grid of slices of size[0] x size[1] voxels at \a placements, moved by so many 1/2^15 pixel. */
+/** The grid of slices of columns x rows voxels at \a placements, of which voxel (0, 0) is the volume's at \a corner,
+ * from column and row \a begin on. */
 ShearWarp::IntermediateGrid
-MakeGrid(const std::vector<ShearWarp::SlicePlacement> & placements,
-         const Size<3> &                                size,
-         std::int32_t                                   columnShift,
-         std::int32_t                                   rowShift)
+MakeGrid(std::vector<ShearWarp::SlicePlacement> placements,
+         const ShearWarp::Corner &              corner,
+         std::int32_t                           columns,
+         std::int32_t                           rows,
+         const ShearWarp::Corner &              begin)
 {
-  const auto columns = static_cast<std::int32_t>(size[0]);
-  const auto rows = static_cast<std::int32_t>(size[1]);
-
-  ShearWarp::IntermediateGrid grid{ 0, 0, {}, {} };
-  grid.placements.reserve(placements.size());
-  for (const auto & placement : placements)
-  {
-    grid.placements.push_back({ Shift(placement.column, columnShift), Shift(placement.row, rowShift) });
-    grid.columns = std::max<std::ptrdiff_t>(grid.columns, grid.placements.back().FirstColumn() + columns);
-    grid.rows = std::max<std::ptrdiff_t>(grid.rows, grid.placements.back().FirstRow() + rows);
-  }
-
-  // slices side by side overlap, so the columns that they reach in a row are one span
-  grid.reached.assign(grid.rows, { static_cast<std::int32_t>(grid.columns), 0 });
+  ShearWarp::IntermediateGrid grid{ 0, 0, std::move(placements), {}, begin };
+  const auto                  columnShift = static_cast<std::int32_t>(corner.column - begin.column);
+  const auto                  rowShift = static_cast<std::int32_t>(corner.row - begin.row);
   for (const auto & placement : grid.placements)
   {
-    const std::int32_t begin = placement.FirstColumn();
-    for (std::int32_t j = 0; j < rows; ++j)
+    grid.columns = std::max<std::ptrdiff_t>(grid.columns, placement.FirstColumn() + columnShift + columns);
+    grid.rows = std::max<std::ptrdiff_t>(grid.rows, placement.FirstRow() + rowShift + rows);
+  }
+
+  // offsets are monotonic in the slice, so that slices [first, last) reach a row; slices side by side overlap, so that
+  // the columns that they reach are one span
+  const bool     isFalling = grid.placements.front().FirstRow() > grid.placements.back().FirstRow();
+  const auto     slices = static_cast<std::ptrdiff_t>(grid.placements.size());
+  const auto     getSlice = [&](std::ptrdiff_t n) { return grid.placements[isFalling ? slices - 1 - n : n]; };
+  const auto     getRow = [&](std::ptrdiff_t n) { return getSlice(n).FirstRow() + rowShift; };
+  const auto     getColumn = [&](std::ptrdiff_t n) { return getSlice(n).FirstColumn() + columnShift; };
+  std::ptrdiff_t first = 0;
+  std::ptrdiff_t last = 0;
+  for (std::int32_t row = 0; row < grid.rows; ++row)
+  {
+    while (last < slices && getRow(last) <= row)
     {
-      ShearWarp::ColumnSpan & span = grid.reached[placement.FirstRow() + j];
-      span = { std::min(span.begin, begin), std::max(span.end, begin + columns) };
+      ++last;
     }
+    while (first < last && getRow(first) + rows <= row)
+    {
+      ++first;
+    }
+    const bool isReached = first < last;
+    grid.reached.push_back({ isReached ? std::min(getColumn(first), getColumn(last - 1)) : 0,
+                             isReached ? std::max(getColumn(first), getColumn(last - 1)) + columns : 0 });
   }
   return grid;
 }
@@ -251,6 +263,7 @@ ShearWarpFactorization::ShearWarpFactorization(const TransformType *       viewT
   const auto [indexToView, ray] = GetImageView(viewTransform, image);
   VerifyOversampling(oversampling);
   VerifyImage(output, "output image");
+  m_ImageRegion = image->GetLargestPossibleRegion();
   m_OutputSpacing = output->GetSpacing();
   m_OutputOrigin = output->GetOrigin();
 
@@ -274,7 +287,7 @@ ShearWarpFactorization::ShearWarpFactorization(const TransformType *       viewT
   Size<3> size;
   for (unsigned int axis = 0; axis < 3; ++axis)
   {
-    size[axis] = image->GetLargestPossibleRegion().GetSize(m_Permutation[axis]);
+    size[axis] = m_ImageRegion.GetSize(m_Permutation[axis]);
   }
   for (unsigned int axis = 0; axis < 2; ++axis)
   {
@@ -282,28 +295,68 @@ ShearWarpFactorization::ShearWarpFactorization(const TransformType *       viewT
     if (length > static_cast<SizeValueType>(std::numeric_limits<std::int32_t>::max()))
     {
       itkGenericExceptionMacro("The intermediate image must have less than 2^31 columns and rows, but an input of size "
-                               << image->GetLargestPossibleRegion().GetSize() << " needs " << length << '.');
+                               << m_ImageRegion.GetSize() << " needs " << length << '.');
     }
     m_Shear[axis] = -ray[m_Permutation[axis]] / ray[principalAxis];
     m_Translation[axis] = m_Shear[axis] < 0 ? -m_Shear[axis] * static_cast<double>(size[2] - 1) : 0.0;
   }
 
+  this->MakePhases(m_ImageRegion);
+}
+
+ShearWarpFactorization
+ShearWarpFactorization::MakePart(const ImageRegion<3> & part) const
+{
+  if (part.GetNumberOfPixels() == 0 || !m_ImageRegion.IsInside(part))
+  {
+    itkGenericExceptionMacro("A part must not be empty and lie within the image's region, " << m_ImageRegion
+                                                                                            << ", but it is " << part);
+  }
+  ShearWarpFactorization factorization = *this;
+  factorization.MakePhases(part);
+  return factorization;
+}
+
+void
+ShearWarpFactorization::MakePhases(const ImageRegion<3> & part)
+{
+  std::ptrdiff_t first[3];
+  std::int32_t   size[3];
+  for (unsigned int n = 0; n < 3; ++n)
+  {
+    const unsigned int axis = m_Permutation[n];
+    first[n] = part.GetIndex(axis) - m_ImageRegion.GetIndex(axis);
+    size[n] = static_cast<std::int32_t>(part.GetSize(axis));
+  }
+
   std::vector<ShearWarp::SlicePlacement> placements;
-  placements.reserve(size[2]);
-  for (SizeValueType k = 0; k < size[2]; ++k)
+  for (std::ptrdiff_t k = first[2]; k < first[2] + size[2]; ++k)
   {
     const auto offset = m_Shear * static_cast<double>(k) + m_Translation;
     placements.push_back({ ShearWarp::QuantizePosition(offset[0]), ShearWarp::QuantizePosition(offset[1]) });
   }
+  const ShearWarp::SlicePlacement & front = placements.front();
+  const ShearWarp::SlicePlacement & back = placements.back();
+  const ShearWarp::Corner           corner{ first[0], first[1], first[2] };
+  const ShearWarp::Corner           begin{ corner.column + std::min(front.column.whole, back.column.whole),
+                                 corner.row + std::min(front.row.whole, back.row.whole),
+                                 corner.slice };
+  m_Phases.clear();
   const auto steps = static_cast<std::int32_t>(m_Oversampling);
   for (std::int32_t row = 0; row < steps; ++row)
   {
     for (std::int32_t column = 0; column < steps; ++column)
     {
-      const auto shift = [steps](std::int32_t phase) { return (steps - 1 - phase) * (ShearWarp::One / steps); };
-      m_Phases.push_back(MakeGrid(placements, size, shift(column), shift(row)));
+      const auto getShift = [steps](std::int32_t phase) { return (steps - 1 - phase) * (ShearWarp::One / steps); };
+      auto       shifted = placements;
+      for (ShearWarp::SlicePlacement & placement : shifted)
+      {
+        placement = { Shift(placement.column, getShift(column)), Shift(placement.row, getShift(row)) };
+      }
+      m_Phases.push_back(MakeGrid(std::move(shifted), corner, size[0], size[1], begin));
     }
   }
+  m_IntermediateRegion.SetIndex({ { steps * begin.column, steps * begin.row } });
   this->JoinPhases();
 }
 
@@ -314,23 +367,31 @@ ShearWarpFactorization::JoinPhases()
   const auto           length = [steps](std::ptrdiff_t pixels, std::ptrdiff_t phase) {
     return static_cast<SizeValueType>((pixels - 1) * steps + phase + 1);
   };
-  m_IntermediateSize.Fill(0);
+  Size<2> size{ { 0, 0 } };
   for (std::ptrdiff_t n = 0; n < steps * steps; ++n)
   {
-    m_IntermediateSize[0] = std::max(m_IntermediateSize[0], length(m_Phases[n].columns, n % steps));
-    m_IntermediateSize[1] = std::max(m_IntermediateSize[1], length(m_Phases[n].rows, n / steps));
+    size[0] = std::max(size[0], length(m_Phases[n].columns, n % steps));
+    size[1] = std::max(size[1], length(m_Phases[n].rows, n / steps));
   }
+  m_IntermediateRegion.SetSize(size);
 
-  m_ReachedColumns.assign(m_IntermediateSize[1], { static_cast<std::int32_t>(m_IntermediateSize[0]), 0 });
+  m_ReachedColumns.assign(size[1], { static_cast<std::int32_t>(size[0]), 0 });
   for (std::ptrdiff_t n = 0; n < steps * steps; ++n)
   {
     for (std::ptrdiff_t row = 0; row < m_Phases[n].rows; ++row)
     {
       const ShearWarp::ColumnSpan & phase = m_Phases[n].reached[row];
       ShearWarp::ColumnSpan &       span = m_ReachedColumns[row * steps + n / steps];
-      span.begin = std::min(span.begin, static_cast<std::int32_t>(phase.begin * steps + n % steps));
-      span.end = std::max(span.end, static_cast<std::int32_t>(length(phase.end, n % steps)));
+      if (phase.begin < phase.end)
+      {
+        span.begin = std::min(span.begin, static_cast<std::int32_t>(phase.begin * steps + n % steps));
+        span.end = std::max(span.end, static_cast<std::int32_t>(length(phase.end, n % steps)));
+      }
     }
+  }
+  for (ShearWarp::ColumnSpan & span : m_ReachedColumns)
+  {
+    span.begin = std::min(span.begin, span.end);
   }
 }
 

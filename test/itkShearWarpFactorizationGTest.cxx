@@ -105,27 +105,6 @@ ToView(const itk::Transform<double, 3, 3> *            inverse,
   return inverse->TransformPoint(physical);
 }
 
-template <typename TFunction>
-std::string
-GetExceptionDescription(const TFunction & function)
-{
-  try
-  {
-    function();
-  }
-  catch (const itk::ExceptionObject & exception)
-  {
-    return exception.GetDescription();
-  }
-  return "no exception";
-}
-
-#define EXPECT_NAMES(expression, text)                                                             \
-  {                                                                                                \
-    const std::string description = GetExceptionDescription([&] { expression; });                  \
-    EXPECT_NE(description.find(text), std::string::npos) << "the exception says: " << description; \
-  }
-
 itk::BSplineTransform<double, 3>::Pointer
 MakeBSpline()
 {

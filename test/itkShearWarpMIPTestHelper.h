@@ -324,6 +324,27 @@ ForEachInstructionSet(const TFunction & function)
   itksys::SystemTools::UnPutEnv(variable);
 }
 
+template <typename TFunction>
+std::string
+GetExceptionDescription(const TFunction & function)
+{
+  try
+  {
+    function();
+  }
+  catch (const ExceptionObject & exception)
+  {
+    return exception.GetDescription();
+  }
+  return "no exception";
+}
+
+#define EXPECT_NAMES(expression, text)                                                                   \
+  {                                                                                                      \
+    const std::string description = itk::ShearWarpMIPTest::GetExceptionDescription([&] { expression; }); \
+    EXPECT_NE(description.find(text), std::string::npos) << "the exception says: " << description;       \
+  }
+
 template <typename TPixel>
 bool
 HaveSamePixels(const Image<TPixel, 2> * a, const Image<TPixel, 2> * b)

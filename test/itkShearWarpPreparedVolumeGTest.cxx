@@ -50,7 +50,7 @@ GetSlices(itk::ShearWarpPreparedVolume<TPixel> & volume,
           unsigned int                           axis,
           const TParallelize &                   parallelize)
 {
-  volume.Prepare(image, axis, itk::ShearWarp::GetKernels<TPixel>(), parallelize);
+  volume.Prepare(image, image->GetLargestPossibleRegion(), axis, itk::ShearWarp::GetKernels<TPixel>(), parallelize);
   EXPECT_TRUE(volume.IsPrepared(image, axis));
   return volume.GetSlices(axis);
 }

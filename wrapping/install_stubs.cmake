@@ -3,11 +3,13 @@
 
 foreach(
   class
+  ShearWarpBaseImageFilter
   ShearWarpFactorization
   ShearWarpMIPBaseImageFilter
   ShearWarpMIPCineImageFilter
   ShearWarpMIPImageFilter
   ShearWarpMIPImageFilterEnums
+  ShearWarpMIPPartImageFilter
   ShearWarpMIPView
   ShearWarpMIPViewEnums
 )

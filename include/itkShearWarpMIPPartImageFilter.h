@@ -1,0 +1,123 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#ifndef itkShearWarpMIPPartImageFilter_h
+#define itkShearWarpMIPPartImageFilter_h
+
+#include "itkDataObjectDecorator.h"
+#include "itkShearWarpBaseImageFilter.h"
+
+namespace itk
+{
+/** \class ShearWarpMIPPartImageFilter
+ * \brief Projects a part of a 3D image to its place in the intermediate image of the whole.
+ *
+ * A maximum of maxima is a maximum: an image that is too large for one memory, or that lies in pieces on many
+ * computers, is projected piece by piece, and only small 2D images travel. ShearWarpMIPImageFilter makes the picture
+ * from them (SetPart), with the bits that the whole image gives at once.
+ *
+ * A part is an image with the geometry of the whole whose region is a piece of WholeRegion, as ExtractImageFilter makes
+ * them; or what is buffered of an image whose source can give more. Samples lie between voxels, so that parts must
+ * have one voxel in common with their neighbours along each axis. The edge's samples are taken at the whole's edges
+ * alone.
+ *
+ * The output is a piece of the intermediate image of the whole: its region begins where the part lies there, with a
+ * size of at most (c + s, r + s) Oversampling pixels for a part of c columns, r rows and s slices in the view's order
+ * of axes. A pixel that no sample of the part reaches has the pixel type's lowest value, or minus infinity. Spacing is
+ * 1 and origin 0.
+ *
+ * The first view of a part prepares it, as ShearWarpMIPImageFilter does: what was prepared is kept until the part
+ * changes.
+ *
+ * Update() throws ExceptionObject for a transform that is missing, not linear, not finite or not invertible, for an
+ * Oversampling other than 1 and 2, and for an input that is empty, is not within WholeRegion, has a spacing that is not
+ * positive, or fewer voxels than its buffered region. It throws MemoryAllocationError where memory runs out.
+ *
+ * \tparam TInputImage An Image of dimension 3 of any arithmetic pixel type but bool and long double.
+ *
+ * \ingroup ShearWarpMIP
+ * \sa ShearWarpMIPImageFilter
+ */
+template <typename TInputImage>
+class ITK_TEMPLATE_EXPORT ShearWarpMIPPartImageFilter
+  : public ShearWarpBaseImageFilter<TInputImage, Image<typename TInputImage::PixelType, 2>>
+{
+public:
+  ITK_DISALLOW_COPY_AND_MOVE(ShearWarpMIPPartImageFilter);
+
+  using Self = ShearWarpMIPPartImageFilter;
+  using OutputImageType = Image<typename TInputImage::PixelType, 2>;
+  using Superclass = ShearWarpBaseImageFilter<TInputImage, OutputImageType>;
+  using Pointer = SmartPointer<Self>;
+  using ConstPointer = SmartPointer<const Self>;
+
+  itkNewMacro(Self);
+  itkTypeMacro(ShearWarpMIPPartImageFilter, ShearWarpBaseImageFilter);
+
+  using InputImageType = TInputImage;
+  using typename Superclass::InputPixelType;
+  using typename Superclass::TransformType;
+  using DecoratedTransformType = DataObjectDecorator<TransformType>;
+  using RegionType = ImageRegion<3>;
+
+  /** View space to the image's physical space; identity by default. Must be linear and invertible. */
+  itkSetGetDecoratedObjectInputMacro(Transform, TransformType);
+
+  /** The region of the whole image; by default, and if it has no size, the input's largest possible region. (An image
+   * without a source can't tell it: there ITK takes what is buffered for the largest possible region.) */
+  void
+  SetWholeRegion(const RegionType & region);
+  itkGetConstReferenceMacro(WholeRegion, RegionType);
+
+protected:
+  ShearWarpMIPPartImageFilter();
+  ~ShearWarpMIPPartImageFilter() override = default;
+
+  void
+  VerifyPreconditions() ITKv5_CONST override;
+
+  void
+  GenerateOutputInformation() override;
+
+  void
+  GenerateInputRequestedRegion() override;
+
+  void
+  GenerateData() override;
+
+  void
+  PrintSelf(std::ostream & os, Indent indent) const override;
+
+private:
+  /** Whole and part of what is projected. */
+  RegionType
+  GetWhole() const;
+  RegionType
+  GetPart() const;
+
+  ShearWarpFactorization
+  FactorizePart() const;
+
+  RegionType m_WholeRegion;
+};
+} // namespace itk
+
+#ifndef ITK_MANUAL_INSTANTIATION
+#  include "itkShearWarpMIPPartImageFilter.hxx"
+#endif
+
+#endif

@@ -1,0 +1,153 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#ifndef itkShearWarpMIPPartImageFilter_hxx
+#define itkShearWarpMIPPartImageFilter_hxx
+
+#include "itkIdentityTransform.h"
+
+#include <algorithm>
+
+namespace itk
+{
+template <typename TInputImage>
+ShearWarpMIPPartImageFilter<TInputImage>::ShearWarpMIPPartImageFilter()
+{
+  Self::AddRequiredInputName("Transform");
+  this->SetTransform(IdentityTransform<double, 3>::New());
+}
+
+template <typename TInputImage>
+void
+ShearWarpMIPPartImageFilter<TInputImage>::VerifyPreconditions() ITKv5_CONST
+{
+  Superclass::VerifyPreconditions();
+  if (!this->GetTransformInput()->GetSource())
+  {
+    ShearWarpFactorization::VerifyViewTransform(this->GetTransform());
+  }
+}
+
+template <typename TInputImage>
+void
+ShearWarpMIPPartImageFilter<TInputImage>::SetWholeRegion(const RegionType & region)
+{
+  if (m_WholeRegion != region)
+  {
+    m_WholeRegion = region;
+    this->ReleasePreparedVolume();
+    this->Modified();
+  }
+}
+
+template <typename TInputImage>
+auto
+ShearWarpMIPPartImageFilter<TInputImage>::GetWhole() const -> RegionType
+{
+  return m_WholeRegion.GetNumberOfPixels() == 0 ? this->GetInput()->GetLargestPossibleRegion() : m_WholeRegion;
+}
+
+template <typename TInputImage>
+auto
+ShearWarpMIPPartImageFilter<TInputImage>::GetPart() const -> RegionType
+{
+  const InputImageType * input = this->GetInput();
+  return input->GetBufferedRegion().GetNumberOfPixels() == 0 ? input->GetLargestPossibleRegion()
+                                                             : input->GetBufferedRegion();
+}
+
+template <typename TInputImage>
+ShearWarpFactorization
+ShearWarpMIPPartImageFilter<TInputImage>::FactorizePart() const
+{
+  const auto whole = ImageBase<3>::New();
+  whole->CopyInformation(this->GetInput());
+  whole->SetLargestPossibleRegion(this->GetWhole());
+  // the grid of a picture, which there is none of
+  const auto grid = ImageBase<2>::New();
+  return ShearWarpFactorization(this->GetTransform(), whole, grid, this->m_Oversampling).MakePart(this->GetPart());
+}
+
+template <typename TInputImage>
+void
+ShearWarpMIPPartImageFilter<TInputImage>::GenerateOutputInformation()
+{
+  this->GetOutput()->SetLargestPossibleRegion(this->FactorizePart().GetIntermediateRegion());
+}
+
+template <typename TInputImage>
+void
+ShearWarpMIPPartImageFilter<TInputImage>::GenerateInputRequestedRegion()
+{
+  const_cast<InputImageType *>(this->GetInput())->SetRequestedRegion(this->GetPart());
+}
+
+template <typename TInputImage>
+void
+ShearWarpMIPPartImageFilter<TInputImage>::GenerateData()
+{
+  this->AllocateOutputs();
+  const InputImageType *       input = this->GetInput();
+  const ShearWarpFactorization factorization = this->FactorizePart();
+  const unsigned int           axis = factorization.GetPrincipalAxis();
+  const auto &                 kernels = this->BeginUpdate(factorization);
+  const auto *                 voxels = input->GetPixelContainer();
+  this->VerifyVoxels("input", input, voxels ? voxels->Size() : 0);
+
+  const bool isPrepared = this->m_PreparedVolume.IsPrepared(input, axis);
+  const auto preparationStart = Superclass::Clock::now();
+  this->m_PreparedVolume.Prepare(
+    input, this->GetWhole(), axis, kernels, [this](SizeValueType count, const auto & process) {
+      this->Parallelize(count, 1, 0.2f, [&process](SizeValueType n, SizeValueType, SizeValueType) { process(n); });
+    });
+  this->m_PreparationSeconds = isPrepared ? 0.0 : Superclass::SecondsSince(preparationStart);
+
+  const auto projectionStart = Superclass::Clock::now();
+  const auto parallelize = [this](float share) {
+    return [this, share](SizeValueType count, SizeValueType steps, const auto & process) {
+      this->Parallelize(count, steps, share, process);
+    };
+  };
+  auto & projector = this->m_Projector;
+  projector.Start({ &factorization }, kernels, this->m_ReducedResampling, this->GetNumberOfWorkers());
+  projector.Project(this->m_PreparedVolume, parallelize(isPrepared ? 0.9f : 0.5f));
+  this->m_SkippedFraction = projector.GetSkippedFraction();
+  const auto       part = projector.Finish(0, parallelize(0.05f));
+  InputPixelType * output = this->GetOutput()->GetBufferPointer();
+  for (std::ptrdiff_t row = 0; row < part.rows; ++row)
+  {
+    const InputPixelType *      pixels = part.pixels + row * part.rowStride;
+    const ShearWarp::ColumnSpan reached = part.reached[row];
+    std::fill(output, output + part.columns, ShearWarp::NoSample<InputPixelType>);
+    std::copy(pixels + reached.begin, pixels + reached.end, output + reached.begin);
+    output += part.columns;
+  }
+  this->m_ProjectionSeconds = Superclass::SecondsSince(projectionStart);
+  this->UpdateProgress(1.0f);
+}
+
+template <typename TInputImage>
+void
+ShearWarpMIPPartImageFilter<TInputImage>::PrintSelf(std::ostream & os, Indent indent) const
+{
+  Superclass::PrintSelf(os, indent);
+  os << indent << "Transform: " << this->GetTransform() << std::endl;
+  os << indent << "WholeRegion: " << m_WholeRegion << std::endl;
+}
+} // namespace itk
+
+#endif

@@ -1,0 +1,383 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#include "itkShearWarpMIPImageFilter.h"
+#include "itkShearWarpMIPPartImageFilter.h"
+
+#include "itkShearWarpMIPTestHelper.h"
+
+#include "itkCastImageFilter.h"
+#include "itkCommand.h"
+#include "itkImageAlgorithm.h"
+#include "itkTranslationTransform.h"
+
+#include <gtest/gtest.h>
+
+namespace
+{
+using namespace itk::ShearWarpMIPTest;
+using RegionType = itk::ImageRegion<3>;
+using ViewType = itk::Transform<double, 3, 3>;
+
+/** A piece of \a image, in memory of its own. */
+template <typename TPixel>
+typename itk::Image<TPixel, 3>::Pointer
+MakePart(const itk::Image<TPixel, 3> * image, const RegionType & region)
+{
+  auto part = itk::Image<TPixel, 3>::New();
+  part->CopyInformation(image);
+  part->SetRegions(region);
+  part->Allocate();
+  itk::ImageAlgorithm::Copy(image, part.GetPointer(), region, region);
+  return part;
+}
+
+/** Only the geometry. */
+template <typename TPixel>
+typename itk::Image<TPixel, 3>::Pointer
+MakeOutline(const itk::Image<TPixel, 3> * image)
+{
+  auto outline = itk::Image<TPixel, 3>::New();
+  outline->CopyInformation(image);
+  return outline;
+}
+
+/** Boxes of \a least to \a most voxels a side that together are \a whole, each with one voxel more below. */
+std::vector<RegionType>
+MakeRandomParts(Random & random, const RegionType & whole, int least, int most)
+{
+  std::vector<RegionType> parts{ whole };
+  for (unsigned int axis = 0; axis < 3; ++axis)
+  {
+    const auto              first = whole.GetIndex(axis);
+    const auto              last = first + static_cast<itk::IndexValueType>(whole.GetSize(axis));
+    std::vector<RegionType> smaller;
+    for (auto begin = first; begin < last;)
+    {
+      const auto end = std::min<itk::IndexValueType>(begin + random.Integer(least, most), last);
+      for (RegionType part : parts)
+      {
+        const auto halo = std::max(begin - 1, first);
+        part.SetIndex(axis, halo);
+        part.SetSize(axis, static_cast<itk::SizeValueType>(end - halo));
+        smaller.push_back(part);
+      }
+      begin = end;
+    }
+    parts = smaller;
+  }
+  return parts;
+}
+
+template <typename TPixel>
+class ShearWarpMIPPartTyped : public testing::Test
+{
+public:
+  using ImageType = itk::Image<TPixel, 3>;
+  using FilterType = itk::ShearWarpMIPImageFilter<ImageType>;
+  using PartFilterType = itk::ShearWarpMIPPartImageFilter<ImageType>;
+  using PictureType = typename FilterType::OutputImageType;
+
+  static typename PictureType::Pointer
+  ProjectPart(const ImageType *  part,
+              const RegionType & whole,
+              const ViewType *   view,
+              unsigned int       oversampling,
+              unsigned int       threads)
+  {
+    const auto filter = PartFilterType::New();
+    filter->SetInput(part);
+    filter->SetWholeRegion(whole);
+    filter->SetTransform(view);
+    filter->SetOversampling(oversampling);
+    filter->SetNumberOfWorkUnits(threads);
+    filter->Update();
+    return Detach(filter.GetPointer());
+  }
+
+  template <typename TFilter>
+  static typename PictureType::Pointer
+  Detach(TFilter * filter)
+  {
+    typename PictureType::Pointer picture = filter->GetOutput();
+    picture->DisconnectPipeline();
+    return picture;
+  }
+};
+
+using PixelTypes = testing::Types<unsigned char, signed char, unsigned short, short, float, int, double>;
+TYPED_TEST_SUITE(ShearWarpMIPPartTyped, PixelTypes, );
+
+using ImageType = itk::Image<short, 3>;
+using FilterType = itk::ShearWarpMIPImageFilter<ImageType>;
+using PartFilterType = itk::ShearWarpMIPPartImageFilter<ImageType>;
+} // namespace
+
+TYPED_TEST(ShearWarpMIPPartTyped, RandomPartsGiveThePictureOfTheWhole)
+{
+  Random random(1101);
+  ForEachInstructionSet([&](const std::string & name) {
+    for (int repeat = 0; repeat < 30; ++repeat)
+    {
+      const auto image = MakeRandomImage<TypeParam>(random, MakeRandomSize(random, 1, repeat % 2 ? 12 : 60));
+      const auto view = MakeRandomView(random, AllViewKinds[repeat % 3], image);
+      const auto oversampling = static_cast<unsigned int>(random.Integer(1, 2));
+      SCOPED_TRACE(name + ", case " + std::to_string(repeat));
+
+      const auto filter = TestFixture::FilterType::New();
+      filter->SetInput(image);
+      filter->SetTransform(view);
+      filter->SetOversampling(oversampling);
+      filter->SetDefaultPixelValue(TypeParam{ 7 });
+      // positions between the intermediate image's pixels, and beyond it
+      filter->UpdateOutputInformation();
+      filter->SetOutputSpacing(filter->GetOutput()->GetSpacing() * 0.73);
+      filter->Update();
+      const auto whole = TestFixture::Detach(filter.GetPointer());
+
+      filter->SetInput(MakeOutline(image.GetPointer()));
+      const int thinnest = repeat % 4 == 0 ? 1 : 5;
+      for (const RegionType & region : MakeRandomParts(random, image->GetLargestPossibleRegion(), thinnest, 25))
+      {
+        const auto threads = static_cast<unsigned int>(random.Integer(1, 3));
+        const auto part = TestFixture::ProjectPart(
+          MakePart(image.GetPointer(), region), image->GetLargestPossibleRegion(), view, oversampling, threads);
+        filter->SetPart(filter->GetNumberOfParts(), part);
+        const auto axis = filter->GetPrincipalAxis();
+        const auto size = part->GetLargestPossibleRegion().GetSize();
+        const auto slices = region.GetSize(axis);
+        const auto bound = [&](unsigned int n) { return oversampling * (region.GetSize(n) + slices); };
+        const bool isX = axis == 0;
+        EXPECT_LE(size[0], bound(isX ? 1 : 0));
+        EXPECT_LE(size[1], bound(axis == 2 ? 1 : 2));
+      }
+      filter->Update();
+      EXPECT_TRUE(HaveSamePixels(whole.GetPointer(), filter->GetOutput()));
+      EXPECT_EQ(whole->GetOrigin(), filter->GetOutput()->GetOrigin());
+      EXPECT_EQ(whole->GetSpacing(), filter->GetOutput()->GetSpacing());
+    }
+  });
+}
+
+TEST(ShearWarpMIPPart, ASliceInSpaceAndNotANumberAreThoseOfTheWhole)
+{
+  using FloatImage = itk::Image<float, 3>;
+  using SliceFilter = itk::ShearWarpMIPImageFilter<FloatImage, FloatImage>;
+  Random     random(1102);
+  const auto image = MakeRandomImage<float>(random, { { 30, 31, 32 } });
+  for (int n = 0; n < 6000; ++n)
+  {
+    constexpr float infinity = std::numeric_limits<float>::infinity();
+    constexpr float specials[] = { std::numeric_limits<float>::quiet_NaN(), infinity, -infinity, 0.0f, -0.0f };
+    image->GetBufferPointer()[random.Integer(0, 30 * 31 * 32 - 1)] = specials[n % 5];
+  }
+  for (int repeat = 0; repeat < 10; ++repeat)
+  {
+    const auto view = MakeRandomView(random, ViewKind::Rigid, image);
+    const auto filter = SliceFilter::New();
+    filter->SetInput(image);
+    filter->SetTransform(view);
+    filter->Update();
+    FloatImage::Pointer whole = filter->GetOutput();
+    whole->DisconnectPipeline();
+    filter->SetInput(MakeOutline(image.GetPointer()));
+    for (const RegionType & region : MakeRandomParts(random, image->GetLargestPossibleRegion(), 3, 20))
+    {
+      const auto part = ShearWarpMIPPartTyped<float>::ProjectPart(
+        MakePart(image.GetPointer(), region), image->GetLargestPossibleRegion(), view, 1, 2);
+      filter->SetPart(filter->GetNumberOfParts(), part);
+    }
+    filter->Update();
+    const FloatImage * joined = filter->GetOutput();
+    ASSERT_EQ(joined->GetBufferedRegion(), whole->GetBufferedRegion());
+    EXPECT_EQ(joined->GetDirection(), whole->GetDirection());
+    EXPECT_EQ(joined->GetOrigin(), whole->GetOrigin());
+    EXPECT_EQ(std::memcmp(joined->GetBufferPointer(),
+                          whole->GetBufferPointer(),
+                          whole->GetBufferedRegion().GetNumberOfPixels() * sizeof(float)),
+              0);
+  }
+}
+
+TEST(ShearWarpMIPPart, APartWithoutSamplesHasTheLowestValue)
+{
+  Random     random(1103);
+  const auto image = MakeRandomImage<short>(random, { { 9, 8, 7 } });
+  RegionType region = image->GetLargestPossibleRegion();
+  for (unsigned int axis = 0; axis < 3; ++axis)
+  {
+    region.SetIndex(axis, region.GetIndex(axis) + 3);
+    region.SetSize(axis, 1);
+  }
+  for (const unsigned int oversampling : { 1, 2 })
+  {
+    const auto view = MakeRandomView(random, ViewKind::Rigid, image);
+    const auto part = ShearWarpMIPPartTyped<short>::ProjectPart(
+      MakePart(image.GetPointer(), region), image->GetLargestPossibleRegion(), view, oversampling, 1);
+    const auto pixels = part->GetBufferedRegion().GetNumberOfPixels();
+    ASSERT_GT(pixels, 0u);
+    EXPECT_TRUE(std::all_of(part->GetBufferPointer(), part->GetBufferPointer() + pixels, [](short pixel) {
+      return pixel == std::numeric_limits<short>::lowest();
+    }));
+  }
+}
+
+TEST(ShearWarpMIPPart, AnImageWithASourceIsItsOwnPartAndIsPreparedOnce)
+{
+  Random     random(1104);
+  const auto image = MakeRandomImage<short>(random, { { 40, 30, 20 } });
+  const auto source = itk::CastImageFilter<ImageType, ImageType>::New();
+  source->SetInput(image);
+  source->InPlaceOff();
+  const auto view = MakeRandomView(random, ViewKind::Rigid, image);
+  const auto filter = PartFilterType::New();
+  filter->SetInput(source->GetOutput());
+  filter->SetTransform(view);
+  filter->Update();
+  EXPECT_GT(filter->GetPreparationSeconds(), 0.0);
+  const auto expected = ShearWarpMIPPartTyped<short>::ProjectPart(image, {}, view, 1, 1);
+  EXPECT_TRUE(HaveSamePixels(expected.GetPointer(), filter->GetOutput()));
+
+  const auto updated = filter->GetOutput()->GetMTime();
+  filter->Update();
+  EXPECT_EQ(filter->GetOutput()->GetMTime(), updated);
+  filter->SetReducedResampling(itk::ShearWarpMIPImageFilterEnums::ReducedResampling::Off);
+  filter->Update();
+  EXPECT_EQ(filter->GetPreparationSeconds(), 0.0);
+  EXPECT_TRUE(HaveSamePixels(expected.GetPointer(), filter->GetOutput()));
+  EXPECT_GT(filter->GetPreparedVolumeSizeInBytes(), 0u);
+  filter->ReleasePreparedVolume();
+  EXPECT_EQ(filter->GetPreparedVolumeSizeInBytes(), 0u);
+
+  // another piece of the same image
+  RegionType half = image->GetLargestPossibleRegion();
+  half.SetSize(2, 10);
+  const auto part = MakePart(image.GetPointer(), half);
+  for (const RegionType & whole : { image->GetLargestPossibleRegion(), RegionType(), half })
+  {
+    filter->SetInput(part);
+    filter->SetWholeRegion(whole);
+    EXPECT_EQ(filter->GetWholeRegion(), whole);
+    filter->Update();
+    const auto fresh = ShearWarpMIPPartTyped<short>::ProjectPart(part, whole, view, 1, 1);
+    EXPECT_TRUE(HaveSamePixels(fresh.GetPointer(), filter->GetOutput()));
+  }
+
+  // what is buffered of an image whose source can give more
+  const auto streamed = itk::CastImageFilter<ImageType, ImageType>::New();
+  streamed->SetInput(image);
+  streamed->InPlaceOff();
+  streamed->UpdateOutputInformation();
+  streamed->GetOutput()->SetRequestedRegion(half);
+  streamed->GetOutput()->Update();
+  filter->SetInput(streamed->GetOutput());
+  filter->SetWholeRegion({});
+  filter->Update();
+  const auto fresh = ShearWarpMIPPartTyped<short>::ProjectPart(part, image->GetLargestPossibleRegion(), view, 1, 1);
+  EXPECT_EQ(streamed->GetOutput()->GetBufferedRegion(), half);
+  EXPECT_TRUE(HaveSamePixels(fresh.GetPointer(), filter->GetOutput()));
+}
+
+TEST(ShearWarpMIPPart, AbortThrowsAndTheNextUpdateIsRight)
+{
+  Random     random(1105);
+  const auto image = MakeRandomImage<short>(random, { { 50, 60, 70 } });
+  const auto view = MakeRandomView(random, ViewKind::Rigid, image);
+  const auto filter = PartFilterType::New();
+  filter->SetInput(image);
+  filter->SetTransform(view);
+  filter->SetNumberOfWorkUnits(1);
+  float      last = 0.0f;
+  const auto observer = filter->AddObserver(itk::ProgressEvent(), [&](const itk::EventObject &) {
+    EXPECT_GE(filter->GetProgress(), last);
+    last = filter->GetProgress();
+    filter->SetAbortGenerateData(last > 0.4f);
+  });
+  EXPECT_THROW(filter->Update(), itk::ProcessAborted);
+  EXPECT_LT(last, 0.9f);
+  filter->RemoveObserver(observer);
+  filter->Update();
+  EXPECT_EQ(filter->GetProgress(), 1.0f);
+  EXPECT_TRUE(
+    HaveSamePixels(ShearWarpMIPPartTyped<short>::ProjectPart(image, {}, view, 1, 1).GetPointer(), filter->GetOutput()));
+}
+
+TEST(ShearWarpMIPPart, PartsLeaveTheInputUnreadUntilTheyAreCleared)
+{
+  Random     random(1106);
+  const auto image = MakeRandomImage<short>(random, { { 12, 13, 14 } });
+  const auto view = MakeRandomView(random, ViewKind::Rigid, image);
+  const auto source = itk::CastImageFilter<ImageType, ImageType>::New();
+  source->SetInput(image);
+  source->InPlaceOff();
+  int runs = 0;
+  source->AddObserver(itk::StartEvent(), [&](const itk::EventObject &) { ++runs; });
+
+  const auto filter = FilterType::New();
+  filter->SetInput(source->GetOutput());
+  filter->SetTransform(view);
+  filter->SetPart(0, ShearWarpMIPPartTyped<short>::ProjectPart(image, {}, view, 1, 1));
+  EXPECT_EQ(filter->GetNumberOfParts(), 1u);
+  filter->Update();
+  EXPECT_EQ(runs, 0);
+  EXPECT_EQ(filter->GetProgress(), 1.0f);
+  const auto joined = ShearWarpMIPPartTyped<short>::Detach(filter.GetPointer());
+
+  filter->ClearParts();
+  EXPECT_EQ(filter->GetNumberOfParts(), 0u);
+  filter->Update();
+  EXPECT_EQ(runs, 1);
+  EXPECT_TRUE(HaveSamePixels(joined.GetPointer(), filter->GetOutput()));
+}
+
+TEST(ShearWarpMIPPart, BadInputIsNamed)
+{
+  Random     random(1107);
+  const auto image = MakeRandomImage<short>(random, { { 12, 13, 14 } });
+  const auto view = MakeRandomView(random, ViewKind::Rigid, image);
+
+  const auto part = PartFilterType::New();
+  EXPECT_NAMES(part->Update(), "Primary");
+  part->SetInput(MakeOutline(image.GetPointer()));
+  EXPECT_NAMES(part->Update(), "The input must be buffered where it is requested, but there are 0 voxels");
+  part->SetInput(image);
+  part->SetTransform(nullptr);
+  EXPECT_NAMES(part->Update(), "Transform");
+  part->SetTransform(view);
+  part->SetOversampling(3);
+  EXPECT_NAMES(part->Update(), "Oversampling must be 1 or 2, but it is 3");
+  part->SetOversampling(2);
+  part->SetWholeRegion(itk::Size<3>{ { 2, 2, 2 } });
+  EXPECT_NAMES(part->Update(), "A part must not be empty and lie within the image's region");
+  part->SetWholeRegion({});
+  part->Update();
+
+  const auto filter = FilterType::New();
+  filter->SetInput(MakeOutline(image.GetPointer()));
+  filter->SetTransform(view);
+  filter->SetPart(1, part->GetOutput());
+  EXPECT_NAMES(filter->Update(), "Part 0 of 2 is required but not set");
+  filter->SetPart(0, part->GetOutput());
+  EXPECT_NAMES(filter->Update(), "Part 0 must be buffered and lie within the intermediate image");
+  filter->SetOversampling(2);
+  filter->Update();
+  filter->ComputeDepthOn();
+  EXPECT_NAMES(filter->Update(), "Parts have plain maxima");
+  filter->ComputeDepthOff();
+  filter->SetMode(itk::ShearWarpMIPImageFilterEnums::Mode::Minimum);
+  EXPECT_NAMES(filter->Update(), "Parts have plain maxima");
+}
