@@ -1,0 +1,334 @@
+"""The projection of chunked volumes, against the filter on the whole volume."""
+
+import itertools
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import dask
+import dask.array
+import itk
+import ngff_zarr
+import numpy as np
+import pytest
+import zarr
+from distributed import Client, LocalCluster
+from itk_shearwarpmip import mip, mip_cine, open_volume
+
+DTYPES = [np.uint8, np.int16, np.uint16, np.float32, np.float64]
+GEOMETRY = {
+    "spacing": (0.7, 1.1, 2.3),
+    "origin": (-12.0, 5.0, 31.0),
+    "direction": [[0.0, -1.0, 0.0], [0.8, 0.0, 0.6], [-0.6, 0.0, 0.8]],
+}
+
+
+@pytest.fixture(autouse=True)
+def synchronous():
+    with dask.config.set(scheduler="synchronous"):
+        yield
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    with LocalCluster(n_workers=2, threads_per_worker=1, memory_limit="1GB", dashboard_address=":0") as local:
+        yield local
+
+
+@pytest.fixture
+def client(cluster):
+    with dask.config.set(scheduler=None), Client(cluster) as connected:
+        yield connected
+
+
+def make_array(generator, shape, dtype=np.uint16):
+    if np.issubdtype(dtype, np.floating):
+        return generator.normal(size=shape).astype(dtype)
+    limits = np.iinfo(dtype)
+    return generator.integers(limits.min, limits.max, shape, dtype, endpoint=True)
+
+
+def make_chunks(generator, shape, most):
+    chunks = []
+    for length in shape:
+        lengths = []
+        while sum(lengths) < length:
+            lengths.append(min(int(generator.integers(1, most + 1)), length - sum(lengths)))
+        chunks.append(tuple(lengths))
+    return tuple(chunks)
+
+
+def make_view(generator):
+    view = itk.Euler3DTransform[itk.D].New()
+    view.SetRotation(*generator.uniform(-np.pi, np.pi, 3))
+    view.SetTranslation(generator.uniform(-20, 20, 3).tolist())
+    return view
+
+
+def make_image(array, spacing=(1, 1, 1), origin=(0, 0, 0), direction=np.eye(3)):
+    image = itk.image_from_array(array)
+    image.SetSpacing(spacing)
+    image.SetOrigin(origin)
+    image.SetDirection(itk.matrix_from_array(np.array(direction, float)))
+    return image
+
+
+def assert_same(picture, expected):
+    assert np.asarray(picture).tobytes() == np.asarray(expected).tobytes()
+    assert picture.GetLargestPossibleRegion() == expected.GetLargestPossibleRegion()
+    assert tuple(picture.GetSpacing()) == tuple(expected.GetSpacing())
+    assert tuple(picture.GetOrigin()) == tuple(expected.GetOrigin())
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+def test_random_chunks_give_the_bits_of_the_whole(dtype):
+    generator = np.random.default_rng(1)
+    for repeat in range(12):
+        thin = repeat % 4 == 0
+        array = make_array(generator, generator.integers(1, 9 if thin else 40, 3), dtype)
+        view = make_view(generator)
+        oversampling = 1 + repeat % 2
+        chunked = dask.array.from_array(array, make_chunks(generator, array.shape, 2 if thin else 20))
+        picture = mip(chunked, view, oversampling=oversampling, default_pixel_value=9, output_spacing=0.6, **GEOMETRY)
+        whole = itk.shear_warp_mip_image_filter(
+            make_image(array, **GEOMETRY),
+            transform=view,
+            oversampling=oversampling,
+            default_pixel_value=9,
+            output_spacing=[0.6, 0.6],
+        )
+        assert_same(picture, whole)
+        assert picture["BytesSent"] > 0
+
+
+def test_the_grid_is_as_the_filters():
+    array = make_array(np.random.default_rng(2), (20, 30, 40))
+    grid = {"size": [33, 22], "output_spacing": [0.9, 1.3], "output_origin": [2.0, -3.0]}
+    whole = itk.shear_warp_mip_image_filter(make_image(array), **grid)
+    assert_same(mip(dask.array.from_array(array, 16), **grid), whole)
+    assert_same(mip(array, **grid), whole)
+
+
+@pytest.mark.parametrize("scheduler", ["threads", "processes"])
+def test_schedulers_of_one_computer(scheduler):
+    array = make_array(np.random.default_rng(3), (50, 40, 30))
+    view = make_view(np.random.default_rng(3))
+    with dask.config.set(scheduler=scheduler):
+        assert_same(
+            mip(dask.array.from_array(array, 16), view),
+            itk.shear_warp_mip_image_filter(make_image(array), transform=view),
+        )
+
+
+def test_cine_is_as_the_filters():
+    array = make_array(np.random.default_rng(4), (20, 24, 28))
+    chunked = dask.array.from_array(array, 12)
+    turn = {"number_of_frames": 7, "rotation_axis": [0.0, 0.6, 0.8], "angular_range": 3.0, "start_angle": 0.3}
+    whole = itk.shear_warp_mip_cine_image_filter(make_image(array, **GEOMETRY), rocking=True, **turn)
+    assert_same(mip_cine(chunked, rocking=True, **turn, **GEOMETRY), whole)
+    views = [make_view(np.random.default_rng(n)) for n in range(3)]
+    whole = itk.shear_warp_mip_cine_image_filter(make_image(array), transforms=views)
+    assert_same(mip_cine(chunked, views), whole)
+
+
+def test_voxels_of_the_other_byte_order():
+    array = make_array(np.random.default_rng(5), (9, 10, 11))
+    swapped = dask.array.from_array(array.astype(">u2"), 6)
+    assert_same(mip(swapped), itk.shear_warp_mip_image_filter(make_image(array)))
+
+
+def test_only_what_was_touched_is_sent():
+    volume = dask.array.zeros((64, 64, 64), dtype=np.uint8, chunks=16)
+    # each chunk with its neighbours' last voxels; then 8 chunks at once, of two rows of them; then all
+    chunks = sum((16 + (row > 0)) * (16 + (column > 0)) for row, column in itertools.product(range(4), repeat=2)) * 4
+    assert mip(volume)["BytesSent"] == chunks + (32 + 33) * 64 * 4 + 64 * 64
+
+
+def test_bad_input_is_named():
+    array = dask.array.zeros((8, 8, 8), dtype=np.uint8)
+    for wrong, kind, text in (
+        (lambda: mip(array.astype(np.int64)), TypeError, "voxels must be one of .* but they are int64"),
+        (lambda: mip(array[0]), ValueError, "has the shape"),
+        (lambda: mip(array[:0]), ValueError, "must not be empty"),
+        (lambda: mip(array, spacing=(1, 2)), ValueError, "spacing must be three numbers"),
+        (lambda: mip(array, spacing=(1, 2, 0)), RuntimeError, "spacing must be positive"),
+        (lambda: mip(array, level=1), ValueError, "no levels"),
+        (lambda: mip(array, oversampling=3), RuntimeError, "Oversampling must be 1 or 2"),
+        (lambda: mip(array, output_spacing=-1), RuntimeError, "OutputSpacing must be positive"),
+        (lambda: mip(array, size=(0, 4)), RuntimeError, "Size must not be zero"),
+        (lambda: mip("nowhere.zarr"), ValueError, "nowhere.zarr is no OME-Zarr"),
+    ):
+        with pytest.raises(kind, match=text):
+            wrong()
+
+
+@pytest.fixture(params=["0.4", "0.5"])
+def ome_zarr(request, tmp_path):
+    """Three levels of a volume of 2 channels, with 64 voxels of 2 x 2 x 4 micrometres along x."""
+    array = make_array(np.random.default_rng(6), (2, 40, 48, 64))
+    image = ngff_zarr.to_ngff_image(
+        array,
+        dims=["c", "z", "y", "x"],
+        scale={"z": 4.0, "y": 2.0, "x": 2.0},
+        translation={"z": 100.0, "y": -50.0, "x": 7.0},
+        axes_units={"z": "micrometer", "y": "micrometer", "x": "micrometer"},
+    )
+    path = tmp_path / "image.ome.zarr"
+    ngff_zarr.to_ngff_zarr(str(path), ngff_zarr.to_multiscales(image, [2, 4], chunks=16), version=request.param)
+    return path, array
+
+
+def test_ome_zarr(ome_zarr):
+    path, array = ome_zarr
+    view = make_view(np.random.default_rng(7))
+    for source in (path, str(path), zarr.open_group(path, mode="r")):
+        volume = open_volume(source, channel=1)
+        assert volume.unit == "micrometer"
+        with dask.config.set({"array.chunk-size": "30kB"}):
+            picture = mip(source, view, channel=1)
+        whole = make_image(array[1], (2, 2, 4), (7, -50, 100))
+        assert_same(picture, itk.shear_warp_mip_image_filter(whole, transform=view))
+    with pytest.raises(ValueError, match="has 2 along the axis c, but not number 2"):
+        mip(path, channel=2)
+    with pytest.raises(ValueError, match="levels 0 to 2, but not 3"):
+        mip(path, level=3)
+
+
+def test_the_level_is_the_coarsest_that_is_fine_enough(ome_zarr):
+    path, _ = ome_zarr
+    for output_spacing, columns in ((None, 64), (1, 64), (2, 64), (3.9, 64), (4, 32), ((4, 9), 32), (8, 16), (100, 16)):
+        assert open_volume(path, output_spacing=output_spacing).array.shape[2] == columns
+    assert open_volume(path, level=1, output_spacing=1).array.shape[2] == 32
+    level = open_volume(path, level=1)
+    assert level.spacing[0] == 4
+    # the centres of the voxels move with their size
+    assert level.origin[0] == pytest.approx(8)
+
+
+def find_chunks(path):
+    return sorted(file for file in path.rglob("*") if file.is_file() and not file.name.startswith((".z", "zarr.json")))
+
+
+def test_a_corrupt_chunk_is_named_and_a_missing_one_is_empty(ome_zarr):
+    path, array = ome_zarr
+    finest = zarr.open_group(path, mode="r")
+    name = finest.attrs.asdict().get("ome", finest.attrs.asdict())["multiscales"][0]["datasets"][0]["path"]
+    chunk = find_chunks(path / name)[0]
+    chunk.write_bytes(b"no chunk")
+    with pytest.raises(OSError, match=r"voxels \[0, 0:.*\] of .*image\.ome\.zarr.* cannot be read"):
+        mip(path, level=0)
+    chunk.unlink()
+    expected = array[0].copy()
+    stored = zarr.open_group(path, mode="r")[name]
+    lengths = stored.chunks[1:]
+    expected[: lengths[0], : lengths[1], : lengths[2]] = 0
+    whole = make_image(expected, (2, 2, 4), (7, -50, 100))
+    assert_same(mip(path, level=0), itk.shear_warp_mip_image_filter(whole))
+
+
+def test_program(ome_zarr, tmp_path):
+    path, array = ome_zarr
+
+    def run(*arguments):
+        command = [sys.executable, "-m", "itk_shearwarpmip", *map(str, arguments)]
+        return subprocess.run(command, capture_output=True, text=True)
+
+    output = tmp_path / "mip.mha"
+    done = run(path, output, "--channel", 1, "--quiet")
+    assert done.returncode == 0, done.stderr
+    assert not done.stderr
+    assert np.array_equal(np.asarray(itk.imread(output)), array[1].max(axis=0))
+    done = run(path, output, "--frames", 5, "--level", 1)
+    assert done.returncode == 0, done.stderr
+    assert "100%" in done.stdout
+    assert itk.imread(output).shape[0] == 5
+    done = run(path, output, "--level", 9)
+    assert done.returncode == 1
+    assert done.stderr.startswith("itk_shearwarpmip: ")
+    assert "levels 0 to 2" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    assert run(tmp_path / "none.zarr", output).returncode == 1
+    assert run().returncode == 2
+    assert "OME-Zarr" in run("--help").stdout
+
+
+def test_views_at_once_on_a_cluster(client):
+    array = make_array(np.random.default_rng(8), (80, 70, 60))
+    chunked = dask.array.from_array(array, 32)
+    views = [make_view(np.random.default_rng(n)) for n in range(2)]
+    pictures = [None, None]
+
+    def project(n):
+        pictures[n] = mip(chunked, views[n])
+
+    threads = [threading.Thread(target=project, args=(n,)) for n in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    for picture, view in zip(pictures, views):
+        assert_same(picture, itk.shear_warp_mip_image_filter(make_image(array), transform=view))
+    # nothing stays on the workers
+    deadline = time.monotonic() + 20
+    while any(client.has_what().values()) and time.monotonic() < deadline:
+        time.sleep(0.1)
+    assert not any(client.has_what().values())
+
+
+def test_one_worker_is_enough():
+    array = make_array(np.random.default_rng(9), (40, 40, 40))
+    with (
+        dask.config.set(scheduler=None),
+        LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=":0") as local,
+        Client(local),
+    ):
+        picture = mip(dask.array.from_array(array, 16))
+    assert_same(picture, itk.shear_warp_mip_image_filter(make_image(array)))
+
+
+def make_waves(block_info=None):
+    """Voxel values that tell their place: uint16 that overflows."""
+    place = block_info[None]["array-location"]
+    z, y, x = (np.arange(begin, end, dtype=np.uint16) for begin, end in place)
+    return (z * 71)[:, None, None] + ((y * 53)[:, None] + x * 37)
+
+
+def test_a_volume_larger_than_a_workers_memory(client):
+    # 2.1 GB; a worker has 1 GB
+    volume = dask.array.map_blocks(
+        make_waves, chunks=((128,) * 8,) * 3, dtype=np.uint16, meta=np.empty((0,) * 3, np.uint16)
+    )
+    picture = mip(volume)
+    plane = make_waves({None: {"array-location": [(0, 1), (0, 1024), (0, 1024)]}})[0]
+    expected = np.zeros_like(plane)
+    for z in range(1024):
+        np.maximum(expected, plane + np.uint16(71 * z % 65536), out=expected)
+    assert np.array_equal(np.asarray(picture), expected)
+
+
+def kill_worker_once(block, marker=None):
+    time.sleep(0.05)
+    if block[0, 0, 0] == 255 and not Path(marker).exists():
+        Path(marker).touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return block
+
+
+def test_a_killed_worker_changes_nothing(client, tmp_path):
+    array = make_array(np.random.default_rng(10), (64, 64, 64), np.uint8) // 2
+    array[32, 32, 32] = 255
+    marker = tmp_path / "killed"
+    fragile = dask.array.from_array(array, 16).map_blocks(
+        kill_worker_once, marker=str(marker), dtype=np.uint8, meta=np.empty((0,) * 3, np.uint8)
+    )
+    workers = set(client.run(os.getpid).values())
+    view = make_view(np.random.default_rng(10))
+    picture = mip(fragile, view)
+    assert marker.exists()
+    client.wait_for_workers(2)
+    assert set(client.run(os.getpid).values()) != workers
+    assert_same(picture, itk.shear_warp_mip_image_filter(make_image(array), transform=view))
