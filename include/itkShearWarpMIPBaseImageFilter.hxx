@@ -325,7 +325,7 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::Prepare(const char *    
   }
   else
   {
-    prepared.Prepare(image, image->GetLargestPossibleRegion(), axis, kernels, parallelize);
+    prepared.Prepare(image, image->GetLargestPossibleRegion(), axis, true, kernels, parallelize);
   }
 }
 

@@ -41,7 +41,8 @@ namespace itk
  * 1 and origin 0.
  *
  * The first view of a part prepares it, as ShearWarpMIPImageFilter does: what was prepared is kept until the part
- * changes.
+ * changes. A part of which there is one view only is projected faster if ReducedResampling is Off: then no block maxima
+ * are found.
  *
  * Update() throws ExceptionObject for a transform that is missing, not linear, not finite or not invertible, for an
  * Oversampling other than 1 and 2, and for an input that is empty, is not within WholeRegion, has a spacing that is not

@@ -108,10 +108,11 @@ ShearWarpMIPPartImageFilter<TInputImage>::GenerateData()
   const auto *                 voxels = input->GetPixelContainer();
   this->VerifyVoxels("input", input, voxels ? voxels->Size() : 0);
 
-  const bool isPrepared = this->m_PreparedVolume.IsPrepared(input, axis);
+  const bool hasBlockMaxima = this->m_ReducedResampling != Superclass::ReducedResamplingEnum::Off;
+  const bool isPrepared = this->m_PreparedVolume.IsPrepared(input, axis, hasBlockMaxima);
   const auto preparationStart = Superclass::Clock::now();
   this->m_PreparedVolume.Prepare(
-    input, this->GetWhole(), axis, kernels, [this](SizeValueType count, const auto & process) {
+    input, this->GetWhole(), axis, hasBlockMaxima, kernels, [this](SizeValueType count, const auto & process) {
       this->Parallelize(count, 1, 0.2f, [&process](SizeValueType n, SizeValueType, SizeValueType) { process(n); });
     });
   this->m_PreparationSeconds = isPrepared ? 0.0 : Superclass::SecondsSince(preparationStart);

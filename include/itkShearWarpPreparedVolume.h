@@ -69,14 +69,16 @@ public:
 
   /** Whether Prepare() would return at once. */
   bool
-  IsPrepared(const ImageType * image, unsigned int principalAxis) const
+  IsPrepared(const ImageType * image, unsigned int principalAxis, bool hasBlockMaxima = true) const
   {
-    return this->IsOf(image) && (principalAxis != 0 || m_Transposed.GetSizeInBytes() > 0);
+    return this->IsOf(image) && (!hasBlockMaxima || m_BlockMaxima.GetSizeInBytes() > 0) &&
+           (principalAxis != 0 || m_Transposed.GetSizeInBytes() > 0);
   }
 
   /** Makes what GetSlices() and GetBlockMaxima() need for what is buffered of \a image, which is a part of \a whole or
    * all of it, and index axis \a principalAxis (0, 1, 2); frees what was made for another image, or before this one was
-   * modified.
+   * modified. Without \a hasBlockMaxima block maxima, and the lowest and highest voxel, are left out: for one view they
+   * cost more than they save.
    * \a parallelize(count, function) calls function(n) for each n of [0, count). If it throws, what it should
    * have made is not kept. Throws MemoryAllocationError if there is no memory. */
   template <typename TParallelize>
@@ -84,6 +86,7 @@ public:
   Prepare(const ImageType *                  image,
           const ImageRegion<3> &             whole,
           unsigned int                       principalAxis,
+          bool                               hasBlockMaxima,
           const ShearWarp::Kernels<TPixel> & kernels,
           const TParallelize &               parallelize);
 

@@ -29,6 +29,7 @@ void
 ShearWarpPreparedVolume<TPixel>::Prepare(const ImageType *                  image,
                                          const ImageRegion<3> &             whole,
                                          unsigned int                       principalAxis,
+                                         bool                               hasBlockMaxima,
                                          const ShearWarp::Kernels<TPixel> & kernels,
                                          const TParallelize &               parallelize)
 {
@@ -41,11 +42,16 @@ ShearWarpPreparedVolume<TPixel>::Prepare(const ImageType *                  imag
     const auto &         buffered = image->GetBufferedRegion();
     const std::ptrdiff_t begin = buffered.GetIndex(2) - whole.GetIndex(2);
     this->SetPart(image, whole, begin, begin + static_cast<std::ptrdiff_t>(buffered.GetSize(2)));
-    this->FindBlockMaxima(kernels, parallelize);
+    m_Lowest = NumericTraits<TPixel>::NonpositiveMin();
+    m_Highest = NumericTraits<TPixel>::max();
     m_Image = image;
     m_ImageMTime = image->GetMTime();
   }
-  if (!this->IsPrepared(image, principalAxis))
+  if (!this->IsPrepared(image, 2, hasBlockMaxima))
+  {
+    this->FindBlockMaxima(kernels, parallelize);
+  }
+  if (!this->IsPrepared(image, principalAxis, false))
   {
     this->Transpose(kernels, parallelize, std::move(memory));
   }
@@ -117,8 +123,8 @@ ShearWarpPreparedVolume<TPixel>::FindBlockMaxima(const ShearWarp::Kernels<TPixel
   const std::ptrdiff_t blocksY = CountBlocks(y);
   ShearWarpBuffer      maxima = std::move(m_BlockMaxima);
   maxima.Reserve(blocksX * blocksY * CountBlocks(m_Size[2]) * sizeof(TPixel), "the block maxima");
-  m_Lowest = NumericTraits<TPixel>::max();
-  m_Highest = NumericTraits<TPixel>::NonpositiveMin();
+  TPixel     lowestOfAll = NumericTraits<TPixel>::max();
+  TPixel     highestOfAll = NumericTraits<TPixel>::NonpositiveMin();
   std::mutex mutex;
   parallelize(static_cast<SizeValueType>(blocksY * CountBlocks(m_Size[2])), [&](SizeValueType n) {
     const auto           block = static_cast<std::ptrdiff_t>(n);
@@ -136,9 +142,11 @@ ShearWarpPreparedVolume<TPixel>::FindBlockMaxima(const ShearWarp::Kernels<TPixel
                             lowest,
                             highest);
     const std::lock_guard<std::mutex> lock(mutex);
-    m_Lowest = std::min(m_Lowest, lowest);
-    m_Highest = std::max(m_Highest, highest);
+    lowestOfAll = std::min(lowestOfAll, lowest);
+    highestOfAll = std::max(highestOfAll, highest);
   });
+  m_Lowest = lowestOfAll;
+  m_Highest = highestOfAll;
   m_BlockMaxima = std::move(maxima);
 }
 

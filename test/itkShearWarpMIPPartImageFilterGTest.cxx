@@ -292,6 +292,42 @@ TEST(ShearWarpMIPPart, AnImageWithASourceIsItsOwnPartAndIsPreparedOnce)
   EXPECT_TRUE(HaveSamePixels(fresh.GetPointer(), filter->GetOutput()));
 }
 
+TEST(ShearWarpMIPPart, BlockMaximaAreFoundWhereTheyAreUsed)
+{
+  using ReducedResamplingEnum = itk::ShearWarpMIPImageFilterEnums::ReducedResampling;
+  Random     random(1108);
+  const auto image = MakeRandomImage<short>(random, { { 40, 30, 20 } });
+  for (int repeat = 0; repeat < 8; ++repeat)
+  {
+    const auto view = MakeRandomView(random, ViewKind::Rigid, image);
+    const auto expected = ShearWarpMIPPartTyped<short>::ProjectPart(image, {}, view, 1, 1);
+    const auto filter = PartFilterType::New();
+    filter->SetInput(image);
+    filter->SetTransform(view);
+    for (const auto mode : { ReducedResamplingEnum::Off, ReducedResamplingEnum::On, ReducedResamplingEnum::Off })
+    {
+      if (repeat % 2 == 1)
+      {
+        filter->ReleasePreparedVolume();
+      }
+      const auto before = filter->GetPreparedVolumeSizeInBytes();
+      filter->SetReducedResampling(mode);
+      filter->Update();
+      EXPECT_TRUE(HaveSamePixels(expected.GetPointer(), filter->GetOutput()));
+      const auto copy = filter->GetPrincipalAxis() == 0 ? 40u * 30u * 20u * sizeof(short) : 0u;
+      const auto after = filter->GetPreparedVolumeSizeInBytes();
+      if (mode == ReducedResamplingEnum::Off)
+      {
+        EXPECT_EQ(after, before == 0 ? copy : before);
+      }
+      else
+      {
+        EXPECT_EQ(after, copy + 5u * 4u * 3u * sizeof(short));
+      }
+    }
+  }
+}
+
 TEST(ShearWarpMIPPart, AbortThrowsAndTheNextUpdateIsRight)
 {
   Random     random(1105);

@@ -50,7 +50,8 @@ GetSlices(itk::ShearWarpPreparedVolume<TPixel> & volume,
           unsigned int                           axis,
           const TParallelize &                   parallelize)
 {
-  volume.Prepare(image, image->GetLargestPossibleRegion(), axis, itk::ShearWarp::GetKernels<TPixel>(), parallelize);
+  const auto & kernels = itk::ShearWarp::GetKernels<TPixel>();
+  volume.Prepare(image, image->GetLargestPossibleRegion(), axis, true, kernels, parallelize);
   EXPECT_TRUE(volume.IsPrepared(image, axis));
   return volume.GetSlices(axis);
 }

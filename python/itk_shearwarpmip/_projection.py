@@ -1,12 +1,16 @@
 """The projection of a chunked volume: chunks to pieces of the intermediate image, these to one, and that to the picture."""
 
 from collections.abc import Sequence
-from itertools import product
+from itertools import count, product
+from operator import sub
 from typing import Any, NamedTuple
+from uuid import uuid4
 
 import dask
 import itk
 import numpy as np
+from dask.core import flatten
+from dask.delayed import Delayed
 
 from itk_shearwarpmip._volume import Volume, open_volume
 
@@ -190,36 +194,60 @@ def _warp(picture: Any, piece: _Piece) -> itk.Image:
     return image
 
 
-def _project(volume: Volume, transforms: Sequence[Any], oversampling: int) -> _Pieces:
-    """The intermediate images of all views."""
-    geometry = Volume(_Shape(volume.array.shape, volume.array.dtype), volume.spacing, volume.origin, volume.direction)
-    chunks = volume.array.to_delayed()
-    firsts = [np.concatenate([[0], np.cumsum(lengths)[:-1]]) for lengths in volume.array.chunks]
-    get_ends = dask.delayed(copy_ends, pure=False)
-    project = dask.delayed(project_chunk, pure=False)
-    merge = dask.delayed(merge_pieces, pure=False)
+class _View(NamedTuple):
+    """What chunks must know of the volume and of its views."""
 
-    ends = {place: get_ends(chunk) for place, chunk in np.ndenumerate(chunks)}
-    pieces = []
-    for place, chunk in np.ndenumerate(chunks):
-        # samples lie between voxels: a chunk needs the last voxels of those before it
-        before = {}
-        for steps in product((0, 1), repeat=3):
-            neighbour = tuple(np.subtract(place, steps))
-            if any(steps) and min(neighbour) >= 0:
-                before[steps] = ends[neighbour]
-        first = tuple(int(firsts[axis][n]) for axis, n in enumerate(place))
-        pieces.append(project(chunk, before, first, geometry, transforms, oversampling))
-    while len(pieces) > 1:
-        pieces = [merge(pieces[n : n + _MERGED_TOGETHER]) for n in range(0, len(pieces), _MERGED_TOGETHER)]
-    return dask.compute(pieces[0])[0]
+    volume: Volume
+    transforms: Sequence[Any]
+    oversampling: int
 
 
 class _Shape(NamedTuple):
-    """What a chunk must know of the volume's array."""
+    """What chunks must know of the volume's array."""
 
     shape: tuple[int, ...]
     dtype: np.dtype
+
+
+def _project(volume: Volume, transforms: Sequence[Any], oversampling: int) -> _Pieces:
+    """The intermediate images of all views."""
+    array = volume.array
+    token = uuid4().hex
+    view = f"view-{token}"
+    # what is on the workers already is left out by the optimization
+    graph = {key: array.__dask_graph__()[key] for key in flatten(array.__dask_keys__())}
+    graph.update(array.__dask_optimize__(array.__dask_graph__(), array.__dask_keys__()))
+    outline = Volume(_Shape(array.shape, array.dtype), volume.spacing, volume.origin, volume.direction)
+    graph[view] = _View(outline, transforms, oversampling)
+    firsts = [np.cumsum((0, *lengths[:-1])) for lengths in array.chunks]
+    # samples lie between voxels: a chunk needs the last voxels of those before it, but for those along the rays
+    sliced = _find_principal_axes(volume, transforms)
+    reach = [(0,) if sliced == {axis} else (0, 1) for axis in range(3)]
+    steps_back = list(product(*reach))[1:]
+    pieces = []
+    for place in np.ndindex(array.numblocks):
+        neighbours = {steps: tuple(map(sub, place, steps)) for steps in steps_back}
+        steps = [steps for steps, neighbour in neighbours.items() if min(neighbour) >= 0]
+        ends = [(f"copy_ends-{token}", *neighbours[each]) for each in steps]
+        first = [int(firsts[axis][n]) for axis, n in enumerate(place)]
+        chunk = (array.name, *place)
+        graph[f"copy_ends-{token}", *place] = (copy_ends, chunk)
+        graph[f"project_chunk-{token}", *place] = (project_chunk, chunk, steps, ends, first, view)
+        pieces.append((f"project_chunk-{token}", *place))
+    for level in count():
+        if len(pieces) == 1:
+            break
+        groups = [pieces[n : n + _MERGED_TOGETHER] for n in range(0, len(pieces), _MERGED_TOGETHER)]
+        pieces = [(f"merge_pieces-{token}", level, n) for n in range(len(groups))]
+        graph.update({piece: (merge_pieces, group) for piece, group in zip(pieces, groups, strict=True)})
+    return dask.compute(Delayed(pieces[0], graph))[0]
+
+
+def _find_principal_axes(volume: Volume, transforms: Sequence[Any]) -> set[int]:
+    """The array's axes along which slices are taken."""
+    image = volume.make_image()
+    grid = itk.Image[itk.UC, 2].New()
+    return {2 - itk.ShearWarpFactorization(view, image, grid).GetPrincipalAxis() for view in transforms}
 
 
 def copy_ends(chunk: np.ndarray) -> list[np.ndarray]:
@@ -227,62 +255,81 @@ def copy_ends(chunk: np.ndarray) -> list[np.ndarray]:
     return [np.array(chunk[(slice(None),) * axis + (slice(-1, None),)]) for axis in range(3)]
 
 
-def extend_chunk(chunk: np.ndarray, before: dict[tuple[int, ...], list[np.ndarray]]) -> np.ndarray:
-    """The chunk with the last voxels of those before it: of the neighbour that is `steps` (z, y, x) back."""
-    margin = [max((steps[axis] for steps in before), default=0) for axis in range(3)]
-    dtype = chunk.dtype.newbyteorder("=")
-    if not any(margin):
-        return np.ascontiguousarray(chunk, dtype)
-    extended = np.empty(np.add(chunk.shape, margin), dtype)
-    extended[tuple(slice(each, None) for each in margin)] = chunk
-    for steps, ends in before.items():
-        last = tuple(slice(-1, None) if step else slice(None) for step in steps)
-        extended[
-            tuple(slice(0, 1) if step else slice(each, None) for step, each in zip(steps, margin, strict=True))
-        ] = ends[steps.index(1)][last]
-    return extended
+def make_seam(
+    chunk: np.ndarray, before: dict[tuple[int, ...], list[np.ndarray]], axis: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """The last voxels before a chunk along an axis and its own first ones, as far as samples lie between them; and how far
+    back from the chunk's first voxel they begin (z, y, x). `before` are the ends of the chunks that are `steps` back."""
+    margin = np.max(list(before), axis=0)
+    shape = [2 if each == axis else chunk.shape[each] + margin[each] for each in range(3)]
+    seam = np.empty(shape, chunk.dtype)
+    for steps in ((0, 0, 0), *before):
+        voxels = before[steps][steps.index(1)] if any(steps) else chunk
+        voxels = voxels[tuple(slice(-1, None) if back else slice(None) for back in steps)]
+        if not steps[axis]:
+            voxels = voxels[(slice(None),) * axis + (slice(0, 1),)]
+        starts = [0 if back else each for back, each in zip(steps, margin, strict=True)]
+        seam[tuple(slice(start, start + length) for start, length in zip(starts, voxels.shape, strict=True))] = voxels
+    return seam, margin
 
 
 def project_chunk(
     chunk: np.ndarray,
-    before: dict[tuple[int, ...], list[np.ndarray]],
-    first: tuple[int, ...],
-    geometry: Volume,
-    transforms: Sequence[Any],
-    oversampling: int,
+    steps: Sequence[tuple[int, ...]],
+    ends: Sequence[list[np.ndarray]],
+    first: Sequence[int],
+    view: _View,
 ) -> _Pieces:
-    """Projects a chunk, whose first voxel is number `first` (z, y, x) of the volume."""
-    extended = extend_chunk(chunk, before)
-    start = tuple(end - length for end, length in zip(np.add(first, chunk.shape), extended.shape, strict=True))
-    projection = itk.ShearWarpMIPPartImageFilter.New(geometry.make_part(extended, start))
-    projection.SetWholeRegion(geometry.region)
-    projection.SetOversampling(oversampling)
+    """Projects a chunk, whose first voxel is number `first` (z, y, x) of the volume, and the seams between it and those
+    before it: `ends[n]` are the last voxels of the one `steps[n]` (z, y, x) back."""
+    chunk = np.ascontiguousarray(chunk, chunk.dtype.newbyteorder("="))
+    before = dict(zip(steps, ends, strict=True))
+    parts = [(chunk, first)]
+    for axis in range(3):
+        if any(each[axis] for each in steps):
+            seam, margin = make_seam(chunk, before, axis)
+            parts.append((seam, np.subtract(first, margin)))
+    pieces = [_project_part(voxels, start, view) for voxels, start in parts]
+    merged = [_merge(of_view) for of_view in zip(*pieces, strict=True)]
+    return _Pieces(merged, sum(piece.pixels.nbytes for piece in merged))
+
+
+def _project_part(voxels: np.ndarray, first: Sequence[int], view: _View) -> list[_Piece]:
+    projection = itk.ShearWarpMIPPartImageFilter.New(view.volume.make_part(voxels, first))
+    projection.SetWholeRegion(view.volume.region)
+    projection.SetOversampling(view.oversampling)
     # chunks are what is done at once
     projection.SetNumberOfWorkUnits(1)
-    views = []
-    for transform in transforms:
+    if len(view.transforms) == 1:
+        # one view does not pay for its preparation
+        projection.SetReducedResampling(itk.ShearWarpMIPImageFilterEnums.ReducedResampling_Off)
+    pieces = []
+    for transform in view.transforms:
         projection.SetTransform(transform)
         projection.Update()
         output = projection.GetOutput()
         column, row = output.GetLargestPossibleRegion().GetIndex()
-        views.append(_Piece(row, column, itk.array_from_image(output)))
-    return _Pieces(views, sum(piece.pixels.nbytes for piece in views))
+        pieces.append(_Piece(row, column, itk.array_from_image(output)))
+    return pieces
 
 
 def merge_pieces(pieces: list[_Pieces]) -> _Pieces:
     """The maximum of pieces, as large as they are together."""
-    views = []
-    for parts in zip(*(each.views for each in pieces), strict=True):
-        row, column = (min(part[axis] for part in parts) for axis in range(2))
-        rows = max(part.row + part.pixels.shape[0] for part in parts) - row
-        columns = max(part.column + part.pixels.shape[1] for part in parts) - column
-        dtype = parts[0].pixels.dtype
-        lowest = -np.inf if np.issubdtype(dtype, np.floating) else np.iinfo(dtype).min
-        merged = np.full((rows, columns), lowest, dtype)
-        for part in parts:
-            top, left = part.row - row, part.column - column
-            place = merged[top : top + part.pixels.shape[0], left : left + part.pixels.shape[1]]
-            np.maximum(place, part.pixels, out=place)
-        views.append(_Piece(row, column, merged))
-    sent = sum(each.bytes_sent for each in pieces)
-    return _Pieces(views, sent + sum(piece.pixels.nbytes for piece in views))
+    merged = [_merge(of_view) for of_view in zip(*(each.views for each in pieces), strict=True)]
+    return _Pieces(merged, sum(each.bytes_sent for each in pieces) + sum(piece.pixels.nbytes for piece in merged))
+
+
+def _merge(pieces: Sequence[_Piece]) -> _Piece:
+    if len(pieces) == 1:
+        return pieces[0]
+    row, column = (min(piece[axis] for piece in pieces) for axis in range(2))
+    rows = max(piece.row + piece.pixels.shape[0] for piece in pieces) - row
+    columns = max(piece.column + piece.pixels.shape[1] for piece in pieces) - column
+    dtype = pieces[0].pixels.dtype
+    lowest = -np.inf if np.issubdtype(dtype, np.floating) else np.iinfo(dtype).min
+    merged = np.full((rows, columns), lowest, dtype)
+    for piece in pieces:
+        top, left = piece.row - row, piece.column - column
+        place = merged[top : top + piece.pixels.shape[0], left : left + piece.pixels.shape[1]]
+        np.maximum(place, piece.pixels, out=place)
+    return _Piece(row, column, merged)
