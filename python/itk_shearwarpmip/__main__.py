@@ -2,6 +2,7 @@
 
 import argparse
 import sys
+from contextlib import ExitStack
 
 import itk
 import numpy as np
@@ -40,32 +41,33 @@ def _make_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def main(arguments: list[str] | None = None) -> int:
-    options = _make_parser().parse_args(arguments)
-    common = {
+def _project(options: argparse.Namespace) -> itk.Image:
+    place = {
         "output_spacing": options.spacing,
-        "oversampling": options.oversampling,
         "level": options.level,
         "time": options.time,
         "channel": options.channel,
     }
-    try:
-        if options.scheduler:
-            from distributed import Client
+    if options.frames is not None:
+        turn = {"number_of_frames": options.frames, "rotation_axis": (0.0, 1.0, 0.0)}
+        return mip_cine(options.input, oversampling=options.oversampling, **turn, **place)
+    view = itk.CenteredEuler3DTransform[itk.D].New()
+    view.SetCenter(itk.ShearWarpMIPView.GetCentre(open_volume(options.input, **place).make_image()))
+    view.SetRotation(*np.radians(options.angles))
+    return mip(options.input, view, oversampling=options.oversampling, **place)
 
-            Client(options.scheduler)
-        if not options.quiet:
-            ProgressBar().register()
-        if options.frames is not None:
-            picture = mip_cine(options.input, number_of_frames=options.frames, rotation_axis=(0.0, 1.0, 0.0), **common)
-        else:
-            view = itk.CenteredEuler3DTransform[itk.D].New()
-            image = open_volume(
-                options.input, **{key: common[key] for key in common if key != "oversampling"}
-            ).make_image()
-            view.SetCenter(itk.ShearWarpMIPView.GetCentre(image))
-            view.SetRotation(*np.radians(options.angles))
-            picture = mip(options.input, view, **common)
+
+def main(arguments: list[str] | None = None) -> int:
+    options = _make_parser().parse_args(arguments)
+    try:
+        with ExitStack() as stack:
+            if options.scheduler:
+                from distributed import Client
+
+                stack.enter_context(Client(options.scheduler))
+            if not options.quiet:
+                stack.enter_context(ProgressBar())
+            picture = _project(options)
         itk.imwrite(picture, options.output)
     except (OSError, RuntimeError, TypeError, ValueError) as error:
         print(f"itk_shearwarpmip: {error}", file=sys.stderr)

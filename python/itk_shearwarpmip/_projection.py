@@ -36,17 +36,12 @@ def mip(
     volume: Any,
     transform: Any = None,
     *,
-    spacing: Sequence[float] | None = None,
-    origin: Sequence[float] | None = None,
-    direction: Any = None,
     size: Sequence[int] | None = None,
     output_spacing: float | Sequence[float] | None = None,
     output_origin: Sequence[float] | None = None,
     default_pixel_value: float = 0,
     oversampling: int = 1,
-    level: int | None = None,
-    time: int = 0,
-    channel: int = 0,
+    **place: Any,
 ) -> itk.Image:
     """Maximum intensity projection (MIP) of a volume in chunks, by Dask's current scheduler: threads, processes or the
     workers of a distributed.Client.
@@ -55,13 +50,14 @@ def mip(
     and the last one is warped to the picture here. The picture has the bits that itk.ShearWarpMIPImageFilter gives for
     the whole volume.
 
-    volume, spacing, origin, direction, level, time, channel: see open_volume().
+    volume: a dask.array.Array with the axes z, y, x, or an OME-Zarr image: see open_volume().
     transform: an itk.Transform, linear, from view space to the volume's physical space; the identity by default. See
         itk.ShearWarpMIPView, whose functions take open_volume(...).make_image().
     size: columns and rows; output_spacing and output_origin: of the picture, in the units of view space (for a rigid
         transform those of spacing). What is not given is fitted to the view. One number is a spacing of both.
     default_pixel_value: where rays miss the volume.
     oversampling: pixels of the intermediate image per voxel, 1 or 2.
+    place: spacing, origin, direction, level, time and channel: see open_volume().
 
     Returns a 2D itk.Image. Its entry "BytesSent" is the number of bytes of all pieces: the most that can have moved
     between workers, but for the faces of chunks.
@@ -69,24 +65,13 @@ def mip(
     Raises ValueError, TypeError: see open_volume(); OSError for a chunk that cannot be read, with its voxels; RuntimeError
     for a transform that is not linear and invertible and for parameters out of their range.
     """
-    if isinstance(output_spacing, int | float):
-        output_spacing = [float(output_spacing)] * 2
-    opened = open_volume(
-        volume,
-        spacing=spacing,
-        origin=origin,
-        direction=direction,
-        level=level,
-        output_spacing=output_spacing,
-        time=time,
-        channel=channel,
-    )
-    transform = itk.IdentityTransform[itk.D, 3].New() if transform is None else transform
-    picture = _make_filter(itk.ShearWarpMIPImageFilter, opened, oversampling, default_pixel_value)
-    picture.SetTransform(transform)
-    _set_grid(picture, size, output_spacing, output_origin)
+    grid = (size, _make_pair(output_spacing), output_origin)
+    opened = open_volume(volume, output_spacing=output_spacing, **place)
+    picture = _make_filter(itk.ShearWarpMIPImageFilter, opened, oversampling, default_pixel_value, grid)
+    view = itk.IdentityTransform[itk.D, 3].New() if transform is None else transform
+    picture.SetTransform(view)
     picture.UpdateOutputInformation()
-    pieces = _project(opened, [transform], oversampling)
+    pieces = _project(opened, [view], oversampling)
     image = _warp(picture, pieces.views[0])
     image["BytesSent"] = pieces.bytes_sent
     return image
@@ -101,17 +86,12 @@ def mip_cine(
     angular_range: float = 2 * np.pi,
     start_angle: float = 0.0,
     rocking: bool = False,
-    spacing: Sequence[float] | None = None,
-    origin: Sequence[float] | None = None,
-    direction: Any = None,
     size: Sequence[int] | None = None,
     output_spacing: float | Sequence[float] | None = None,
     output_origin: Sequence[float] | None = None,
     default_pixel_value: float = 0,
     oversampling: int = 1,
-    level: int | None = None,
-    time: int = 0,
-    channel: int = 0,
+    **place: Any,
 ) -> itk.Image:
     """Maximum intensity projections of a volume in chunks from many directions, each chunk being read once for all.
 
@@ -122,64 +102,50 @@ def mip_cine(
 
     Returns a 3D itk.Image, its third axis the frames, with the entry "BytesSent"; raises what mip() does.
     """
-    if isinstance(output_spacing, int | float):
-        output_spacing = [float(output_spacing)] * 2
-    opened = open_volume(
-        volume,
-        spacing=spacing,
-        origin=origin,
-        direction=direction,
-        level=level,
-        output_spacing=output_spacing,
-        time=time,
-        channel=channel,
-    )
-    cine = _make_filter(itk.ShearWarpMIPCineImageFilter, opened, oversampling, default_pixel_value)
+    opened = open_volume(volume, output_spacing=output_spacing, **place)
+    grid = (size, _make_pair(output_spacing), output_origin)
+    cine = _make_filter(itk.ShearWarpMIPCineImageFilter, opened, oversampling, default_pixel_value, grid)
     cine.SetNumberOfFrames(number_of_frames)
     cine.SetRotationAxis(rotation_axis)
     cine.SetAngularRange(angular_range)
     cine.SetStartAngle(start_angle)
     cine.SetRocking(rocking)
     cine.SetTransforms(transforms or [])
-    _set_grid(cine, size, output_spacing, output_origin)
     cine.UpdateOutputInformation()
-    grid = cine.GetOutput()
-    columns, rows, frames = grid.GetLargestPossibleRegion().GetSize()
+    stack = cine.GetOutput()
+    columns, rows, frames = stack.GetLargestPossibleRegion().GetSize()
     views = [cine.GetFrameTransform(frame) for frame in range(frames)]
     pieces = _project(opened, views, oversampling)
 
-    stack = np.empty((frames, rows, columns), opened.array.dtype.newbyteorder("="))
+    grid = ([columns, rows], list(stack.GetSpacing())[:2], list(stack.GetOrigin())[:2])
+    pixels = np.empty((frames, rows, columns), opened.array.dtype.newbyteorder("="))
     for frame, (view, piece) in enumerate(zip(views, pieces.views, strict=True)):
-        picture = _make_filter(itk.ShearWarpMIPImageFilter, opened, oversampling, default_pixel_value)
+        picture = _make_filter(itk.ShearWarpMIPImageFilter, opened, oversampling, default_pixel_value, grid)
         picture.SetTransform(view)
-        _set_grid(picture, [columns, rows], list(grid.GetSpacing())[:2], list(grid.GetOrigin())[:2])
-        stack[frame] = itk.array_view_from_image(_warp(picture, piece))
-    image = itk.image_from_array(stack)
-    image.CopyInformation(grid)
+        pixels[frame] = itk.array_view_from_image(_warp(picture, piece))
+    image = itk.image_from_array(pixels)
+    image.CopyInformation(stack)
     image["BytesSent"] = pieces.bytes_sent
     return image
 
 
-def _make_filter(template: Any, volume: Volume, oversampling: int, default_pixel_value: float) -> Any:
-    image = volume.make_image()
-    made = template.New(image)
+def _make_pair(spacing: float | Sequence[float] | None) -> Sequence[float] | None:
+    return None if spacing is None else np.broadcast_to(spacing, 2)
+
+
+def _make_filter(template: Any, volume: Volume, oversampling: int, default_pixel_value: float, grid: tuple) -> Any:
+    """A filter for the volume; `grid` is size, spacing and origin of the output, or None."""
+    made = template.New(volume.make_image())
     made.SetOversampling(oversampling)
     made.SetDefaultPixelValue(volume.array.dtype.type(default_pixel_value).item())
-    return made
-
-
-def _set_grid(
-    projection: Any,
-    size: Sequence[int] | None,
-    spacing: Sequence[float] | None,
-    origin: Sequence[float] | None,
-) -> None:
+    size, spacing, origin = grid
     if size is not None:
-        projection.SetSize([int(length) for length in size])
+        made.SetSize([int(length) for length in size])
     if spacing is not None:
-        projection.SetOutputSpacing([float(step) for step in spacing])
+        made.SetOutputSpacing([float(step) for step in spacing])
     if origin is not None:
-        projection.SetOutputOrigin([float(position) for position in origin])
+        made.SetOutputOrigin([float(position) for position in origin])
+    return made
 
 
 def _warp(picture: Any, piece: _Piece) -> itk.Image:

@@ -9,7 +9,8 @@ import dask.array
 import itk
 import numpy as np
 
-PIXEL_TYPES = {pair[0] for pair in itk.ShearWarpMIPPartImageFilter.keys()}
+_WRAPPED = [itk.template(image) for (image,) in itk.ShearWarpMIPPartImageFilter.keys()]
+_PIXEL_TYPES = {np.dtype(pixel_type.dtype): pixel_type for _, (pixel_type, _) in _WRAPPED}
 
 
 @dataclass(frozen=True)
@@ -86,11 +87,14 @@ def open_volume(
             raise ValueError("an array has no levels")
     if array.ndim != 3:
         raise ValueError(f"a volume has the axes z, y, x, but this one has the shape {array.shape}")
+    if np.isnan(array.shape).any():
+        raise ValueError("the sizes of a volume's chunks must be known: see dask.array.Array.compute_chunk_sizes()")
     if 0 in array.shape:
         raise ValueError(f"a volume must not be empty, but this one has the shape {array.shape}")
     _find_pixel_type(array.dtype)
+    filled = tuple(tuple(length for length in lengths if length) for lengths in array.chunks)
     return Volume(
-        array,
+        array.rechunk(filled) if filled != array.chunks else array,
         _make_tuple("spacing", file_spacing if spacing is None else spacing),
         _make_tuple("origin", file_origin if origin is None else origin),
         np.eye(3) if direction is None else np.asarray(direction, dtype=float).reshape(3, 3),
@@ -112,11 +116,11 @@ def _make_region(first: Sequence[int], shape: Sequence[int]) -> Any:
 
 
 def _find_pixel_type(dtype: np.dtype) -> Any:
-    wrapped = {np.dtype(itk.template(image)[1][0].dtype): itk.template(image)[1][0] for image in PIXEL_TYPES}
-    if dtype.newbyteorder("=") not in wrapped:
-        names = ", ".join(sorted(str(each) for each in wrapped))
+    native = dtype.newbyteorder("=")
+    if native not in _PIXEL_TYPES:
+        names = ", ".join(sorted(map(str, _PIXEL_TYPES)))
         raise TypeError(f"voxels must be one of {names}, but they are {dtype}; use astype()")
-    return wrapped[dtype.newbyteorder("=")]
+    return _PIXEL_TYPES[native]
 
 
 class _OmeZarr:

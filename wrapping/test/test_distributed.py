@@ -18,6 +18,7 @@ import pytest
 import zarr
 from distributed import Client, LocalCluster
 from itk_shearwarpmip import mip, mip_cine, open_volume
+from itk_shearwarpmip.__main__ import main
 
 DTYPES = [np.uint8, np.int16, np.uint16, np.float32, np.float64]
 GEOMETRY = {
@@ -141,6 +142,14 @@ def test_voxels_of_the_other_byte_order():
     assert_same(mip(swapped), itk.shear_warp_mip_image_filter(make_image(array)))
 
 
+def test_empty_chunks_take_no_part():
+    array = make_array(np.random.default_rng(11), (9, 10, 11))
+    chosen = np.arange(9) > 6
+    holed = dask.array.from_array(array, 3)[dask.array.from_array(chosen, 3)].compute_chunk_sizes()
+    assert 0 in holed.chunks[0]
+    assert_same(mip(holed), itk.shear_warp_mip_image_filter(make_image(array[chosen])))
+
+
 def test_only_what_was_touched_is_sent():
     volume = dask.array.zeros((64, 64, 64), dtype=np.uint8, chunks=16)
     # each chunk with its neighbours' last voxels, but for those along the rays; then 8 chunks at once, of two rows; then all
@@ -160,6 +169,8 @@ def test_bad_input_is_named():
         (lambda: mip(array, oversampling=3), RuntimeError, "Oversampling must be 1 or 2"),
         (lambda: mip(array, output_spacing=-1), RuntimeError, "OutputSpacing must be positive"),
         (lambda: mip(array, size=(0, 4)), RuntimeError, "Size must not be zero"),
+        (lambda: mip(array[array[:, 0, 0] == 0]), ValueError, "must be known"),
+        (lambda: mip(array, colour=1), TypeError, "colour"),
         (lambda: mip("nowhere.zarr"), ValueError, "nowhere.zarr is no OME-Zarr"),
     ):
         with pytest.raises(kind, match=text):
@@ -230,30 +241,30 @@ def test_a_corrupt_chunk_is_named_and_a_missing_one_is_empty(ome_zarr):
     assert_same(mip(path, level=0), itk.shear_warp_mip_image_filter(whole))
 
 
-def test_program(ome_zarr, tmp_path):
+def test_program(ome_zarr, tmp_path, capsys):
     path, array = ome_zarr
+    output = tmp_path / "mip.mha"
+    command = [sys.executable, "-m", "itk_shearwarpmip", path, output, "--channel", "1", "--quiet"]
+    done = subprocess.run(command, check=False, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert not done.stdout + done.stderr
+    assert np.array_equal(np.asarray(itk.imread(output)), array[1].max(axis=0))
 
     def run(*arguments):
-        command = [sys.executable, "-m", "itk_shearwarpmip", *map(str, arguments)]
-        return subprocess.run(command, check=False, capture_output=True, text=True)
+        status = main([str(each) for each in arguments])
+        return status, *capsys.readouterr()
 
-    output = tmp_path / "mip.mha"
-    done = run(path, output, "--channel", 1, "--quiet")
-    assert done.returncode == 0, done.stderr
-    assert not done.stderr
-    assert np.array_equal(np.asarray(itk.imread(output)), array[1].max(axis=0))
-    done = run(path, output, "--frames", 5, "--level", 1)
-    assert done.returncode == 0, done.stderr
-    assert "100%" in done.stdout
+    status, out, _ = run(path, output, "--frames", 5, "--level", 1)
+    assert status == 0
+    assert "100%" in out
     assert itk.imread(output).shape[0] == 5
-    done = run(path, output, "--level", 9)
-    assert done.returncode == 1
-    assert done.stderr.startswith("itk_shearwarpmip: ")
-    assert "levels 0 to 2" in done.stderr
-    assert len(done.stderr.splitlines()) == 1
-    assert run(tmp_path / "none.zarr", output).returncode == 1
-    assert run().returncode == 2
-    assert "OME-Zarr" in run("--help").stdout
+    status, _, error = run(path, output, "--level", 9, "--quiet")
+    assert status == 1
+    assert error.startswith("itk_shearwarpmip: ")
+    assert "levels 0 to 2" in error
+    assert run(tmp_path / "none.zarr", output)[0] == 1
+    with pytest.raises(SystemExit, match="2"):
+        run()
 
 
 def test_views_at_once_on_a_cluster(client):
