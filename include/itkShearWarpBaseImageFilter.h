@@ -121,13 +121,14 @@ protected:
   VerifyPreconditions() ITKv5_CONST override;
 
   void
-  VerifyInputInformation() ITKv5_CONST override;
-
-  void
   EnlargeOutputRequestedRegion(DataObject * output) override;
 
   void
   PrintSelf(std::ostream & os, Indent indent) const override;
+
+  /** Throws ExceptionObject if the input is empty, or its spacing or origin is of no use. */
+  void
+  VerifyInputGeometry() const;
 
   /** Throws ExceptionObject if \a image, the input of that name, does not have the voxels that were requested. */
   void

@@ -42,9 +42,8 @@ ShearWarpBaseImageFilter<TInputImage, TOutputImage>::VerifyPreconditions() ITKv5
 
 template <typename TInputImage, typename TOutputImage>
 void
-ShearWarpBaseImageFilter<TInputImage, TOutputImage>::VerifyInputInformation() ITKv5_CONST
+ShearWarpBaseImageFilter<TInputImage, TOutputImage>::VerifyInputGeometry() const
 {
-  Superclass::VerifyInputInformation();
   const InputImageType * input = this->GetInput();
   if (input->GetLargestPossibleRegion().GetNumberOfPixels() == 0)
   {

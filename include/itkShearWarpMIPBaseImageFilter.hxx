@@ -151,13 +151,13 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::VerifyInputInformation()
 {
   try
   {
-    ImageToImageFilter<TInputImage, TOutputImage>::VerifyInputInformation();
+    Superclass::VerifyInputInformation();
   }
   catch (const ExceptionObject & error)
   {
     itkExceptionMacro("MaskImage must have the input's geometry. " << error.GetDescription());
   }
-  Superclass::VerifyInputInformation();
+  this->VerifyInputGeometry();
   const InputImageType * input = this->GetInput();
   const MaskImageType *  mask = this->GetMaskImage();
   if (mask && mask->GetLargestPossibleRegion() != input->GetLargestPossibleRegion())

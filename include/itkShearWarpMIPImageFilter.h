@@ -172,6 +172,9 @@ protected:
   PrintSelf(std::ostream & os, Indent indent) const override;
 
 private:
+  using typename Superclass::View;
+
+  /** Makes the picture from the parts. */
   void
   WarpParts();
 

@@ -185,7 +185,6 @@ template <typename TInputImage, typename TOutputImage>
 void
 ShearWarpMIPImageFilter<TInputImage, TOutputImage>::WarpParts()
 {
-  using View = typename Superclass::View;
   this->AllocateOutputs();
   const View           view{ this->GetTransform(),
                              { this->GetTransform(), this->GetInput(), this->GetViewGrid(), this->m_Oversampling },

@@ -92,6 +92,9 @@ protected:
   VerifyPreconditions() ITKv5_CONST override;
 
   void
+  VerifyInputInformation() ITKv5_CONST override;
+
+  void
   GenerateOutputInformation() override;
 
   void

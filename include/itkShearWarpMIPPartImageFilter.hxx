@@ -44,6 +44,14 @@ ShearWarpMIPPartImageFilter<TInputImage>::VerifyPreconditions() ITKv5_CONST
 
 template <typename TInputImage>
 void
+ShearWarpMIPPartImageFilter<TInputImage>::VerifyInputInformation() ITKv5_CONST
+{
+  Superclass::VerifyInputInformation();
+  this->VerifyInputGeometry();
+}
+
+template <typename TInputImage>
+void
 ShearWarpMIPPartImageFilter<TInputImage>::SetWholeRegion(const RegionType & region)
 {
   if (m_WholeRegion != region)

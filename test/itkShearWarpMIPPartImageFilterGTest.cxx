@@ -314,7 +314,7 @@ TEST(ShearWarpMIPPart, BlockMaximaAreFoundWhereTheyAreUsed)
       filter->SetReducedResampling(mode);
       filter->Update();
       EXPECT_TRUE(HaveSamePixels(expected.GetPointer(), filter->GetOutput()));
-      const auto copy = filter->GetPrincipalAxis() == 0 ? 40u * 30u * 20u * sizeof(short) : 0u;
+      const auto copy = filter->GetPrincipalAxis() == 0 ? sizeof(short) * 40 * 30 * 20 : 0u;
       const auto after = filter->GetPreparedVolumeSizeInBytes();
       if (mode == ReducedResamplingEnum::Off)
       {
@@ -322,7 +322,7 @@ TEST(ShearWarpMIPPart, BlockMaximaAreFoundWhereTheyAreUsed)
       }
       else
       {
-        EXPECT_EQ(after, copy + 5u * 4u * 3u * sizeof(short));
+        EXPECT_EQ(after, copy + sizeof(short) * 5 * 4 * 3);
       }
     }
   }
