@@ -220,6 +220,22 @@ def test_the_level_is_the_coarsest_that_is_fine_enough(ome_zarr):
     assert level.origin[0] == pytest.approx(8)
 
 
+def test_transformations_of_all_levels_come_after_those_of_each(ome_zarr):
+    path, _ = ome_zarr
+    before = open_volume(path, level=1)
+    group = zarr.open_group(path, mode="r+")
+    attributes = group.attrs.asdict()
+    attributes.get("ome", attributes)["multiscales"][0]["coordinateTransformations"] = [
+        {"type": "scale", "scale": [1.0, 2.0, 3.0, 4.0]},
+        {"type": "translation", "translation": [0.0, 10.0, 20.0, 30.0]},
+    ]
+    group.attrs.update(attributes)
+    after = open_volume(path, level=1)
+    factors, offsets = np.array([4, 3, 2]), np.array([30, 20, 10])
+    assert np.allclose(after.spacing, factors * before.spacing)
+    assert np.allclose(after.origin, factors * before.origin + offsets)
+
+
 def find_chunks(path):
     return sorted(file for file in path.rglob("*") if file.is_file() and not file.name.startswith((".z", "zarr.json")))
 
