@@ -9,6 +9,7 @@ import nbclient
 import nbformat
 import numpy as np
 import pytest
+from itk_shearwarpmip import open_volume
 from PIL import Image
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -153,7 +154,36 @@ def test_channels_mip_refuses_an_unknown_format(volume, tmp_path):
     assert outcome.stderr == f"error: {tmp_path / 'tube.avi'} can't be written\n"
 
 
-@pytest.mark.parametrize("program", PROGRAMS)
+def test_light_sheet(tmp_path):
+    outcome = run("light_sheet.py", tmp_path, "--size", 96, 160, 144, "--frames", 5)
+    assert outcome.returncode == 0, outcome.stderr
+    assert "pixels of 0.4 micrometres" in outcome.stdout
+    assert "5 frames of " in outcome.stdout
+    finest, coarse = (open_volume(tmp_path / "light-sheet.ome.zarr", level=level) for level in range(2))
+    assert (finest.array.shape, coarse.array.shape) == ((96, 160, 144), (48, 80, 72))
+    assert (finest.spacing, coarse.spacing) == ((0.4, 0.4, 0.8), (0.8, 0.8, 1.6))
+    assert coarse.origin == pytest.approx((0.2, 0.2, 0.4))
+    with Image.open(tmp_path / "mip.png") as picture:
+        grey = np.asarray(picture)
+    # thin lines on a dark ground, and no noise: bright pixels have bright neighbours
+    bright = grey > 128
+    assert 0.005 < bright.mean() < 0.4
+    neighbours = sum(np.roll(bright, shift, axis) for shift in (-1, 1) for axis in (0, 1))
+    assert (neighbours[bright] > 0).mean() > 0.95
+    with Image.open(tmp_path / "turn.gif") as animation:
+        assert animation.n_frames == 5
+
+
+def test_light_sheet_refuses_bad_arguments(tmp_path):
+    (tmp_path / "file").write_text("")
+    for arguments in ((tmp_path, "--workers", 0), (tmp_path / "file",)):
+        outcome = run("light_sheet.py", *arguments)
+        assert outcome.returncode == 1
+        assert outcome.stderr.startswith("error: ")
+        assert outcome.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("program", [*PROGRAMS, "light_sheet.py"])
 def test_help(program):
     outcome = run(program, "--help")
     assert outcome.returncode == 0
