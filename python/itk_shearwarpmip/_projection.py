@@ -186,20 +186,25 @@ def _project(volume: Volume, transforms: Sequence[Any], oversampling: int) -> _P
     outline = Volume(_Shape(array.shape, array.dtype), volume.spacing, volume.origin, volume.direction)
     graph[view] = _View(outline, transforms, oversampling)
     firsts = [np.cumsum((0, *lengths[:-1])) for lengths in array.chunks]
-    # samples lie between voxels: a chunk needs the last voxels of those before it, but for those along the rays
+    # samples lie between voxels: there are seams between chunks, but for those that follow each other along the rays
     sliced = _find_principal_axes(volume, transforms)
-    reach = [(0,) if sliced == {axis} else (0, 1) for axis in range(3)]
-    steps_back = list(product(*reach))[1:]
-    pieces = []
+    axes = [axis for axis in range(3) if sliced != {axis}]
+    steps_back = [steps for steps in product((0, 1), repeat=3) if all(axis in axes for axis in np.flatnonzero(steps))]
+    chunks = []
     for place in np.ndindex(array.numblocks):
-        neighbours = {steps: tuple(map(sub, place, steps)) for steps in steps_back}
-        steps = [steps for steps, neighbour in neighbours.items() if min(neighbour) >= 0]
-        ends = [(f"copy_ends-{token}", *neighbours[each]) for each in steps]
-        first = [int(firsts[axis][n]) for axis, n in enumerate(place)]
         chunk = (array.name, *place)
-        graph[f"copy_ends-{token}", *place] = (copy_ends, chunk)
-        graph[f"project_chunk-{token}", *place] = (project_chunk, chunk, steps, ends, first, view)
-        pieces.append((f"project_chunk-{token}", *place))
+        first = [int(firsts[axis][n]) for axis, n in enumerate(place)]
+        graph[f"copy_ends-{token}", *place] = (copy_ends, chunk, axes)
+        graph[f"project_chunk-{token}", *place] = (project_chunk, chunk, first, view)
+        neighbours = {steps: tuple(map(sub, place, steps)) for steps in steps_back}
+        around = {steps: neighbour for steps, neighbour in neighbours.items() if min(neighbour) >= 0}
+        ends = [(f"copy_ends-{token}", *neighbour) for neighbour in around.values()]
+        chunks.append([(f"project_chunk-{token}", *place), first, list(around), ends])
+    if len(chunks) == 1:
+        return dask.compute(Delayed(chunks[0][0], graph))[0]
+    groups = [chunks[n : n + _MERGED_TOGETHER] for n in range(0, len(chunks), _MERGED_TOGETHER)]
+    pieces = [(f"merge_chunks-{token}", n) for n in range(len(groups))]
+    graph.update({piece: (merge_chunks, group, view) for piece, group in zip(pieces, groups, strict=True)})
     for level in count():
         if len(pieces) == 1:
             break
@@ -216,21 +221,39 @@ def _find_principal_axes(volume: Volume, transforms: Sequence[Any]) -> set[int]:
     return {2 - itk.ShearWarpFactorization(view, image, grid).GetPrincipalAxis() for view in transforms}
 
 
-def copy_ends(chunk: np.ndarray) -> list[np.ndarray]:
-    """The last voxels of a chunk along each axis."""
-    return [np.array(chunk[(slice(None),) * axis + (slice(-1, None),)]) for axis in range(3)]
+class _Ends(NamedTuple):
+    """The first and the last voxels of a chunk along each axis; None along an axis without seams."""
+
+    first: list[np.ndarray | None]
+    last: list[np.ndarray | None]
 
 
-def make_seam(
-    chunk: np.ndarray, before: dict[tuple[int, ...], list[np.ndarray]], axis: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """The last voxels before a chunk along an axis and its own first ones, as far as samples lie between them; and how far
-    back from the chunk's first voxel they begin (z, y, x). `before` are the ends of the chunks that are `steps` back."""
-    margin = np.max(list(before), axis=0)
-    shape = [2 if each == axis else chunk.shape[each] + margin[each] for each in range(3)]
-    seam = np.empty(shape, chunk.dtype)
-    for steps in ((0, 0, 0), *before):
-        voxels = before[steps][steps.index(1)] if any(steps) else chunk
+def copy_ends(chunk: np.ndarray, axes: Sequence[int]) -> _Ends:
+    """The ends of a chunk along some axes (0 is z)."""
+
+    def copy(axis: int, place: slice) -> np.ndarray | None:
+        native = chunk.dtype.newbyteorder("=")
+        return np.array(chunk[(slice(None),) * axis + (place,)], native) if axis in axes else None
+
+    return _Ends([copy(axis, slice(0, 1)) for axis in range(3)], [copy(axis, slice(-1, None)) for axis in range(3)])
+
+
+def project_chunk(chunk: np.ndarray, first: Sequence[int], view: _View) -> _Pieces:
+    """Projects a chunk, whose first voxel is number `first` (z, y, x) of the volume."""
+    voxels = np.ascontiguousarray(chunk, chunk.dtype.newbyteorder("="))
+    pieces = _project_part(voxels, first, view)
+    return _Pieces(pieces, sum(piece.pixels.nbytes for piece in pieces))
+
+
+def make_seam(around: dict[tuple[int, ...], _Ends], axis: int) -> tuple[np.ndarray, np.ndarray]:
+    """The last voxels before a chunk along an axis and its own first ones, as far as samples lie between them; and how
+    far back from the chunk's first voxel they begin (z, y, x). `around` has the ends of the chunks that are `steps` back,
+    and of the chunk itself."""
+    margin = np.max(list(around), axis=0)
+    shape = np.add(around[0, 0, 0].first[axis].shape, margin)
+    seam = np.empty(shape, around[0, 0, 0].first[axis].dtype)
+    for steps, ends in around.items():
+        voxels = ends.last[steps.index(1)] if any(steps) else ends.first[axis]
         voxels = voxels[tuple(slice(-1, None) if back else slice(None) for back in steps)]
         if not steps[axis]:
             voxels = voxels[(slice(None),) * axis + (slice(0, 1),)]
@@ -239,25 +262,18 @@ def make_seam(
     return seam, margin
 
 
-def project_chunk(
-    chunk: np.ndarray,
-    steps: Sequence[tuple[int, ...]],
-    ends: Sequence[list[np.ndarray]],
-    first: Sequence[int],
-    view: _View,
-) -> _Pieces:
-    """Projects a chunk, whose first voxel is number `first` (z, y, x) of the volume, and the seams between it and those
-    before it: `ends[n]` are the last voxels of the one `steps[n]` (z, y, x) back."""
-    chunk = np.ascontiguousarray(chunk, chunk.dtype.newbyteorder("="))
-    before = dict(zip(steps, ends, strict=True))
-    parts = [(chunk, first)]
-    for axis in range(3):
-        if any(each[axis] for each in steps):
-            seam, margin = make_seam(chunk, before, axis)
-            parts.append((seam, np.subtract(first, margin)))
-    pieces = [_project_part(voxels, start, view) for voxels, start in parts]
-    merged = [_merge(of_view) for of_view in zip(*pieces, strict=True)]
-    return _Pieces(merged, sum(piece.pixels.nbytes for piece in merged))
+def merge_chunks(chunks: Sequence[tuple], view: _View) -> _Pieces:
+    """Merges the pieces of chunks and, projected here, of the seams between them and those before them. Of each chunk:
+    its pieces, its first voxel (z, y, x), and the `steps` back to those before it and to itself, with their ends."""
+    pieces = [chunk[0] for chunk in chunks]
+    seams = []
+    for _, first, steps, ends in chunks:
+        around = dict(zip(map(tuple, steps), ends, strict=True))
+        for axis in range(3):
+            if any(each[axis] for each in around):
+                seam, margin = make_seam(around, axis)
+                seams.append(_Pieces(_project_part(seam, np.subtract(first, margin), view), 0))
+    return merge_pieces(pieces + seams)
 
 
 def _project_part(voxels: np.ndarray, first: Sequence[int], view: _View) -> list[_Piece]:
