@@ -368,7 +368,7 @@ def measure_block(block: int, repeats: int, far: int) -> dict[str, Any]:
     )
     view = make_view(open_volume(volume).make_image())
     bytes_sent = mip(volume, view)["BytesSent"]
-    times: dict[str, list[float]] = {"project_chunk": [], "copy_ends": [], "merge_pieces": []}
+    times: dict[str, list[float]] = {"project_chunk": [], "copy_ends": [], "merge_": []}
     for _ in range(repeats):
         with dask.config.set(scheduler="synchronous"), Profiler() as profiler:
             mip(volume, view)
@@ -383,7 +383,7 @@ def measure_block(block: int, repeats: int, far: int) -> dict[str, Any]:
         "block": block,
         "blocks": len(blocks),
         "bytes_sent": int(bytes_sent / len(blocks)),
-        **{f"{name}_seconds": statistics.median(sums) for name, sums in times.items()},
+        **{f"{name.rstrip('_')}_seconds": statistics.median(sums) for name, sums in times.items()},
         "read_limit_seconds": min(read(np.max), read(lambda each: each.view(np.uint64).sum())),
     }
 
@@ -549,20 +549,20 @@ def report(results: dict[str, Any]) -> str:
                 "block",
                 "project_chunk, ms",
                 "copy_ends, ms",
-                "merge_pieces, ms",
+                "merge_*, ms",
                 "read limit, ms",
                 "project_chunk, x read limit",
-                "merge_pieces, GB/s",
+                "merge_*, GB/s",
             ],
             [
                 [
                     each["block"],
                     *(
                         f"{1e3 * each[f'{name}_seconds']:.2f}"
-                        for name in ("project_chunk", "copy_ends", "merge_pieces", "read_limit")
+                        for name in ("project_chunk", "copy_ends", "merge", "read_limit")
                     ),
                     f"{each['project_chunk_seconds'] / each['read_limit_seconds']:.1f}",
-                    f"{each['bytes_sent'] / each['merge_pieces_seconds'] / GIGA:.1f}",
+                    f"{each['bytes_sent'] / max(each['merge_seconds'], 1e-9) / GIGA:.1f}",
                 ]
                 for each in results["blocks"]
             ],
