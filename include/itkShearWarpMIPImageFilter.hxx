@@ -66,11 +66,12 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::VerifyPreconditions() ITKv5_
   {
     ShearWarpFactorization::VerifyViewTransform(this->GetTransform());
   }
-  for (unsigned int n = 0; n < this->GetNumberOfParts(); ++n)
+  const unsigned int parts = this->GetNumberOfParts();
+  for (unsigned int n = 0; n < parts; ++n)
   {
     if (!this->GetPart(n))
     {
-      itkExceptionMacro("Part " << n << " of " << this->GetNumberOfParts() << " is required but not set.");
+      itkExceptionMacro("Part " << n << " of " << parts << " is required but not set.");
     }
     if (!this->IsPlainMaximum())
     {
@@ -84,14 +85,15 @@ template <typename TInputImage, typename TOutputImage>
 void
 ShearWarpMIPImageFilter<TInputImage, TOutputImage>::GenerateInputRequestedRegion()
 {
-  if (this->GetNumberOfParts() == 0)
+  const unsigned int parts = this->GetNumberOfParts();
+  if (parts == 0)
   {
     Superclass::GenerateInputRequestedRegion();
     return;
   }
   auto * input = const_cast<TInputImage *>(this->GetInput());
   input->SetRequestedRegion({ input->GetLargestPossibleRegion().GetIndex(), { { 0, 0, 0 } } });
-  for (unsigned int n = 0; n < this->GetNumberOfParts(); ++n)
+  for (unsigned int n = 0; n < parts; ++n)
   {
     const_cast<PartImageType *>(this->GetPart(n))->SetRequestedRegionToLargestPossibleRegion();
   }
@@ -192,7 +194,8 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::WarpParts()
   const auto &         kernels = this->BeginUpdate(view.factorization);
   const auto           start = Superclass::Clock::now();
   const ImageRegion<2> whole = view.factorization.GetIntermediateRegion();
-  for (unsigned int n = 0; n < this->GetNumberOfParts(); ++n)
+  const unsigned int   parts = this->GetNumberOfParts();
+  for (unsigned int n = 0; n < parts; ++n)
   {
     const PartImageType *  part = this->GetPart(n);
     const ImageRegion<2> & region = part->GetBufferedRegion();
@@ -214,7 +217,7 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::WarpParts()
       const auto begin = static_cast<std::ptrdiff_t>(bandNumber) * band;
       const auto end = std::min(begin + band, rows);
       std::fill(pixels + begin * columns, pixels + end * columns, ShearWarp::NoSample<InputPixelType>);
-      for (unsigned int n = 0; n < this->GetNumberOfParts(); ++n)
+      for (unsigned int n = 0; n < parts; ++n)
       {
         const PartImageType *  part = this->GetPart(n);
         const ImageRegion<2> & region = part->GetBufferedRegion();

@@ -83,7 +83,7 @@ def mip_cine(
     *,
     number_of_frames: int = 36,
     rotation_axis: Sequence[float] = (0.0, 0.0, 1.0),
-    angular_range: float = 2 * np.pi,
+    angular_range: float = 360.0,
     start_angle: float = 0.0,
     rocking: bool = False,
     size: Sequence[int] | None = None,
@@ -96,11 +96,12 @@ def mip_cine(
     """Maximum intensity projections of a volume in chunks from many directions, each chunk being read once for all.
 
     transforms: the view of each frame. Without them the frames turn about the centre of the volume:
-    number_of_frames, rotation_axis (x, y, z), angular_range and start_angle (radians), rocking: as of
+    number_of_frames, rotation_axis (x, y, z), angular_range and start_angle (degrees), rocking: as of
         itk.ShearWarpMIPCineImageFilter, whose frames these are.
     All else: see mip(); the frames have one grid.
 
-    Returns a 3D itk.Image, its third axis the frames, with the entry "BytesSent"; raises what mip() does.
+    Returns a 3D itk.Image, its third axis the frames, with the entries of that filter's output and "BytesSent"; raises
+    what mip() does.
     """
     opened = open_volume(volume, output_spacing=output_spacing, **place)
     grid = (size, _make_pair(output_spacing), output_origin)
@@ -125,6 +126,7 @@ def mip_cine(
         pixels[frame] = itk.array_view_from_image(_warp(picture, piece))
     image = itk.image_from_array(pixels)
     image.CopyInformation(stack)
+    image.SetMetaDataDictionary(stack.GetMetaDataDictionary())
     image["BytesSent"] = pieces.bytes_sent
     return image
 

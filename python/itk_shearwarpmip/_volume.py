@@ -167,6 +167,9 @@ class _OmeZarr:
         levels = len(self._image["datasets"])
         if not 0 <= level < levels:
             raise ValueError(f"{self._name} has the levels 0 to {levels - 1}, but not {level}")
+        for name, chosen in others.items():
+            if chosen != 0 and name not in self._axes:
+                raise ValueError(f"{self._name} has no axis {name}, and number {chosen} of it was asked for")
         array = self._group[self._image["datasets"][level]["path"]]
         index = []
         for name, length in zip(self._axes, array.shape, strict=True):

@@ -130,6 +130,11 @@ def test_cine_is_as_the_filters():
     turn = {"number_of_frames": 7, "rotation_axis": [0.0, 0.6, 0.8], "angular_range": 3.0, "start_angle": 0.3}
     whole = itk.shear_warp_mip_cine_image_filter(make_image(array, **GEOMETRY), rocking=True, **turn)
     assert_same(mip_cine(chunked, rocking=True, **turn, **GEOMETRY), whole)
+    frames = mip_cine(chunked)
+    whole = itk.shear_warp_mip_cine_image_filter(make_image(array))
+    assert_same(frames, whole)
+    assert frames["FrameAngles"] == whole["FrameAngles"]
+    assert frames["BytesSent"] > 0
     views = [make_view(np.random.default_rng(n)) for n in range(3)]
     whole = itk.shear_warp_mip_cine_image_filter(make_image(array), transforms=views)
     assert_same(mip_cine(chunked, views), whole)
@@ -203,6 +208,8 @@ def test_ome_zarr(ome_zarr):
         assert_same(picture, itk.shear_warp_mip_image_filter(whole, transform=view))
     with pytest.raises(ValueError, match="has 2 along the axis c, but not number 2"):
         mip(path, channel=2)
+    with pytest.raises(ValueError, match="has no axis t"):
+        mip(path, time=1)
     with pytest.raises(ValueError, match="levels 0 to 2, but not 3"):
         mip(path, level=3)
 
