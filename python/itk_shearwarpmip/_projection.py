@@ -25,11 +25,20 @@ class _Piece(NamedTuple):
     pixels: np.ndarray
 
 
+class _Ends(NamedTuple):
+    """The first and the last voxels of a chunk along each axis; None along an axis without seams."""
+
+    first: list[np.ndarray | None]
+    last: list[np.ndarray | None]
+
+
 class _Pieces(NamedTuple):
-    """One for each view, and the bytes of all that they were merged from, and of themselves."""
+    """One for each view, and the bytes of all that they were merged from, and of themselves; if they are of one chunk,
+    perhaps its ends."""
 
     views: list[_Piece]
     bytes_sent: int
+    ends: _Ends | None = None
 
 
 def mip(
@@ -192,15 +201,19 @@ def _project(volume: Volume, transforms: Sequence[Any], oversampling: int) -> _P
     sliced = _find_principal_axes(volume, transforms)
     axes = [axis for axis in range(3) if sliced != {axis}]
     steps_back = [steps for steps in product((0, 1), repeat=3) if all(axis in axes for axis in np.flatnonzero(steps))]
+    # a task more costs more than moving the pieces of one view with the ends
+    ends_task = "project_chunk" if len(transforms) == 1 else "copy_ends"
     chunks = []
     for place in np.ndindex(array.numblocks):
         chunk = (array.name, *place)
         first = [int(firsts[axis][n]) for axis, n in enumerate(place)]
-        graph[f"copy_ends-{token}", *place] = (copy_ends, chunk, axes)
-        graph[f"project_chunk-{token}", *place] = (project_chunk, chunk, first, view)
+        if ends_task == "copy_ends":
+            graph[f"copy_ends-{token}", *place] = (copy_ends, chunk, axes)
+        with_ends = axes if ends_task == "project_chunk" else []
+        graph[f"project_chunk-{token}", *place] = (project_chunk, chunk, first, view, with_ends)
         neighbours = {steps: tuple(map(sub, place, steps)) for steps in steps_back}
         around = {steps: neighbour for steps, neighbour in neighbours.items() if min(neighbour) >= 0}
-        ends = [(f"copy_ends-{token}", *neighbour) for neighbour in around.values()]
+        ends = [(f"{ends_task}-{token}", *neighbour) for neighbour in around.values()]
         chunks.append([(f"project_chunk-{token}", *place), first, list(around), ends])
     if len(chunks) == 1:
         return dask.compute(Delayed(chunks[0][0], graph))[0]
@@ -223,13 +236,6 @@ def _find_principal_axes(volume: Volume, transforms: Sequence[Any]) -> set[int]:
     return {2 - itk.ShearWarpFactorization(view, image, grid).GetPrincipalAxis() for view in transforms}
 
 
-class _Ends(NamedTuple):
-    """The first and the last voxels of a chunk along each axis; None along an axis without seams."""
-
-    first: list[np.ndarray | None]
-    last: list[np.ndarray | None]
-
-
 def copy_ends(chunk: np.ndarray, axes: Sequence[int]) -> _Ends:
     """The ends of a chunk along some axes (0 is z)."""
 
@@ -240,11 +246,11 @@ def copy_ends(chunk: np.ndarray, axes: Sequence[int]) -> _Ends:
     return _Ends([copy(axis, slice(0, 1)) for axis in range(3)], [copy(axis, slice(-1, None)) for axis in range(3)])
 
 
-def project_chunk(chunk: np.ndarray, first: Sequence[int], view: _View) -> _Pieces:
-    """Projects a chunk, whose first voxel is number `first` (z, y, x) of the volume."""
+def project_chunk(chunk: np.ndarray, first: Sequence[int], view: _View, axes: Sequence[int]) -> _Pieces:
+    """Projects a chunk, whose first voxel is number `first` (z, y, x) of the volume; gives its ends along `axes` too."""
     voxels = np.ascontiguousarray(chunk, chunk.dtype.newbyteorder("="))
     pieces = _project_part(voxels, first, view)
-    return _Pieces(pieces, sum(piece.pixels.nbytes for piece in pieces))
+    return _Pieces(pieces, sum(piece.pixels.nbytes for piece in pieces), copy_ends(chunk, axes) if axes else None)
 
 
 def make_seam(around: dict[tuple[int, ...], _Ends], axis: int) -> tuple[np.ndarray, np.ndarray]:
@@ -266,11 +272,13 @@ def make_seam(around: dict[tuple[int, ...], _Ends], axis: int) -> tuple[np.ndarr
 
 def merge_chunks(chunks: Sequence[tuple], view: _View) -> _Pieces:
     """Merges the pieces of chunks and, projected here, of the seams between them and those before them. Of each chunk:
-    its pieces, its first voxel (z, y, x), and the `steps` back to those before it and to itself, with their ends."""
+    its pieces, its first voxel (z, y, x), and the `steps` back to those before it and to itself, with their ends or with
+    pieces that have them."""
     pieces = [chunk[0] for chunk in chunks]
     seams = []
     for _, first, steps, ends in chunks:
-        around = dict(zip(map(tuple, steps), ends, strict=True))
+        found = [each.ends if isinstance(each, _Pieces) else each for each in ends]
+        around = dict(zip(map(tuple, steps), found, strict=True))
         for axis in range(3):
             if any(each[axis] for each in around):
                 seam, margin = make_seam(around, axis)
