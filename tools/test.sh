@@ -148,6 +148,7 @@ test_python() {
 
 # Any report ends a test. ITK itself is not instrumented: the waiting in its thread pool is invisible to ThreadSanitizer,
 # so that the end of each parallel section looks like a race; its platform threader joins threads, which is seen.
+# Signals come late under it, so that the program would wait for ever for the end of ffmpeg.
 test_sanitize() (
   unset ITK_DIR
   need_packages build-essential cmake ninja-build libinsighttoolkit5-dev libcli11-dev libgtest-dev
@@ -158,7 +159,10 @@ test_sanitize() (
   export TSAN_OPTIONS=$options:suppressions=$root/tools/races-of-itk.txt
   export LSAN_OPTIONS=suppressions=$root/tools/leaks-of-itk.txt:print_suppressions=0
   for name in address,undefined,float-cast-overflow thread; do
-    [ "$name" != thread ] || export ITK_GLOBAL_DEFAULT_THREADER=Platform
+    if [ "$name" = thread ]; then
+      export ITK_GLOBAL_DEFAULT_THREADER=Platform
+      skip="$skip|ShearWarpMIPProgramSeries.*Animat"
+    fi
     configure_build_test "$build/sanitize-${name%%,*}" -DCMAKE_CXX_FLAGS_RELEASE='-O1 -g1 -D_GLIBCXX_ASSERTIONS' \
       "-DCMAKE_CXX_FLAGS=-fsanitize=$name -fno-sanitize-recover=all -fno-omit-frame-pointer"
   done
