@@ -131,8 +131,9 @@ protected:
   VerifyInputGeometry() const;
 
   /** Throws ExceptionObject if \a image, the input of that name, does not have the voxels that were requested. */
+  template <typename TPixel>
   void
-  VerifyVoxels(const char * name, const ImageBase<3> * image, SizeValueType available) const;
+  VerifyVoxels(const char * name, const Image<TPixel, 3> * image) const;
 
   /** Chooses the kernels, and forgets the last update's measurements. */
   const Kernels &

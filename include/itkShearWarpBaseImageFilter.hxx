@@ -70,12 +70,14 @@ ShearWarpBaseImageFilter<TInputImage, TOutputImage>::EnlargeOutputRequestedRegio
 }
 
 template <typename TInputImage, typename TOutputImage>
+template <typename TPixel>
 void
-ShearWarpBaseImageFilter<TInputImage, TOutputImage>::VerifyVoxels(const char *         name,
-                                                                  const ImageBase<3> * image,
-                                                                  SizeValueType        available) const
+ShearWarpBaseImageFilter<TInputImage, TOutputImage>::VerifyVoxels(const char *             name,
+                                                                  const Image<TPixel, 3> * image) const
 {
-  const auto & buffered = image->GetBufferedRegion();
+  const auto &        buffered = image->GetBufferedRegion();
+  const auto *        voxels = image->GetPixelContainer();
+  const SizeValueType available = voxels ? voxels->Size() : 0;
   if (!buffered.IsInside(image->GetRequestedRegion()) || !image->GetLargestPossibleRegion().IsInside(buffered) ||
       available < buffered.GetNumberOfPixels())
   {

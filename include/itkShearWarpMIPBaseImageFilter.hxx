@@ -311,8 +311,7 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::Prepare(const char *    
                                                                 const ShearWarp::Kernels<TPixel> & kernels,
                                                                 float                              progressWeight)
 {
-  const auto * voxels = image->GetPixelContainer();
-  this->VerifyVoxels(name, image, voxels ? voxels->Size() : 0);
+  this->VerifyVoxels(name, image);
   const auto parallelize = [=](SizeValueType count, const auto & process) {
     this->Parallelize(
       count, 1, progressWeight, [&process](SizeValueType n, SizeValueType, SizeValueType) { process(n); });

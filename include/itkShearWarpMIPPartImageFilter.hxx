@@ -113,8 +113,7 @@ ShearWarpMIPPartImageFilter<TInputImage>::GenerateData()
   const ShearWarpFactorization factorization = this->FactorizePart();
   const unsigned int           axis = factorization.GetPrincipalAxis();
   const auto &                 kernels = this->BeginUpdate(factorization);
-  const auto *                 voxels = input->GetPixelContainer();
-  this->VerifyVoxels("input", input, voxels ? voxels->Size() : 0);
+  this->VerifyVoxels("input", input);
 
   const bool hasBlockMaxima = this->m_ReducedResampling != Superclass::ReducedResamplingEnum::Off;
   const bool isPrepared = this->m_PreparedVolume.IsPrepared(input, axis, hasBlockMaxima);

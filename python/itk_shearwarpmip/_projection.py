@@ -202,15 +202,14 @@ def _project(volume: Volume, transforms: Sequence[Any], oversampling: int) -> _P
     axes = [axis for axis in range(3) if sliced != {axis}]
     steps_back = [steps for steps in product((0, 1), repeat=3) if all(axis in axes for axis in np.flatnonzero(steps))]
     # a task more costs more than moving the pieces of one view with the ends
-    ends_task = "project_chunk" if len(transforms) == 1 else "copy_ends"
+    ends_task, projected_ends = ("project_chunk", axes) if len(transforms) == 1 else ("copy_ends", [])
     chunks = []
     for place in np.ndindex(array.numblocks):
         chunk = (array.name, *place)
         first = [int(firsts[axis][n]) for axis, n in enumerate(place)]
         if ends_task == "copy_ends":
             graph[f"copy_ends-{token}", *place] = (copy_ends, chunk, axes)
-        with_ends = axes if ends_task == "project_chunk" else []
-        graph[f"project_chunk-{token}", *place] = (project_chunk, chunk, first, view, with_ends)
+        graph[f"project_chunk-{token}", *place] = (project_chunk, chunk, first, view, projected_ends)
         neighbours = {steps: tuple(map(sub, place, steps)) for steps in steps_back}
         around = {steps: neighbour for steps, neighbour in neighbours.items() if min(neighbour) >= 0}
         ends = [(f"{ends_task}-{token}", *neighbour) for neighbour in around.values()]
@@ -239,8 +238,9 @@ def _find_principal_axes(volume: Volume, transforms: Sequence[Any]) -> set[int]:
 def copy_ends(chunk: np.ndarray, axes: Sequence[int]) -> _Ends:
     """The ends of a chunk along some axes (0 is z)."""
 
+    native = chunk.dtype.newbyteorder("=")
+
     def copy(axis: int, place: slice) -> np.ndarray | None:
-        native = chunk.dtype.newbyteorder("=")
         return np.array(chunk[(slice(None),) * axis + (place,)], native) if axis in axes else None
 
     return _Ends([copy(axis, slice(0, 1)) for axis in range(3)], [copy(axis, slice(-1, None)) for axis in range(3)])
@@ -250,7 +250,7 @@ def project_chunk(chunk: np.ndarray, first: Sequence[int], view: _View, axes: Se
     """Projects a chunk, whose first voxel is number `first` (z, y, x) of the volume; gives its ends along `axes` too."""
     voxels = np.ascontiguousarray(chunk, chunk.dtype.newbyteorder("="))
     pieces = _project_part(voxels, first, view)
-    return _Pieces(pieces, sum(piece.pixels.nbytes for piece in pieces), copy_ends(chunk, axes) if axes else None)
+    return _Pieces(pieces, sum(piece.pixels.nbytes for piece in pieces), copy_ends(voxels, axes) if axes else None)
 
 
 def make_seam(around: dict[tuple[int, ...], _Ends], axis: int) -> tuple[np.ndarray, np.ndarray]:
