@@ -22,7 +22,6 @@
 
 #include "itkCastImageFilter.h"
 #include "itkCommand.h"
-#include "itkImageAlgorithm.h"
 #include "itkTranslationTransform.h"
 
 #include <gtest/gtest.h>
@@ -32,29 +31,6 @@ namespace
 using namespace itk::ShearWarpMIPTest;
 using RegionType = itk::ImageRegion<3>;
 using ViewType = itk::Transform<double, 3, 3>;
-
-/** A piece of \a image, in memory of its own. */
-template <typename TPixel>
-typename itk::Image<TPixel, 3>::Pointer
-MakePart(const itk::Image<TPixel, 3> * image, const RegionType & region)
-{
-  auto part = itk::Image<TPixel, 3>::New();
-  part->CopyInformation(image);
-  part->SetRegions(region);
-  part->Allocate();
-  itk::ImageAlgorithm::Copy(image, part.GetPointer(), region, region);
-  return part;
-}
-
-/** Only the geometry. */
-template <typename TPixel>
-typename itk::Image<TPixel, 3>::Pointer
-MakeOutline(const itk::Image<TPixel, 3> * image)
-{
-  auto outline = itk::Image<TPixel, 3>::New();
-  outline->CopyInformation(image);
-  return outline;
-}
 
 /** Boxes of \a least to \a most voxels a side that together are \a whole, each with one voxel more below. */
 std::vector<RegionType>

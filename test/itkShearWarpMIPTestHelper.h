@@ -20,6 +20,7 @@
 
 #include "itkAffineTransform.h"
 #include "itkImage.h"
+#include "itkImageAlgorithm.h"
 #include "itkImageRegionIterator.h"
 #include "itkImageSource.h"
 #include "itkMatrix.h"
@@ -365,6 +366,29 @@ Copy(const Image<TPixel, 2> * image)
   copy->Allocate();
   std::copy_n(image->GetBufferPointer(), image->GetBufferedRegion().GetNumberOfPixels(), copy->GetBufferPointer());
   return copy;
+}
+
+/** A piece of \a image, in memory of its own. */
+template <typename TPixel>
+typename Image<TPixel, 3>::Pointer
+MakePart(const Image<TPixel, 3> * image, const ImageRegion<3> & region)
+{
+  auto part = Image<TPixel, 3>::New();
+  part->CopyInformation(image);
+  part->SetRegions(region);
+  part->Allocate();
+  ImageAlgorithm::Copy(image, part.GetPointer(), region, region);
+  return part;
+}
+
+/** Only the geometry. */
+template <typename TPixel>
+typename Image<TPixel, 3>::Pointer
+MakeOutline(const Image<TPixel, 3> * image)
+{
+  auto outline = Image<TPixel, 3>::New();
+  outline->CopyInformation(image);
+  return outline;
 }
 
 /** Gives the requested parts of an image, in memory of their own, and remembers how large they were. */

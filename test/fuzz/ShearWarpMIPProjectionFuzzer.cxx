@@ -17,6 +17,7 @@
  *=========================================================================*/
 #include "../itkShearWarpMIPTestHelper.h"
 #include "itkShearWarpMIPImageFilter.h"
+#include "itkShearWarpMIPPartImageFilter.h"
 #include "vnl/vnl_inverse.h"
 
 #include <fuzzer/FuzzedDataProvider.h>
@@ -24,7 +25,7 @@
 #include <iostream>
 
 // Images, views and output grids of any numbers: ShearWarpMIPImageFilter throws an ExceptionObject or gives the right
-// picture.
+// picture, and gives it of the image's parts too.
 
 namespace
 {
@@ -278,6 +279,40 @@ SetRays(Numbers & numbers, TFilter * filter)
   }
 }
 
+/** Cuts the image in two, and \a filter, which had the whole, makes the picture of both. */
+template <typename TFilter>
+void
+UpdateFromParts(Numbers & numbers, TFilter * filter)
+{
+  using ImageType = typename TFilter::InputImageType;
+  const typename ImageType::ConstPointer image = filter->GetInput();
+  const itk::ImageRegion<3> &            whole = image->GetLargestPossibleRegion();
+  const auto                             axis = numbers.ConsumeIntegralInRange(0U, 2U);
+  // the slice that both have
+  const auto common = numbers.ConsumeIntegralInRange<itk::SizeValueType>(0, whole.GetSize(axis) - 1);
+
+  itk::ImageRegion<3> lower = whole;
+  lower.SetSize(axis, common + 1);
+  itk::ImageRegion<3> upper = whole;
+  upper.SetIndex(axis, whole.GetIndex(axis) + static_cast<itk::IndexValueType>(common));
+  upper.SetSize(axis, whole.GetSize(axis) - common);
+
+  filter->SetInput(MakeOutline(image.GetPointer()));
+  for (const auto & region : { lower, upper })
+  {
+    const auto part = itk::ShearWarpMIPPartImageFilter<ImageType>::New();
+    part->SetInput(MakePart(image.GetPointer(), region));
+    part->SetWholeRegion(whole);
+    part->SetTransform(filter->GetTransform());
+    part->SetOversampling(filter->GetOversampling());
+    part->SetReducedResampling(filter->GetReducedResampling());
+    part->SetNumberOfWorkUnits(filter->GetNumberOfWorkUnits());
+    part->Update();
+    filter->SetPart(filter->GetNumberOfParts(), part->GetOutput());
+  }
+  filter->Update();
+}
+
 template <typename TPixel>
 void
 Project(Numbers & numbers)
@@ -357,6 +392,9 @@ Project(Numbers & numbers)
   {
     return;
   }
+
+  UpdateFromParts(numbers, filter.GetPointer());
+  Require(HaveSamePixels<TPixel>(first, filter->GetOutput()), "parts give the same bits");
 
   const double error = EstimateError(view, image, grid);
   if (error < 1e-6)
