@@ -79,6 +79,17 @@ ShearWarpMIPPartImageFilter<TInputImage>::GetPart() const -> RegionType
 }
 
 template <typename TInputImage>
+std::ptrdiff_t
+ShearWarpMIPPartImageFilter<TInputImage>::GetSlabLength()
+{
+  // they stay in the cache
+  constexpr std::ptrdiff_t bytes = 1 << 21;
+  const auto &             size = this->GetInput()->GetBufferedRegion().GetSize();
+  const auto               sliceBytes = static_cast<std::ptrdiff_t>(size[0] * size[1] * sizeof(InputPixelType));
+  return std::max(bytes / sliceBytes, ShearWarp::BlockLength) * static_cast<std::ptrdiff_t>(this->GetNumberOfWorkers());
+}
+
+template <typename TInputImage>
 ShearWarpFactorization
 ShearWarpMIPPartImageFilter<TInputImage>::FactorizePart() const
 {
@@ -115,25 +126,47 @@ ShearWarpMIPPartImageFilter<TInputImage>::GenerateData()
   const auto &                 kernels = this->BeginUpdate(factorization);
   this->VerifyVoxels("input", input);
 
-  const bool hasBlockMaxima = this->m_ReducedResampling != Superclass::ReducedResamplingEnum::Off;
-  const bool isPrepared = this->m_PreparedVolume.IsPrepared(input, axis, hasBlockMaxima);
-  const auto preparationStart = Superclass::Clock::now();
-  this->m_PreparedVolume.Prepare(
-    input, this->GetWhole(), axis, hasBlockMaxima, kernels, [this](SizeValueType count, const auto & process) {
-      this->Parallelize(count, 1, 0.2f, [&process](SizeValueType n, SizeValueType, SizeValueType) { process(n); });
-    });
-  this->m_PreparationSeconds = isPrepared ? 0.0 : Superclass::SecondsSince(preparationStart);
-
-  const auto projectionStart = Superclass::Clock::now();
-  const auto parallelize = [this](float share) {
+  const RegionType whole = this->GetWhole();
+  const bool       hasBlockMaxima = this->m_ReducedResampling != Superclass::ReducedResamplingEnum::Off;
+  const bool       isPrepared = this->m_PreparedVolume.IsPrepared(input, axis, hasBlockMaxima);
+  const bool       isKept = isPrepared || hasBlockMaxima || axis != 0;
+  const auto       first = input->GetBufferedRegion().GetIndex(2) - whole.GetIndex(2);
+  const auto       last = first + static_cast<std::ptrdiff_t>(input->GetBufferedRegion().GetSize(2));
+  const auto       slabLength = isKept ? last - first : this->GetSlabLength();
+  const auto       slabs = static_cast<float>(ShearWarp::CountBlocks(last - first, slabLength));
+  const auto       parallelize = [this](float share) {
     return [this, share](SizeValueType count, SizeValueType steps, const auto & process) {
       this->Parallelize(count, steps, share, process);
     };
   };
+  const auto prepare = [this, slabs](SizeValueType count, const auto & process) {
+    this->Parallelize(
+      count, 1, 0.2f / slabs, [&process](SizeValueType n, SizeValueType, SizeValueType) { process(n); });
+  };
   auto & projector = this->m_Projector;
   projector.Start({ &factorization }, kernels, this->m_ReducedResampling, this->GetNumberOfWorkers());
-  projector.Project(this->m_PreparedVolume, parallelize(isPrepared ? 0.9f : 0.5f));
+  for (std::ptrdiff_t begin = first; begin < last; begin += slabLength)
+  {
+    const auto preparationStart = Superclass::Clock::now();
+    if (isKept)
+    {
+      this->m_PreparedVolume.Prepare(input, whole, axis, hasBlockMaxima, kernels, prepare);
+    }
+    else
+    {
+      // rows along z need the slice before
+      const std::ptrdiff_t end = std::min(begin + slabLength, last);
+      this->m_PreparedVolume.PreparePart(
+        input, whole, std::max(begin - 1, first), end, axis, hasBlockMaxima, kernels, prepare);
+    }
+    const auto projectionStart = Superclass::Clock::now();
+    projector.Project(this->m_PreparedVolume, parallelize((isPrepared ? 0.9f : 0.5f) / slabs));
+    this->m_PreparationSeconds +=
+      isPrepared ? 0.0 : std::chrono::duration<double>(projectionStart - preparationStart).count();
+    this->m_ProjectionSeconds += Superclass::SecondsSince(projectionStart);
+  }
   this->m_SkippedFraction = projector.GetSkippedFraction();
+  const auto       finishStart = Superclass::Clock::now();
   const auto       part = projector.Finish(0, parallelize(0.05f));
   InputPixelType * output = this->GetOutput()->GetBufferPointer();
   for (std::ptrdiff_t row = 0; row < part.rows; ++row)
@@ -144,7 +177,7 @@ ShearWarpMIPPartImageFilter<TInputImage>::GenerateData()
     std::copy(pixels + reached.begin, pixels + reached.end, output + reached.begin);
     output += part.columns;
   }
-  this->m_ProjectionSeconds = Superclass::SecondsSince(projectionStart);
+  this->m_ProjectionSeconds += Superclass::SecondsSince(finishStart);
   this->UpdateProgress(1.0f);
 }
 

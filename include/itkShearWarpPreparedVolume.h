@@ -90,15 +90,17 @@ public:
           const ShearWarp::Kernels<TPixel> & kernels,
           const TParallelize &               parallelize);
 
-  /** Makes the same for slices [begin, end) along z, counted from the largest possible region's first, of what is
-   * buffered; that region is the whole. Nothing of it is kept for another view. Samples are taken between the voxels of
-   * a part: to have them all, parts must have one voxel in common along each axis but the principal one. */
+  /** Makes the same for slices [begin, end) along z of what is buffered, counted from the first of \a whole. Nothing of
+   * it is kept for another view. Samples are taken between the voxels of a part: to have them all, parts must have one
+   * voxel in common along each axis but the principal one. */
   template <typename TParallelize>
   void
   PreparePart(const ImageType *                  image,
+              const ImageRegion<3> &             whole,
               std::ptrdiff_t                     begin,
               std::ptrdiff_t                     end,
               unsigned int                       principalAxis,
+              bool                               hasBlockMaxima,
               const ShearWarp::Kernels<TPixel> & kernels,
               const TParallelize &               parallelize);
 

@@ -42,8 +42,6 @@ ShearWarpPreparedVolume<TPixel>::Prepare(const ImageType *                  imag
     const auto &         buffered = image->GetBufferedRegion();
     const std::ptrdiff_t begin = buffered.GetIndex(2) - whole.GetIndex(2);
     this->SetPart(image, whole, begin, begin + static_cast<std::ptrdiff_t>(buffered.GetSize(2)));
-    m_Lowest = NumericTraits<TPixel>::NonpositiveMin();
-    m_Highest = NumericTraits<TPixel>::max();
     m_Image = image;
     m_ImageMTime = image->GetMTime();
   }
@@ -61,16 +59,21 @@ template <typename TPixel>
 template <typename TParallelize>
 void
 ShearWarpPreparedVolume<TPixel>::PreparePart(const ImageType *                  image,
+                                             const ImageRegion<3> &             whole,
                                              std::ptrdiff_t                     begin,
                                              std::ptrdiff_t                     end,
                                              unsigned int                       principalAxis,
+                                             bool                               hasBlockMaxima,
                                              const ShearWarp::Kernels<TPixel> & kernels,
                                              const TParallelize &               parallelize)
 {
   m_Image = nullptr;
   ShearWarpBuffer memory = std::move(m_Transposed);
-  this->SetPart(image, image->GetLargestPossibleRegion(), begin, end);
-  this->FindBlockMaxima(kernels, parallelize);
+  this->SetPart(image, whole, begin, end);
+  if (hasBlockMaxima)
+  {
+    this->FindBlockMaxima(kernels, parallelize);
+  }
   if (principalAxis == 0)
   {
     this->Transpose(kernels, parallelize, std::move(memory));
@@ -98,6 +101,8 @@ ShearWarpPreparedVolume<TPixel>::SetPart(const ImageType *      image,
     const auto length = static_cast<std::ptrdiff_t>(whole.GetSize(axis));
     m_Ends[axis] = { m_Begin[axis] == 0, m_Begin[axis] + m_Size[axis] == length };
   }
+  m_Lowest = NumericTraits<TPixel>::NonpositiveMin();
+  m_Highest = NumericTraits<TPixel>::max();
 }
 
 template <typename TPixel>

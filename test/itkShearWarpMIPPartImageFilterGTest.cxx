@@ -304,6 +304,41 @@ TEST(ShearWarpMIPPart, BlockMaximaAreFoundWhereTheyAreUsed)
   }
 }
 
+TEST(ShearWarpMIPPart, OneViewAlongXIsOfSlabs)
+{
+  Random     random(1109);
+  const auto image = MakeRandomImage<short>(random, { { 500, 300, 75 } });
+  const auto whole = image->GetLargestPossibleRegion();
+  RegionType region = whole;
+  region.SetIndex(2, whole.GetIndex(2) + 20);
+  region.SetSize(2, 52);
+  const auto part = MakePart(image.GetPointer(), region);
+  const auto axes = MakeMatrix({ { 0, 0, 1 }, { 1, 0, 0 }, { 0, 1, 0 } });
+  const auto view = MakeView(axes * MakeMatrix({ { 1, 0, 0.3 }, { 0, 1, -0.7 }, { 0, 0, 1 } }), PointType(0.0));
+  for (const unsigned int threads : { 1, 3 })
+  {
+    const auto filter = PartFilterType::New();
+    filter->SetInput(part);
+    filter->SetWholeRegion(whole);
+    filter->SetTransform(view);
+    filter->SetOversampling(threads == 1 ? 2 : 1);
+    filter->SetNumberOfWorkUnits(threads);
+    const auto expected = ShearWarpMIPPartTyped<short>::ProjectPart(part, whole, view, filter->GetOversampling(), 1);
+    filter->SetReducedResampling(itk::ShearWarpMIPImageFilterEnums::ReducedResampling::Off);
+    for (int repeat = 0; repeat < 2; ++repeat)
+    {
+      filter->Modified();
+      filter->Update();
+      EXPECT_EQ(filter->GetPrincipalAxis(), 0u);
+      EXPECT_TRUE(HaveSamePixels(expected.GetPointer(), filter->GetOutput()));
+      EXPECT_GT(filter->GetPreparationSeconds(), 0.0);
+      EXPECT_GT(filter->GetPreparedVolumeSizeInBytes(), 0u);
+      EXPECT_LT(filter->GetPreparedVolumeSizeInBytes(), sizeof(short) * 500 * 300 * 30);
+      EXPECT_EQ(filter->GetProgress(), 1.0f);
+    }
+  }
+}
+
 TEST(ShearWarpMIPPart, AbortThrowsAndTheNextUpdateIsRight)
 {
   Random     random(1105);

@@ -85,7 +85,7 @@ public:
       itk::ImageAlgorithm::Copy(image, part.GetPointer(), region, region);
       const auto begin = region.GetIndex(2) - image->GetLargestPossibleRegion().GetIndex(2);
       const auto end = begin + static_cast<itk::IndexValueType>(region.GetSize(2));
-      volume.PreparePart(part, begin, end, axis, kernels, call);
+      volume.PreparePart(part, image->GetLargestPossibleRegion(), begin, end, axis, true, kernels, call);
       projector.Project(volume, callSteps);
     }
     const auto          intermediate = projector.Finish(0, callSteps);
