@@ -1,8 +1,9 @@
 """The projection of a chunked volume: chunks to pieces of the intermediate image, these to one, and that to the picture."""
 
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from itertools import count, product
-from operator import sub
 from typing import Any, NamedTuple
 from uuid import uuid4
 
@@ -15,6 +16,9 @@ from dask.delayed import Delayed
 from itk_shearwarpmip._volume import Volume, open_volume
 
 _MERGED_TOGETHER = 8
+
+_Place = tuple[int, ...]
+"""Numbers of a chunk along z, y, x."""
 
 
 class _Piece(NamedTuple):
@@ -33,12 +37,12 @@ class _Ends(NamedTuple):
 
 
 class _Pieces(NamedTuple):
-    """One for each view, and the bytes of all that they were merged from, and of themselves; if they are of one chunk,
-    perhaps its ends."""
+    """Of some chunks: one piece for each view; the bytes of all pieces that were sent to make them, and of themselves;
+    perhaps the ends of the chunks."""
 
     views: list[_Piece]
     bytes_sent: int
-    ends: _Ends | None = None
+    ends: dict[_Place, _Ends] | None = None
 
 
 def mip(
@@ -59,7 +63,7 @@ def mip(
     and the last one is warped to the picture here. The picture has the bits that itk.ShearWarpMIPImageFilter gives for
     the whole volume.
 
-    volume: a dask.array.Array with the axes z, y, x, or an OME-Zarr image: see open_volume().
+    volume: a dask.array.Array with the axes z, y, x, an OME-Zarr image or a Volume: see open_volume().
     transform: an itk.Transform, linear, from view space to the volume's physical space; the identity by default. See
         itk.ShearWarpMIPView, whose functions take open_volume(...).make_image().
     size: columns and rows; output_spacing and output_origin: of the picture, in the units of view space (for a rigid
@@ -171,12 +175,20 @@ def _warp(picture: Any, piece: _Piece) -> itk.Image:
     return image
 
 
-class _View(NamedTuple):
+@dataclass(frozen=True)
+class _View:
     """What chunks must know of the volume and of its views."""
 
     volume: Volume
+    firsts: list[list[int]]
+    """The first voxel of each chunk along z, y, x."""
+    seams: list[int]
+    """The axes along which there are seams (0 is z)."""
     transforms: Sequence[Any]
     oversampling: int
+
+    def find_first(self, place: _Place) -> list[int]:
+        return [firsts[n] for firsts, n in zip(self.firsts, place, strict=True)]
 
 
 class _Shape(NamedTuple):
@@ -190,42 +202,81 @@ def _project(volume: Volume, transforms: Sequence[Any], oversampling: int) -> _P
     """The intermediate images of all views."""
     array = volume.array
     token = uuid4().hex
-    view = f"view-{token}"
     # what is on the workers already is left out by the optimization
     graph = {key: array.__dask_graph__()[key] for key in flatten(array.__dask_keys__())}
     graph.update(array.__dask_optimize__(array.__dask_graph__(), array.__dask_keys__()))
     outline = Volume(_Shape(array.shape, array.dtype), volume.spacing, volume.origin, volume.direction)
-    graph[view] = _View(outline, transforms, oversampling)
-    firsts = [np.cumsum((0, *lengths[:-1])) for lengths in array.chunks]
+    firsts = [np.cumsum((0, *lengths[:-1])).tolist() for lengths in array.chunks]
     # samples lie between voxels: there are seams between chunks, but for those that follow each other along the rays
     sliced = _find_principal_axes(volume, transforms)
-    axes = [axis for axis in range(3) if sliced != {axis}]
-    steps_back = [steps for steps in product((0, 1), repeat=3) if all(axis in axes for axis in np.flatnonzero(steps))]
+    seams = [axis for axis in range(3) if array.numblocks[axis] > 1 and sliced != {axis}]
+    view = _View(outline, firsts, seams, transforms, oversampling)
+    owners = _find_owners(array)
+    if not owners:
+        # there are many tasks, which share it
+        graph[f"view-{token}"] = view
+        view = f"view-{token}"
+    edge = 4 if owners else 2
     # a task more costs more than moving the pieces of one view with the ends
-    ends_task, projected_ends = ("project_chunk", axes) if len(transforms) == 1 else ("copy_ends", [])
-    chunks = []
-    for place in np.ndindex(array.numblocks):
-        chunk = (array.name, *place)
-        first = [int(firsts[axis][n]) for axis, n in enumerate(place)]
-        if ends_task == "copy_ends":
-            graph[f"copy_ends-{token}", *place] = (copy_ends, chunk, axes)
-        graph[f"project_chunk-{token}", *place] = (project_chunk, chunk, first, view, projected_ends)
-        neighbours = {steps: tuple(map(sub, place, steps)) for steps in steps_back}
-        around = {steps: neighbour for steps, neighbour in neighbours.items() if min(neighbour) >= 0}
-        ends = [(f"{ends_task}-{token}", *neighbour) for neighbour in around.values()]
-        chunks.append([(f"project_chunk-{token}", *place), first, list(around), ends])
-    if len(chunks) == 1:
-        return dask.compute(Delayed(chunks[0][0], graph))[0]
-    groups = [chunks[n : n + _MERGED_TOGETHER] for n in range(0, len(chunks), _MERGED_TOGETHER)]
-    pieces = [(f"merge_chunks-{token}", n) for n in range(len(groups))]
-    graph.update({piece: (merge_chunks, group, view) for piece, group in zip(pieces, groups, strict=True)})
+    ends_are_apart = len(transforms) > 1
+    boxes, ends = [], {}
+    for low in product(*(range(0, length, edge) for length in array.numblocks)):
+        high = np.minimum(np.add(low, edge), array.numblocks).tolist()
+        projected = []
+        for places in _group(product(*map(range, low, high)), owners):
+            chunks = [(array.name, *place) for place in places]
+            task = f"project_chunks-{token}", *places[0]
+            graph[task] = (project_chunks, chunks, places, view, not ends_are_apart)
+            projected.append(task)
+            if ends_are_apart and seams:
+                task = f"copy_ends-{token}", *places[0]
+                graph[task] = (copy_ends, chunks, places, view)
+            ends.update(dict.fromkeys(places, task))
+        boxes.append((low, high, projected))
+    pieces = []
+    for low, high, projected in boxes:
+        before = [max(n - (axis in seams), 0) for axis, n in enumerate(low)]
+        around = list(dict.fromkeys(ends[place] for place in product(*map(range, before, high))))
+        pieces.append((f"merge_chunks-{token}", *low))
+        graph[pieces[-1]] = (merge_chunks, projected, around if seams else [], low, high, view)
+    return dask.compute(Delayed(_add_tree(graph, pieces, f"merge_pieces-{token}"), graph))[0]
+
+
+def _add_tree(graph: dict[Any, Any], pieces: list[Any], name: str) -> Any:
+    """Adds the tasks that merge all pieces to one, and returns it."""
     for level in count():
         if len(pieces) == 1:
             break
         groups = [pieces[n : n + _MERGED_TOGETHER] for n in range(0, len(pieces), _MERGED_TOGETHER)]
-        pieces = [(f"merge_pieces-{token}", level, n) for n in range(len(groups))]
+        pieces = [(name, level, n) for n in range(len(groups))]
         graph.update({piece: (merge_pieces, group) for piece, group in zip(pieces, groups, strict=True)})
-    return dask.compute(Delayed(pieces[0], graph))[0]
+    return pieces[0]
+
+
+def _find_owners(array: Any) -> dict[_Place, tuple[str, int]]:
+    """The worker that has each chunk, and the number of its threads, of an array that lies in the memory of a cluster;
+    of others nothing."""
+    chunks = {place: array.__dask_graph__()[array.name, *place] for place in np.ndindex(array.numblocks)}
+    clients = {getattr(chunk, "client", None) for chunk in chunks.values()}
+    if len(clients) > 1 or None in clients:
+        return {}
+    (client,) = clients
+    workers = client.who_has(list(chunks.values()))
+    threads = client.nthreads()
+    owners = {place: next(iter(workers[chunk.key]), None) for place, chunk in chunks.items()}
+    if not all(owners.values()):
+        return {}
+    return {place: (worker, threads.get(worker, 1)) for place, worker in owners.items()}
+
+
+def _group(places: Iterable[_Place], owners: dict[_Place, tuple[str, int]]) -> Iterator[list[_Place]]:
+    """Chunks for each task: those of one worker, for two tasks of each of its threads; one where no worker has it."""
+    of_owner = defaultdict(list)
+    for place in places:
+        of_owner[owners.get(place, (place, 1))].append(place)
+    for (_, threads), own in of_owner.items():
+        length = -(-len(own) // (2 * threads))
+        yield from (own[n : n + length] for n in range(0, len(own), length))
 
 
 def _find_principal_axes(volume: Volume, transforms: Sequence[Any]) -> set[int]:
@@ -235,59 +286,66 @@ def _find_principal_axes(volume: Volume, transforms: Sequence[Any]) -> set[int]:
     return {2 - itk.ShearWarpFactorization(view, image, grid).GetPrincipalAxis() for view in transforms}
 
 
-def copy_ends(chunk: np.ndarray, axes: Sequence[int]) -> _Ends:
-    """The ends of a chunk along some axes (0 is z)."""
-
-    native = chunk.dtype.newbyteorder("=")
-
-    def copy(axis: int, place: slice) -> np.ndarray | None:
-        return np.array(chunk[(slice(None),) * axis + (place,)], native) if axis in axes else None
-
-    return _Ends([copy(axis, slice(0, 1)) for axis in range(3)], [copy(axis, slice(-1, None)) for axis in range(3)])
-
-
-def project_chunk(chunk: np.ndarray, first: Sequence[int], view: _View, axes: Sequence[int]) -> _Pieces:
-    """Projects a chunk, whose first voxel is number `first` (z, y, x) of the volume; gives its ends along `axes` too."""
-    voxels = np.ascontiguousarray(chunk, chunk.dtype.newbyteorder("="))
-    pieces = _project_part(voxels, first, view)
-    return _Pieces(pieces, sum(piece.pixels.nbytes for piece in pieces), copy_ends(voxels, axes) if axes else None)
+def project_chunks(chunks: Sequence[np.ndarray], places: Sequence[_Place], view: _View, has_ends: bool) -> _Pieces:
+    """Projects chunks, together; gives their ends too."""
+    native = chunks[0].dtype.newbyteorder("=")
+    parts = (
+        (np.ascontiguousarray(chunk, native), view.find_first(place))
+        for chunk, place in zip(chunks, places, strict=True)
+    )
+    pieces = merge_pieces([_Pieces(each, 0) for each in _project_parts(parts, view)])
+    return pieces._replace(ends=copy_ends(chunks, places, view).ends) if has_ends else pieces
 
 
-def make_seam(around: dict[tuple[int, ...], _Ends], axis: int) -> tuple[np.ndarray, np.ndarray]:
-    """The last voxels before a chunk along an axis and its own first ones, as far as samples lie between them; and how
-    far back from the chunk's first voxel they begin (z, y, x). `around` has the ends of the chunks that are `steps` back,
-    and of the chunk itself."""
-    margin = np.max(list(around), axis=0)
-    shape = np.add(around[0, 0, 0].first[axis].shape, margin)
-    seam = np.empty(shape, around[0, 0, 0].first[axis].dtype)
-    for steps, ends in around.items():
-        voxels = ends.last[steps.index(1)] if any(steps) else ends.first[axis]
-        voxels = voxels[tuple(slice(-1, None) if back else slice(None) for back in steps)]
-        if not steps[axis]:
-            voxels = voxels[(slice(None),) * axis + (slice(0, 1),)]
-        starts = [0 if back else each for back, each in zip(steps, margin, strict=True)]
-        seam[tuple(slice(start, start + length) for start, length in zip(starts, voxels.shape, strict=True))] = voxels
-    return seam, margin
+def copy_ends(chunks: Sequence[np.ndarray], places: Sequence[_Place], view: _View) -> _Pieces:
+    """The ends of chunks."""
+    native = chunks[0].dtype.newbyteorder("=")
+
+    def copy(chunk: np.ndarray, axis: int, voxels: slice) -> np.ndarray | None:
+        return np.array(chunk[(slice(None),) * axis + (voxels,)], native) if axis in view.seams else None
+
+    def copy_both(chunk: np.ndarray) -> _Ends:
+        return _Ends(*([copy(chunk, axis, voxels) for axis in range(3)] for voxels in (slice(0, 1), slice(-1, None))))
+
+    return _Pieces([], 0, dict(zip(places, map(copy_both, chunks), strict=True)))
 
 
-def merge_chunks(chunks: Sequence[tuple], view: _View) -> _Pieces:
-    """Merges the pieces of chunks and, projected here, of the seams between them and those before them. Of each chunk:
-    its pieces, its first voxel (z, y, x), and the `steps` back to those before it and to itself, with their ends or with
-    pieces that have them."""
-    pieces = [chunk[0] for chunk in chunks]
-    seams = []
-    for _, first, steps, ends in chunks:
-        found = [each.ends if isinstance(each, _Pieces) else each for each in ends]
-        around = dict(zip(map(tuple, steps), found, strict=True))
-        for axis in range(3):
-            if any(each[axis] for each in around):
-                seam, margin = make_seam(around, axis)
-                seams.append(_Pieces(_project_part(seam, np.subtract(first, margin), view), 0))
-    return merge_pieces(pieces + seams)
+def make_seam(
+    ends: dict[_Place, _Ends], low: _Place, high: _Place, axis: int, number: int, view: _View
+) -> tuple[np.ndarray, list[int]]:
+    """Of a box of chunks, from `low` to before `high`, the voxels on both sides of the seam before those of a number
+    along an axis, and their first one (z, y, x). Samples lie between them and those of the chunks before the box, whose
+    last voxels they begin with."""
+    places = [
+        range(n - (n > 0 and other in view.seams), end) for other, (n, end) in enumerate(zip(low, high, strict=True))
+    ]
+    places[axis] = range(number - 1, number + 1)
+
+    def get_face(place: _Place) -> np.ndarray:
+        face = ends[place].last[axis] if place[axis] < number else ends[place].first[axis]
+        return face[tuple(slice(-(n < first), None) for n, first in zip(place, low, strict=True))]
+
+    seam = np.block([[[get_face((z, y, x)) for x in places[2]] for y in places[1]] for z in places[0]])
+    inner = [number if each == axis else low[each] for each in range(3)]
+    margin = [numbers[0] < n for numbers, n in zip(places, inner, strict=True)]
+    return seam, np.subtract(view.find_first(inner), margin).tolist()
 
 
-def _project_part(voxels: np.ndarray, first: Sequence[int], view: _View) -> list[_Piece]:
-    projection = itk.ShearWarpMIPPartImageFilter.New(view.volume.make_part(voxels, first))
+def merge_chunks(projected: list[_Pieces], around: list[_Pieces], low: _Place, high: _Place, view: _View) -> _Pieces:
+    """Merges the pieces of a box of chunks, from `low` to before `high`, and, projected here, of the seams between them
+    and those before them. `around` has the ends of all these."""
+    ends = {place: each for of_chunks in around for place, each in of_chunks.ends.items()}
+    seams = (
+        make_seam(ends, low, high, axis, number, view)
+        for axis in view.seams
+        for number in range(max(low[axis], 1), high[axis])
+    )
+    return merge_pieces(projected + [_Pieces(pieces, 0) for pieces in _project_parts(seams, view)])
+
+
+def _project_parts(parts: Iterable[tuple[np.ndarray, Sequence[int]]], view: _View) -> Iterator[list[_Piece]]:
+    """The pieces of each part: its voxels, and its first one (z, y, x)."""
+    projection = itk.ShearWarpMIPPartImageFilter.New(view.volume.make_image())
     projection.SetWholeRegion(view.volume.region)
     projection.SetOversampling(view.oversampling)
     # chunks are what is done at once
@@ -295,14 +353,16 @@ def _project_part(voxels: np.ndarray, first: Sequence[int], view: _View) -> list
     if len(view.transforms) == 1:
         # one view does not pay for its preparation
         projection.SetReducedResampling(itk.ShearWarpMIPImageFilterEnums.ReducedResampling_Off)
-    pieces = []
-    for transform in view.transforms:
-        projection.SetTransform(transform)
-        projection.Update()
-        output = projection.GetOutput()
-        column, row = output.GetLargestPossibleRegion().GetIndex()
-        pieces.append(_Piece(row, column, itk.array_from_image(output)))
-    return pieces
+    for voxels, first in parts:
+        projection.SetInput(view.volume.make_part(voxels, first))
+        pieces = []
+        for transform in view.transforms:
+            projection.SetTransform(transform)
+            projection.Update()
+            output = projection.GetOutput()
+            column, row = output.GetLargestPossibleRegion().GetIndex()
+            pieces.append(_Piece(row, column, itk.array_from_image(output)))
+        yield pieces
 
 
 def merge_pieces(pieces: list[_Pieces]) -> _Pieces:

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import dask.array
@@ -25,6 +25,10 @@ class Volume:
     """3 x 3: its columns are the directions of the axes x, y, z in physical space."""
     unit: str | None = None
     """Of spacing and origin, as OME-Zarr names it."""
+
+    def persist(self) -> "Volume":
+        """The same, with its voxels in the memory of Dask's workers: for several views."""
+        return replace(self, array=self.array.persist())
 
     @property
     def region(self) -> Any:
@@ -64,7 +68,7 @@ def open_volume(
     """Opens a volume; its voxels are not read yet.
 
     volume: a dask.array.Array (or what dask.array.asarray takes) with the axes z, y, x; or an OME-Zarr image of version
-        0.4 or 0.5: its path, its URL or a zarr.Group.
+        0.4 or 0.5: its path, its URL or a zarr.Group; or a Volume.
     spacing, origin: x, y, z, instead of the file's or 1 and 0.
     direction: 3 x 3, instead of the identity.
     level: of an OME-Zarr's resolutions, 0 is the finest. By default the coarsest one that is not coarser than
@@ -74,17 +78,21 @@ def open_volume(
     Raises ValueError for what is no such volume, TypeError for voxels of a type that is not wrapped.
     """
     unit = None
-    file_spacing, file_origin = [1.0, 1.0, 1.0], [0.0, 0.0, 0.0]
+    own_spacing, own_origin, own_direction = [1.0, 1.0, 1.0], [0.0, 0.0, 0.0], np.eye(3)
     if isinstance(volume, str | os.PathLike) or type(volume).__module__.startswith("zarr."):
         image = _OmeZarr(volume)
         if level is None:
             level = image.choose_level(output_spacing)
-        array, file_spacing, file_origin = image.read_level(level, {"t": time, "c": channel})
+        array, own_spacing, own_origin = image.read_level(level, {"t": time, "c": channel})
         unit = image.unit
     else:
-        array = dask.array.asarray(volume)
         if level is not None:
             raise ValueError("an array has no levels")
+        if isinstance(volume, Volume):
+            array, own_spacing, own_origin = volume.array, volume.spacing, volume.origin
+            own_direction, unit = volume.direction, volume.unit
+        else:
+            array = dask.array.asarray(volume)
     if array.ndim != 3:
         raise ValueError(f"a volume has the axes z, y, x, but this one has the shape {array.shape}")
     if np.isnan(array.shape).any():
@@ -95,9 +103,9 @@ def open_volume(
     filled = tuple(tuple(length for length in lengths if length) for lengths in array.chunks)
     return Volume(
         array.rechunk(filled) if filled != array.chunks else array,
-        _make_tuple("spacing", file_spacing if spacing is None else spacing),
-        _make_tuple("origin", file_origin if origin is None else origin),
-        np.eye(3) if direction is None else np.asarray(direction, dtype=float).reshape(3, 3),
+        _make_tuple("spacing", own_spacing if spacing is None else spacing),
+        _make_tuple("origin", own_origin if origin is None else origin),
+        own_direction if direction is None else np.asarray(direction, dtype=float).reshape(3, 3),
         unit,
     )
 

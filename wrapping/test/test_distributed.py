@@ -15,7 +15,8 @@ import ngff_zarr
 import numpy as np
 import pytest
 import zarr
-from distributed import Client, LocalCluster
+from dask.utils import key_split
+from distributed import Client, LocalCluster, get_task_stream, wait
 from itk_shearwarpmip import mip, mip_cine, open_volume
 from itk_shearwarpmip.__main__ import main
 
@@ -156,8 +157,8 @@ def test_empty_chunks_take_no_part():
 
 def test_only_what_was_touched_is_sent():
     volume = dask.array.zeros((64, 64, 64), dtype=np.uint8, chunks=16)
-    # each chunk; 8 of them at once, of two rows, with the seam to the row before; then all
-    assert mip(volume)["BytesSent"] == 64 * 16 * 16 + (32 + 33) * 64 * 4 + 64 * 64
+    # each chunk; boxes of 2 x 2 x 2, with the seams to those before; then all
+    assert mip(volume)["BytesSent"] == 64 * 16 * 16 + 2 * (32 + 33) ** 2 + 64 * 64
 
 
 def test_bad_input_is_named():
@@ -212,6 +213,22 @@ def test_ome_zarr(ome_zarr):
         mip(path, time=1)
     with pytest.raises(ValueError, match="levels 0 to 2, but not 3"):
         mip(path, level=3)
+
+
+def test_an_opened_volume_keeps_its_place(ome_zarr):
+    path, array = ome_zarr
+    view = make_view(np.random.default_rng(14))
+    volume = open_volume(path, channel=1, direction=GEOMETRY["direction"])
+    persisted = volume.persist()
+    assert persisted.array.dask is not volume.array.dask
+    assert persisted.unit == "micrometer"
+    whole = make_image(array[1], (2, 2, 4), (7, -50, 100), GEOMETRY["direction"])
+    for each in (volume, persisted):
+        assert_same(mip(each, view), itk.shear_warp_mip_image_filter(whole, transform=view))
+    whole.SetSpacing((3, 4, 5))
+    assert_same(mip(persisted, view, spacing=(3, 4, 5)), itk.shear_warp_mip_image_filter(whole, transform=view))
+    with pytest.raises(ValueError, match="no levels"):
+        mip(volume, level=1)
 
 
 def test_the_level_is_the_coarsest_that_is_fine_enough(ome_zarr):
@@ -309,6 +326,40 @@ def test_views_at_once_on_a_cluster(client):
     while any(client.has_what().values()) and time.monotonic() < deadline:
         time.sleep(0.1)
     assert not any(client.has_what().values())
+
+
+def count_tasks(stream, name):
+    return sum(key_split(task["key"]) == name for task in stream.data)
+
+
+def test_chunks_that_workers_have_are_projected_together(client):
+    array = make_array(np.random.default_rng(12), (90, 60, 70))
+    views = [make_view(np.random.default_rng(n)) for n in range(4)]
+    # 6 x 4 x 5 chunks: two boxes along two axes
+    persisted = dask.array.from_array(array, 16).persist()
+    wait(persisted)
+    for view in (*views, None):
+        with get_task_stream(client) as stream:
+            picture = mip(persisted, view, **GEOMETRY)
+        whole = make_image(array, **GEOMETRY)
+        assert_same(picture, itk.shear_warp_mip_image_filter(whole, **({"transform": view} if view else {})))
+        # of each box two for each worker, at most
+        assert count_tasks(stream, "project_chunks") <= 4 * 2 * 2
+        assert count_tasks(stream, "merge_chunks") == 4
+        assert count_tasks(stream, "copy_ends") == 0
+    frames = mip_cine(persisted, views)
+    assert_same(frames, itk.shear_warp_mip_cine_image_filter(make_image(array), transforms=views))
+
+
+def test_chunks_that_are_still_computed(client):
+    array = make_array(np.random.default_rng(13), (20, 20, 20))
+    chunks = dask.array.from_array(array, 10).map_blocks(slow, dtype=array.dtype, meta=array[:0, :0, :0])
+    assert_same(mip(chunks.persist()), itk.shear_warp_mip_image_filter(make_image(array)))
+
+
+def slow(chunk):
+    time.sleep(0.2)
+    return chunk
 
 
 def test_one_worker_is_enough():
