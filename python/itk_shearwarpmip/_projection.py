@@ -263,7 +263,7 @@ def _find_owners(array: Any) -> dict[_Place, tuple[str, int]]:
     (client,) = clients
     workers = client.who_has(list(chunks.values()))
     threads = client.nthreads()
-    owners = {place: next(iter(workers[chunk.key]), None) for place, chunk in chunks.items()}
+    owners = {place: next(iter(workers.get(chunk.key, ())), None) for place, chunk in chunks.items()}
     if not all(owners.values()):
         return {}
     return {place: (worker, threads.get(worker, 1)) for place, worker in owners.items()}
