@@ -1024,6 +1024,12 @@ IsReached(const IntermediateImage<TPixel> & image,
   return true;
 }
 
+inline double
+Magnitude(double value)
+{
+  return value < 0 ? -value : value;
+}
+
 /** Narrows [begin, end) to the integers x where lowest < slope x + offset < highest, and at most two more on each side.
  */
 inline void
@@ -1074,8 +1080,14 @@ WarpRow(const IntermediateImage<TPixel> & intermediate,
   };
   std::ptrdiff_t begin = columnBegin;
   std::ptrdiff_t end = columnEnd;
-  Clip(map.xx, map.xy * y + map.x0, -1.0, static_cast<double>(intermediate.columns), begin, end);
-  Clip(map.yx, map.yy * y + map.y0, -1.0, static_cast<double>(intermediate.rows), begin, end);
+  const auto     clip = [&](double slope, double fromRow, double offset, std::ptrdiff_t pixels) {
+    // the terms of a position may cancel: what is left is then rounding
+    const double size = Magnitude(slope) * static_cast<double>(columnEnd) + Magnitude(fromRow) + Magnitude(offset);
+    const double error = 0x1p-50 * size;
+    Clip(slope, fromRow + offset, -1.0 - error, static_cast<double>(pixels) + error, begin, end);
+  };
+  clip(map.xx, map.xy * y, map.x0, intermediate.columns);
+  clip(map.yx, map.yy * y, map.y0, intermediate.rows);
   for (std::ptrdiff_t x = columnBegin; x < begin; ++x)
   {
     output[x] = background;

@@ -763,6 +763,23 @@ TYPED_TEST(ShearWarpKernelsTyped, WarpRowGivesBackgroundForPositionsFarOutsideOr
   }
 }
 
+TYPED_TEST(ShearWarpKernelsTyped, WarpRowHasNoOtherPositionsWhereTermsCancel)
+{
+  // 20 x is lost beside what comes from the row and from the offset
+  const std::vector<TypeParam> pixels{ 50, 60, 70, 80 };
+  const double                 huge = 0x1.7p600;
+  ForEachInstructionSet([&](const std::string & name) {
+    for (const auto & map :
+         { Kernels::AffineMap2D{ 20, huge, -9 * huge, 0, 0, 0.25 }, { 0, 0, 0, 20, huge, -9 * huge } })
+    {
+      const auto output = Warp<TypeParam>(pixels, { { 0, 2 }, { 0, 2 } }, map, 40, 10, 7, 0);
+      const auto last = output.begin() + 9 * 40;
+      EXPECT_NE(*last, 7) << name;
+      EXPECT_EQ(std::count(last, output.end(), *last), 40) << name;
+    }
+  });
+}
+
 TYPED_TEST(ShearWarpKernelsTyped, WarpRowStaysWithinTheRangeOfItsPixels)
 {
   Random random(8);
