@@ -318,9 +318,8 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::Prepare(const char *    
   };
   if (this->GetNumberOfSlabs() > 1)
   {
-    // rows along z need the slice before
-    const std::ptrdiff_t begin = axis == 2 ? slab.begin : std::max<std::ptrdiff_t>(slab.begin - 1, 0);
-    prepared.PreparePart(image, image->GetLargestPossibleRegion(), begin, slab.end, axis, true, kernels, parallelize);
+    prepared.PreparePart(
+      image, image->GetLargestPossibleRegion(), slab.begin, slab.end, axis, true, kernels, parallelize);
   }
   else
   {

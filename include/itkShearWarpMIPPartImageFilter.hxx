@@ -154,10 +154,8 @@ ShearWarpMIPPartImageFilter<TInputImage>::GenerateData()
     }
     else
     {
-      // rows along z need the slice before
       const std::ptrdiff_t end = std::min(begin + slabLength, last);
-      this->m_PreparedVolume.PreparePart(
-        input, whole, std::max(begin - 1, first), end, axis, hasBlockMaxima, kernels, prepare);
+      this->m_PreparedVolume.PreparePart(input, whole, begin, end, axis, hasBlockMaxima, kernels, prepare);
     }
     const auto projectionStart = Superclass::Clock::now();
     projector.Project(this->m_PreparedVolume, parallelize((isPrepared ? 0.9f : 0.5f) / slabs));

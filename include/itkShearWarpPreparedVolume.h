@@ -90,9 +90,10 @@ public:
           const ShearWarp::Kernels<TPixel> & kernels,
           const TParallelize &               parallelize);
 
-  /** Makes the same for slices [begin, end) along z of what is buffered, counted from the first of \a whole. Nothing of
-   * it is kept for another view. Samples are taken between the voxels of a part: to have them all, parts must have one
-   * voxel in common along each axis but the principal one. */
+  /** Makes the same for slices [begin, end) along z of what is buffered, counted from the first of \a whole. Rows along
+   * z begin with the slice before, if that is buffered. Nothing of it is kept for another view. Samples are taken
+   * between the voxels of a part: to have them all, parts must have one voxel in common along each axis but the
+   * principal one. */
   template <typename TParallelize>
   void
   PreparePart(const ImageType *                  image,

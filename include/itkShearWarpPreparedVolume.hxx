@@ -69,7 +69,9 @@ ShearWarpPreparedVolume<TPixel>::PreparePart(const ImageType *                  
 {
   m_Image = nullptr;
   ShearWarpBuffer memory = std::move(m_Transposed);
-  this->SetPart(image, whole, begin, end);
+  // rows along z need the slice before
+  const std::ptrdiff_t first = image->GetBufferedRegion().GetIndex(2) - whole.GetIndex(2);
+  this->SetPart(image, whole, principalAxis == 2 ? begin : std::max(begin - 1, first), end);
   if (hasBlockMaxima)
   {
     this->FindBlockMaxima(kernels, parallelize);

@@ -211,7 +211,7 @@ def _project(volume: Volume, transforms: Sequence[Any], oversampling: int) -> _P
     sliced = _find_principal_axes(volume, transforms)
     seams = [axis for axis in range(3) if array.numblocks[axis] > 1 and sliced != {axis}]
     view = _View(outline, firsts, seams, transforms, oversampling)
-    owners = _find_owners(array)
+    owners = _find_owners({place: graph[array.name, *place] for place in np.ndindex(array.numblocks)})
     if not owners:
         # there are many tasks, which share it
         graph[f"view-{token}"] = view
@@ -253,10 +253,9 @@ def _add_tree(graph: dict[Any, Any], pieces: list[Any], name: str) -> Any:
     return pieces[0]
 
 
-def _find_owners(array: Any) -> dict[_Place, tuple[str, int]]:
-    """The worker that has each chunk, and the number of its threads, of an array that lies in the memory of a cluster;
-    of others nothing."""
-    chunks = {place: array.__dask_graph__()[array.name, *place] for place in np.ndindex(array.numblocks)}
+def _find_owners(chunks: dict[_Place, Any]) -> dict[_Place, tuple[str, int]]:
+    """The worker that has each chunk, and the number of its threads, if all are futures in the memory of a cluster; else
+    nothing."""
     clients = {getattr(chunk, "client", None) for chunk in chunks.values()}
     if len(clients) > 1 or None in clients:
         return {}
