@@ -322,8 +322,13 @@ struct Kernels
                   TPixel                            background,
                   TPixel *                          output);
 
-  /** Copies \a rows rows of \a columns pixels at \a input to \a columns rows of \a rows pixels at \a output. */
-  void (*transposeSlice)(const TPixel * input, std::ptrdiff_t columns, std::ptrdiff_t rows, TPixel * output);
+  /** Copies \a rows rows of \a columns pixels at \a input to \a columns rows of \a rows pixels at \a output. With
+   * \a isStreamed they are written past the caches. */
+  void (*transposeSlice)(const TPixel * input,
+                         std::ptrdiff_t columns,
+                         std::ptrdiff_t rows,
+                         TPixel *       output,
+                         bool           isStreamed);
 
   /** Writes the samples of columns [span.begin, span.end), which the row reaches, to `samples[span.begin]` and on. */
   void (*sampleRow)(const SliceRow<TPixel> & row, ColumnSpan span, TPixel * samples);

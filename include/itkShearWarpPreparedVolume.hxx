@@ -165,10 +165,13 @@ ShearWarpPreparedVolume<TPixel>::Transpose(const ShearWarp::Kernels<TPixel> & ke
                                            ShearWarpBuffer                    memory)
 {
   const std::ptrdiff_t slice = m_Size[0] * m_Size[1];
-  memory.Reserve(slice * m_Size[2] * sizeof(TPixel), "the transposed copy of the volume");
+  const std::size_t    bytes = slice * m_Size[2] * sizeof(TPixel);
+  memory.Reserve(bytes, "the transposed copy of the volume");
   TPixel * transposed = memory.GetPointer<TPixel>();
+  // a small one stays in the cache
+  const bool isStreamed = bytes > std::size_t{ 1 } << 22;
   parallelize(static_cast<SizeValueType>(m_Size[2]), [&](SizeValueType z) {
-    kernels.transposeSlice(m_Voxels + z * slice, m_Size[0], m_Size[1], transposed + z * slice);
+    kernels.transposeSlice(m_Voxels + z * slice, m_Size[0], m_Size[1], transposed + z * slice, isStreamed);
   });
   m_Transposed = std::move(memory);
 }

@@ -149,6 +149,7 @@ struct Lanes
   }
   static void FinishLines() { _mm_sfence(); }
   static void Prefetch(const char * p) { _mm_prefetch(p, _MM_HINT_T0); }
+  static void PrefetchFar(const char * p) { _mm_prefetch(p, _MM_HINT_T1); }
   // clang-format on
 };
 

@@ -390,7 +390,7 @@ WarpRow(const IntermediateImage<TPixel> & intermediate,
 
 template <typename TPixel>
 void
-TransposeSlice(const TPixel * input, std::ptrdiff_t columns, std::ptrdiff_t rows, TPixel * output)
+TransposeSlice(const TPixel * input, std::ptrdiff_t columns, std::ptrdiff_t rows, TPixel * output, bool)
 {
   constexpr std::ptrdiff_t tile = 32;
   for (std::ptrdiff_t tileRow = 0; tileRow < rows; tileRow += tile)

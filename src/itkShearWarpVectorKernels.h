@@ -1165,12 +1165,13 @@ InterleaveHalves(Lanes::Quad (&vectors)[VCount])
 
 template <typename TPixel>
 void
-TransposeSlice(const TPixel * input, std::ptrdiff_t columns, std::ptrdiff_t rows, TPixel * output)
+TransposeSlice(const TPixel * input, std::ptrdiff_t columns, std::ptrdiff_t rows, TPixel * output, bool isStreamed)
 {
   // squares of a cache line's width, in smaller ones that fit in 128-bit vectors
   constexpr std::ptrdiff_t square = 64 / sizeof(TPixel);
   constexpr int            small = 16 / sizeof(TPixel);
-  const bool               isAligned = reinterpret_cast<std::uintptr_t>(output) % 64 == 0 && rows % square == 0;
+  isStreamed = isStreamed && reinterpret_cast<std::uintptr_t>(output) % 64 == 0 && rows % square == 0;
+  constexpr std::ptrdiff_t ahead = (1 << 15) / sizeof(TPixel);
   for (std::ptrdiff_t j = 0; j < rows; j += square)
   {
     for (std::ptrdiff_t i = 0; i < columns; i += square)
@@ -1186,9 +1187,10 @@ TransposeSlice(const TPixel * input, std::ptrdiff_t columns, std::ptrdiff_t rows
         }
         continue;
       }
-      for (std::ptrdiff_t row = 0; row < square; ++row)
+      // as many lines as a square has, in the order of memory, not of squares
+      for (std::ptrdiff_t line = 0; line < square; ++line)
       {
-        Lanes::Prefetch(reinterpret_cast<const char *>(input + (j + row) * columns + i + square));
+        Lanes::PrefetchFar(reinterpret_cast<const char *>(input + j * columns + (i + line) * square + ahead));
       }
       alignas(64) TPixel lines[square][square];
       for (std::ptrdiff_t column = 0; column < square; column += small)
@@ -1220,7 +1222,7 @@ TransposeSlice(const TPixel * input, std::ptrdiff_t columns, std::ptrdiff_t rows
       }
       for (std::ptrdiff_t column = 0; column < square; ++column)
       {
-        Lanes::StoreLine(output + (i + column) * rows + j, lines[column], isAligned);
+        Lanes::StoreLine(output + (i + column) * rows + j, lines[column], isStreamed);
       }
     }
   }

@@ -15,6 +15,7 @@
  *  limitations under the License.
  *
  *=========================================================================*/
+#include "itkShearWarpBuffer.h"
 #include "itkShearWarpKernels.h"
 
 #include "itkShearWarpMIPTestHelper.h"
@@ -813,17 +814,23 @@ TYPED_TEST(ShearWarpKernelsTyped, TransposeSliceSwapsColumnsAndRows)
     {
       std::vector<TypeParam> input(columns * rows);
       std::generate(input.begin(), input.end(), [&random] { return MakeRandomPixel<TypeParam>(random); });
-      const TypeParam        untouched{ 77 };
-      std::vector<TypeParam> output(Guard + columns * rows + Guard, untouched);
+      const TypeParam      untouched{ 77 };
+      const std::ptrdiff_t length = Guard + columns * rows + Guard;
+      itk::ShearWarpBuffer memory; // begins at a line of the cache
+      memory.Reserve(length * sizeof(TypeParam), "a test");
+      TypeParam * const output = memory.GetPointer<TypeParam>();
       ForEachInstructionSet([&](const std::string &) {
-        std::fill(output.begin(), output.end(), untouched);
-        Kernels::GetKernels<TypeParam>().transposeSlice(input.data(), columns, rows, output.data() + Guard);
-        for (std::ptrdiff_t n = 0; n < columns * rows; ++n)
+        for (const bool isStreamed : { false, true })
         {
-          ASSERT_EQ(output[Guard + (n % columns) * rows + n / columns], input[n]);
+          std::fill(output, output + length, untouched);
+          Kernels::GetKernels<TypeParam>().transposeSlice(input.data(), columns, rows, output + Guard, isStreamed);
+          for (std::ptrdiff_t n = 0; n < columns * rows; ++n)
+          {
+            ASSERT_EQ(output[Guard + (n % columns) * rows + n / columns], input[n]);
+          }
+          EXPECT_EQ(std::count(output, output + Guard, untouched), Guard);
+          EXPECT_EQ(std::count(output + length - Guard, output + length, untouched), Guard);
         }
-        EXPECT_EQ(std::count(output.begin(), output.begin() + Guard, untouched), Guard);
-        EXPECT_EQ(std::count(output.end() - Guard, output.end(), untouched), Guard);
       });
     }
   }
