@@ -140,13 +140,16 @@ def write_volume(path: Path, edge: int, chunk: int) -> None:
 # ------------------------------------------------------------------------------------------ measuring
 
 
-def make_view(image: Any) -> Any:
-    """30 degrees about y and 20 about x, about the volume's centre; the principal axis is z."""
+ANGLES = {"z": (20.0, 30.0, 0.0), "y": (110.0, 30.0, 0.0), "x": (20.0, 120.0, 0.0)}
+
+
+def make_view(image: Any, principal_axis: str = "z") -> Any:
+    """30 degrees about y and 20 about x, about the volume's centre, or that many more about one of them."""
     import itk
 
     view = itk.CenteredEuler3DTransform[itk.D].New()
     view.SetCenter(itk.ShearWarpMIPView.GetCentre(image))
-    view.SetRotation(*np.radians((20.0, 30.0, 0.0)))
+    view.SetRotation(*np.radians(ANGLES[principal_axis]))
     return view
 
 
@@ -222,12 +225,15 @@ class PeakMemory:
         return list(self._peaks.values())
 
 
-def import_package() -> int:
-    """The resident set, bytes, of a worker that is ready to project."""
+def import_packages(path: Path) -> int:
+    """The resident set, bytes, of a worker that is ready to read and to project."""
     import itk
-    import itk_shearwarpmip  # noqa: F401
     import psutil
+    import zarr
+    from itk_shearwarpmip import open_volume
 
+    open_volume(path)
+    zarr.open_group(path, mode="r")["0"][:1, :1, :1]
     itk.ShearWarpMIPPartImageFilter.keys()
     return psutil.Process().memory_info().rss
 
@@ -285,7 +291,7 @@ def measure_case(
         dask.config.set({"array.chunk-size": f"{block**3 * VOXEL}B"}),
         start_workers(workers, memory_limit) as client,
     ):
-        ready = max(client.run(import_package).values())
+        ready = max(client.run(import_packages, path).values())
         opened = open_volume(path)
         image = opened.make_image()
         view = make_view(image)
@@ -360,6 +366,7 @@ def measure_whole(path: Path, edge: int, threads: int, repeats: int) -> tuple[di
 
 def measure_block(block: int, repeats: int, far: int) -> dict[str, Any]:
     """The tasks of a volume in memory with one thread, against reading it; seconds per block."""
+    import itk
     from dask.diagnostics import Profiler
     from itk_shearwarpmip import mip, open_volume
 
@@ -375,9 +382,10 @@ def measure_block(block: int, repeats: int, far: int) -> dict[str, Any]:
     volume = dask.array.map_blocks(
         get_block, chunks=((block,) * length,) * 3, dtype=np.uint16, meta=np.empty((0,) * 3, np.uint16)
     )
-    view = make_view(open_volume(volume).make_image())
+    opened = open_volume(volume)
+    view = make_view(opened.make_image())
     bytes_sent = mip(volume, view)["BytesSent"]
-    times: dict[str, list[float]] = {"project_chunks": [], "copy_ends": [], "merge_": []}
+    times: dict[str, list[float]] = {"project_chunks": [], "merge_": []}
     for _ in range(repeats):
         with dask.config.set(scheduler="synchronous"), Profiler() as profiler:
             mip(volume, view)
@@ -388,11 +396,30 @@ def measure_block(block: int, repeats: int, far: int) -> dict[str, Any]:
     def read(largest: Callable[[np.ndarray], Any]) -> float:
         return time_median(lambda: [largest(each) for each in blocks], repeats) / len(blocks)
 
+    projection = itk.ShearWarpMIPPartImageFilter.New(opened.make_image())
+    projection.SetWholeRegion(opened.region)
+    projection.SetNumberOfWorkUnits(1)
+    projection.SetReducedResampling(itk.ShearWarpMIPImageFilterEnums.ReducedResampling_Off)
+    parts = [
+        opened.make_part(each, np.multiply(place, block)) for each, place in zip(blocks, np.ndindex((length,) * 3))
+    ]
+
+    def project_parts() -> None:
+        for part in parts:
+            projection.SetInput(part)
+            projection.Update()
+
+    filter_seconds = {}
+    for axis in ANGLES:
+        projection.SetTransform(make_view(opened.make_image(), axis))
+        filter_seconds[axis] = time_median(project_parts, repeats) / len(blocks)
+
     return {
         "block": block,
         "blocks": len(blocks),
         "bytes_sent": int(bytes_sent / len(blocks)),
         **{f"{name.rstrip('_')}_seconds": statistics.median(sums) for name, sums in times.items()},
+        "filter_seconds": filter_seconds,
         "read_limit_seconds": min(read(np.max), read(lambda each: each.view(np.uint64).sum())),
     }
 
@@ -552,25 +579,26 @@ def report(results: dict[str, Any]) -> str:
             ),
         ]
     texts += [
-        "The tasks for a volume in memory, one thread; all but the last column are times per block:",
+        "The tasks for a volume in memory, one thread, and the part filter alone for views along each axis; all but the "
+        "last column are times per block:",
         make_table(
             [
                 "block",
-                "project_chunks, ms",
-                "copy_ends, ms",
-                "merge_*, ms",
                 "read limit, ms",
+                "project_chunks, ms",
+                "merge_*, ms",
+                *(f"filter along {axis}, ms" for axis in ANGLES),
                 "project_chunks, x read limit",
+                *(f"filter along {axis}, x" for axis in ANGLES),
                 "merge_*, GB/s",
             ],
             [
                 [
                     each["block"],
-                    *(
-                        f"{1e3 * each[f'{name}_seconds']:.2f}"
-                        for name in ("project_chunks", "copy_ends", "merge", "read_limit")
-                    ),
+                    *(f"{1e3 * each[f'{name}_seconds']:.2f}" for name in ("read_limit", "project_chunks", "merge")),
+                    *(f"{1e3 * seconds:.2f}" for seconds in each["filter_seconds"].values()),
                     f"{each['project_chunks_seconds'] / each['read_limit_seconds']:.1f}",
+                    *(f"{seconds / each['read_limit_seconds']:.1f}" for seconds in each["filter_seconds"].values()),
                     f"{each['bytes_sent'] / max(each['merge_seconds'], 1e-9) / GIGA:.1f}",
                 ]
                 for each in results["blocks"]

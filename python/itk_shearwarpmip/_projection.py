@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 from uuid import uuid4
 
 import dask
+import dask.array
 import itk
 import numpy as np
-from dask.core import flatten
 from dask.delayed import Delayed
 
 from itk_shearwarpmip._volume import Volume, open_volume
@@ -202,44 +202,55 @@ def _project(volume: Volume, transforms: Sequence[Any], oversampling: int) -> _P
     """The intermediate images of all views."""
     array = volume.array
     token = uuid4().hex
-    # what is on the workers already is left out by the optimization
-    graph = {key: array.__dask_graph__()[key] for key in flatten(array.__dask_keys__())}
-    graph.update(array.__dask_optimize__(array.__dask_graph__(), array.__dask_keys__()))
     outline = Volume(_Shape(array.shape, array.dtype), volume.spacing, volume.origin, volume.direction)
     firsts = [np.cumsum((0, *lengths[:-1])).tolist() for lengths in array.chunks]
     # samples lie between voxels: there are seams between chunks, but for those that follow each other along the rays
     sliced = _find_principal_axes(volume, transforms)
     seams = [axis for axis in range(3) if array.numblocks[axis] > 1 and sliced != {axis}]
     view = _View(outline, firsts, seams, transforms, oversampling)
-    owners = _find_owners({place: graph[array.name, *place] for place in np.ndindex(array.numblocks)})
-    if not owners:
-        # there are many tasks, which share it
-        graph[f"view-{token}"] = view
-        view = f"view-{token}"
-    edge = 4 if owners else 2
+    owners = _find_owners(array)
+    if owners:
+        edge = 4
+        graph, tasks = _project_together(array, _group(owners, edge), view, token)
+    else:
+        edge = 2
+        graph, tasks = _project_each(array, view, token)
+    ends = tasks
     # a task more costs more than moving the pieces of one view with the ends
-    ends_are_apart = len(transforms) > 1
-    boxes, ends = [], {}
+    if len(transforms) > 1 and seams:
+        ends = {place: (f"get_ends-{token}", *task[1:]) for place, task in tasks.items()}
+        graph.update({ends[place]: (get_ends, task) for place, task in tasks.items()})
+    pieces = []
     for low in product(*(range(0, length, edge) for length in array.numblocks)):
         high = np.minimum(np.add(low, edge), array.numblocks).tolist()
-        projected = []
-        for places in _group(product(*map(range, low, high)), owners):
-            chunks = [(array.name, *place) for place in places]
-            task = f"project_chunks-{token}", *places[0]
-            graph[task] = (project_chunks, chunks, places, view, not ends_are_apart)
-            projected.append(task)
-            if ends_are_apart and seams:
-                task = f"copy_ends-{token}", *places[0]
-                graph[task] = (copy_ends, chunks, places, view)
-            ends.update(dict.fromkeys(places, task))
-        boxes.append((low, high, projected))
-    pieces = []
-    for low, high, projected in boxes:
         before = [max(n - (axis in seams), 0) for axis, n in enumerate(low)]
+        projected = list(dict.fromkeys(tasks[place] for place in product(*map(range, low, high))))
         around = list(dict.fromkeys(ends[place] for place in product(*map(range, before, high))))
         pieces.append((f"merge_chunks-{token}", *low))
         graph[pieces[-1]] = (merge_chunks, projected, around if seams else [], low, high, view)
     return dask.compute(Delayed(_add_tree(graph, pieces, f"merge_pieces-{token}"), graph))[0]
+
+
+def _project_each(array: dask.array.Array, view: _View, token: str) -> tuple[dict[Any, Any], dict[_Place, Any]]:
+    """A graph that projects each chunk in the task that reads it, and the task of each chunk."""
+    shared = dask.delayed(view, name=f"view-{token}", traverse=False)
+    projected = array.map_blocks(
+        project_chunk, view=shared, name=f"project_chunks-{token}", dtype=object, meta=np.empty((0, 0, 0), object)
+    )
+    graph = dict(projected.__dask_optimize__(projected.__dask_graph__(), projected.__dask_keys__()))
+    return graph, {place: (projected.name, *place) for place in np.ndindex(array.numblocks)}
+
+
+def _project_together(
+    array: dask.array.Array, groups: Iterable[list[_Place]], view: _View, token: str
+) -> tuple[dict[Any, Any], dict[_Place, Any]]:
+    """A graph that projects groups of chunks, and the task of each chunk."""
+    graph, tasks = dict(array.__dask_graph__()), {}
+    for places in groups:
+        task = f"project_chunks-{token}", *places[0]
+        graph[task] = (project_chunks, [(array.name, *place) for place in places], places, view)
+        tasks.update(dict.fromkeys(places, task))
+    return graph, tasks
 
 
 def _add_tree(graph: dict[Any, Any], pieces: list[Any], name: str) -> Any:
@@ -253,9 +264,11 @@ def _add_tree(graph: dict[Any, Any], pieces: list[Any], name: str) -> Any:
     return pieces[0]
 
 
-def _find_owners(chunks: dict[_Place, Any]) -> dict[_Place, tuple[str, int]]:
+def _find_owners(array: dask.array.Array) -> dict[_Place, tuple[str, int]]:
     """The worker that has each chunk, and the number of its threads, if all are futures in the memory of a cluster; else
     nothing."""
+    graph = array.__dask_graph__()
+    chunks = {place: graph[array.name, *place] for place in np.ndindex(array.numblocks)}
     clients = {getattr(chunk, "client", None) for chunk in chunks.values()}
     if len(clients) > 1 or None in clients:
         return {}
@@ -268,12 +281,12 @@ def _find_owners(chunks: dict[_Place, Any]) -> dict[_Place, tuple[str, int]]:
     return {place: (worker, threads.get(worker, 1)) for place, worker in owners.items()}
 
 
-def _group(places: Iterable[_Place], owners: dict[_Place, tuple[str, int]]) -> Iterator[list[_Place]]:
-    """Chunks for each task: those of one worker, for two tasks of each of its threads; one where no worker has it."""
-    of_owner = defaultdict(list)
-    for place in places:
-        of_owner[owners.get(place, (place, 1))].append(place)
-    for (_, threads), own in of_owner.items():
+def _group(owners: dict[_Place, tuple[str, int]], edge: int) -> Iterator[list[_Place]]:
+    """In each box of that edge, the chunks of one worker for two tasks of each of its threads."""
+    groups = defaultdict(list)
+    for place, owner in owners.items():
+        groups[*np.floor_divide(place, edge), owner].append(place)
+    for (*_, (_, threads)), own in groups.items():
         length = -(-len(own) // (2 * threads))
         yield from (own[n : n + length] for n in range(0, len(own), length))
 
@@ -285,28 +298,29 @@ def _find_principal_axes(volume: Volume, transforms: Sequence[Any]) -> set[int]:
     return {2 - itk.ShearWarpFactorization(view, image, grid).GetPrincipalAxis() for view in transforms}
 
 
-def project_chunks(chunks: Sequence[np.ndarray], places: Sequence[_Place], view: _View, has_ends: bool) -> _Pieces:
+def project_chunk(chunk: np.ndarray, *, view: _View, block_id: _Place) -> _Pieces:
+    """Projects one chunk, as project_chunks() does."""
+    return project_chunks([chunk], [block_id], view)
+
+
+def project_chunks(chunks: Sequence[np.ndarray], places: Sequence[_Place], view: _View) -> _Pieces:
     """Projects chunks, together; gives their ends too."""
-    native = chunks[0].dtype.newbyteorder("=")
-    parts = (
-        (np.ascontiguousarray(chunk, native), view.find_first(place))
-        for chunk, place in zip(chunks, places, strict=True)
-    )
+    chunks = [np.ascontiguousarray(chunk, chunk.dtype.newbyteorder("=")) for chunk in chunks]
+    parts = ((chunk, view.find_first(place)) for chunk, place in zip(chunks, places, strict=True))
     pieces = merge_pieces([_Pieces(each, 0) for each in _project_parts(parts, view)])
-    return pieces._replace(ends=copy_ends(chunks, places, view).ends) if has_ends else pieces
+    return pieces._replace(ends={place: _copy_ends(chunk, view) for chunk, place in zip(chunks, places, strict=True)})
 
 
-def copy_ends(chunks: Sequence[np.ndarray], places: Sequence[_Place], view: _View) -> _Pieces:
-    """The ends of chunks."""
-    native = chunks[0].dtype.newbyteorder("=")
+def _copy_ends(chunk: np.ndarray, view: _View) -> _Ends:
+    def copy(axis: int, voxels: slice) -> np.ndarray | None:
+        return chunk[(slice(None),) * axis + (voxels,)].copy() if axis in view.seams else None
 
-    def copy(chunk: np.ndarray, axis: int, voxels: slice) -> np.ndarray | None:
-        return np.array(chunk[(slice(None),) * axis + (voxels,)], native) if axis in view.seams else None
+    return _Ends(*([copy(axis, voxels) for axis in range(3)] for voxels in (slice(0, 1), slice(-1, None))))
 
-    def copy_both(chunk: np.ndarray) -> _Ends:
-        return _Ends(*([copy(chunk, axis, voxels) for axis in range(3)] for voxels in (slice(0, 1), slice(-1, None))))
 
-    return _Pieces([], 0, dict(zip(places, map(copy_both, chunks), strict=True)))
+def get_ends(projected: _Pieces) -> _Pieces:
+    """The ends alone, which neighbours need."""
+    return _Pieces([], 0, projected.ends)
 
 
 def make_seam(

@@ -346,7 +346,7 @@ def test_chunks_that_workers_have_are_projected_together(client):
         # of each box two for each worker, at most
         assert count_tasks(stream, "project_chunks") <= 4 * 2 * 2
         assert count_tasks(stream, "merge_chunks") == 4
-        assert count_tasks(stream, "copy_ends") == 0
+        assert count_tasks(stream, "get_ends") == 0
     frames = mip_cine(persisted, views)
     assert_same(frames, itk.shear_warp_mip_cine_image_filter(make_image(array), transforms=views))
 
