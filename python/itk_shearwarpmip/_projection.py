@@ -307,8 +307,12 @@ def project_chunks(chunks: Sequence[np.ndarray], places: Sequence[_Place], view:
     """Projects chunks, together; gives their ends too."""
     chunks = [np.ascontiguousarray(chunk, chunk.dtype.newbyteorder("=")) for chunk in chunks]
     parts = ((chunk, view.find_first(place)) for chunk, place in zip(chunks, places, strict=True))
-    pieces = merge_pieces([_Pieces(each, 0) for each in _project_parts(parts, view)])
-    return pieces._replace(ends={place: _copy_ends(chunk, view) for chunk, place in zip(chunks, places, strict=True)})
+    pieces, ends = [], {}
+    for chunk, place, projected in zip(chunks, places, _project_parts(parts, view), strict=True):
+        pieces.append(_Pieces(projected, 0))
+        # while the cache has the chunk
+        ends[place] = _copy_ends(chunk, view)
+    return merge_pieces(pieces)._replace(ends=ends)
 
 
 def _copy_ends(chunk: np.ndarray, view: _View) -> _Ends:
