@@ -1,6 +1,6 @@
 """The projection of a chunked volume: chunks to pieces of the intermediate image, these to one, and that to the picture."""
 
-from collections import defaultdict
+from collections import ChainMap, defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import count, product
@@ -12,10 +12,9 @@ import dask.array
 import itk
 import numpy as np
 from dask.delayed import Delayed
+from dask.highlevelgraph import HighLevelGraph, MaterializedLayer
 
 from itk_shearwarpmip._volume import Volume, open_volume
-
-_MERGED_TOGETHER = 8
 
 _Place = tuple[int, ...]
 """Numbers of a chunk along z, y, x."""
@@ -30,19 +29,22 @@ class _Piece(NamedTuple):
 
 
 class _Ends(NamedTuple):
-    """The first and the last voxels of a chunk along each axis; None along an axis without seams."""
+    """The first and the last voxels of a chunk along axes (0 is z)."""
 
-    first: list[np.ndarray | None]
-    last: list[np.ndarray | None]
+    first: dict[int, np.ndarray]
+    last: dict[int, np.ndarray]
+
+
+_EndsOf = dict[_Place, _Ends]
 
 
 class _Pieces(NamedTuple):
     """Of some chunks: one piece for each view; the bytes of all pieces that were sent to make them, and of themselves;
-    perhaps the ends of the chunks."""
+    the ends of chunks that were projected, along the axes with seams."""
 
     views: list[_Piece]
     bytes_sent: int
-    ends: dict[_Place, _Ends] | None = None
+    ends: _EndsOf | None = None
 
 
 def mip(
@@ -215,20 +217,47 @@ def _project(volume: Volume, transforms: Sequence[Any], oversampling: int) -> _P
     else:
         edge = 2
         graph, tasks = _project_each(array, view, token)
-    ends = tasks
-    # a task more costs more than moving the pieces of one view with the ends
-    if len(transforms) > 1 and seams:
-        ends = {place: (f"get_ends-{token}", *task[1:]) for place, task in tasks.items()}
-        graph.update({ends[place]: (get_ends, task) for place, task in tasks.items()})
-    pieces = []
+    pieces, ends, priorities = [], {}, _Priorities()
     for low in product(*(range(0, length, edge) for length in array.numblocks)):
         high = np.minimum(np.add(low, edge), array.numblocks).tolist()
         before = [max(n - (axis in seams), 0) for axis, n in enumerate(low)]
         projected = list(dict.fromkeys(tasks[place] for place in product(*map(range, low, high))))
-        around = list(dict.fromkeys(ends[place] for place in product(*map(range, before, high))))
-        pieces.append((f"merge_chunks-{token}", *low))
-        graph[pieces[-1]] = (merge_chunks, projected, around if seams else [], low, high, view)
-    return dask.compute(Delayed(_add_tree(graph, pieces, f"merge_pieces-{token}"), graph))[0]
+        around = list(dict.fromkeys(ends[place] for place in product(*map(range, before, high)) if place in ends))
+        merged = f"merge_chunks-{token}", *low
+        graph[merged] = (merge_chunks, projected, around, low, high, view)
+        pieces.append(merged)
+        kept = f"get_ends-{token}", *low
+        outer = [axis for axis in seams if high[axis] < array.numblocks[axis]]
+        if outer:
+            graph[kept] = (get_ends, projected, high, outer)
+            ends.update(dict.fromkeys(product(*map(range, low, high)), kept))
+        priorities.add_box(graph, [*projected, merged, kept])
+    picture = _add_tree(graph, pieces, f"merge_pieces-{token}")
+    layer = MaterializedLayer(graph, {"priority": priorities})
+    return dask.compute(Delayed(picture, HighLevelGraph({token: layer}, {token: set()}), layer=token))[0]
+
+
+class _Priorities:
+    """Lets a cluster do one box after the other, and whatever merges boxes at once, so that few pieces and ends wait for
+    others. Dask's own order begins many boxes."""
+
+    def __init__(self) -> None:
+        self._boxes: dict[Any, int] = {}
+        self._count = 0
+
+    def add_box(self, graph: dict[Any, Any], tasks: Iterable[Any]) -> None:
+        """The next box: its tasks, and those that no box before needed."""
+        waiting = list(tasks)
+        while waiting:
+            task = waiting.pop()
+            if task not in self._boxes:
+                self._boxes[task] = self._count
+                waiting.extend(getattr(graph.get(task), "dependencies", ()))
+        self._count += 1
+
+    def __call__(self, task: Any) -> float:
+        # the tasks of others have 0
+        return -self._boxes.get(task, 0) / self._count
 
 
 def _project_each(array: dask.array.Array, view: _View, token: str) -> tuple[dict[Any, Any], dict[_Place, Any]]:
@@ -258,7 +287,9 @@ def _add_tree(graph: dict[Any, Any], pieces: list[Any], name: str) -> Any:
     for level in count():
         if len(pieces) == 1:
             break
-        groups = [pieces[n : n + _MERGED_TOGETHER] for n in range(0, len(pieces), _MERGED_TOGETHER)]
+        # later ones are nearly as large as the whole
+        length = 2 if level else 8
+        groups = [pieces[n : n + length] for n in range(0, len(pieces), length)]
         pieces = [(name, level, n) for n in range(len(groups))]
         graph.update({piece: (merge_pieces, group) for piece, group in zip(pieces, groups, strict=True)})
     return pieces[0]
@@ -315,20 +346,27 @@ def project_chunks(chunks: Sequence[np.ndarray], places: Sequence[_Place], view:
     return merge_pieces(pieces)._replace(ends=ends)
 
 
+_FIRST, _LAST = slice(0, 1), slice(-1, None)
+
+
 def _copy_ends(chunk: np.ndarray, view: _View) -> _Ends:
-    def copy(axis: int, voxels: slice) -> np.ndarray | None:
-        return chunk[(slice(None),) * axis + (voxels,)].copy() if axis in view.seams else None
+    def copy(voxels: slice) -> dict[int, np.ndarray]:
+        return {axis: chunk[(slice(None),) * axis + (voxels,)].copy() for axis in view.seams}
 
-    return _Ends(*([copy(axis, voxels) for axis in range(3)] for voxels in (slice(0, 1), slice(-1, None))))
+    return _Ends(copy(_FIRST), copy(_LAST))
 
 
-def get_ends(projected: _Pieces) -> _Pieces:
-    """The ends alone, which neighbours need."""
-    return _Pieces([], 0, projected.ends)
+def get_ends(projected: list[_Pieces], high: _Place, axes: Sequence[int]) -> _EndsOf:
+    """Of a box of chunks, to before `high`, the last voxels along some axes: what the boxes after it need of it."""
+    return {
+        place: _Ends({}, {axis: ends.last[axis] for axis in axes if place[axis] == high[axis] - 1})
+        for of_chunks in projected
+        for place, ends in of_chunks.ends.items()
+    }
 
 
 def make_seam(
-    ends: dict[_Place, _Ends], low: _Place, high: _Place, axis: int, number: int, view: _View
+    ends: _EndsOf, low: _Place, high: _Place, axis: int, number: int, view: _View
 ) -> tuple[np.ndarray, list[int]]:
     """Of a box of chunks, from `low` to before `high`, the voxels on both sides of the seam before those of a number
     along an axis, and their first one (z, y, x). Samples lie between them and those of the chunks before the box, whose
@@ -339,8 +377,12 @@ def make_seam(
     places[axis] = range(number - 1, number + 1)
 
     def get_face(place: _Place) -> np.ndarray:
-        face = ends[place].last[axis] if place[axis] < number else ends[place].first[axis]
-        return face[tuple(slice(-(n < first), None) for n, first in zip(place, low, strict=True))]
+        index = [_LAST if n < first else slice(None) for n, first in zip(place, low, strict=True)]
+        # chunks before the box have nothing but their last voxels
+        side = index.index(_LAST) if _LAST in index else axis
+        index[axis] = _LAST if place[axis] < number else _FIRST
+        face = ends[place].last if index[side] == _LAST else ends[place].first
+        return face[side][tuple(index)]
 
     seam = np.block([[[get_face((z, y, x)) for x in places[2]] for y in places[1]] for z in places[0]])
     inner = [number if each == axis else low[each] for each in range(3)]
@@ -348,10 +390,10 @@ def make_seam(
     return seam, np.subtract(view.find_first(inner), margin).tolist()
 
 
-def merge_chunks(projected: list[_Pieces], around: list[_Pieces], low: _Place, high: _Place, view: _View) -> _Pieces:
+def merge_chunks(projected: list[_Pieces], before: list[_EndsOf], low: _Place, high: _Place, view: _View) -> _Pieces:
     """Merges the pieces of a box of chunks, from `low` to before `high`, and, projected here, of the seams between them
-    and those before them. `around` has the ends of all these."""
-    ends = {place: each for of_chunks in around for place, each in of_chunks.ends.items()}
+    and those before them, whose ends are `before`."""
+    ends = dict(ChainMap(*before, *(of_chunks.ends for of_chunks in projected)))
     seams = (
         make_seam(ends, low, high, axis, number, view)
         for axis in view.seams
