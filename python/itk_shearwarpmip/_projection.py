@@ -217,24 +217,35 @@ def _project(volume: Volume, transforms: Sequence[Any], oversampling: int) -> _P
     else:
         edge = 2
         graph, tasks = _project_each(array, view, token)
-    pieces, ends, priorities = [], {}, _Priorities()
-    for low in product(*(range(0, length, edge) for length in array.numblocks)):
-        high = np.minimum(np.add(low, edge), array.numblocks).tolist()
-        before = [max(n - (axis in seams), 0) for axis, n in enumerate(low)]
-        projected = list(dict.fromkeys(tasks[place] for place in product(*map(range, low, high))))
-        around = list(dict.fromkeys(ends[place] for place in product(*map(range, before, high)) if place in ends))
-        merged = f"merge_chunks-{token}", *low
-        graph[merged] = (merge_chunks, projected, around, low, high, view)
-        pieces.append(merged)
-        kept = f"get_ends-{token}", *low
-        outer = [axis for axis in seams if high[axis] < array.numblocks[axis]]
-        if outer:
-            graph[kept] = (get_ends, projected, high, outer)
-            ends.update(dict.fromkeys(product(*map(range, low, high)), kept))
-        priorities.add_box(graph, [*projected, merged, kept])
+    pieces, priorities = _add_boxes(graph, tasks, edge, view, array.numblocks, token)
     picture = _add_tree(graph, pieces, f"merge_pieces-{token}")
     layer = MaterializedLayer(graph, {"priority": priorities})
     return dask.compute(Delayed(picture, HighLevelGraph({token: layer}, {token: set()}), layer=token))[0]
+
+
+def _add_boxes(
+    graph: dict[Any, Any], tasks: dict[_Place, Any], edge: int, view: _View, numblocks: _Place, token: str
+) -> tuple[list[Any], "_Priorities"]:
+    """Adds the tasks that merge boxes of `edge` chunks a side, with the seams between them and those before, and returns
+    them. `tasks` are those that project the chunks."""
+    pieces, ends, priorities = [], {}, _Priorities()
+    shared = f"view-{token}"
+    argument = shared if shared in graph else view
+    for low in product(*(range(0, length, edge) for length in numblocks)):
+        high = np.minimum(np.add(low, edge), numblocks).tolist()
+        places = list(product(*map(range, low, high)))
+        outside = product(*(range(max(n - (axis in view.seams), 0), high[axis]) for axis, n in enumerate(low)))
+        projected = list(dict.fromkeys(tasks[place] for place in places))
+        before = list(dict.fromkeys(ends[place] for place in outside if place in ends))
+        merge, keep = (f"merge_chunks-{token}", *low), (f"get_ends-{token}", *low)
+        graph[merge] = (merge_chunks, projected, before, low, high, argument)
+        outer = [axis for axis in view.seams if high[axis] < numblocks[axis]]
+        if outer:
+            graph[keep] = (get_ends, projected, high, outer)
+            ends.update(dict.fromkeys(places, keep))
+        pieces.append(merge)
+        priorities.add_box(graph, [*projected, merge, keep])
+    return pieces, priorities
 
 
 class _Priorities:
@@ -261,7 +272,7 @@ class _Priorities:
 
 
 def _project_each(array: dask.array.Array, view: _View, token: str) -> tuple[dict[Any, Any], dict[_Place, Any]]:
-    """A graph that projects each chunk in the task that reads it, and the task of each chunk."""
+    """A graph that projects each chunk in the task that reads it, and has the view once, and the task of each chunk."""
     shared = dask.delayed(view, name=f"view-{token}", traverse=False)
     projected = array.map_blocks(
         project_chunk, view=shared, name=f"project_chunks-{token}", dtype=object, meta=np.empty((0, 0, 0), object)
