@@ -431,7 +431,7 @@ def _project_parts(parts: Iterable[tuple[np.ndarray, Sequence[int]]], view: _Vie
             projection.Update()
             output = projection.GetOutput()
             column, row = output.GetLargestPossibleRegion().GetIndex()
-            pieces.append(_Piece(row, column, itk.array_from_image(output)))
+            pieces.append(_Piece(row, column, itk.array_from_image(output, update=False)))
         yield pieces
 
 
