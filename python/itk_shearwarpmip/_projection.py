@@ -218,9 +218,9 @@ def _project(volume: Volume, transforms: Sequence[Any], oversampling: int) -> _P
         edge = 2
         graph, tasks = _project_each(array, view, token)
     pieces, priorities = _add_boxes(graph, tasks, edge, view, array.numblocks, token)
-    picture = _add_tree(graph, pieces, f"merge_pieces-{token}")
+    last = _add_tree(graph, pieces, f"merge_pieces-{token}")
     layer = MaterializedLayer(graph, {"priority": priorities})
-    return dask.compute(Delayed(picture, HighLevelGraph({token: layer}, {token: set()}), layer=token))[0]
+    return dask.compute(Delayed(last, HighLevelGraph({token: layer}, {token: set()}), layer=token))[0]
 
 
 def _add_boxes(
@@ -230,7 +230,7 @@ def _add_boxes(
     them. `tasks` are those that project the chunks."""
     pieces, ends, priorities = [], {}, _Priorities()
     shared = f"view-{token}"
-    argument = shared if shared in graph else view
+    of_view = shared if shared in graph else view
     for low in product(*(range(0, length, edge) for length in numblocks)):
         high = np.minimum(np.add(low, edge), numblocks).tolist()
         places = list(product(*map(range, low, high)))
@@ -238,7 +238,7 @@ def _add_boxes(
         projected = list(dict.fromkeys(tasks[place] for place in places))
         before = list(dict.fromkeys(ends[place] for place in outside if place in ends))
         merge, keep = (f"merge_chunks-{token}", *low), (f"get_ends-{token}", *low)
-        graph[merge] = (merge_chunks, projected, before, low, high, argument)
+        graph[merge] = (merge_chunks, projected, before, low, high, of_view)
         outer = [axis for axis in view.seams if high[axis] < numblocks[axis]]
         if outer:
             graph[keep] = (get_ends, projected, high, outer)
@@ -272,7 +272,8 @@ class _Priorities:
 
 
 def _project_each(array: dask.array.Array, view: _View, token: str) -> tuple[dict[Any, Any], dict[_Place, Any]]:
-    """A graph that projects each chunk in the task that reads it, and has the view once, and the task of each chunk."""
+    """A graph that projects each chunk in the task that reads it, with the view once for all, and the task of each
+    chunk."""
     shared = dask.delayed(view, name=f"view-{token}", traverse=False)
     projected = array.map_blocks(
         project_chunk, view=shared, name=f"project_chunks-{token}", dtype=object, meta=np.empty((0, 0, 0), object)
