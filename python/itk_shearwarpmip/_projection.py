@@ -310,8 +310,11 @@ def _add_tree(graph: dict[Any, Any], pieces: list[Any], name: str) -> Any:
 def _find_owners(array: dask.array.Array) -> dict[_Place, tuple[str, int]]:
     """The worker that has each chunk, and the number of its threads, if all are futures in the memory of a cluster; else
     nothing."""
-    graph = array.__dask_graph__()
-    chunks = {place: graph[array.name, *place] for place in np.ndindex(array.numblocks)}
+    layer = array.__dask_graph__().layers.get(array.name)
+    # others would be made here for nothing
+    if not isinstance(layer, MaterializedLayer):
+        return {}
+    chunks = {place: layer[array.name, *place] for place in np.ndindex(array.numblocks)}
     clients = {getattr(chunk, "client", None) for chunk in chunks.values()}
     if len(clients) > 1 or None in clients:
         return {}
