@@ -18,18 +18,27 @@
 #ifndef itkShearWarpBaseImageFilter_h
 #define itkShearWarpBaseImageFilter_h
 
+#include "itkDataObjectDecorator.h"
 #include "itkImageToImageFilter.h"
+#include "itkMultiThreaderBase.h"
 #include "itkShearWarpFactorization.h"
 #include "itkShearWarpProjector.h"
 
 #include <chrono>
+#include <cstring>
+#include <optional>
 #include <string>
+#include <vector>
 
 namespace itk
 {
 /** \class ShearWarpBaseImageFilter
  * \brief What all filters have in common that project 3D images by shear-warp factorization: the prepared volume, its
  * projector, and their threads.
+ *
+ * Observers may change how many threads there are and release the prepared volume during an update: that takes effect
+ * after it. An update ends with an exception if an observer changes a parameter, an input or an output. Only the memory
+ * of voxels must not be allocated again meanwhile.
  *
  * \tparam TInputImage An Image of dimension 3 of any arithmetic pixel type but bool and long double.
  * \tparam TOutputImage An Image of the same pixel type.
@@ -95,19 +104,21 @@ public:
   /** Seconds that the last update took to project the volume to intermediate images. */
   itkGetConstMacro(ProjectionSeconds, double);
 
-  /** Frees the memory of the prepared volume; a later update prepares it again if it needs to. */
-  virtual void
-  ReleasePreparedVolume()
-  {
-    m_PreparedVolume.Release();
-  }
+  /** Frees the memory that is kept for the next update: of the prepared volume, a mask's, and the intermediate images.
+   * A later update prepares them again if it needs to. During an update it waits for the end. */
+  void
+  ReleasePreparedVolume();
 
-  /** Bytes that the prepared volume, and a mask's, hold beside the inputs. */
+  /** Bytes that are held beside inputs and outputs: what ReleasePreparedVolume() frees. Not for observers of an update.
+   */
   virtual SizeValueType
   GetPreparedVolumeSizeInBytes() const
   {
-    return m_PreparedVolume.GetSizeInBytes();
+    return m_PreparedVolume.GetSizeInBytes() + m_Projector.GetSizeInBytes();
   }
+
+  void
+  UpdateOutputInformation() override;
 
 protected:
   using Kernels = ShearWarp::Kernels<InputPixelType>;
@@ -123,6 +134,51 @@ protected:
   void
   EnlargeOutputRequestedRegion(DataObject * output) override;
 
+  /** Calls GeneratePixels(), for which number of threads, parameters, inputs and outputs do not change. */
+  void
+  GenerateData() override;
+
+  /** Gives the outputs, which are allocated, their pixels. */
+  virtual void
+  GeneratePixels() = 0;
+
+  /** Frees what the next update would make again. */
+  virtual void
+  ReleaseMemory();
+
+  /** All parameters, and the input's region, as numbers. */
+  virtual std::vector<double>
+  GetSettings() const;
+
+  static void
+  AddRegion(const ImageRegion<3> & region, std::vector<double> & settings);
+
+  /** What an update depends on. Data objects live while it is held. */
+  struct State
+  {
+    std::vector<DataObject::Pointer> inputs, outputs;
+    std::vector<double>              settings;
+  };
+
+  virtual State
+  GetState();
+
+  /** Throws ExceptionObject if an observer changed what the update depends on. */
+  void
+  VerifyUnchanged();
+
+  void
+  RequireUnchanged(bool isUnchanged) const;
+
+  /** Throws ExceptionObject if there is an input beside the first that has a number, not a name. */
+  void
+  VerifyOneInput() const;
+
+  /** Throws ExceptionObject if the input of that name is not a \a TObject. */
+  template <typename TObject>
+  void
+  VerifyInputType(const DataObject::DataObjectIdentifierType & name, const std::string & purpose) const;
+
   void
   PrintSelf(std::ostream & os, Indent indent) const override;
 
@@ -130,10 +186,17 @@ protected:
   void
   VerifyInputGeometry() const;
 
-  /** Throws ExceptionObject if \a image, the input of that name, does not have the voxels that were requested. */
-  template <typename TPixel>
-  void
-  VerifyVoxels(const char * name, const Image<TPixel, 3> * image) const;
+  /** Throws ExceptionObject if \a image, the input of that name, does not have the voxels that were requested. They
+   * stay in memory while what it returns does. */
+  template <typename TPixel, unsigned int VDimension>
+  typename Image<TPixel, VDimension>::PixelContainerConstPointer
+  VerifyVoxels(const std::string & name, const Image<TPixel, VDimension> * image) const;
+
+  /** Throws ExceptionObject if \a output does not have \a count pixels. They stay in memory while what it returns does.
+   */
+  template <typename TPixel, unsigned int VDimension>
+  typename Image<TPixel, VDimension>::PixelContainerPointer
+  VerifyPixels(Image<TPixel, VDimension> * output, SizeValueType count) const;
 
   /** Chooses the kernels, and forgets the last update's measurements. */
   const Kernels &
@@ -145,8 +208,17 @@ protected:
     return std::chrono::duration<double>(Clock::now() - start).count();
   }
 
+  /** How many threads the update has. */
   SizeValueType
-  GetNumberOfWorkers();
+  GetNumberOfWorkers() const
+  {
+    return m_NumberOfWorkers;
+  }
+
+  /** How many of the slices along z of an image of \a size voxels are transposed at once, where they are not kept; at
+   * least \a least for each thread. */
+  std::ptrdiff_t
+  GetSlabLength(const Size<3> & size, std::ptrdiff_t least) const;
 
   /** Calls \a process(n, step, worker) in parallel for each n of [0, count) and, one after the other, each step of
    * [0, steps); calls with the same worker, less than GetNumberOfWorkers(), do not overlap. Adds \a progressWeight to
@@ -165,8 +237,23 @@ protected:
   double                m_ProjectionSeconds{ 0.0 };
 
 private:
+  /** As bits: a parameter can be not-a-number. */
+  static bool
+  AreSame(const std::vector<double> & a, const std::vector<double> & b)
+  {
+    return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(double)) == 0;
+  }
+
   std::string  m_InstructionSet{ "portable" };
   unsigned int m_PrincipalAxis{ 2 };
+
+  std::vector<double> m_SettingsOfOutputs; // by which the outputs' geometry was made
+
+  // of the update
+  std::optional<State>       m_State;
+  MultiThreaderBase::Pointer m_UpdateThreader;
+  SizeValueType              m_NumberOfWorkers{ 1 };
+  bool                       m_IsReleaseWanted{ false };
 };
 } // namespace itk
 

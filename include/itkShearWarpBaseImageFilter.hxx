@@ -24,6 +24,8 @@
 #include <exception>
 #include <mutex>
 #include <stdexcept>
+#include <typeinfo>
+#include <utility>
 
 namespace itk
 {
@@ -32,6 +34,7 @@ void
 ShearWarpBaseImageFilter<TInputImage, TOutputImage>::VerifyPreconditions() ITKv5_CONST
 {
   Superclass::VerifyPreconditions();
+  this->template VerifyInputType<InputImageType>("Primary", "the 3D image that is projected");
   ShearWarpFactorization::VerifyOversampling(m_Oversampling);
   if (m_ReducedResampling > ReducedResamplingEnum::Auto)
   {
@@ -70,21 +73,195 @@ ShearWarpBaseImageFilter<TInputImage, TOutputImage>::EnlargeOutputRequestedRegio
 }
 
 template <typename TInputImage, typename TOutputImage>
-template <typename TPixel>
 void
-ShearWarpBaseImageFilter<TInputImage, TOutputImage>::VerifyVoxels(const char *             name,
-                                                                  const Image<TPixel, 3> * image) const
+ShearWarpBaseImageFilter<TInputImage, TOutputImage>::VerifyOneInput() const
+{
+  for (ProcessObject::DataObjectPointerArraySizeType n = 1; n < this->GetNumberOfIndexedInputs(); ++n)
+  {
+    if (this->ProcessObject::GetInput(n))
+    {
+      itkExceptionMacro(
+        "Input " << n << " is for nothing: input 0 is the 3D image that is projected, and others have names.");
+    }
+  }
+}
+
+template <typename TInputImage, typename TOutputImage>
+template <typename TObject>
+void
+ShearWarpBaseImageFilter<TInputImage, TOutputImage>::VerifyInputType(const DataObject::DataObjectIdentifierType & name,
+                                                                     const std::string & purpose) const
+{
+  const DataObject * object = this->ProcessObject::GetInput(name);
+  if (object && !dynamic_cast<const TObject *>(object))
+  {
+    itkExceptionMacro("Input " << name << " is for " << purpose << ", not for an object of class "
+                               << object->GetNameOfClass() << " (" << typeid(*object).name() << ").");
+  }
+}
+
+template <typename TInputImage, typename TOutputImage>
+template <typename TPixel, unsigned int VDimension>
+auto
+ShearWarpBaseImageFilter<TInputImage, TOutputImage>::VerifyVoxels(const std::string &               name,
+                                                                  const Image<TPixel, VDimension> * image) const ->
+  typename Image<TPixel, VDimension>::PixelContainerConstPointer
 {
   const auto &        buffered = image->GetBufferedRegion();
   const auto *        voxels = image->GetPixelContainer();
   const SizeValueType available = voxels ? voxels->Size() : 0;
+  // a product of the lengths can overflow
+  SizeValueType rest = available;
+  for (const SizeValueType length : buffered.GetSize())
+  {
+    rest /= std::max<SizeValueType>(length, 1);
+  }
   if (!buffered.IsInside(image->GetRequestedRegion()) || !image->GetLargestPossibleRegion().IsInside(buffered) ||
-      available < buffered.GetNumberOfPixels())
+      rest == 0)
   {
     itkExceptionMacro("The " << name << " must be buffered where it is requested, but there are " << available
                              << " voxels, its buffered region is " << buffered << " and its requested region is "
                              << image->GetRequestedRegion());
   }
+  return voxels;
+}
+
+template <typename TInputImage, typename TOutputImage>
+template <typename TPixel, unsigned int VDimension>
+auto
+ShearWarpBaseImageFilter<TInputImage, TOutputImage>::VerifyPixels(Image<TPixel, VDimension> * output,
+                                                                  SizeValueType               count) const ->
+  typename Image<TPixel, VDimension>::PixelContainerPointer
+{
+  auto * pixels = output->GetPixelContainer();
+  if (!pixels || pixels->Size() < count)
+  {
+    itkExceptionMacro("An output must not change during an update: it has " << (pixels ? pixels->Size() : 0)
+                                                                            << " pixels of " << count << '.');
+  }
+  return pixels;
+}
+
+template <typename TInputImage, typename TOutputImage>
+void
+ShearWarpBaseImageFilter<TInputImage, TOutputImage>::ReleasePreparedVolume()
+{
+  m_IsReleaseWanted = m_State.has_value();
+  if (!m_IsReleaseWanted)
+  {
+    this->ReleaseMemory();
+  }
+}
+
+template <typename TInputImage, typename TOutputImage>
+void
+ShearWarpBaseImageFilter<TInputImage, TOutputImage>::ReleaseMemory()
+{
+  m_PreparedVolume.Release();
+  m_Projector.Release();
+}
+
+template <typename TInputImage, typename TOutputImage>
+std::vector<double>
+ShearWarpBaseImageFilter<TInputImage, TOutputImage>::GetSettings() const
+{
+  std::vector<double> settings{ static_cast<double>(m_ReducedResampling), static_cast<double>(m_Oversampling) };
+  if (const InputImageType * input = this->GetInput())
+  {
+    AddRegion(input->GetLargestPossibleRegion(), settings);
+    settings.insert(settings.end(), input->GetSpacing().Begin(), input->GetSpacing().End());
+    settings.insert(settings.end(), input->GetOrigin().Begin(), input->GetOrigin().End());
+    const auto & direction = input->GetDirection().GetVnlMatrix();
+    settings.insert(settings.end(), direction.begin(), direction.end());
+  }
+  // one that has a source is made after this is first asked for
+  const auto * view =
+    dynamic_cast<const DataObjectDecorator<TransformType> *>(this->ProcessObject::GetInput("Transform"));
+  if (view && !view->GetSource() && view->Get())
+  {
+    // no two changes of objects have the same time
+    settings.push_back(static_cast<double>(view->Get()->GetMTime()));
+  }
+  return settings;
+}
+
+template <typename TInputImage, typename TOutputImage>
+void
+ShearWarpBaseImageFilter<TInputImage, TOutputImage>::AddRegion(const ImageRegion<3> & region,
+                                                               std::vector<double> &  settings)
+{
+  for (unsigned int axis = 0; axis < 3; ++axis)
+  {
+    settings.insert(settings.end(),
+                    { static_cast<double>(region.GetIndex(axis)), static_cast<double>(region.GetSize(axis)) });
+  }
+}
+
+template <typename TInputImage, typename TOutputImage>
+auto
+ShearWarpBaseImageFilter<TInputImage, TOutputImage>::GetState() -> State
+{
+  return { this->GetInputs(), this->GetOutputs(), this->GetSettings() };
+}
+
+template <typename TInputImage, typename TOutputImage>
+void
+ShearWarpBaseImageFilter<TInputImage, TOutputImage>::RequireUnchanged(bool isUnchanged) const
+{
+  if (!isUnchanged)
+  {
+    itkExceptionMacro("Parameters, inputs and outputs must not change during an update.");
+  }
+}
+
+template <typename TInputImage, typename TOutputImage>
+void
+ShearWarpBaseImageFilter<TInputImage, TOutputImage>::UpdateOutputInformation()
+{
+  Superclass::UpdateOutputInformation();
+  m_SettingsOfOutputs = this->GetSettings();
+}
+
+template <typename TInputImage, typename TOutputImage>
+void
+ShearWarpBaseImageFilter<TInputImage, TOutputImage>::VerifyUnchanged()
+{
+  const State state = this->GetState();
+  this->RequireUnchanged(state.inputs == m_State->inputs && state.outputs == m_State->outputs &&
+                         AreSame(state.settings, m_State->settings));
+}
+
+template <typename TInputImage, typename TOutputImage>
+void
+ShearWarpBaseImageFilter<TInputImage, TOutputImage>::GenerateData()
+{
+  // an observer may have changed what was verified
+  this->VerifyPreconditions();
+  this->VerifyInputInformation();
+  this->RequireUnchanged(AreSame(this->GetSettings(), m_SettingsOfOutputs));
+  m_NumberOfWorkers = std::min(this->GetNumberOfWorkUnits(), this->GetMultiThreader()->GetMaximumNumberOfThreads());
+  // one that no observer has
+  m_UpdateThreader = dynamic_cast<MultiThreaderBase *>(this->GetMultiThreader()->CreateAnother().GetPointer());
+  m_UpdateThreader->SetMaximumNumberOfThreads(this->GetMultiThreader()->GetMaximumNumberOfThreads());
+  m_State = this->GetState();
+  const auto end = [this] {
+    m_State.reset();
+    if (m_IsReleaseWanted)
+    {
+      this->ReleasePreparedVolume();
+    }
+  };
+  try
+  {
+    this->AllocateOutputs();
+    this->GeneratePixels();
+  }
+  catch (...)
+  {
+    end();
+    throw;
+  }
+  end();
 }
 
 template <typename TInputImage, typename TOutputImage>
@@ -108,10 +285,14 @@ ShearWarpBaseImageFilter<TInputImage, TOutputImage>::BeginUpdate(const ShearWarp
 }
 
 template <typename TInputImage, typename TOutputImage>
-SizeValueType
-ShearWarpBaseImageFilter<TInputImage, TOutputImage>::GetNumberOfWorkers()
+std::ptrdiff_t
+ShearWarpBaseImageFilter<TInputImage, TOutputImage>::GetSlabLength(const Size<3> & size, std::ptrdiff_t least) const
 {
-  return std::min(this->GetNumberOfWorkUnits(), this->GetMultiThreader()->GetMaximumNumberOfThreads());
+  // they stay in the cache
+  constexpr std::ptrdiff_t bytes = 1 << 21;
+  const auto               sliceBytes =
+    static_cast<std::ptrdiff_t>(std::max<SizeValueType>(size[0] * size[1], 1) * sizeof(InputPixelType));
+  return std::max(bytes / sliceBytes, least) * static_cast<std::ptrdiff_t>(this->GetNumberOfWorkers());
 }
 
 template <typename TInputImage, typename TOutputImage>
@@ -122,9 +303,8 @@ ShearWarpBaseImageFilter<TInputImage, TOutputImage>::Parallelize(SizeValueType  
                                                                  float             progressWeight,
                                                                  const TFunction & process)
 {
-  const SizeValueType workers = std::min(count, this->GetNumberOfWorkers());
-  MultiThreaderBase * multiThreader = this->GetMultiThreader();
-  multiThreader->SetNumberOfWorkUnits(static_cast<ThreadIdType>(workers));
+  const SizeValueType workers = std::min(count, m_NumberOfWorkers);
+  m_UpdateThreader->SetNumberOfWorkUnits(static_cast<ThreadIdType>(workers));
   // ITK's reporters invoke events in their destructors, out of which no observer may throw; its threads lose exceptions
   const SizeValueType        reportedSteps = (count * steps + 99) / 100;
   const float                stepWeight = progressWeight / static_cast<float>(count * steps);
@@ -154,7 +334,7 @@ ShearWarpBaseImageFilter<TInputImage, TOutputImage>::Parallelize(SizeValueType  
       this->IncrementProgress(stepWeight * static_cast<float>(done));
     }
   };
-  multiThreader->ParallelizeArray(
+  m_UpdateThreader->ParallelizeArray(
     0,
     workers,
     [&](SizeValueType worker) {
@@ -174,6 +354,7 @@ ShearWarpBaseImageFilter<TInputImage, TOutputImage>::Parallelize(SizeValueType  
   {
     std::rethrow_exception(exception);
   }
+  this->VerifyUnchanged();
 }
 
 template <typename TInputImage, typename TOutputImage>

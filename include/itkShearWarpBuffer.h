@@ -21,9 +21,22 @@
 #include "ShearWarpMIPExport.h"
 
 #include <cstddef>
+#include <vector>
 
 namespace itk
 {
+namespace ShearWarp
+{
+template <typename TElement>
+std::size_t
+CountBytes(const std::vector<TElement> & elements)
+{
+  const auto * begin = reinterpret_cast<const char *>(elements.data());
+  const auto * end = reinterpret_cast<const char *>(elements.data() + elements.capacity());
+  return static_cast<std::size_t>(end - begin);
+}
+} // namespace ShearWarp
+
 /** \class ShearWarpBuffer
  * \brief Uninitialized memory that begins at a cache line, in huge pages where the system offers them.
  * \ingroup ShearWarpMIP

@@ -23,6 +23,7 @@
 #include "itkShearWarpKernels.h"
 #include "itkTransform.h"
 
+#include <functional>
 #include <vector>
 
 namespace itk
@@ -45,6 +46,77 @@ struct IntermediateGrid
 ShearWarpMIP_EXPORT
 std::vector<SlicePlacement>
 PlacePart(const IntermediateGrid & grid, const Corner & corner, std::ptrdiff_t slices);
+
+/** View transforms, made one by one: those of a long series would take much memory. */
+struct ViewList
+{
+  SizeValueType                                                       count;
+  std::function<Transform<double, 3, 3>::ConstPointer(SizeValueType)> get;
+};
+
+/** A grid in the view plane. */
+struct ViewGrid
+{
+  Vector<double, 2> size, spacing;
+  Point<double, 2>  origin;
+};
+
+/** The grid of pictures of \a image in all of \a views: that what is to be fitted holds the image's voxels, with the
+ * smallest of ShearWarpFactorization::ComputeProjectedSpacing(); the rest as \a given. */
+ShearWarpMIP_EXPORT
+ViewGrid
+FitGrid(const ViewList &     views,
+        const ImageBase<3> * image,
+        const ViewGrid &     given,
+        bool                 fitSize,
+        bool                 fitSpacing,
+        bool                 fitOrigin);
+
+/** Depths of a view. */
+struct DepthRange
+{
+  double nearest, farthest;
+};
+
+/** The depths of \a image from \a slab.nearest to \a slab.farthest. A slab without thickness, or beside the image, has
+ * a thousandth of the image's depth. */
+ShearWarpMIP_EXPORT
+DepthRange
+ClipDepths(const Transform<double, 3, 3> * view, const ImageBase<3> * image, const DepthRange & slab);
+
+/** The least depth of the sphere about the image's centre that holds all of its voxels: but for rounding errors the
+ * same for all views that are turned about that centre. */
+ShearWarpMIP_EXPORT
+double
+FindSphereDepth(const Transform<double, 3, 3> * view, const ImageBase<3> * image);
+
+/** A picture in physical space: column, row and depth are at origin + steps (column, row, depth). */
+struct PictureSpace
+{
+  Point<double, 3>     origin;
+  Matrix<double, 3, 3> steps;
+
+  ShearWarpMIP_EXPORT
+  Point<double, 3>
+  operator()(double column, double row, double depth) const;
+};
+
+ShearWarpMIP_EXPORT
+PictureSpace
+MakePictureSpace(const Transform<double, 3, 3> * view, const ImageBase<2> * grid);
+
+/** Where an image lies in physical space. */
+struct SliceGeometry
+{
+  Vector<double, 3>    spacing;
+  Point<double, 3>     origin;
+  Matrix<double, 3, 3> direction;
+};
+
+/** A picture as a slice in physical space, in the middle of \a depths and as thick. */
+ShearWarpMIP_EXPORT
+SliceGeometry
+MakeSliceGeometry(const Transform<double, 3, 3> * view, const ImageBase<2> * grid, const DepthRange & depths);
 } // namespace ShearWarp
 
 /** \class ShearWarpFactorization
@@ -172,6 +244,10 @@ public:
    * column, row and slice. */
   ShearWarp::ShearedFunction
   GetShearedFunction(const Vector4Type & ofView) const;
+
+  /** A function of sheared column, row and slice as one of the columns and rows of element \a phase of GetPhases(). */
+  ShearWarp::ShearedFunction
+  GetFunctionOfPhase(ShearWarp::ShearedFunction function, std::size_t phase) const;
 
   /** The depth w, as a function of sheared column, row and slice. */
   ShearWarp::ShearedFunction

@@ -243,6 +243,43 @@ ShearWarpMIP_EXPORT
 ColumnSpan
 ClipColumns(const ShearedFunction & function, double low, double high, double row, double slice, ColumnSpan span);
 
+/** exp(-\a x) for 0 <= x, or 0 where that is less than exp(-708): from IEEE operations alone, so that every computer
+ * has the same bits. It is exactly 1 at 0, never rises with x, and its relative error is below 2^-52. */
+ShearWarpMIP_EXPORT
+double
+Decay(double x);
+
+/** How samples fade: those of depth w by exp(-rate (w - begin)), those before `begin` not at all. */
+struct Fading
+{
+  double rate, begin;
+};
+
+/** exp(-rate |perColumn| n) for n = 0 to \a columns: the first column is the nearest if \a perColumn, of the depth, is
+ * not negative, else the last one. */
+ShearWarpMIP_EXPORT
+std::vector<double>
+MakeFadeFactors(const Fading & fading, double perColumn, std::ptrdiff_t columns);
+
+/** The part of a row that fades, and what fadeRow needs for it: the fading of its nearest sample, and the column of the
+ * first of the factors. */
+struct FadingRow
+{
+  ColumnSpan   span;
+  std::int32_t first;
+  double       factor;
+};
+
+/** For a row of a slice that reaches the columns of \a span, of which there are less than \a factors. */
+ShearWarpMIP_EXPORT
+FadingRow
+MakeFadingRow(const Fading &          fading,
+              const ShearedFunction & depth,
+              double                  row,
+              double                  slice,
+              ColumnSpan              span,
+              std::size_t             factors);
+
 /** Affine map (x, y) -> (xx x + xy y + x0, yx x + yy y + y0). */
 struct AffineMap2D
 {
@@ -333,9 +370,10 @@ struct Kernels
   /** Writes the samples of columns [span.begin, span.end), which the row reaches, to `samples[span.begin]` and on. */
   void (*sampleRow)(const SliceRow<TPixel> & row, ColumnSpan span, TPixel * samples);
 
-  /** Fades samples [span.begin, span.end) to \a background: those of column p come to
-   * `background + (sample - background) * min(factor * factors[p - first], 1)`, computed in double and rounded half
-   * upward to the pixel type. */
+  /** Fades samples [span.begin, span.end) to \a background, which is finite: those of column p come to
+   * `background + (sample - background) * (factor * factors[p - first])`, computed in double and rounded half
+   * upward to the pixel type; to a value that lies between the two. One whose difference from the background is
+   * infinite stays as it is. Factors are from 0 to 1. */
   void (*fadeRow)(const double * factors,
                   std::int32_t   first,
                   double         factor,
@@ -372,16 +410,18 @@ SampleMaskedRow(const Kernels<TPixel> &  kernels,
                 TPixel *                 samples,
                 std::uint8_t *           counted);
 
-/** For columns [0, columns) of row \a row of an output image, the slice of that intermediate pixel which has the
- * largest weight in its interpolation, or NoSlice. */
+/** For columns [0, columns) of row \a row of an output image, \a depth on the pixel's own ray, in the slice of that
+ * intermediate pixel which has the largest weight in its interpolation; or not-a-number. */
 template <typename TPixel>
 ShearWarpMIP_EXPORT
 void
-FindNearestSlices(const IntermediateImage<TPixel> & intermediate,
-                  const AffineMap2D &               outputToIntermediate,
-                  std::ptrdiff_t                    row,
-                  std::ptrdiff_t                    columns,
-                  std::int32_t *                    slices);
+FindDepths(const IntermediateImage<TPixel> & intermediate,
+           const AffineMap2D &               outputToIntermediate,
+           unsigned int                      oversampling,
+           const ShearedFunction &           depth,
+           std::ptrdiff_t                    row,
+           std::ptrdiff_t                    columns,
+           float *                           depths);
 
 /** The plain C++ kernels: the definition that the others are tested against. */
 template <typename TPixel>

@@ -21,7 +21,9 @@
 #include "itkShearWarpBaseImageFilter.h"
 #include "itkShearWarpRayProjector.h"
 
+#include <functional>
 #include <limits>
+#include <memory>
 #include <vector>
 
 namespace itk
@@ -30,9 +32,9 @@ namespace itk
  * \brief What the filters that project 3D images along rays have in common: their parameters, and the projection of any
  * number of views onto one grid.
  *
- * Views of one principal axis are projected together, as many as IntermediateMemory has room for, so that the volume is
- * read once for all of them, and views from opposite sides share an intermediate image. What needs rays from front to
- * back is projected one view after the other. Each view has the bits that it has alone.
+ * Views of one principal axis are projected together, as many as IntermediateMemory has room for and at most 256, so
+ * that the volume is read once for all of them, and views from opposite sides share an intermediate image. What needs
+ * rays from front to back is projected one view after the other. Each view has the bits that it has alone.
  *
  * \tparam TInputImage An Image of dimension 3 of any arithmetic pixel type but bool and long double.
  * \tparam TOutputImage An Image of the same pixel type, of dimension 2 or 3.
@@ -144,8 +146,10 @@ public:
   itkGetConstReferenceMacro(LocalMaximumThreshold, InputPixelType);
 
   /** How fast samples fade with depth, in 1 / unit of view space: one of value v at depth w takes part as
-   * DefaultPixelValue + (v - DefaultPixelValue) exp(-DepthAttenuation (w - w0)), where w0 is SlabNear or, if that is
-   * less, the depth where the image begins. 0, none, by default. */
+   * DefaultPixelValue + (v - DefaultPixelValue) f, where f = exp(-DepthAttenuation (w - w0)) and w0 is SlabNear or, if
+   * that is less, the least depth of the sphere about the image's centre that holds the image, so that all views of a
+   * turn about that centre have the same. Any finite rate that is not negative will do; 0, none, by default.
+   * DefaultPixelValue must be finite where samples fade. */
   itkSetMacro(DepthAttenuation, double);
   itkGetConstMacro(DepthAttenuation, double);
 
@@ -164,30 +168,25 @@ public:
   GetDepthOutput() const;
 
   /** In how many slabs along the input's z axis its voxels are requested, one after the other; 1 by default. The output
-   * has the same bits. Slabs have at least eight slices. If there are more than one nothing prepared is kept, and each
+   * has the same bits. Slabs have at least eight slices. If there are more than one nothing is kept, and each
    * update gets all of them again. */
   itkSetMacro(NumberOfStreamDivisions, unsigned int);
   itkGetConstMacro(NumberOfStreamDivisions, unsigned int);
 
   /** The most memory, in bytes, that intermediate images of views which are projected together may take: each view has
-   * one for each thread. A view that needs more is projected alone. 1 GiB by default. */
+   * one for each thread. A view that needs more is projected alone; more than 256 are never together. 1 GiB by default.
+   */
   itkSetMacro(IntermediateMemory, SizeValueType);
   itkGetConstMacro(IntermediateMemory, SizeValueType);
 
   /** Seconds that the last update took to warp intermediate images to the output. */
   itkGetConstMacro(WarpSeconds, double);
 
-  void
-  ReleasePreparedVolume() override
-  {
-    Superclass::ReleasePreparedVolume();
-    m_PreparedMask.Release();
-  }
-
   SizeValueType
   GetPreparedVolumeSizeInBytes() const override
   {
-    return Superclass::GetPreparedVolumeSizeInBytes() + m_PreparedMask.GetSizeInBytes();
+    return Superclass::GetPreparedVolumeSizeInBytes() + m_PreparedMask.GetSizeInBytes() +
+           m_RayProjector.GetSizeInBytes();
   }
 
 protected:
@@ -203,12 +202,14 @@ protected:
     SizeValueType          number;
   };
 
+  using ViewList = ShearWarp::ViewList;
+
   ShearWarpMIPBaseImageFilter() = default;
   ~ShearWarpMIPBaseImageFilter() override = default;
 
   /** The view transforms, from view space to the image's physical space: linear and invertible, at least one. Their
    * pictures follow each other in the output. */
-  virtual std::vector<TransformConstPointer>
+  virtual ViewList
   MakeViews() const = 0;
 
   /** Gives an output its geometry. */
@@ -221,10 +222,6 @@ protected:
   {
     return m_Grid;
   }
-
-  /** Where depths of a view are less, and where they are greater, no sample counts. */
-  void
-  GetDepthRange(const TransformType * transform, double & nearest, double & farthest) const;
 
   /** Whether rays take samples in any order and all of them. */
   bool
@@ -247,7 +244,18 @@ protected:
   GenerateInputRequestedRegion() override;
 
   void
-  GenerateData() override;
+  GeneratePixels() override;
+
+  void
+  ReleaseMemory() override
+  {
+    Superclass::ReleaseMemory();
+    m_PreparedMask.Release();
+    m_RayProjector.Release();
+  }
+
+  std::vector<double>
+  GetSettings() const override;
 
   using Superclass::MakeOutput;
   DataObject::Pointer
@@ -259,35 +267,52 @@ protected:
 private:
   using RayProjectorType = ShearWarpRayProjector<InputPixelType>;
 
-  /** Views with the same intermediate image. */
-  using Projection = std::vector<const View *>;
-  using Group = std::vector<Projection>;
+  /** The numbers of views with the same intermediate image. */
+  using Projection = std::vector<SizeValueType>;
+
+  /** What is projected together. */
+  struct Group
+  {
+    unsigned int            axis;
+    std::vector<Projection> projections;
+  };
 
   typename RayProjectorType::Parameters
   MakeRayParameters(const View & view, const Kernels & kernels) const;
 
-  /** What is projected together. */
-  std::vector<Group>
-  MakeGroups(const std::vector<View> & views);
+  static constexpr SizeValueType MostViewsTogether = 256;
 
-  /** Prepares the volume and projects it, slab by slab; \a share is the part of the progress. */
-  template <typename TProjector>
+  using FactorizeFunction = std::function<std::shared_ptr<const View>(SizeValueType)>;
+
+  /** Of \a count views. */
+  std::vector<Group>
+  MakeGroups(SizeValueType count, const FactorizeFunction & factorize) const;
+
+  /** Prepares the volume and the mask and has \a project(volume, mask, parallelize) project them, slab by slab; \a mask
+   * is null if there is none, \a share is the part of the progress. A transposed copy is kept only if \a isKept. */
+  template <typename TFunction>
   void
-  Project(TProjector & projector, unsigned int axis, bool isFirstSlabFirst, const Kernels & kernels, float share);
+  Project(const TFunction & project,
+          unsigned int      axis,
+          bool              isFirstSlabFirst,
+          bool              hasBlockMaxima,
+          bool              isKept,
+          const Kernels &   kernels,
+          float             share);
 
   /** Sets one of the output grid's parameters, which is no longer fitted then. */
   template <typename TParameter>
   void
   SetGridParameter(TParameter & parameter, bool & fit, const TParameter & value);
 
-  /** Of the input's region, slab \a n of GetNumberOfSlabs(): from and to which slice. */
+  /** Of the input's region, slab \a n of \a slabs: from and to which slice. */
   struct Slab
   {
     std::ptrdiff_t begin, end;
   };
 
   Slab
-  GetSlab(SizeValueType n) const;
+  GetSlab(SizeValueType n, SizeValueType slabs) const;
 
   SizeValueType
   GetNumberOfSlabs() const;
@@ -297,23 +322,26 @@ private:
   SetInputRequestedRegionToSlab(const Slab & slab);
 
   /** Makes the source of \a image, if that is not null, put the requested region into memory. */
-  static void
+  void
   UpdateSlab(DataObject * image)
   {
     if (image)
     {
       image->PropagateRequestedRegion();
       image->UpdateOutputData();
+      this->VerifyUnchanged();
     }
   }
 
+  /** The \a slab or, if that is null, all. The voxels stay in memory while what it returns does. */
   template <typename TPixel>
-  void
+  typename Image<TPixel, 3>::PixelContainerConstPointer
   Prepare(const char *                       name,
           const Image<TPixel, 3> *           image,
           ShearWarpPreparedVolume<TPixel> &  prepared,
           unsigned int                       axis,
-          const Slab &                       slab,
+          const Slab *                       slab,
+          bool                               hasBlockMaxima,
           const ShearWarp::Kernels<TPixel> & kernels,
           float                              progressWeight);
 

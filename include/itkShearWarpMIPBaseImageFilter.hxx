@@ -20,6 +20,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
+#include <unordered_map>
 
 namespace itk
 {
@@ -98,6 +100,7 @@ void
 ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::VerifyPreconditions() ITKv5_CONST
 {
   Superclass::VerifyPreconditions();
+  this->template VerifyInputType<MaskImageType>("MaskImage", "the mask, a 3D image of unsigned char");
   if (m_NumberOfStreamDivisions == 0)
   {
     itkExceptionMacro("NumberOfStreamDivisions must be positive, but it is 0.");
@@ -115,6 +118,11 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::VerifyPreconditions() IT
   if (!(m_DepthAttenuation >= 0.0 && std::isfinite(m_DepthAttenuation)))
   {
     itkExceptionMacro("DepthAttenuation must be finite and not negative, but it is " << m_DepthAttenuation << '.');
+  }
+  if (m_DepthAttenuation > 0.0 && !std::isfinite(static_cast<double>(m_DefaultPixelValue)))
+  {
+    itkExceptionMacro("DefaultPixelValue must be finite where samples fade to it, but it is " << m_DefaultPixelValue
+                                                                                              << '.');
   }
   if (m_LocalMaximumThreshold != m_LocalMaximumThreshold)
   {
@@ -172,39 +180,15 @@ void
 ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GenerateOutputInformation()
 {
   const InputImageType * input = this->GetInput();
-  const auto             views = this->MakeViews();
-  PhysicalPointType      lower;
-  PhysicalPointType      upper;
-  SpacingType            spacing;
-  for (const TransformConstPointer & view : views)
-  {
-    PhysicalPointType lowerOfView;
-    PhysicalPointType upperOfView;
-    ShearWarpFactorization::ComputeViewBounds(view, input, lowerOfView, upperOfView);
-    const SpacingType spacingOfView = ShearWarpFactorization::ComputeProjectedSpacing(view, input);
-    const bool        isFirst = &view == &views.front();
-    for (unsigned int axis = 0; axis < 2; ++axis)
-    {
-      lower[axis] = isFirst ? lowerOfView[axis] : std::min(lower[axis], lowerOfView[axis]);
-      upper[axis] = isFirst ? upperOfView[axis] : std::max(upper[axis], upperOfView[axis]);
-      spacing[axis] = isFirst ? spacingOfView[axis] : std::min(spacing[axis], spacingOfView[axis]);
-    }
-  }
-  spacing = m_FitOutputSpacing ? spacing : m_OutputSpacing;
-  OriginPointType   origin = m_OutputOrigin;
-  Vector<double, 2> size;
-  for (unsigned int axis = 0; axis < 2; ++axis)
-  {
-    const double start = m_FitOutputOrigin ? lower[axis] : origin[axis] - 0.5 * spacing[axis];
-    // an extent that exceeds whole pixels by rounding errors only needs no further pixel
-    const double fitted = std::max(1.0, std::ceil((upper[axis] - start) / spacing[axis] - 1e-6));
-    size[axis] = m_FitSize ? fitted : static_cast<double>(m_Size[axis]);
-    if (m_FitOutputOrigin)
-    {
-      origin[axis] = 0.5 * (lower[axis] + upper[axis]) - 0.5 * (size[axis] - 1.0) * spacing[axis];
-    }
-  }
-
+  const ViewList         views = this->MakeViews();
+  const double           givenSize[] = { static_cast<double>(m_Size[0]), static_cast<double>(m_Size[1]) };
+  const auto [size, spacing, origin] =
+    ShearWarp::FitGrid(views,
+                       input,
+                       { Vector<double, 2>(givenSize), m_OutputSpacing, m_OutputOrigin },
+                       m_FitSize,
+                       m_FitOutputSpacing,
+                       m_FitOutputOrigin);
   for (unsigned int axis = 0; axis < 2; ++axis)
   {
     if (!(spacing[axis] > 0.0 && std::isfinite(spacing[axis]) && std::isfinite(origin[axis])))
@@ -215,7 +199,7 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GenerateOutputInformatio
   }
 
   const double memory = ShearWarpBuffer::GetPhysicalMemory();
-  const double bytes = size[0] * size[1] * sizeof(OutputPixelType) * static_cast<double>(views.size());
+  const double bytes = size[0] * size[1] * sizeof(OutputPixelType) * static_cast<double>(views.count);
   if (!(bytes <= memory))
   {
     itkExceptionMacro("Size must fit in memory, but an output of size " << size << ", spacing " << spacing << ", takes "
@@ -236,31 +220,9 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GenerateOutputInformatio
 
 template <typename TInputImage, typename TOutputImage>
 void
-ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GetDepthRange(const TransformType * transform,
-                                                                      double &              nearest,
-                                                                      double &              farthest) const
-{
-  PhysicalPointType lower;
-  PhysicalPointType upper;
-  ShearWarpFactorization::ComputeViewBounds(transform, this->GetInput(), lower, upper);
-  nearest = std::max(lower[2], m_SlabNear);
-  farthest = std::min(upper[2], m_SlabFar);
-  if (!(nearest < farthest))
-  {
-    // a slab without thickness, or beside the image
-    nearest = std::isfinite(m_SlabNear) ? m_SlabNear : m_SlabFar;
-    farthest = std::isfinite(m_SlabFar) ? m_SlabFar : m_SlabNear;
-    const double missing = (upper[2] - lower[2]) * 1e-3 - (farthest - nearest);
-    nearest -= 0.5 * std::max(missing, 0.0);
-    farthest += 0.5 * std::max(missing, 0.0);
-  }
-}
-
-template <typename TInputImage, typename TOutputImage>
-void
 ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GenerateInputRequestedRegion()
 {
-  this->SetInputRequestedRegionToSlab(this->GetSlab(0));
+  this->SetInputRequestedRegionToSlab(this->GetSlab(0, this->GetNumberOfSlabs()));
 }
 
 template <typename TInputImage, typename TOutputImage>
@@ -289,101 +251,153 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GetNumberOfSlabs() const
 
 template <typename TInputImage, typename TOutputImage>
 auto
-ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GetSlab(SizeValueType n) const -> Slab
+ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GetSlab(SizeValueType n, SizeValueType slabs) const -> Slab
 {
-  const auto           slices = static_cast<std::ptrdiff_t>(this->GetInput()->GetLargestPossibleRegion().GetSize(2));
-  const std::ptrdiff_t blocks = ShearWarp::CountBlocks(slices);
-  const auto           slabs = static_cast<std::ptrdiff_t>(this->GetNumberOfSlabs());
-  const auto           getEnd = [=](std::ptrdiff_t count) {
-    return std::min(count * blocks / slabs * ShearWarp::BlockLength, slices);
+  const auto          slices = static_cast<std::ptrdiff_t>(this->GetInput()->GetLargestPossibleRegion().GetSize(2));
+  const SizeValueType blocks = ShearWarp::CountBlocks(slices);
+  const auto          getEnd = [=](SizeValueType count) {
+    return std::min(static_cast<std::ptrdiff_t>(count * blocks / slabs) * ShearWarp::BlockLength, slices);
   };
-  return { getEnd(static_cast<std::ptrdiff_t>(n)), getEnd(static_cast<std::ptrdiff_t>(n) + 1) };
+  return { getEnd(n), getEnd(n + 1) };
 }
 
 template <typename TInputImage, typename TOutputImage>
 template <typename TPixel>
-void
+auto
 ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::Prepare(const char *                       name,
                                                                 const Image<TPixel, 3> *           image,
                                                                 ShearWarpPreparedVolume<TPixel> &  prepared,
                                                                 unsigned int                       axis,
-                                                                const Slab &                       slab,
+                                                                const Slab *                       slab,
+                                                                bool                               hasBlockMaxima,
                                                                 const ShearWarp::Kernels<TPixel> & kernels,
-                                                                float                              progressWeight)
+                                                                float                              progressWeight) ->
+  typename Image<TPixel, 3>::PixelContainerConstPointer
 {
-  this->VerifyVoxels(name, image);
+  const auto voxels = this->VerifyVoxels(name, image);
   const auto parallelize = [=](SizeValueType count, const auto & process) {
     this->Parallelize(
       count, 1, progressWeight, [&process](SizeValueType n, SizeValueType, SizeValueType) { process(n); });
   };
-  if (this->GetNumberOfSlabs() > 1)
+  const ImageRegion<3> & whole = image->GetLargestPossibleRegion();
+  if (slab)
   {
-    prepared.PreparePart(
-      image, image->GetLargestPossibleRegion(), slab.begin, slab.end, axis, true, kernels, parallelize);
+    prepared.PreparePart(image, whole, slab->begin, slab->end, axis, hasBlockMaxima, kernels, parallelize);
   }
   else
   {
-    prepared.Prepare(image, image->GetLargestPossibleRegion(), axis, true, kernels, parallelize);
+    prepared.Prepare(image, whole, axis, hasBlockMaxima, kernels, parallelize);
   }
+  return voxels;
+}
+
+template <typename TInputImage, typename TOutputImage>
+std::vector<double>
+ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GetSettings() const
+{
+  std::vector<double> settings = Superclass::GetSettings();
+  settings.insert(settings.end(),
+                  { static_cast<double>(m_DefaultPixelValue),
+                    static_cast<double>(m_Mode),
+                    m_SlabNear,
+                    m_SlabFar,
+                    static_cast<double>(m_MaskLabel),
+                    static_cast<double>(m_LocalMaximum),
+                    static_cast<double>(m_LocalMaximumThreshold),
+                    m_DepthAttenuation,
+                    static_cast<double>(m_ComputeDepth),
+                    static_cast<double>(m_NumberOfStreamDivisions),
+                    static_cast<double>(m_IntermediateMemory) });
+  settings.insert(settings.end(), m_CropLower.Begin(), m_CropLower.End());
+  settings.insert(settings.end(), m_CropUpper.Begin(), m_CropUpper.End());
+  settings.insert(settings.end(), m_Size.begin(), m_Size.end());
+  settings.insert(settings.end(), m_OutputSpacing.Begin(), m_OutputSpacing.End());
+  settings.insert(settings.end(), m_OutputOrigin.Begin(), m_OutputOrigin.End());
+  if (const MaskImageType * mask = this->GetMaskImage())
+  {
+    Superclass::AddRegion(mask->GetLargestPossibleRegion(), settings);
+  }
+  return settings;
 }
 
 template <typename TInputImage, typename TOutputImage>
 void
-ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GenerateData()
+ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GeneratePixels()
 {
-  this->AllocateOutputs();
-  std::vector<View> views;
-  for (const TransformConstPointer & transform : this->MakeViews())
-  {
-    views.push_back({ transform, { transform, this->GetInput(), m_Grid, this->m_Oversampling }, views.size() });
-  }
-  const Kernels & kernels = this->BeginUpdate(views.front().factorization);
+  const ViewList                           views = this->MakeViews();
+  std::vector<std::shared_ptr<const View>> lastViews(MostViewsTogether);
+  const auto                               factorize = [&](SizeValueType number) {
+    auto & view = lastViews[number % MostViewsTogether];
+    if (!view || view->number != number)
+    {
+      const TransformConstPointer transform = views.get(number);
+      view = std::make_shared<const View>(
+        View{ transform, { transform, this->GetInput(), m_Grid, this->m_Oversampling }, number });
+    }
+    return view;
+  };
+  const Kernels & kernels = this->BeginUpdate(factorize(0)->factorization);
   m_WarpSeconds = 0.0;
 
   const SizeValueType workers = this->GetNumberOfWorkers();
-  const float         viewShare = 1.0f / static_cast<float>(views.size());
-  for (const Group & group : this->MakeGroups(views))
+  const float         viewShare = 1.0f / static_cast<float>(views.count);
+  for (const Group & group : this->MakeGroups(views.count, factorize))
   {
-    const View &  first = *group.front().front();
-    SizeValueType count = 0;
-    for (const Projection & projection : group)
+    const unsigned int axis = group.axis;
+    // what serves further views is made when they come
+    const unsigned int projectedAxes = this->m_PreparedVolume.GetProjectedAxes(this->GetInput());
+    const bool         hasBlockMaxima = this->m_ReducedResampling == Superclass::ReducedResamplingEnum::On ||
+                                group.projections.size() > 1 || projectedAxes != 0;
+    const bool                               isKept = (projectedAxes >> axis & 1U) != 0;
+    std::vector<std::shared_ptr<const View>> firsts;
+    SizeValueType                            count = 0;
+    for (const Projection & projection : group.projections)
     {
       count += projection.size();
+      firsts.push_back(factorize(projection.front()));
     }
     const float share = viewShare * static_cast<float>(count);
     const auto  finish = [&](const auto & finishProjection) {
-      for (std::size_t n = 0; n < group.size(); ++n)
+      for (std::size_t n = 0; n < firsts.size(); ++n)
       {
+        const Projection &          projection = group.projections[n];
         const auto                  start = Clock::now();
-        const auto                  mergeShare = 0.05f * viewShare * static_cast<float>(group[n].size());
+        const auto                  mergeShare = 0.05f * viewShare * static_cast<float>(projection.size());
         const IntermediateImageType intermediate =
           finishProjection(n, [this, mergeShare](SizeValueType bands, SizeValueType steps, const auto & process) {
             this->Parallelize(bands, steps, mergeShare, process);
           });
         this->m_ProjectionSeconds += SecondsSince(start);
-        for (const View * view : group[n])
+        for (const SizeValueType number : projection)
         {
-          this->Warp(intermediate, *view, kernels, viewShare);
+          this->Warp(intermediate, *factorize(number), kernels, viewShare);
         }
       }
     };
-    const unsigned int axis = first.factorization.GetPrincipalAxis();
     if (this->IsPlainMaximum())
     {
       std::vector<const ShearWarpFactorization *> factorizations;
-      for (const Projection & projection : group)
+      factorizations.reserve(firsts.size());
+      for (const auto & first : firsts)
       {
-        factorizations.push_back(&projection.front()->factorization);
+        factorizations.push_back(&first->factorization);
       }
       this->m_Projector.Start(factorizations, kernels, this->m_ReducedResampling, workers);
-      this->Project(this->m_Projector, axis, true, kernels, share);
+      const auto project = [this](const auto & volume, const auto *, const auto & parallelize) {
+        this->m_Projector.Project(volume, parallelize);
+      };
+      this->Project(project, axis, true, hasBlockMaxima, isKept, kernels, share);
       this->m_SkippedFraction += this->m_Projector.GetSkippedFraction() * share;
       finish([this](std::size_t n, const auto & parallelize) { return this->m_Projector.Finish(n, parallelize); });
     }
     else
     {
+      const View & first = *firsts.front();
       m_RayProjector.Start(first.factorization, kernels, this->MakeRayParameters(first, kernels), workers);
-      this->Project(m_RayProjector, axis, m_RayProjector.IsFirstSlabFront(), kernels, share);
+      const auto project = [this](const auto & volume, const auto * mask, const auto & parallelize) {
+        m_RayProjector.Project(volume, mask, parallelize);
+      };
+      this->Project(project, axis, m_RayProjector.IsFirstSlabFront(), false, isKept, kernels, share);
       finish([this](std::size_t, const auto & parallelize) { return m_RayProjector.Finish(parallelize); });
     }
   }
@@ -398,42 +412,59 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GenerateData()
 
 template <typename TInputImage, typename TOutputImage>
 auto
-ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::MakeGroups(const std::vector<View> & views)
+ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::MakeGroups(SizeValueType             count,
+                                                                   const FactorizeFunction & factorize) const
   -> std::vector<Group>
 {
-  const bool         isPlainMaximum = this->IsPlainMaximum();
+  const bool                                          isPlainMaximum = this->IsPlainMaximum();
+  std::vector<Projection>                             projections[InputImageDimension];
+  Size<2>                                             largest[InputImageDimension]{};
+  std::unordered_multimap<SizeValueType, std::size_t> candidates[InputImageDimension];
+  for (SizeValueType number = 0; number < count; ++number)
+  {
+    const auto         view = factorize(number);
+    const unsigned int axis = view->factorization.GetPrincipalAxis();
+    const Size<2>      size = view->factorization.GetIntermediateSize();
+    largest[axis] = { { std::max(largest[axis][0], size[0]), std::max(largest[axis][1], size[1]) } };
+
+    // first and last place tell most views apart
+    SizeValueType key = 0;
+    for (const auto & place :
+         { view->factorization.GetSlicePlacements().front(), view->factorization.GetSlicePlacements().back() })
+    {
+      for (const std::int32_t part : { place.column.whole, place.column.fraction, place.row.whole, place.row.fraction })
+      {
+        key = key * 1000003 + static_cast<SizeValueType>(part);
+      }
+    }
+    const auto [begin, end] = candidates[axis].equal_range(key);
+    const auto same = !isPlainMaximum ? end : std::find_if(begin, end, [&](const auto & candidate) {
+      const Projection & projection = projections[axis][candidate.second];
+      return factorize(projection.front())->factorization.HasSameSlicePlacements(view->factorization);
+    });
+    if (same != end)
+    {
+      projections[axis][same->second].push_back(number);
+      continue;
+    }
+    candidates[axis].emplace(key, projections[axis].size());
+    projections[axis].push_back({ number });
+  }
+
   std::vector<Group> groups;
   for (unsigned int axis = 0; axis < InputImageDimension; ++axis)
   {
-    Group         projections;
-    SizeValueType bytes = 1;
-    for (const View & view : views)
+    // as few groups as there is room for, of equal size; more views would save nothing
+    const SizeValueType bytes =
+      ShearWarpProjector<InputPixelType>::GetImageSizeInBytes(largest[axis], this->m_Oversampling);
+    const SizeValueType room = m_IntermediateMemory / std::max<SizeValueType>(bytes * this->GetNumberOfWorkers(), 1);
+    const SizeValueType most = isPlainMaximum ? std::clamp<SizeValueType>(room, 1, MostViewsTogether) : 1;
+    const SizeValueType total = projections[axis].size();
+    const SizeValueType groupsOfAxis = (total + most - 1) / most;
+    const auto          first = std::make_move_iterator(projections[axis].begin());
+    for (SizeValueType n = 0; n < groupsOfAxis; ++n)
     {
-      if (view.factorization.GetPrincipalAxis() != axis)
-      {
-        continue;
-      }
-      const auto isSame = [&](const Projection & projection) {
-        return isPlainMaximum && projection.front()->factorization.HasSameSlicePlacements(view.factorization);
-      };
-      const auto same = std::find_if(projections.begin(), projections.end(), isSame);
-      if (same != projections.end())
-      {
-        same->push_back(&view);
-        continue;
-      }
-      const Size<2> size = view.factorization.GetIntermediateSize();
-      bytes = std::max(bytes, size[0] * size[1] * SizeValueType{ sizeof(InputPixelType) });
-      projections.push_back({ &view });
-    }
-    // as few groups as there is room for, of equal size
-    const SizeValueType room = m_IntermediateMemory / (bytes * this->GetNumberOfWorkers());
-    const SizeValueType most = isPlainMaximum ? std::max<SizeValueType>(room, 1) : 1;
-    const SizeValueType count = (projections.size() + most - 1) / most;
-    for (SizeValueType n = 0; n < count; ++n)
-    {
-      groups.emplace_back(projections.begin() + n * projections.size() / count,
-                          projections.begin() + (n + 1) * projections.size() / count);
+      groups.push_back({ axis, { first + n * total / groupsOfAxis, first + (n + 1) * total / groupsOfAxis } });
     }
   }
   return groups;
@@ -483,66 +514,86 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::MakeRayParameters(const 
 
   if (m_DepthAttenuation > 0.0)
   {
-    double nearest;
-    double farthest;
-    this->GetDepthRange(view.transform, nearest, farthest);
-    // exp() of it must be a number
-    constexpr double most = 300.0;
-    if (!(m_DepthAttenuation * (farthest - nearest) <= most))
-    {
-      itkExceptionMacro("DepthAttenuation must not be greater than "
-                        << most / (farthest - nearest) << " for this image, but it is " << m_DepthAttenuation << '.');
-    }
-    parameters.fading = typename RayProjectorType::Fading{ m_DepthAttenuation, nearest, m_DefaultPixelValue };
+    const double begin = std::max(ShearWarp::FindSphereDepth(view.transform, this->GetInput()), m_SlabNear);
+    parameters.fading = typename RayProjectorType::Fading{ { m_DepthAttenuation, begin }, m_DefaultPixelValue };
   }
-  if (this->GetMaskImage())
-  {
-    parameters.mask = &m_PreparedMask;
-    parameters.maskLabel = m_MaskLabel;
-  }
+  parameters.maskLabel = m_MaskLabel;
   return parameters;
 }
 
 template <typename TInputImage, typename TOutputImage>
-template <typename TProjector>
+template <typename TFunction>
 void
-ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::Project(TProjector &    projector,
-                                                                unsigned int    axis,
-                                                                bool            isFirstSlabFirst,
-                                                                const Kernels & kernels,
-                                                                float           share)
+ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::Project(const TFunction & project,
+                                                                unsigned int      axis,
+                                                                bool              isFirstSlabFirst,
+                                                                bool              hasBlockMaxima,
+                                                                bool              isKept,
+                                                                const Kernels &   kernels,
+                                                                float             share)
 {
   auto * input = const_cast<InputImageType *>(this->GetInput());
   auto * mask = const_cast<MaskImageType *>(this->GetMaskImage());
 
-  const SizeValueType slabs = this->GetNumberOfSlabs();
-  const bool          isPrepared =
-    slabs == 1 && this->m_PreparedVolume.IsPrepared(input, axis) && (!mask || m_PreparedMask.IsPrepared(mask, axis));
+  const SizeValueType streamed = this->GetNumberOfSlabs();
+  const bool          isStreamed = streamed > 1;
+  const bool          isWhole = !isStreamed && (isKept || axis != 0);
+  const auto          size = input->GetLargestPossibleRegion().GetSize();
+  const SizeValueType slabs =
+    isStreamed ? streamed
+    : isWhole  ? 1
+               : ShearWarp::CountBlocks(size[2], this->GetSlabLength(size, 2 * ShearWarp::BlockLength));
+  const bool  findsMaxima = hasBlockMaxima && !(isWhole && this->m_PreparedVolume.IsPrepared(input, 2));
+  const bool  transposes = axis == 0 && !(isWhole && this->m_PreparedVolume.IsPrepared(input, axis, false));
+  const bool  transposesMask = mask && axis == 0 && !(isWhole && m_PreparedMask.IsPrepared(mask, axis, false));
+  const int   preparations = findsMaxima + transposes + transposesMask;
   const float preparationShare = share * (mask ? 0.1f : 0.2f) / static_cast<float>(slabs);
-  const float projectionShare = share * (isPrepared ? 0.85f : 0.45f) / static_cast<float>(slabs);
+  const float projectionShare =
+    share * 0.85f / static_cast<float>(slabs) - preparationShare * static_cast<float>(preparations);
+  if (isStreamed)
+  {
+    this->m_PreparedVolume.Release();
+    m_PreparedMask.Release();
+  }
+  else
+  {
+    this->m_PreparedVolume.SetImage(input, input->GetLargestPossibleRegion());
+  }
+
+  ShearWarpPreparedVolume<InputPixelType> volumeSlab;
+  ShearWarpPreparedVolume<unsigned char>  maskSlab;
+  auto &                                  volume = isWhole ? this->m_PreparedVolume : volumeSlab;
+  auto &                                  preparedMask = isWhole ? m_PreparedMask : maskSlab;
   for (SizeValueType n = 0; n < slabs; ++n)
   {
-    const Slab slab = this->GetSlab(isFirstSlabFirst ? n : slabs - 1 - n);
-    if (slabs > 1)
+    const Slab         slab = this->GetSlab(isFirstSlabFirst ? n : slabs - 1 - n, slabs);
+    const Slab * const part = isWhole ? nullptr : &slab;
+    if (isStreamed)
     {
       this->SetInputRequestedRegionToSlab(slab);
       this->UpdateSlab(input);
       this->UpdateSlab(mask);
     }
-    const auto preparationStart = Clock::now();
-    this->Prepare("input", input, this->m_PreparedVolume, axis, slab, kernels, preparationShare);
+    const auto start = Clock::now();
+    const auto voxels = this->Prepare("input", input, volume, axis, part, hasBlockMaxima, kernels, preparationShare);
+    MaskImageType::PixelContainerConstPointer maskVoxels;
     if (mask)
     {
       const auto & maskKernels = ShearWarp::GetKernels<unsigned char>();
-      this->Prepare("MaskImage", mask, m_PreparedMask, axis, slab, maskKernels, preparationShare);
+      maskVoxels = this->Prepare("MaskImage", mask, preparedMask, axis, part, false, maskKernels, preparationShare);
     }
-    this->m_PreparationSeconds += isPrepared ? 0.0 : SecondsSince(preparationStart);
+    this->m_PreparationSeconds += preparations > 0 ? SecondsSince(start) : 0.0;
 
     const auto projectionStart = Clock::now();
-    projector.Project(this->m_PreparedVolume, [=](SizeValueType count, SizeValueType steps, const auto & process) {
-      this->Parallelize(count, steps, projectionShare, process);
-    });
+    project(
+      volume, mask ? &preparedMask : nullptr, [=](SizeValueType count, SizeValueType steps, const auto & process) {
+        this->Parallelize(count, steps, projectionShare, process);
+      });
     this->m_ProjectionSeconds += SecondsSince(projectionStart);
+  }
+  if (!isStreamed)
+  {
+    this->m_PreparedVolume.AddProjectedAxis(axis);
   }
 }
 
@@ -559,29 +610,23 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::Warp(const IntermediateI
   const SizeType               size = m_Grid->GetLargestPossibleRegion().GetSize();
   const SizeValueType          first = view.number * size[0] * size[1];
   const auto                   depthFunction = view.factorization.GetDepthFunction();
-  InputPixelType * const       values = this->GetOutput()->GetBufferPointer() + first;
-  float * const                depths = m_ComputeDepth ? this->GetDepthOutput()->GetBufferPointer() + first : nullptr;
-  constexpr SizeValueType      band = 16;
+  const SizeValueType          end = first + size[0] * size[1];
+  const auto                   pixels = this->VerifyPixels(this->GetOutput(), end);
+  InputPixelType * const       values = pixels->GetBufferPointer() + first;
+  const auto                   depthPixels =
+    m_ComputeDepth ? this->VerifyPixels(this->GetDepthOutput(), end) : typename DepthImageType::PixelContainerPointer();
+  float * const           depths = depthPixels ? depthPixels->GetBufferPointer() + first : nullptr;
+  const auto              background = m_DefaultPixelValue;
+  const unsigned int      oversampling = view.factorization.GetOversampling();
+  constexpr SizeValueType band = 16;
   this->Parallelize((size[1] + band - 1) / band, 1, 0.09f * share, [&](SizeValueType n, SizeValueType, SizeValueType) {
-    std::vector<std::int32_t> slices(depths ? size[0] : 0);
     for (SizeValueType row = n * band; row < std::min((n + 1) * band, size[1]); ++row)
     {
-      kernels.warpRow(intermediate, outputToIntermediate, row, 0, size[0], m_DefaultPixelValue, values + row * size[0]);
+      kernels.warpRow(intermediate, outputToIntermediate, row, 0, size[0], background, values + row * size[0]);
       if (depths)
       {
-        ShearWarp::FindNearestSlices(intermediate, outputToIntermediate, row, size[0], slices.data());
-        for (SizeValueType column = 0; column < size[0]; ++column)
-        {
-          const auto shearedPosition = [&](unsigned int axis) {
-            const double position =
-              map(axis, 0) * static_cast<double>(column) + map(axis, 1) * static_cast<double>(row) + map(axis, 2);
-            return (position + 1.0) / this->m_Oversampling - 1.0;
-          };
-          depths[row * size[0] + column] =
-            slices[column] < 0
-              ? std::numeric_limits<float>::quiet_NaN()
-              : static_cast<float>(depthFunction(shearedPosition(0), shearedPosition(1), slices[column]));
-        }
+        ShearWarp::FindDepths(
+          intermediate, outputToIntermediate, oversampling, depthFunction, row, size[0], depths + row * size[0]);
       }
     }
   });

@@ -111,8 +111,9 @@ public:
   itkSetMacro(AngularRange, double);
   itkGetConstMacro(AngularRange, double);
 
-  /** Whether the viewer moves to and fro instead: frame n of N is at StartAngle + AngularRange / 2 sin(2 pi n / N), so
-   * that the series can be repeated without a jump. Off by default. */
+  /** Whether the viewer moves to and fro instead: frame n of N is at StartAngle + AngularRange / 2 sin(2 pi n / N) / s,
+   * where s is the largest of these sines, so that both ends are frames and the series can be repeated without a jump.
+   * Two frames are the ends, one is at StartAngle. Off by default. */
   itkSetMacro(Rocking, bool);
   itkGetConstMacro(Rocking, bool);
   itkBooleanMacro(Rocking);
@@ -150,8 +151,14 @@ protected:
   void
   GenerateOutputInformation() override;
 
-  std::vector<TransformConstPointer>
+  typename Superclass::ViewList
   MakeViews() const override;
+
+  std::vector<double>
+  GetSettings() const override;
+
+  void
+  GeneratePixels() override;
 
   void
   SetGeometry(ImageBase<3> * output) const override;
@@ -169,8 +176,9 @@ private:
   double
   GetFrameAngle(unsigned int frame) const;
 
-  typename TransformType::Pointer
-  MakeView(unsigned int frame) const;
+  /** The view at angle 0. */
+  TransformConstPointer
+  GetFirstView() const;
 
   unsigned int      m_NumberOfFrames{ 36 };
   AxisType          m_RotationAxis{ 0.0 };
@@ -181,6 +189,8 @@ private:
   bool              m_Rocking{ false };
 
   std::vector<TransformConstPointer> m_Transforms;
+  TimeStamp                          m_ListTime;
+  ModifiedTimeType                   m_FitTime{ 0 }; // when the grid was fitted to the views
 };
 } // namespace itk
 

@@ -18,7 +18,6 @@
 #ifndef itkShearWarpMIPCineImageFilter_hxx
 #define itkShearWarpMIPCineImageFilter_hxx
 
-#include "itkMath.h"
 #include "itkMetaDataObject.h"
 
 #include <algorithm>
@@ -65,6 +64,7 @@ ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::AddTransform(const Trans
     itkExceptionMacro("A frame's transform must not be null.");
   }
   m_Transforms.push_back(transform);
+  m_ListTime.Modified();
   this->Modified();
 }
 
@@ -75,6 +75,7 @@ ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::ClearTransforms()
   if (!m_Transforms.empty())
   {
     m_Transforms.clear();
+    m_ListTime.Modified();
     this->Modified();
   }
 }
@@ -98,8 +99,7 @@ template <typename TInputImage, typename TOutputImage>
 double
 ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::GetFrameAngle(unsigned int frame) const
 {
-  const double part = static_cast<double>(frame) / m_NumberOfFrames;
-  return m_StartAngle + (m_Rocking ? 0.5 * m_AngularRange * std::sin(Math::twopi * part) : m_AngularRange * part);
+  return ShearWarp::GetTurnAngle(frame, m_NumberOfFrames, m_StartAngle, m_AngularRange, m_Rocking);
 }
 
 template <typename TInputImage, typename TOutputImage>
@@ -112,20 +112,24 @@ ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::GetFrameTransform(unsign
   {
     itkExceptionMacro("There is no frame " << frame << ": their number is " << frames << '.');
   }
-  return m_Transforms.empty() ? this->MakeView(frame) : m_Transforms[frame]->Clone();
+  if (!m_Transforms.empty())
+  {
+    return m_Transforms[frame]->Clone();
+  }
+  return ShearWarpMIPView::Turn(this->GetFirstView(), m_RotationAxis, this->GetCenter(), this->GetFrameAngle(frame))
+    .GetPointer();
 }
 
 template <typename TInputImage, typename TOutputImage>
 auto
-ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::MakeView(unsigned int frame) const ->
-  typename TransformType::Pointer
+ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::GetFirstView() const -> TransformConstPointer
 {
   TransformConstPointer view = this->GetTransform();
   if (!view)
   {
     view = ShearWarpMIPView::MakeUprightTransform(this->GetInput(), m_RotationAxis);
   }
-  return ShearWarpMIPView::Turn(view, m_RotationAxis, this->GetCenter(), this->GetFrameAngle(frame)).GetPointer();
+  return view;
 }
 
 template <typename TInputImage, typename TOutputImage>
@@ -142,14 +146,39 @@ ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::GetMTime() const
 
 template <typename TInputImage, typename TOutputImage>
 auto
-ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::MakeViews() const -> std::vector<TransformConstPointer>
+ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::MakeViews() const -> typename Superclass::ViewList
 {
-  std::vector<TransformConstPointer> views = m_Transforms;
-  for (unsigned int frame = 0; m_Transforms.empty() && frame < m_NumberOfFrames; ++frame)
+  if (!m_Transforms.empty())
   {
-    views.emplace_back(this->MakeView(frame));
+    return { m_Transforms.size(), [this, views = m_Transforms](SizeValueType frame) {
+              this->RequireUnchanged(views[frame]->GetMTime() <= m_FitTime);
+              return views[frame];
+            } };
   }
-  return views;
+  return { m_NumberOfFrames,
+           [first = this->GetFirstView(),
+            axis = m_RotationAxis,
+            center = this->GetCenter(),
+            angles = this->GetFrameAngles()](SizeValueType frame) -> TransformConstPointer {
+             return ShearWarpMIPView::Turn(first, axis, center, angles[frame]).GetPointer();
+           } };
+}
+
+template <typename TInputImage, typename TOutputImage>
+std::vector<double>
+ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::GetSettings() const
+{
+  std::vector<double> settings = Superclass::GetSettings();
+  settings.insert(settings.end(),
+                  { static_cast<double>(m_ListTime.GetMTime()),
+                    static_cast<double>(m_NumberOfFrames),
+                    m_StartAngle,
+                    m_AngularRange,
+                    static_cast<double>(m_Rocking),
+                    static_cast<double>(m_IsCenterSet) });
+  settings.insert(settings.end(), m_RotationAxis.Begin(), m_RotationAxis.End());
+  settings.insert(settings.end(), m_Center.Begin(), m_Center.End());
+  return settings;
 }
 
 template <typename TInputImage, typename TOutputImage>
@@ -157,6 +186,8 @@ void
 ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::VerifyPreconditions() ITKv5_CONST
 {
   Superclass::VerifyPreconditions();
+  this->VerifyOneInput();
+  this->template VerifyInputType<DecoratedTransformType>("Transform", "the view, a decorated transform");
   SizeValueType frame = 0;
   for (const TransformConstPointer & transform : m_Transforms)
   {
@@ -226,12 +257,15 @@ template <typename TInputImage, typename TOutputImage>
 void
 ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::GenerateOutputInformation()
 {
+  m_FitTime = this->GetMTime();
   Superclass::GenerateOutputInformation();
   std::vector<double> matrices;
-  for (const TransformConstPointer & view : this->MakeViews())
+  const auto          views = this->MakeViews();
+  for (SizeValueType n = 0; n < views.count; ++n)
   {
-    const auto axes = ShearWarpFactorization::GetLinearPart(view);
-    const auto offset = view->TransformPoint(PhysicalPointType(0.0));
+    const TransformConstPointer view = views.get(n);
+    const auto                  axes = ShearWarpFactorization::GetLinearPart(view);
+    const auto                  offset = view->TransformPoint(PhysicalPointType(0.0));
     for (unsigned int row = 0; row < 3; ++row)
     {
       matrices.insert(matrices.end(), { axes(row, 0), axes(row, 1), axes(row, 2), offset[row] });
@@ -244,6 +278,17 @@ ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::GenerateOutputInformatio
     EncapsulateMetaData(dictionary, "FrameAngles", this->GetFrameAngles());
   }
   this->GetOutput()->SetMetaDataDictionary(dictionary);
+}
+
+template <typename TInputImage, typename TOutputImage>
+void
+ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::GeneratePixels()
+{
+  Superclass::GeneratePixels();
+  for (const TransformConstPointer & transform : m_Transforms)
+  {
+    this->RequireUnchanged(transform->GetMTime() <= m_FitTime);
+  }
 }
 
 template <typename TInputImage, typename TOutputImage>

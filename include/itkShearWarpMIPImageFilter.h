@@ -40,10 +40,10 @@ namespace itk
  * bilinearly at the output's pixels. Both interpolations are exactly defined (see itkShearWarpKernels.h), so that a
  * result does not depend on the machine or on the number of threads.
  *
- * The first view of an image finds the maxima of its cubes of eight voxels a side, which reduced resampling needs; the
- * first view along the image's x axis makes a transposed copy of the volume, of the input's size. Both are kept until
- * the input changes or ReleasePreparedVolume() is called: a change of view or of any parameter prepares nothing again.
- * Memory is kept too for an intermediate image of each thread.
+ * The first view of an image reads it once. The second one finds the maxima of its cubes of eight voxels a side, for
+ * reduced resampling; the second view along the image's x axis makes a transposed copy of the volume, of the input's
+ * size. Both are kept until the input changes or ReleasePreparedVolume() is called: further views prepare nothing.
+ * Memory is kept too for an intermediate image of each thread, until ReleasePreparedVolume().
  *
  * A ray's value can be another one of its samples (Mode, LocalMaximum), of fewer of them (SlabNear and SlabFar,
  * CropLower and CropUpper, MaskImage) or of faded ones (DepthAttenuation), and there can be a second output, of depths
@@ -62,10 +62,10 @@ namespace itk
  * OutputSpacing that is not positive or not finite, an OutputOrigin that is not finite, a Size of zero; for an
  * Oversampling other than 1 and 2, NumberOfStreamDivisions of zero; for a SlabNear or CropLower that is greater than
  * SlabFar or CropUpper or not a number, a LocalMaximumThreshold that is not a number, a DepthAttenuation that is
- * negative, not finite or so large that exp() fails; for a MaskImage on another grid than the input's; for an input
- * that is empty, has a spacing that is not positive, or was not put into memory by its source; and for an output larger
- * than the computer's memory. It throws MemoryAllocationError where memory runs out. After an exception or an abort the
- * filter is as usable as before.
+ * negative or not finite, or a DefaultPixelValue that is not finite for samples to fade to; for a MaskImage on another
+ * grid than the input's; for an input that is empty, has a spacing that is not positive, or was not put into memory by
+ * its source; and for an output larger than the computer's memory. It throws MemoryAllocationError where memory runs
+ * out. After an exception or an abort the filter is as usable as before.
  *
  * Filters may update in several threads at once if they share no data object, as ITK's pipeline changes the
  * requested region even of an input. They can share voxels: give each filter an image of its own, made by
@@ -129,7 +129,7 @@ public:
   const PartImageType *
   GetPart(unsigned int n) const
   {
-    return itkDynamicCastInDebugMode<const PartImageType *>(this->ProcessObject::GetInput(n + 1));
+    return dynamic_cast<const PartImageType *>(this->ProcessObject::GetInput(n + 1));
   }
   unsigned int
   GetNumberOfParts() const
@@ -158,9 +158,9 @@ protected:
   GenerateInputRequestedRegion() override;
 
   void
-  GenerateData() override;
+  GeneratePixels() override;
 
-  std::vector<TransformConstPointer>
+  typename Superclass::ViewList
   MakeViews() const override;
 
   /** Gives an output the grid in view space or, if it has three dimensions, in physical space: one slice in the middle
@@ -178,9 +178,7 @@ private:
   void
   WarpParts();
 
-  // physical position of index (i, j) at depth w: origin + steps (i, j, w)
-  PhysicalPointType                   m_DepthOrigin{ 0.0 };
-  ShearWarpFactorization::Matrix3Type m_DepthSteps;
+  ShearWarp::PictureSpace m_PictureSpace; // of the last update
 };
 } // namespace itk
 

@@ -48,13 +48,7 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::GetPhysicalPoint(const Outpu
   {
     itkExceptionMacro("No ray has a value at index " << index << '.');
   }
-  PhysicalPointType point = m_DepthOrigin;
-  for (unsigned int row = 0; row < 3; ++row)
-  {
-    point[row] += m_DepthSteps(row, 0) * static_cast<double>(index[0]) +
-                  m_DepthSteps(row, 1) * static_cast<double>(index[1]) + m_DepthSteps(row, 2) * w;
-  }
-  return point;
+  return m_PictureSpace(static_cast<double>(index[0]), static_cast<double>(index[1]), w);
 }
 
 template <typename TInputImage, typename TOutputImage>
@@ -62,6 +56,7 @@ void
 ShearWarpMIPImageFilter<TInputImage, TOutputImage>::VerifyPreconditions() ITKv5_CONST
 {
   Superclass::VerifyPreconditions();
+  this->template VerifyInputType<DecoratedTransformType>("Transform", "the view, a decorated transform");
   if (!this->GetTransformInput()->GetSource())
   {
     ShearWarpFactorization::VerifyViewTransform(this->GetTransform());
@@ -69,6 +64,8 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::VerifyPreconditions() ITKv5_
   const unsigned int parts = this->GetNumberOfParts();
   for (unsigned int n = 0; n < parts; ++n)
   {
+    this->template VerifyInputType<PartImageType>(
+      this->MakeNameFromInputIndex(n + 1), "part " + std::to_string(n) + ", a 2D image of ShearWarpMIPPartImageFilter");
     if (!this->GetPart(n))
     {
       itkExceptionMacro("Part " << n << " of " << parts << " is required but not set.");
@@ -101,9 +98,9 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::GenerateInputRequestedRegion
 
 template <typename TInputImage, typename TOutputImage>
 auto
-ShearWarpMIPImageFilter<TInputImage, TOutputImage>::MakeViews() const -> std::vector<TransformConstPointer>
+ShearWarpMIPImageFilter<TInputImage, TOutputImage>::MakeViews() const -> typename Superclass::ViewList
 {
-  return { this->GetTransform() };
+  return { 1, [view = TransformConstPointer(this->GetTransform())](SizeValueType) { return view; } };
 }
 
 template <typename TInputImage, typename TOutputImage>
@@ -117,31 +114,9 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::SetGeometry(ImageBase<Output
   }
   else
   {
-    double nearest;
-    double farthest;
-    this->GetDepthRange(this->GetTransform(), nearest, farthest);
-    const auto        axes = ShearWarpFactorization::GetLinearPart(this->GetTransform());
-    const double      steps[] = { grid->GetSpacing()[0], grid->GetSpacing()[1], farthest - nearest };
-    PhysicalPointType view;
-    view[0] = grid->GetOrigin()[0];
-    view[1] = grid->GetOrigin()[1];
-    view[2] = 0.5 * (nearest + farthest);
-    typename OutputImageType::SpacingType   spacing;
-    typename OutputImageType::DirectionType direction;
-    for (unsigned int axis = 0; axis < 3; ++axis)
-    {
-      double squaredLength = 0.0;
-      for (unsigned int row = 0; row < 3; ++row)
-      {
-        squaredLength += axes(row, axis) * axes(row, axis);
-      }
-      const double length = std::sqrt(squaredLength);
-      for (unsigned int row = 0; row < 3; ++row)
-      {
-        direction(row, axis) = axes(row, axis) / length;
-      }
-      spacing[axis] = steps[axis] * length;
-    }
+    const auto depths =
+      ShearWarp::ClipDepths(this->GetTransform(), this->GetInput(), { this->GetSlabNear(), this->GetSlabFar() });
+    const auto [spacing, origin, direction] = ShearWarp::MakeSliceGeometry(this->GetTransform(), grid, depths);
     if (!(spacing[2] > 0.0 && std::isfinite(spacing[2])))
     {
       itkExceptionMacro("SlabNear and SlabFar must be within the range of the output's geometry, but they are "
@@ -150,36 +125,25 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::SetGeometry(ImageBase<Output
     const SizeType size = grid->GetLargestPossibleRegion().GetSize();
     output->SetLargestPossibleRegion(typename OutputImageType::SizeType{ { size[0], size[1], 1 } });
     output->SetSpacing(spacing);
-    output->SetOrigin(this->GetTransform()->TransformPoint(view));
+    output->SetOrigin(origin);
     output->SetDirection(direction);
   }
 }
 
 template <typename TInputImage, typename TOutputImage>
 void
-ShearWarpMIPImageFilter<TInputImage, TOutputImage>::GenerateData()
+ShearWarpMIPImageFilter<TInputImage, TOutputImage>::GeneratePixels()
 {
   if (this->GetNumberOfParts() > 0)
   {
     this->WarpParts();
     return;
   }
-  Superclass::GenerateData();
+  Superclass::GeneratePixels();
   if (this->GetComputeDepth())
   {
     // for GetPhysicalPoint(), whatever is set afterwards
-    const ImageBase<2> * grid = this->GetViewGrid();
-    PhysicalPointType    origin(0.0);
-    m_DepthSteps = ShearWarpFactorization::GetLinearPart(this->GetTransform());
-    for (unsigned int axis = 0; axis < 2; ++axis)
-    {
-      origin[axis] = grid->GetOrigin()[axis];
-      for (unsigned int row = 0; row < 3; ++row)
-      {
-        m_DepthSteps(row, axis) *= grid->GetSpacing()[axis];
-      }
-    }
-    m_DepthOrigin = this->GetTransform()->TransformPoint(origin);
+    m_PictureSpace = ShearWarp::MakePictureSpace(this->GetTransform(), this->GetViewGrid());
   }
 }
 
@@ -187,15 +151,20 @@ template <typename TInputImage, typename TOutputImage>
 void
 ShearWarpMIPImageFilter<TInputImage, TOutputImage>::WarpParts()
 {
-  this->AllocateOutputs();
   const View           view{ this->GetTransform(),
                              { this->GetTransform(), this->GetInput(), this->GetViewGrid(), this->m_Oversampling },
                    0 };
   const auto &         kernels = this->BeginUpdate(view.factorization);
   const auto           start = Superclass::Clock::now();
   const ImageRegion<2> whole = view.factorization.GetIntermediateRegion();
-  const unsigned int   parts = this->GetNumberOfParts();
-  for (unsigned int n = 0; n < parts; ++n)
+  struct Part
+  {
+    typename PartImageType::PixelContainerConstPointer container;
+    const InputPixelType *                             pixels;
+    ImageRegion<2>                                     region;
+  };
+  std::vector<Part> parts;
+  for (unsigned int n = 0; n < this->GetNumberOfParts(); ++n)
   {
     const PartImageType *  part = this->GetPart(n);
     const ImageRegion<2> & region = part->GetBufferedRegion();
@@ -204,6 +173,7 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::WarpParts()
       itkExceptionMacro("Part " << n << " must be buffered and lie within the intermediate image, " << whole
                                 << ", but its buffered region is " << region);
     }
+    parts.push_back({ this->VerifyVoxels("part " + std::to_string(n), part), part->GetBufferPointer(), region });
   }
 
   const auto      columns = static_cast<std::ptrdiff_t>(whole.GetSize(0));
@@ -217,15 +187,14 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::WarpParts()
       const auto begin = static_cast<std::ptrdiff_t>(bandNumber) * band;
       const auto end = std::min(begin + band, rows);
       std::fill(pixels + begin * columns, pixels + end * columns, ShearWarp::NoSample<InputPixelType>);
-      for (unsigned int n = 0; n < parts; ++n)
+      for (const Part & part : parts)
       {
-        const PartImageType *  part = this->GetPart(n);
-        const ImageRegion<2> & region = part->GetBufferedRegion();
-        const auto             width = static_cast<std::ptrdiff_t>(region.GetSize(0));
-        const auto             lastRow = region.GetIndex(1) + static_cast<std::ptrdiff_t>(region.GetSize(1));
+        const auto & region = part.region;
+        const auto   width = static_cast<std::ptrdiff_t>(region.GetSize(0));
+        const auto   lastRow = region.GetIndex(1) + static_cast<std::ptrdiff_t>(region.GetSize(1));
         for (auto row = std::max(begin, region.GetIndex(1)); row < std::min(end, lastRow); ++row)
         {
-          const InputPixelType * from = part->GetBufferPointer() + (row - region.GetIndex(1)) * width;
+          const InputPixelType * from = part.pixels + (row - region.GetIndex(1)) * width;
           InputPixelType *       to = pixels + row * columns + region.GetIndex(0);
           std::transform(from, from + width, to, to, [](InputPixelType a, InputPixelType b) { return a > b ? a : b; });
         }

@@ -40,10 +40,10 @@ namespace itk
  * of axes. A pixel that no sample of the part reaches has the pixel type's lowest value, or minus infinity. Spacing is
  * 1 and origin 0.
  *
- * The first view of a part prepares it, as ShearWarpMIPImageFilter does: what was prepared is kept until the part
- * changes. A part of which there is one view only is projected faster if ReducedResampling is Off: then no block maxima
- * are found, and for a view along x slabs of a few slices are transposed one after the other, so that little memory is
- * needed beside the part, and nothing is kept.
+ * The first view of a part prepares it, as the second one of ShearWarpMIPImageFilter does: what was prepared is kept
+ * until the part changes. A part of which there is one view only is projected faster if ReducedResampling is Off: then
+ * no block maxima are found, and for a view along x slabs of a few slices are transposed one after the other, so that
+ * little memory is needed beside the part, and nothing is kept.
  *
  * Update() throws ExceptionObject for a transform that is missing, not linear, not finite or not invertible, for an
  * Oversampling other than 1 and 2, and for an input that is empty, is not within WholeRegion, has a spacing that is not
@@ -102,7 +102,15 @@ protected:
   GenerateInputRequestedRegion() override;
 
   void
-  GenerateData() override;
+  GeneratePixels() override;
+
+  std::vector<double>
+  GetSettings() const override;
+
+  using typename Superclass::State;
+
+  State
+  GetState() override;
 
   void
   PrintSelf(std::ostream & os, Indent indent) const override;
@@ -113,10 +121,6 @@ private:
   GetWhole() const;
   RegionType
   GetPart() const;
-
-  /** How many slices along z are transposed at once, where they are not kept. */
-  std::ptrdiff_t
-  GetSlabLength();
 
   ShearWarpFactorization
   FactorizePart() const;

@@ -36,6 +36,8 @@ void
 ShearWarpMIPPartImageFilter<TInputImage>::VerifyPreconditions() ITKv5_CONST
 {
   Superclass::VerifyPreconditions();
+  this->VerifyOneInput();
+  this->template VerifyInputType<DecoratedTransformType>("Transform", "the view, a decorated transform");
   if (!this->GetTransformInput()->GetSource())
   {
     ShearWarpFactorization::VerifyViewTransform(this->GetTransform());
@@ -79,17 +81,6 @@ ShearWarpMIPPartImageFilter<TInputImage>::GetPart() const -> RegionType
 }
 
 template <typename TInputImage>
-std::ptrdiff_t
-ShearWarpMIPPartImageFilter<TInputImage>::GetSlabLength()
-{
-  // they stay in the cache
-  constexpr std::ptrdiff_t bytes = 1 << 21;
-  const auto &             size = this->GetInput()->GetBufferedRegion().GetSize();
-  const auto               sliceBytes = static_cast<std::ptrdiff_t>(size[0] * size[1] * sizeof(InputPixelType));
-  return std::max(bytes / sliceBytes, ShearWarp::BlockLength) * static_cast<std::ptrdiff_t>(this->GetNumberOfWorkers());
-}
-
-template <typename TInputImage>
 ShearWarpFactorization
 ShearWarpMIPPartImageFilter<TInputImage>::FactorizePart() const
 {
@@ -116,10 +107,30 @@ ShearWarpMIPPartImageFilter<TInputImage>::GenerateInputRequestedRegion()
 }
 
 template <typename TInputImage>
-void
-ShearWarpMIPPartImageFilter<TInputImage>::GenerateData()
+std::vector<double>
+ShearWarpMIPPartImageFilter<TInputImage>::GetSettings() const
 {
-  this->AllocateOutputs();
+  std::vector<double> settings = Superclass::GetSettings();
+  Superclass::AddRegion(m_WholeRegion, settings);
+  return settings;
+}
+
+template <typename TInputImage>
+auto
+ShearWarpMIPPartImageFilter<TInputImage>::GetState() -> State
+{
+  State state = Superclass::GetState();
+  if (const InputImageType * input = this->GetInput())
+  {
+    Superclass::AddRegion(input->GetBufferedRegion(), state.settings);
+  }
+  return state;
+}
+
+template <typename TInputImage>
+void
+ShearWarpMIPPartImageFilter<TInputImage>::GeneratePixels()
+{
   const InputImageType *       input = this->GetInput();
   const ShearWarpFactorization factorization = this->FactorizePart();
   const unsigned int           axis = factorization.GetPrincipalAxis();
@@ -132,9 +143,10 @@ ShearWarpMIPPartImageFilter<TInputImage>::GenerateData()
   const bool       isKept = isPrepared || hasBlockMaxima || axis != 0;
   const auto       first = input->GetBufferedRegion().GetIndex(2) - whole.GetIndex(2);
   const auto       last = first + static_cast<std::ptrdiff_t>(input->GetBufferedRegion().GetSize(2));
-  const auto       slabLength = isKept ? last - first : this->GetSlabLength();
-  const auto       slabs = static_cast<float>(ShearWarp::CountBlocks(last - first, slabLength));
-  const auto       parallelize = [this](float share) {
+  const auto       slabLength =
+    isKept ? last - first : this->GetSlabLength(input->GetBufferedRegion().GetSize(), ShearWarp::BlockLength);
+  const auto slabs = static_cast<float>(ShearWarp::CountBlocks(last - first, slabLength));
+  const auto parallelize = [this](float share) {
     return [this, share](SizeValueType count, SizeValueType steps, const auto & process) {
       this->Parallelize(count, steps, share, process);
     };
@@ -147,6 +159,7 @@ ShearWarpMIPPartImageFilter<TInputImage>::GenerateData()
   projector.Start({ &factorization }, kernels, this->m_ReducedResampling, this->GetNumberOfWorkers());
   for (std::ptrdiff_t begin = first; begin < last; begin += slabLength)
   {
+    const auto voxels = this->VerifyVoxels("input", input);
     const auto preparationStart = Superclass::Clock::now();
     if (isKept)
     {
@@ -164,8 +177,9 @@ ShearWarpMIPPartImageFilter<TInputImage>::GenerateData()
     this->m_ProjectionSeconds += Superclass::SecondsSince(projectionStart);
   }
   this->m_SkippedFraction = projector.GetSkippedFraction();
-  const auto       finishStart = Superclass::Clock::now();
-  const auto       part = projector.Finish(0, parallelize(0.05f));
+  const auto finishStart = Superclass::Clock::now();
+  const auto part = projector.Finish(0, parallelize(0.05f));
+  Superclass::VerifyPixels(this->GetOutput(), part.columns * part.rows);
   InputPixelType * output = this->GetOutput()->GetBufferPointer();
   for (std::ptrdiff_t row = 0; row < part.rows; ++row)
   {

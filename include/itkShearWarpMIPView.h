@@ -26,6 +26,15 @@
 
 namespace itk
 {
+namespace ShearWarp
+{
+/** The angle of frame \a frame of \a frames: start + range frame / frames or, to and fro, start + range / 2 sin(2 pi
+ * frame / frames), scaled so that the range's ends are reached. */
+ShearWarpMIP_EXPORT
+double
+GetTurnAngle(unsigned int frame, unsigned int frames, double start, double range, bool isRocking);
+} // namespace ShearWarp
+
 /** \class ShearWarpMIPViewEnums
  * \brief Enumerations of ShearWarpMIPView.
  * \ingroup ShearWarpMIP

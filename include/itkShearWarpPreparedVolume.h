@@ -75,6 +75,25 @@ public:
            (principalAxis != 0 || m_Transposed.GetSizeInBytes() > 0);
   }
 
+  /** The index axes along which \a image, as it is now, was projected, as bits 1, 2 and 4. */
+  unsigned int
+  GetProjectedAxes(const ImageType * image) const
+  {
+    return this->IsOf(image) ? m_ProjectedAxes : 0;
+  }
+
+  /** Frees what was made for another image than \a image, which is a part of \a whole or all of it, or before that was
+   * modified. */
+  void
+  SetImage(const ImageType * image, const ImageRegion<3> & whole);
+
+  /** Tells that the image was projected along index axis \a principalAxis. */
+  void
+  AddProjectedAxis(unsigned int principalAxis)
+  {
+    m_ProjectedAxes |= 1U << principalAxis;
+  }
+
   /** Makes what GetSlices() and GetBlockMaxima() need for what is buffered of \a image, which is a part of \a whole or
    * all of it, and index axis \a principalAxis (0, 1, 2); frees what was made for another image, or before this one was
    * modified. Without \a hasBlockMaxima block maxima, and the lowest and highest voxel, are left out: for one view they
@@ -110,6 +129,7 @@ public:
   SliceStackType
   GetSlices(unsigned int principalAxis) const;
 
+  /** Without memory if they were not made. */
   BlockMaximaType
   GetBlockMaxima(unsigned int principalAxis) const;
 
@@ -155,6 +175,7 @@ private:
   const ImageType * m_Image{ nullptr };
   ModifiedTimeType  m_ImageMTime{ 0 };
   const TPixel *    m_Voxels{ nullptr };
+  unsigned int      m_ProjectedAxes{ 0 };
   std::ptrdiff_t    m_Begin[3]{ 0, 0, 0 }; // of the part in the image
   std::ptrdiff_t    m_Size[3]{ 0, 0, 0 };
   ShearWarp::Ends   m_Ends[3];

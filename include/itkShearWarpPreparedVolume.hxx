@@ -38,18 +38,13 @@ ShearWarpPreparedVolume<TPixel>::Prepare(const ImageType *                  imag
   {
     // the next copy can have the memory of the last one
     memory = std::move(m_Transposed);
-    this->Release();
-    const auto &         buffered = image->GetBufferedRegion();
-    const std::ptrdiff_t begin = buffered.GetIndex(2) - whole.GetIndex(2);
-    this->SetPart(image, whole, begin, begin + static_cast<std::ptrdiff_t>(buffered.GetSize(2)));
-    m_Image = image;
-    m_ImageMTime = image->GetMTime();
   }
-  if (!this->IsPrepared(image, 2, hasBlockMaxima))
+  this->SetImage(image, whole);
+  if (hasBlockMaxima && m_BlockMaxima.GetSizeInBytes() == 0)
   {
     this->FindBlockMaxima(kernels, parallelize);
   }
-  if (!this->IsPrepared(image, principalAxis, false))
+  if (principalAxis == 0 && m_Transposed.GetSizeInBytes() == 0)
   {
     this->Transpose(kernels, parallelize, std::move(memory));
   }
@@ -80,6 +75,23 @@ ShearWarpPreparedVolume<TPixel>::PreparePart(const ImageType *                  
   {
     this->Transpose(kernels, parallelize, std::move(memory));
   }
+}
+
+template <typename TPixel>
+void
+ShearWarpPreparedVolume<TPixel>::SetImage(const ImageType * image, const ImageRegion<3> & whole)
+{
+  if (this->IsOf(image))
+  {
+    return;
+  }
+  this->Release();
+  const auto &         buffered = image->GetBufferedRegion();
+  const std::ptrdiff_t begin = buffered.GetIndex(2) - whole.GetIndex(2);
+  this->SetPart(image, whole, begin, begin + static_cast<std::ptrdiff_t>(buffered.GetSize(2)));
+  m_Image = image;
+  m_ImageMTime = image->GetMTime();
+  m_ProjectedAxes = 0;
 }
 
 template <typename TPixel>

@@ -112,6 +112,20 @@ public:
   double
   GetSkippedFraction() const;
 
+  /** Frees all memory. */
+  void
+  Release()
+  {
+    *this = ShearWarpProjector();
+  }
+
+  SizeValueType
+  GetSizeInBytes() const;
+
+  /** Bytes of one thread's intermediate image of \a size pixels. */
+  static SizeValueType
+  GetImageSizeInBytes(const Size<2> & size, unsigned int oversampling);
+
 private:
   using PlacementList = std::vector<ShearWarp::SlicePlacement>;
 
@@ -139,6 +153,13 @@ private:
   {
     SizeValueType all, skipped;
   };
+
+  /** An odd number of tiles, so that rows do not compete for the same lines of the cache. */
+  static std::ptrdiff_t
+  GetRowStride(std::ptrdiff_t tileColumns)
+  {
+    return (tileColumns | 1) * ShearWarp::TileColumns;
+  }
 
   void
   OrderSlices();

@@ -45,8 +45,7 @@ ShearWarpProjector<TPixel>::Start(FactorizationList                  factorizati
       m_TileRows = std::max(m_TileRows, ShearWarp::CountBlocks(grid.rows));
     }
   }
-  // an odd number of tiles, so that rows do not compete for the same lines of the cache
-  m_RowStride = (m_TileColumns | 1) * ShearWarp::TileColumns;
+  m_RowStride = GetRowStride(m_TileColumns);
 
   m_Workers.resize(std::max<SizeValueType>(m_Workers.size(), workers));
   for (Worker & worker : m_Workers)
@@ -77,7 +76,7 @@ ShearWarpProjector<TPixel>::Project(const ShearWarpPreparedVolume<TPixel> & volu
   {
     m_Placements.push_back(ShearWarp::PlacePart(*grid, volume.GetCorner(axis), m_Slices.slices));
   }
-  m_ReducedResampling = m_WantedReducedResampling;
+  m_ReducedResampling = m_BlockMaxima.maxima ? m_WantedReducedResampling : ReducedResamplingEnum::Off;
   if constexpr (std::is_floating_point_v<TPixel>)
   {
     // an interpolation whose difference overflows can exceed its voxels
@@ -185,6 +184,41 @@ ShearWarpProjector<TPixel>::GetSkippedFraction() const
     skipped += worker.skippedTiles;
   }
   return tiles == 0 ? 0.0 : static_cast<double>(skipped) / static_cast<double>(tiles);
+}
+
+template <typename TPixel>
+SizeValueType
+ShearWarpProjector<TPixel>::GetSizeInBytes() const
+{
+  using ShearWarp::CountBytes;
+  SizeValueType bytes =
+    m_JoinedPhases.GetSizeInBytes() + CountBytes(m_SliceOrder) + CountBytes(m_Factorizations) + CountBytes(m_Grids);
+  for (const PlacementList & placements : m_Placements)
+  {
+    bytes += CountBytes(placements);
+  }
+  for (const Worker & worker : m_Workers)
+  {
+    bytes += CountBytes(worker.images) + CountBytes(worker.views) + CountBytes(worker.columnMaxima);
+    for (const PartialImage & image : worker.images)
+    {
+      bytes += image.pixels.GetSizeInBytes() + CountBytes(image.lowerBounds) + CountBytes(image.active);
+    }
+  }
+  return bytes;
+}
+
+template <typename TPixel>
+SizeValueType
+ShearWarpProjector<TPixel>::GetImageSizeInBytes(const Size<2> & size, unsigned int oversampling)
+{
+  const auto countBlocks = [=](SizeValueType length, std::ptrdiff_t blockLength) {
+    return ShearWarp::CountBlocks(ShearWarp::CountBlocks(static_cast<std::ptrdiff_t>(length), oversampling),
+                                  blockLength);
+  };
+  const std::ptrdiff_t pixels = GetRowStride(countBlocks(size[0], ShearWarp::TileColumns)) * ShearWarp::BlockLength *
+                                countBlocks(size[1], ShearWarp::BlockLength);
+  return SizeValueType{ oversampling } * oversampling * static_cast<SizeValueType>(pixels) * sizeof(TPixel);
 }
 
 /** Storage order, but for reduced resampling every few slices first: they soon give all pixels a value. */

@@ -53,12 +53,9 @@ public:
     double                     low, high;
   };
 
-  /** Samples fade to \a background: with their distance behind \a begin, in units of view space, by exp(-rate
-   * distance).
-   */
-  struct Fading
+  /** Samples fade to \a background. */
+  struct Fading : ShearWarp::Fading
   {
-    double rate, begin;
     TPixel background;
   };
 
@@ -71,10 +68,8 @@ public:
     std::optional<TPixel> localMaximumThreshold;
     std::vector<Interval> intervals;
     std::optional<Fading> fading;
-    /** If given, the prepared mask, of the volume's size; its voxels count where they are maskLabel or, if that is 0,
-     * not 0. */
-    const ShearWarpPreparedVolume<MaskPixelType> * mask{ nullptr };
-    MaskPixelType                                  maskLabel{ 0 };
+    /** Of the voxels that count in a mask; 0 for all but 0. */
+    MaskPixelType maskLabel{ 0 };
   };
 
   /** Begins a projection by at most \a workers threads. \a factorization, \a kernels and what \a parameters refers to
@@ -90,11 +85,13 @@ public:
   IsFirstSlabFront() const;
 
   /** Projects what \a volume has prepared for the factorization's principal axis: all or, one after the other, slabs,
-   * in the order that IsFirstSlabFront() tells. \a parallelize is as for ShearWarpProjector. Throws
-   * MemoryAllocationError. */
+   * in the order that IsFirstSlabFront() tells. \a mask, of the same size, restricts it if that is not null.
+   * \a parallelize is as for ShearWarpProjector. Throws MemoryAllocationError. */
   template <typename TParallelize>
   void
-  Project(const ShearWarpPreparedVolume<TPixel> & volume, const TParallelize & parallelize);
+  Project(const ShearWarpPreparedVolume<TPixel> &        volume,
+          const ShearWarpPreparedVolume<MaskPixelType> * mask,
+          const TParallelize &                           parallelize);
 
   /** The intermediate image of all that was projected since Start(), with the slices of its pixels. It refers to this
    * object's memory and to the factorization's, and is valid until the next projection. Throws MemoryAllocationError.
@@ -102,6 +99,16 @@ public:
   template <typename TParallelize>
   IntermediateImageType
   Finish(const TParallelize & parallelize);
+
+  /** Frees all memory. */
+  void
+  Release()
+  {
+    *this = ShearWarpRayProjector();
+  }
+
+  SizeValueType
+  GetSizeInBytes() const;
 
 private:
   /** The rays of one phase: as many rows as its grid. */
@@ -125,10 +132,6 @@ private:
     std::ptrdiff_t begin, end;
   };
 
-  /** A sheared function of the columns and rows of a phase. */
-  ShearWarp::ShearedFunction
-  GetFunctionOfPhase(ShearWarp::ShearedFunction function, std::size_t phase) const;
-
   ShearWarp::RayRow<TPixel>
   GetRayRow(std::size_t phase, std::ptrdiff_t row) const;
 
@@ -145,11 +148,12 @@ private:
     return static_cast<double>(m_FirstSlice + slice);
   }
 
-  /** Projects row \a j of a slice to rays \a span of row \a pixelRow. */
+  /** Projects row \a j of a slice, which reaches \a reached, to rays \a span of row \a pixelRow. */
   void
   ProjectRow(Worker &              worker,
              std::size_t           phase,
              std::ptrdiff_t        pixelRow,
+             ShearWarp::ColumnSpan reached,
              ShearWarp::ColumnSpan span,
              std::ptrdiff_t        slice,
              std::ptrdiff_t        j) const;
@@ -160,7 +164,7 @@ private:
   ShearWarp::ShearedFunction         m_Depth{};
   std::vector<Rays>                  m_Rays; // of the factorization's phases
   std::vector<Band>                  m_Bands;
-  std::vector<double>                m_Fades; // by column of a slice
+  std::vector<double>                m_FadeFactors; // by column of a slice
   std::ptrdiff_t                     m_FirstSlice{ 0 };
   std::vector<Worker>                m_Workers;
   std::ptrdiff_t                     m_RowStride{ 0 };
@@ -168,7 +172,7 @@ private:
   ShearWarpBuffer                    m_JoinedValues, m_JoinedSlices;
 
   ShearWarp::SliceStack<TPixel>                       m_Slices{};
-  ShearWarp::SliceStack<MaskPixelType>                m_Mask{};
+  ShearWarp::SliceStack<MaskPixelType>                m_Mask{};     // without voxels if there is none
   std::vector<std::vector<ShearWarp::SlicePlacement>> m_Placements; // of these slices, for each phase
 };
 } // namespace itk

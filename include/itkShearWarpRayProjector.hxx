@@ -19,7 +19,6 @@
 #define itkShearWarpRayProjector_hxx
 
 #include <algorithm>
-#include <cmath>
 
 namespace itk
 {
@@ -44,11 +43,11 @@ ShearWarpRayProjector<TPixel>::Start(const ShearWarpFactorization &     factoriz
   for (std::size_t n = 0; n < phases.size(); ++n)
   {
     m_RowStride = std::max(m_RowStride, ShearWarp::CountBlocks(phases[n].columns, ShearWarp::TileColumns));
-    m_Rays[n].depth = this->GetFunctionOfPhase(m_Depth, n);
+    m_Rays[n].depth = factorization.GetFunctionOfPhase(m_Depth, n);
     m_Rays[n].intervals = parameters.intervals;
     for (Interval & interval : m_Rays[n].intervals)
     {
-      interval.function = this->GetFunctionOfPhase(interval.function, n);
+      interval.function = factorization.GetFunctionOfPhase(interval.function, n);
     }
     constexpr std::ptrdiff_t bandRows = 2 * ShearWarp::BlockLength;
     for (std::ptrdiff_t row = 0; row < phases[n].rows; row += bandRows)
@@ -63,18 +62,6 @@ ShearWarpRayProjector<TPixel>::Start(const ShearWarpFactorization &     factoriz
     m_Rays[n].values.Reserve(phases[n].rows * m_RowStride * sizeof(TPixel), "an intermediate image");
     m_Rays[n].slices.Reserve(phases[n].rows * m_RowStride * sizeof(std::int32_t), "the slices of rays");
   }
-}
-
-template <typename TPixel>
-ShearWarp::ShearedFunction
-ShearWarpRayProjector<TPixel>::GetFunctionOfPhase(ShearWarp::ShearedFunction function, std::size_t phase) const
-{
-  const std::size_t oversampling = m_Factorization->GetOversampling();
-  const auto        shift = [oversampling](std::size_t n) {
-    return static_cast<double>(n + 1) / static_cast<double>(oversampling) - 1.0;
-  };
-  function.constant = function(shift(phase % oversampling), shift(phase / oversampling), 0.0);
-  return function;
 }
 
 template <typename TPixel>
@@ -93,7 +80,9 @@ ShearWarpRayProjector<TPixel>::IsFirstSlabFront() const
 template <typename TPixel>
 template <typename TParallelize>
 void
-ShearWarpRayProjector<TPixel>::Project(const ShearWarpPreparedVolume<TPixel> & volume, const TParallelize & parallelize)
+ShearWarpRayProjector<TPixel>::Project(const ShearWarpPreparedVolume<TPixel> &        volume,
+                                       const ShearWarpPreparedVolume<MaskPixelType> * mask,
+                                       const TParallelize &                           parallelize)
 {
   const unsigned int      axis = m_Factorization->GetPrincipalAxis();
   const ShearWarp::Corner corner = volume.GetCorner(axis);
@@ -104,17 +93,10 @@ ShearWarpRayProjector<TPixel>::Project(const ShearWarpPreparedVolume<TPixel> & v
   {
     m_Placements.push_back(ShearWarp::PlacePart(phase, corner, m_Slices.slices));
   }
-  if (m_Parameters.mask)
-  {
-    m_Mask = m_Parameters.mask->GetSlices(axis);
-  }
+  m_Mask = mask ? mask->GetSlices(axis) : ShearWarp::SliceStack<MaskPixelType>{};
   if (m_Parameters.fading)
   {
-    m_Fades.resize(m_Slices.columns + 1);
-    for (std::size_t column = 0; column < m_Fades.size(); ++column)
-    {
-      m_Fades[column] = std::exp(-m_Parameters.fading->rate * (m_Depth.perColumn * static_cast<double>(column)));
-    }
+    m_FadeFactors = ShearWarp::MakeFadeFactors(*m_Parameters.fading, m_Depth.perColumn, m_Slices.columns);
   }
   for (Worker & worker : m_Workers)
   {
@@ -182,7 +164,7 @@ ShearWarpRayProjector<TPixel>::ProjectSlice(Worker & worker, const Band & band, 
     }
     if (span.begin < span.end)
     {
-      this->ProjectRow(worker, band.phase, row, span, slice, row - placement.row.whole);
+      this->ProjectRow(worker, band.phase, row, reached, span, slice, row - placement.row.whole);
     }
   }
 }
@@ -192,6 +174,7 @@ void
 ShearWarpRayProjector<TPixel>::ProjectRow(Worker &              worker,
                                           std::size_t           phase,
                                           std::ptrdiff_t        pixelRow,
+                                          ShearWarp::ColumnSpan reached,
                                           ShearWarp::ColumnSpan span,
                                           std::ptrdiff_t        slice,
                                           std::ptrdiff_t        j) const
@@ -210,7 +193,7 @@ ShearWarpRayProjector<TPixel>::ProjectRow(Worker &              worker,
                                          isEdge ? 0 : placement.row.fraction };
   TPixel * const                    samples = worker.samples.data();
   MaskPixelType * const             counted = worker.counted.data();
-  if (m_Parameters.mask)
+  if (m_Mask.voxels)
   {
     ShearWarp::SampleMaskedRow(
       *m_Kernels, row, getRow(m_Mask, before), getRow(m_Mask, after), m_Parameters.maskLabel, span, samples, counted);
@@ -221,10 +204,16 @@ ShearWarpRayProjector<TPixel>::ProjectRow(Worker &              worker,
   }
   if (m_Parameters.fading)
   {
-    const double depth =
-      m_Rays[phase].depth(placement.column.whole, static_cast<double>(pixelRow), this->GetPosition(slice));
-    const double factor = std::exp(-m_Parameters.fading->rate * (depth - m_Parameters.fading->begin));
-    m_Kernels->fadeRow(m_Fades.data(), placement.column.whole, factor, m_Parameters.fading->background, span, samples);
+    // of all columns, so that what a box leaves out changes no bit of the others
+    const ShearWarp::FadingRow  fades = ShearWarp::MakeFadingRow(*m_Parameters.fading,
+                                                                m_Rays[phase].depth,
+                                                                static_cast<double>(pixelRow),
+                                                                this->GetPosition(slice),
+                                                                reached,
+                                                                m_FadeFactors.size());
+    const ShearWarp::ColumnSpan faded{ std::max(span.begin, fades.span.begin), std::min(span.end, fades.span.end) };
+    m_Kernels->fadeRow(
+      m_FadeFactors.data(), fades.first, fades.factor, m_Parameters.fading->background, faded, samples);
   }
 
   const ShearWarp::RayRow<TPixel> rays = this->GetRayRow(phase, pixelRow);
@@ -239,7 +228,7 @@ ShearWarpRayProjector<TPixel>::ProjectRow(Worker &              worker,
       m_Parameters.mode->take(samples, columns, index, rays);
     }
   };
-  if (!m_Parameters.mask)
+  if (!m_Mask.voxels)
   {
     take(span);
     return;
@@ -287,6 +276,28 @@ ShearWarpRayProjector<TPixel>::Finish(const TParallelize & parallelize) -> Inter
     }
   });
   return { joined.values, columns, rows, rowStride, m_Factorization->GetReachedColumns().data(), joined.slices };
+}
+
+template <typename TPixel>
+SizeValueType
+ShearWarpRayProjector<TPixel>::GetSizeInBytes() const
+{
+  using ShearWarp::CountBytes;
+  SizeValueType bytes = m_JoinedValues.GetSizeInBytes() + m_JoinedSlices.GetSizeInBytes() + CountBytes(m_Bands) +
+                        CountBytes(m_FadeFactors) + CountBytes(m_Rays) + CountBytes(m_Workers);
+  for (const Rays & rays : m_Rays)
+  {
+    bytes += rays.values.GetSizeInBytes() + rays.slices.GetSizeInBytes() + CountBytes(rays.intervals);
+  }
+  for (const Worker & worker : m_Workers)
+  {
+    bytes += CountBytes(worker.samples) + CountBytes(worker.counted);
+  }
+  for (const auto & placements : m_Placements)
+  {
+    bytes += CountBytes(placements);
+  }
+  return bytes;
 }
 } // namespace itk
 

@@ -96,10 +96,18 @@ IsFinite(const Matrix<double, 3, 3> & matrix)
   return IsFinite(matrix.GetVnlMatrix());
 }
 
+/** ITK's is compiled elsewhere. */
+Vector<double, 3>
+Cross(const Vector<double, 3> & a, const Vector<double, 3> & b)
+{
+  const double product[] = { a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0] };
+  return Vector<double, 3>(product);
+}
+
 double
 GetDeterminant(const Matrix<double, 3, 3> & matrix)
 {
-  return CrossProduct(GetColumn(matrix, 0), GetColumn(matrix, 1)) * GetColumn(matrix, 2);
+  return Cross(GetColumn(matrix, 0), GetColumn(matrix, 1)) * GetColumn(matrix, 2);
 }
 
 /** By cofactors; not finite where the matrix is singular. The singular value decomposition of Matrix::GetInverse() ends
@@ -111,7 +119,7 @@ Invert(const Matrix<double, 3, 3> & matrix)
   Matrix<double, 3, 3> inverse;
   for (unsigned int row = 0; row < 3; ++row)
   {
-    const auto cofactors = CrossProduct(GetColumn(matrix, (row + 1) % 3), GetColumn(matrix, (row + 2) % 3));
+    const auto cofactors = Cross(GetColumn(matrix, (row + 1) % 3), GetColumn(matrix, (row + 2) % 3));
     for (unsigned int column = 0; column < 3; ++column)
     {
       inverse(row, column) = cofactors[column] / determinant;
@@ -253,6 +261,149 @@ MakePermutation(unsigned int principalAxis)
 }
 
 } // namespace
+
+ShearWarp::ViewGrid
+ShearWarp::FitGrid(const ViewList &     views,
+                   const ImageBase<3> * image,
+                   const ViewGrid &     given,
+                   bool                 fitSize,
+                   bool                 fitSpacing,
+                   bool                 fitOrigin)
+{
+  constexpr double infinity = std::numeric_limits<double>::infinity();
+  Point<double, 3> lower(infinity);
+  Point<double, 3> upper(-infinity);
+  ViewGrid         grid = given;
+  grid.spacing = fitSpacing ? Vector<double, 2>(infinity) : given.spacing;
+  for (SizeValueType n = 0; n < views.count; ++n)
+  {
+    const auto       view = views.get(n);
+    Point<double, 3> lowerOfView;
+    Point<double, 3> upperOfView;
+    ShearWarpFactorization::ComputeViewBounds(view, image, lowerOfView, upperOfView);
+    const auto spacing = ShearWarpFactorization::ComputeProjectedSpacing(view, image);
+    for (unsigned int axis = 0; axis < 2; ++axis)
+    {
+      lower[axis] = std::min(lower[axis], lowerOfView[axis]);
+      upper[axis] = std::max(upper[axis], upperOfView[axis]);
+      grid.spacing[axis] = fitSpacing ? std::min(grid.spacing[axis], spacing[axis]) : grid.spacing[axis];
+    }
+  }
+  for (unsigned int axis = 0; axis < 2; ++axis)
+  {
+    const double start = fitOrigin ? lower[axis] : given.origin[axis] - 0.5 * grid.spacing[axis];
+    // an extent that exceeds whole pixels by rounding errors only needs no further pixel
+    const double fitted = std::max(1.0, std::ceil((upper[axis] - start) / grid.spacing[axis] - 1e-6));
+    grid.size[axis] = fitSize ? fitted : given.size[axis];
+    if (fitOrigin)
+    {
+      grid.origin[axis] = 0.5 * (lower[axis] + upper[axis]) - 0.5 * (grid.size[axis] - 1.0) * grid.spacing[axis];
+    }
+  }
+  return grid;
+}
+
+ShearWarp::DepthRange
+ShearWarp::ClipDepths(const Transform<double, 3, 3> * view, const ImageBase<3> * image, const DepthRange & slab)
+{
+  Point<double, 3> lower;
+  Point<double, 3> upper;
+  ShearWarpFactorization::ComputeViewBounds(view, image, lower, upper);
+  DepthRange depths{ std::max(lower[2], slab.nearest), std::min(upper[2], slab.farthest) };
+  if (!(depths.nearest < depths.farthest))
+  {
+    // a slab without thickness, or beside the image
+    depths.nearest = std::isfinite(slab.nearest) ? slab.nearest : slab.farthest;
+    depths.farthest = std::isfinite(slab.farthest) ? slab.farthest : slab.nearest;
+    const double missing = (upper[2] - lower[2]) * 1e-3 - (depths.farthest - depths.nearest);
+    depths.nearest -= 0.5 * std::max(missing, 0.0);
+    depths.farthest += 0.5 * std::max(missing, 0.0);
+  }
+  return depths;
+}
+
+double
+ShearWarp::FindSphereDepth(const Transform<double, 3, 3> * view, const ImageBase<3> * image)
+{
+  const LinearView indexToView = GetImageView(view, image).indexToView;
+  const auto       indexToPhysical = GetIndexToPhysical(image);
+  const Size<3>    size = image->GetLargestPossibleRegion().GetSize();
+  double           centre = indexToView.offset[2];
+  for (unsigned int axis = 0; axis < 3; ++axis)
+  {
+    centre += indexToView.matrix(2, axis) * 0.5 * (static_cast<double>(size[axis]) - 1.0);
+  }
+  // four diagonals: axes need not be at right angles
+  double radius = 0.0;
+  for (const double signY : { -1.0, 1.0 })
+  {
+    for (const double signZ : { -1.0, 1.0 })
+    {
+      const Vector<double, 3> halfDiagonal =
+        GetColumn(indexToPhysical, 0) * (0.5 * static_cast<double>(size[0])) +
+        GetColumn(indexToPhysical, 1) * (signY * 0.5 * static_cast<double>(size[1])) +
+        GetColumn(indexToPhysical, 2) * (signZ * 0.5 * static_cast<double>(size[2]));
+      radius = std::max(radius, halfDiagonal.GetNorm());
+    }
+  }
+  // how fast the depth changes along physical space
+  const Matrix<double, 3, 3> physicalToView = Invert(GetLinearView(view).matrix);
+  const double               slope[] = { physicalToView(2, 0), physicalToView(2, 1), physicalToView(2, 2) };
+  return centre - Vector<double, 3>(slope).GetNorm() * radius;
+}
+
+Point<double, 3>
+ShearWarp::PictureSpace::operator()(double column, double row, double depth) const
+{
+  Point<double, 3> point = origin;
+  for (unsigned int axis = 0; axis < 3; ++axis)
+  {
+    point[axis] += steps(axis, 0) * column + steps(axis, 1) * row + steps(axis, 2) * depth;
+  }
+  return point;
+}
+
+ShearWarp::PictureSpace
+ShearWarp::MakePictureSpace(const Transform<double, 3, 3> * view, const ImageBase<2> * grid)
+{
+  const LinearView linear = GetLinearView(view);
+  PictureSpace     space;
+  space.steps = linear.matrix;
+  for (unsigned int row = 0; row < 3; ++row)
+  {
+    space.origin[row] = (linear.matrix(row, 0) * grid->GetOrigin()[0] + linear.matrix(row, 1) * grid->GetOrigin()[1]) +
+                        linear.offset[row];
+    space.steps(row, 0) *= grid->GetSpacing()[0];
+    space.steps(row, 1) *= grid->GetSpacing()[1];
+  }
+  return space;
+}
+
+ShearWarp::SliceGeometry
+ShearWarp::MakeSliceGeometry(const Transform<double, 3, 3> * view, const ImageBase<2> * grid, const DepthRange & depths)
+{
+  const LinearView linear = GetLinearView(view);
+  const double     steps[] = { grid->GetSpacing()[0], grid->GetSpacing()[1], depths.farthest - depths.nearest };
+  const double     middle = 0.5 * (depths.nearest + depths.farthest);
+  SliceGeometry    slice;
+  for (unsigned int row = 0; row < 3; ++row)
+  {
+    slice.origin[row] = ((linear.matrix(row, 0) * grid->GetOrigin()[0] + linear.matrix(row, 1) * grid->GetOrigin()[1]) +
+                         linear.matrix(row, 2) * middle) +
+                        linear.offset[row];
+  }
+  for (unsigned int axis = 0; axis < 3; ++axis)
+  {
+    const Vector<double, 3> column = GetColumn(linear.matrix, axis);
+    const double            length = column.GetNorm();
+    slice.spacing[axis] = steps[axis] * length;
+    for (unsigned int row = 0; row < 3; ++row)
+    {
+      slice.direction(row, axis) = column[row] / length;
+    }
+  }
+  return slice;
+}
 
 ShearWarpFactorization::ShearWarpFactorization(const TransformType *       viewTransform,
                                                const InputImageBaseType *  image,
@@ -413,6 +564,14 @@ ShearWarpFactorization::GetShearedFunction(const Vector4Type & ofView) const
 {
   const auto function = this->GetShearedToViewMatrix().GetTranspose() * ofView.GetVnlVector();
   return { function[0], function[1], function[2], function[3] };
+}
+
+ShearWarp::ShearedFunction
+ShearWarpFactorization::GetFunctionOfPhase(ShearWarp::ShearedFunction function, std::size_t phase) const
+{
+  const auto shift = [this](std::size_t n) { return static_cast<double>(n + 1) / m_Oversampling - 1.0; };
+  function.constant = function(shift(phase % m_Oversampling), shift(phase / m_Oversampling), 0.0);
+  return function;
 }
 
 ShearWarp::ShearedFunction

@@ -21,6 +21,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <cstring>
 #include <stdexcept>
 #include <type_traits>
 
@@ -104,6 +105,68 @@ ClipColumns(const ShearedFunction & function, double low, double high, double ro
   }
   return { findFirst([&](std::int32_t column) { return getValue(column) <= high; }),
            findFirst([&](std::int32_t column) { return getValue(column) < low; }) };
+}
+
+double
+Decay(double x)
+{
+  if (!(x < 708.0))
+  {
+    return 0.0;
+  }
+  // 2^-n exp(r), where n times the high part of log(2) is exact
+  constexpr double log2High = 0x1.62e42fefap-1;
+  constexpr double log2Low = 0x1.cf79abc9e3b3ap-40;
+  const double     n = std::floor(x * 0x1.71547652b82fep+0 + 0.5);
+  const double     r = (n * log2High - x) + n * log2Low;
+  // Taylor's series, whose next term is below 2^-57
+  constexpr double of[] = {
+    1.0 / 2,     1.0 / 6,      1.0 / 24,      1.0 / 120,      1.0 / 720,       1.0 / 5040,
+    1.0 / 40320, 1.0 / 362880, 1.0 / 3628800, 1.0 / 39916800, 1.0 / 479001600, 1.0 / 6227020800
+  };
+  const double r2 = r * r;
+  const auto   sum = [=](int m) { return (of[m] + of[m + 1] * r) + r2 * (of[m + 2] + of[m + 3] * r); };
+  const double exponential = 1.0 + (r + r2 * (sum(0) + (r2 * r2) * (sum(4) + (r2 * r2) * sum(8))));
+  const auto   powerBits = static_cast<std::uint64_t>(1023 - static_cast<std::int64_t>(n)) << 52;
+  double       power;
+  std::memcpy(&power, &powerBits, sizeof(power));
+  return exponential * power;
+}
+
+std::vector<double>
+MakeFadeFactors(const Fading & fading, double perColumn, std::ptrdiff_t columns)
+{
+  std::vector<double> factors;
+  for (std::ptrdiff_t n = 0; n <= columns; ++n)
+  {
+    factors.push_back(Decay(fading.rate * (std::abs(perColumn) * static_cast<double>(n))));
+  }
+  if (perColumn < 0)
+  {
+    std::reverse(factors.begin(), factors.end());
+  }
+  return factors;
+}
+
+FadingRow
+MakeFadingRow(const Fading &          fading,
+              const ShearedFunction & depth,
+              double                  row,
+              double                  slice,
+              ColumnSpan              span,
+              std::size_t             factors)
+{
+  constexpr double infinity = std::numeric_limits<double>::infinity();
+  const ColumnSpan behind = ClipColumns(depth, fading.begin, infinity, row, slice, span);
+  if (behind.begin == behind.end)
+  {
+    return { behind, behind.begin, 1.0 };
+  }
+  const bool         isFirstNearest = depth.perColumn >= 0;
+  const std::int32_t nearest = isFirstNearest ? behind.begin : behind.end - 1;
+  return { behind,
+           isFirstNearest ? nearest : behind.end - static_cast<std::int32_t>(factors),
+           Decay(fading.rate * (depth(nearest, row, slice) - fading.begin)) };
 }
 
 std::vector<std::string>

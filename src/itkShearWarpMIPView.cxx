@@ -121,6 +121,21 @@ MakeView(const ImageBase<3> * image, const ViewAxes & axes)
 }
 } // namespace
 
+double
+ShearWarp::GetTurnAngle(unsigned int frame, unsigned int frames, double start, double range, bool isRocking)
+{
+  const double count = frames;
+  if (!isRocking)
+  {
+    return start + range * (frame / count);
+  }
+  // the frame nearest to a quarter is one end
+  const double end = std::floor((count + 2.0) / 4.0);
+  const double part = frames > 2 ? std::sin(Math::twopi * (frame / count)) / std::sin(Math::twopi * (end / count))
+                                 : count - 1.0 - 2.0 * frame;
+  return start + 0.5 * range * part;
+}
+
 std::ostream &
 operator<<(std::ostream & out, ShearWarpMIPViewEnums::Direction value)
 {

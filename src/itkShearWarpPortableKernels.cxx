@@ -487,32 +487,47 @@ SampleMaskedRow(const Kernels<TPixel> &  kernels,
 
 template <typename TPixel>
 void
-FindNearestSlices(const IntermediateImage<TPixel> & intermediate,
-                  const AffineMap2D &               outputToIntermediate,
-                  std::ptrdiff_t                    row,
-                  std::ptrdiff_t                    columns,
-                  std::int32_t *                    slices)
+FindDepths(const IntermediateImage<TPixel> & intermediate,
+           const AffineMap2D &               outputToIntermediate,
+           unsigned int                      oversampling,
+           const ShearedFunction &           depth,
+           std::ptrdiff_t                    row,
+           std::ptrdiff_t                    columns,
+           float *                           depths)
 {
-  for (std::ptrdiff_t x = 0; x < columns; ++x)
+  const AffineMap2D & map = outputToIntermediate;
+  const auto          y = static_cast<double>(row);
+  for (std::ptrdiff_t n = 0; n < columns; ++n)
   {
-    const WarpCell<TPixel> cell(intermediate, outputToIntermediate, x, row);
+    const WarpCell<TPixel> cell(intermediate, map, n, row);
+    const auto             x = static_cast<double>(n);
+    const auto             toSheared = [=](double position) { return (position + 1.0) / oversampling - 1.0; };
+    const double           column = toSheared((map.xx * x + map.xy * y) + map.x0);
+    const double           shearedRow = toSheared((map.yx * x + map.yy * y) + map.y0);
     const auto             nearest = std::max_element(cell.weights, cell.weights + 4) - cell.weights;
-    slices[x] = cell.sum > 0 ? intermediate.slices[cell.places[nearest]] : NoSlice;
+    const std::int32_t     slice = cell.sum > 0 ? intermediate.slices[cell.places[nearest]] : NoSlice;
+    depths[n] =
+      slice < 0 ? std::numeric_limits<float>::quiet_NaN() : static_cast<float>(depth(column, shearedRow, slice));
   }
 }
 
-#define INSTANTIATE(TPixel)                                                    \
-  template const Kernels<TPixel> & GetPortableKernels();                       \
-  template void                    SampleMaskedRow(const Kernels<TPixel> &,    \
-                                                   const SliceRow<TPixel> &,   \
-                                                   const std::uint8_t *,       \
-                                                   const std::uint8_t *,       \
-                                                   std::uint8_t,               \
-                                                   ColumnSpan,                 \
-                                                   std::add_pointer_t<TPixel>, \
-                                                   std::uint8_t *);            \
-  template void                    FindNearestSlices(                          \
-                       const IntermediateImage<TPixel> &, const AffineMap2D &, std::ptrdiff_t, std::ptrdiff_t, std::int32_t *);
+#define INSTANTIATE(TPixel)                                                      \
+  template const Kernels<TPixel> & GetPortableKernels();                         \
+  template void                    SampleMaskedRow(const Kernels<TPixel> &,      \
+                                                   const SliceRow<TPixel> &,     \
+                                                   const std::uint8_t *,         \
+                                                   const std::uint8_t *,         \
+                                                   std::uint8_t,                 \
+                                                   ColumnSpan,                   \
+                                                   std::add_pointer_t<TPixel>,   \
+                                                   std::uint8_t *);              \
+  template void                    FindDepths(const IntermediateImage<TPixel> &, \
+                                              const AffineMap2D &,               \
+                                              unsigned int,                      \
+                                              const ShearedFunction &,           \
+                                              std::ptrdiff_t,                    \
+                                              std::ptrdiff_t,                    \
+                                              float *);
 SHEARWARP_FOR_EACH_PIXEL_TYPE(INSTANTIATE)
 #undef INSTANTIATE
 

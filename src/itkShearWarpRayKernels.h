@@ -16,7 +16,7 @@
  *
  *=========================================================================*/
 /* Included by each file of kernels, within its anonymous namespace, so that the linker cannot share what is compiled
- * here. For the same reason nothing here may call an inline function or a template of another header. */
+ * here. For the same reason nothing here may call an inline function or a template of another header at run time. */
 
 template <typename TPixel>
 constexpr bool IsFloat = static_cast<TPixel>(0.5) != 0;
@@ -102,7 +102,8 @@ IsNumber(TPixel value)
 {
   if constexpr (IsFloat<TPixel>)
   {
-    return value <= std::numeric_limits<TPixel>::infinity();
+    constexpr TPixel infinity = std::numeric_limits<TPixel>::infinity();
+    return value <= infinity;
   }
   return true;
 }
@@ -177,10 +178,15 @@ FadeRow(const double * __restrict factors,
   {
     const double product = factor * factors[p - first];
     const auto   from = static_cast<double>(samples[p]);
-    const double faded = to + (from - to) * (product < 1.0 ? product : 1.0);
+    const double faded = to + (from - to) * product;
     if constexpr (IsFloat<TPixel>)
     {
-      samples[p] = static_cast<TPixel>(faded);
+      // the sample if rounding leads beyond it, or its difference is infinite or not a number
+      const TPixel sample = samples[p];
+      const auto   rounded = static_cast<TPixel>(faded);
+      const TPixel below = rounded < sample ? rounded : sample;
+      const TPixel above = rounded > sample ? rounded : sample;
+      samples[p] = sample > background ? below : above;
     }
     else
     {

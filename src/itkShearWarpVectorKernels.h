@@ -17,7 +17,7 @@
  *=========================================================================*/
 /* Included by the file of each instruction set, within its anonymous namespace, after its struct Lanes and
  * itkShearWarpRayKernels.h, so that the linker cannot share what is compiled here. For the same reason nothing here may
- * call an inline function or a template of another header.
+ * call an inline function or a template of another header at run time.
  *
  * Lanes has the operations on vectors of 16-bit and 32-bit integers, float and double that are written differently for
  * each instruction set. */
@@ -576,6 +576,7 @@ class BlockProjector
 public:
   /** More would compete for the lines of the first cache. */
   static constexpr int MaximumSlices = BlockLength / 2;
+  static_assert(MaximumSlices <= Prefetcher::MaximumStreams, "each of the next slices is a stream");
 
   /** View \a index of \a count. */
   BlockProjector(const SliceStack<TPixel> &  stack,
@@ -1035,7 +1036,8 @@ Magnitude(double value)
 inline void
 Clip(double slope, double offset, double lowest, double highest, std::ptrdiff_t & begin, std::ptrdiff_t & end)
 {
-  if (slope < 0)
+  // of a zero too: infinities come from it, with its sign
+  if (__builtin_signbit(slope))
   {
     return Clip(-slope, -offset, -highest, -lowest, begin, end);
   }

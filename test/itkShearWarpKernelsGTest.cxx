@@ -369,6 +369,33 @@ class ShearWarpKernelsFloating : public testing::Test
 using FloatingTypes = testing::Types<float, double>;
 TYPED_TEST_SUITE(ShearWarpKernelsFloating, FloatingTypes, );
 
+/** Zeros of both signs, limits, and what is not finite. */
+template <typename TPixel>
+std::vector<TPixel>
+MakeSpecialPixels()
+{
+  using Limits = std::numeric_limits<TPixel>;
+  if constexpr (std::is_floating_point_v<TPixel>)
+  {
+    return { Limits::quiet_NaN(),  -Limits::infinity(), -Limits::max(), TPixel(-1),    -TPixel(0),        TPixel(0),
+             Limits::denorm_min(), TPixel(0.5),         TPixel(1),      Limits::max(), Limits::infinity() };
+  }
+  else
+  {
+    return { Limits::lowest(), static_cast<TPixel>(Limits::lowest() + 1), 0, 1, Limits::max() };
+  }
+}
+
+/** The same bits, or both not a number. */
+template <typename TPixel>
+bool
+HaveSameValues(const std::vector<TPixel> & a, const std::vector<TPixel> & b)
+{
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](TPixel x, TPixel y) {
+    return HaveSameBits(x, y) || (x != x && y != y);
+  });
+}
+
 /** Warps the whole output, its rows split before column \a split. */
 template <typename TPixel>
 std::vector<TPixel>
@@ -405,9 +432,11 @@ Warp(const std::vector<TPixel> &              pixels,
 
 TEST(ShearWarpKernels, ClippedColumnsAreThoseWhereTheFunctionIsWithinItsLimits)
 {
-  // small whole numbers, so that limits are met exactly
+  // small multiples of a half and zeros of both signs, so that limits are met exactly
   Random     random(41);
-  const auto draw = [&random] { return static_cast<double>(random.Integer(-4, 4)); };
+  const auto draw = [&random] {
+    return (random.Integer(0, 1) == 0 ? 0.5 : -0.5) * static_cast<double>(random.Integer(0, 8));
+  };
   for (int repeat = 0; repeat < 20000; ++repeat)
   {
     const itk::ShearWarp::ShearedFunction function{ draw(), draw(), draw(), draw() };
@@ -779,6 +808,120 @@ TYPED_TEST(ShearWarpKernelsTyped, WarpRowHasNoOtherPositionsWhereTermsCancel)
       EXPECT_EQ(std::count(last, output.end(), *last), 40) << name;
     }
   });
+}
+
+TYPED_TEST(ShearWarpKernelsTyped, WarpRowHasTheBitsOfThePortableKernelsAtSpecialNumbers)
+{
+  constexpr double infinity = std::numeric_limits<double>::infinity();
+  constexpr double notANumber = std::numeric_limits<double>::quiet_NaN();
+  constexpr double numbers[] = { -1.0, -0.5, -0.0, 0.0, 0.5, 1.0, 21.0, infinity, notANumber };
+  Random           random(43);
+  const auto       draw = [&] { return numbers[random.Integer(0, 5)]; };
+
+  std::vector<TypeParam> pixels(21 * 5);
+  std::generate(pixels.begin(), pixels.end(), [&random] { return MakeRandomPixel<TypeParam>(random); });
+  const std::vector<Kernels::ColumnSpan> reached{ { 0, 21 }, { 0, 21 }, { 3, 18 }, { 0, 21 }, { 0, 21 } };
+  for (const double slope : numbers)
+  {
+    for (const double fromRow : numbers)
+    {
+      for (const double offset : numbers)
+      {
+        for (const auto & map : { Kernels::AffineMap2D{ slope, fromRow, offset, draw(), draw(), draw() },
+                                  { draw(), draw(), draw(), slope, fromRow, offset } })
+        {
+          std::vector<TypeParam> portable;
+          ForEachInstructionSet([&](const std::string &) {
+            const auto output = Warp<TypeParam>(pixels, reached, map, 40, 3, 7, 0);
+            portable = portable.empty() ? output : portable;
+            ASSERT_TRUE(HaveSameValues(output, portable))
+              << map.xx << ' ' << map.xy << ' ' << map.x0 << ' ' << map.yx << ' ' << map.yy << ' ' << map.y0;
+          });
+        }
+      }
+    }
+  }
+}
+
+TYPED_TEST(ShearWarpKernelsTyped, FadeRowFollowsTheRuleAtSpecialNumbers)
+{
+  // small, so that every type holds the results
+  std::vector<TypeParam> values;
+  for (const double value : { -100.0, -3.0, -1.0, -0.0, 0.0, 1.0, 2.0, 5.0, 101.0 })
+  {
+    values.push_back(static_cast<TypeParam>(std::is_signed_v<TypeParam> ? value : std::abs(value)));
+  }
+  const auto count = static_cast<std::int32_t>(values.size());
+  for (const TypeParam background : values)
+  {
+    for (const double product : { 0.0, 0.125, 0.25, 0.5, 1.0 })
+    {
+      const double              factor = product < 0.5 ? 0.5 : 1.0;
+      const std::vector<double> factors(values.size(), product / factor);
+      std::vector<TypeParam>    expected;
+      std::vector<TypeParam>    portable;
+      for (const TypeParam value : values)
+      {
+        const auto   to = static_cast<double>(background);
+        const double faded = to + (static_cast<double>(value) - to) * product;
+        expected.push_back(
+          static_cast<TypeParam>(std::is_floating_point_v<TypeParam> ? faded : std::floor(faded + 0.5)));
+      }
+      ForEachInstructionSet([&](const std::string &) {
+        auto samples = values;
+        Kernels::GetKernels<TypeParam>().fadeRow(factors.data(), 0, factor, background, { 0, count }, samples.data());
+        EXPECT_EQ(samples, expected) << "to " << +background << " by " << product;
+        portable = portable.empty() ? samples : portable;
+        EXPECT_TRUE(HaveSameValues(samples, portable)) << "to " << +background << " by " << product;
+      });
+    }
+  }
+}
+
+TYPED_TEST(ShearWarpKernelsTyped, SamplesAndRaysHaveTheBitsOfThePortableKernelsAtSpecialNumbers)
+{
+  constexpr std::int32_t columns = 40;
+  constexpr std::size_t  length = columns + 1;
+  const auto             specials = MakeSpecialPixels<TypeParam>();
+  Random                 random(44);
+  const auto             draw = [&] { return specials[random.Integer(0, specials.size() - 1)]; };
+  for (const std::int32_t x : RimFractions)
+  {
+    for (const std::int32_t y : RimFractions)
+    {
+      std::vector<std::vector<TypeParam>> slices(8, std::vector<TypeParam>(columns));
+      for (auto & row : slices)
+      {
+        std::generate(row.begin(), row.end(), draw);
+      }
+      const TypeParam        threshold = draw();
+      std::vector<TypeParam> portable;
+      ForEachInstructionSet([&](const std::string &) {
+        const auto &           kernels = Kernels::GetKernels<TypeParam>();
+        std::vector<TypeParam> all;
+        for (const auto * rule : { &kernels.maximum, &kernels.minimum, &kernels.absoluteMaximum })
+        {
+          std::vector<TypeParam>    samples(length), values(2 * length, rule->start);
+          std::vector<std::int32_t> taken(2 * length, Kernels::NoSlice);
+          for (std::int32_t k = 0; k < 7; ++k)
+          {
+            const Kernels::ColumnSpan span{ x > Half, columns + (x > Half) };
+            kernels.sampleRow({ slices[k].data(), slices[k + 1].data(), columns, { 0, x }, y }, span, samples.data());
+            all.insert(all.end(), samples.begin(), samples.end());
+            rule->take(samples.data(), span, k, { values.data(), taken.data() });
+            rule->takeUntilLocalMaximum(
+              samples.data(), span, k, threshold, { values.data() + length, taken.data() + length });
+          }
+          all.insert(all.end(), values.begin(), values.end());
+          std::transform(taken.begin(), taken.end(), std::back_inserter(all), [](std::int32_t slice) {
+            return static_cast<TypeParam>(slice % Kernels::EndedRay + (slice >= Kernels::EndedRay ? 50 : 0));
+          });
+        }
+        portable = portable.empty() ? all : portable;
+        EXPECT_TRUE(HaveSameValues(all, portable)) << "fractions " << x << ' ' << y;
+      });
+    }
+  }
 }
 
 TYPED_TEST(ShearWarpKernelsTyped, WarpRowStaysWithinTheRangeOfItsPixels)

@@ -194,6 +194,18 @@ TEST(ShearWarpMIPCine, AListOfTransformsHasTheBitsOfTheSingleFilter)
   EXPECT_THROW(cine->AddTransform(nullptr), itk::ExceptionObject);
 }
 
+TEST(ShearWarpMIPCine, MoreFramesThanAreProjectedTogetherHaveTheBitsOfTheSingleFilter)
+{
+  Random     random(1012);
+  const auto image = MakeRandomImage<short>(random, { { 5, 6, 7 } });
+  const auto cine = CineType<short>::New();
+  const auto single = SingleType<short>::New();
+  cine->SetInput(image);
+  cine->SetNumberOfFrames(1300);
+  single->SetInput(image);
+  ExpectFramesOfTheSingleFilter(cine.GetPointer(), single.GetPointer());
+}
+
 TEST(ShearWarpMIPCine, StreamingHasTheBitsOfTheWholeImage)
 {
   Random     random(1004);
@@ -306,6 +318,31 @@ TEST(ShearWarpMIPCine, AnglesOfTurnsAndOfRocking)
   {
     EXPECT_NEAR(angles[n], expected[n], 1e-12);
   }
+}
+
+TEST(ShearWarpMIPCine, RockingReachesBothEndsAsASine)
+{
+  const auto cine = CineType<short>::New();
+  cine->SetStartAngle(10.0);
+  cine->SetAngularRange(60.0);
+  cine->RockingOn();
+  for (const unsigned int count : { 2u, 3u, 4u, 5u, 6u, 7u, 30u, 48u, 101u })
+  {
+    cine->SetNumberOfFrames(count);
+    const auto angles = cine->GetFrameAngles();
+    EXPECT_NEAR(*std::max_element(angles.begin(), angles.end()), 40.0, 1e-12) << count;
+    EXPECT_NEAR(*std::min_element(angles.begin(), angles.end()), -20.0, 1e-12) << count;
+    const double step = itk::Math::twopi / count;
+    for (unsigned int n = 0; n < count && count > 2; ++n)
+    {
+      // the next and the last one of a sine are 2 cos(step) times as far together
+      const double both = angles[(n + 1) % count] + angles[(n + count - 1) % count] - 20.0;
+      EXPECT_NEAR(both, 2.0 * std::cos(step) * (angles[n] - 10.0), 1e-10) << n << " of " << count;
+    }
+    EXPECT_EQ(angles[0], count > 2 ? 10.0 : 40.0) << count;
+  }
+  cine->SetNumberOfFrames(1);
+  EXPECT_EQ(cine->GetFrameAngles(), std::vector<double>{ 10.0 });
 }
 
 TEST(ShearWarpMIPCine, ThePointThatTheViewerMovesAboutStaysInPlace)

@@ -15,6 +15,7 @@
  *  limitations under the License.
  *
  *=========================================================================*/
+#include "itkShearWarpMIPCineImageFilter.h"
 #include "itkShearWarpMIPImageFilter.h"
 #include "itkShearWarpMIPTestHelper.h"
 #include "itkShearWarpMIPView.h"
@@ -156,7 +157,8 @@ TYPED_TEST(ShearWarpMIPModes, FadesByTheFormula)
     const auto         filter = MakeFilter<TypeParam>(image, view);
     RayRule<TypeParam> rule;
     rule.mode = static_cast<RayMode>(repeat % 2);
-    rule.attenuation = random.Uniform(0.0, 0.2);
+    // of every magnitude
+    rule.attenuation = repeat % 4 == 0 ? std::pow(10.0, random.Uniform(-320.0, 308.0)) : random.Uniform(0.0, 0.2);
     rule.background = MakeRandomPixel<TypeParam>(random);
     PointType lower, upper;
     itk::ShearWarpFactorization::ComputeViewBounds(view, image, lower, upper);
@@ -185,6 +187,51 @@ TYPED_TEST(ShearWarpMIPModes, FadesByTheFormula)
         << "at " << n << ": " << a << " " << b << " to " << static_cast<long double>(rule.background) << " rate "
         << rule.attenuation;
     }
+  }
+}
+
+TYPED_TEST(ShearWarpMIPModes, FasterFadingIsNeverBrighter)
+{
+  Random random(909);
+  for (int repeat = 0; repeat < 12; ++repeat)
+  {
+    SCOPED_TRACE(repeat);
+    const auto image = MakeRandomImage<TypeParam>(random, MakeRandomSize(random, 1, 20));
+    const auto view = MakeRandomView(random, AllViewKinds[repeat % 3], image);
+    const auto filter = MakeFilter<TypeParam>(image, view);
+    const bool isMinimum = repeat % 2 == 1;
+    // no sample is beyond the background
+    const auto [lowest, highest] = std::minmax_element(
+      image->GetBufferPointer(), image->GetBufferPointer() + image->GetBufferedRegion().GetNumberOfPixels());
+    const TypeParam background = isMinimum ? *highest : *lowest;
+    const TypeParam farthest = isMinimum ? *lowest : *highest;
+    PointType       lower, upper;
+    itk::ShearWarpFactorization::ComputeViewBounds(view, image, lower, upper);
+    if (repeat % 4 < 2)
+    {
+      const double ends[] = { random.Uniform(lower[2], upper[2]), random.Uniform(lower[2], upper[2]) };
+      filter->SetSlabNear(std::min(ends[0], ends[1]));
+      filter->SetSlabFar(std::max(ends[0], ends[1]));
+    }
+    filter->SetMode(isMinimum ? ModeEnum::Minimum : ModeEnum::Maximum);
+    filter->SetDefaultPixelValue(background);
+    ForEachInstructionSet([&](const std::string &) {
+      std::vector<TypeParam> before;
+      for (const double rate : { 0.0, 5e-324, 1e-300, 1e-9, 0.01, 0.0101, 0.3, 4.0, 8.0, 100.0, 1e4, 1e20, 1.7e308 })
+      {
+        filter->SetDepthAttenuation(rate);
+        filter->Update();
+        const auto * pixels = filter->GetOutput()->GetBufferPointer();
+        before.resize(filter->GetOutput()->GetBufferedRegion().GetNumberOfPixels(), farthest);
+        for (std::size_t n = 0; n < before.size(); ++n)
+        {
+          ASSERT_FALSE(isMinimum ? pixels[n] < before[n] : pixels[n] > before[n]) << rate << " at " << n;
+          ASSERT_FALSE(isMinimum ? pixels[n] > background : pixels[n] < background) << rate << " at " << n;
+          ASSERT_TRUE(rate < 1e20 || pixels[n] == background) << rate << " at " << n;
+          before[n] = pixels[n];
+        }
+      }
+    });
   }
 }
 
@@ -404,9 +451,72 @@ TEST(ShearWarpMIPModesClosedForms, FadingVesselsOfEqualBrightness)
   filter->Update();
   for (itk::IndexValueType u = 0; u < 5; ++u)
   {
-    // the image begins half a voxel before its first slice
-    const double expected = -1000 + 1500 * std::exp(-0.01 * (20.0 * static_cast<double>(u) + 0.5));
+    // the sphere that holds the image is about its middle slice
+    const double radius = 0.5 * std::sqrt(5.0 * 5.0 + 5.0 * 5.0 + 101.0 * 101.0);
+    const double expected = -1000 + 1500 * std::exp(-0.01 * (20.0 * static_cast<double>(u) - 50.0 + radius));
     EXPECT_NEAR(filter->GetOutput()->GetPixel({ { u, 2 } }), expected, 1e-3);
+  }
+}
+
+TEST(ShearWarpMIPModesClosedForms, AFadingTurnDoesNotPulse)
+{
+  using CineType = itk::ShearWarpMIPCineImageFilter<itk::Image<float, 3>, itk::Image<float, 3>>;
+  // a small ball amid a cube, which begins up to 12 mm nearer to the viewer from its edges on
+  const auto image = MakePlainImage<float>({ { 61, 61, 61 } });
+  const auto cine = CineType::New();
+  for (itk::IndexValueType n = 0; n < 27; ++n)
+  {
+    image->SetPixel({ { 29 + n % 3, 29 + n / 3 % 3, 29 + n / 9 } }, 1000);
+  }
+  cine->SetInput(image);
+  cine->SetDepthAttenuation(0.1);
+  cine->SetNumberOfFrames(24);
+  const double radius = 0.5 * 61 * std::sqrt(3.0);
+  for (const bool isAboutCentre : { true, false })
+  {
+    if (!isAboutCentre)
+    {
+      cine->SetCenter(MakePoint3(-40, 50, 30));
+      cine->SetRotationAxis(MakeVector3(1, 2, 3));
+    }
+    cine->Update();
+    for (unsigned int frame = 0; frame < 24; ++frame)
+    {
+      const auto * first =
+        cine->GetOutput()->GetBufferPointer() + frame * cine->GetOutput()->ComputeOffset({ { 0, 0, 1 } });
+      const float brightest = *std::max_element(first, first + cine->GetOutput()->ComputeOffset({ { 0, 0, 1 } }));
+      EXPECT_GT(brightest, 1000 * std::exp(-0.1 * radius)) << frame;
+      EXPECT_LT(brightest, 1000 * std::exp(-0.1 * (radius - 2.6))) << frame;
+      const double depth = itk::ShearWarp::FindSphereDepth(cine->GetFrameTransform(frame), image);
+      EXPECT_NEAR(depth,
+                  cine->GetFrameTransform(frame)->GetInverseTransform()->TransformPoint(GetCentre(image))[2] - radius,
+                  1e-9);
+    }
+  }
+}
+
+TEST(ShearWarpMIPModesClosedForms, ABoxChangesNoBitOfWhatFadesInIt)
+{
+  // one slice, whose rows fade from either end
+  const auto image = MakePlainImage<double>({ { 64, 3, 1 } }, 1000);
+  for (const double slope : { -0.7, 0.7 })
+  {
+    const double view[3][3] = { { 1, 0, 0 }, { 0, 1, 0 }, { slope, 0, 1 } };
+    const auto   filter = MakeFilter<double>(image, MakeView(MakeMatrix(view), MakePoint3(0, 0, 0)));
+    filter->SetDepthAttenuation(0.0123);
+    filter->SetSize({ { 64, 3 } });
+    filter->SetOutputSpacing(MakeVector2(1, 1));
+    filter->SetOutputOrigin(MakePoint2(0, 0));
+    filter->Update();
+    const auto whole = Copy(filter->GetOutput());
+    filter->SetCropLower(MakePoint3(9.5, -10, -10));
+    filter->SetCropUpper(MakePoint3(40.5, 10, 10));
+    filter->Update();
+    for (itk::IndexValueType u = 10; u < 41; ++u)
+    {
+      EXPECT_EQ(filter->GetOutput()->GetPixel({ { u, 1 } }), whole->GetPixel({ { u, 1 } })) << u;
+    }
+    EXPECT_EQ(filter->GetOutput()->GetPixel({ { 5, 1 } }), 0.0);
   }
 }
 
@@ -569,7 +679,11 @@ TEST(ShearWarpMIPModesParameters, ErrorsNameParameterAndValue)
     filter.SetCropUpper(PointType(7.0));
   });
   expectError("DepthAttenuation", "-0.5", [](auto & filter) { filter.SetDepthAttenuation(-0.5); });
-  expectError("DepthAttenuation", "1000", [](auto & filter) { filter.SetDepthAttenuation(1000); });
+  expectError("DepthAttenuation", "inf", [=](auto & filter) { filter.SetDepthAttenuation(infinity); });
+  expectError("DefaultPixelValue", "nan", [=](auto & filter) {
+    filter.SetDepthAttenuation(1);
+    filter.SetDefaultPixelValue(static_cast<float>(nothing));
+  });
   expectError("LocalMaximumThreshold", "nan", [=](auto & filter) {
     filter.SetLocalMaximumThreshold(static_cast<float>(nothing));
   });

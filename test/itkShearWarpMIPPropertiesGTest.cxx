@@ -15,9 +15,12 @@
  *  limitations under the License.
  *
  *=========================================================================*/
+#include "itkShearWarpMIPCineImageFilter.h"
 #include "itkShearWarpMIPImageFilter.h"
 
 #include "itkShearWarpMIPTestHelper.h"
+
+#include "itkImageRegionConstIteratorWithIndex.h"
 
 #include <gtest/gtest.h>
 
@@ -270,7 +273,140 @@ CheckCase(std::uint64_t seed, Tally & tally)
   Random random(seed);
   checks[seed % checks.size()](random, tally);
 }
+
+double
+DrawZero(Random & random)
+{
+  return random.Integer(0, 1) == 0 ? 0.0 : -0.0;
+}
+
+/** All 48, some with zeros of one sign, some of both. */
+std::vector<MatrixType>
+DrawSignedPermutations(Random & random)
+{
+  std::vector<MatrixType>     matrices;
+  std::array<unsigned int, 3> rows{ 0, 1, 2 };
+  do
+  {
+    for (int signs = 0; signs < 8; ++signs)
+    {
+      const double zeros[] = { DrawZero(random), DrawZero(random) };
+      MatrixType   matrix;
+      for (unsigned int n = 0; n < 9; ++n)
+      {
+        const double one = (signs >> n % 3 & 1) != 0 ? -1.0 : 1.0;
+        matrix(n / 3, n % 3) = rows[n % 3] == n / 3 ? one : zeros[random.Integer(0, 1)];
+      }
+      matrices.push_back(matrix);
+    }
+  } while (std::next_permutation(rows.begin(), rows.end()));
+  return matrices;
+}
+
+/** The maxima of the voxels behind each pixel of \a grid, whose pixels are as large as voxels, along an axis of the
+ * image; else 0. */
+template <typename TGrid>
+std::vector<short>
+TakeMaxima(const itk::Image<short, 3> * image, const ViewType * view, const TGrid * grid)
+{
+  const auto         toView = view->GetInverseTransform();
+  const auto         size = grid->GetLargestPossibleRegion().GetSize();
+  std::vector<short> maxima(size[0] * size[1]);
+  for (itk::ImageRegionConstIteratorWithIndex it(image, image->GetBufferedRegion()); !it.IsAtEnd(); ++it)
+  {
+    PointType point;
+    image->TransformIndexToPhysicalPoint(it.GetIndex(), point);
+    point = toView->TransformPoint(point);
+    const auto place = [&](unsigned int axis) {
+      return static_cast<std::size_t>(std::lround((point[axis] - grid->GetOrigin()[axis]) / grid->GetSpacing()[axis]));
+    };
+    short & maximum = maxima.at(place(1) * size[0] + place(0));
+    maximum = std::max(maximum, it.Get());
+  }
+  return maxima;
+}
 } // namespace
+
+TEST(ShearWarpMIPProperties, ViewsAlongTheGridHaveTheMaximaOfTheirVoxels)
+{
+  using ImageType = itk::Image<short, 3>;
+  Random     random(1201);
+  const auto image = ImageType::New();
+  // longer than vectors; the centre is a voxel
+  image->SetRegions(itk::ImageRegion<3>({ { -3, 2, 5 } }, { { 35, 9, 7 } }));
+  image->SetSpacing(MakeVector3(0.5, 0.5, 0.5));
+  image->SetOrigin(MakePoint3(1.5, -2, 10));
+  image->Allocate();
+  std::generate_n(image->GetBufferPointer(), image->GetBufferedRegion().GetNumberOfPixels(), [&random] {
+    return static_cast<short>(random.Integer(1, 9999));
+  });
+
+  const auto single = itk::ShearWarpMIPImageFilter<ImageType>::New();
+  const auto cine = itk::ShearWarpMIPCineImageFilter<ImageType>::New();
+  single->SetInput(image);
+  cine->SetInput(image);
+  for (const MatrixType & direction : DrawSignedPermutations(random))
+  {
+    image->SetDirection(direction);
+    PointType corner;
+    image->TransformIndexToPhysicalPoint(image->GetBufferedRegion().GetIndex(), corner);
+    std::vector<ViewType::Pointer> views;
+    for (const MatrixType & matrix : DrawSignedPermutations(random))
+    {
+      PointType origin = corner;
+      for (auto & coordinate : origin)
+      {
+        coordinate += 0.5 * static_cast<double>(random.Integer(-2, 2));
+      }
+      views.push_back(MakeView(matrix, origin));
+    }
+    for (int repeat = 0; repeat < 12; ++repeat)
+    {
+      auto view = views[static_cast<std::size_t>(random.Integer(0, 47))];
+      for (int turn = 0; turn < 2; ++turn)
+      {
+        auto axis = MakeVector3(DrawZero(random), DrawZero(random), DrawZero(random));
+        axis[static_cast<unsigned int>(random.Integer(0, 2))] = random.Integer(0, 1) == 0 ? 1.0 : -1.0;
+        view = itk::ShearWarpMIPView::Turn(view, axis, corner, 90.0 * static_cast<double>(random.Integer(1, 3)));
+      }
+      views.push_back(view);
+    }
+
+    cine->ClearTransforms();
+    for (const auto & view : views)
+    {
+      cine->AddTransform(view);
+      std::vector<short> expected;
+      single->SetTransform(view);
+      ForEachInstructionSet([&](const std::string & name) {
+        single->Modified();
+        single->Update();
+        const auto * output = single->GetOutput();
+        expected = expected.empty() ? TakeMaxima(image, view, output) : expected;
+        EXPECT_TRUE(std::equal(expected.begin(), expected.end(), output->GetBufferPointer())) << name << ", direction\n"
+                                                                                              << direction << "view\n"
+                                                                                              << view->GetMatrix();
+      });
+    }
+    std::vector<std::vector<short>> expected;
+    ForEachInstructionSet([&](const std::string & name) {
+      cine->Modified();
+      cine->Update();
+      for (std::size_t n = 0; n < views.size(); ++n)
+      {
+        if (n == expected.size())
+        {
+          expected.push_back(TakeMaxima(image, views[n], cine->GetOutput()));
+        }
+        const short * frame = cine->GetOutput()->GetBufferPointer() + n * expected[n].size();
+        EXPECT_TRUE(std::equal(expected[n].begin(), expected[n].end(), frame))
+          << name << ", frame " << n << ", direction\n"
+          << direction << "view\n"
+          << views[n]->GetMatrix();
+      }
+    });
+  }
+}
 
 /** SHEARWARPMIP_TEST_SEED=N repeats the case of that seed; SHEARWARPMIP_TEST_SECONDS=N takes new ones for so long. */
 TEST(ShearWarpMIPProperties, EveryCaseHasTheBitsOfABruteForceEvaluation)

@@ -356,6 +356,35 @@ HaveSamePixels(const Image<TPixel, 2> * a, const Image<TPixel, 2> * b)
                      a->GetBufferedRegion().GetNumberOfPixels() * sizeof(TPixel)) == 0;
 }
 
+/** 64-bit FNV-1a of the values' bytes, the lowest first. */
+template <typename T>
+void
+AddToChecksum(const T * values, std::size_t count, std::uint64_t & checksum)
+{
+  using Bits = std::conditional_t<sizeof(T) == 1,
+                                  std::uint8_t,
+                                  std::conditional_t<sizeof(T) == 2,
+                                                     std::uint16_t,
+                                                     std::conditional_t<sizeof(T) == 4, std::uint32_t, std::uint64_t>>>;
+  for (std::size_t n = 0; n < count; ++n)
+  {
+    Bits bits;
+    std::memcpy(&bits, values + n, sizeof(bits));
+    for (std::size_t byte = 0; byte < sizeof(bits); ++byte)
+    {
+      checksum = (checksum ^ (static_cast<std::uint64_t>(bits) >> (8 * byte) & 0xff)) * 0x100000001b3u;
+    }
+  }
+}
+constexpr std::uint64_t EmptyChecksum = 0xcbf29ce484222325u;
+
+template <typename TImage>
+void
+AddToChecksum(const TImage * image, std::uint64_t & checksum)
+{
+  AddToChecksum(image->GetBufferPointer(), image->GetBufferedRegion().GetNumberOfPixels(), checksum);
+}
+
 template <typename TPixel>
 typename Image<TPixel, 2>::Pointer
 Copy(const Image<TPixel, 2> * image)
@@ -389,6 +418,22 @@ MakeOutline(const Image<TPixel, 3> * image)
   auto outline = Image<TPixel, 3>::New();
   outline->CopyInformation(image);
   return outline;
+}
+
+/** Bytes of what a filter has prepared of its input, without intermediate images. */
+template <typename TFilter>
+SizeValueType
+GetPreparedBytes(const TFilter * filter)
+{
+  struct Open : TFilter
+  {
+    static SizeValueType
+    Get(const TFilter * filter)
+    {
+      return (filter->*(&Open::m_PreparedVolume)).GetSizeInBytes();
+    }
+  };
+  return Open::Get(filter);
 }
 
 /** Gives the requested parts of an image, in memory of their own, and remembers how large they were. */
@@ -846,13 +891,37 @@ public:
       }
       m_DepthOfIndex[column] = Determinant(replaced) / axesDeterminant;
     }
-    long double nearest = 0.0L;
+    // the sphere's least depth: of directions d of physical space, that of u x v is the depth's gradient
+    long double centre = 0.0L;
     for (int axis = 0; axis < 3; ++axis)
     {
-      const long double middle = 0.5L * (m_Length[axis] - 1) - m_Offset[axis];
-      nearest += m_DepthOfIndex[axis] * middle - std::abs(m_DepthOfIndex[axis]) * m_Length[axis] * 0.5L;
+      centre += m_DepthOfIndex[axis] * (0.5L * (m_Length[axis] - 1) - m_Offset[axis]);
     }
-    m_FadeBegin = std::max<long double>(nearest, rule.slabNear);
+    long double squaredRadius = 0.0L;
+    for (int corner = 0; corner < 4; ++corner)
+    {
+      const long double lengths[3] = { static_cast<long double>(m_Length[0]),
+                                       static_cast<long double>(corner % 2 == 0 ? m_Length[1] : -m_Length[1]),
+                                       static_cast<long double>(corner < 2 ? m_Length[2] : -m_Length[2]) };
+      long double       squared = 0.0L;
+      for (const auto & row : indexToPhysical)
+      {
+        const long double half = 0.5L * (row[0] * lengths[0] + row[1] * lengths[1] + row[2] * lengths[2]);
+        squared += half * half;
+      }
+      squaredRadius = std::max(squaredRadius, squared);
+    }
+    const long double viewDeterminant = Determinant(viewMatrix);
+    long double       squaredSlope = 0.0L;
+    for (int axis = 0; axis < 3; ++axis)
+    {
+      const int         next = (axis + 1) % 3;
+      const int         last = (axis + 2) % 3;
+      const long double cofactor =
+        viewMatrix[next][0] * viewMatrix[last][1] - viewMatrix[last][0] * viewMatrix[next][1];
+      squaredSlope += cofactor * cofactor / (viewDeterminant * viewDeterminant);
+    }
+    m_FadeBegin = std::max<long double>(centre - std::sqrt(squaredSlope * squaredRadius), rule.slabNear);
   }
 
   unsigned int

@@ -227,7 +227,10 @@ EstimateError(const ViewType * view, const itk::ImageBase<3> * image, const itk:
 
 template <typename TPixel>
 void
-RequireBounded(const itk::Image<TPixel, 3> * image, const itk::Image<TPixel, 2> * picture, TPixel background)
+RequireBounded(const itk::Image<TPixel, 3> * image,
+               const itk::Image<TPixel, 2> * picture,
+               TPixel                        background,
+               bool                          fades)
 {
   TPixel             lowest = std::numeric_limits<TPixel>::max();
   TPixel             highest = std::numeric_limits<TPixel>::lowest();
@@ -236,12 +239,14 @@ RequireBounded(const itk::Image<TPixel, 3> * image, const itk::Image<TPixel, 2> 
     lowest = std::min(lowest, voxel);
     highest = std::max(highest, voxel);
   });
+  lowest = fades ? std::min(lowest, background) : lowest;
+  highest = fades ? std::max(highest, background) : highest;
   // a difference that overflows has no bounds
   const bool         isBounded = std::isfinite(static_cast<double>(static_cast<TPixel>(highest - lowest)));
   const auto * const pixels = picture->GetBufferPointer();
   std::for_each(pixels, pixels + picture->GetBufferedRegion().GetNumberOfPixels(), [&](TPixel pixel) {
     Require(HaveSameBits(pixel, background) || (isBounded ? pixel >= lowest && pixel <= highest : pixel == pixel),
-            "a pixel is the background or bounded by voxels");
+            "a pixel is the background or bounded by voxels, and by it if they fade");
   });
 }
 
@@ -386,10 +391,7 @@ Project(Numbers & numbers)
     first = first ? first : Copy<TPixel>(filter->GetOutput());
     Require(HaveSamePixels<TPixel>(first, filter->GetOutput()), "every instruction set gives the same bits");
   });
-  if (filter->GetDepthAttenuation() == 0.0)
-  {
-    RequireBounded<TPixel>(input, first, background);
-  }
+  RequireBounded<TPixel>(input, first, background, filter->GetDepthAttenuation() > 0.0);
   if (!isPlain)
   {
     return;
