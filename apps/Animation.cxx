@@ -17,15 +17,27 @@
  *=========================================================================*/
 #include "Animation.h"
 
-#include "itksys/Process.h"
+#include "Output.h"
+
 #include "itksys/SystemTools.hxx"
 
+#include <cerrno>
+#include <csignal>
 #include <fstream>
-#include <memory>
 #include <sstream>
 #include <stdexcept>
 #include <string>
+#include <system_error>
 #include <vector>
+
+#if __has_include(<spawn.h>)
+#  include <fcntl.h>
+#  include <poll.h>
+#  include <spawn.h>
+#  include <sys/wait.h>
+#  include <unistd.h>
+extern char ** environ; // NOLINT(readability-redundant-declaration): POSIX has programs declare it
+#endif
 
 namespace
 {
@@ -33,40 +45,82 @@ using Arguments = std::vector<std::string>;
 
 const std::string gray = "gray";
 
+#if __has_include(<spawn.h>)
 std::string
 FindEncoder()
 {
   return itksys::SystemTools::FindProgram("ffmpeg");
 }
 
-/** Runs a program that has nothing to say if all is well. Throws, with what it said, if it is not. */
+/** Runs a program that has nothing to say if all is well. Throws, with what it said, if it is not, or at a signal. */
 void
 RunQuietly(const Arguments & arguments)
 {
-  std::vector<const char *> command;
+  std::vector<char *> command;
   for (const std::string & argument : arguments)
   {
-    command.push_back(argument.c_str());
+    command.push_back(const_cast<char *>(argument.c_str()));
   }
   command.push_back(nullptr);
 
-  const std::unique_ptr<itksysProcess, void (*)(itksysProcess *)> process(itksysProcess_New(), itksysProcess_Delete);
-  itksysProcess_SetCommand(process.get(), command.data());
-  itksysProcess_Execute(process.get());
-  std::string said;
-  char *      data = nullptr;
-  int         length = 0;
-  while (itksysProcess_WaitForData(process.get(), &data, &length, nullptr) != itksysProcess_Pipe_None)
+  int ends[2];
+  if (pipe(ends) != 0)
   {
-    said.append(data, static_cast<std::size_t>(length));
+    throw std::system_error(errno, std::generic_category());
   }
-  itksysProcess_WaitForExit(process.get(), nullptr);
-  if (itksysProcess_GetState(process.get()) != itksysProcess_State_Exited ||
-      itksysProcess_GetExitValue(process.get()) != 0 || !said.empty())
+  posix_spawn_file_actions_t actions;
+  posix_spawn_file_actions_init(&actions);
+  posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
+  posix_spawn_file_actions_adddup2(&actions, ends[1], STDOUT_FILENO);
+  posix_spawn_file_actions_adddup2(&actions, ends[1], STDERR_FILENO);
+  posix_spawn_file_actions_addclose(&actions, ends[0]);
+  posix_spawn_file_actions_addclose(&actions, ends[1]);
+  pid_t     child = 0;
+  const int error = posix_spawn(&child, command.front(), &actions, nullptr, command.data(), environ);
+  posix_spawn_file_actions_destroy(&actions);
+  close(ends[1]);
+
+  std::string said;
+  bool        isOpen = error == 0;
+  while (isOpen && !HeldSignals::HaveCome())
+  {
+    constexpr int milliseconds = 50;
+    pollfd        end{ ends[0], POLLIN, 0 };
+    if (poll(&end, 1, milliseconds) > 0)
+    {
+      char       text[4096];
+      const auto length = read(ends[0], text, sizeof(text));
+      isOpen = length > 0;
+      said.append(text, isOpen ? static_cast<std::size_t>(length) : 0);
+    }
+  }
+  close(ends[0]);
+  int status = error;
+  if (error == 0)
+  {
+    if (isOpen)
+    {
+      kill(child, SIGKILL);
+    }
+    waitpid(child, &status, 0);
+  }
+  HeldSignals::RequireNone();
+  if (status != 0 || !said.empty())
   {
     throw std::runtime_error(arguments.front() + " failed: " + said);
   }
 }
+#else
+std::string
+FindEncoder()
+{
+  return "";
+}
+
+void
+RunQuietly(const Arguments &)
+{}
+#endif
 
 Arguments
 ChooseEncoding(const std::string & extension, const std::string & pixels)

@@ -42,6 +42,8 @@ struct Volume
   itk::Object::Pointer pixels;
   /** The files, if they are DICOM. */
   std::vector<std::filesystem::path> dicomFiles{};
+  /** Whether low values are to be displayed white. */
+  bool isInverted{ false };
 };
 
 template <typename TPixel>

@@ -54,7 +54,7 @@ FindRange(const TPixel * begin, const TPixel * end, TPixel background)
   });
   if (range[0] > range[1])
   {
-    range.Fill(static_cast<double>(background));
+    range.Fill(std::isfinite(static_cast<double>(background)) ? static_cast<double>(background) : 0.0);
   }
   return range;
 }
@@ -141,8 +141,8 @@ MakeCinePage(const Projections & projections, const CinePageOptions & options, c
          << ", \"spacing\": [" << grid.GetSpacing()[0] << ", " << grid.GetSpacing()[1] << "], \"origin\": ["
          << grid.GetOrigin()[0] << ", " << grid.GetOrigin()[1] << "], \"bits\": " << options.bits
          << ", \"slope\": " << stored.slope << ", \"intercept\": " << stored.intercept << ", \"background\": 0"
-         << ", \"window\": [" << window[0] << ", " << window[1] << "], \"rate\": " << options.rate
-         << ", \"loop\": " << Quote(options.loop);
+         << ", \"inverted\": " << (projections.isInverted ? "true" : "false") << ", \"window\": [" << window[0] << ", "
+         << window[1] << "], \"rate\": " << options.rate << ", \"loop\": " << Quote(options.loop);
   if (!options.angles.empty())
   {
     series << ", \"angles\": [";

@@ -16,8 +16,8 @@
  *
  *=========================================================================*/
 #include "DicomSeries.h"
+#include "DicomAttribute.h"
 #include "Output.h"
-#include "Text.h"
 
 #include "itkByteSwapper.h"
 #include "itkGDCMImageIO.h"
@@ -88,19 +88,6 @@ const Attributes window = { 0x00281050, 0x00281051, 0x00281055, 0x00281056 };
 const std::set<std::uint32_t> type2 = { 0x00080020, 0x00080030, 0x00080050, 0x00080090, 0x00100010, 0x00100020,
                                         0x00100030, 0x00100040, 0x00180022, 0x00180023, 0x00180060, 0x00180081,
                                         0x00180091, 0x00200010, 0x00200012, 0x00201040 };
-
-/** The value of an attribute of text, without what fills it up to an even length. */
-std::string
-GetText(const DataSet & dataSet, const Tag & tag)
-{
-  const gdcm::ByteValue * const value = dataSet.GetDataElement(tag).GetByteValue();
-  if (!value)
-  {
-    return "";
-  }
-  const std::string text(value->GetPointer(), value->GetLength());
-  return Trim(text.substr(0, text.find('\0')));
-}
 
 void
 SetText(DataSet & dataSet, const Tag & tag, std::string text)
@@ -292,6 +279,7 @@ struct Geometry
   VectorType down;
   double     columnSpacing;
   double     rowSpacing;
+  double     thickness;
 };
 
 Geometry
@@ -301,8 +289,10 @@ ComputeGeometry(const itk::ImageBase<3> & frames, const DicomView & view, std::s
   origin[2] = view.depth;
   PointType right = origin;
   PointType down = origin;
+  PointType away = origin;
   right[0] += 1.0;
   down[1] += 1.0;
+  away[2] += 1.0;
 
   Geometry geometry;
   geometry.origin = view.transform->TransformPoint(origin);
@@ -310,6 +300,8 @@ ComputeGeometry(const itk::ImageBase<3> & frames, const DicomView & view, std::s
   geometry.down = view.transform->TransformPoint(down) - geometry.origin;
   geometry.columnSpacing = frames.GetSpacing()[0] * geometry.right.Normalize();
   geometry.rowSpacing = frames.GetSpacing()[1] * geometry.down.Normalize();
+  geometry.thickness = view.thickness * std::abs((view.transform->TransformPoint(away) - geometry.origin) *
+                                                 itk::CrossProduct(geometry.right, geometry.down));
   if (!(std::abs(geometry.right * geometry.down) < 1e-5))
   {
     throw std::runtime_error("the view of frame " + std::to_string(frame + 1) +
@@ -496,7 +488,8 @@ MakeHeader(const AnyImage &           frames,
   SetWindow(header, source, options, rescale);
 
   const auto size = frames.image->GetLargestPossibleRegion().GetSize();
-  SetText(header, { 0x0028, 0x0004 }, "MONOCHROME2");
+  const bool isInverted = GetText(source, { 0x0028, 0x0004 }) == "MONOCHROME1";
+  SetText(header, { 0x0028, 0x0004 }, isInverted ? "MONOCHROME1" : "MONOCHROME2");
   SetPixelAttribute<0x0002>(header, 1);
   SetPixelAttribute<0x0010>(header, size[1]);
   SetPixelAttribute<0x0011>(header, size[0]);
@@ -513,7 +506,7 @@ MakeFrame(const DataSet & header, const Geometry & geometry, const DicomView & v
   DataSet dataSet = header;
   SetText(dataSet, { 0x0008, 0x0018 }, MakeUID());
   SetText(dataSet, { 0x0020, 0x0013 }, std::to_string(frame + 1));
-  SetText(dataSet, { 0x0018, 0x0050 }, std::isfinite(view.thickness) ? FormatDecimal(view.thickness) : "");
+  SetText(dataSet, { 0x0018, 0x0050 }, std::isfinite(geometry.thickness) ? FormatDecimal(geometry.thickness) : "");
   SetText(dataSet, { 0x0028, 0x0030 }, Join({ geometry.rowSpacing, geometry.columnSpacing }));
   SetText(dataSet, { 0x0020, 0x0032 }, Join({ geometry.origin[0], geometry.origin[1], geometry.origin[2] }));
   SetText(dataSet,
@@ -599,65 +592,6 @@ GetFrameName(std::size_t frame, std::size_t frames)
   name << "frame-" << std::setw(static_cast<int>(width)) << std::setfill('0') << frame + 1 << ".dcm";
   return name.str();
 }
-
-/** A new folder, for files that shall be in \a directory: in that if it exists, or else beside it. */
-class TemporaryDirectory
-{
-public:
-  explicit TemporaryDirectory(const Path & directory)
-    : m_Directory(std::filesystem::absolute(directory / "").parent_path())
-    , m_IsNew(!std::filesystem::exists(m_Directory))
-    , m_Temporary((m_IsNew ? m_Directory.parent_path() : m_Directory) /
-                  (".shear-warp-mip-" + std::to_string(std::random_device()())))
-  {
-    std::error_code error;
-    if (!m_IsNew && (!std::filesystem::is_directory(m_Directory) || !std::filesystem::is_empty(m_Directory, error)))
-    {
-      throw std::runtime_error("'" + directory.string() + "' is there already; a DICOM series needs an empty folder");
-    }
-    std::filesystem::create_directory(m_Temporary, error);
-    if (error)
-    {
-      throw std::runtime_error("cannot write '" + directory.string() +
-                               "': its folder does not exist or is not writable");
-    }
-  }
-
-  ~TemporaryDirectory()
-  {
-    std::error_code ignored;
-    std::filesystem::remove_all(m_Temporary, ignored);
-  }
-
-  TemporaryDirectory(const TemporaryDirectory &) = delete;
-  TemporaryDirectory &
-  operator=(const TemporaryDirectory &) = delete;
-
-  const Path &
-  GetPath() const
-  {
-    return m_Temporary;
-  }
-
-  void
-  Commit(const std::vector<Path> & names) const
-  {
-    if (m_IsNew)
-    {
-      std::filesystem::rename(m_Temporary, m_Directory);
-      return;
-    }
-    for (const Path & name : names)
-    {
-      std::filesystem::rename(m_Temporary / name, m_Directory / name);
-    }
-  }
-
-private:
-  Path m_Directory;
-  bool m_IsNew;
-  Path m_Temporary;
-};
 } // namespace
 
 double
@@ -669,13 +603,20 @@ ComputeDepthOfCentre(const itk::Transform<double, 3, 3> * transform, const itk::
 }
 
 void
-RequireDicomDirectory(const std::filesystem::path & directory)
+WriteDicomSeries(const AnyImage &                           frames,
+                 const std::vector<DicomView> &             views,
+                 const std::vector<std::filesystem::path> & source,
+                 const std::filesystem::path &              directory,
+                 const DicomSeriesOptions &                 options)
 {
-  const TemporaryDirectory probe(directory);
+  OutputFiles files;
+  WriteDicomSeries(files, frames, views, source, directory, options);
+  files.Commit();
 }
 
 void
-WriteDicomSeries(const AnyImage &                           frames,
+WriteDicomSeries(OutputFiles &                              files,
+                 const AnyImage &                           frames,
                  const std::vector<DicomView> &             views,
                  const std::vector<std::filesystem::path> & source,
                  const std::filesystem::path &              directory,
@@ -688,7 +629,7 @@ WriteDicomSeries(const AnyImage &                           frames,
   {
     geometries.push_back(ComputeGeometry(*frames.image, views[frame], frame));
   }
-  const TemporaryDirectory temporary(directory);
+  const Path temporary = files.BeginFolder(directory);
   gdcm::UIDGenerator::SetRoot(itk::GDCMImageIO::New()->GetUIDPrefix());
 
   DispatchPixelType(frames.componentType, [&](auto tag) {
@@ -698,7 +639,6 @@ WriteDicomSeries(const AnyImage &                           frames,
     const Rescale           rescale = ChooseRescale(begin, begin + length * size[2]);
     const DataSet           header = MakeHeader(frames, source, options, rescale);
 
-    std::vector<Path>          names;
     std::vector<std::uint16_t> pixels(length);
     for (std::size_t frame = 0; frame < views.size(); ++frame)
     {
@@ -709,10 +649,8 @@ WriteDicomSeries(const AnyImage &                           frames,
       });
       DataSet dataSet = MakeFrame(header, geometries[frame], views[frame], frame);
       SetPixels(dataSet, pixels);
-      names.push_back(GetFrameName(frame, views.size()));
-      WriteFile(dataSet, temporary.GetPath() / names.back(), directory / names.back());
+      const Path name = GetFrameName(frame, views.size());
+      WriteFile(dataSet, temporary / name, directory / name);
     }
-    HeldSignals::RequireNone();
-    temporary.Commit(names);
   });
 }

@@ -18,7 +18,7 @@
 #ifndef DicomSeries_h
 #define DicomSeries_h
 
-#include "AnyImage.h"
+#include "Output.h"
 #include "itkTransform.h"
 
 #include <filesystem>
@@ -36,7 +36,7 @@ struct DicomView
   itk::Transform<double, 3, 3>::ConstPointer transform;
   /** The picture's w in view space, in mm. */
   double depth{ 0.0 };
-  /** Of the slab that was projected, in mm; infinite if that is the whole volume. */
+  /** Of the slab that was projected, along w in view space, in mm; infinite if that is the whole volume. */
   double thickness{ std::numeric_limits<double>::infinity() };
   /** How far the view has turned, in degrees; not a number if that does not apply. */
   double angle{ std::numeric_limits<double>::quiet_NaN() };
@@ -62,13 +62,8 @@ struct DicomSeriesOptions
 double
 ComputeDepthOfCentre(const itk::Transform<double, 3, 3> * transform, const itk::ImageBase<3> * grid);
 
-/** Throws std::runtime_error unless WriteDicomSeries can make the folder \a directory or fill it. */
-void
-RequireDicomDirectory(const std::filesystem::path & directory);
-
 /** Writes each frame of \a frames as a DICOM file of one new series into \a directory, which must be empty or not exist
- * (its parent must). Names sort as the frames do. Files appear when all are complete: the caller should hold signals
- * (HeldSignals) during the call.
+ * (its parent must). Names sort as the frames do. Files appear when all are complete.
  *
  * \a frames has the axes u (columns), v (rows) and frame, with origin and spacing of the first two in view space, in
  * mm, and one component; \a views has as many elements as there are frames.
@@ -94,11 +89,22 @@ RequireDicomDirectory(const std::filesystem::path & directory);
  * rounded to 65536 levels from the lowest to the highest, one RescaleSlope and RescaleIntercept for all frames. As an
  * MR image has none (A.4.3), MR becomes Secondary Capture where one is needed.
  *
+ * Low values are displayed white (MONOCHROME1) if those of the first source are, and values stay as they are.
+ *
  * Throws std::runtime_error, and leaves nothing, if \a directory is not as above or not writable, if a source is not
  * DICOM, if a picture is too large, if a pixel is not finite, if the plane of a view is sheared, or if a text does not
  * fit. */
 void
 WriteDicomSeries(const AnyImage &                           frames,
+                 const std::vector<DicomView> &             views,
+                 const std::vector<std::filesystem::path> & source,
+                 const std::filesystem::path &              directory,
+                 const DicomSeriesOptions &                 options = {});
+
+/** The same, but files appear with others at the Commit() of \a files. */
+void
+WriteDicomSeries(OutputFiles &                              files,
+                 const AnyImage &                           frames,
                  const std::vector<DicomView> &             views,
                  const std::vector<std::filesystem::path> & source,
                  const std::filesystem::path &              directory,

@@ -19,7 +19,6 @@
 #define Input_h
 
 #include "AnyImage.h"
-#include "itkTransform.h"
 
 #include <cstdint>
 #include <filesystem>
@@ -43,9 +42,5 @@ ReadMask(const std::filesystem::path &       path,
          const std::optional<std::int64_t> & label,
          const itk::ImageBase<3> *           grid,
          const WarningFunction &             warn);
-
-/** Reads linear 3D transforms, at least one. */
-std::vector<itk::Transform<double, 3, 3>::Pointer>
-ReadLinearTransforms(const std::filesystem::path & path);
 
 #endif

@@ -18,32 +18,34 @@
 #include "Integrity.h"
 
 #include "Text.h"
+#include "TransformFile.h"
 
 #include "itkMacro.h"
 #include "itk_zlib.h"
 
+#include "itksys/Process.h"
+#include "itksys/SystemTools.hxx"
+
+#include <gdcmFileMetaInformation.h>
 #include <gdcmImageReader.h>
 #include <gdcmMediaStorage.h>
+#include <gdcmPreamble.h>
 #include <nifti1_io.h>
 
 #include <algorithm>
-#include <cerrno>
+#include <csignal>
+#include <cstddef>
 #include <cstdint>
-#include <cstdio>
 #include <cstdlib>
 #include <fstream>
 #include <iomanip>
 #include <iostream>
 #include <map>
+#include <iterator>
 #include <memory>
 #include <sstream>
 #include <stdexcept>
 #include <system_error>
-
-#if __has_include(<sys/wait.h>)
-#  include <sys/wait.h>
-#  include <unistd.h>
-#endif
 
 namespace
 {
@@ -65,15 +67,18 @@ ReadStart(const fs::path & path, std::size_t count)
   return start;
 }
 
-/** The bytes that the gzip or zlib stream from \a offset on inflates to. */
+constexpr int gzipOrZlib = MAX_WBITS + 32;
+constexpr int rawDeflate = -MAX_WBITS;
+
+/** The bytes that the stream from \a offset on inflates to. */
 std::uintmax_t
-GetInflatedSize(const fs::path & path, std::streamoff offset)
+GetInflatedSize(const fs::path & path, std::streamoff offset, int format = gzipOrZlib)
 {
   std::ifstream              file(path, std::ios::binary);
   std::vector<unsigned char> input(1 << 16);
   std::vector<unsigned char> output(1 << 18);
   z_stream                   stream{};
-  inflateInit2(&stream, 15 + 32);
+  inflateInit2(&stream, format);
   const std::unique_ptr<z_stream, decltype(&inflateEnd)> end(&stream, inflateEnd);
 
   std::uintmax_t size = 0;
@@ -151,14 +156,33 @@ RequireIntactNIfTI(const fs::path & path, std::uintmax_t fileSize)
   {
     Refuse(path, "its NIfTI header is not valid");
   }
+  // ITK's library looks for files by the stem of the name, first for those that are not compressed
+  const std::unique_ptr<char, decltype(&std::free)> found(nifti_findimgname(image->iname, image->nifti_type),
+                                                          std::free);
+  if (!found)
+  {
+    Refuse(path, std::string("there is no '") + image->iname + "' for its voxels");
+  }
+  const fs::path header(image->fname);
+  const fs::path data(found.get());
+  const auto     isInsteadOfAnother = [&path](const fs::path & file) {
+    return file != path && fs::exists(fs::path(file) += path.extension());
+  };
+  if ((path != header && path != data) || isInsteadOfAnother(header) || isInsteadOfAnother(data) ||
+      is_nifti_file(data.c_str()) != image->nifti_type)
+  {
+    throw std::runtime_error("'" + path.string() +
+                             "' cannot be read beside files of like names: ITK would take the header of '" +
+                             header.string() + "' and the voxels of '" + data.string() + "'");
+  }
   const auto needed =
     static_cast<double>(image->iname_offset) + static_cast<double>(image->nvox) * static_cast<double>(image->nbyper);
-  const auto size = static_cast<double>(path == image->iname ? fileSize : GetSize(image->iname));
+  const auto size = static_cast<double>(path == data ? fileSize : GetSize(data));
   if (size < needed)
   {
     std::ostringstream reason;
     reason << std::fixed << std::setprecision(0) << "it has " << size << " of " << needed << " bytes";
-    Refuse(image->iname, reason.str());
+    Refuse(data, reason.str());
   }
 }
 
@@ -189,64 +213,180 @@ private:
 };
 
 bool
-LooksLikeDICOM(const fs::path & path)
+HasPreamble(const fs::path & path)
 {
   const std::string start = ReadStart(path, 132);
-  return path.extension() == ".dcm" || (start.size() == 132 && start.substr(128) == "DICM");
+  return start.size() == 132 && start.substr(128) == "DICM";
+}
+
+bool
+LooksLikeDICOM(const fs::path & path)
+{
+  return path.extension() == ".dcm" || HasPreamble(path);
+}
+
+/** Whether it is DICOM with a deflated data set. Throws if that is damaged: GDCM may never come to its end. */
+bool
+IsDeflated(const fs::path & path)
+{
+  std::ifstream             file(path, std::ios::binary);
+  gdcm::Preamble            preamble;
+  gdcm::FileMetaInformation header;
+  try
+  {
+    if (!HasPreamble(path) || !preamble.Read(file) || !header.Read(file))
+    {
+      return false;
+    }
+  }
+  catch (const std::exception &)
+  {
+    return false;
+  }
+  return header.GetDataSetTransferSyntax() == gdcm::TransferSyntax::DeflatedExplicitVRLittleEndian &&
+         GetInflatedSize(path, file.tellg(), rawDeflate) > 0;
 }
 
 bool
 IsIntactDICOM(const std::string & path)
+try
 {
+  const bool        isDeflated = IsDeflated(path);
   WatchedFile       file(path);
   std::istream      stream(&file);
   gdcm::ImageReader reader;
   reader.SetStream(stream);
   const bool isImage = reader.Read();
+  const bool isWhole = isDeflated || !file.IsTooShort();
   if (isImage || !LooksLikeDICOM(path))
   {
-    return !isImage || !file.IsTooShort();
+    return !isImage || isWhole;
   }
   gdcm::MediaStorage storage;
   storage.SetFromFile(reader.GetFile());
-  return !file.IsTooShort() && !gdcm::MediaStorage::IsImage(storage);
+  return isWhole && !gdcm::MediaStorage::IsImage(storage);
+}
+catch (const std::exception &)
+{
+  return false;
 }
 
-/** The number of files before the first that is not intact. */
-std::size_t
-CountIntactDICOM(const std::vector<std::string> & files)
+using Files = std::vector<std::string>;
+
+/** What the program is asked by its first argument, and the files follow. */
+const std::map<FileKind, std::string> questions = { { FileKind::DICOM, "--are-intact-dicom" },
+                                                    { FileKind::Transform, "--are-readable-transforms" } };
+
+const std::map<FileKind, bool (*)(const std::string &)> answers = { { FileKind::DICOM, IsIntactDICOM },
+                                                                    { FileKind::Transform, IsReadableTransform } };
+
+/** The program itself, if main() called ParseIfAsked. */
+std::string program;
+
+/** Keeps what SIGINT and SIGTERM do: itksysProcess handles them where they are ignored too, and in the end has SIGTERM
+ * end the program. Meanwhile they wait. */
+class KeptSignals
 {
-#if __has_include(<sys/wait.h>)
-  // in a process of its own: GDCM may have assertions, as Debian's has, which damaged files break
-  int   ends[2];
-  pid_t child = 0;
-  if (pipe(ends) != 0 || (child = fork()) < 0)
+public:
+#if __has_include(<unistd.h>)
+  KeptSignals()
   {
-    throw std::system_error(errno, std::generic_category());
-  }
-  if (child == 0)
-  {
-    if (!std::freopen("/dev/null", "w", stderr))
+    sigemptyset(&m_Signals);
+    for (std::size_t n = 0; n < std::size(numbers); ++n)
     {
-      _exit(EXIT_FAILURE);
+      sigaddset(&m_Signals, numbers[n]);
+      sigaction(numbers[n], nullptr, m_Actions + n);
     }
-    const bool done = std::all_of(files.begin(), files.end(), [&ends](const std::string & file) {
-      return IsIntactDICOM(file) && write(ends[1], "", 1) == 1;
-    });
-    _exit(done ? EXIT_SUCCESS : EXIT_FAILURE);
+    this->Hold();
   }
-  close(ends[1]);
-  std::size_t count = 0;
-  for (char byte; read(ends[0], &byte, 1) == 1;)
+
+  ~KeptSignals() { this->Free(true); }
+
+  KeptSignals(const KeptSignals &) = delete;
+  KeptSignals &
+  operator=(const KeptSignals &) = delete;
+
+  void
+  Hold()
   {
-    ++count;
+    pthread_sigmask(SIG_BLOCK, &m_Signals, &m_Mask);
   }
-  close(ends[0]);
-  waitpid(child, nullptr, 0);
-  return count;
+
+  /** Those that are ignored are so again or, if \a isEnd, each does what it did. */
+  void
+  Free(bool isEnd)
+  {
+    for (std::size_t n = 0; n < std::size(numbers); ++n)
+    {
+      if (isEnd || m_Actions[n].sa_handler == SIG_IGN)
+      {
+        sigaction(numbers[n], m_Actions + n, nullptr);
+      }
+    }
+    pthread_sigmask(SIG_SETMASK, &m_Mask, nullptr);
+  }
+
+private:
+  static constexpr int numbers[] = { SIGINT, SIGTERM };
+
+  struct sigaction m_Actions[std::size(numbers)];
+  sigset_t         m_Signals;
+  sigset_t         m_Mask;
 #else
-  return std::find_if_not(files.begin(), files.end(), IsIntactDICOM) - files.begin();
+  void
+  Hold()
+  {}
+
+  void
+  Free(bool)
+  {}
 #endif
+};
+
+/** CountSound of so few files that they fit into a command. GDCM may have assertions, as Debian's has, which damaged
+ * files break, and HDF5 does not survive each: the program itself parses in a process of its own. */
+std::size_t
+CountSound(FileKind kind, Files::const_iterator begin, Files::const_iterator end)
+{
+  if (program.empty())
+  {
+    return static_cast<std::size_t>(std::find_if_not(begin, end, answers.at(kind)) - begin);
+  }
+  std::vector<const char *> command{ program.c_str(), questions.at(kind).c_str() };
+  std::transform(begin, end, std::back_inserter(command), [](const std::string & file) { return file.c_str(); });
+  command.push_back(nullptr);
+  KeptSignals                                                           signals;
+  const std::unique_ptr<itksysProcess, decltype(&itksysProcess_Delete)> process(itksysProcess_New(),
+                                                                                itksysProcess_Delete);
+  itksysProcess_SetCommand(process.get(), command.data());
+  // what the terminal sends to this process is not for that one
+  itksysProcess_SetOption(process.get(), itksysProcess_Option_CreateProcessGroup, 1);
+  itksysProcess_Execute(process.get());
+  signals.Free(false);
+  auto file = begin;
+  int  pipe = itksysProcess_Pipe_STDOUT;
+  while (pipe == itksysProcess_Pipe_STDOUT || pipe == itksysProcess_Pipe_STDERR)
+  {
+    // a disk is faster than that
+    std::error_code error;
+    const auto      size = file < end ? fs::file_size(*file, error) : 0;
+    double          seconds = 60.0 + (error ? 0.0 : 1e-6 * static_cast<double>(size));
+    char *          data = nullptr;
+    int             length = 0;
+    pipe = itksysProcess_WaitForData(process.get(), &data, &length, &seconds);
+    file += pipe == itksysProcess_Pipe_STDOUT ? length : 0;
+  }
+  if (pipe == itksysProcess_Pipe_Timeout)
+  {
+    itksysProcess_Kill(process.get());
+  }
+  signals.Hold();
+  itksysProcess_WaitForExit(process.get(), nullptr);
+  if (itksysProcess_GetState(process.get()) == itksysProcess_State_Error)
+  {
+    throw std::runtime_error(std::string("cannot start a process: ") + itksysProcess_GetErrorString(process.get()));
+  }
+  return static_cast<std::size_t>(file - begin);
 }
 
 /** What is printed to std::cerr. */
@@ -273,10 +413,60 @@ private:
 };
 } // namespace
 
-void
-RequireIntactDICOM(const std::vector<std::string> & files)
+bool
+ParseIfAsked(int argc, const char * const * argv, std::ostream & output)
 {
-  const std::size_t count = CountIntactDICOM(files);
+  for (const auto & [kind, question] : questions)
+  {
+    if (argc > 1 && argv[1] == question)
+    {
+      // no core is dumped
+      std::signal(SIGABRT, [](int) { std::_Exit(EXIT_FAILURE); });
+      for (int n = 2; n < argc && answers.at(kind)(argv[n]); ++n)
+      {
+        output.put('.').flush();
+      }
+      return true;
+    }
+  }
+  std::error_code    noSuchFile;
+  std::string        error;
+  const char * const itself = "/proc/self/exe";
+  program = fs::read_symlink(itself, noSuchFile).string();
+  if (!program.empty() && !fs::exists(program, noSuchFile))
+  {
+    program = itself; // removed or replaced since
+  }
+  if (program.empty() && !itksys::SystemTools::FindProgramPath(argv[0], program, error))
+  {
+    program.clear();
+  }
+  return false;
+}
+
+std::size_t
+CountSound(FileKind kind, const Files & files)
+{
+  // every system takes that many bytes of arguments
+  constexpr std::size_t most = 30000;
+  auto                  begin = files.begin();
+  auto                  end = begin;
+  while (begin == end && end != files.end())
+  {
+    std::size_t bytes = 0;
+    end = std::find_if(begin + 1, files.end(), [&bytes](const std::string & file) {
+      bytes += file.size() + 1;
+      return bytes > most;
+    });
+    begin += static_cast<std::ptrdiff_t>(CountSound(kind, begin, end));
+  }
+  return static_cast<std::size_t>(begin - files.begin());
+}
+
+void
+RequireIntactDICOM(const Files & files)
+{
+  const std::size_t count = CountSound(FileKind::DICOM, files);
   if (count < files.size())
   {
     Refuse(files[count], "its DICOM data cannot be parsed to the end");

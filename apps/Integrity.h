@@ -20,8 +20,25 @@
 
 #include <filesystem>
 #include <functional>
+#include <ostream>
 #include <string>
 #include <vector>
+
+/** For the beginning of main(). Damaged files can end the process that parses them, so CountSound runs the program anew
+ * for that: if this is such a run, it parses what the arguments name, and this returns true when all is done. Without a
+ * call of this function all is parsed in the process itself. */
+bool
+ParseIfAsked(int argc, const char * const * argv, std::ostream & output);
+
+enum class FileKind
+{
+  DICOM,
+  Transform
+};
+
+/** The number of files before the first that is damaged. */
+std::size_t
+CountSound(FileKind kind, const std::vector<std::string> & files);
 
 /** Calls \a read, which reads the image file \a path by ITK. Throws if the file is cut short or damaged, as far as its
  * format tells: NRRD, MetaImage, NIfTI and DICOM. Several of ITK's readers take such files for whole. */

@@ -25,18 +25,89 @@
 #include <csignal>
 #include <fstream>
 #include <iomanip>
+#include <iterator>
 #include <random>
 #include <sstream>
 #include <stdexcept>
 
+#if __has_include(<unistd.h>)
+#  include <sys/stat.h>
+#  include <unistd.h>
+#endif
+
 namespace
 {
-std::filesystem::path
-GetFrameName(const std::filesystem::path & path, std::size_t frame)
+namespace fs = std::filesystem;
+
+/** Names sort as frames do. */
+fs::path
+GetFrameName(const fs::path & path, std::size_t frame, std::size_t frames)
 {
   std::ostringstream name;
-  name << path.stem().string() << '-' << std::setw(3) << std::setfill('0') << frame << path.extension().string();
+  const auto         width = std::max<std::size_t>(3, std::to_string(frames - 1).size());
+  name << path.stem().string() << '-' << std::setw(static_cast<int>(width)) << std::setfill('0') << frame
+       << path.extension().string();
   return path.parent_path() / name.str();
+}
+
+/** Whether \a name is a GetFrameName() of \a path. */
+bool
+IsFrameName(const fs::path & name, const fs::path & path)
+{
+  const std::string start = path.stem().string() + '-';
+  const std::string stem = name.stem().string();
+  return name.extension() == path.extension() && stem.size() > start.size() &&
+         stem.compare(0, start.size(), start) == 0 &&
+         stem.find_first_not_of("0123456789", start.size()) == std::string::npos;
+}
+
+/** With two parts where it is compressed. */
+std::string
+GetExtension(const fs::path & path)
+{
+  return (path.extension() == ".gz" ? path.stem().extension().string() : "") + path.extension().string();
+}
+
+/** Where symbolic links lead, though nothing be there. */
+fs::path
+FollowLinks(fs::path path)
+{
+  constexpr int mostLinks = 40;
+  for (int links = 0; links < mostLinks && fs::is_symlink(path); ++links)
+  {
+    path = path.parent_path() / fs::read_symlink(path);
+  }
+  return path;
+}
+
+/** The same for all names of one file. */
+std::string
+GetIdentity(const fs::path & path)
+{
+#if __has_include(<unistd.h>)
+  struct stat status;
+  if (stat(path.c_str(), &status) == 0)
+  {
+    return std::to_string(status.st_dev) + ':' + std::to_string(status.st_ino);
+  }
+#endif
+  return fs::weakly_canonical(fs::absolute(path)).string();
+}
+
+/** Gives \a path the mode of \a former and, as far as that is allowed, its owner and group. */
+void
+CopyAccess(const fs::path & former, const fs::path & path)
+{
+  fs::perms mode = fs::status(former).permissions();
+#if __has_include(<unistd.h>)
+  struct stat status;
+  if (stat(former.c_str(), &status) != 0 || (chown(path.c_str(), status.st_uid, status.st_gid) != 0 &&
+                                             chown(path.c_str(), static_cast<uid_t>(-1), status.st_gid) != 0))
+  {
+    mode &= ~fs::perms::group_all;
+  }
+#endif
+  fs::permissions(path, mode);
 }
 
 itk::IOPixelEnum
@@ -89,6 +160,14 @@ HasRoom(const std::string & fileName, std::size_t bytes)
   return file.good();
 }
 
+constexpr int endingSignals[] = { SIGINT,
+                                  SIGTERM,
+#ifdef SIGHUP
+                                  SIGHUP,
+                                  SIGPIPE
+#endif
+};
+
 volatile std::sig_atomic_t heldSignal = 0;
 
 extern "C" void
@@ -96,38 +175,49 @@ HoldSignal(int signal)
 {
   heldSignal = signal;
 }
+
+bool
+IsIgnored(int signal)
+{
+#if __has_include(<unistd.h>)
+  struct sigaction action{};
+  return sigaction(signal, nullptr, &action) == 0 && action.sa_handler == SIG_IGN;
+#else
+  return false;
+#endif
+}
 } // namespace
 
 HeldSignals::HeldSignals()
 {
-  for (const int signal : { SIGINT, SIGTERM })
+  for (const int signal : endingSignals)
   {
-    if (std::signal(signal, HoldSignal) == SIG_IGN)
-    {
-      std::signal(signal, SIG_IGN);
-    }
+    m_Previous.push_back(std::signal(signal, IsIgnored(signal) ? SIG_IGN : HoldSignal));
   }
 }
 
 HeldSignals::~HeldSignals()
 {
-  for (const int signal : { SIGINT, SIGTERM })
+  for (std::size_t n = 0; n < m_Previous.size(); ++n)
   {
-    if (std::signal(signal, SIG_DFL) == SIG_IGN)
-    {
-      std::signal(signal, SIG_IGN);
-    }
+    std::signal(endingSignals[n], m_Previous[n]);
   }
-  if (heldSignal != 0)
+  if (HaveCome())
   {
     std::raise(heldSignal);
   }
 }
 
+bool
+HeldSignals::HaveCome()
+{
+  return heldSignal != 0;
+}
+
 void
 HeldSignals::RequireNone()
 {
-  if (heldSignal != 0)
+  if (HaveCome())
   {
     throw std::runtime_error("interrupted");
   }
@@ -139,35 +229,48 @@ OutputFiles::OutputFiles()
 
 OutputFiles::~OutputFiles()
 {
-  for (const auto & path : m_Written)
+  for (const File & file : m_Files)
   {
     std::error_code ignored;
-    std::filesystem::remove(this->GetTemporaryName(path), ignored);
+    fs::remove_all(file.temporary, ignored);
   }
 }
 
 bool
-OutputFiles::IsPicture(const std::filesystem::path & path)
+OutputFiles::IsPicture(const fs::path & path)
 {
   return path.extension() == ".png";
 }
 
 bool
-OutputFiles::IsAnimation(const std::filesystem::path & path)
+OutputFiles::IsAnimation(const fs::path & path)
 {
   const auto extension = path.extension();
   return extension == ".gif" || extension == ".apng" || extension == ".mp4";
 }
 
 bool
-OutputFiles::IsPage(const std::filesystem::path & path)
+OutputFiles::IsPage(const fs::path & path)
 {
   return path.extension() == ".html";
 }
 
 void
-OutputFiles::Reserve(const std::filesystem::path & path, Format format)
+OutputFiles::Protect(const std::vector<fs::path> & inputs)
 {
+  for (const fs::path & input : inputs)
+  {
+    if (fs::exists(input))
+    {
+      m_Inputs.emplace(GetIdentity(input), input);
+    }
+  }
+}
+
+void
+OutputFiles::Reserve(const fs::path & path, Format format)
+{
+  const fs::path           target = this->Claim(path, false, m_Reserved);
   const std::string        name = path.filename().string();
   std::vector<std::string> extensions;
   if (format != Format::Picture)
@@ -191,55 +294,69 @@ OutputFiles::Reserve(const std::filesystem::path & path, Format format)
     }
     throw std::runtime_error("'" + path.string() + "' must have one of the extensions" + good);
   }
+  if (EndsWith(name, ".nii") || EndsWith(name, ".nii.gz"))
+  {
+    const bool isCompressed = path.extension() == ".gz";
+    const auto input =
+      m_Inputs.find(GetIdentity(path.parent_path() / (isCompressed ? path.stem() : fs::path(name + ".gz"))));
+    if (input != m_Inputs.end())
+    {
+      throw std::runtime_error("cannot write '" + path.string() + "' beside '" + input->second.string() +
+                               "', which this call reads: ITK would read the one for the other");
+    }
+  }
   if (IsAnimation(path))
   {
     RequireAnimationEncoder();
   }
-  if (std::filesystem::is_directory(path))
+  this->RequireWritable(target.parent_path(), path);
+  if (IsPicture(path))
   {
-    throw std::runtime_error("'" + path.string() + "' is a folder");
+    const fs::path  folder = path.parent_path();
+    std::error_code ignored;
+    for (const auto & entry : fs::directory_iterator(folder.empty() ? "." : folder, ignored))
+    {
+      if (IsFrameName(entry.path(), path))
+      {
+        this->RequireNoInput(folder / entry.path().filename());
+      }
+    }
   }
-
-  const auto probe = this->GetTemporaryName(path);
-  if (!std::ofstream(probe))
-  {
-    throw std::runtime_error("cannot write '" + path.string() + "': its folder does not exist or is not writable");
-  }
-  std::filesystem::remove(probe);
-
-  const auto place = std::filesystem::weakly_canonical(path);
-  if (std::find(m_Reserved.begin(), m_Reserved.end(), place) != m_Reserved.end())
-  {
-    throw std::runtime_error("'" + path.string() + "' would be written twice");
-  }
-  m_Reserved.push_back(place);
 }
 
 void
-OutputFiles::Write(const std::filesystem::path & path, const AnyImage & image, Layout layout)
+OutputFiles::ReserveFolder(const fs::path & path)
+{
+  const fs::path target = this->Claim(path, true, m_Reserved);
+  this->RequireWritable(fs::exists(target) ? target : target.parent_path(), path);
+}
+
+void
+OutputFiles::Write(const fs::path & path, const AnyImage & image, Layout layout)
 {
   DispatchPixelType(image.componentType, [&](auto tag) {
     auto &             frames = CastImage<typename decltype(tag)::Type>(image);
     const auto * const pixels = frames.GetBufferPointer();
     if (layout != Layout::Series || !IsPicture(path))
     {
-      this->WriteFile(path, image, layout == Layout::Still ? 2 : 3, pixels);
+      this->WriteFile(path, this->BeginFile(path), image, layout == Layout::Still ? 2 : 3, pixels);
       return;
     }
     const auto        size = frames.GetLargestPossibleRegion().GetSize();
     const std::size_t length = size[0] * size[1] * frames.GetNumberOfComponentsPerPixel();
     for (std::size_t frame = 0; frame < size[2]; ++frame)
     {
-      this->WriteFile(GetFrameName(path, frame), image, 2, pixels + frame * length);
+      const fs::path name = GetFrameName(path, frame, size[2]);
+      this->WriteFile(name, this->BeginFile(name), image, 2, pixels + frame * length);
     }
   });
 }
 
 void
-OutputFiles::WriteAnimation(const std::filesystem::path & path, const AnyImage & pictures, double rate)
+OutputFiles::WriteAnimation(const fs::path & path, const AnyImage & pictures, double rate)
 {
   const std::string animation = this->BeginFile(path);
-  const std::string raw = this->BeginFile(path.parent_path() / (path.filename().string() + ".raw"));
+  const std::string raw = this->BeginScratch(path, ".raw");
   try
   {
     EncodeAnimation(pictures, rate, raw, animation);
@@ -248,12 +365,11 @@ OutputFiles::WriteAnimation(const std::filesystem::path & path, const AnyImage &
   {
     throw std::runtime_error("cannot write '" + path.string() + "': " + error.what());
   }
-  std::filesystem::remove(raw);
-  m_Written.pop_back();
+  this->RemoveScratch();
 }
 
 void
-OutputFiles::WriteText(const std::filesystem::path & path, const std::string & text)
+OutputFiles::WriteText(const fs::path & path, const std::string & text)
 {
   std::ofstream file(this->BeginFile(path), std::ios::binary);
   file << text;
@@ -265,68 +381,235 @@ OutputFiles::WriteText(const std::filesystem::path & path, const std::string & t
 }
 
 std::string
-OutputFiles::EncodePicture(const std::filesystem::path & path, const AnyImage & image, std::size_t frame)
+OutputFiles::EncodePicture(const fs::path & path, const AnyImage & image, std::size_t frame)
 {
-  const auto picture = path.parent_path() / (path.filename().string() + ".png");
-  const auto name = this->GetTemporaryName(picture);
+  const std::string picture = this->BeginScratch(path, ".png");
   DispatchPixelType(image.componentType, [&](auto tag) {
     auto &     frames = CastImage<typename decltype(tag)::Type>(image);
     const auto size = frames.GetLargestPossibleRegion().GetSize();
-    this->WriteFile(picture, image, 2, frames.GetBufferPointer() + frame * size[0] * size[1]);
+    this->WriteFile(path, picture, image, 2, frames.GetBufferPointer() + frame * size[0] * size[1]);
   });
-  std::ifstream      file(name, std::ios::binary);
+  std::ifstream      file(picture, std::ios::binary);
   std::ostringstream bytes;
   bytes << file.rdbuf();
   file.close();
-  std::filesystem::remove(name);
-  m_Written.pop_back();
+  this->RemoveScratch();
   return bytes.str();
+}
+
+fs::path
+OutputFiles::BeginFolder(const fs::path & path)
+{
+  this->HoldSignals();
+  const fs::path target = this->Claim(path, true, m_Begun);
+  const fs::path folder = fs::exists(target) ? target : target.parent_path();
+  this->RequireWritable(folder, path);
+  fs::path temporary = this->MakeTemporaryName(folder, "");
+  m_Files.push_back({ temporary, target, {}, fs::exists(target) });
+  fs::create_directory(temporary);
+  return temporary;
 }
 
 void
 OutputFiles::Commit()
 {
-  for (const auto & path : m_Written)
+  HeldSignals::RequireNone();
+  std::vector<File> moves;
+  for (const File & file : m_Files)
   {
-    if (std::filesystem::is_directory(path))
+    if (!file.isFilled)
     {
-      throw std::runtime_error("'" + path.string() + "' is a folder");
+      moves.push_back(file);
+      continue;
+    }
+    if (!this->IsEmptyFolder(file.target))
+    {
+      throw std::runtime_error("cannot write '" + file.target.string() + "': it is no longer empty");
+    }
+    for (const auto & entry : fs::directory_iterator(file.temporary))
+    {
+      moves.push_back({ entry.path(), file.target / entry.path().filename(), {} });
     }
   }
-  HeldSignals::RequireNone();
-  for (const auto & path : m_Written)
+
+  std::size_t done = 0;
+  try
   {
-    std::filesystem::rename(this->GetTemporaryName(path), path);
+    for (; done < moves.size(); ++done)
+    {
+      File & move = moves[done];
+      // a folder that has come meanwhile is no former one
+      if (!fs::is_directory(move.temporary) && fs::exists(move.target))
+      {
+        CopyAccess(move.target, move.temporary);
+        // the last one needs no way back
+        if (done + 1 < moves.size())
+        {
+          this->KeepFormer(move);
+        }
+      }
+      fs::rename(move.temporary, move.target);
+    }
   }
-  m_Written.clear();
+  catch (const fs::filesystem_error & error)
+  {
+    const std::string name = moves[done].target.string();
+    for (std::size_t n = done + 1; n-- > 0;)
+    {
+      const File &    move = moves[n];
+      std::error_code ignored;
+      if (!move.former.empty())
+      {
+        fs::rename(move.former, move.target, ignored);
+      }
+      else if (n < done)
+      {
+        fs::rename(move.target, move.temporary, ignored);
+      }
+    }
+    throw std::runtime_error("cannot write '" + name + "': " + error.code().message());
+  }
 }
 
-std::filesystem::path
-OutputFiles::GetTemporaryName(const std::filesystem::path & path) const
+void
+OutputFiles::KeepFormer(File & file)
 {
-  return path.parent_path() / (m_Prefix + path.filename().string());
+  file.former = this->MakeTemporaryName(file.target.parent_path(), "");
+  m_Files.push_back({ file.former, {}, {} });
+  std::error_code noLinks;
+  fs::create_hard_link(file.target, file.former, noLinks);
+  if (noLinks)
+  {
+    fs::rename(file.target, file.former);
+  }
 }
 
-std::string
-OutputFiles::BeginFile(const std::filesystem::path & path)
+void
+OutputFiles::HoldSignals()
 {
   if (!m_HeldSignals)
   {
     m_HeldSignals.emplace();
   }
   HeldSignals::RequireNone();
-  m_Written.push_back(path);
-  return this->GetTemporaryName(path).string();
+}
+
+fs::path
+OutputFiles::MakeTemporaryName(const fs::path & folder, const std::string & extension)
+{
+  return folder / (m_Prefix + std::to_string(m_Count++) + extension);
 }
 
 void
-OutputFiles::WriteFile(const std::filesystem::path & path,
-                       const AnyImage &              image,
-                       unsigned int                  dimension,
-                       const void *                  buffer)
+OutputFiles::RequireNoInput(const fs::path & path) const
+{
+  const auto input = m_Inputs.find(GetIdentity(path));
+  if (input != m_Inputs.end())
+  {
+    throw std::runtime_error("cannot write '" + path.string() + "': this call reads it, as '" + input->second.string() +
+                             "'");
+  }
+}
+
+fs::path
+OutputFiles::Claim(const fs::path & path, bool isFolder, Names & taken) const
+{
+  const std::string name = "'" + path.string() + "'";
+  fs::path          target;
+  try
+  {
+    const auto status = fs::status(path);
+    if (isFolder ? fs::exists(status) && !this->IsEmptyFolder(path) : fs::is_directory(status))
+    {
+      throw std::runtime_error(name +
+                               (isFolder ? " is there already; a DICOM series needs an empty folder" : " is a folder"));
+    }
+    if (fs::exists(status) && !fs::is_directory(status) && !fs::is_regular_file(status))
+    {
+      throw std::runtime_error(name + " is a device or a pipe: only files can be written");
+    }
+    this->RequireNoInput(path);
+    target = FollowLinks(isFolder ? (path / "").parent_path() : path);
+    if (fs::is_regular_file(status) && !std::ofstream(target, std::ios::app))
+    {
+      throw std::runtime_error("cannot write " + name + ": it is write-protected");
+    }
+    const auto [other, isNew] = taken.emplace(GetIdentity(target), path);
+    if (!isNew)
+    {
+      throw std::runtime_error(name + " would be written twice, also as '" + other->second.string() + "'");
+    }
+  }
+  catch (const fs::filesystem_error & error)
+  {
+    throw std::runtime_error("cannot write " + name + ": " + error.code().message());
+  }
+  return target;
+}
+
+bool
+OutputFiles::IsEmptyFolder(const fs::path & path) const
+{
+  std::error_code              error;
+  const fs::directory_iterator entries(path, error);
+  return !error && std::all_of(begin(entries), end(entries), [this](const auto & entry) {
+    return entry.path().filename().string().find(m_Prefix) == 0;
+  });
+}
+
+void
+OutputFiles::RequireWritable(const fs::path & folder, const fs::path & path)
+{
+  const HeldSignals heldSignals;
+  const fs::path    probe = this->MakeTemporaryName(folder, "");
+  if (!std::ofstream(probe))
+  {
+    throw std::runtime_error("cannot write '" + path.string() + "': its folder does not exist or is not writable");
+  }
+  fs::remove(probe);
+}
+
+std::string
+OutputFiles::BeginFile(const fs::path & path)
+{
+  this->HoldSignals();
+  return this->AddFile(this->Claim(path, false, m_Begun), GetExtension(path));
+}
+
+std::string
+OutputFiles::BeginScratch(const fs::path & path, const std::string & extension)
+{
+  this->HoldSignals();
+  return this->AddFile(FollowLinks(path), extension);
+}
+
+std::string
+OutputFiles::AddFile(const fs::path & target, const std::string & extension)
+{
+  const fs::path temporary = this->MakeTemporaryName(target.parent_path(), extension);
+  m_Files.push_back({ temporary, target, {} });
+  if (std::ofstream(temporary) && fs::exists(target))
+  {
+    fs::permissions(temporary, fs::perms::owner_read | fs::perms::owner_write);
+  }
+  return temporary.string();
+}
+
+void
+OutputFiles::RemoveScratch()
+{
+  fs::remove(m_Files.back().temporary);
+  m_Files.pop_back();
+}
+
+void
+OutputFiles::WriteFile(const fs::path &    path,
+                       const std::string & temporaryName,
+                       const AnyImage &    image,
+                       unsigned int        dimension,
+                       const void *        buffer)
 {
   const itk::ImageBase<3> * grid = image.image;
-  const std::string         temporaryName = this->BeginFile(path);
   const auto io = itk::ImageIOFactory::CreateImageIO(temporaryName.c_str(), itk::IOFileModeEnum::WriteMode);
   if (!io)
   {
@@ -355,7 +638,8 @@ OutputFiles::WriteFile(const std::filesystem::path & path,
   io->SetFileName(temporaryName);
 
   // ITK's PNG writer does not survive a full disk
-  if (IsPicture(path) && !HasRoom(temporaryName, 2 * static_cast<std::size_t>(io->GetImageSizeInBytes()) + 4096))
+  if (IsPicture(temporaryName) &&
+      !HasRoom(temporaryName, 2 * static_cast<std::size_t>(io->GetImageSizeInBytes()) + 4096))
   {
     throw std::runtime_error("cannot write '" + path.string() + "'; is the disk full?");
   }

@@ -21,11 +21,13 @@
 #include "AnyImage.h"
 
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
 
-/** Holds back SIGINT and SIGTERM: the process gets them at the end of this object's life. */
+/** Holds back the signals that end a program, SIGINT, SIGTERM, SIGHUP and SIGPIPE: the process gets them at the end of
+ * this object's life. */
 class HeldSignals
 {
 public:
@@ -35,13 +37,20 @@ public:
   HeldSignals &
   operator=(const HeldSignals &) = delete;
 
+  /** Whether one came. */
+  static bool
+  HaveCome();
+
   /** Throws if a signal came. */
   static void
   RequireNone();
+
+private:
+  std::vector<void (*)(int)> m_Previous;
 };
 
 /** Files beside their final names until Commit(): nothing is ever seen half written, and nothing remains if the program
- * fails or is interrupted. */
+ * fails or is interrupted. A symbolic link stays one, a file keeps its mode. */
 class OutputFiles
 {
 public:
@@ -76,9 +85,17 @@ public:
   static bool
   IsPage(const std::filesystem::path & path);
 
-  /** Throws if \a path has an extension of another format, is reserved already or can't be written. */
+  /** Has \a inputs, by whatever name, never written. */
+  void
+  Protect(const std::vector<std::filesystem::path> & inputs);
+
+  /** Throws if \a path has an extension of another format, is an input, is reserved already or can't be written. */
   void
   Reserve(const std::filesystem::path & path, Format format);
+
+  /** Throws if the folder \a path is neither new nor empty, or as above. */
+  void
+  ReserveFolder(const std::filesystem::path & path);
 
   /** Writes a still without its third axis, and a series of pictures as one file for each frame, numbered. */
   void
@@ -95,25 +112,81 @@ public:
   std::string
   EncodePicture(const std::filesystem::path & path, const AnyImage & image, std::size_t frame);
 
-  /** Throws if a name is taken by a folder; no file is changed then. */
+  /** Makes a folder to write the files of the folder \a path into. */
+  std::filesystem::path
+  BeginFolder(const std::filesystem::path & path);
+
+  /** Gives all files their names. Throws if that is not possible; no file is changed then. */
   void
   Commit();
 
 private:
-  std::filesystem::path
-  GetTemporaryName(const std::filesystem::path & path) const;
+  using Path = std::filesystem::path;
+  using Names = std::map<std::string, Path>;
+
+  struct File
+  {
+    Path temporary;
+    Path target;
+    /** What was there before, to go back. */
+    Path former;
+    /** A folder that was there when this was begun. */
+    bool isFilled{ false };
+  };
+
+  /** Holds signals from now on. Throws if one came. */
+  void
+  HoldSignals();
+
+  Path
+  MakeTemporaryName(const Path & folder, const std::string & extension);
+
+  void
+  RequireNoInput(const Path & path) const;
+
+  /** Adds \a path to the names that are \a taken. What it leads to; throws if that can't be written. */
+  Path
+  Claim(const Path & path, bool isFolder, Names & taken) const;
+
+  /** But for temporary files. */
+  bool
+  IsEmptyFolder(const Path & path) const;
+
+  /** Throws if nothing can be written into \a folder, for \a path. */
+  void
+  RequireWritable(const Path & folder, const Path & path);
 
   /** The temporary name of a file that is about to be written. */
   std::string
-  BeginFile(const std::filesystem::path & path);
+  BeginFile(const Path & path);
+
+  /** That of a file that RemoveScratch() removes again, at the place of \a path and as secret. */
+  std::string
+  BeginScratch(const Path & path, const std::string & extension);
+
+  std::string
+  AddFile(const Path & target, const std::string & extension);
 
   void
-  WriteFile(const std::filesystem::path & path, const AnyImage & image, unsigned int dimension, const void * buffer);
+  RemoveScratch();
 
-  std::string                        m_Prefix;
-  std::optional<HeldSignals>         m_HeldSignals;
-  std::vector<std::filesystem::path> m_Reserved;
-  std::vector<std::filesystem::path> m_Written;
+  void
+  KeepFormer(File & file);
+
+  void
+  WriteFile(const Path &        path,
+            const std::string & temporaryName,
+            const AnyImage &    image,
+            unsigned int        dimension,
+            const void *        buffer);
+
+  std::string                m_Prefix;
+  unsigned int               m_Count{ 0 };
+  std::optional<HeldSignals> m_HeldSignals;
+  Names                      m_Inputs;
+  Names                      m_Reserved;
+  Names                      m_Begun;
+  std::vector<File>          m_Files;
 };
 
 #endif

@@ -1,7 +1,6 @@
 # Debian packages of the program and of the library, made by cpack.
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_CONTACT "The ShearWarpMIP contributors")
-set(CPACK_PACKAGE_HOMEPAGE_URL https://github.com/InsightSoftwareConsortium/ITKShearWarpMIP)
 set(CPACK_PACKAGE_DIRECTORY packages)
 set(CPACK_COMPONENTS_ALL program dev)
 set(CPACK_STRIP_FILES ON)

@@ -34,7 +34,7 @@ ComputeRobustWindow(const TPixel * pixels, std::size_t count, TPixel background)
     return value != background && std::isfinite(static_cast<double>(value));
   });
   WindowType window;
-  window[1] = static_cast<double>(background);
+  window[1] = std::isfinite(static_cast<double>(background)) ? static_cast<double>(background) : 0.0;
   if (!values.empty())
   {
     const auto percentile = [&values](double fraction) {
@@ -67,17 +67,20 @@ FindWindow(const Projections & projections)
 AnyImage
 MakePictures(const Projections & projections, const std::optional<WindowType> & window)
 {
-  const AnyImage & stack = projections.stack;
-  const WindowType range = window ? *window : FindWindow(projections);
-  AnyImage         pictures = MakeAnyImage<unsigned char>(stack.image, stack.image->GetNumberOfComponentsPerPixel());
+  const AnyImage &    stack = projections.stack;
+  const WindowType    range = window ? *window : FindWindow(projections);
+  const unsigned char inversion = projections.isInverted ? 255 : 0;
+  AnyImage            pictures = MakeAnyImage<unsigned char>(stack.image, stack.image->GetNumberOfComponentsPerPixel());
   DispatchPixelType(stack.componentType, [&](auto tag) {
     using PixelType = typename decltype(tag)::Type;
     auto &                  values = *CastImage<PixelType>(stack).GetPixelContainer();
     const PixelType * const begin = values.GetBufferPointer();
     std::transform(
-      begin, begin + values.Size(), CastImage<unsigned char>(pictures).GetBufferPointer(), [&range](PixelType pixel) {
-        const double value = std::clamp(static_cast<double>(pixel), range[0], range[1]);
-        return static_cast<unsigned char>(std::lround(255.0 * (value - range[0]) / (range[1] - range[0])));
+      begin, begin + values.Size(), CastImage<unsigned char>(pictures).GetBufferPointer(), [&](PixelType pixel) {
+        const auto   given = static_cast<double>(pixel);
+        const double value = given > range[0] ? std::min(given, range[1]) : range[0];
+        const auto   grey = std::lround(255.0 * (value - range[0]) / (range[1] - range[0]));
+        return static_cast<unsigned char>(static_cast<unsigned char>(grey) ^ inversion);
       });
   });
   return pictures;
@@ -86,7 +89,9 @@ MakePictures(const Projections & projections, const std::optional<WindowType> & 
 AnyImage
 MakeDepthPictures(const Projections & projections, const std::optional<WindowType> & window)
 {
-  const AnyImage        brightnesses = MakePictures(projections, window);
+  Projections upright = projections;
+  upright.isInverted = false;
+  const AnyImage        brightnesses = MakePictures(upright, window);
   AnyImage              pictures = MakeAnyImage<unsigned char>(projections.stack.image, 3);
   auto &                depths = *CastImage<float>(projections.depths).GetPixelContainer();
   const unsigned char * brightness = CastImage<unsigned char>(brightnesses).GetBufferPointer();

@@ -28,12 +28,12 @@ using WindowType = itk::Vector<double, 2>;
 WindowType
 FindWindow(const Projections & projections);
 
-/** Pixels of 8 bits: \a window, or FindWindow(), becomes 0 to 255. */
+/** Pixels of 8 bits: \a window, or FindWindow(), becomes 0 to 255, or 255 to 0 of inverted projections. */
 AnyImage
 MakePictures(const Projections & projections, const std::optional<WindowType> & window);
 
 /** The pictures coloured by depth: from red, the nearest of the pixels that are bright in any of them, to blue, the
- * farthest. Black where nothing is. */
+ * farthest. Black where nothing is; high values are bright, of inverted projections too. */
 AnyImage
 MakeDepthPictures(const Projections & projections, const std::optional<WindowType> & window);
 

@@ -20,9 +20,12 @@
 #include "CinePage.h"
 #include "DicomSeries.h"
 #include "Input.h"
+#include "InputFiles.h"
 #include "Output.h"
 #include "Phantom.h"
 #include "Picture.h"
+#include "Text.h"
+#include "TransformFile.h"
 
 #include "itkMultiThreaderBase.h"
 #include "itkShearWarpMIPCineImageFilter.h"
@@ -32,9 +35,12 @@
 
 #include <CLI/CLI.hpp>
 
+#include <algorithm>
+#include <cctype>
 #include <chrono>
 #include <cmath>
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <optional>
 #include <regex>
@@ -146,30 +152,39 @@ GetKeys(const std::map<std::string, TValue> & map)
   return keys;
 }
 
+/** Accepts the numbers that are \a good. */
+CLI::Validator
+MakeCheck(const std::string & name, const std::function<bool(double)> & good)
+{
+  const auto check = [=](const std::string & text) {
+    double value = 0.0;
+    return CLI::detail::lexical_cast(text, value) && good(value) ? std::string()
+                                                                 : '\'' + Trim(text) + "' is not " + name;
+  };
+  return CLI::Validator(check, "");
+}
+
 /** Accepts finite numbers from \a lowest on. */
 CLI::Validator
 Number(const std::string & name, double lowest, bool whole = false)
 {
-  const auto check = [=](const std::string & text) {
-    double value = 0.0;
-    return CLI::detail::lexical_cast(text, value) && std::isfinite(value) && value >= lowest &&
-               (!whole || (value == std::trunc(value) && value <= 0x1p53))
-             ? std::string()
-             : '\'' + text + "' is not " + name;
-  };
-  return CLI::Validator(check, "");
+  return MakeCheck(name, [=](double value) {
+    return std::isfinite(value) && value >= lowest && (!whole || (value == std::trunc(value) && value <= 0x1p53));
+  });
 }
 
 /** Accepts numbers, infinite ones too. */
 CLI::Validator
 Bound()
 {
-  const auto check = [](const std::string & text) {
-    double value = 0.0;
-    return CLI::detail::lexical_cast(text, value) && !std::isnan(value) ? std::string()
-                                                                        : '\'' + text + "' is not a number";
-  };
-  return CLI::Validator(check, "");
+  return MakeCheck("a number", [](double value) { return !std::isnan(value); });
+}
+
+/** Accepts numbers, and what is not a number. */
+CLI::Validator
+Value()
+{
+  return MakeCheck("a number", [](double) { return true; });
 }
 
 std::string
@@ -251,9 +266,11 @@ DefineOptions(CLI::App & app, Options & options)
       ->type_name("DEGREES")
       ->group("Turning series");
   app
-    .add_option("--rocking",
-                options.rocking,
-                "Turn to and fro instead, over so many degrees in all, half of them to either side; fit to be repeated")
+    .add_option(
+      "--rocking",
+      options.rocking,
+      "Turn to and fro instead, over so many degrees in all: from the view half of them to one side, then to the "
+      "other, and back, as a sine whose ends are frames; two frames are the ends. Fit to be repeated")
     ->check(angle)
     ->needs(frames)
     ->excludes(range)
@@ -286,6 +303,7 @@ DefineOptions(CLI::App & app, Options & options)
     ->group("Picture");
   app.add_option("--size", options.size, "Width and height in pixels; default: all of the image is in the picture")
     ->check(count)
+    ->delimiter(',')
     ->expected(2)
     ->type_name("PIXELS")
     ->group("Picture");
@@ -293,6 +311,7 @@ DefineOptions(CLI::App & app, Options & options)
     .add_option("--background",
                 options.background,
                 "Value beside the image; default: 0, or the image's minimum if that is negative")
+    ->check(Value())
     ->type_name("VALUE")
     ->group("Picture");
   app
@@ -305,9 +324,11 @@ DefineOptions(CLI::App & app, Options & options)
   app
     .add_option("--window",
                 options.window,
-                "LOW and HIGH values that become black and white in pictures and animations, and at first in a page; "
-                "default: percentiles 1 and 99.8 of the pixels that are not background")
+                "LOW and HIGH values that become black and white in pictures and animations, and at first in a page "
+                "(white and black if DICOM is MONOCHROME1); default: percentiles 1 and 99.8 of the pixels that are not "
+                "background")
     ->check(Number("a finite number", std::numeric_limits<double>::lowest()))
+    ->delimiter(',')
     ->expected(2)
     ->type_name("VALUE")
     ->group("Picture");
@@ -318,6 +339,7 @@ DefineOptions(CLI::App & app, Options & options)
                                   "NEAR and FAR: only what lies between these depths behind the image's centre along "
                                   "the view (negative: nearer to the viewer; -inf and inf: no limit)")
                       ->check(Bound())
+                      ->delimiter(',')
                       ->expected(2)
                       ->type_name("MM")
                       ->group("Projection");
@@ -327,6 +349,7 @@ DefineOptions(CLI::App & app, Options & options)
                                          "THICKNESS and STEP: slabs from the image's front to its back, one every "
                                          "STEP: a 3D stack by depth of the slabs' middles, or numbered PNGs")
                              ->check(Number("a positive number", tiny))
+                             ->delimiter(',')
                              ->expected(2)
                              ->excludes(slab)
                              ->excludes(frames)
@@ -342,6 +365,7 @@ DefineOptions(CLI::App & app, Options & options)
                 options.localMaximum,
                 "Rays end behind their first local maximum of at least this value, so that a near vessel hides a "
                 "brighter one behind it (first local minimum of at most this value with --mode minimum)")
+    ->check(Value())
     ->type_name("THRESHOLD")
     ->group("Projection");
   const auto mask = app
@@ -368,8 +392,8 @@ DefineOptions(CLI::App & app, Options & options)
   app
     .add_option("--attenuation",
                 options.attenuation,
-                "Values fade to the background with depth: at d mm behind the front of the image or slab, to exp(-RATE "
-                "d) of their difference; RATE is per mm")
+                "Values fade to the background with depth: at d mm behind the front of the sphere that holds the "
+                "image or, if that is deeper, of the slab, to exp(-RATE d) of their difference; RATE is per mm")
     ->check(Number("a finite number of at least 0", 0.0))
     ->type_name("RATE")
     ->group("Projection");
@@ -502,7 +526,8 @@ SetSlidingSlabs(ProjectionOptions & projection, const Options & options, Frame f
   itk::Point<double, 3> upper;
   itk::ShearWarpFactorization::VerifyViewTransform(frame.transform);
   itk::ShearWarpFactorization::ComputeViewBounds(frame.transform, grid, lower, upper);
-  const double more = std::max(0.0, std::ceil((upper[2] - lower[2] - thickness) / step - 1e-6));
+  // up to the one that reaches the back, or begins before it
+  const double more = std::max(0.0, std::ceil((upper[2] - lower[2] - std::max(thickness, step)) / step - 1e-6));
   if (!(more < mostFrames))
   {
     std::ostringstream message;
@@ -768,6 +793,21 @@ VerifyVolume(const Options & options, const Volume & volume)
   }
 }
 
+/** Whether all is background. */
+bool
+IsBlank(const Projections & projections)
+{
+  return DispatchPixelType(projections.stack.componentType, [&](auto tag) {
+    using PixelType = typename decltype(tag)::Type;
+    const auto              background = static_cast<PixelType>(projections.background);
+    auto &                  pixels = *CastImage<PixelType>(projections.stack).GetPixelContainer();
+    const PixelType * const begin = pixels.GetBufferPointer();
+    return std::all_of(begin, begin + pixels.Size(), [background](PixelType pixel) {
+      return pixel == background || (pixel != pixel && background != background);
+    });
+  });
+}
+
 /** Of a frame without a slab the plane through the image's centre. */
 std::vector<DicomView>
 MakeDicomViews(const ProjectionOptions & projection, const itk::ImageBase<3> * grid)
@@ -816,6 +856,10 @@ Run(const Options & options, Messages & messages)
     itk::MultiThreaderBase::SetGlobalDefaultNumberOfThreads(options.threads);
   }
   OutputFiles files;
+  for (const std::string & path : { options.input, options.mask, options.transform })
+  {
+    files.Protect(FindInputFiles(path));
+  }
   files.Reserve(options.output, options.isInPlace ? OutputFiles::Format::Values : OutputFiles::Format::Any);
   if (!options.depth.empty())
   {
@@ -827,7 +871,7 @@ Run(const Options & options, Messages & messages)
   }
   if (!options.dicomOut.empty())
   {
-    RequireDicomDirectory(options.dicomOut);
+    files.ReserveFolder(options.dicomOut);
   }
   std::vector<TransformPointer> given;
   if (!options.transform.empty())
@@ -835,8 +879,9 @@ Run(const Options & options, Messages & messages)
     given = ReadLinearTransforms(options.transform);
   }
 
-  const auto        warn = [&](const std::string & text) { messages.Warn(text); };
-  const Volume      volume = ReadVolume(options.input, options.series, warn);
+  const auto   warn = [&](const std::string & text) { messages.Warn(text); };
+  const Volume volume = ReadVolume(options.input, options.series, warn);
+  files.Protect(volume.dicomFiles);
   const AnyImage &  first = volume.times.front();
   const std::string times = volume.times.size() > 1 ? std::to_string(volume.times.size()) + " x " : "";
   messages.StepDone("read " + options.input + ", " + times + Describe(first));
@@ -878,6 +923,11 @@ Run(const Options & options, Messages & messages)
     [&](const FrameReport & report) { messages.FramesDone(report); },
     [&](std::size_t done, std::size_t all) { messages.Progress(done, all); });
   messages.StepDone("projected, " + Describe(projections.stack));
+  if (!(options.slab.empty() && options.crop.empty()) && IsBlank(projections))
+  {
+    warn("there is only background in the picture: is the image within " +
+         std::string(options.slab.empty() ? "--crop?" : "--slab?"));
+  }
 
   const std::size_t frames = projection.frames.size();
   const bool        isSeries = options.frames > 0 || !options.slidingSlab.empty() || frames > 1;
@@ -937,19 +987,55 @@ Run(const Options & options, Messages & messages)
       dicom.window = std::make_pair((*window)[0], (*window)[1]);
     }
     WriteDicomSeries(
-      projections.stack, MakeDicomViews(projection, first.image), volume.dicomFiles, options.dicomOut, dicom);
-    messages.StepDone("wrote " + options.dicomOut);
+      files, projections.stack, MakeDicomViews(projection, first.image), volume.dicomFiles, options.dicomOut, dicom);
+    messages.StepDone("made the files of " + options.dicomOut);
   }
   files.Commit();
   messages.StepDone("wrote " + options.output);
+}
+
+/** The arguments, the last first. The parser takes -inf and -.5 for options unless a space is before them. */
+std::vector<std::string>
+CollectArguments(int argc, const char * const * argv)
+{
+  std::vector<std::string> arguments;
+  for (int n = argc - 1; n > 0; --n)
+  {
+    double            number = 0.0;
+    const std::string argument = argv[n];
+    const bool        looksLikeOption = argument.size() > 1 && argument[0] == '-' && std::isdigit(argument[1]) == 0;
+    arguments.push_back(looksLikeOption && CLI::detail::lexical_cast(argument, number) ? ' ' + argument : argument);
+  }
+  return arguments;
+}
+
+/** Of a message. A regular expression takes as much of the stack as there are characters. */
+constexpr std::size_t MostCharacters = 4000;
+
+/** What the parser says, in the words of the help. */
+std::string
+Reword(const CLI::App & app, const CLI::ParseError & error)
+{
+  if (dynamic_cast<const CLI::ExtrasError *>(&error))
+  {
+    return CLI::detail::join(app.remaining(), " ") + " is not expected; see --help";
+  }
+  std::string text = std::string(error.what()).substr(0, MostCharacters);
+  text = std::regex_replace(
+    text, std::regex("At [Ll]east (\\d+) required but received (\\d+)"), "$1 values are needed, not $2");
+  text = std::regex_replace(
+    text, std::regex("At [Mm]ost (\\d+) required but received (\\d+)"), "at most $1 can be given, not $2");
+  text = std::regex_replace(text, std::regex("1 required (.*) missing"), "a value is needed, $1");
+  return dynamic_cast<const CLI::RequiredError *>(&error) ? text + "; see --help" : text;
 }
 
 std::string
 MakeOneLine(const std::string & text)
 {
   // without ITK's beginning, "ITK ERROR: Class(0x123): "
-  std::istringstream words(std::regex_replace(text, std::regex("ITK ERROR: |\\w+\\(0x[0-9a-f]+\\): "), ""));
-  std::string        line;
+  std::istringstream words(
+    std::regex_replace(text.substr(0, MostCharacters), std::regex("ITK ERROR: |\\w+\\(0x[0-9a-f]+\\): "), ""));
+  std::string line;
   for (std::string word; words >> word;)
   {
     line += (line.empty() ? "" : " ") + word;
@@ -975,7 +1061,7 @@ RunProgram(int argc, const char * const * argv, std::ostream & output, std::ostr
     bool phantomWanted = false;
     try
     {
-      app.parse(argc, argv);
+      app.parse(CollectArguments(argc, argv));
     }
     catch (const PhantomWanted &)
     {
@@ -983,7 +1069,7 @@ RunProgram(int argc, const char * const * argv, std::ostream & output, std::ostr
     }
     catch (const CLI::ParseError & error)
     {
-      return error.get_exit_code() == 0 ? app.exit(error, output, messages) : fail(error.what());
+      return error.get_exit_code() == 0 ? app.exit(error, output, messages) : fail(Reword(app, error));
     }
 
     Messages steps(messages, options);
@@ -1004,6 +1090,10 @@ RunProgram(int argc, const char * const * argv, std::ostream & output, std::ostr
   catch (const std::bad_alloc &)
   {
     return fail("not enough memory");
+  }
+  catch (const std::filesystem::filesystem_error & error)
+  {
+    return fail("'" + error.path1().string() + "': " + error.code().message());
   }
   catch (const std::exception & error)
   {

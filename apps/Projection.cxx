@@ -215,7 +215,7 @@ ProjectVolume(const Volume &                                   volume,
   const unsigned int              components = grid->GetNumberOfComponentsPerPixel();
   const std::size_t               frames = options.frames.size();
   const std::size_t               all = components * frames;
-  Projections                     projections{ {}, {}, static_cast<double>(background) };
+  Projections                     projections{ {}, {}, static_cast<double>(background), volume.isInverted };
   for (unsigned int component = 0; component < components; ++component)
   {
     std::optional<std::size_t> time;

@@ -84,6 +84,8 @@ struct Projections
   /** Of type float and one component; no image unless it was computed. */
   AnyImage depths;
   double   background;
+  /** As of the volume. */
+  bool isInverted{ false };
 };
 
 /** Projects each component of \a volume for each frame, all on one grid that holds every projection: the frames of one

@@ -15,11 +15,13 @@
  *  limitations under the License.
  *
  *=========================================================================*/
+#include "Integrity.h"
 #include "Program.h"
 
 #include "itkObject.h"
 
 #include <cstdio>
+#include <cstdlib>
 #include <iostream>
 
 int
@@ -34,5 +36,9 @@ main(int argc, char * argv[])
   stderr = std::fopen("/dev/null", "w");
 #endif
   itk::Object::SetGlobalWarningDisplay(false);
+  if (ParseIfAsked(argc, argv, output))
+  {
+    return EXIT_SUCCESS;
+  }
   return RunProgram(argc, argv, output, messages);
 }

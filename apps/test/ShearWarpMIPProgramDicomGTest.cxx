@@ -437,8 +437,16 @@ TEST_F(ShearWarpMIPProgramDicom, ScalesSpacing)
   const auto scale = TransformType::New();
   scale->Scale(2.0);
   views[0].transform = scale.GetPointer();
+  views[0].thickness = 2.5;
   WriteDicomSeries(MakeFrames<short>(1, [](double n) { return n; }), views, {}, m_Series);
-  EXPECT_EQ(this->ReadSeries()[0].tags.at("0028|0030"), "2.5\\1.5");
+  const auto tags = this->ReadSeries()[0].tags;
+  EXPECT_EQ(tags.at("0028|0030"), "2.5\\1.5");
+  EXPECT_EQ(tags.at("0018|0050"), "5");
+  // what is between the planes of a slab, not how far rays go in it
+  scale->Shear(0, 2, 3.0);
+  fs::remove_all(m_Series);
+  WriteDicomSeries(MakeFrames<short>(1, [](double n) { return n; }), views, {}, m_Series);
+  EXPECT_EQ(this->ReadSeries()[0].tags.at("0018|0050"), "5");
 }
 
 TEST_F(ShearWarpMIPProgramDicom, FindsDepthOfCentre)
@@ -582,11 +590,11 @@ TEST_F(ShearWarpMIPProgramDicom, SortsManyFrames)
 TEST_F(ShearWarpMIPProgramDicom, FillsEmptyFolder)
 {
   fs::create_directory(m_Series);
-  RequireDicomDirectory(m_Series);
+  OutputFiles().ReserveFolder(m_Series);
   const AnyImage frames = MakeFrames<short>(2, [](double n) { return n; });
   WriteDicomSeries(frames, MakeViews(2), {}, m_Series / "");
   EXPECT_EQ(this->GetNames(), (std::set<fs::path>{ m_Series, m_Series / "frame-001.dcm", m_Series / "frame-002.dcm" }));
-  EXPECT_THROW(RequireDicomDirectory(m_Series), std::runtime_error);
+  EXPECT_THROW(OutputFiles().ReserveFolder(m_Series), std::runtime_error);
   this->ExpectError(frames, MakeViews(2), {}, m_Series, "needs an empty folder");
 }
 
@@ -626,7 +634,7 @@ TEST_F(ShearWarpMIPProgramDicom, RefusesWhatIsNotPossible)
   const AnyImage frames = MakeFrames<float>(2, [](double n) { return n; });
   const auto     views = MakeViews(2);
   std::ofstream(m_Folder / "file.txt") << "no image\n";
-  EXPECT_THROW(RequireDicomDirectory(m_Folder / "no" / "series"), std::runtime_error);
+  EXPECT_THROW(OutputFiles().ReserveFolder(m_Folder / "no" / "series"), std::runtime_error);
   this->ExpectError(frames, views, {}, m_Folder / "no" / "series", "does not exist or is not writable");
   this->ExpectError(frames, views, {}, m_Folder / "file.txt", "needs an empty folder");
   this->ExpectError(frames, views, {}, m_Folder / "file.txt" / "series", "does not exist or is not writable");

@@ -181,6 +181,26 @@ TEST_F(ShearWarpMIPProgramPage, TellsHowTheSeriesGoesOn)
   EXPECT_NE(this->ReadSeries("rocking.html").find("\"loop\": \"swing\", \"angles\": [0, 30, "), std::string::npos);
 }
 
+TEST_F(ShearWarpMIPProgramPage, HoldsFiniteNumbersAlone)
+{
+  this->WriteImage<itk::Image<float, 3>>(MakeVolume<float>(1.0f), "float.nrrd");
+  for (const std::string background : { "nan", "inf", "-inf" })
+  {
+    for (const std::string region : { "", " --crop 900 901 0 1 0 1", " --page-bits 16 --crop 900 901 0 1 0 1" })
+    {
+      EXPECT_EQ(this->Run("float.nrrd out.html --background " + background + region).status, 0);
+      const std::string series = this->ReadSeries("out.html");
+      const std::string numbers = series.substr(0, series.find("\"frames\""));
+      EXPECT_FALSE(std::regex_search(numbers, std::regex("[ \\[-](nan|inf)"))) << numbers;
+      const bool isEmpty = !region.empty();
+      for (const auto & frame : this->ReadFrames<unsigned short>(series))
+      {
+        EXPECT_EQ(*std::max_element(frame.begin(), frame.end()) == 0, isEmpty);
+      }
+    }
+  }
+}
+
 TEST_F(ShearWarpMIPProgramPage, RefusesWhatAPageCannotShow)
 {
   const auto vectors = itk::VectorImage<short, 3>::New();

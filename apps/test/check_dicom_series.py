@@ -107,8 +107,11 @@ def check_sample(sample, kind, source, sop_class):
         require(numpy.allclose(numpy.abs(dataset.ImageOrientationPatient[3:]), [0.0, 0.0, 1.0]), f"{kind}: column")
         origin = numpy.array(dataset.ImageOrientationPatient, float).reshape(2, 3).sum(axis=0) * -(size - 1) / 2
         require(numpy.allclose(dataset.ImagePositionPatient, origin), f"{kind}: position")
+    header = pydicom.dcmread(source, force=True) if source else pydicom.Dataset()
+    inverted = header.get("PhotometricInterpretation") == "MONOCHROME1"
+    photometric = "MONOCHROME1" if inverted else "MONOCHROME2"
+    require(series[0].PhotometricInterpretation == photometric, f"{source}: PhotometricInterpretation")
     if source:
-        header = pydicom.dcmread(source, force=True)
         for name in PATIENT_AND_STUDY:
             require(
                 header.get(name) in (series[0].get(name), None) or not header.get(name),
@@ -164,6 +167,11 @@ def main():
                 source = Path(folder) / f"deidentified-{'implicit' if implicit else 'explicit'}.dcm"
                 write_deidentified(ct, source, implicit)
                 check_sample(arguments.sample, "signed", source, CT)
+            for image, kind, sop_class in ((ct, "signed", CT), (mr, "unsigned", MR), (mr, "float", SECONDARY_CAPTURE)):
+                dataset = pydicom.dcmread(image)
+                dataset.PhotometricInterpretation = "MONOCHROME1"
+                dataset.save_as(Path(folder) / "inverted.dcm")
+                check_sample(arguments.sample, kind, Path(folder) / "inverted.dcm", sop_class)
         for pattern in ("chrFren.dcm", "chrGreek.dcm", "chrH31.dcm", "chrI2.dcm", "chrX1.dcm", "chrX2.dcm"):
             check_sample(arguments.sample, "unsigned", get_charset_files(pattern)[0], SECONDARY_CAPTURE)
     print("passed")

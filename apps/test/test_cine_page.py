@@ -70,6 +70,7 @@ def make_series(frames, **changes):
         "angles": [n * 360 / len(frames) for n in range(len(frames))],
         "rate": 30,
         "loop": "turn",
+        "inverted": False,
     } | changes
 
 
@@ -373,17 +374,26 @@ def test_window_does_not_get_lost(page, tmp_path):
     assert 0 <= (low + high) / 2 <= 255 and high - low == pytest.approx(2 * 255)
 
 
-def test_invert_and_background(page, tmp_path):
+@pytest.mark.parametrize("inverted", [False, True])
+def test_invert_and_background(page, tmp_path, inverted):
     frames = make_frames(8)
     frames[:, 40:, :30] = 77
-    series = make_series(frames, background=77)
+    series = make_series(frames, background=77, inverted=inverted)
+
+    def require(shown_inverted):
+        np.testing.assert_array_equal(page.pixels(), expected(series, frames[0], series["window"], shown_inverted))
+        pressed = page.driver.find_element(By.ID, "invert").get_attribute("aria-pressed")
+        assert pressed == ("true" if shown_inverted else "false")
+
     page.show(tmp_path, series)
-    assert (page.pixels()[40:, :30] == 0).all()
+    assert (page.pixels()[40:, :30] == (255 if inverted else 0)).all()
+    require(inverted)
     page.press("i")
-    np.testing.assert_array_equal(page.pixels(), expected(series, frames[0], series["window"], True))
-    assert page.driver.find_element(By.ID, "invert").get_attribute("aria-pressed") == "true"
+    require(not inverted)
+    page.press("r")
+    require(inverted)
     page.driver.find_element(By.ID, "invert").click()
-    np.testing.assert_array_equal(page.pixels(), expected(series, frames[0], series["window"]))
+    require(not inverted)
 
 
 def test_value_under_pointer(page, tmp_path):

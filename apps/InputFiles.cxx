@@ -1,0 +1,134 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#include "InputFiles.h"
+
+#include "Text.h"
+
+#include <algorithm>
+#include <fstream>
+#include <set>
+#include <sstream>
+#include <string>
+
+namespace
+{
+namespace fs = std::filesystem;
+
+using Paths = std::vector<fs::path>;
+
+/** Of x.img.gz, x.img. */
+fs::path
+WithoutGzip(const fs::path & path)
+{
+  return path.extension() == ".gz" ? path.stem() : path.filename();
+}
+
+/** The files of a folder, as far as it can be read, that do not look like outputs. */
+Paths
+ListFiles(const fs::path & folder)
+{
+  static const std::set<fs::path> outputs = { ".mha", ".nrrd", ".nii", ".png", ".gif", ".apng", ".mp4", ".html" };
+
+  Paths           files;
+  std::error_code error;
+  for (fs::directory_iterator entry(folder.empty() ? "." : folder, error), end; !error && entry != end;
+       entry.increment(error))
+  {
+    std::error_code ignored;
+    if (entry->is_regular_file(ignored) && outputs.count(WithoutGzip(entry->path()).extension()) == 0)
+    {
+      files.push_back(folder / entry->path().filename());
+    }
+  }
+  return files;
+}
+
+/** Adds what \a text of the header of an NRRD or MetaImage file names: a file or, as slice%03d.raw 1 9, a series. */
+void
+AddNamedFiles(const fs::path & folder, const std::string & text, Paths & files)
+{
+  std::error_code ignored;
+  if (fs::is_regular_file(folder / text, ignored))
+  {
+    files.push_back(folder / text);
+  }
+  const auto number = text.find('%');
+  if (number != std::string::npos)
+  {
+    const fs::path start = folder / text.substr(0, number);
+    for (const fs::path & file : ListFiles(start.parent_path()))
+    {
+      if (file.filename().string().find(start.filename().string()) == 0)
+      {
+        files.push_back(file);
+      }
+    }
+  }
+}
+
+void
+AddFilesOfHeader(const fs::path & path, Paths & files)
+{
+  std::string   start(1 << 20, '\0');
+  std::ifstream file(path, std::ios::binary);
+  file.read(start.data(), static_cast<std::streamsize>(start.size()));
+  const auto isBinary = [](char c) { return c >= '\0' && c < ' ' && c != '\t' && c != '\r'; };
+
+  // headers that name files: of NRRD, which end with an empty line, and of MetaImage; or with a list of names
+  std::istringstream lines(start);
+  bool isLast = start.compare(0, 4, "NRRD") != 0 && path.extension() != ".mha" && path.extension() != ".mhd";
+  bool isList = false;
+  for (std::string line; !isLast && std::getline(lines, line) && std::none_of(line.begin(), line.end(), isBinary);)
+  {
+    line = Trim(line);
+    const std::string value = Trim(line.substr(line.find_first_of(":=") + 1));
+    isList = isList || value.compare(0, 4, "LIST") == 0;
+    isLast = !isList && (line.empty() || line.compare(0, 15, "ElementDataFile") == 0);
+    if (!line.empty() && line[0] != '#')
+    {
+      AddNamedFiles(path.parent_path(), line, files);
+      AddNamedFiles(path.parent_path(), value, files);
+    }
+  }
+}
+} // namespace
+
+Paths
+FindInputFiles(const fs::path & path)
+{
+  std::error_code ignored;
+  if (fs::is_directory(path, ignored))
+  {
+    return ListFiles(path);
+  }
+  Paths files{ path };
+  if (!fs::is_regular_file(path, ignored))
+  {
+    return files;
+  }
+  // data beside headers, as .hdr and .img
+  for (const fs::path & file : ListFiles(path.parent_path()))
+  {
+    if (WithoutGzip(file).stem() == WithoutGzip(path).stem())
+    {
+      files.push_back(file);
+    }
+  }
+  AddFilesOfHeader(path, files);
+  return files;
+}

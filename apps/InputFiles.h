@@ -1,0 +1,29 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#ifndef InputFiles_h
+#define InputFiles_h
+
+#include <filesystem>
+#include <vector>
+
+/** The files that are there and are read for the image or transform \a path: those of a folder; or the file, others of
+ * its name, and those that its header names. In the first two cases none with an extension of an output. */
+std::vector<std::filesystem::path>
+FindInputFiles(const std::filesystem::path & path);
+
+#endif

@@ -1,0 +1,35 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#ifndef TransformFile_h
+#define TransformFile_h
+
+#include "itkTransform.h"
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+/** Whether ITK can read the file. With a damaged one, it can end the process. */
+bool
+IsReadableTransform(const std::string & path);
+
+/** Reads linear 3D transforms, at least one. Throws if the file is damaged or holds something else. */
+std::vector<itk::Transform<double, 3, 3>::Pointer>
+ReadLinearTransforms(const std::filesystem::path & path);
+
+#endif

@@ -1,0 +1,619 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#include "Input.h"
+#include "ShearWarpMIPProgramTestHelper.h"
+
+#include "itkAffineTransform.h"
+#include "itkTransformFileWriter.h"
+
+#include <gdcmAttribute.h>
+#include <gdcmDicts.h>
+#include <gdcmGlobal.h>
+#include <gdcmImageChangeTransferSyntax.h>
+#include <gdcmImageReader.h>
+#include <gdcmImageWriter.h>
+#include <gdcmReader.h>
+#include <gdcmSequenceOfItems.h>
+#include <gdcmWriter.h>
+
+#include <sys/stat.h>
+
+#include <cmath>
+#include <cstring>
+
+using namespace ShearWarpMIPProgramTest;
+
+namespace
+{
+using gdcm::DataSet;
+using gdcm::Tag;
+
+const std::string ctImage = "1.2.840.10008.5.1.4.1.1.2";
+const std::string enhancedCTImage = "1.2.840.10008.5.1.4.1.1.2.1";
+const std::string petImage = "1.2.840.10008.5.1.4.1.1.128";
+const std::string nuclearImage = "1.2.840.10008.5.1.4.1.1.20";
+const std::string dose = "1.2.840.10008.5.1.4.1.1.481.2";
+
+constexpr unsigned int columns = 4;
+constexpr unsigned int rows = 3;
+
+/** Where a slice lies, as text; an empty one is left out. */
+struct Plane
+{
+  std::string position;
+  std::string orientation{ "1\\0\\0\\0\\1\\0" };
+  /** Of rows, of columns. */
+  std::string spacing{ "1.5\\0.5" };
+  std::string slope{};
+  std::string intercept{ "0" };
+};
+using Planes = std::vector<Plane>;
+
+short
+GetStored(std::size_t slice, std::size_t pixel)
+{
+  return static_cast<short>(100 * slice + pixel);
+}
+
+void
+SetText(DataSet & dataSet, const Tag & tag, std::string text)
+{
+  gdcm::DataElement element(tag, 0, gdcm::Global::GetInstance().GetDicts().GetDictEntry(tag).GetVR());
+  text += text.size() % 2 == 1 ? " " : "";
+  element.SetByteValue(text.data(), static_cast<std::uint32_t>(text.size()));
+  dataSet.Replace(element);
+}
+
+template <std::uint16_t VGroup, std::uint16_t VElement>
+void
+SetNumber(DataSet & dataSet, unsigned int number)
+{
+  gdcm::Attribute<VGroup, VElement> attribute;
+  attribute.SetValue(static_cast<std::uint16_t>(number));
+  dataSet.Replace(attribute.GetAsDataElement());
+}
+
+void
+SetSequence(DataSet & dataSet, const Tag & tag, const std::vector<DataSet> & items)
+{
+  const gdcm::SmartPointer<gdcm::SequenceOfItems> sequence = new gdcm::SequenceOfItems;
+  sequence->SetLengthToUndefined();
+  for (const DataSet & nested : items)
+  {
+    gdcm::Item item;
+    item.SetVLToUndefined();
+    item.SetNestedDataSet(nested);
+    sequence->AddItem(item);
+  }
+  gdcm::DataElement element(tag, 0, gdcm::VR::SQ);
+  element.SetValue(*sequence);
+  element.SetVLToUndefined();
+  dataSet.Replace(element);
+}
+
+/** Sets the attributes that have a value, in a functional group or, if \a group is 0, in \a dataSet itself. */
+void
+SetAttributes(DataSet &                                        dataSet,
+              bool                                             isGrouped,
+              const Tag &                                      group,
+              const std::vector<std::pair<Tag, std::string>> & attributes)
+{
+  DataSet   item;
+  DataSet & target = isGrouped ? item : dataSet;
+  for (const auto & [tag, text] : attributes)
+  {
+    if (!text.empty())
+    {
+      SetText(target, tag, text);
+    }
+  }
+  if (isGrouped && !item.IsEmpty())
+  {
+    SetSequence(dataSet, group, { item });
+  }
+}
+
+void
+SetPlane(DataSet & dataSet, const Plane & plane, bool isGrouped)
+{
+  SetAttributes(dataSet, isGrouped, { 0x0020, 0x9113 }, { { { 0x0020, 0x0032 }, plane.position } });
+  SetAttributes(dataSet, isGrouped, { 0x0020, 0x9116 }, { { { 0x0020, 0x0037 }, plane.orientation } });
+  SetAttributes(dataSet, isGrouped, { 0x0028, 0x9110 }, { { { 0x0028, 0x0030 }, plane.spacing } });
+  SetAttributes(
+    dataSet,
+    isGrouped,
+    { 0x0028, 0x9145 },
+    { { { 0x0028, 0x1052 }, plane.slope.empty() ? "" : plane.intercept }, { { 0x0028, 0x1053 }, plane.slope } });
+}
+
+/** Whether slices are the frames of one file. */
+class ShearWarpMIPProgramDicomInput
+  : public ShearWarpMIPProgram
+  , public testing::WithParamInterface<bool>
+{
+protected:
+  void
+  SetUp() override
+  {
+    ShearWarpMIPProgram::SetUp();
+    fs::create_directory(m_Folder / "dicom");
+  }
+
+  /** An image of the frames \a begin to \a end, whose pixels are GetStored(). */
+  static DataSet
+  MakeImage(const std::string & sopClass, std::size_t begin, std::size_t end)
+  {
+    DataSet dataSet;
+    SetText(dataSet, { 0x0008, 0x0016 }, sopClass);
+    SetText(dataSet, { 0x0008, 0x0018 }, "1.2.3.4." + std::to_string(begin + 1));
+    SetText(dataSet, { 0x0020, 0x000d }, "1.2.3");
+    SetText(dataSet, { 0x0020, 0x000e }, "1.2.3.4");
+    SetText(dataSet, { 0x0028, 0x0004 }, "MONOCHROME2");
+    if (end - begin > 1)
+    {
+      SetText(dataSet, { 0x0028, 0x0008 }, std::to_string(end - begin));
+    }
+    SetNumber<0x0028, 0x0002>(dataSet, 1);
+    SetNumber<0x0028, 0x0010>(dataSet, rows);
+    SetNumber<0x0028, 0x0011>(dataSet, columns);
+    SetNumber<0x0028, 0x0100>(dataSet, 16);
+    SetNumber<0x0028, 0x0101>(dataSet, 16);
+    SetNumber<0x0028, 0x0102>(dataSet, 15);
+    SetNumber<0x0028, 0x0103>(dataSet, 1);
+    std::vector<short> pixels;
+    for (std::size_t slice = begin; slice < end; ++slice)
+    {
+      for (std::size_t pixel = 0; pixel < std::size_t{ columns } * rows; ++pixel)
+      {
+        pixels.push_back(GetStored(slice, pixel));
+      }
+    }
+    gdcm::DataElement element(Tag(0x7fe0, 0x0010), 0, gdcm::VR::OW);
+    element.SetByteValue(reinterpret_cast<const char *>(pixels.data()),
+                         static_cast<std::uint32_t>(pixels.size() * sizeof(short)));
+    dataSet.Insert(element);
+    return dataSet;
+  }
+
+  void
+  WriteFile(const DataSet & dataSet, const std::string & name) const
+  {
+    gdcm::Writer writer;
+    writer.SetFileName(this->GetPath(name).c_str());
+    writer.GetFile().SetDataSet(dataSet);
+    writer.GetFile().GetHeader().SetDataSetTransferSyntax(gdcm::TransferSyntax::ExplicitVRLittleEndian);
+    ASSERT_TRUE(writer.Write());
+  }
+
+  /** Writes the folder dicom. What \a planes have in common is in the group that all frames share. */
+  void
+  WriteSlices(const Planes & planes, const std::string & sopClass = ctImage) const
+  {
+    fs::remove_all(m_Folder / "dicom");
+    fs::create_directory(m_Folder / "dicom");
+    if (!GetParam())
+    {
+      for (std::size_t slice = 0; slice < planes.size(); ++slice)
+      {
+        DataSet dataSet = MakeImage(sopClass, slice, slice + 1);
+        SetPlane(dataSet, planes[slice], false);
+        this->WriteFile(dataSet, "dicom/a" + std::to_string(slice) + ".dcm");
+      }
+      return;
+    }
+    const auto isShared = [&planes](std::string Plane::* text) {
+      return std::all_of(
+        planes.begin(), planes.end(), [&](const Plane & plane) { return plane.*text == planes[0].*text; });
+    };
+    const bool           isOriented = isShared(&Plane::orientation);
+    const bool           isSpaced = isShared(&Plane::spacing);
+    DataSet              shared;
+    std::vector<DataSet> groups;
+    SetPlane(shared, { "", isOriented ? planes[0].orientation : "", isSpaced ? planes[0].spacing : "" }, true);
+    for (Plane plane : planes)
+    {
+      plane.orientation = isOriented ? "" : plane.orientation;
+      plane.spacing = isSpaced ? "" : plane.spacing;
+      groups.emplace_back();
+      SetPlane(groups.back(), plane, true);
+    }
+    DataSet dataSet = MakeImage(enhancedCTImage, 0, planes.size());
+    SetSequence(dataSet, { 0x5200, 0x9229 }, { shared });
+    SetSequence(dataSet, { 0x5200, 0x9230 }, groups);
+    this->WriteFile(dataSet, "dicom/frames.dcm");
+  }
+
+  /** Rewrites a file of the folder dicom. */
+  void
+  ChangeFile(const std::string & name, const std::function<void(DataSet &)> & change) const
+  {
+    gdcm::Reader reader;
+    reader.SetFileName(this->GetPath(name).c_str());
+    ASSERT_TRUE(reader.Read());
+    DataSet dataSet = reader.GetFile().GetDataSet();
+    change(dataSet);
+    this->WriteFile(dataSet, name);
+  }
+
+  /** The folder dicom, which must be read with warnings that have \a mention, or without any. */
+  Volume
+  ReadFolder(const std::string & mention = "") const
+  {
+    std::string warnings;
+    Volume      volume =
+      ReadVolume(m_Folder / "dicom", "", [&warnings](const std::string & text) { warnings += text + '\n'; });
+    EXPECT_EQ(warnings.empty(), mention.empty()) << warnings;
+    EXPECT_NE(warnings.find(mention), std::string::npos) << warnings;
+    return volume;
+  }
+
+  void
+  ExpectRefused(const std::string & mention) const
+  {
+    SCOPED_TRACE(mention);
+    try
+    {
+      this->ReadFolder();
+      ADD_FAILURE() << "no error";
+    }
+    catch (const std::runtime_error & error)
+    {
+      EXPECT_NE(std::string(error.what()).find(mention), std::string::npos) << error.what();
+    }
+  }
+
+  /** That the slices of \a volume are those that were written as \a order, by \a value of the number stored. */
+  template <typename TPixel>
+  static void
+  ExpectSlices(
+    const Volume &                                     volume,
+    const std::vector<std::size_t> &                   order,
+    const std::function<double(std::size_t, double)> & value = [](std::size_t, double stored) { return stored; })
+  {
+    ASSERT_EQ(volume.times.front().componentType, itk::ImageIOBase::MapPixelType<TPixel>::CType);
+    ASSERT_EQ(volume.times.front().image->GetLargestPossibleRegion().GetSize(),
+              (itk::Size<3>{ { columns, rows, order.size() } }));
+    const TPixel * pixel = CastImage<TPixel>(volume.times.front()).GetBufferPointer();
+    for (const std::size_t slice : order)
+    {
+      for (std::size_t n = 0; n < std::size_t{ columns } * rows; ++n)
+      {
+        ASSERT_EQ(*pixel++, static_cast<TPixel>(value(slice, GetStored(slice, n)))) << "slice " << slice;
+      }
+    }
+  }
+
+  /** Where the first voxel is, how far one lies from the other, and where the third axis points to. */
+  static void
+  ExpectGrid(const Volume &                volume,
+             const std::array<double, 3> & origin,
+             const std::array<double, 3> & spacing,
+             const std::array<double, 3> & away)
+  {
+    const auto & image = *volume.times.front().image;
+    for (unsigned int axis = 0; axis < 3; ++axis)
+    {
+      EXPECT_NEAR(image.GetOrigin()[axis], origin[axis], 1e-12);
+      EXPECT_NEAR(image.GetSpacing()[axis], spacing[axis], 1e-12);
+      EXPECT_NEAR(image.GetDirection()(axis, 2), away[axis], 1e-12);
+    }
+  }
+};
+
+INSTANTIATE_TEST_SUITE_P(Files, ShearWarpMIPProgramDicomInput, testing::Bool(), [](const auto & test) {
+  return test.param ? "Frames" : "Slices";
+});
+
+TEST_P(ShearWarpMIPProgramDicomInput, ReadsTiltedGantry)
+{
+  // an edge of 5 : 12 : 13
+  this->WriteSlices({ { "7\\-2\\3" }, { "7\\0.5\\9" }, { "7\\3\\15" } });
+  const Volume volume = this->ReadFolder();
+  ExpectSlices<short>(volume, { 0, 1, 2 });
+  ExpectGrid(volume, { 7, -2, 3 }, { 0.5, 1.5, 6.5 }, { 0, 5.0 / 13.0, 12.0 / 13.0 });
+  EXPECT_NEAR(volume.times.front().image->GetDirection()(0, 0), 1.0, 1e-12);
+  EXPECT_NEAR(volume.times.front().image->GetDirection()(1, 1), 1.0, 1e-12);
+}
+
+TEST_P(ShearWarpMIPProgramDicomInput, ProjectsTiltedGantry)
+{
+  // voxels of the same height in every slice, lower by one row from slice to slice
+  Planes planes;
+  for (unsigned int slice = 0; slice < rows; ++slice)
+  {
+    planes.push_back({ "0\\" + std::to_string(-1.5 * slice) + '\\' + std::to_string(2 * slice) });
+  }
+  this->WriteSlices(planes);
+  for (const auto & entry : fs::directory_iterator(m_Folder / "dicom"))
+  {
+    const std::size_t number = GetParam() ? 0 : entry.path().stem().string().back() - '0';
+    this->ChangeFile("dicom/" + entry.path().filename().string(), [&](DataSet & dataSet) {
+      const std::size_t  slices = GetParam() ? rows : 1;
+      std::vector<short> pixels(slices * columns * rows, 0);
+      for (std::size_t slice = 0; slice < slices; ++slice)
+      {
+        pixels[(slice * rows + number + slice) * columns + 1] = 1000;
+      }
+      gdcm::DataElement element(Tag(0x7fe0, 0x0010), 0, gdcm::VR::OW);
+      element.SetByteValue(reinterpret_cast<const char *>(pixels.data()),
+                           static_cast<std::uint32_t>(pixels.size() * sizeof(short)));
+      dataSet.Replace(element);
+    });
+  }
+  // from below: u is x, v is y
+  const auto writer = itk::TransformFileWriterTemplate<double>::New();
+  const auto identity = itk::AffineTransform<double, 3>::New();
+  writer->SetInput(identity);
+  writer->SetFileName(this->GetPath("view.tfm"));
+  writer->Update();
+  this->ExpectSuccess("dicom out.nrrd --transform view.tfm --spacing 0.25");
+  const auto                                     picture = this->Read("out.nrrd");
+  double                                         sum = 0.0;
+  itk::ImageRegionIteratorWithIndex<PictureType> it(picture, picture->GetBufferedRegion());
+  for (; !it.IsAtEnd(); ++it)
+  {
+    itk::Point<double, 2> point;
+    picture->TransformIndexToPhysicalPoint(it.GetIndex(), point);
+    // a voxel's own, to the half of its neighbours
+    const bool isOutside = std::abs(point[0] - 0.5) > 0.5 || std::abs(point[1]) > 1.5;
+    ASSERT_FALSE(isOutside && it.Get() > 0) << point;
+    sum += it.Get();
+  }
+  // a pyramid of linear interpolation, pixels are 0.25 mm
+  EXPECT_NEAR(sum * 0.25 * 0.25, 1000 * 0.5 * 1.5, 0.01 * 1000 * 0.5 * 1.5);
+}
+
+TEST_P(ShearWarpMIPProgramDicomInput, SortsSlices)
+{
+  this->WriteSlices({ { "0\\0\\2" }, { "0\\0\\0" }, { "0\\0\\6" }, { "0\\0\\4" } });
+  const Volume volume = this->ReadFolder();
+  ExpectSlices<short>(volume, { 1, 0, 3, 2 });
+  ExpectGrid(volume, { 0, 0, 0 }, { 0.5, 1.5, 2.0 }, { 0, 0, 1 });
+}
+
+TEST_P(ShearWarpMIPProgramDicomInput, KeepsOrderOfFrames)
+{
+  this->WriteSlices({ { "0\\0\\6" }, { "0\\0\\4" }, { "0\\0\\2" } });
+  const Volume volume = this->ReadFolder();
+  const bool   isKept = GetParam();
+  ExpectSlices<short>(volume, isKept ? std::vector<std::size_t>{ 0, 1, 2 } : std::vector<std::size_t>{ 2, 1, 0 });
+  ExpectGrid(volume, { 0, 0, isKept ? 6.0 : 2.0 }, { 0.5, 1.5, 2.0 }, { 0, 0, isKept ? -1.0 : 1.0 });
+}
+
+TEST_P(ShearWarpMIPProgramDicomInput, RescalesEachSlice)
+{
+  const double slopes[] = { 2.0, 0.25, 1.0 };
+  const double intercepts[] = { -1024.0, 0.0, 0.5 };
+  this->WriteSlices({ { "0\\0\\0", "1\\0\\0\\0\\1\\0", "1\\1", "2", "-1024" },
+                      { "0\\0\\2", "1\\0\\0\\0\\1\\0", "1\\1", "0.25", "0" },
+                      { "0\\0\\4", "1\\0\\0\\0\\1\\0", "1\\1", "1", "0.5" } },
+                    petImage);
+  ExpectSlices<double>(this->ReadFolder(), { 0, 1, 2 }, [&](std::size_t slice, double stored) {
+    return slopes[slice] * stored + intercepts[slice];
+  });
+}
+
+TEST_P(ShearWarpMIPProgramDicomInput, KeepsWholeNumbers)
+{
+  this->WriteSlices(
+    { { "0\\0\\0", "1\\0\\0\\0\\1\\0", "1\\1", "1", "10" }, { "0\\0\\2", "1\\0\\0\\0\\1\\0", "1\\1", "1", "10" } });
+  ExpectSlices<int>(this->ReadFolder(), { 0, 1 }, [&](std::size_t, double stored) { return stored + 10.0; });
+}
+
+TEST_P(ShearWarpMIPProgramDicomInput, ReadsCompressedPixels)
+{
+  for (const auto syntax : { gdcm::TransferSyntax::JPEGLosslessProcess14_1,
+                             gdcm::TransferSyntax::JPEGLSLossless,
+                             gdcm::TransferSyntax::RLELossless })
+  {
+    SCOPED_TRACE(syntax);
+    this->WriteSlices({ { "0\\0\\0" }, { "0\\0\\2" }, { "0\\0\\4" } });
+    for (const auto & entry : fs::directory_iterator(m_Folder / "dicom"))
+    {
+      gdcm::ImageReader               reader;
+      gdcm::ImageWriter               writer;
+      gdcm::ImageChangeTransferSyntax change;
+      const std::string               name = entry.path().string();
+      reader.SetFileName(name.c_str());
+      ASSERT_TRUE(reader.Read());
+      change.SetInput(reader.GetImage());
+      change.SetTransferSyntax(syntax);
+      ASSERT_TRUE(change.Change());
+      writer.SetFile(reader.GetFile());
+      writer.SetImage(change.GetOutput());
+      writer.SetFileName(name.c_str());
+      ASSERT_TRUE(writer.Write());
+    }
+    ExpectSlices<short>(this->ReadFolder(), { 0, 1, 2 });
+  }
+}
+
+TEST_P(ShearWarpMIPProgramDicomInput, RefusesWhatIsNoVolume)
+{
+  const Planes good = { { "0\\0\\0" }, { "0\\0\\2" }, { "0\\0\\4" }, { "0\\0\\6" } };
+  this->WriteSlices(good);
+  this->ReadFolder();
+  const auto expectRefused = [&](std::string Plane::* text, const std::string & value, const std::string & mention) {
+    Planes planes = good;
+    planes[2].*text = value;
+    this->WriteSlices(planes);
+    this->ExpectRefused(mention);
+    this->ExpectFailure("dicom out.png", mention);
+  };
+  const std::string second = GetParam() ? "frame 3 of '" : "a2.dcm' ";
+  expectRefused(&Plane::position, "0\\0\\9", "a slice is missing between ");
+  expectRefused(&Plane::position, "0\\0\\2", "two slices lie at one position: ");
+  expectRefused(&Plane::position, "0\\3\\4", "not evenly spaced: one is 3 mm away from where it should be, more than");
+  expectRefused(&Plane::position, "", " has no valid position");
+  expectRefused(&Plane::position, "0\\0", " has no valid position");
+  expectRefused(&Plane::orientation, "0\\1\\0\\1\\0\\0", "differ in orientation");
+  expectRefused(&Plane::orientation, "0\\0\\0\\0\\0\\0", second);
+  expectRefused(&Plane::orientation, "0\\0\\0\\0\\0\\0", "has no valid orientation");
+  expectRefused(&Plane::orientation, "1\\0\\0\\0.01\\1\\0", "has no valid orientation");
+  expectRefused(&Plane::orientation, "2\\0\\0\\0\\2\\0", "has no valid orientation");
+  expectRefused(&Plane::orientation, "", "has no valid orientation");
+  expectRefused(&Plane::spacing, "1.5\\0.6", "differ in pixel spacing");
+  expectRefused(&Plane::spacing, "", "has no valid pixel spacing");
+  expectRefused(&Plane::spacing, "0\\0.5", "has no valid pixel spacing");
+  expectRefused(&Plane::slope, "2", "differ in rescaling");
+  expectRefused(&Plane::slope, "0", GetParam() ? "has no valid rescale slope" : "differ in rescaling");
+
+  Planes all = good;
+  for (Plane & plane : all)
+  {
+    plane.orientation = "0\\0\\0\\0\\0\\0";
+  }
+  this->WriteSlices(all);
+  this->ExpectRefused("has no valid orientation");
+}
+
+TEST_P(ShearWarpMIPProgramDicomInput, ReadsGridOfDoseAndSlicesOfNuclearMedicine)
+{
+  DataSet grid = MakeImage(dose, 0, 3);
+  SetPlane(grid, { "1\\2\\3" }, false);
+  SetText(grid, { 0x3004, 0x000e }, "0.5");
+  SetText(grid, { 0x3004, 0x000c }, "0\\2.5\\5");
+  this->WriteFile(grid, "dicom/a.dcm");
+  Volume volume = this->ReadFolder();
+  ExpectSlices<double>(volume, { 0, 1, 2 }, [](std::size_t, double stored) { return 0.5 * stored; });
+  ExpectGrid(volume, { 1, 2, 3 }, { 0.5, 1.5, 2.5 }, { 0, 0, 1 });
+  SetText(grid, { 0x3004, 0x000c }, "0\\2.5\\7.5");
+  this->WriteFile(grid, "dicom/a.dcm");
+  this->ExpectRefused("a slice is missing between frame 2 of ");
+
+  DataSet emission = MakeImage(nuclearImage, 0, 3);
+  DataSet detector;
+  SetPlane(detector, { "1\\2\\3", "1\\0\\0\\0\\0\\-1", "" }, false);
+  SetSequence(emission, { 0x0054, 0x0022 }, { detector });
+  SetText(emission, { 0x0028, 0x0030 }, "1.5\\0.5");
+  SetText(emission, { 0x0018, 0x0088 }, "4");
+  this->WriteFile(emission, "dicom/a.dcm");
+  this->ExpectRefused("two slices lie at one position");
+  gdcm::DataElement pointer(Tag(0x0028, 0x0009), 0, gdcm::VR::AT);
+  pointer.SetByteValue("\x54\x00\x80\x00", 4);
+  emission.Insert(pointer);
+  this->WriteFile(emission, "dicom/a.dcm");
+  volume = this->ReadFolder();
+  ExpectSlices<short>(volume, { 0, 1, 2 });
+  ExpectGrid(volume, { 1, 2, 3 }, { 0.5, 1.5, 4.0 }, { 0, 1, 0 });
+  gdcm::Attribute<0x0054, 0x0080> order;
+  order.SetNumberOfValues(3);
+  for (unsigned short n = 0; n < 3; ++n)
+  {
+    order.SetValue(static_cast<unsigned short>(3 - n), n);
+  }
+  emission.Insert(order.GetAsDataElement());
+  this->WriteFile(emission, "dicom/a.dcm");
+  this->ExpectRefused("is not in the order of the slices");
+}
+
+TEST_P(ShearWarpMIPProgramDicomInput, CountsWhatIsInTheFolder)
+{
+  const Planes planes = { { "0\\0\\0" }, { "0\\0\\2" }, { "0\\0\\4" } };
+  const auto   folder = m_Folder / "dicom";
+  const auto   expectAll = [&](const std::string & mention) {
+    ExpectSlices<short>(this->ReadFolder(mention), { 0, 1, 2 });
+  };
+  this->WriteSlices(planes);
+  fs::create_directory(folder / "folder");
+  std::ofstream(folder / "readme.txt") << "no image\n";
+  std::ofstream(folder / ".hidden") << '\0';
+  expectAll("");
+
+  // whatever their place in the listing, many before some slice
+  for (unsigned int n = 0; n < 20; ++n)
+  {
+    const std::string name = (folder / ("pipe" + std::to_string(n))).string();
+    ASSERT_EQ(mkfifo(name.c_str(), 0600), 0);
+  }
+  expectAll("pipe0' is no regular file and left out");
+  this->ExpectFailure("dicom/pipe0 out.png", "'dicom/pipe0' is neither a file nor a folder");
+  this->ExpectFailure("in.nrrd out.png --transform dicom/pipe0", "'dicom/pipe0' is neither a file nor a folder");
+
+  this->WriteSlices(planes);
+  std::ofstream(folder / "notes.dcm") << "Slices 1 to 3 are of Monday\n";
+  std::ofstream(folder / "Thumbs.db") << '\0';
+  expectAll("notes.dcm' is text, not DICOM, and left out");
+  expectAll("Thumbs.db' is not DICOM and left out");
+
+  // what might be a slice
+  std::ofstream(folder / "z.dcm") << '\0';
+  this->ExpectRefused("z.dcm' is damaged or incomplete");
+  this->WriteSlices(planes);
+  for (const auto & entry : fs::directory_iterator(folder))
+  {
+    fs::rename(entry.path(), folder / entry.path().stem());
+  }
+  expectAll("");
+  std::ofstream(folder / "z") << "";
+  this->ExpectRefused("z' is damaged or incomplete");
+
+  this->WriteSlices(planes);
+  fs::create_symlink("a1.dcm", folder / "broken.dcm");
+  fs::create_symlink("../none.dcm", folder / "broken2.dcm");
+  fs::remove(folder / "broken.dcm");
+  this->ExpectRefused("broken2.dcm' is a link to a file that is not there");
+  fs::remove(folder / "broken2.dcm");
+  fs::create_symlink("loop.dcm", folder / "loop.dcm");
+  const auto result = this->Run("dicom out.png");
+  EXPECT_EQ(result.status, 1);
+  EXPECT_EQ(result.messages, "shear-warp-mip: 'dicom/loop.dcm': Too many levels of symbolic links\n");
+}
+
+TEST_P(ShearWarpMIPProgramDicomInput, ShowsLowValuesWhiteIfTheyAre)
+{
+  for (const std::string photometric : { "MONOCHROME2", "MONOCHROME1" })
+  {
+    SCOPED_TRACE(photometric);
+    const bool isInverted = photometric == "MONOCHROME1";
+    this->WriteSlices({ { "0\\0\\0", "1\\0\\0\\0\\1\\0", "1\\1", "1", "-1024" },
+                        { "0\\0\\1", "1\\0\\0\\0\\1\\0", "1\\1", "1", "-1024" } });
+    for (const auto & entry : fs::directory_iterator(m_Folder / "dicom"))
+    {
+      this->ChangeFile("dicom/" + entry.path().filename().string(),
+                       [&](DataSet & dataSet) { SetText(dataSet, { 0x0028, 0x0004 }, photometric); });
+    }
+    const std::string view = " --view inferior --window -1024 -769";
+    fs::remove_all(m_Folder / "series");
+    this->ExpectSuccess("dicom out.nrrd --dicom-out series" + view);
+    this->ExpectSuccess("dicom out.png" + view);
+    this->ExpectSuccess("dicom out.html --frames 2" + view);
+    // u is to the patient's left, v to posterior: as in the slices
+    const auto   values = GetPixels(this->Read<itk::Image<int, 2>>("out.nrrd").GetPointer());
+    const auto   greys = GetPixels(this->Read("out.png").GetPointer());
+    gdcm::Reader reader;
+    reader.SetFileName(this->GetPath("series/frame-001.dcm").c_str());
+    ASSERT_TRUE(reader.Read());
+    const auto getBytes = [&reader](const Tag & tag) {
+      return reader.GetFile().GetDataSet().GetDataElement(tag).GetByteValue()->GetPointer();
+    };
+    EXPECT_EQ(std::string(getBytes({ 0x0028, 0x0004 }), photometric.size()), photometric);
+    ASSERT_EQ(values.size(), std::size_t{ columns } * rows);
+    for (std::size_t n = 0; n < values.size(); ++n)
+    {
+      short archived = 0;
+      std::memcpy(&archived, getBytes({ 0x7fe0, 0x0010 }) + n * sizeof(short), sizeof(short));
+      EXPECT_EQ(archived, GetStored(1, n) - 1024);
+      EXPECT_EQ(values[n], GetStored(1, n) - 1024);
+      EXPECT_EQ(greys[n], isInverted ? 255 - GetStored(1, n) : GetStored(1, n));
+    }
+    EXPECT_NE(ReadText(m_Folder / "out.html").find(isInverted ? "\"inverted\": true" : "\"inverted\": false"),
+              std::string::npos);
+  }
+}
+} // namespace
