@@ -1,14 +1,16 @@
 """python -m itk_shearwarpmip: the projection of an OME-Zarr to a picture or a series of frames."""
 
 import argparse
+import os
+import re
+import stat
 import sys
 from contextlib import ExitStack
 
 import itk
 import numpy as np
-from dask.diagnostics import ProgressBar
 
-from itk_shearwarpmip import mip, mip_cine, open_volume
+import itk_shearwarpmip
 
 
 def _make_parser() -> argparse.ArgumentParser:
@@ -41,36 +43,90 @@ def _make_parser() -> argparse.ArgumentParser:
     return parser
 
 
+def _holds(path: str, wanted: os.stat_result) -> bool:
+    """Whether a file is the wanted one, or a folder in which it is, by any name."""
+    waiting, seen = [path], set()
+    while waiting:
+        path = waiting.pop()
+        try:
+            found = os.stat(path)
+        except FileNotFoundError:
+            continue
+        if os.path.samestat(found, wanted):
+            return True
+        key = found.st_dev, found.st_ino
+        if stat.S_ISDIR(found.st_mode) and key not in seen:
+            seen.add(key)
+            waiting.extend(entry.path for entry in os.scandir(path))
+    return False
+
+
+def _is_read(path: str, source: str) -> bool:
+    """Whether a file is what is read, or a part of it. URLs may be chained."""
+    written = os.path.realpath(path)
+    for part in {source, *source.split("::")}:
+        scheme, _, read = part.rpartition("://")
+        if read and scheme in ("", "file", "local"):
+            read = os.path.realpath(read)
+            if written == read or written.startswith(os.path.join(read, "")):
+                return True
+            if os.path.exists(written) and _holds(read, os.stat(written)):
+                return True
+    return False
+
+
+def _describe(error: Exception) -> str:
+    """In one line, without the places in ITK's sources."""
+    text = re.sub(r"(?s)^.*ITK ERROR: (\w+\(0x\w+\): )?|^\S+:\d+:\s*", "", str(error))
+    return " ".join(text.split()) or type(error).__name__
+
+
+def _require_writable(path: str) -> None:
+    folder = os.path.dirname(path) or "."
+    if not itk.ImageIOFactory.CreateImageIO(path, itk.CommonEnums.IOFileMode_WriteMode):
+        raise ValueError(f"ITK writes no image of the name '{path}'")
+    if not os.access(folder, os.W_OK):
+        raise ValueError(f"'{folder}' is no folder that files can be written into")
+
+
 def _project(options: argparse.Namespace) -> itk.Image:
-    place = {
-        "output_spacing": options.spacing,
-        "level": options.level,
-        "time": options.time,
-        "channel": options.channel,
-    }
-    if options.frames is not None:
-        turn = {"number_of_frames": options.frames, "rotation_axis": (0.0, 1.0, 0.0)}
-        return mip_cine(options.input, oversampling=options.oversampling, **turn, **place)
-    view = itk.CenteredEuler3DTransform[itk.D].New()
-    view.SetCenter(itk.ShearWarpMIPView.GetCentre(open_volume(options.input, **place).make_image()))
-    view.SetRotation(*np.radians(options.angles))
-    return mip(options.input, view, oversampling=options.oversampling, **place)
+    volume = itk_shearwarpmip.open_volume(
+        options.input,
+        output_spacing=options.spacing,
+        level=options.level,
+        time=options.time,
+        channel=options.channel,
+    )
+    shared = {"output_spacing": options.spacing, "oversampling": options.oversampling}
+    with ExitStack() as stack:
+        if options.scheduler:
+            from distributed import Client
+
+            stack.enter_context(Client(options.scheduler))
+        if not options.quiet:
+            from dask.diagnostics import ProgressBar
+
+            stack.enter_context(ProgressBar())
+        if options.frames is not None:
+            return itk_shearwarpmip.mip_cine(
+                volume, number_of_frames=options.frames, rotation_axis=(0.0, 1.0, 0.0), **shared
+            )
+        view = itk.CenteredEuler3DTransform[itk.D].New()
+        view.SetCenter(itk.ShearWarpMIPView.GetCentre(volume.make_image()))
+        view.SetRotation(*np.radians(options.angles))
+        return itk_shearwarpmip.mip(volume, view, **shared)
 
 
 def main(arguments: list[str] | None = None) -> int:
     options = _make_parser().parse_args(arguments)
     try:
-        with ExitStack() as stack:
-            if options.scheduler:
-                from distributed import Client
-
-                stack.enter_context(Client(options.scheduler))
-            if not options.quiet:
-                stack.enter_context(ProgressBar())
-            picture = _project(options)
+        if _is_read(options.output, options.input):
+            raise ValueError(f"OUTPUT must not be in INPUT, but {options.output} is")
+        _require_writable(options.output)
+        picture = _project(options)
         itk.imwrite(picture, options.output)
-    except (OSError, RuntimeError, TypeError, ValueError) as error:
-        print(f"itk_shearwarpmip: {error}", file=sys.stderr)
+    except Exception as error:
+        print(f"itk_shearwarpmip: {_describe(error)}", file=sys.stderr)
         return 1
     return 0
 

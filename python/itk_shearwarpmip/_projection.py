@@ -59,26 +59,26 @@ def mip(
     **place: Any,
 ) -> itk.Image:
     """Maximum intensity projection (MIP) of a volume in chunks, by Dask's current scheduler: threads, processes or the
-    workers of a distributed.Client.
+    workers of a distributed.Client. Threads project chunks side by side.
 
     Each chunk is projected where it is, to its piece of the intermediate image of the whole; pieces are merged in a tree,
     and the last one is warped to the picture here. The picture has the bits that itk.ShearWarpMIPImageFilter gives for
     the whole volume.
 
-    volume: a dask.array.Array with the axes z, y, x, an OME-Zarr image or a Volume: see open_volume().
+    volume: an array with the axes z, y, x, an image or an OME-Zarr: see open_volume().
     transform: an itk.Transform, linear, from view space to the volume's physical space; the identity by default. See
         itk.ShearWarpMIPView, whose functions take open_volume(...).make_image().
     size: columns and rows; output_spacing and output_origin: of the picture, in the units of view space (for a rigid
         transform those of spacing). What is not given is fitted to the view. One number is a spacing of both.
-    default_pixel_value: where rays miss the volume.
+    default_pixel_value: where rays miss the volume; whole, if the voxels are.
     oversampling: pixels of the intermediate image per voxel, 1 or 2.
     place: spacing, origin, direction, level, time and channel: see open_volume().
 
     Returns a 2D itk.Image. Its entry "BytesSent" is the number of bytes of all pieces: the most that can have moved
     between workers, but for the faces of chunks.
 
-    Raises ValueError, TypeError: see open_volume(); OSError for a chunk that cannot be read, with its voxels; RuntimeError
-    for a transform that is not linear and invertible and for parameters out of their range.
+    Raises what open_volume() does; OSError for a chunk that cannot be read, with its voxels; TypeError, ValueError and
+    RuntimeError for parameters that are none, and for a transform that is not linear and invertible.
     """
     grid = (size, _make_pair(output_spacing), output_origin)
     opened = open_volume(volume, output_spacing=output_spacing, **place)
@@ -121,7 +121,7 @@ def mip_cine(
     opened = open_volume(volume, output_spacing=output_spacing, **place)
     grid = (size, _make_pair(output_spacing), output_origin)
     cine = _make_filter(itk.ShearWarpMIPCineImageFilter, opened, oversampling, default_pixel_value, grid)
-    cine.SetNumberOfFrames(number_of_frames)
+    _set(cine, "NumberOfFrames", number_of_frames)
     cine.SetRotationAxis(rotation_axis)
     cine.SetAngularRange(angular_range)
     cine.SetStartAngle(start_angle)
@@ -153,8 +153,11 @@ def _make_pair(spacing: float | Sequence[float] | None) -> Sequence[float] | Non
 def _make_filter(template: Any, volume: Volume, oversampling: int, default_pixel_value: float, grid: tuple) -> Any:
     """A filter for the volume; `grid` is size, spacing and origin of the output, or None."""
     made = template.New(volume.make_image())
-    made.SetOversampling(oversampling)
-    made.SetDefaultPixelValue(volume.array.dtype.type(default_pixel_value).item())
+    is_whole = np.issubdtype(volume.array.dtype, np.integer)
+    if is_whole and not float(default_pixel_value).is_integer():
+        raise ValueError(f"DefaultPixelValue must be whole, as the voxels are, but it is {default_pixel_value}")
+    _set(made, "DefaultPixelValue", (int if is_whole else float)(default_pixel_value))
+    _set(made, "Oversampling", oversampling)
     size, spacing, origin = grid
     if size is not None:
         made.SetSize([int(length) for length in size])
@@ -165,10 +168,19 @@ def _make_filter(template: Any, volume: Volume, oversampling: int, default_pixel
     return made
 
 
+def _set(made: Any, name: str, value: float) -> None:
+    try:
+        getattr(made, f"Set{name}")(value)
+    except OverflowError as error:
+        raise ValueError(f"{name} cannot be {value}") from error
+
+
 def _warp(picture: Any, piece: _Piece) -> itk.Image:
     part = itk.image_view_from_array(piece.pixels)
-    region = part.GetLargestPossibleRegion()
+    # ITK takes one column for one row
+    region = itk.ImageRegion[2]()
     region.SetIndex([piece.column, piece.row])
+    region.SetSize(list(piece.pixels.shape[::-1]))
     part.SetRegions(region)
     picture.SetPart(0, part)
     picture.Update()
@@ -422,7 +434,7 @@ def _project_parts(parts: Iterable[tuple[np.ndarray, Sequence[int]]], view: _Vie
     projection = itk.ShearWarpMIPPartImageFilter.New(view.volume.make_image())
     projection.SetWholeRegion(view.volume.region)
     projection.SetOversampling(view.oversampling)
-    # chunks are what is done at once
+    # chunks are what is done at once, also by threads
     projection.SetNumberOfWorkUnits(1)
     if len(view.transforms) == 1:
         # one view does not pay for its preparation

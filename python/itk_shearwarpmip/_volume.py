@@ -1,8 +1,10 @@
-"""Chunked volumes: Dask arrays and OME-Zarr images, with their place in physical space."""
+"""Chunked volumes: arrays, images and OME-Zarr, with their place in physical space."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from typing import Any
 
 import dask.array
@@ -12,10 +14,22 @@ import numpy as np
 _WRAPPED = [itk.template(image) for (image,) in itk.ShearWarpMIPPartImageFilter.keys()]
 _PIXEL_TYPES = {np.dtype(pixel_type.dtype): pixel_type for _, (pixel_type, _) in _WRAPPED}
 
+_METRIC = (
+    ("yocto", -24), ("zepto", -21), ("atto", -18), ("femto", -15), ("pico", -12), ("nano", -9), ("micro", -6),
+    ("milli", -3), ("centi", -2), ("deci", -1), ("", 0), ("hecto", 2), ("kilo", 3), ("mega", 6), ("giga", 9),
+    ("tera", 12), ("peta", 15), ("exa", 18), ("zetta", 21), ("yotta", 24),
+)  # fmt: skip
+_OTHERS = {"inch": "0.0254", "foot": "0.3048", "yard": "0.9144", "mile": "1609.344", "parsec": "30856775814913673"}
+_UNITS = {f"{prefix}meter": Fraction(10) ** power for prefix, power in _METRIC} | {
+    "angstrom": Fraction(1, 10**10),
+    **{name: Fraction(metres) for name, metres in _OTHERS.items()},
+}
+"""Of OME-Zarr, in metres."""
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, eq=False)
 class Volume:
-    """A 3D array in chunks, and where its voxels lie. Spacing and origin are in the order x, y, z."""
+    """A 3D array in chunks, and where its voxels lie. Spacing and origin are in the order x, y, z. It equals itself only."""
 
     array: dask.array.Array
     """Axes z, y, x."""
@@ -24,7 +38,7 @@ class Volume:
     direction: np.ndarray
     """3 x 3: its columns are the directions of the axes x, y, z in physical space."""
     unit: str | None = None
-    """Of spacing and origin, as OME-Zarr names it."""
+    """Of spacing and origin, as OME-Zarr names it: that of the axis x."""
 
     def persist(self) -> "Volume":
         """The same, with its voxels in the memory of Dask's workers: for several views."""
@@ -67,32 +81,27 @@ def open_volume(
 ) -> Volume:
     """Opens a volume; its voxels are not read yet.
 
-    volume: a dask.array.Array (or what dask.array.asarray takes) with the axes z, y, x; or an OME-Zarr image of version
-        0.4 or 0.5: its path, its URL or a zarr.Group; or a Volume.
-    spacing, origin: x, y, z, instead of the file's or 1 and 0.
-    direction: 3 x 3, instead of the identity.
+    volume: a dask.array.Array or numpy.ndarray with the axes z, y, x; an itk.Image; an xarray.DataArray with the dimensions
+        z, y, x; an OME-Zarr image of version 0.4 or 0.5: its path, its URL or a zarr.Group; or a Volume.
+    spacing, origin: x, y, z, instead of the volume's own, which are 1 and 0 of an array.
+    direction: 3 x 3, instead of the volume's own, which is the identity of an array and an OME-Zarr.
     level: of an OME-Zarr's resolutions, 0 is the finest. By default the coarsest one that is not coarser than
         output_spacing, or the finest one without that.
     time, channel: which one of an OME-Zarr that has several.
 
-    Raises ValueError for what is no such volume, TypeError for voxels of a type that is not wrapped.
+    Raises ValueError for what is no such volume, TypeError for objects and voxels of other types; ImportError for a URL
+    whose kind needs another package; OSError for a file that cannot be read.
     """
-    unit = None
-    own_spacing, own_origin, own_direction = [1.0, 1.0, 1.0], [0.0, 0.0, 0.0], np.eye(3)
-    if isinstance(volume, str | os.PathLike) or type(volume).__module__.startswith("zarr."):
+    if isinstance(volume, str | os.PathLike) or _is_of(volume, "zarr", "Group"):
         image = _OmeZarr(volume)
-        if level is None:
-            level = image.choose_level(output_spacing)
-        array, own_spacing, own_origin = image.read_level(level, {"t": time, "c": channel})
-        unit = image.unit
+        own = image.read_level(image.choose_level(output_spacing) if level is None else level, time, channel)
     else:
-        if level is not None:
-            raise ValueError("an array has no levels")
-        if isinstance(volume, Volume):
-            array, own_spacing, own_origin = volume.array, volume.spacing, volume.origin
-            own_direction, unit = volume.direction, volume.unit
-        else:
-            array = dask.array.asarray(volume)
+        if level is not None or time != 0 or channel != 0:
+            raise ValueError("an array has no levels, times and channels: only an OME-Zarr has")
+        own = _take(volume)
+    array = own.array
+    if isinstance(array._meta, np.ma.MaskedArray):
+        raise TypeError("a masked array loses its mask: fill it, with dask.array.ma.filled() or its method filled()")
     if array.ndim != 3:
         raise ValueError(f"a volume has the axes z, y, x, but this one has the shape {array.shape}")
     if np.isnan(array.shape).any():
@@ -103,11 +112,70 @@ def open_volume(
     filled = tuple(tuple(length for length in lengths if length) for lengths in array.chunks)
     return Volume(
         array.rechunk(filled) if filled != array.chunks else array,
-        _make_tuple("spacing", own_spacing if spacing is None else spacing),
-        _make_tuple("origin", own_origin if origin is None else origin),
-        own_direction if direction is None else np.asarray(direction, dtype=float).reshape(3, 3),
-        unit,
+        _make_tuple("spacing", own.spacing if spacing is None else spacing),
+        _make_tuple("origin", own.origin if origin is None else origin),
+        own.direction if direction is None else np.asarray(direction, dtype=float).reshape(3, 3),
+        own.unit,
     )
+
+
+def _is_of(instance: Any, package: str, name: str) -> bool:
+    """Whether it is of a class of a package, which need not be there."""
+    return any(
+        each.__name__ == name and each.__module__.partition(".")[0] == package for each in type(instance).__mro__
+    )
+
+
+class _Voxels:
+    """The voxels of an image, which lives as long as arrays of them."""
+
+    def __init__(self, image: Any):
+        self._image = image
+        self.__array_interface__ = itk.array_view_from_image(image).__array_interface__
+
+
+def _take(volume: Any) -> Volume:
+    """What is no OME-Zarr, with its own place in space."""
+    if isinstance(volume, Volume):
+        return volume
+    if isinstance(volume, dask.array.Array | np.ndarray):
+        return _place_array(volume)
+    if _is_of(volume, "xarray", "DataArray"):
+        return _take_data_array(volume)
+    if isinstance(volume, itk.ImageBase[3]):
+        array = np.asarray(_Voxels(volume))
+        first = volume.TransformIndexToPhysicalPoint(volume.GetBufferedRegion().GetIndex())
+        return _place_array(array, volume.GetSpacing(), first, itk.array_from_matrix(volume.GetDirection()))
+    raise TypeError(
+        "a volume is an array of Dask or NumPy, an itk.Image, an xarray.DataArray or an OME-Zarr, but this is a "
+        f"{type(volume).__module__}.{type(volume).__qualname__}: give an array of its voxels, with spacing, origin and direction"
+    )
+
+
+def _place_array(array: Any, spacing: Any = (1.0,) * 3, origin: Any = (0.0,) * 3, direction: Any = None) -> Volume:
+    return Volume(
+        dask.array.asarray(array), tuple(spacing), tuple(origin), np.eye(3) if direction is None else direction
+    )
+
+
+def _take_data_array(volume: Any) -> Volume:
+    if set(volume.dims) != set("xyz"):
+        raise ValueError(f"a DataArray must have the dimensions z, y, x, but this one has {volume.dims}")
+    if len({volume.coords[name].attrs.get("units") for name in "xyz" if name in volume.coords}) > 1:
+        raise ValueError("the coordinates of a DataArray must have the same units")
+    spacing, origin = [], []
+    for name in "xyz":
+        places = np.asarray(volume.coords[name] if name in volume.coords else range(volume.sizes[name]), dtype=float)
+        step = (places[-1] - places[0]) / (places.size - 1) if places.size > 1 else 1.0
+        # a hundredth of a voxel is rounding
+        if not (step > 0 and np.allclose(places, places[0] + step * np.arange(places.size), 0, step / 100)):
+            raise ValueError(f"the coordinates of a DataArray must ascend in equal steps, but those of {name} do not")
+        spacing.append(step)
+        origin.append(places[0])
+    # ITK's conversion keeps the direction for z, y, x
+    direction = volume.attrs.get("direction")
+    ordered = volume.transpose(*"zyx").data
+    return _place_array(ordered, spacing, origin, None if direction is None else np.flip(np.asarray(direction, float)))
 
 
 def _make_tuple(name: str, values: Sequence[float]) -> tuple[float, ...]:
@@ -142,45 +210,70 @@ class _OmeZarr:
             self._group = source if isinstance(source, zarr.Group) else zarr.open_group(source, mode="r")
         except (FileNotFoundError, zarr.errors.GroupNotFoundError) as error:
             raise ValueError(f"{self._name} is no OME-Zarr: {error}") from error
-        attributes = self._group.attrs.asdict()
-        images = attributes.get("ome", attributes).get("multiscales", [])
-        axes = images[0].get("axes", []) if images else []
-        if not all(isinstance(axis, dict) for axis in axes) or not {"z", "y", "x"} <= {axis["name"] for axis in axes}:
+        except ImportError:
+            raise
+        except Exception as error:
+            raise OSError(f"{self._name} cannot be opened: {error}") from error
+        with self._parsing():
+            attributes = self._group.attrs.asdict()
+            images = attributes.get("ome", attributes).get("multiscales", [])
+            axes = images[0].get("axes", []) if images else []
+            self._axes = [axis["name"] if isinstance(axis, dict) else None for axis in axes]
+        if not set("xyz") <= set(self._axes):
             raise ValueError(f"{self._name} is no OME-Zarr 0.4 or 0.5 image with the axes z, y, x")
-        self._image = images[0]
-        self._axes = [axis["name"] for axis in axes]
-        self.unit = next(axis.get("unit") for axis in axes if axis["name"] == "x")
+        self._space = [self._axes.index(name) for name in "xyz"]
+        with self._parsing():
+            self._datasets = [
+                (dataset["path"], *self._find_place(dataset, images[0])) for dataset in images[0]["datasets"]
+            ]
+            if not self._datasets:
+                raise ValueError("there are no datasets")
+        units = [axes[axis].get("unit") for axis in self._space]
+        if any(unit != units[0] for unit in units) and not set(units) <= set(_UNITS):
+            raise ValueError(f"{self._name} has axes x, y, z with the units {units}, which cannot be compared")
+        self._unit = units[0]
+        self._factors = [1.0 if unit == units[0] else float(_UNITS[unit] / _UNITS[units[0]]) for unit in units]
 
-    def _find_place(self, level: int) -> tuple[list[float], list[float]]:
-        """Spacing and origin of a level, of x, y, z."""
+    @contextmanager
+    def _parsing(self) -> Iterator[None]:
+        try:
+            yield
+        except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
+            raise ValueError(f"{self._name} has broken metadata: {type(error).__name__}: {error}") from error
+
+    def _find_place(self, dataset: dict[str, Any], image: dict[str, Any]) -> tuple[np.ndarray, np.ndarray]:
+        """Scale and offset of a level, of x, y, z."""
         scale, offset = np.ones(len(self._axes)), np.zeros(len(self._axes))
-        for owner in (self._image["datasets"][level], self._image):
+        for owner in (dataset, image):
             for step in owner.get("coordinateTransformations", []):
                 if step["type"] == "scale":
                     scale, offset = scale * step["scale"], offset * step["scale"]
                 elif step["type"] == "translation":
                     offset = offset + step["translation"]
-        order = [self._axes.index(name) for name in "xyz"]
-        return [float(scale[axis]) for axis in order], [float(offset[axis]) for axis in order]
+        return scale[self._space], offset[self._space]
 
     def choose_level(self, output_spacing: Any) -> int:
         if output_spacing is None:
             return 0
         wanted = float(np.min(output_spacing)) * (1 + 1e-6)
-        fine = [n for n in range(len(self._image["datasets"])) if min(self._find_place(n)[0]) <= wanted]
+        fine = [n for n, (_, scale, _) in enumerate(self._datasets) if min(scale * self._factors) <= wanted]
         return max(fine, default=0)
 
-    def read_level(self, level: int, others: dict[str, int]) -> tuple[dask.array.Array, list[float], list[float]]:
-        """The array, z, y, x, at this index of the other axes; spacing and origin."""
-        levels = len(self._image["datasets"])
+    def read_level(self, level: int, time: int, channel: int) -> Volume:
+        """The array, z, y, x, at these indices of the other axes."""
+        levels = len(self._datasets)
         if not 0 <= level < levels:
             raise ValueError(f"{self._name} has the levels 0 to {levels - 1}, but not {level}")
+        others = {"t": time, "c": channel}
         for name, chosen in others.items():
             if chosen != 0 and name not in self._axes:
                 raise ValueError(f"{self._name} has no axis {name}, and number {chosen} of it was asked for")
-        array = self._group[self._image["datasets"][level]["path"]]
+        path, scale, offset = self._datasets[level]
+        with self._parsing():
+            array = self._group[path]
+            lengths = dict(zip(self._axes, array.shape, strict=True))
         index = []
-        for name, length in zip(self._axes, array.shape, strict=True):
+        for name, length in lengths.items():
             chosen = slice(None) if name in "xyz" else others.get(name, 0)
             if not isinstance(chosen, slice) and not 0 <= chosen < length:
                 raise ValueError(f"{self._name} has {length} along the axis {name}, but not number {chosen}")
@@ -190,7 +283,13 @@ class _OmeZarr:
             _Reader(array, tuple(index)), chunks="auto", meta=np.empty((0,) * 3, array.dtype)
         )
         space = [name for name in self._axes if name in "xyz"]
-        return voxels.transpose([space.index(name) for name in "zyx"]), *self._find_place(level)
+        return Volume(
+            voxels.transpose([space.index(name) for name in "zyx"]),
+            tuple(scale * self._factors),
+            tuple(offset * self._factors),
+            np.eye(3),
+            self._unit,
+        )
 
 
 class _Reader:

@@ -243,11 +243,13 @@ def fade(samples: np.ndarray, depths: np.ndarray, rate: float, begin: float, to)
     return rounded.astype(samples.dtype)
 
 
-def nearest_depth(view: View) -> float:
-    """The least depth of the image's extent: its voxels, not only their centres."""
+def sphere_depth(view: View, of_physical: np.ndarray) -> float:
+    """The least depth of the sphere about the image's centre that holds its voxels, not only their centres."""
     sizes = np.array(view.voxels.shape)[np.argsort(view.axes[::-1])]
-    ends = np.array(np.meshgrid(*([-0.5, size - 0.5] for size in sizes))).reshape(3, -1)
-    return np.linalg.solve(view.matrix, ends - view.offset[:, np.newaxis])[2].min()
+    corners = np.array(np.meshgrid(*([-0.5 * size, 0.5 * size] for size in sizes))).reshape(3, -1)
+    radius = np.linalg.norm(of_physical @ np.linalg.solve(view.matrix, corners), axis=0).max()
+    centre = np.linalg.solve(view.matrix, 0.5 * (sizes - 1) - view.offset)[2]
+    return centre - radius * np.linalg.norm(np.linalg.inv(of_physical)[2])
 
 
 def collect_rays(view: View, transform, rule: Rule, default, oversampling: int):
@@ -255,7 +257,7 @@ def collect_rays(view: View, transform, rule: Rule, default, oversampling: int):
     count, rows, columns = view.voxels.shape
     i, j, k = view.axes
     of_physical, physical_offset = linear_map(transform)
-    begin = max(nearest_depth(view), rule.slab_near)
+    begin = max(sphere_depth(view, of_physical), rule.slab_near)
     labels = None
     if rule.mask_image is not None:
         labels = view.slices_of(rule.mask_image)

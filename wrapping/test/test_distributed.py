@@ -1,11 +1,16 @@
 """The projection of chunked volumes, against the filter on the whole volume."""
 
+import hashlib
+import http.server
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import threading
 import time
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 import dask
@@ -14,6 +19,7 @@ import itk
 import ngff_zarr
 import numpy as np
 import pytest
+import xarray
 import zarr
 from dask.utils import key_split
 from distributed import Client, LocalCluster, get_task_stream, wait
@@ -161,6 +167,62 @@ def test_only_what_was_touched_is_sent():
     assert mip(volume)["BytesSent"] == 64 * 16 * 16 + 2 * (32 + 33) ** 2 + 64 * 64
 
 
+def label(array=None, **coordinates):
+    """A DataArray."""
+    array = np.ones((3, 3, 3), np.uint8) if array is None else array
+    places = {name: np.arange(length) for name, length in zip("zyx", array.shape)}
+    return xarray.DataArray(array, dims=tuple("zyx"), coords=places | coordinates)
+
+
+@pytest.mark.parametrize("shape", [(5, 6, 1), (5, 1, 6), (7, 1, 1), (1, 1, 1)])
+@pytest.mark.parametrize("arrange", [np.asarray, np.asfortranarray])
+def test_thin_pictures_and_orders_in_memory(shape, arrange):
+    array = make_array(np.random.default_rng(16), shape)
+    for each in (mip(dask.array.from_array(arrange(array), 2)), mip(arrange(array))):
+        assert np.array_equal(np.asarray(each), array.max(axis=0))
+    frames = mip_cine(arrange(array), [itk.IdentityTransform[itk.D, 3].New()])
+    assert np.array_equal(np.asarray(frames), array.max(axis=0)[np.newaxis])
+
+
+def test_images_keep_their_geometry():
+    array = make_array(np.random.default_rng(17), (12, 11, 10))
+    image = make_image(array, **GEOMETRY)
+    view = make_view(np.random.default_rng(17))
+    expected = itk.shear_warp_mip_image_filter(image, transform=view)
+    labelled = itk.xarray_from_image(image)
+    for each in (image, labelled, labelled.transpose("x", "y", "z"), labelled.chunk(5)):
+        volume = open_volume(each)
+        assert np.array_equal(volume.array.compute(), array)
+        assert np.allclose(volume.spacing, GEOMETRY["spacing"], rtol=1e-14)
+        assert np.allclose(volume.origin, GEOMETRY["origin"], rtol=1e-14)
+        assert np.array_equal(volume.direction, GEOMETRY["direction"])
+    assert_same(mip(image, view), expected)
+    # a region that does not begin at 0
+    region = image.GetLargestPossibleRegion()
+    region.SetIndex([3, -2, 5])
+    image.SetRegions(region)
+    assert np.allclose(open_volume(image).origin, image.TransformIndexToPhysicalPoint([3, -2, 5]))
+    # what is given goes before
+    assert open_volume(image, spacing=(1, 2, 3)).spacing == (1, 2, 3)
+    # without coordinates
+    assert open_volume(xarray.DataArray(array, dims=tuple("zyx"))).spacing == (1, 1, 1)
+
+
+def test_voxels_keep_their_image():
+    from itk_shearwarpmip import _volume
+
+    array = np.asarray(_volume._Voxels(make_image(np.full((64, 256, 256), 7, np.int16), **GEOMETRY)))
+    others = [np.full((64, 256, 256), n, np.int16) for n in range(4)]
+    assert (array == 7).all() and len(others) == 4
+
+
+def test_volumes_can_be_compared():
+    volume = open_volume(np.ones((2, 2, 2), np.uint8))
+    assert volume == volume
+    assert volume != open_volume(np.ones((2, 2, 2), np.uint8))
+    assert len({volume, volume}) == 1
+
+
 def test_bad_input_is_named():
     array = dask.array.zeros((8, 8, 8), dtype=np.uint8)
     for wrong, kind, text in (
@@ -170,7 +232,31 @@ def test_bad_input_is_named():
         (lambda: mip(array, spacing=(1, 2)), ValueError, "spacing must be three numbers"),
         (lambda: mip(array, spacing=(1, 2, 0)), RuntimeError, "spacing is not supported"),
         (lambda: mip(array, level=1), ValueError, "no levels"),
+        (lambda: mip(array, time=1), ValueError, "no levels, times and channels"),
+        (lambda: mip(open_volume(array), channel=1), ValueError, "no levels, times and channels"),
         (lambda: mip(array, oversampling=3), RuntimeError, "Oversampling must be 1 or 2"),
+        (lambda: mip(array, oversampling=-1), ValueError, "Oversampling cannot be -1"),
+        (lambda: mip(array, default_pixel_value=1.5), ValueError, "DefaultPixelValue must be whole, .* but it is 1.5"),
+        (
+            lambda: mip(array, default_pixel_value=np.nan),
+            ValueError,
+            "DefaultPixelValue must be whole, .* but it is nan",
+        ),
+        (lambda: mip(array, default_pixel_value=256), ValueError, "DefaultPixelValue cannot be 256"),
+        (lambda: mip_cine(array, number_of_frames=-1), ValueError, "NumberOfFrames cannot be -1"),
+        (lambda: mip(np.ma.masked_less(array.compute(), 1)), TypeError, "loses its mask"),
+        (lambda: mip(dask.array.ma.masked_less(array, 1)), TypeError, "loses its mask"),
+        (lambda: mip([[[1]]]), TypeError, "this is a builtins.list: give an array .* with spacing"),
+        (lambda: mip(zarr.create_array({}, data=array.compute())), TypeError, "this is a zarr.*Array: give an array"),
+        (
+            lambda: mip(itk.image_from_array(np.ones((2, 2), np.uint8))),
+            TypeError,
+            "this is a itk.*US?C?2: give an array",
+        ),
+        (lambda: mip(xarray.DataArray(array)), ValueError, "must have the dimensions z, y, x"),
+        (lambda: mip(label(x=[0, 1, 3])), ValueError, "ascend in equal steps, but those of x"),
+        (lambda: mip(label(y=[4, 3, 2])), ValueError, "ascend in equal steps, but those of y"),
+        (lambda: mip(label(z=("z", [4, 5, 6], {"units": "m"}))), ValueError, "the same units"),
         (lambda: mip(array, output_spacing=-1), RuntimeError, "OutputSpacing must be positive"),
         (lambda: mip(array, size=(0, 4)), RuntimeError, "Size must not be zero"),
         (lambda: mip(array[array[:, 0, 0] == 0]), ValueError, "must be known"),
@@ -181,9 +267,8 @@ def test_bad_input_is_named():
             wrong()
 
 
-@pytest.fixture(params=["0.4", "0.5"])
-def ome_zarr(request, tmp_path):
-    """Three levels of a volume of 2 channels, with 64 voxels of 2 x 2 x 4 micrometres along x."""
+@pytest.fixture(scope="module", params=["0.4", "0.5"])
+def written(request, tmp_path_factory):
     array = make_array(np.random.default_rng(6), (2, 40, 48, 64))
     image = ngff_zarr.to_ngff_image(
         array,
@@ -192,9 +277,16 @@ def ome_zarr(request, tmp_path):
         translation={"z": 100.0, "y": -50.0, "x": 7.0},
         axes_units={"z": "micrometer", "y": "micrometer", "x": "micrometer"},
     )
-    path = tmp_path / "image.ome.zarr"
+    path = tmp_path_factory.mktemp("written") / "image.ome.zarr"
     ngff_zarr.to_ngff_zarr(str(path), ngff_zarr.to_multiscales(image, [2, 4], chunks=16), version=request.param)
     return path, array
+
+
+@pytest.fixture
+def ome_zarr(written, tmp_path):
+    """Three levels of a volume of 2 channels, with 64 voxels of 2 x 2 x 4 micrometres along x."""
+    path, array = written
+    return shutil.copytree(path, tmp_path / path.name), array
 
 
 def test_ome_zarr(ome_zarr):
@@ -242,16 +334,87 @@ def test_the_level_is_the_coarsest_that_is_fine_enough(ome_zarr):
     assert level.origin[0] == pytest.approx(8)
 
 
+@contextmanager
+def edit(path):
+    """The metadata of the image, to be changed."""
+    group = zarr.open_group(path, mode="r+")
+    attributes = group.attrs.asdict()
+    yield attributes.get("ome", attributes)["multiscales"][0]
+    group.attrs.update(attributes)
+
+
+def set_units(path, **units):
+    with edit(path) as image:
+        for axis in image["axes"]:
+            axis.pop("unit", None)
+            if units.get(axis["name"]):
+                axis["unit"] = units[axis["name"]]
+
+
+@pytest.mark.parametrize(
+    "units, spacing, origin",
+    [
+        (dict.fromkeys("xyz"), (2, 2, 4), (7, -50, 100)),
+        (dict.fromkeys("xyz", "cubit"), (2, 2, 4), (7, -50, 100)),
+        ({"x": "micrometer", "y": "nanometer", "z": "millimeter"}, (2, 0.002, 4000), (7, -0.05, 100_000)),
+        ({"x": "millimeter", "y": "inch", "z": "angstrom"}, (2, 50.8, 4e-7), (7, -1270, 1e-5)),
+    ],
+    ids=["none", "unknown", "metric", "others"],
+)
+def test_units_of_axes(ome_zarr, units, spacing, origin):
+    path, _ = ome_zarr
+    set_units(path, **units)
+    volume = open_volume(path)
+    assert volume.unit == units["x"]
+    assert volume.spacing == pytest.approx(spacing, rel=1e-15)
+    assert volume.origin == pytest.approx(origin, rel=1e-15)
+    # levels are chosen by what they are in that unit
+    finest = min(spacing)
+    assert open_volume(path, output_spacing=2 * finest).array.shape[2] == 32
+
+
+@pytest.mark.parametrize("z", [None, "cubit"])
+def test_units_that_cannot_be_compared(ome_zarr, z):
+    path, _ = ome_zarr
+    set_units(path, x="micrometer", y="micrometer", z=z)
+    with pytest.raises(ValueError, match=r"units .* which cannot be compared"):
+        open_volume(path)
+
+
+BROKEN = {
+    "an axis without name": lambda image: image["axes"][1].pop("name"),
+    "no datasets": lambda image: image.pop("datasets"),
+    "empty datasets": lambda image: image.update(datasets=[]),
+    "no path": lambda image: image["datasets"][0].pop("path"),
+    "no such path": lambda image: image["datasets"][0].update(path="nowhere"),
+    "no type": lambda image: image["datasets"][0]["coordinateTransformations"][0].pop("type"),
+    "no scale": lambda image: image["datasets"][0]["coordinateTransformations"][0].pop("scale"),
+    "a short scale": lambda image: image["datasets"][0]["coordinateTransformations"][0].update(scale=[1, 1, 1]),
+    "words as scale": lambda image: image["datasets"][0]["coordinateTransformations"][0].update(scale=["a"] * 4),
+    "a number as transformations": lambda image: image["datasets"][0].update(coordinateTransformations=3),
+    "too many axes": lambda image: image["axes"].insert(0, {"name": "t"}),
+}
+
+
+@pytest.mark.parametrize("spoil", BROKEN.values(), ids=BROKEN)
+def test_broken_metadata_is_one_line(ome_zarr, spoil, tmp_path, capsys):
+    path, _ = ome_zarr
+    with edit(path) as image:
+        spoil(image)
+    with pytest.raises(ValueError, match=r"image\.ome\.zarr has broken metadata"):
+        open_volume(path)
+    assert main([str(path), str(tmp_path / "mip.mha"), "--quiet"]) == 1
+    assert capsys.readouterr().err.count("\n") == 1
+
+
 def test_transformations_of_all_levels_come_after_those_of_each(ome_zarr):
     path, _ = ome_zarr
     before = open_volume(path, level=1)
-    group = zarr.open_group(path, mode="r+")
-    attributes = group.attrs.asdict()
-    attributes.get("ome", attributes)["multiscales"][0]["coordinateTransformations"] = [
-        {"type": "scale", "scale": [1.0, 2.0, 3.0, 4.0]},
-        {"type": "translation", "translation": [0.0, 10.0, 20.0, 30.0]},
-    ]
-    group.attrs.update(attributes)
+    with edit(path) as image:
+        image["coordinateTransformations"] = [
+            {"type": "scale", "scale": [1.0, 2.0, 3.0, 4.0]},
+            {"type": "translation", "translation": [0.0, 10.0, 20.0, 30.0]},
+        ]
     after = open_volume(path, level=1)
     factors, offsets = np.array([4, 3, 2]), np.array([30, 20, 10])
     assert np.allclose(after.spacing, factors * before.spacing)
@@ -303,6 +466,120 @@ def test_program(ome_zarr, tmp_path, capsys):
     assert run(tmp_path / "none.zarr", output)[0] == 1
     with pytest.raises(SystemExit, match="2"):
         run()
+
+
+@pytest.mark.parametrize(
+    "arguments, text",
+    [
+        (["--frames", -1], "NumberOfFrames cannot be -1"),
+        (["--frames", 0], "NumberOfFrames must be from 1 to 65535, but it is 0."),
+        (["--spacing", -1], "OutputSpacing must be positive and finite, but it is"),
+        (["--time", 1], "has no axis t"),
+        (["--scheduler", "nonsense:"], ""),
+    ],
+)
+def test_errors_of_the_program_are_one_line(ome_zarr, arguments, text, tmp_path, capsys):
+    path, _ = ome_zarr
+    output = tmp_path / "mip.mha"
+    assert main([str(each) for each in (path, output, "--quiet", *arguments)]) == 1
+    error = capsys.readouterr().err
+    assert error.startswith("itk_shearwarpmip: ") and error.count("\n") == 1
+    assert text in error
+    assert not output.exists()
+
+
+@pytest.mark.parametrize(
+    "name, text",
+    [
+        ("mip.xyz", "ITK writes no image of the name '"),
+        ("none/mip.mha", "' is no folder that files can be written into"),
+        ("", "ITK writes no image of the name ''"),
+    ],
+)
+def test_outputs_that_cannot_be_written_are_refused_first(ome_zarr, name, text, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("itk_shearwarpmip.__main__._project", lambda options: pytest.fail("projected"))
+    path, _ = ome_zarr
+    assert main([str(path), str(tmp_path / name) if name else "", "--quiet"]) == 1
+    error = capsys.readouterr().err
+    assert error.startswith("itk_shearwarpmip: ") and error.count("\n") == 1
+    assert text in error
+
+
+def link_folder(path):
+    (path.parent / "link").symlink_to(path)
+    return path.parent / "link" / "mip.mha"
+
+
+def link_level(path):
+    """The image's finest level is elsewhere, with a file that is to be written."""
+    level = next(each for each in path.iterdir() if each.is_dir())
+    level.rename(path.parent / "elsewhere")
+    level.symlink_to(path.parent / "elsewhere")
+    return find_chunks(path.parent / "elsewhere")[0]
+
+
+def link_chunk(path, how):
+    other = path.parent / "other.mha"
+    getattr(os, how)(find_chunks(path)[0], other)
+    return other
+
+
+OUTPUTS = {
+    "the folder": lambda path: path,
+    "another spelling": lambda path: path.parent / "nothing" / ".." / path.name,
+    "a chunk": lambda path: find_chunks(path)[0],
+    "new in it": lambda path: path / "mip.mha",
+    "by a link to the folder": link_folder,
+    "a link to a chunk": partial(link_chunk, how="symlink"),
+    "a hard link to a chunk": partial(link_chunk, how="link"),
+    "where a level is": link_level,
+}
+
+
+@pytest.mark.parametrize("spell", OUTPUTS.values(), ids=OUTPUTS)
+def test_an_output_that_is_an_input_is_refused(ome_zarr, spell, capsys):
+    path, _ = ome_zarr
+    (path.parent / "nothing").mkdir()
+    find_chunks(path)[-1].write_bytes(b"no chunk: it is not read")
+    output = spell(path)
+
+    def digest():
+        return {each: hashlib.sha256(each.read_bytes()).digest() for each in path.parent.rglob("*") if each.is_file()}
+
+    before = digest()
+    for read in (str(path), f"file://{path}", f"simplecache::local://{path}"):
+        assert main([read, str(output), "--quiet"]) == 1
+        assert capsys.readouterr().err == f"itk_shearwarpmip: OUTPUT must not be in INPUT, but {output} is\n"
+    assert digest() == before
+
+
+def test_an_output_beside_the_input_is_replaced(ome_zarr, capsys):
+    path, array = ome_zarr
+    output = path.with_name(f"{path.name}.mha")
+    (path / "loop").symlink_to(path)
+    (path / "nowhere").symlink_to(path / "none")
+    output.write_bytes(b"old")
+    assert main([str(path), str(output), "--quiet"]) == 0, capsys.readouterr().err
+    assert np.array_equal(np.asarray(itk.imread(output)), array[0].max(axis=0))
+
+
+class _Quiet(http.server.SimpleHTTPRequestHandler):
+    def log_message(self, *arguments):
+        pass
+
+
+def test_url(ome_zarr):
+    path, array = ome_zarr
+    handler = partial(_Quiet, directory=path.parent)
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        threading.Thread(target=server.serve_forever).start()
+        try:
+            url = f"http://127.0.0.1:{server.server_port}"
+            assert np.array_equal(np.asarray(mip(f"{url}/{path.name}", channel=1)), array[1].max(axis=0))
+            with pytest.raises(ValueError, match="is no OME-Zarr"):
+                mip(f"{url}/none")
+        finally:
+            server.shutdown()
 
 
 def test_views_at_once_on_a_cluster(client):

@@ -224,5 +224,5 @@ def test_notebook():
     pictures = [output for output in outputs if "image/png" in output.get("data", {})]
     text = "".join(output.text for output in outputs if output.get("name") == "stdout")
     assert len(pictures) == 4
-    assert "prepared for 2 of 12 views" in text
+    assert "prepared for 3 of 12 views" in text
     assert float(text.rsplit(maxsplit=1)[1]) > 0.98

@@ -1,5 +1,9 @@
 """The filter as Python users call it: functional and object interface, kinds of input, pipeline."""
 
+import subprocess
+import sys
+
+import dask.array
 import itk
 import numpy as np
 import oracle
@@ -271,7 +275,6 @@ def test_output_array_outlives_filter_and_input(rng):
     np.testing.assert_array_equal(pixels, expected)
 
 
-@pytest.mark.filterwarnings("ignore:Because the input array was not contiguous")
 @pytest.mark.parametrize(
     "select",
     [
@@ -294,11 +297,48 @@ def test_arrays_that_are_not_contiguous(select, rng):
     )
 
 
-def test_fortran_order_means_xyz_as_everywhere_in_itk(rng):
-    voxels = rng.integers(0, 60_000, (9, 10, 11), np.uint16)
-    xyz = voxels.T
-    assert list(itk.size(itk.image_from_array(xyz))) == list(xyz.shape)
-    np.testing.assert_array_equal(itk.shear_warp_mip_image_filter(xyz), voxels.max(axis=0))
+def label_axes(voxels, order="zyx"):
+    """A DataArray, in the order of these axes."""
+    coordinates = {name: np.arange(length) for name, length in zip("zyx", voxels.shape)}
+    return xarray.DataArray(voxels, dims=tuple("zyx"), coords=coordinates).transpose(*order)
+
+
+@pytest.mark.parametrize(
+    "arrange",
+    [
+        np.asfortranarray,
+        lambda a: np.ascontiguousarray(a.T).T,
+        dask.array.from_array,
+        label_axes,
+        lambda a: label_axes(a, "xyz"),
+        lambda a: label_axes(np.asfortranarray(a), "yzx"),
+    ],
+    ids=["Fortran", "transposed", "Dask", "DataArray", "DataArray xyz", "DataArray yzx"],
+)
+def test_axes_are_zyx_whatever_their_order_in_memory(arrange, rng):
+    voxels = np.asfortranarray(rng.integers(0, 60_000, (9, 10, 11), np.uint16))
+    mask = np.asfortranarray(rng.integers(0, 2, voxels.shape, np.uint8))
+    mip = itk.shear_warp_mip_image_filter(arrange(voxels), mask_image=mask)
+    np.testing.assert_array_equal(np.asarray(mip), (voxels * mask).max(axis=0))
+    front = itk.IdentityTransform[itk.D, 3].New()
+    frames = itk.shear_warp_mip_cine_image_filter(arrange(voxels), transforms=[front])
+    np.testing.assert_array_equal(np.asarray(frames), voxels.max(axis=0)[np.newaxis])
+
+
+@pytest.mark.parametrize("project", [itk.shear_warp_mip_image_filter, itk.shear_warp_mip_cine_image_filter])
+@pytest.mark.parametrize(
+    "make, kind, text",
+    [
+        (lambda a: a[:, :1, :1].copy(), ValueError, "shape .9, 1, 1.: give an itk.Image"),
+        (lambda a: label_axes(a[:, :1, :1], "xyz"), ValueError, "shape .9, 1, 1.: give an itk.Image"),
+        (lambda a: np.ma.masked_less(a, 5), TypeError, "loses its mask"),
+        (lambda a: dask.array.ma.masked_less(dask.array.from_array(a), 5), TypeError, "loses its mask"),
+    ],
+    ids=["n,1,1", "DataArray n,1,1", "masked", "masked Dask"],
+)
+def test_arrays_that_would_lose_something_are_refused(project, make, kind, text):
+    with pytest.raises(kind, match=text):
+        project(make(np.ones((9, 10, 11), np.uint16)))
 
 
 def test_read_only_array_is_read_in_place(rng):
@@ -415,7 +455,7 @@ print(itk.MultiThreaderBase.GetGlobalDefaultThreader())
 # Cine
 
 
-def test_cine_prepares_once(rng):
+def test_views_prepare_what_further_ones_need(rng):
     image = itk.image_from_array(rng.integers(0, 60_000, (40, 50, 60), np.uint16))
     mip = filter_type(image).New(image)
     axes, preparations, held = [], [], []
@@ -430,22 +470,32 @@ def test_cine_prepares_once(rng):
     first = axes.index(0)
     block_maxima = 8 * 7 * 5 * 2
     volume = 40 * 50 * 60 * 2 + block_maxima
-    assert held == [block_maxima] * first + [volume] * (len(held) - first)
-    assert [n for n, seconds in enumerate(preparations) if seconds > 0] == sorted({0, first})
+    # and the intermediate images
+    assert axes[: first + 2] == [1] * first + [0, 0] and first > 1
+    assert min(held[1:first]) > block_maxima and max(held[: first + 1]) < volume
+    assert min(held[first + 1 :]) > volume
+    assert [n for n, seconds in enumerate(preparations) if seconds > 0] == [1, first, first + 1]
 
     image.Modified()
     mip.SetTransform(rotation(y=np.pi / 2))
     mip.Update()
-    assert mip.GetPreparationSeconds() > 0
-    assert mip.GetPreparedVolumeSizeInBytes() == volume
+    assert mip.GetPreparedVolumeSizeInBytes() < volume
+    mip.Modified()
+    mip.Update()
+    assert mip.GetPreparedVolumeSizeInBytes() > volume
 
 
 def test_cine_follows_changed_voxels(image):
-    """A view along x uses the prepared copy: it must not be an old one."""
+    """A second view along x makes a copy: it must not be an old one."""
     view = rotation(y=np.pi / 2)
     mip = filter_type(image).New(image, Transform=view)
     mip.Update()
+    mip.Modified()
+    mip.Update()
+    before = itk.array_from_image(mip.GetOutput())
     itk.array_view_from_image(image)[4, 5, 6] = 5000
+    mip.Update()
+    np.testing.assert_array_equal(itk.array_from_image(mip.GetOutput()), before)
     image.Modified()
     mip.Update()
     pixels = itk.array_from_image(mip.GetOutput())
@@ -458,9 +508,11 @@ def test_release_prepared_volume(image):
     view.SetMatrix(itk.matrix_from_array(x_axis))
     mip = filter_type(image).New(image, Transform=view)
     mip.Update()
+    mip.Modified()
+    mip.Update()
     before = itk.array_from_image(mip.GetOutput())
     assert mip.GetPrincipalAxis() == 0
-    assert mip.GetPreparedVolumeSizeInBytes() == (9 * 11 * 14 + 2 * 2 * 2) * 2
+    assert mip.GetPreparedVolumeSizeInBytes() > (9 * 11 * 14 + 2 * 2 * 2) * 2
     mip.ReleasePreparedVolume()
     assert mip.GetPreparedVolumeSizeInBytes() == 0
     mip.Modified()
@@ -487,9 +539,13 @@ def test_memory_of_the_prepared_volume_is_freed(how, isolated):
 mip = itk.ShearWarpMIPImageFilter.New(image, Transform=view)
 before = resident()
 mip.Update()
+first = resident() - before
+mip.Modified()
+mip.Update()
 held = resident() - before
 {how}
 freed = before + held - resident()
+assert first < 40, first
 assert 250 < held < 290, held
 assert 250 < freed < 290, freed
 """)
@@ -504,6 +560,22 @@ assert resident() - before < 30, resident() - before
 assert itk.size(mip)[0] == 256
 """)
     assert outcome.code == 0, outcome.text
+
+
+def test_functional_interface_gives_an_array_of_its_own():
+    pictures = [np.asarray(itk.shear_warp_mip_image_filter(np.full((9, 200, 300), n, np.int16))) for n in range(9)]
+    for n, picture in enumerate(pictures):
+        assert type(picture) is np.ndarray and picture.flags.owndata
+        assert (picture == n).all()
+
+
+def test_functional_interface_takes_the_other_byte_order(rng):
+    voxels = rng.integers(-9, 9, (7, 8, 9), np.int16)
+    mask = (voxels > 2).astype(np.uint8)
+    expected = itk.shear_warp_mip_image_filter(voxels, mask_image=mask)
+    picture = itk.shear_warp_mip_image_filter(voxels.astype(">i2"), mask_image=mask)
+    np.testing.assert_array_equal(picture, expected)
+    assert picture.dtype == np.int16
 
 
 # Progress and abort
@@ -536,3 +608,112 @@ def test_abort_from_the_observer(rng):
     mip.Update()
     expected = oracle.project(image, mip.GetTransform(), mip.GetOutput())
     np.testing.assert_array_equal(itk.array_from_image(mip.GetOutput()), expected)
+
+
+# Other threads of Python
+
+
+@pytest.mark.parametrize(
+    "name", ["ShearWarpMIPImageFilter", "ShearWarpMIPCineImageFilter", "ShearWarpMIPPartImageFilter"]
+)
+def test_other_threads_run_during_an_update(name, isolated):
+    outcome = isolated(f"""
+import sys, threading, time
+process = itk.{name}.New(itk.image_from_array(np.ones((64, 256, 256), np.uint8)))
+seen, done = [0], threading.Event()
+def count():
+    while not done.is_set():
+        seen[0] += 1
+        time.sleep(0)
+# no thread gets Python's lock unless another one gives it up
+sys.setswitchinterval(1000)
+threading.Thread(target=count).start()
+for update in (process.Update, process.UpdateLargestPossibleRegion):
+    for _ in range(100):
+        process.Modified()
+        before = seen[0]
+        update()
+        if seen[0] > before:
+            break
+    else:
+        raise AssertionError("none ran")
+done.set()
+""")
+    assert outcome.code == 0, outcome.text
+
+
+def test_a_daemon_thread_in_an_update_ends_with_python():
+    code = """
+import threading, time, itk, numpy as np
+cine = itk.ShearWarpMIPCineImageFilter.New(itk.image_from_array(np.ones((64, 256, 256), np.uint16)), size=[8, 8])
+cine.SetIntermediateMemory(1 << 26)
+# for seconds
+cine.SetNumberOfFrames(4_001)
+threading.Thread(target=cine.Update, daemon=True).start()
+time.sleep(0.3)
+"""
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=300, check=False)
+    assert (ended.returncode, ended.stderr) == (0, "")
+
+
+def test_an_observer_may_invoke_the_start(isolated):
+    outcome = isolated("""
+mip = itk.ShearWarpMIPImageFilter.New(itk.image_from_array(np.ones((64, 64, 64), np.uint8)))
+mip.AddObserver(itk.ProgressEvent(), lambda: mip.InvokeEvent(itk.StartEvent()))
+mip.Update()
+""")
+    assert outcome.code == 0, outcome.text
+
+
+@pytest.mark.parametrize("divisions", [1, 8])
+def test_a_signal_ends_an_update(divisions, isolated):
+    outcome = isolated(f"""
+import signal
+voxels = np.random.default_rng(1).integers(0, 60_000, (64, 256, 256), np.uint16)
+cine = itk.ShearWarpMIPCineImageFilter.New(itk.image_from_array(voxels), size=[8, 8])
+cine.SetIntermediateMemory(1 << 26)
+# for seconds
+cine.SetNumberOfFrames(4_001)
+cine.SetNumberOfStreamDivisions({divisions})
+aborts = []
+cine.AddObserver(itk.AbortEvent(), lambda: aborts.append(None))
+signal.signal(signal.SIGALRM, signal.default_int_handler)
+signal.setitimer(signal.ITIMER_REAL, 0.2)
+try:
+    cine.Update()
+except KeyboardInterrupt:
+    assert aborts
+else:
+    raise AssertionError("it went on")
+cine.SetNumberOfFrames(2)
+cine.Update()
+assert np.asarray(cine.GetOutput()).max() > 50_000
+""")
+    assert outcome.code == 0, outcome.text
+
+
+@pytest.mark.parametrize("divisions", [1, 2])
+def test_python_before_the_filter(divisions, rng):
+    """Python's own filters need its lock."""
+    image = itk.image_from_array(rng.integers(0, 60_000, (19, 10, 11), np.uint16))
+    invert = itk.PyImageFilter[type(image), type(image)].New(image)
+    lengths = []
+
+    def generate(process):
+        output = process.GetOutput()
+        region = output.GetRequestedRegion()
+        output.SetBufferedRegion(region)
+        output.Allocate()
+        first, length = region.GetIndex()[2], region.GetSize()[2]
+        lengths.append(length)
+        voxels = itk.array_view_from_image(image)[first : first + length]
+        itk.array_view_from_image(output, update=False)[:] = 60_000 - voxels
+
+    invert.SetPyGenerateData(generate)
+    # ITK gives it its own Python object here
+    invert.UpdateOutputInformation()
+    mip = itk.ShearWarpMIPImageFilter.New(invert.GetOutput(), NumberOfStreamDivisions=divisions)
+    mip.Update()
+    assert len(lengths) == divisions
+    expected = 60_000 - np.asarray(image).min(axis=0)
+    np.testing.assert_array_equal(np.asarray(mip.GetOutput()), expected)

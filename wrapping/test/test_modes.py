@@ -389,7 +389,7 @@ BAD = {
     "slab of NaN": ({"slab_far": np.nan}, "SlabNear.* SlabFar.* nan"),
     "box": ({"crop_lower": [5.0] * 3, "crop_upper": [6.0, 4.0, 6.0]}, "CropLower.* CropUpper.*6, 4, 6"),
     "attenuation": ({"depth_attenuation": -0.5}, "DepthAttenuation must be.* -0.5"),
-    "large attenuation": ({"depth_attenuation": 1e3}, "DepthAttenuation must not be greater.* 1000"),
+    "infinite attenuation": ({"depth_attenuation": np.inf}, "DepthAttenuation must be finite.* inf"),
 }
 
 

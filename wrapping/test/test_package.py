@@ -1,8 +1,10 @@
 """Docstrings, type stubs and the wheel."""
 
 import ast
+import re
 import shutil
 import subprocess
+import sys
 from importlib import metadata
 from pathlib import Path
 
@@ -128,3 +130,36 @@ def test_needs_runtime_libraries_only(files):
             "ld-linux-x86-64",
             "ld-linux-aarch64",
         }
+
+
+def test_types_of_the_package_are_its_own(files):
+    assert any(file.parts[-2:] == ("itk_shearwarpmip", "py.typed") for file in files)
+
+
+@pytest.mark.parametrize(
+    "missing, code, text",
+    [
+        (
+            "dask",
+            "import itk_shearwarpmip; assert 'mip' in itk_shearwarpmip.__all__; itk_shearwarpmip.mipp",
+            "AttributeError",
+        ),
+        ("dask", "from itk_shearwarpmip import mip", "ImportError: itk_shearwarpmip needs Dask: pip install"),
+        (
+            "dask",
+            "from itk_shearwarpmip.__main__ import main; main(['a', 'b.mha'])",
+            "itk_shearwarpmip: itk_shearwarpmip needs Dask: pip install",
+        ),
+        (
+            "aiohttp",
+            "from itk_shearwarpmip.__main__ import main; main(['http://a/b', 'c.mha'])",
+            "itk_shearwarpmip: .*aiohttp",
+        ),
+    ],
+    ids=["package", "function", "program", "URL"],
+)
+def test_what_is_missing_is_named_where_it_is_needed(missing, code, text):
+    code = f"import sys; sys.modules['{missing}'] = None; {code}"
+    done = subprocess.run([sys.executable, "-c", code], check=False, capture_output=True, text=True)
+    assert re.match(text, done.stderr.splitlines()[-1]), done.stderr
+    assert done.returncode == 1 or len(done.stderr.splitlines()) == 1

@@ -1,0 +1,45 @@
+# Part of the wrapped module. ITK takes the axes of an array in Fortran's order for x, y, z: the functions of this module
+# take those of each array as z, y, x.
+
+import functools
+import importlib
+
+import numpy as np
+
+
+def _order(value):
+    import itk
+    from itk.support import helpers
+
+    if isinstance(getattr(value, "_meta", value), np.ma.MaskedArray):
+        raise TypeError("a masked array loses its mask: give its data, and the mask as mask_image")
+    of_torch = type(value).__module__.partition(".")[0] == "torch"
+    if isinstance(value, itk.Object) or of_torch or not helpers.is_arraylike(value) or value.ndim != 3:
+        return value
+    with_dims = set(getattr(value, "dims", ())) == set("zyx")
+    if with_dims:
+        value = value.transpose(*"zyx")
+    array = np.asarray(value)
+    if len(array) > 1 and array.size == len(array):
+        raise ValueError(f"ITK cannot tell the order of an array of shape {array.shape}: give an itk.Image")
+    ordered = np.ascontiguousarray(array, array.dtype.newbyteorder("="))
+    return value.copy(data=ordered) if with_dims else ordered
+
+
+def _wrap(module_name, name):
+    module = importlib.import_module(module_name)
+    # ITK runs this file twice
+    function = vars(module).setdefault(f"_{name}", getattr(module, name))
+
+    @functools.wraps(function)
+    def call(*args, **kwargs):
+        picture = function(*map(_order, args), **{key: _order(value) for key, value in kwargs.items()})
+        # ITK's array loses its image in np.asarray
+        return np.array(picture) if isinstance(picture, np.ndarray) else picture
+
+    setattr(module, name, call)
+    return call
+
+
+shear_warp_mip_image_filter = _wrap("itk.itkShearWarpMIPImageFilterPython", "shear_warp_mip_image_filter")
+shear_warp_mip_cine_image_filter = _wrap("itk.itkShearWarpMIPCineImageFilterPython", "shear_warp_mip_cine_image_filter")
