@@ -7,7 +7,7 @@
 #   XDG_CACHE_HOME=<dir>  the cache is itk-shearwarpmip/ inside   [~/.cache]
 #
 # Usage: run.sh [--smoke] [--output FOLDER] [--image FILE] [-- OPTION...]
-#   --smoke          only try everything on tiny volumes, in seconds; the times say nothing
+#   --smoke          only try each form of benchmark/README.md on tiny volumes; the times say nothing
 #   --output FOLDER  where the results go                         [benchmark-output]
 #   --image FILE     measure this 3D image, which ITK reads, and no synthetic ones
 #   OPTION           for shear-warp-mip-benchmark, see its --help: --kinds, --benchmark_filter, ...
@@ -52,6 +52,7 @@ PYTHON
 # A result is written whatever the program says of it.
 measure() {
   local status=0
+  rm -f "$output/results.json"
   "$program" --benchmark_out="$output/results.json" --benchmark_out_format=json "$@" \
     "${options[@]}" || status=$?
   [ -s "$output/results.json" ] || die "the program measured nothing"
@@ -64,11 +65,14 @@ timed "installed what building needs" need_packages build-essential cmake ninja-
 timed "built the program" build_release benchmark shear-warp-mip-benchmark -DShearWarpMIP_BUILD_APPS=OFF \
   -DShearWarpMIP_BUILD_BENCHMARKS=ON
 mkdir -p "$output"
-rm -f "$output/results.json"
 if [ -n "$smoke" ]; then
   write_image "$output/smoke.mha"
-  timed "tried everything" measure --sizes 23x29x17,48x40x32 --kinds mra,noise16,const --image "$output/smoke.mha" \
-    --view-repetitions 1
+  options+=(--view-repetitions 1)
+  timed "tried everything" measure --sizes 23x29x17,48x40x32 --kinds mra,noise16,const --image "$output/smoke.mha"
+  options+=(--sizes 48x40x32)
+  timed "tried a filter" measure --benchmark_filter=48x40x32/uint16/portable
+  timed "tried variants" measure --variants --kinds mra --threads 2
+  timed "tried turns" measure --cine --kinds mra,noise16
 else
   timed "measured" measure
 fi

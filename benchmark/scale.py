@@ -13,7 +13,7 @@ A model is fitted to the times by least squares of the relative errors, without 
 where pixels are those of the intermediate image and parts are the blocks; then with a time for each task of the graph
 too, and then with a constant. All are printed with what they leave over.
 
-    pip install itk-shearwarpmip[distributed] matplotlib psutil scipy
+    pip install "$(echo dist/itk_shearwarpmip-*.whl)[distributed]" matplotlib psutil scipy
     scale.py --output results
     scale.py --sizes 512 1024 2150 --blocks 256 --folder /data --output results
 
@@ -348,6 +348,8 @@ def measure_whole(path: Path, edge: int, threads: int, repeats: int) -> tuple[di
 
     prepared = itk.ShearWarpMIPImageFilter.New(image, transform=view)
     prepared.SetNumberOfWorkUnits(threads)
+    prepared.Update()
+    prepared.Modified()
     prepared.Update()
 
     def project_again() -> None:
