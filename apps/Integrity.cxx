@@ -96,7 +96,8 @@ GetInflatedSize(const fs::path & path, std::streamoff offset, int format = gzipO
     stream.avail_out = static_cast<uInt>(output.size());
     status = inflate(&stream, Z_NO_FLUSH);
     size += output.size() - stream.avail_out;
-    if (status == Z_STREAM_END && (stream.avail_in > 0 ? *stream.next_in : file.peek()) == 0x1f)
+    // gzip may go on with another stream, DICOM ends with a check sum of any bytes
+    if (status == Z_STREAM_END && format == gzipOrZlib && (stream.avail_in > 0 ? *stream.next_in : file.peek()) == 0x1f)
     {
       status = inflateReset(&stream);
     }
