@@ -96,7 +96,46 @@ IsFinite(const Matrix<double, 3, 3> & matrix)
   return IsFinite(matrix.GetVnlMatrix());
 }
 
-/** ITK's is compiled elsewhere. */
+// who includes ITK's templates may compile them for another processor, and the linker shares them
+
+double
+Dot(const Vector<double, 3> & a, const Vector<double, 3> & b)
+{
+  return (a[0] * b[0] + a[1] * b[1]) + a[2] * b[2];
+}
+
+double
+GetNorm(const Vector<double, 3> & vector)
+{
+  return std::sqrt(Dot(vector, vector));
+}
+
+Matrix<double, 3, 3>
+Multiply(const Matrix<double, 3, 3> & a, const Matrix<double, 3, 3> & b)
+{
+  Matrix<double, 3, 3> product;
+  for (unsigned int row = 0; row < 3; ++row)
+  {
+    for (unsigned int column = 0; column < 3; ++column)
+    {
+      product(row, column) =
+        (a(row, 0) * b(0, column) + a(row, 1) * b(1, column)) + a(row, 2) * b(2, column);
+    }
+  }
+  return product;
+}
+
+Vector<double, 3>
+Multiply(const Matrix<double, 3, 3> & a, const Vector<double, 3> & b)
+{
+  Vector<double, 3> product;
+  for (unsigned int row = 0; row < 3; ++row)
+  {
+    product[row] = (a(row, 0) * b[0] + a(row, 1) * b[1]) + a(row, 2) * b[2];
+  }
+  return product;
+}
+
 Vector<double, 3>
 Cross(const Vector<double, 3> & a, const Vector<double, 3> & b)
 {
@@ -107,7 +146,7 @@ Cross(const Vector<double, 3> & a, const Vector<double, 3> & b)
 double
 GetDeterminant(const Matrix<double, 3, 3> & matrix)
 {
-  return Cross(GetColumn(matrix, 0), GetColumn(matrix, 1)) * GetColumn(matrix, 2);
+  return Dot(Cross(GetColumn(matrix, 0), GetColumn(matrix, 1)), GetColumn(matrix, 2));
 }
 
 /** By cofactors; not finite where the matrix is singular. The singular value decomposition of Matrix::GetInverse() ends
@@ -132,7 +171,7 @@ bool
 IsInvertible(const Matrix<double, 3, 3> & matrix)
 {
   const double volume =
-    GetColumn(matrix, 0).GetNorm() * GetColumn(matrix, 1).GetNorm() * GetColumn(matrix, 2).GetNorm();
+    GetNorm(GetColumn(matrix, 0)) * GetNorm(GetColumn(matrix, 1)) * GetNorm(GetColumn(matrix, 2));
   return std::abs(GetDeterminant(matrix)) > 1e-12 * volume && IsFinite(Invert(matrix));
 }
 
@@ -155,9 +194,17 @@ GetIndexToPhysical(const ImageBase<3> * image)
 Vector<double, 3>
 GetFirstVoxel(const ImageBase<3> * image)
 {
-  Point<double, 3> point;
-  image->TransformIndexToPhysicalPoint(image->GetLargestPossibleRegion().GetIndex(), point);
-  return point.GetVectorFromOrigin();
+  const Matrix<double, 3, 3> matrix = GetIndexToPhysical(image);
+  Vector<double, 3>          point = image->GetOrigin().GetVectorFromOrigin();
+  for (unsigned int axis = 0; axis < 3; ++axis)
+  {
+    const auto index = static_cast<double>(image->GetLargestPossibleRegion().GetIndex(axis));
+    for (unsigned int row = 0; row < 3; ++row)
+    {
+      point[row] += matrix(row, axis) * index;
+    }
+  }
+  return point;
 }
 
 void
@@ -185,8 +232,8 @@ GetImageView(const Transform<double, 3, 3> * transform, const ImageBase<3> * ima
   VerifyImage(image, "input image");
   const LinearView           view = GetLinearView(transform);
   const Matrix<double, 3, 3> physicalToView = Invert(view.matrix);
-  const LinearView           indexToView{ physicalToView * GetIndexToPhysical(image),
-                                physicalToView * (GetFirstVoxel(image) - view.offset) };
+  const LinearView           indexToView{ Multiply(physicalToView, GetIndexToPhysical(image)),
+                                Multiply(physicalToView, GetFirstVoxel(image) - view.offset) };
   if (IsInvertible(indexToView.matrix) && IsFinite(indexToView.offset))
   {
     return { indexToView, GetColumn(Invert(indexToView.matrix), 2) };
@@ -343,13 +390,13 @@ ShearWarp::FindSphereDepth(const Transform<double, 3, 3> * view, const ImageBase
         GetColumn(indexToPhysical, 0) * (0.5 * static_cast<double>(size[0])) +
         GetColumn(indexToPhysical, 1) * (signY * 0.5 * static_cast<double>(size[1])) +
         GetColumn(indexToPhysical, 2) * (signZ * 0.5 * static_cast<double>(size[2]));
-      radius = std::max(radius, halfDiagonal.GetNorm());
+      radius = std::max(radius, GetNorm(halfDiagonal));
     }
   }
   // how fast the depth changes along physical space
   const Matrix<double, 3, 3> physicalToView = Invert(GetLinearView(view).matrix);
   const double               slope[] = { physicalToView(2, 0), physicalToView(2, 1), physicalToView(2, 2) };
-  return centre - Vector<double, 3>(slope).GetNorm() * radius;
+  return centre - GetNorm(Vector<double, 3>(slope)) * radius;
 }
 
 Point<double, 3>
@@ -395,7 +442,7 @@ ShearWarp::MakeSliceGeometry(const Transform<double, 3, 3> * view, const ImageBa
   for (unsigned int axis = 0; axis < 3; ++axis)
   {
     const Vector<double, 3> column = GetColumn(linear.matrix, axis);
-    const double            length = column.GetNorm();
+    const double            length = GetNorm(column);
     slice.spacing[axis] = steps[axis] * length;
     for (unsigned int row = 0; row < 3; ++row)
     {
@@ -562,8 +609,12 @@ ShearWarpFactorization::GetShearMatrix() const
 ShearWarp::ShearedFunction
 ShearWarpFactorization::GetShearedFunction(const Vector4Type & ofView) const
 {
-  const auto function = this->GetShearedToViewMatrix().GetTranspose() * ofView.GetVnlVector();
-  return { function[0], function[1], function[2], function[3] };
+  const Matrix4Type matrix = this->GetShearedToViewMatrix();
+  const auto        get = [&](unsigned int column) {
+    return ((matrix(0, column) * ofView[0] + matrix(1, column) * ofView[1]) + matrix(2, column) * ofView[2]) +
+           matrix(3, column) * ofView[3];
+  };
+  return { get(0), get(1), get(2), get(3) };
 }
 
 ShearWarp::ShearedFunction
@@ -628,7 +679,7 @@ ShearWarpFactorization::GetOutputToIntermediateMatrix() const
     shearedToIntermediate(axis, axis) = m_Oversampling;
     shearedToIntermediate(axis, 2) = m_Oversampling - 1.0;
   }
-  const Matrix3Type map = shearedToIntermediate * Invert(this->GetWarpMatrix()) * outputToView;
+  const Matrix3Type map = Multiply(Multiply(shearedToIntermediate, Invert(this->GetWarpMatrix())), outputToView);
   if (IsFinite(map))
   {
     return map;
@@ -731,7 +782,7 @@ ShearWarpFactorization::ComputeProjectedSpacing(const TransformType * viewTransf
   Vector2Type      projected;
   for (unsigned int axis = 0; axis < 2; ++axis)
   {
-    projected[axis] = *std::min_element(spacing.Begin(), spacing.End()) / GetColumn(view.matrix, axis).GetNorm();
+    projected[axis] = *std::min_element(spacing.Begin(), spacing.End()) / GetNorm(GetColumn(view.matrix, axis));
   }
   return projected;
 }
