@@ -656,7 +656,12 @@ ReadDicom(const fs::path & path, const std::string & series, const WarningFuncti
     const auto ofSource = GetSlices(source);
     slices.insert(slices.end(), ofSource.begin(), ofSource.end());
   }
-  const auto   grid = ArrangeSlices(slices, warn);
+  const auto grid = ArrangeSlices(slices, warn);
+  if (slices.size() == 1)
+  {
+    warn("'" + path.string() + "' has only one slice" +
+         (fs::is_directory(path) ? "" : "; for a whole series give its folder"));
+  }
   const Source first = *slices.front().source;
   const bool   isOneType = std::all_of(
     slices.begin(), slices.end(), [&slices](const Slice & slice) { return slice.type == slices.front().type; });

@@ -185,6 +185,18 @@ TEST_F(ShearWarpMIPProgram, WarnsOfUnevenSlices)
   EXPECT_EQ(result.messages.find("shear-warp-mip: warning: the slices are not evenly spaced"), 0u) << result.messages;
 }
 
+TEST_F(ShearWarpMIPProgram, WarnsOfOneSlice)
+{
+  this->WriteDICOMSeries("1.2.3.4", "a", { 0 });
+  const Result folder = this->Run("dicom out.nrrd");
+  EXPECT_EQ(folder.status, 0);
+  EXPECT_EQ(folder.messages, "shear-warp-mip: warning: 'dicom' has only one slice\n");
+  const Result file = this->Run("dicom/a0.dcm out.nrrd");
+  EXPECT_EQ(file.status, 0);
+  EXPECT_EQ(file.messages,
+            "shear-warp-mip: warning: 'dicom/a0.dcm' has only one slice; for a whole series give its folder\n");
+}
+
 TEST_F(ShearWarpMIPProgram, RefusesMissingAndRepeatedSlices)
 {
   this->WriteDICOMSeries("1.2.3.4", "a", { 0, 2, 4, 8, 10 });
