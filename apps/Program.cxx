@@ -117,7 +117,7 @@ struct Options
   std::optional<double>       background;
   unsigned int                oversampling{ 1 };
   unsigned int                frames{ 0 };
-  unsigned int                pageBits{ 8 };
+  std::optional<unsigned int> pageBits;
   std::vector<std::string>    axis{ "superior" };
   std::vector<double>         centre;
   double                      range{ 360.0 };
@@ -193,10 +193,6 @@ GetVersionText()
   return std::string("shear-warp-mip " ShearWarpMIP_VERSION ", ITK ") + itk::Version::GetITKVersion();
 }
 
-/** Thrown as soon as an option is met that needs no INPUT and OUTPUT. */
-class PhantomWanted : public CLI::Success
-{};
-
 void
 DefineOptions(CLI::App & app, Options & options)
 {
@@ -204,8 +200,8 @@ DefineOptions(CLI::App & app, Options & options)
   const auto       angle = Number("a finite angle", std::numeric_limits<double>::lowest());
   const auto       count = Number("a whole number of at least 1", 1.0, true);
 
-  app.add_option("INPUT", options.input, "Image file, or DICOM folder")->required();
-  app.add_option("OUTPUT", options.output, "File to write")->required();
+  const auto input = app.add_option("INPUT", options.input, "Image file, or DICOM folder")->required();
+  const auto output = app.add_option("OUTPUT", options.output, "File to write")->required();
   app.add_option("--series", options.series, "Instance UID of the DICOM series, if the folder has several")
     ->type_name("UID");
 
@@ -289,7 +285,7 @@ DefineOptions(CLI::App & app, Options & options)
                 "Bits of a page's pixels: 8 for twice the window's range, or 16 for all values, two to four times as "
                 "large")
     ->check(CLI::IsMember({ 8, 16 }))
-    ->capture_default_str()
+    ->default_str("8")
     ->group("Turning series");
 
   app
@@ -437,12 +433,13 @@ DefineOptions(CLI::App & app, Options & options)
   app
     .add_option_function<std::string>(
       "--write-phantom",
-      [&options](const std::string & path) {
+      [&options, input, output](const std::string & path) {
         options.phantom = path;
-        throw PhantomWanted();
+        input->required(false);
+        output->required(false);
       },
       "Writes a synthetic MR angiogram of a head, instead of INPUT and OUTPUT")
-    ->trigger_on_parse()
+    ->excludes(input)
     ->type_name("FILE")
     ->group("Program");
   app.set_version_flag("--version", GetVersionText(), "Prints the version")->group("Program");
@@ -727,6 +724,10 @@ Verify(const Options & options)
   {
     throw std::runtime_error("--slab: NEAR must not be greater than FAR");
   }
+  if (options.pageBits && !OutputFiles::IsPage(options.output))
+  {
+    throw std::runtime_error("--page-bits requires a page: .html");
+  }
   for (std::size_t n = 0; n < options.crop.size(); n += 2)
   {
     if (options.crop[n] > options.crop[n + 1])
@@ -833,7 +834,7 @@ MakePageOptions(const Options &                   options,
                 double                            rate)
 {
   CinePageOptions page{
-    std::filesystem::path(options.input).filename().string(), window, {}, "none", rate, options.pageBits
+    std::filesystem::path(options.input).filename().string(), window, {}, "none", rate, options.pageBits.value_or(8)
   };
   if (options.frames > 0)
   {
@@ -890,6 +891,12 @@ Run(const Options & options, Messages & messages)
 
   ProjectionOptions projection;
   SetFrames(projection, options, given, volume);
+  const std::size_t frames = projection.frames.size();
+  const bool        isSeries = options.frames > 0 || !options.slidingSlab.empty() || frames > 1;
+  if (options.rate && !isSeries)
+  {
+    throw std::runtime_error("--rate requires a series; see --frames");
+  }
   projection.isInPlace = options.isInPlace;
   if (!options.spacing.empty())
   {
@@ -929,12 +936,10 @@ Run(const Options & options, Messages & messages)
          std::string(options.slab.empty() ? "--crop?" : "--slab?"));
   }
 
-  const std::size_t frames = projection.frames.size();
-  const bool        isSeries = options.frames > 0 || !options.slidingSlab.empty() || frames > 1;
-  const double      rate = options.rate.value_or(std::clamp(std::round(static_cast<double>(frames) / 4.0), 5.0, 25.0));
-  const auto        layout = options.isInPlace ? OutputFiles::Layout::Volume
-                             : isSeries        ? OutputFiles::Layout::Series
-                                               : OutputFiles::Layout::Still;
+  const double rate = options.rate.value_or(std::clamp(std::round(static_cast<double>(frames) / 4.0), 5.0, 25.0));
+  const auto   layout = options.isInPlace ? OutputFiles::Layout::Volume
+                        : isSeries        ? OutputFiles::Layout::Series
+                                          : OutputFiles::Layout::Still;
   std::optional<WindowType> window;
   if (!options.window.empty())
   {
@@ -1058,22 +1063,9 @@ RunProgram(int argc, const char * const * argv, std::ostream & output, std::ostr
   };
   try
   {
-    bool phantomWanted = false;
-    try
-    {
-      app.parse(CollectArguments(argc, argv));
-    }
-    catch (const PhantomWanted &)
-    {
-      phantomWanted = true;
-    }
-    catch (const CLI::ParseError & error)
-    {
-      return error.get_exit_code() == 0 ? app.exit(error, output, messages) : fail(Reword(app, error));
-    }
-
+    app.parse(CollectArguments(argc, argv));
     Messages steps(messages, options);
-    if (phantomWanted)
+    if (app.count("--write-phantom") > 0)
     {
       WritePhantom(options);
     }
@@ -1082,6 +1074,10 @@ RunProgram(int argc, const char * const * argv, std::ostream & output, std::ostr
       Run(options, steps);
     }
     return EXIT_SUCCESS;
+  }
+  catch (const CLI::ParseError & error)
+  {
+    return error.get_exit_code() == 0 ? app.exit(error, output, messages) : fail(Reword(app, error));
   }
   catch (const itk::ExceptionObject & error)
   {
