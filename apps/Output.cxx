@@ -268,7 +268,7 @@ OutputFiles::Protect(const std::vector<fs::path> & inputs)
 }
 
 void
-OutputFiles::Reserve(const fs::path & path, Format format)
+OutputFiles::Reserve(const fs::path & path, Format format, const std::string & option)
 {
   const fs::path           target = this->Claim(path, false, m_Reserved);
   const std::string        name = path.filename().string();
@@ -292,7 +292,7 @@ OutputFiles::Reserve(const fs::path & path, Format format)
     {
       good += ' ' + extension;
     }
-    throw std::runtime_error("'" + path.string() + "' must have one of the extensions" + good);
+    throw std::runtime_error(option + ": '" + path.string() + "' must have one of the extensions" + good);
   }
   if (EndsWith(name, ".nii") || EndsWith(name, ".nii.gz"))
   {

@@ -89,9 +89,10 @@ public:
   void
   Protect(const std::vector<std::filesystem::path> & inputs);
 
-  /** Throws if \a path has an extension of another format, is an input, is reserved already or can't be written. */
+  /** Throws if \a path, of \a option, has an extension of another format, is an input, is reserved already or can't be
+   * written. */
   void
-  Reserve(const std::filesystem::path & path, Format format);
+  Reserve(const std::filesystem::path & path, Format format, const std::string & option);
 
   /** Throws if the folder \a path is neither new nor empty, or as above. */
   void

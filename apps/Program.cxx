@@ -291,7 +291,7 @@ DefineOptions(CLI::App & app, Options & options)
   app
     .add_option(
       "--spacing", options.spacing, "Distance of pixels: one value, or two as 0.5,0.8; default: the image's smallest")
-    ->check(Number("a positive number", tiny))
+    ->check(Number("a positive number; decimals have a point", tiny))
     ->delimiter(',')
     ->expected(1)
     ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
@@ -698,7 +698,7 @@ void
 WritePhantom(const Options & options)
 {
   OutputFiles files;
-  files.Reserve(options.phantom, OutputFiles::Format::Values);
+  files.Reserve(options.phantom, OutputFiles::Format::Values, "--write-phantom");
   files.Write(options.phantom, MakePhantom(), OutputFiles::Layout::Volume);
   files.Commit();
 }
@@ -861,14 +861,21 @@ Run(const Options & options, Messages & messages)
   {
     files.Protect(FindInputFiles(path));
   }
-  files.Reserve(options.output, options.isInPlace ? OutputFiles::Format::Values : OutputFiles::Format::Any);
+  if (options.isInPlace)
+  {
+    files.Reserve(options.output, OutputFiles::Format::Values, "--in-place");
+  }
+  else
+  {
+    files.Reserve(options.output, OutputFiles::Format::Any, "OUTPUT");
+  }
   if (!options.depth.empty())
   {
-    files.Reserve(options.depth, OutputFiles::Format::Values);
+    files.Reserve(options.depth, OutputFiles::Format::Values, "--depth");
   }
   if (!options.depthColour.empty())
   {
-    files.Reserve(options.depthColour, OutputFiles::Format::Picture);
+    files.Reserve(options.depthColour, OutputFiles::Format::Picture, "--depth-colour");
   }
   if (!options.dicomOut.empty())
   {

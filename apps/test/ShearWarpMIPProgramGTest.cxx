@@ -327,7 +327,8 @@ TEST_F(ShearWarpMIPProgram, WritesPhantom)
   // the aneurysm, and the same place on the other side
   EXPECT_GT(phantom->GetPixel({ { 174, 114, 55 } }), 600);
   EXPECT_LT(phantom->GetPixel({ { 81, 114, 55 } }), 300);
-  this->ExpectFailure("--write-phantom out.png", ".mha .nrrd .nii .nii.gz");
+  this->ExpectFailure("--write-phantom out.png",
+                      "--write-phantom: 'out.png' must have one of the extensions .mha .nrrd .nii .nii.gz");
 }
 
 TEST_F(ShearWarpMIPProgram, RefusesWrongOptions)
@@ -372,6 +373,7 @@ TEST_F(ShearWarpMIPProgram, AnswersWrongCalls)
     { "in.nrrd out.png --slab 30", "--slab: 2 values are needed, not 1" },
     { "in.nrrd out.png --crop 0 10 0 10", "--crop: 6 values are needed, not 4" },
     { "in.nrrd out.png --size 512x512", "--size: '512x512' is not a whole number of at least 1" },
+    { "in.nrrd out.png --spacing 0,5", "--spacing: '0' is not a positive number; decimals have a point" },
     { "in.nrrd out.png --window 800,100", "--window: LOW must be less than HIGH" },
     { "in.nrrd out.png --background black", "--background: 'black' is not a number" },
     { "in.nrrd out.png --local-maximum high", "--local-maximum: 'high' is not a number" },
@@ -387,9 +389,9 @@ TEST_F(ShearWarpMIPProgram, AnswersWrongCalls)
     { "--write-phantom new.nrrd --azimut=30", "--azimut=30 is not expected; see --help" },
     { "in.nrrd out.png --dicom-out in.nrrd", "'in.nrrd' is there already; a DICOM series needs an empty folder" },
     { "in.nrrd out.png --transform in.nrrd", "'in.nrrd' is not a transform that ITK can read" },
-    { "in.nrrd out.png --depth out.jpg", "'out.jpg' must have one of the extensions .mha .nrrd .nii .nii.gz" },
+    { "in.nrrd out.png --depth out.jpg", "--depth: 'out.jpg' must have one of the extensions .mha .nrrd .nii .nii.gz" },
     { "in.nrrd .", "'.' is a folder" },
-    { "in.nrrd -", "'-' must have one of the extensions" },
+    { "in.nrrd -", "OUTPUT: '-' must have one of the extensions" },
     { "- out.png", "'-' does not exist" }
   };
   for (const auto & [arguments, answer] : calls)

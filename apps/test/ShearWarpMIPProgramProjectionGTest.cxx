@@ -451,7 +451,8 @@ TEST_F(ShearWarpMIPProgramProjection, ColoursByDepth)
   const auto empty = GetPixels(this->Read<ColourType>("empty.png").GetPointer());
   EXPECT_EQ(std::count(empty.begin(), empty.end(), nothing), static_cast<std::ptrdiff_t>(empty.size()));
 
-  this->ExpectFailure("in.nrrd out.nrrd --depth-colour depth.nrrd", "must have one of the extensions .png");
+  this->ExpectFailure("in.nrrd out.nrrd --depth-colour depth.nrrd",
+                      "--depth-colour: 'depth.nrrd' must have one of the extensions .png");
   this->ExpectFailure("in.nrrd out.png --depth-colour out.png", "'out.png' would be written twice");
 }
 

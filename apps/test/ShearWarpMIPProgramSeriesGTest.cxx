@@ -335,6 +335,6 @@ TEST_F(ShearWarpMIPProgramSeries, RefusesWrongOptions)
   this->ExpectFailure("in.nrrd out.png --frames 2 --range nan", "--range");
   this->ExpectFailure("in.nrrd out.png --frames 2 --range 90 --rocking 90", "excludes");
   this->ExpectFailure("in.nrrd out.png --rate 0", "--rate");
-  this->ExpectFailure("in.nrrd out.gif --in-place", "must have one of the extensions");
+  this->ExpectFailure("in.nrrd out.gif --in-place", "--in-place: 'out.gif' must have one of the extensions");
 }
 } // namespace
