@@ -7,14 +7,35 @@ import importlib
 import numpy as np
 
 
-def _order(value):
+def _require_image(name, array):
+    import itk
+
+    images = itk.ShearWarpMIPPartImageFilter.keys() if name == "input" else [(itk.Image[itk.UC, 3],)]
+    dtypes = {np.dtype(itk.template(image)[1][0].dtype) for (image,) in images}
+    if array.ndim != 3:
+        raise ValueError(f"{name} must have the axes z, y, x, but its shape is {array.shape}")
+    if isinstance(array.dtype, np.dtype) and array.dtype.newbyteorder("=") not in dtypes:
+        names = ", ".join(sorted(map(str, dtypes)))
+        raise TypeError(f"{name} must have voxels of {names}, but they are {array.dtype}: use astype()")
+
+
+def _prepare(value, name):
     import itk
     from itk.support import helpers
 
     if isinstance(getattr(value, "_meta", value), np.ma.MaskedArray):
-        raise TypeError("a masked array loses its mask: give its data, and the mask as mask_image")
+        raise TypeError(
+            "a masked array loses its mask, which is what is left out: give its data, and "
+            "mask_image=(~np.ma.getmaskarray(array)).astype(np.uint8)"
+        )
+    if name == "input" and (value is None or isinstance(value, (str, int, float))):
+        raise TypeError(f"input must be an itk.Image or an array with the axes z, y, x, but it is {value!r}")
     of_torch = type(value).__module__.partition(".")[0] == "torch"
-    if isinstance(value, itk.Object) or of_torch or not helpers.is_arraylike(value) or value.ndim != 3:
+    if isinstance(value, itk.Object) or of_torch or not helpers.is_arraylike(value):
+        return value
+    if name in ("input", "mask_image"):
+        _require_image(name, value)
+    if value.ndim != 3:
         return value
     with_dims = set(getattr(value, "dims", ())) == set("zyx")
     if with_dims:
@@ -33,7 +54,10 @@ def _wrap(module_name, name):
 
     @functools.wraps(function)
     def call(*args, **kwargs):
-        picture = function(*map(_order, args), **{key: _order(value) for key, value in kwargs.items()})
+        names = ("input",) + ("",) * len(args)
+        picture = function(
+            *map(_prepare, args, names), **{key: _prepare(value, key.lower()) for key, value in kwargs.items()}
+        )
         # ITK's array loses its image in np.asarray
         return np.array(picture) if isinstance(picture, np.ndarray) else picture
 
