@@ -81,10 +81,17 @@ def _describe(error: Exception) -> str:
     return " ".join(text.split()) or type(error).__name__
 
 
-def _require_writable(path: str) -> None:
+_FLAT = {"BMPImageIO", "JPEGImageIO", "JPEG2000ImageIO", "PNGImageIO"}
+"""Writers of one picture for each file."""
+
+
+def _require_writable(path: str, has_frames: bool) -> None:
     folder = os.path.dirname(path) or "."
-    if not itk.ImageIOFactory.CreateImageIO(path, itk.CommonEnums.IOFileMode_WriteMode):
+    writer = itk.ImageIOFactory.CreateImageIO(path, itk.CommonEnums.IOFileMode_WriteMode)
+    if not writer:
         raise ValueError(f"ITK writes no image of the name '{path}'")
+    if has_frames and writer.GetNameOfClass() in _FLAT:
+        raise ValueError(f"--frames needs OUTPUT to end in .mha, .nrrd, .nii.gz or .tif: '{path}' would hold one frame")
     if not os.access(folder, os.W_OK):
         raise ValueError(f"'{folder}' is no folder that files can be written into")
 
@@ -122,7 +129,7 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         if _is_read(options.output, options.input):
             raise ValueError(f"OUTPUT must not be in INPUT, but {options.output} is")
-        _require_writable(options.output)
+        _require_writable(options.output, options.frames is not None)
         picture = _project(options)
         itk.imwrite(picture, options.output)
     except Exception as error:

@@ -489,17 +489,20 @@ def test_errors_of_the_program_are_one_line(ome_zarr, arguments, text, tmp_path,
 
 
 @pytest.mark.parametrize(
-    "name, text",
+    "name, options, text",
     [
-        ("mip.xyz", "ITK writes no image of the name '"),
-        ("none/mip.mha", "' is no folder that files can be written into"),
-        ("", "ITK writes no image of the name ''"),
+        ("mip.xyz", [], "ITK writes no image of the name '"),
+        ("none/mip.mha", [], "' is no folder that files can be written into"),
+        ("", [], "ITK writes no image of the name ''"),
+        ("turn.png", ["--frames", "3"], "--frames needs OUTPUT to end in .mha, .nrrd, .nii.gz or .tif: '"),
+        ("turn.JPG", ["--frames", "3"], "/turn.JPG' would hold one frame"),
+        ("turn.bmp", ["--frames", "3"], "/turn.bmp' would hold one frame"),
     ],
 )
-def test_outputs_that_cannot_be_written_are_refused_first(ome_zarr, name, text, tmp_path, capsys, monkeypatch):
+def test_outputs_that_cannot_be_written_are_refused_first(ome_zarr, name, options, text, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("itk_shearwarpmip.__main__._project", lambda options: pytest.fail("projected"))
     path, _ = ome_zarr
-    assert main([str(path), str(tmp_path / name) if name else "", "--quiet"]) == 1
+    assert main([str(path), str(tmp_path / name) if name else "", "--quiet", *options]) == 1
     error = capsys.readouterr().err
     assert error.startswith("itk_shearwarpmip: ") and error.count("\n") == 1
     assert text in error
