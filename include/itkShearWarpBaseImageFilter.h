@@ -123,6 +123,7 @@ public:
 protected:
   using Kernels = ShearWarp::Kernels<InputPixelType>;
   using IntermediateImageType = ShearWarp::IntermediateImage<InputPixelType>;
+  using ProjectorType = ShearWarpProjector<InputPixelType>;
   using Clock = std::chrono::steady_clock;
 
   ShearWarpBaseImageFilter() = default;
@@ -228,7 +229,7 @@ protected:
   Parallelize(SizeValueType count, SizeValueType steps, float progressWeight, const TFunction & process);
 
   ShearWarpPreparedVolume<InputPixelType> m_PreparedVolume;
-  ShearWarpProjector<InputPixelType>      m_Projector;
+  ProjectorType                           m_Projector;
 
   ReducedResamplingEnum m_ReducedResampling{ ReducedResamplingEnum::Auto };
   unsigned int          m_Oversampling{ 1 };

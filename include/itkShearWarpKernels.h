@@ -176,11 +176,17 @@ ShearWarpMIP_EXPORT
 RowSpan
 FindRows(const Block & block, const SlicePlacement * placements, std::ptrdiff_t slice);
 
+/** The value of a pixel that has met no sample. */
+template <typename TPixel>
+constexpr TPixel NoSample = std::numeric_limits<TPixel>::has_infinity ? -std::numeric_limits<TPixel>::infinity()
+                                                                      : std::numeric_limits<TPixel>::lowest();
+
 /** The intermediate (sheared) image: `rows` x `columns` pixels, `rowStride` pixels from row to row. `reached[r]` are
- * the columns of row r that some slice reaches; what the other pixels hold is not defined.
+ * the columns of row r that may have a value; what the other pixels hold is not defined.
  *
  * `slices`, if not null, tells for each pixel, laid out as `pixels`, which slice gave it its value; it is negative
- * where a pixel has none although it is reached. */
+ * where a pixel has none. The image `hasGaps` if that may be so of a reached one. Without `slices` floating-point pixels
+ * that are `none` have no value. */
 template <typename TPixel>
 struct IntermediateImage
 {
@@ -188,9 +194,72 @@ struct IntermediateImage
   std::ptrdiff_t       columns, rows, rowStride;
   const ColumnSpan *   reached;
   const std::int32_t * slices{ nullptr };
+  bool                 hasGaps{ slices != nullptr };
+  TPixel               none{ NoSample<TPixel> };
 };
 
-/** A view along the slices' axis: the place of each slice, and the image that collects the maxima.
+/** An affine function of column, row and slice of a sheared volume, evaluated as
+ * `perColumn * column + ((perRow * row + perSlice * slice) + constant)`. */
+struct ShearedFunction
+{
+  double perColumn, perRow, perSlice, constant;
+
+  ShearWarpMIP_EXPORT
+  double
+  operator()(double column, double row, double slice) const;
+};
+
+/** Those columns of \a span where \a low <= function <= \a high, for a row and a slice. */
+ShearWarpMIP_EXPORT
+ColumnSpan
+ClipColumns(const ShearedFunction & function, double low, double high, double row, double slice, ColumnSpan span);
+
+/** Samples count where \a low <= function <= \a high. */
+struct Interval
+{
+  ShearedFunction function;
+  double          low, high;
+};
+
+/** The samples that count in a view: those of all intervals. */
+struct Region
+{
+  std::vector<Interval> intervals;
+  std::ptrdiff_t        firstSlice{ 0 }; // of the stack, in the volume
+
+  enum class Part
+  {
+    None,
+    Some,
+    All
+  };
+
+  /** Which samples of columns \a columns and rows \a rows of a slice count: \c Some if it is not easy to tell. */
+  ShearWarpMIP_EXPORT
+  Part
+  FindPart(ColumnSpan columns, RowSpan rows, std::ptrdiff_t slice) const;
+
+  /** Those of columns \a columns of a row of a slice that count. */
+  ShearWarpMIP_EXPORT
+  ColumnSpan
+  Clip(ColumnSpan columns, std::ptrdiff_t row, std::ptrdiff_t slice) const;
+};
+
+/** Which pixels of an image have met a sample. */
+struct Coverage
+{
+  std::uint8_t * marks; // 1 for those, 0 for others
+  std::ptrdiff_t rowStride;
+  ColumnSpan *   known; // of each row, some that are marked
+
+  ShearWarpMIP_EXPORT
+  void
+  Add(std::ptrdiff_t row, ColumnSpan span) const;
+};
+
+/** A view along the slices' axis: the place of each slice, and the image that collects the maxima, or the minima if it
+ * `isMinimum`. With a `region` only samples in it are taken, and `coverage` tells which pixels have met one;
+ * of the views of one call all have a region or none.
  *
  * `active`, if not null, tells which tiles of a block of at most BlockLength slices are needed: where
  * `active[(row - block.rowBegin) / BlockLength * activeStride + column / TileColumns]` is zero, for a row counted from
@@ -202,6 +271,9 @@ struct ShearedView
   IntermediateImage<TPixel> intermediate;
   const std::uint8_t *      active{ nullptr };
   std::ptrdiff_t            activeStride{ 0 };
+  bool                      isMinimum{ false };
+  const Region *            region{ nullptr };
+  Coverage                  coverage{};
 };
 
 /** A row of a slice's samples: between the rows \a a, of weight y / 2^15, and \a b of `columns` voxels, of which voxel
@@ -226,22 +298,6 @@ struct RayRow
 };
 constexpr std::int32_t NoSlice = -1;
 constexpr std::int32_t EndedRay = 1 << 30;
-
-/** An affine function of column, row and slice of a sheared volume, evaluated as
- * `perColumn * column + ((perRow * row + perSlice * slice) + constant)`. */
-struct ShearedFunction
-{
-  double perColumn, perRow, perSlice, constant;
-
-  ShearWarpMIP_EXPORT
-  double
-  operator()(double column, double row, double slice) const;
-};
-
-/** Those columns of \a span where \a low <= function <= \a high, for a row and a slice. */
-ShearWarpMIP_EXPORT
-ColumnSpan
-ClipColumns(const ShearedFunction & function, double low, double high, double row, double slice, ColumnSpan span);
 
 /** exp(-\a x) for 0 <= x, or 0 where that is less than exp(-708): from IEEE operations alone, so that every computer
  * has the same bits. It is exactly 1 at 0, never rises with x, and its relative error is below 2^-52. */
@@ -287,11 +343,6 @@ struct AffineMap2D
   double yx, yy, y0;
 };
 
-/** The value of a pixel that has met no sample. */
-template <typename TPixel>
-constexpr TPixel NoSample = std::numeric_limits<TPixel>::has_infinity ? -std::numeric_limits<TPixel>::infinity()
-                                                                      : std::numeric_limits<TPixel>::lowest();
-
 /** How rays choose among samples: the functions of one mode. Equal samples: the first one stays. Not-a-number takes no
  * part. */
 template <typename TPixel>
@@ -319,9 +370,9 @@ struct Kernels
   /** "portable", "avx2" or "avx512". */
   const char * instructionSet;
 
-  /** Raises the pixels of each of \a count views to the maximum of what they hold and of the samples of a block of
-   * the sheared volume: the projection of Fang et al. 2002 (figure 2 and equation 2), one set of weights for a slice.
-   */
+  /** Raises, or for a minimum lowers, the pixels of each of \a count views to the extremum of what they hold and of the
+   * samples of a block of the sheared volume: the projection of Fang et al. 2002 (figure 2 and equation 2), one set of
+   * weights for a slice. */
   void (*projectBlock)(const SliceStack<TPixel> &  slices,
                        const Block &               block,
                        const ShearedView<TPixel> * views,
@@ -394,6 +445,17 @@ FindMark(const std::uint8_t * marks, ColumnSpan span, std::uint8_t mark)
   const void * found = std::memchr(marks + span.begin, mark, static_cast<std::size_t>(span.end - span.begin));
   return found ? static_cast<std::int32_t>(static_cast<const std::uint8_t *>(found) - marks) : span.end;
 }
+
+/** The columns of a row from the first to the last that has a slice, and whether some between them have none. */
+struct ReachedRow
+{
+  ColumnSpan span;
+  bool       hasGaps;
+};
+
+ShearWarpMIP_EXPORT
+ReachedRow
+FindReached(const std::int32_t * slices, std::ptrdiff_t columns);
 
 /** Samples as \a kernels does with sampleRow, restricted to a mask: rows \a maskA and \a maskB belong to the row's, and
  * voxels are in it where they are \a label or, if that is 0, not 0. A sample counts where its nearest voxel is in the

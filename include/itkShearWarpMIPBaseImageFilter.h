@@ -223,7 +223,7 @@ protected:
     return m_Grid;
   }
 
-  /** Whether rays take samples in any order and all of them. */
+  /** Whether a ray's value is the maximum of all its samples. */
   bool
   IsPlainMaximum() const;
 
@@ -276,6 +276,16 @@ private:
     unsigned int            axis;
     std::vector<Projection> projections;
   };
+
+  /** Whether only RayProjectorType can project. */
+  bool
+  NeedsRays() const;
+
+  bool
+  HasRegion() const;
+
+  typename Superclass::ProjectorType::IntervalList
+  MakeIntervals(const View & view) const;
 
   typename RayProjectorType::Parameters
   MakeRayParameters(const View & view, const Kernels & kernels) const;

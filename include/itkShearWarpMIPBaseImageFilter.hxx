@@ -374,19 +374,18 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GeneratePixels()
         }
       }
     };
-    if (this->IsPlainMaximum())
+    if (!this->NeedsRays())
     {
-      std::vector<const ShearWarpFactorization *> factorizations;
-      factorizations.reserve(firsts.size());
+      typename Superclass::ProjectorType::ViewList projectedViews;
       for (const auto & first : firsts)
       {
-        factorizations.push_back(&first->factorization);
+        projectedViews.push_back({ &first->factorization, this->MakeIntervals(*first) });
       }
-      this->m_Projector.Start(factorizations, kernels, this->m_ReducedResampling, workers);
+      this->m_Projector.Start(projectedViews, kernels, m_Mode, this->m_ReducedResampling, workers);
       const auto project = [this](const auto & volume, const auto *, const auto & parallelize) {
         this->m_Projector.Project(volume, parallelize);
       };
-      this->Project(project, axis, true, hasBlockMaxima, isKept, kernels, share);
+      this->Project(project, axis, true, hasBlockMaxima && this->IsPlainMaximum(), isKept, kernels, share);
       this->m_SkippedFraction += this->m_Projector.GetSkippedFraction() * share;
       finish([this](std::size_t n, const auto & parallelize) { return this->m_Projector.Finish(n, parallelize); });
     }
@@ -416,7 +415,8 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::MakeGroups(SizeValueType
                                                                    const FactorizeFunction & factorize) const
   -> std::vector<Group>
 {
-  const bool                                          isPlainMaximum = this->IsPlainMaximum();
+  const bool                                          isOneByOne = this->NeedsRays();
+  const bool                                          hasRegion = this->HasRegion();
   std::vector<Projection>                             projections[InputImageDimension];
   Size<2>                                             largest[InputImageDimension]{};
   std::unordered_multimap<SizeValueType, std::size_t> candidates[InputImageDimension];
@@ -438,7 +438,7 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::MakeGroups(SizeValueType
       }
     }
     const auto [begin, end] = candidates[axis].equal_range(key);
-    const auto same = !isPlainMaximum ? end : std::find_if(begin, end, [&](const auto & candidate) {
+    const auto same = isOneByOne || hasRegion ? end : std::find_if(begin, end, [&](const auto & candidate) {
       const Projection & projection = projections[axis][candidate.second];
       return factorize(projection.front())->factorization.HasSameSlicePlacements(view->factorization);
     });
@@ -456,9 +456,9 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::MakeGroups(SizeValueType
   {
     // as few groups as there is room for, of equal size; more views would save nothing
     const SizeValueType bytes =
-      ShearWarpProjector<InputPixelType>::GetImageSizeInBytes(largest[axis], this->m_Oversampling);
+      ShearWarpProjector<InputPixelType>::GetImageSizeInBytes(largest[axis], this->m_Oversampling, m_Mode, hasRegion);
     const SizeValueType room = m_IntermediateMemory / std::max<SizeValueType>(bytes * this->GetNumberOfWorkers(), 1);
-    const SizeValueType most = isPlainMaximum ? std::clamp<SizeValueType>(room, 1, MostViewsTogether) : 1;
+    const SizeValueType most = isOneByOne ? 1 : std::clamp<SizeValueType>(room, 1, MostViewsTogether);
     const SizeValueType total = projections[axis].size();
     const SizeValueType groupsOfAxis = (total + most - 1) / most;
     const auto          first = std::make_move_iterator(projections[axis].begin());
@@ -474,10 +474,48 @@ template <typename TInputImage, typename TOutputImage>
 bool
 ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::IsPlainMaximum() const
 {
+  return m_Mode == ModeEnum::Maximum && !this->HasRegion() && !this->NeedsRays();
+}
+
+template <typename TInputImage, typename TOutputImage>
+bool
+ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::HasRegion() const
+{
   constexpr double infinity = std::numeric_limits<double>::infinity();
-  return m_Mode == ModeEnum::Maximum && m_SlabNear == -infinity && m_SlabFar == infinity &&
-         m_CropLower == PhysicalPointType(-infinity) && m_CropUpper == PhysicalPointType(infinity) &&
-         !this->GetMaskImage() && !m_LocalMaximum && m_DepthAttenuation == 0.0 && !m_ComputeDepth;
+  return m_SlabNear != -infinity || m_SlabFar != infinity || m_CropLower != PhysicalPointType(-infinity) ||
+         m_CropUpper != PhysicalPointType(infinity);
+}
+
+template <typename TInputImage, typename TOutputImage>
+bool
+ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::NeedsRays() const
+{
+  return this->GetMaskImage() || m_LocalMaximum || m_DepthAttenuation > 0.0 || m_ComputeDepth;
+}
+
+template <typename TInputImage, typename TOutputImage>
+auto
+ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::MakeIntervals(const View & view) const ->
+  typename Superclass::ProjectorType::IntervalList
+{
+  typename Superclass::ProjectorType::IntervalList intervals;
+  const auto addInterval = [&](const ShearWarp::ShearedFunction & function, double low, double high) {
+    constexpr double infinity = std::numeric_limits<double>::infinity();
+    if (low != -infinity || high != infinity)
+    {
+      intervals.push_back({ function, low, high });
+    }
+  };
+  addInterval(view.factorization.GetDepthFunction(), m_SlabNear, m_SlabFar);
+  const auto axes = ShearWarpFactorization::GetLinearPart(view.transform);
+  const auto offset = view.transform->TransformPoint(PhysicalPointType(0.0));
+  for (unsigned int axis = 0; axis < InputImageDimension; ++axis)
+  {
+    const double position[] = { axes(axis, 0), axes(axis, 1), axes(axis, 2), offset[axis] };
+    addInterval(
+      view.factorization.GetShearedFunction(Vector<double, 4>(position)), m_CropLower[axis], m_CropUpper[axis]);
+  }
+  return intervals;
 }
 
 template <typename TInputImage, typename TOutputImage>
@@ -495,23 +533,7 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::MakeRayParameters(const 
     parameters.localMaximumThreshold = m_LocalMaximumThreshold;
   }
 
-  const auto addInterval = [&](const ShearWarp::ShearedFunction & function, double low, double high) {
-    constexpr double infinity = std::numeric_limits<double>::infinity();
-    if (low != -infinity || high != infinity)
-    {
-      parameters.intervals.push_back({ function, low, high });
-    }
-  };
-  addInterval(view.factorization.GetDepthFunction(), m_SlabNear, m_SlabFar);
-  const auto axes = ShearWarpFactorization::GetLinearPart(view.transform);
-  const auto offset = view.transform->TransformPoint(PhysicalPointType(0.0));
-  for (unsigned int axis = 0; axis < InputImageDimension; ++axis)
-  {
-    const double position[] = { axes(axis, 0), axes(axis, 1), axes(axis, 2), offset[axis] };
-    addInterval(
-      view.factorization.GetShearedFunction(Vector<double, 4>(position)), m_CropLower[axis], m_CropUpper[axis]);
-  }
-
+  parameters.intervals = this->MakeIntervals(view);
   if (m_DepthAttenuation > 0.0)
   {
     const double begin = std::max(ShearWarp::FindSphereDepth(view.transform, this->GetInput()), m_SlabNear);

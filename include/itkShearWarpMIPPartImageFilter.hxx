@@ -156,7 +156,11 @@ ShearWarpMIPPartImageFilter<TInputImage>::GeneratePixels()
       count, 1, 0.2f / slabs, [&process](SizeValueType n, SizeValueType, SizeValueType) { process(n); });
   };
   auto & projector = this->m_Projector;
-  projector.Start({ &factorization }, kernels, this->m_ReducedResampling, this->GetNumberOfWorkers());
+  projector.Start({ { &factorization, {} } },
+                  kernels,
+                  ShearWarpMIPImageFilterEnums::Mode::Maximum,
+                  this->m_ReducedResampling,
+                  this->GetNumberOfWorkers());
   for (std::ptrdiff_t begin = first; begin < last; begin += slabLength)
   {
     const auto voxels = this->VerifyVoxels("input", input);

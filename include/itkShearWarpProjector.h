@@ -60,15 +60,18 @@ std::ostream &
 operator<<(std::ostream & out, ShearWarpMIPImageFilterEnums::ReducedResampling value);
 
 /** \class ShearWarpProjector
- * \brief Projects a prepared volume to the intermediate images of views along one axis, by several threads.
+ * \brief Projects a prepared volume to the intermediate images of views along one axis, by several threads: the
+ * maximum, the minimum or both, for the absolute maximum, of the samples or of those in a region.
  *
  * The volume is divided into blocks of rows and slices. Each thread takes the next block and raises intermediate
- * images of its own; the maximum over the threads' images is the result. It does not depend on who took which block.
- * A block is projected for all views while it is in the cache, so that the volume is read once.
+ * images of its own, or for the minimum lowers them; the extremum over the threads' images is the result. It does not
+ * depend on who took which block. A block is projected for all views while it is in the cache, so that the volume is
+ * read once.
  *
  * Reduced resampling (Fang et al. 2002, figure 3) by tiles: before a thread projects eight slices of a block, it
  * compares the maximum of the cubes that a tile's samples come from with the least pixel that the tile has already. A
- * sample is never above the maximum of its voxels, so where that is not greater nothing can change.
+ * sample is never above the maximum of its voxels, so where that is not greater nothing can change. Only the
+ * maximum of the whole image has it.
  *
  * The phases of an oversampled intermediate image are projected together, while the voxels are in the cache, and joined
  * at the end.
@@ -82,15 +85,25 @@ class ShearWarpProjector
 {
 public:
   using ReducedResamplingEnum = ShearWarpMIPImageFilterEnums::ReducedResampling;
+  using ModeEnum = ShearWarpMIPImageFilterEnums::Mode;
   using IntermediateImageType = ShearWarp::IntermediateImage<TPixel>;
 
-  using FactorizationList = std::vector<const ShearWarpFactorization *>;
+  using IntervalList = std::vector<ShearWarp::Interval>;
 
-  /** Begins a projection by at most \a workers threads. The factorizations, of one principal axis and one oversampling,
-   * and \a kernels must live until Finish(). */
+  struct View
+  {
+    const ShearWarpFactorization * factorization;
+    /** Samples count in all of them. */
+    IntervalList intervals;
+  };
+  using ViewList = std::vector<View>;
+
+  /** Begins a projection by at most \a workers threads. The factorizations of \a views, of one principal axis and one
+   * oversampling, and \a kernels must live until Finish(). */
   void
-  Start(FactorizationList                  factorizations,
+  Start(ViewList                           views,
         const ShearWarp::Kernels<TPixel> & kernels,
+        ModeEnum                           mode,
         ReducedResamplingEnum              reducedResampling,
         SizeValueType                      workers);
 
@@ -122,9 +135,9 @@ public:
   SizeValueType
   GetSizeInBytes() const;
 
-  /** Bytes of one thread's intermediate image of \a size pixels. */
+  /** Bytes of one thread's intermediate image of \a size pixels, with a region or without. */
   static SizeValueType
-  GetImageSizeInBytes(const Size<2> & size, unsigned int oversampling);
+  GetImageSizeInBytes(const Size<2> & size, unsigned int oversampling, ModeEnum mode, bool hasRegion);
 
 private:
   using PlacementList = std::vector<ShearWarp::SlicePlacement>;
@@ -132,10 +145,12 @@ private:
   /** What one thread has projected onto one grid: rows [rowBegin, rowEnd). */
   struct PartialImage
   {
-    ShearWarpBuffer           pixels;
-    std::ptrdiff_t            rowBegin{ 0 }, rowEnd{ 0 };
-    std::vector<TPixel>       lowerBounds; // no pixel of the tile is below
-    std::vector<std::uint8_t> active;
+    ShearWarpBuffer                    pixels;
+    ShearWarpBuffer                    marks; // of pixels that have met a sample of the region
+    std::vector<ShearWarp::ColumnSpan> known;
+    std::ptrdiff_t                     rowBegin{ 0 }, rowEnd{ 0 };
+    std::vector<TPixel>                lowerBounds; // no pixel of the tile is below
+    std::vector<std::uint8_t>          active;
   };
 
   struct Worker
@@ -153,6 +168,29 @@ private:
   {
     SizeValueType all, skipped;
   };
+
+  /** Whether \a minimum, which is not above \a maximum, has the larger magnitude. */
+  static bool
+  IsMagnitudeLarger(TPixel minimum, TPixel maximum)
+  {
+    if constexpr (std::is_floating_point_v<TPixel>)
+    {
+      return minimum < 0 && -minimum > maximum;
+    }
+    else if constexpr (std::is_signed_v<TPixel>)
+    {
+      // that of the lowest integer has no sign
+      return minimum < 0 && (maximum < 0 || -(minimum + 1) >= maximum);
+    }
+    return false;
+  }
+
+  /** No unsigned minimum has a larger magnitude than the maximum. */
+  static ModeEnum
+  Simplify(ModeEnum mode)
+  {
+    return mode == ModeEnum::AbsoluteMaximum && !std::is_signed_v<TPixel> ? ModeEnum::Maximum : mode;
+  }
 
   /** An odd number of tiles, so that rows do not compete for the same lines of the cache. */
   static std::ptrdiff_t
@@ -184,28 +222,42 @@ private:
   IsAnyBelow(PartialImage & image, std::ptrdiff_t tileRow, std::ptrdiff_t tileColumn, TPixel value) const;
 
   void
-  ExtendRows(const ShearWarp::IntermediateGrid & grid,
-             PartialImage &                      image,
-             std::ptrdiff_t                      begin,
-             std::ptrdiff_t                      end) const;
+  ExtendRows(std::size_t grid, PartialImage & image, std::ptrdiff_t begin, std::ptrdiff_t end) const;
 
   void
-  FillRows(const ShearWarp::IntermediateGrid & grid,
-           PartialImage &                      image,
-           std::ptrdiff_t                      begin,
-           std::ptrdiff_t                      end) const;
+  FillRows(std::size_t grid, PartialImage & image, std::ptrdiff_t begin, std::ptrdiff_t end) const;
 
-  const TPixel *
+  TPixel *
   MergeRow(std::size_t grid, std::ptrdiff_t row);
 
-  std::vector<Worker>         m_Workers;
-  SizeValueType               m_NumberOfWorkers{ 1 };
-  ShearWarpBuffer             m_JoinedPhases;
-  std::vector<std::ptrdiff_t> m_SliceOrder; // the first of each BlockLength slices
+  const std::uint8_t *
+  MergeMarks(std::size_t grid, std::ptrdiff_t row);
+
+  /** For the absolute maximum each phase has two grids: of maxima, then of minima. */
+  bool
+  IsMinimum(std::size_t grid) const
+  {
+    return m_Mode == ModeEnum::Minimum || (m_Mode == ModeEnum::AbsoluteMaximum && grid % 2 == 1);
+  }
+
+  TPixel
+  GetStart(std::size_t grid) const
+  {
+    return this->IsMinimum(grid) ? m_Kernels->minimum.start : m_Kernels->maximum.start;
+  }
+
+  std::vector<Worker>                m_Workers;
+  SizeValueType                      m_NumberOfWorkers{ 1 };
+  ShearWarpBuffer                    m_JoinedPhases;
+  ShearWarpBuffer             m_JoinedSlices; // 0 or NoSlice, where pixels may have no value
+  std::vector<ShearWarp::ColumnSpan> m_Reached;      // of its rows
+  std::vector<std::ptrdiff_t>        m_SliceOrder;   // the first of each BlockLength slices
 
   const ShearWarp::Kernels<TPixel> *               m_Kernels{ nullptr };
-  FactorizationList                                m_Factorizations;
-  std::vector<const ShearWarp::IntermediateGrid *> m_Grids;      // of each view its phases
+  ViewList                                         m_Views;
+  std::vector<ShearWarp::Region>                   m_Regions; // of each grid, if any has intervals
+  ModeEnum                                         m_Mode{ ModeEnum::Maximum };
+  std::vector<const ShearWarp::IntermediateGrid *> m_Grids;      // of each view its phases, of these the extrema
   std::vector<PlacementList>                       m_Placements; // on each grid, of the slices
   ShearWarp::SliceStack<TPixel>                    m_Slices{};
   ShearWarp::BlockMaxima<TPixel>                   m_BlockMaxima{};

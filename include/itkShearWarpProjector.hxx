@@ -19,28 +19,44 @@
 #define itkShearWarpProjector_hxx
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
+#include <functional>
 
 namespace itk
 {
 template <typename TPixel>
 void
-ShearWarpProjector<TPixel>::Start(FactorizationList                  factorizations,
+ShearWarpProjector<TPixel>::Start(ViewList                           views,
                                   const ShearWarp::Kernels<TPixel> & kernels,
+                                  ModeEnum                           mode,
                                   ReducedResamplingEnum              reducedResampling,
                                   SizeValueType                      workers)
 {
+  const bool hasRegion =
+    std::any_of(views.begin(), views.end(), [](const View & view) { return !view.intervals.empty(); });
   m_Kernels = &kernels;
-  m_Factorizations = std::move(factorizations);
-  m_WantedReducedResampling = reducedResampling;
+  m_Views = std::move(views);
+  m_Mode = Simplify(mode);
+  m_WantedReducedResampling = m_Mode != ModeEnum::Maximum || hasRegion ? ReducedResamplingEnum::Off : reducedResampling;
   m_NumberOfWorkers = workers;
   m_Grids.clear();
+  m_Regions.clear();
   m_TileColumns = m_TileRows = 0;
-  for (const ShearWarpFactorization * factorization : m_Factorizations)
+  for (const View & view : m_Views)
   {
-    for (const ShearWarp::IntermediateGrid & grid : factorization->GetPhases())
+    std::size_t phase = 0;
+    for (const ShearWarp::IntermediateGrid & grid : view.factorization->GetPhases())
     {
-      m_Grids.push_back(&grid);
+      ShearWarp::Region region{ view.intervals };
+      for (ShearWarp::Interval & interval : region.intervals)
+      {
+        interval.function = view.factorization->GetFunctionOfPhase(interval.function, phase);
+      }
+      ++phase;
+      const std::size_t extrema = m_Mode == ModeEnum::AbsoluteMaximum ? 2 : 1;
+      m_Grids.insert(m_Grids.end(), extrema, &grid);
+      m_Regions.insert(m_Regions.end(), hasRegion ? extrema : 0, region);
       m_TileColumns = std::max(m_TileColumns, ShearWarp::CountBlocks(grid.columns, ShearWarp::TileColumns));
       m_TileRows = std::max(m_TileRows, ShearWarp::CountBlocks(grid.rows));
     }
@@ -68,13 +84,17 @@ ShearWarpProjector<TPixel>::Project(const ShearWarpPreparedVolume<TPixel> & volu
   using ShearWarp::BlockLength;
   using ShearWarp::CountBlocks;
 
-  const unsigned int axis = m_Factorizations.front()->GetPrincipalAxis();
+  const unsigned int axis = m_Views.front().factorization->GetPrincipalAxis();
   m_Slices = volume.GetSlices(axis);
   m_BlockMaxima = volume.GetBlockMaxima(axis);
   m_Placements.clear();
   for (const ShearWarp::IntermediateGrid * grid : m_Grids)
   {
     m_Placements.push_back(ShearWarp::PlacePart(*grid, volume.GetCorner(axis), m_Slices.slices));
+  }
+  for (ShearWarp::Region & region : m_Regions)
+  {
+    region.firstSlice = volume.GetCorner(axis).slice;
   }
   m_ReducedResampling = m_BlockMaxima.maxima ? m_WantedReducedResampling : ReducedResamplingEnum::Off;
   if constexpr (std::is_floating_point_v<TPixel>)
@@ -86,16 +106,15 @@ ShearWarpProjector<TPixel>::Project(const ShearWarpPreparedVolume<TPixel> & volu
     }
   }
   // slices together are faster where samples have two voxels
-  const auto isTurnAboutAxis = [](const ShearWarpFactorization * factorization) {
-    const auto & placements = factorization->GetSlicePlacements();
+  const auto isTurnAboutAxis = [](const View & view) {
+    const auto & placements = view.factorization->GetSlicePlacements();
     const auto   areWhole = [&](ShearWarp::SamplingPosition ShearWarp::SlicePlacement::* position) {
       return std::all_of(
         placements.begin(), placements.end(), [=](const auto & slice) { return (slice.*position).fraction == 0; });
     };
     return areWhole(&ShearWarp::SlicePlacement::column) || areWhole(&ShearWarp::SlicePlacement::row);
   };
-  m_HasCommonRows =
-    m_Factorizations.size() > 1 && std::all_of(m_Factorizations.begin(), m_Factorizations.end(), isTurnAboutAxis);
+  m_HasCommonRows = m_Views.size() > 1 && std::all_of(m_Views.begin(), m_Views.end(), isTurnAboutAxis);
 
   // where slices lie side by side a few rows are long runs in memory, else all rows of a slice are; several images
   // share rows of BlockLength slices
@@ -129,25 +148,37 @@ template <typename TParallelize>
 auto
 ShearWarpProjector<TPixel>::Finish(std::size_t view, const TParallelize & parallelize) -> IntermediateImageType
 {
-  const ShearWarpFactorization & factorization = *m_Factorizations[view];
+  const ShearWarpFactorization & factorization = *m_Views[view].factorization;
   const auto                     oversampling = static_cast<std::ptrdiff_t>(factorization.GetOversampling());
   const std::ptrdiff_t           rowStride = oversampling * m_RowStride;
   const auto                     columns = static_cast<std::ptrdiff_t>(factorization.GetIntermediateSize()[0]);
   const auto                     rows = static_cast<std::ptrdiff_t>(factorization.GetIntermediateSize()[1]);
   const std::size_t              phases = factorization.GetPhases().size();
-  const std::size_t              firstGrid = view * phases;
+  const std::size_t              extrema = m_Grids.size() / (m_Views.size() * phases);
+  const std::size_t              firstGrid = view * phases * extrema;
 
   std::vector<PartialImage> & merged = m_Workers.front().images;
-  for (std::size_t n = firstGrid; n < firstGrid + phases; ++n)
+  for (std::size_t n = firstGrid; n < firstGrid + phases * extrema; ++n)
   {
-    this->ExtendRows(*m_Grids[n], merged[n], 0, m_TileRows * ShearWarp::BlockLength);
+    this->ExtendRows(n, merged[n], 0, m_TileRows * ShearWarp::BlockLength);
   }
   if (oversampling > 1)
   {
     m_JoinedPhases.Reserve(rows * rowStride * sizeof(TPixel), "the joined intermediate image");
   }
+  // the better one of two extrema does not tell whether a float has met a sample
+  const bool hasRegion = !m_Regions.empty();
+  const bool isAbsolute = extrema == 2;
+  const bool hasSlices = hasRegion || (isAbsolute && std::is_floating_point_v<TPixel>);
+  if (hasSlices)
+  {
+    m_Reached.resize(rows);
+    m_JoinedSlices.Reserve(rows * rowStride * sizeof(std::int32_t), "the slices of the joined intermediate image");
+  }
+  auto * const             slices = m_JoinedSlices.template GetPointer<std::int32_t>();
   constexpr std::ptrdiff_t bandPixels = 1 << 17;
   const std::ptrdiff_t     bandRows = bandPixels / rowStride + 1;
+  std::atomic<bool>        hasGaps{ false };
   const auto               mergeBand = [&](SizeValueType n, SizeValueType, SizeValueType) {
     const std::ptrdiff_t begin = static_cast<std::ptrdiff_t>(n) * bandRows;
     for (std::ptrdiff_t row = begin; row < std::min(begin + bandRows, rows); ++row)
@@ -155,7 +186,27 @@ ShearWarpProjector<TPixel>::Finish(std::size_t view, const TParallelize & parall
       for (std::ptrdiff_t column = 0; column < oversampling; ++column)
       {
         const std::ptrdiff_t phaseOfRow = row % oversampling * oversampling + column;
-        const TPixel *       phase = this->MergeRow(firstGrid + phaseOfRow, row / oversampling);
+        const std::size_t    grid = firstGrid + phaseOfRow * extrema;
+        TPixel *             phase = this->MergeRow(grid, row / oversampling);
+        const TPixel *       minima = isAbsolute ? this->MergeRow(grid + 1, row / oversampling) : nullptr;
+        if (hasSlices)
+        {
+          const std::uint8_t * marks = hasRegion ? this->MergeMarks(grid, row / oversampling) : nullptr;
+          for (std::ptrdiff_t p = 0; p < m_RowStride; ++p)
+          {
+            const bool isEmpty = std::is_floating_point_v<TPixel> && phase[p] == this->GetStart(grid) &&
+                                 !(isAbsolute && minima[p] != this->GetStart(grid + 1));
+            const bool hasValue = !isEmpty && (!marks || marks[p] != 0);
+            slices[row * rowStride + column + p * oversampling] = hasValue ? 0 : ShearWarp::NoSlice;
+          }
+        }
+        if (isAbsolute)
+        {
+          for (std::ptrdiff_t p = 0; p < m_RowStride; ++p)
+          {
+            phase[p] = IsMagnitudeLarger(minima[p], phase[p]) ? minima[p] : phase[p];
+          }
+        }
         if (oversampling > 1)
         {
           TPixel * joined = m_JoinedPhases.template GetPointer<TPixel>() + row * rowStride + column;
@@ -165,11 +216,27 @@ ShearWarpProjector<TPixel>::Finish(std::size_t view, const TParallelize & parall
           }
         }
       }
+      if (hasSlices)
+      {
+        const auto reached = ShearWarp::FindReached(slices + row * rowStride, columns);
+        m_Reached[row] = reached.span;
+        if (reached.hasGaps)
+        {
+          hasGaps = true;
+        }
+      }
     }
   };
   parallelize(static_cast<SizeValueType>(ShearWarp::CountBlocks(rows, bandRows)), 1, mergeBand);
   const ShearWarpBuffer & pixels = oversampling > 1 ? m_JoinedPhases : merged[firstGrid].pixels;
-  return { pixels.template GetPointer<TPixel>(), columns, rows, rowStride, factorization.GetReachedColumns().data() };
+  return { pixels.template GetPointer<TPixel>(),
+           columns,
+           rows,
+           rowStride,
+           hasSlices ? m_Reached.data() : factorization.GetReachedColumns().data(),
+           hasSlices ? slices : nullptr,
+           hasGaps,
+           this->GetStart(firstGrid) };
 }
 
 template <typename TPixel>
@@ -191,8 +258,17 @@ SizeValueType
 ShearWarpProjector<TPixel>::GetSizeInBytes() const
 {
   using ShearWarp::CountBytes;
-  SizeValueType bytes =
-    m_JoinedPhases.GetSizeInBytes() + CountBytes(m_SliceOrder) + CountBytes(m_Factorizations) + CountBytes(m_Grids);
+  SizeValueType bytes = m_JoinedPhases.GetSizeInBytes() + CountBytes(m_SliceOrder) + CountBytes(m_Views) +
+                        CountBytes(m_Grids) + CountBytes(m_Regions) + m_JoinedSlices.GetSizeInBytes() +
+                        CountBytes(m_Reached);
+  for (const ShearWarp::Region & region : m_Regions)
+  {
+    bytes += CountBytes(region.intervals);
+  }
+  for (const View & view : m_Views)
+  {
+    bytes += CountBytes(view.intervals);
+  }
   for (const PlacementList & placements : m_Placements)
   {
     bytes += CountBytes(placements);
@@ -202,7 +278,8 @@ ShearWarpProjector<TPixel>::GetSizeInBytes() const
     bytes += CountBytes(worker.images) + CountBytes(worker.views) + CountBytes(worker.columnMaxima);
     for (const PartialImage & image : worker.images)
     {
-      bytes += image.pixels.GetSizeInBytes() + CountBytes(image.lowerBounds) + CountBytes(image.active);
+      bytes += image.pixels.GetSizeInBytes() + image.marks.GetSizeInBytes() + CountBytes(image.known) +
+               CountBytes(image.lowerBounds) + CountBytes(image.active);
     }
   }
   return bytes;
@@ -210,7 +287,10 @@ ShearWarpProjector<TPixel>::GetSizeInBytes() const
 
 template <typename TPixel>
 SizeValueType
-ShearWarpProjector<TPixel>::GetImageSizeInBytes(const Size<2> & size, unsigned int oversampling)
+ShearWarpProjector<TPixel>::GetImageSizeInBytes(const Size<2> & size,
+                                                unsigned int    oversampling,
+                                                ModeEnum        mode,
+                                                bool            hasRegion)
 {
   const auto countBlocks = [=](SizeValueType length, std::ptrdiff_t blockLength) {
     return ShearWarp::CountBlocks(ShearWarp::CountBlocks(static_cast<std::ptrdiff_t>(length), oversampling),
@@ -218,7 +298,8 @@ ShearWarpProjector<TPixel>::GetImageSizeInBytes(const Size<2> & size, unsigned i
   };
   const std::ptrdiff_t pixels = GetRowStride(countBlocks(size[0], ShearWarp::TileColumns)) * ShearWarp::BlockLength *
                                 countBlocks(size[1], ShearWarp::BlockLength);
-  return SizeValueType{ oversampling } * oversampling * static_cast<SizeValueType>(pixels) * sizeof(TPixel);
+  return SizeValueType{ oversampling } * oversampling * static_cast<SizeValueType>(pixels) *
+         (Simplify(mode) == ModeEnum::AbsoluteMaximum ? 2 : 1) * (sizeof(TPixel) + hasRegion);
 }
 
 /** Storage order, but for reduced resampling every few slices first: they soon give all pixels a value. */
@@ -272,7 +353,7 @@ ShearWarpProjector<TPixel>::ProjectRows(Worker &       worker,
       const ShearWarp::IntermediateGrid & grid = *m_Grids[g];
       const std::int32_t                  firstRow = m_Placements[g][block.sliceBegin].row.whole;
       const std::int32_t                  lastRow = m_Placements[g][block.sliceEnd - 1].row.whole;
-      this->ExtendRows(grid,
+      this->ExtendRows(g,
                        worker.images[g],
                        rowBegin + std::min(firstRow, lastRow),
                        std::min(rowEnd + std::max(firstRow, lastRow) + 1, grid.rows));
@@ -282,14 +363,17 @@ ShearWarpProjector<TPixel>::ProjectRows(Worker &       worker,
     for (std::size_t g = 0; g < m_Grids.size(); ++g)
     {
       const ShearWarp::IntermediateGrid & grid = *m_Grids[g];
-      const PartialImage &                image = worker.images[g];
+      PartialImage &                      image = worker.images[g];
       if (!hasMask || std::find(image.active.begin(), image.active.end(), 1) != image.active.end())
       {
         worker.views.push_back(
           { m_Placements[g].data(),
             { image.pixels.template GetPointer<TPixel>(), grid.columns, grid.rows, m_RowStride, grid.reached.data() },
             hasMask ? image.active.data() : nullptr,
-            m_TileColumns });
+            m_TileColumns,
+            this->IsMinimum(g),
+            m_Regions.empty() ? nullptr : &m_Regions[g],
+            { image.marks.template GetPointer<std::uint8_t>(), m_RowStride, image.known.data() } });
       }
     }
     if (!worker.views.empty())
@@ -440,10 +524,10 @@ ShearWarpProjector<TPixel>::IsAnyBelow(PartialImage & image,
 /** Makes the image's rows contain [begin, end). */
 template <typename TPixel>
 void
-ShearWarpProjector<TPixel>::ExtendRows(const ShearWarp::IntermediateGrid & grid,
-                                       PartialImage &                      image,
-                                       std::ptrdiff_t                      begin,
-                                       std::ptrdiff_t                      end) const
+ShearWarpProjector<TPixel>::ExtendRows(std::size_t    grid,
+                                       PartialImage & image,
+                                       std::ptrdiff_t begin,
+                                       std::ptrdiff_t end) const
 {
   using ShearWarp::BlockLength;
   begin = begin / BlockLength * BlockLength;
@@ -452,6 +536,11 @@ ShearWarpProjector<TPixel>::ExtendRows(const ShearWarp::IntermediateGrid & grid,
   {
     image.pixels.Reserve(m_TileRows * BlockLength * m_RowStride * sizeof(TPixel), "an intermediate image");
     image.lowerBounds.assign(m_TileRows * m_TileColumns, ShearWarp::NoSample<TPixel>);
+    if (!m_Regions.empty())
+    {
+      image.marks.Reserve(m_TileRows * BlockLength * m_RowStride, "the marks of an intermediate image");
+    }
+    image.known.assign(m_Regions.empty() ? 0 : m_TileRows * BlockLength, {});
     image.rowBegin = image.rowEnd = begin;
   }
   if (begin < image.rowBegin)
@@ -466,29 +555,57 @@ ShearWarpProjector<TPixel>::ExtendRows(const ShearWarp::IntermediateGrid & grid,
   }
 }
 
-/** No sample yet; the maximum where none can come, so that it does not keep a tile from being skipped. */
+/** No sample yet; with reduced resampling, where none can come, a maximum that does not keep a tile from being skipped.
+ */
 template <typename TPixel>
 void
-ShearWarpProjector<TPixel>::FillRows(const ShearWarp::IntermediateGrid & grid,
-                                     PartialImage &                      image,
-                                     std::ptrdiff_t                      begin,
-                                     std::ptrdiff_t                      end) const
+ShearWarpProjector<TPixel>::FillRows(std::size_t    grid,
+                                     PartialImage & image,
+                                     std::ptrdiff_t begin,
+                                     std::ptrdiff_t end) const
 {
+  const bool   isTested = m_WantedReducedResampling != ReducedResamplingEnum::Off;
+  const TPixel start = this->GetStart(grid);
+  const TPixel outside = isTested ? NumericTraits<TPixel>::max() : start;
   for (std::ptrdiff_t row = begin; row < end; ++row)
   {
     TPixel *                    pixels = image.pixels.template GetPointer<TPixel>() + row * m_RowStride;
-    const ShearWarp::ColumnSpan span = row < grid.rows ? grid.reached[row] : ShearWarp::ColumnSpan{ 0, 0 };
-    std::fill(pixels, pixels + span.begin, NumericTraits<TPixel>::max());
-    std::fill(pixels + span.begin, pixels + span.end, ShearWarp::NoSample<TPixel>);
-    std::fill(pixels + span.end, pixels + m_RowStride, NumericTraits<TPixel>::max());
+    const ShearWarp::ColumnSpan span =
+      row < m_Grids[grid]->rows ? m_Grids[grid]->reached[row] : ShearWarp::ColumnSpan{ 0, 0 };
+    std::fill(pixels, pixels + span.begin, outside);
+    std::fill(pixels + span.begin, pixels + span.end, start);
+    std::fill(pixels + span.end, pixels + m_RowStride, outside);
+    if (!m_Regions.empty())
+    {
+      std::fill_n(image.marks.template GetPointer<std::uint8_t>() + row * m_RowStride, m_RowStride, std::uint8_t{ 0 });
+    }
   }
 }
 
-/** Raises the first worker's pixels of a row of a grid to those of the others, and returns them. */
+/** Gives the first worker's marks of a row of a grid those of the others, and returns them. */
 template <typename TPixel>
-const TPixel *
+const std::uint8_t *
+ShearWarpProjector<TPixel>::MergeMarks(std::size_t grid, std::ptrdiff_t row)
+{
+  std::uint8_t * const result = m_Workers.front().images[grid].marks.template GetPointer<std::uint8_t>() + row * m_RowStride;
+  for (std::size_t n = 1; n < m_Workers.size(); ++n)
+  {
+    const PartialImage & image = m_Workers[n].images[grid];
+    if (row >= image.rowBegin && row < image.rowEnd)
+    {
+      const auto * marks = image.marks.template GetPointer<std::uint8_t>() + row * m_RowStride;
+      std::transform(marks, marks + m_RowStride, result, result, std::bit_or<>());
+    }
+  }
+  return result;
+}
+
+/** Gives the first worker's pixels of a row of a grid the extremum over all, and returns them. */
+template <typename TPixel>
+TPixel *
 ShearWarpProjector<TPixel>::MergeRow(std::size_t grid, std::ptrdiff_t row)
 {
+  const bool           isMinimum = this->IsMinimum(grid);
   const std::ptrdiff_t columns = m_Grids[grid]->columns;
   TPixel * const       result = m_Workers.front().images[grid].pixels.template GetPointer<TPixel>() + row * m_RowStride;
   for (std::size_t n = 1; n < m_Workers.size(); ++n)
@@ -499,7 +616,7 @@ ShearWarpProjector<TPixel>::MergeRow(std::size_t grid, std::ptrdiff_t row)
       const TPixel * pixels = image.pixels.template GetPointer<TPixel>() + row * m_RowStride;
       for (std::ptrdiff_t p = 0; p < columns; ++p)
       {
-        result[p] = pixels[p] > result[p] ? pixels[p] : result[p];
+        result[p] = (isMinimum ? pixels[p] < result[p] : pixels[p] > result[p]) ? pixels[p] : result[p];
       }
     }
   }

@@ -30,10 +30,9 @@ namespace itk
 /** \class ShearWarpRayProjector
  * \brief Projects a prepared volume to an intermediate image, following its rays from front to back.
  *
- * It is for all that needs the samples of a ray in their order, or leaves some of them out: the depth of the maximum,
- * the first local maximum, slabs, boxes and masks, weights by depth; and for minima. Each thread takes a few rows of
- * the intermediate image, and for them the slices one after the other from the viewer on. Nothing is merged, and no
- * part of the volume is skipped, but for what Parameters exclude.
+ * It is for what ShearWarpProjector does not know: the depth of the value, the first local maximum, masks,
+ * fading. Each thread takes a few rows of the intermediate image, and for them the slices one after the
+ * other from the viewer on. Nothing is merged, and no part of the volume is skipped, but for what Parameters exclude.
  *
  * The memory is kept from one projection to the next.
  *
@@ -45,13 +44,6 @@ class ShearWarpRayProjector
 public:
   using MaskPixelType = unsigned char;
   using IntermediateImageType = ShearWarp::IntermediateImage<TPixel>;
-
-  /** Samples count where low <= function <= high. */
-  struct Interval
-  {
-    ShearWarp::ShearedFunction function;
-    double                     low, high;
-  };
 
   /** Samples fade to \a background. */
   struct Fading : ShearWarp::Fading
@@ -66,8 +58,9 @@ public:
     const ShearWarp::RayKernels<TPixel> * mode;
     /** If given rays end behind their first local maximum that is not less. */
     std::optional<TPixel> localMaximumThreshold;
-    std::vector<Interval> intervals;
-    std::optional<Fading> fading;
+    /** Samples count in all of them. */
+    std::vector<ShearWarp::Interval> intervals;
+    std::optional<Fading>            fading;
     /** Of the voxels that count in a mask; 0 for all but 0. */
     MaskPixelType maskLabel{ 0 };
   };
@@ -115,7 +108,7 @@ private:
   struct Rays
   {
     ShearWarpBuffer            values, slices;
-    std::vector<Interval>      intervals;
+    ShearWarp::Region          region;
     ShearWarp::ShearedFunction depth;
   };
 
@@ -170,6 +163,7 @@ private:
   std::ptrdiff_t                     m_RowStride{ 0 };
   bool                               m_IsCleared{ false };
   ShearWarpBuffer                    m_JoinedValues, m_JoinedSlices;
+  std::vector<ShearWarp::ColumnSpan> m_Reached; // of the joined image's rows
 
   ShearWarp::SliceStack<TPixel>                       m_Slices{};
   ShearWarp::SliceStack<MaskPixelType>                m_Mask{};     // without voxels if there is none

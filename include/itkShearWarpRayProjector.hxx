@@ -19,6 +19,7 @@
 #define itkShearWarpRayProjector_hxx
 
 #include <algorithm>
+#include <atomic>
 
 namespace itk
 {
@@ -44,8 +45,8 @@ ShearWarpRayProjector<TPixel>::Start(const ShearWarpFactorization &     factoriz
   {
     m_RowStride = std::max(m_RowStride, ShearWarp::CountBlocks(phases[n].columns, ShearWarp::TileColumns));
     m_Rays[n].depth = factorization.GetFunctionOfPhase(m_Depth, n);
-    m_Rays[n].intervals = parameters.intervals;
-    for (Interval & interval : m_Rays[n].intervals)
+    m_Rays[n].region.intervals = parameters.intervals;
+    for (ShearWarp::Interval & interval : m_Rays[n].region.intervals)
     {
       interval.function = factorization.GetFunctionOfPhase(interval.function, n);
     }
@@ -88,6 +89,10 @@ ShearWarpRayProjector<TPixel>::Project(const ShearWarpPreparedVolume<TPixel> &  
   const ShearWarp::Corner corner = volume.GetCorner(axis);
   m_Slices = volume.GetSlices(axis);
   m_FirstSlice = corner.slice;
+  for (Rays & rays : m_Rays)
+  {
+    rays.region.firstSlice = corner.slice;
+  }
   m_Placements.clear();
   for (const ShearWarp::IntermediateGrid & phase : m_Factorization->GetPhases())
   {
@@ -156,12 +161,7 @@ ShearWarpRayProjector<TPixel>::ProjectSlice(Worker & worker, const Band & band, 
        row < std::min(band.end, placement.row.whole + rows.end);
        ++row)
   {
-    ShearWarp::ColumnSpan span = reached;
-    for (const Interval & interval : m_Rays[band.phase].intervals)
-    {
-      span = ShearWarp::ClipColumns(
-        interval.function, interval.low, interval.high, static_cast<double>(row), this->GetPosition(slice), span);
-    }
+    const ShearWarp::ColumnSpan span = m_Rays[band.phase].region.Clip(reached, row, slice);
     if (span.begin < span.end)
     {
       this->ProjectRow(worker, band.phase, row, reached, span, slice, row - placement.row.whole);
@@ -260,22 +260,35 @@ ShearWarpRayProjector<TPixel>::Finish(const TParallelize & parallelize) -> Inter
   const ShearWarpBuffer &         slices = oversampling > 1 ? m_JoinedSlices : m_Rays.front().slices;
   const ShearWarp::RayRow<TPixel> joined{ values.template GetPointer<TPixel>(),
                                           slices.template GetPointer<std::int32_t>() };
-  parallelize(static_cast<SizeValueType>(m_Bands.size()), 1, [&](SizeValueType n, SizeValueType, SizeValueType) {
-    const auto phase = static_cast<std::ptrdiff_t>(m_Bands[n].phase);
-    for (std::ptrdiff_t row = m_Bands[n].begin; row < m_Bands[n].end; ++row)
+  m_Reached.resize(rows);
+  std::atomic<bool>        hasGaps{ false };
+  constexpr std::ptrdiff_t bandRows = 2 * ShearWarp::BlockLength;
+  const auto               joinBand = [&](SizeValueType n, SizeValueType, SizeValueType) {
+    const std::ptrdiff_t begin = static_cast<std::ptrdiff_t>(n) * bandRows;
+    for (std::ptrdiff_t row = begin; row < std::min(begin + bandRows, rows); ++row)
     {
-      const ShearWarp::RayRow<TPixel> rays = this->GetRayRow(m_Bands[n].phase, row);
-      const std::ptrdiff_t first = (oversampling * row + phase / oversampling) * rowStride + phase % oversampling;
-      for (std::ptrdiff_t p = 0; p < m_RowStride; ++p)
+      for (std::ptrdiff_t column = 0; column < oversampling; ++column)
       {
-        // zero has no sign
-        joined.values[first + oversampling * p] = static_cast<TPixel>(rays.values[p] + TPixel{ 0 });
-        joined.slices[first + oversampling * p] =
-          rays.slices[p] < ShearWarp::EndedRay ? rays.slices[p] : rays.slices[p] - ShearWarp::EndedRay;
+        const auto           rays = this->GetRayRow(row % oversampling * oversampling + column, row / oversampling);
+        const std::ptrdiff_t first = row * rowStride + column;
+        for (std::ptrdiff_t p = 0; p < m_RowStride; ++p)
+        {
+          // zero has no sign
+          joined.values[first + oversampling * p] = static_cast<TPixel>(rays.values[p] + TPixel{ 0 });
+          joined.slices[first + oversampling * p] =
+            rays.slices[p] < ShearWarp::EndedRay ? rays.slices[p] : rays.slices[p] - ShearWarp::EndedRay;
+        }
+      }
+      const ShearWarp::ReachedRow reached = ShearWarp::FindReached(joined.slices + row * rowStride, columns);
+      m_Reached[row] = reached.span;
+      if (reached.hasGaps)
+      {
+        hasGaps = true;
       }
     }
-  });
-  return { joined.values, columns, rows, rowStride, m_Factorization->GetReachedColumns().data(), joined.slices };
+  };
+  parallelize(static_cast<SizeValueType>(ShearWarp::CountBlocks(rows, bandRows)), 1, joinBand);
+  return { joined.values, columns, rows, rowStride, m_Reached.data(), joined.slices, hasGaps };
 }
 
 template <typename TPixel>
@@ -284,10 +297,10 @@ ShearWarpRayProjector<TPixel>::GetSizeInBytes() const
 {
   using ShearWarp::CountBytes;
   SizeValueType bytes = m_JoinedValues.GetSizeInBytes() + m_JoinedSlices.GetSizeInBytes() + CountBytes(m_Bands) +
-                        CountBytes(m_FadeFactors) + CountBytes(m_Rays) + CountBytes(m_Workers);
+                        CountBytes(m_FadeFactors) + CountBytes(m_Rays) + CountBytes(m_Reached) + CountBytes(m_Workers);
   for (const Rays & rays : m_Rays)
   {
-    bytes += rays.values.GetSizeInBytes() + rays.slices.GetSizeInBytes() + CountBytes(rays.intervals);
+    bytes += rays.values.GetSizeInBytes() + rays.slices.GetSizeInBytes() + CountBytes(rays.region.intervals);
   }
   for (const Worker & worker : m_Workers)
   {

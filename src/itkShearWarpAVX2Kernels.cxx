@@ -66,7 +66,15 @@ struct Lanes
   static Short InterleaveLow(Short a, Short b) { return _mm256_unpacklo_epi16(a, b); }
   static Short InterleaveHigh(Short a, Short b) { return _mm256_unpackhi_epi16(a, b); }
 
+  /** Lanes [begin, end) of b, the others of a. */
+  static Short SelectLanes(Short a, Short b, int begin, int end)
+  {
+    const Short lane = _mm256_setr_epi16(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+    return _mm256_blendv_epi8(a, b, _mm256_andnot_si256(_mm256_cmpgt_epi16(Set(begin), lane), _mm256_cmpgt_epi16(Set(end), lane)));
+  }
+
   static Int MaximumInt(Int a, Int b) { return _mm256_max_epi32(a, b); }
+  static Int MinimumInt(Int a, Int b) { return _mm256_min_epi32(a, b); }
   static Int SetInt(int v) { return _mm256_set1_epi32(v); }
   static Int AddPairProducts(Int sum, Short a, Short b) { return _mm256_add_epi32(sum, _mm256_madd_epi16(a, b)); }
   static Short PackEvenOdd(Int even, Int odd) { return _mm256_blend_epi16(_mm256_srli_epi32(even, 15), _mm256_slli_epi32(odd, 1), 0xAA); }
@@ -82,6 +90,11 @@ struct Lanes
   static Float Multiply(Float a, Float b) { return _mm256_mul_ps(a, b); }
   static Float Maximum(Float maximum, Float v) { return _mm256_max_ps(v, maximum); }
   static Float Minimum(Float minimum, Float v) { return _mm256_min_ps(v, minimum); }
+  static Float SelectLanes(Float a, Float b, int begin, int end)
+  {
+    const Int lane = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
+    return _mm256_blendv_ps(a, b, _mm256_castsi256_ps(_mm256_andnot_si256(_mm256_cmpgt_epi32(SetInt(begin), lane), _mm256_cmpgt_epi32(SetInt(end), lane))));
+  }
 
   using Index = __m128i;
   using Double = __m256d;

@@ -66,7 +66,13 @@ struct Lanes
   static Short InterleaveLow(Short a, Short b) { return _mm512_unpacklo_epi16(a, b); }
   static Short InterleaveHigh(Short a, Short b) { return _mm512_unpackhi_epi16(a, b); }
 
+  /** Bits [begin, end). */
+  static __mmask32 GetMask(int begin, int end) { return static_cast<__mmask32>((std::uint64_t{ 1 } << end) - (std::uint64_t{ 1 } << begin)); }
+  /** Lanes [begin, end) of b, the others of a. */
+  static Short SelectLanes(Short a, Short b, int begin, int end) { return _mm512_mask_blend_epi16(GetMask(begin, end), a, b); }
+
   static Int MaximumInt(Int a, Int b) { return _mm512_max_epi32(a, b); }
+  static Int MinimumInt(Int a, Int b) { return _mm512_min_epi32(a, b); }
   static Int SetInt(int v) { return _mm512_set1_epi32(v); }
   static Int AddPairProducts(Int sum, Short a, Short b) { return _mm512_dpwssd_epi32(sum, a, b); }
   static Short PackEvenOdd(Int even, Int odd) { return _mm512_mask_blend_epi16(0xAAAAAAAA, _mm512_srli_epi32(even, 15), _mm512_slli_epi32(odd, 1)); }
@@ -82,6 +88,7 @@ struct Lanes
   static Float Multiply(Float a, Float b) { return _mm512_mul_ps(a, b); }
   static Float Maximum(Float maximum, Float v) { return _mm512_max_ps(v, maximum); }
   static Float Minimum(Float minimum, Float v) { return _mm512_min_ps(v, minimum); }
+  static Float SelectLanes(Float a, Float b, int begin, int end) { return _mm512_mask_blend_ps(static_cast<__mmask16>(GetMask(begin, end)), a, b); }
 
   using Index = __m256i;
   using Double = __m512d;

@@ -118,8 +118,7 @@ Multiply(const Matrix<double, 3, 3> & a, const Matrix<double, 3, 3> & b)
   {
     for (unsigned int column = 0; column < 3; ++column)
     {
-      product(row, column) =
-        (a(row, 0) * b(0, column) + a(row, 1) * b(1, column)) + a(row, 2) * b(2, column);
+      product(row, column) = (a(row, 0) * b(0, column) + a(row, 1) * b(1, column)) + a(row, 2) * b(2, column);
     }
   }
   return product;
@@ -170,8 +169,7 @@ Invert(const Matrix<double, 3, 3> & matrix)
 bool
 IsInvertible(const Matrix<double, 3, 3> & matrix)
 {
-  const double volume =
-    GetNorm(GetColumn(matrix, 0)) * GetNorm(GetColumn(matrix, 1)) * GetNorm(GetColumn(matrix, 2));
+  const double volume = GetNorm(GetColumn(matrix, 0)) * GetNorm(GetColumn(matrix, 1)) * GetNorm(GetColumn(matrix, 2));
   return std::abs(GetDeterminant(matrix)) > 1e-12 * volume && IsFinite(Invert(matrix));
 }
 

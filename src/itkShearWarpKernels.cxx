@@ -22,6 +22,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
+#include <iterator>
 #include <stdexcept>
 #include <type_traits>
 
@@ -88,23 +89,83 @@ ClipColumns(const ShearedFunction & function, double low, double high, double ro
   {
     return { span.begin, span.begin };
   }
-  const auto findFirst = [span](const auto & isReached) {
-    std::int32_t begin = span.begin;
-    std::int32_t end = span.end;
-    while (begin < end)
+  // near the place where the function has that value
+  const auto findFirst = [&](double value, const auto & isReached) {
+    const double guess = (value - rest) / function.perColumn;
+    auto         first = guess > span.begin ? static_cast<std::int32_t>(std::min<double>(guess, span.end)) : span.begin;
+    for (; first > span.begin && isReached(first - 1); --first)
     {
-      const std::int32_t middle = begin + (end - begin) / 2;
-      (isReached(middle) ? end : begin) = isReached(middle) ? middle : middle + 1;
     }
-    return begin;
+    for (; first < span.end && !isReached(first); ++first)
+    {
+    }
+    return first;
   };
   if (function.perColumn >= 0)
   {
-    return { findFirst([&](std::int32_t column) { return getValue(column) >= low; }),
-             findFirst([&](std::int32_t column) { return getValue(column) > high; }) };
+    return { findFirst(low, [&](std::int32_t column) { return getValue(column) >= low; }),
+             findFirst(high, [&](std::int32_t column) { return getValue(column) > high; }) };
   }
-  return { findFirst([&](std::int32_t column) { return getValue(column) <= high; }),
-           findFirst([&](std::int32_t column) { return getValue(column) < low; }) };
+  return { findFirst(high, [&](std::int32_t column) { return getValue(column) <= high; }),
+           findFirst(low, [&](std::int32_t column) { return getValue(column) < low; }) };
+}
+
+Region::Part
+Region::FindPart(ColumnSpan columns, RowSpan rows, std::ptrdiff_t slice) const
+{
+  const auto   position = static_cast<double>(firstSlice + slice);
+  const double ofColumns[] = { static_cast<double>(columns.begin), static_cast<double>(columns.end - 1) };
+  const double ofRows[] = { static_cast<double>(rows.begin), static_cast<double>(rows.end - 1) };
+  Part         part = Part::All;
+  for (const auto & [function, low, high] : intervals)
+  {
+    // monotonic in column and row, rounding included
+    const bool   falls = function.perColumn < 0;
+    const bool   fallsAlongRows = function.perRow < 0;
+    const double lowest = function(ofColumns[falls], ofRows[fallsAlongRows], position);
+    const double highest = function(ofColumns[!falls], ofRows[!fallsAlongRows], position);
+    if (!(highest >= low && lowest <= high))
+    {
+      return Part::None;
+    }
+    part = lowest >= low && highest <= high ? part : Part::Some;
+  }
+  return part;
+}
+
+ColumnSpan
+Region::Clip(ColumnSpan columns, std::ptrdiff_t row, std::ptrdiff_t slice) const
+{
+  for (const auto & [function, low, high] : intervals)
+  {
+    columns =
+      ClipColumns(function, low, high, static_cast<double>(row), static_cast<double>(firstSlice + slice), columns);
+  }
+  return columns;
+}
+
+ReachedRow
+FindReached(const std::int32_t * slices, std::ptrdiff_t columns)
+{
+  const auto hasSlice = [](std::int32_t slice) { return slice >= 0; };
+  const auto begin = std::find_if(slices, slices + columns, hasSlice);
+  const auto isLast =
+    std::find_if(std::make_reverse_iterator(slices + columns), std::make_reverse_iterator(begin), hasSlice);
+  const auto end = isLast.base();
+  return { { static_cast<std::int32_t>(begin - slices), static_cast<std::int32_t>(end - slices) },
+           !std::all_of(begin, end, hasSlice) };
+}
+
+void
+Coverage::Add(std::ptrdiff_t row, ColumnSpan span) const
+{
+  ColumnSpan & of = known[row];
+  if (span.begin < span.end && (span.begin < of.begin || span.end > of.end))
+  {
+    std::memset(marks + row * rowStride + span.begin, 1, static_cast<std::size_t>(span.end - span.begin));
+    const bool areJoined = span.begin <= of.end && span.end >= of.begin;
+    of = areJoined ? ColumnSpan{ std::min(span.begin, of.begin), std::max(span.end, of.end) } : span;
+  }
 }
 
 double

@@ -142,38 +142,42 @@ Raise(TPixel & maximum, TPixel value)
   maximum = value > maximum ? value : maximum;
 }
 
-/** Takes \a samples of one slice between the rows \a a and \a b, of \a columns voxels; the outer one is an
+/** Takes the samples in \a span of one slice between the rows \a a and \a b, of \a columns voxels; the outer one is an
  * \a edgeSample. */
-template <typename TPixel>
+template <typename TRule, typename TPixel>
 void
 ProjectRow(const TPixel *           a,
            const TPixel *           b,
            std::ptrdiff_t           columns,
            const SamplingPosition & position,
-           const RowSpan &          samples,
+           ColumnSpan               span,
            const Sampler<TPixel> &  sample,
            const Sampler<TPixel> &  edgeSample,
            const std::uint8_t *     active,
            TPixel *                 pixels)
 {
-  for (std::ptrdiff_t begin = position.whole + 1, end = 0; begin < position.whole + columns; begin = end)
+  const auto take = [pixels](std::ptrdiff_t p, TPixel value) {
+    pixels[p] = TRule::IsBetter(value, pixels[p]) ? value : pixels[p];
+  };
+  const std::ptrdiff_t last = std::min<std::ptrdiff_t>(span.end, position.whole + columns);
+  for (std::ptrdiff_t begin = std::max(span.begin, position.whole + 1), end = 0; begin < last; begin = end)
   {
-    end = std::min<std::ptrdiff_t>((begin / TileColumns + 1) * TileColumns, position.whole + columns);
+    end = std::min<std::ptrdiff_t>((begin / TileColumns + 1) * TileColumns, last);
     if (!active || active[begin / TileColumns])
     {
       for (std::ptrdiff_t p = begin; p < end; ++p)
       {
         const std::ptrdiff_t i = p - position.whole;
-        Raise(pixels[p], sample(a[i - 1], a[i], b[i - 1], b[i]));
+        take(p, sample(a[i - 1], a[i], b[i - 1], b[i]));
       }
     }
   }
-  const std::ptrdiff_t edge = position.fraction > One / 2 ? columns : 0;
-  const std::ptrdiff_t i = std::min(edge, columns - 1);
-  const bool           hasEdge = edge >= samples.begin && edge < samples.end;
-  if (hasEdge && (!active || active[(position.whole + edge) / TileColumns]))
+  const std::ptrdiff_t edge = position.whole + (position.fraction > One / 2 ? columns : 0);
+  const std::ptrdiff_t i = std::min(edge - position.whole, columns - 1);
+  const bool           hasEdge = edge >= span.begin && edge < span.end;
+  if (hasEdge && (!active || active[edge / TileColumns]))
   {
-    Raise(pixels[position.whole + edge], edgeSample(a[i], a[i], b[i], b[i]));
+    take(edge, edgeSample(a[i], a[i], b[i], b[i]));
   }
 }
 
@@ -212,15 +216,24 @@ ProjectBlock(const SliceStack<TPixel> &  slices,
         const TPixel *       b = getRow(std::min(j, slices.rows - 1));
         const std::ptrdiff_t tile =
           std::clamp<std::ptrdiff_t>(j - firstTile, 0, block.rowEnd - block.rowBegin - 1) / BlockLength;
-        ProjectRow(a,
-                   b,
-                   slices.columns,
-                   column,
-                   columnSamples,
-                   edge ? edgeRow : sample,
-                   edge ? corner : edgeColumn,
-                   view->active ? view->active + tile * view->activeStride : nullptr,
-                   view->intermediate.pixels + (row.whole + j) * view->intermediate.rowStride);
+        ColumnSpan reached{ column.whole + static_cast<std::int32_t>(columnSamples.begin),
+                            column.whole + static_cast<std::int32_t>(columnSamples.end) };
+        if (view->region)
+        {
+          reached = view->region->Clip(reached, row.whole + j, k);
+          view->coverage.Add(row.whole + j, reached);
+        }
+        const auto project =
+          view->isMinimum ? ProjectRow<MinimumRule<TPixel>, TPixel> : ProjectRow<MaximumRule<TPixel>, TPixel>;
+        project(a,
+                b,
+                slices.columns,
+                column,
+                reached,
+                edge ? edgeRow : sample,
+                edge ? corner : edgeColumn,
+                view->active ? view->active + tile * view->activeStride : nullptr,
+                view->intermediate.pixels + (row.whole + j) * view->intermediate.rowStride);
       }
     }
   }
@@ -348,7 +361,7 @@ struct WarpCell
       {
         const std::ptrdiff_t place = j * image.rowStride + i;
         const bool           hasValue = image.slices                       ? image.slices[place] >= 0
-                                        : std::is_floating_point_v<TPixel> ? image.pixels[place] != NoSample<TPixel>
+                                        : std::is_floating_point_v<TPixel> ? image.pixels[place] != image.none
                                                                            : true;
         weights[corner] = hasValue ? corners[corner] : 0;
         places[corner] = place;

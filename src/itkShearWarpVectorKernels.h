@@ -72,6 +72,21 @@ Minimum(TVector minimum, TVector value)
   }
 }
 
+/** The one of two pixels that a rule takes. */
+template <typename TRule, typename TPixel, typename TVector>
+TVector
+Better(TVector best, TVector value)
+{
+  if constexpr (std::is_same_v<TRule, MinimumRule<TPixel>>)
+  {
+    return Minimum<TPixel>(best, value);
+  }
+  else
+  {
+    return Maximum<TPixel>(best, value);
+  }
+}
+
 /** Which of a slice's fractions are not zero: a sample has one, two or four voxels. */
 enum class Fractions
 {
@@ -167,7 +182,8 @@ private:
 };
 
 /** A row of tiles: columns [begin, end), at least LaneCount of them, that `count` slices have in common, of the rows
- * from `row` on. */
+ * from `row` on. `spans`, if not null, are the columns to take of each row; `any` has all of them, and each has `common`.
+ */
 template <typename TPixel>
 struct TileRow
 {
@@ -179,8 +195,10 @@ struct TileRow
   TPixel *             pixels;
   std::ptrdiff_t       pixelStride;
   const std::uint8_t * active;
-  std::ptrdiff_t       nextSlice; // distance in voxels
-  Prefetcher *         prefetcher;
+  std::ptrdiff_t       nextSlice;  // distance in voxels
+  Prefetcher *         prefetcher; // null where tiles fetch their own place in the next slice
+  const ColumnSpan *   spans{ nullptr };
+  ColumnSpan           any{}, common{};
 };
 
 /** The samples of a slice in a tile, of one or two short integers whose difference fits in 16 bits: linear
@@ -194,20 +212,22 @@ public:
   /** As many rows as have registers. */
   static constexpr int MaximumRows = BlockLength;
 
-  explicit LinearSampler(const PlacedSlice & slice)
+  SHEARWARP_INLINE explicit LinearSampler(const PlacedSlice & slice)
     : m_Weight(Lanes::Set(VFractions == Fractions::Column ? slice.x : slice.y))
   {}
 
+  template <typename TRule>
   static Sample
-  Lowest()
+  GetStart()
   {
-    return Lanes::Set(IsUnsignedShort<TPixel> ? 0 : -32768);
+    return Lanes::Set(TRule::Start);
   }
 
+  template <typename TRule>
   static Sample
-  Larger(Sample a, Sample b)
+  GetBetter(Sample a, Sample b)
   {
-    return Maximum<TPixel>(a, b);
+    return Better<TRule, TPixel>(a, b);
   }
 
   static Sample
@@ -269,23 +289,34 @@ public:
 
   static constexpr int MaximumRows = Lanes::SumRows;
 
-  explicit SumSampler(const PlacedSlice & slice)
+  SHEARWARP_INLINE explicit SumSampler(const PlacedSlice & slice)
     : SumSampler(slice.x, slice.y, (slice.x * slice.y + (1 << 14)) >> 15)
   {}
 
+  template <typename TRule>
   static Sample
-  Lowest()
+  GetStart()
   {
-    return { Lanes::SetInt(-(1 << 30)), Lanes::SetInt(-(1 << 30)) };
+    // beyond every sum
+    const Int start = Lanes::SetInt(std::is_same_v<TRule, MinimumRule<TPixel>> ? 1 << 30 : -(1 << 30));
+    return { start, start };
   }
 
+  template <typename TRule>
   static Sample
-  Larger(Sample a, Sample b)
+  GetBetter(Sample a, Sample b)
   {
-    return { Lanes::MaximumInt(a.low, b.low), Lanes::MaximumInt(a.high, b.high) };
+    if constexpr (std::is_same_v<TRule, MinimumRule<TPixel>>)
+    {
+      return { Lanes::MinimumInt(a.low, b.low), Lanes::MinimumInt(a.high, b.high) };
+    }
+    else
+    {
+      return { Lanes::MaximumInt(a.low, b.low), Lanes::MaximumInt(a.high, b.high) };
+    }
   }
 
-  /** Rounds: that is monotonic, so that a maximum is rounded once. */
+  /** Rounds: that is monotonic, so that an extremum is rounded once. */
   static Short
   Finish(Sample sample)
   {
@@ -346,6 +377,7 @@ public:
 private:
   static constexpr bool FlipSign = VWide && IsUnsignedShort<TPixel>;
 
+  SHEARWARP_INLINE
   SumSampler(std::int32_t x, std::int32_t y, std::int32_t aa)
     : m_WeightsAbove(Lanes::SetPairs(aa, y - aa))
     , m_Weights(VFractions == Fractions::Row ? Lanes::SetPairs(y, 32768 - y)
@@ -372,21 +404,23 @@ public:
 
   static constexpr int MaximumRows = BlockLength;
 
-  explicit FloatSampler(const PlacedSlice & slice)
+  SHEARWARP_INLINE explicit FloatSampler(const PlacedSlice & slice)
     : m_X(Lanes::SetFloat(static_cast<float>(slice.x) / 32768))
     , m_Y(Lanes::SetFloat(static_cast<float>(slice.y) / 32768))
   {}
 
+  template <typename TRule>
   static Sample
-  Lowest()
+  GetStart()
   {
-    return Lanes::SetFloat(-__builtin_inff());
+    return Lanes::SetFloat(TRule::Start);
   }
 
+  template <typename TRule>
   static Sample
-  Larger(Sample a, Sample b)
+  GetBetter(Sample a, Sample b)
   {
-    return Maximum<float>(a, b);
+    return Better<TRule, float>(a, b);
   }
 
   static Sample
@@ -451,10 +485,10 @@ using Sampler =
                      VFractions,
                      VWide>::Type;
 
-/** Raises VRows rows of LaneCount pixels, from \a column on, to the samples of a slice. */
-template <typename TSampler, int VRows, typename TPixel>
+/** Gives VRows rows of LaneCount pixels, from \a column on, the samples of a slice. */
+template <typename TRule, typename TSampler, int VRows, typename TPixel>
 SHEARWARP_INLINE inline void
-RaiseToSlice(const TileRow<TPixel> & row, const PlacedSlice & slice, std::ptrdiff_t column)
+TakeSlice(const TileRow<TPixel> & row, const PlacedSlice & slice, std::ptrdiff_t column)
 {
   TPixel * const       pixels = row.pixels + column;
   const std::ptrdiff_t stride = row.pixelStride;
@@ -463,24 +497,46 @@ RaiseToSlice(const TileRow<TPixel> & row, const PlacedSlice & slice, std::ptrdif
     row.rowStride,
     [=](int r, const TPixel *, typename TSampler::Sample sample) SHEARWARP_INLINE {
       TPixel * const pixel = pixels + r * stride;
-      Lanes::Store(pixel, Maximum<TPixel>(Lanes::Load(pixel), TSampler::Finish(sample)));
+      Lanes::Store(pixel, Better<TRule, TPixel>(Lanes::Load(pixel), TSampler::Finish(sample)));
     });
 }
 
-/** The same, to those of all slices. */
-template <typename TSampler, int VRows, typename TPixel>
+/** The same, no more of each row than its span. */
+template <typename TRule, typename TSampler, int VRows, typename TPixel>
 SHEARWARP_INLINE inline void
-RaiseToSlices(const TileRow<TPixel> & row, std::ptrdiff_t column)
+TakeSpans(const TileRow<TPixel> & row, std::ptrdiff_t column)
+{
+  constexpr std::ptrdiff_t lanes = LaneCount<TPixel>;
+  TPixel * const           pixels = row.pixels + column;
+  const std::ptrdiff_t     stride = row.pixelStride;
+  TSampler(*row.slices)
+    .template ForEachRow<VRows>(
+      row.voxels + (row.slices->offset + row.row * row.rowStride + column),
+      row.rowStride,
+      [=, spans = row.spans](int r, const TPixel *, typename TSampler::Sample sample) SHEARWARP_INLINE {
+        const std::ptrdiff_t begin = Smaller(Larger<std::ptrdiff_t>(spans[r].begin - column, 0), lanes);
+        const std::ptrdiff_t end = Smaller(Larger<std::ptrdiff_t>(spans[r].end - column, begin), lanes);
+        TPixel * const       pixel = pixels + r * stride;
+        const auto           before = Lanes::Load(pixel);
+        const auto           better = Better<TRule, TPixel>(before, TSampler::Finish(sample));
+        Lanes::Store(pixel, Lanes::SelectLanes(before, better, static_cast<int>(begin), static_cast<int>(end)));
+      });
+}
+
+/** The samples of all slices. */
+template <typename TRule, typename TSampler, int VRows, typename TPixel>
+SHEARWARP_INLINE inline void
+TakeSlices(const TileRow<TPixel> & row, std::ptrdiff_t column)
 {
   using Sample = typename TSampler::Sample;
   constexpr int rows = VRows < TSampler::MaximumRows ? VRows : TSampler::MaximumRows;
   for (int first = 0; first < VRows; first += rows)
   {
-    Sample maxima[rows];
+    Sample best[rows];
     SHEARWARP_UNROLL
     for (int r = 0; r < rows; ++r)
     {
-      maxima[r] = TSampler::Lowest();
+      best[r] = TSampler::template GetStart<TRule>();
     }
     for (const PlacedSlice * slice = row.slices; slice != row.slices + row.count; ++slice)
     {
@@ -490,52 +546,65 @@ RaiseToSlices(const TileRow<TPixel> & row, std::ptrdiff_t column)
                                                  [&](int r, const TPixel * voxels, Sample sample) SHEARWARP_INLINE {
                                                    // what a tile further on needs, from a slower cache
                                                    Lanes::Prefetch(reinterpret_cast<const char *>(voxels) + 128);
-                                                   maxima[r] = TSampler::Larger(maxima[r], sample);
+                                                   best[r] = TSampler::template GetBetter<TRule>(best[r], sample);
                                                  });
     }
     SHEARWARP_UNROLL
     for (int r = 0; r < rows; ++r)
     {
       TPixel * const pixel = row.pixels + (first + r) * row.pixelStride + column;
-      Lanes::Store(pixel, Maximum<TPixel>(Lanes::Load(pixel), TSampler::Finish(maxima[r])));
+      Lanes::Store(pixel, Better<TRule, TPixel>(Lanes::Load(pixel), TSampler::Finish(best[r])));
     }
   }
 }
 
-template <typename TPixel, Fractions VFractions, bool VWide, int VRows>
+template <int VRows, typename TPixel>
+void
+FetchNextSlice(const TileRow<TPixel> & row, std::ptrdiff_t column)
+{
+  const TPixel * voxels = row.voxels + (row.slices->offset + row.nextSlice + row.row * row.rowStride + column);
+  for (int r = 0; r < VRows; ++r, voxels += row.rowStride)
+  {
+    Lanes::Prefetch(reinterpret_cast<const char *>(voxels - 1));
+    Lanes::Prefetch(reinterpret_cast<const char *>(voxels + LaneCount<TPixel> - 1));
+  }
+}
+
+template <typename TRule, typename TPixel, Fractions VFractions, bool VWide, int VRows>
 void
 ProjectTileRow(const TileRow<TPixel> & row)
 {
   using SamplerType = Sampler<TPixel, VFractions, VWide>;
   constexpr std::ptrdiff_t lanes = LaneCount<TPixel>;
-  for (std::ptrdiff_t first = row.begin / lanes * lanes; first < row.end; first += lanes)
+  const std::ptrdiff_t     begin = row.spans ? row.any.begin : row.begin;
+  const std::ptrdiff_t     end = row.spans ? row.any.end : row.end;
+  for (std::ptrdiff_t first = begin / lanes * lanes; first < end; first += lanes)
   {
     if (row.active && !row.active[first / TileColumns])
     {
       continue;
     }
-    // the outer tiles overlap their neighbours, which a maximum allows
+    // the outer tiles overlap their neighbours, which an extremum allows
     const std::ptrdiff_t column = Smaller(Larger(first, row.begin), row.end - lanes);
-    if (row.active)
+    if (!row.prefetcher)
     {
-      const TPixel * voxels = row.voxels + (row.slices->offset + row.nextSlice + row.row * row.rowStride + column);
-      for (int r = 0; r < VRows; ++r, voxels += row.rowStride)
-      {
-        Lanes::Prefetch(reinterpret_cast<const char *>(voxels - 1));
-        Lanes::Prefetch(reinterpret_cast<const char *>(voxels + lanes - 1));
-      }
+      FetchNextSlice<VRows>(row, column);
     }
     else
     {
       row.prefetcher->Step();
     }
-    if (row.count == 1)
+    if (row.spans && !(row.common.begin <= column && column + lanes <= row.common.end))
     {
-      RaiseToSlice<SamplerType, VRows>(row, *row.slices, column);
+      TakeSpans<TRule, SamplerType, VRows>(row, column);
+    }
+    else if (row.count == 1)
+    {
+      TakeSlice<TRule, SamplerType, VRows>(row, *row.slices, column);
     }
     else
     {
-      RaiseToSlices<SamplerType, VRows>(row, column);
+      TakeSlices<TRule, SamplerType, VRows>(row, column);
     }
   }
   // what a slice has beside the others
@@ -543,34 +612,34 @@ ProjectTileRow(const TileRow<TPixel> & row)
   {
     if (slice->inner.begin < row.begin)
     {
-      RaiseToSlice<SamplerType, VRows>(row, *slice, slice->inner.begin);
+      TakeSlice<TRule, SamplerType, VRows>(row, *slice, slice->inner.begin);
     }
     if (slice->inner.end > row.end)
     {
-      RaiseToSlice<SamplerType, VRows>(row, *slice, slice->inner.end - lanes);
+      TakeSlice<TRule, SamplerType, VRows>(row, *slice, slice->inner.end - lanes);
     }
   }
 }
 
-template <typename TPixel, bool VWide, int VRows>
+template <typename TRule, typename TPixel, bool VWide, int VRows>
 void
 ProjectTileRow(const TileRow<TPixel> & row)
 {
   switch (row.slices->GetFractions())
   {
     case Fractions::None:
-      return ProjectTileRow<TPixel, Fractions::None, VWide, VRows>(row);
+      return ProjectTileRow<TRule, TPixel, Fractions::None, VWide, VRows>(row);
     case Fractions::Column:
-      return ProjectTileRow<TPixel, Fractions::Column, VWide, VRows>(row);
+      return ProjectTileRow<TRule, TPixel, Fractions::Column, VWide, VRows>(row);
     case Fractions::Row:
-      return ProjectTileRow<TPixel, Fractions::Row, VWide, VRows>(row);
+      return ProjectTileRow<TRule, TPixel, Fractions::Row, VWide, VRows>(row);
     default:
-      return ProjectTileRow<TPixel, Fractions::Both, VWide, VRows>(row);
+      return ProjectTileRow<TRule, TPixel, Fractions::Both, VWide, VRows>(row);
   }
 }
 
 /** Projects a few slices of a block of the volume into one view. */
-template <typename TPixel>
+template <typename TRule, typename TPixel>
 class BlockProjector
 {
 public:
@@ -602,6 +671,7 @@ public:
   Project(std::ptrdiff_t begin, std::ptrdiff_t end)
   {
     m_Grid = m_Block.rowBegin + FindFirstRow(m_Block, m_View.placements, begin);
+    m_Slice = begin;
     PlacedSlice slices[MaximumSlices];
     const auto  count = static_cast<int>(end - begin);
     for (int n = 0; n < count; ++n)
@@ -664,14 +734,14 @@ private:
     const std::ptrdiff_t   edge = slice.column + (edgeIsLastColumn ? m_Stack.columns : 0);
     const std::ptrdiff_t   edgeVoxel = slice.offset + edge - edgeIsLastColumn;
     const bool hasColumn = slice.x != 0 && (edgeIsLastColumn ? m_Stack.columnEnds.last : m_Stack.columnEnds.first);
-    if (hasColumn)
+    if (hasColumn && this->IsInRegion({ slice.inner.rowBegin, slice.inner.rowEnd, edge, edge + 1 }))
     {
       for (std::ptrdiff_t row = slice.inner.rowBegin; row < slice.inner.rowEnd; ++row)
       {
         const std::uint8_t * active = this->GetActiveTiles(row);
         if (!active || active[edge / TileColumns])
         {
-          this->RaiseToRowSample(row, edge, edgeVoxel + row * m_Stack.rowStride, slice.y);
+          this->TakeEdgeSample(row, edge, edgeVoxel + row * m_Stack.rowStride, slice.y);
         }
       }
     }
@@ -688,7 +758,7 @@ private:
       this->ProjectRectangle(&edgeSlice, 1, -1, { row, row + 1, slice.inner.begin, slice.inner.end });
       if (hasColumn)
       {
-        this->RaiseToRowSample(row, edge, edgeVoxel + (row - edgeIsLastRow) * m_Stack.rowStride, 0);
+        this->TakeEdgeSample(row, edge, edgeVoxel + (row - edgeIsLastRow) * m_Stack.rowStride, 0);
       }
     }
   }
@@ -704,8 +774,18 @@ private:
 
   /** One sample between the rows of a column; \a voxel is the index of the lower one. */
   void
-  RaiseToRowSample(std::ptrdiff_t row, std::ptrdiff_t column, std::ptrdiff_t voxel, std::int32_t y) const
+  TakeEdgeSample(std::ptrdiff_t row, std::ptrdiff_t column, std::ptrdiff_t voxel, std::int32_t y) const
   {
+    if (m_View.region)
+    {
+      const auto       begin = static_cast<std::int32_t>(column);
+      const ColumnSpan span = m_View.region->Clip({ begin, begin + 1 }, row, m_Slice);
+      m_View.coverage.Add(row, span);
+      if (span.begin == span.end)
+      {
+        return;
+      }
+    }
     TPixel &     pixel = m_View.intermediate.pixels[row * m_View.intermediate.rowStride + column];
     const TPixel b = m_Stack.voxels[voxel];
     TPixel       sample = b;
@@ -721,7 +801,7 @@ private:
         sample = static_cast<TPixel>((y * a + (32768 - y) * b + (1 << 14)) >> 15);
       }
     }
-    pixel = sample > pixel ? sample : pixel;
+    pixel = TRule::IsBetter(sample, pixel) ? sample : pixel;
   }
 
   /** Samples that \a count slices have in common; \a index is the first slice. */
@@ -732,7 +812,7 @@ private:
                    const Rectangle &   samples) const
   {
     const auto [rowBegin, rowEnd, begin, end] = samples;
-    if (rowBegin >= rowEnd || begin >= end)
+    if (rowBegin >= rowEnd || begin >= end || !this->IsInRegion(samples))
     {
       return;
     }
@@ -748,7 +828,7 @@ private:
                            m_View.intermediate.rowStride,
                            nullptr,
                            m_Stack.sliceStride,
-                           &prefetcher };
+                           m_View.active || m_View.region ? nullptr : &prefetcher };
     if (rowEnd - rowBegin < BlockLength)
     {
       for (std::ptrdiff_t row = rowBegin; row < rowEnd; ++row)
@@ -778,7 +858,7 @@ private:
     }
     for (std::ptrdiff_t n = 0; n < length; ++n)
     {
-      if (count == 1 && m_Index == 0 && !m_View.active)
+      if (count == 1 && m_Index == 0 && tiles.prefetcher)
       {
         const bool           isNextSlice = !isLongRun || n + 1 == length;
         const std::ptrdiff_t next = isLongRun ? (n + 1) % length : n;
@@ -824,7 +904,62 @@ private:
     tiles.active = this->GetActiveTiles(gridRow);
     tiles.row = row;
     tiles.pixels = m_View.intermediate.pixels + row * m_View.intermediate.rowStride;
-    m_IsWide ? ProjectTileRow<TPixel, sizeof(TPixel) == 2, VRows>(tiles) : ProjectTileRow<TPixel, false, VRows>(tiles);
+    if (m_View.region)
+    {
+      return this->ProjectRegion<VRows>(tiles);
+    }
+    this->ProjectTiles<VRows>(tiles);
+  }
+
+  /** Whether samples of the slice in \a samples may be in the region. */
+  bool
+  IsInRegion(const Rectangle & samples) const
+  {
+    return !m_View.region || m_View.region->FindPart(GetColumns(samples.begin, samples.end),
+                                                     { samples.rowBegin, samples.rowEnd },
+                                                     m_Slice) != Region::Part::None;
+  }
+
+  static ColumnSpan
+  GetColumns(std::ptrdiff_t begin, std::ptrdiff_t end)
+  {
+    return { static_cast<std::int32_t>(begin), static_cast<std::int32_t>(end) };
+  }
+
+  /** Those columns of a row of tiles that are in the region. */
+  template <int VRows>
+  void
+  ProjectRegion(TileRow<TPixel> tiles) const
+  {
+    const ColumnSpan all = GetColumns(tiles.begin, tiles.end);
+    const auto       part = m_View.region->FindPart(all, { tiles.row, tiles.row + VRows }, m_Slice);
+    if (part == Region::Part::None)
+    {
+      return;
+    }
+    ColumnSpan spans[VRows];
+    ColumnSpan common = all;
+    ColumnSpan any{ all.end, all.begin };
+    for (int r = 0; r < VRows; ++r)
+    {
+      spans[r] = part == Region::Part::All ? all : m_View.region->Clip(all, tiles.row + r, m_Slice);
+      m_View.coverage.Add(tiles.row + r, spans[r]);
+      common = { Larger(common.begin, spans[r].begin), Smaller(common.end, spans[r].end) };
+      const bool isEmpty = spans[r].begin == spans[r].end;
+      any = isEmpty ? any : ColumnSpan{ Smaller(any.begin, spans[r].begin), Larger(any.end, spans[r].end) };
+    }
+    tiles.spans = spans;
+    tiles.any = any;
+    tiles.common = common;
+    this->ProjectTiles<VRows>(tiles);
+  }
+
+  template <int VRows>
+  void
+  ProjectTiles(const TileRow<TPixel> & tiles) const
+  {
+    m_IsWide ? ProjectTileRow<TRule, TPixel, sizeof(TPixel) == 2, VRows>(tiles)
+             : ProjectTileRow<TRule, TPixel, false, VRows>(tiles);
   }
 
   const SliceStack<TPixel> &  m_Stack;
@@ -832,6 +967,7 @@ private:
   const ShearedView<TPixel> & m_View;
   std::ptrdiff_t              m_Index, m_Count;
   std::ptrdiff_t              m_Grid{ 0 }; // of the intermediate image, where rows of tiles begin
+  std::ptrdiff_t              m_Slice{ 0 };
   bool                        m_IsWide{ false };
 };
 
@@ -847,15 +983,23 @@ ProjectBlock(const SliceStack<TPixel> &  slices,
     return GetPortableKernels<TPixel>().projectBlock(slices, block, views, count);
   }
   // all views take a slice's rows, or those of a few slices, while they are in the cache
-  const std::ptrdiff_t length = block.hasCommonRows && !views->active ? BlockProjector<TPixel>::MaximumSlices : 1;
+  const bool           areTogether = block.hasCommonRows && !views->active && !views->region;
+  const std::ptrdiff_t length = areTogether ? BlockProjector<MaximumRule<TPixel>, TPixel>::MaximumSlices : 1;
   for (std::ptrdiff_t slice = block.sliceBegin, end = slice; slice < block.sliceEnd; slice = end)
   {
     end = Smaller(slice + length, block.sliceEnd);
     for (std::size_t n = 0; n < count; ++n)
     {
-      BlockProjector<TPixel>(
-        slices, block, views[n], static_cast<std::ptrdiff_t>(n), static_cast<std::ptrdiff_t>(count))
-        .Project(slice, end);
+      const auto index = static_cast<std::ptrdiff_t>(n);
+      const auto total = static_cast<std::ptrdiff_t>(count);
+      if (views[n].isMinimum)
+      {
+        BlockProjector<MinimumRule<TPixel>, TPixel>(slices, block, views[n], index, total).Project(slice, end);
+      }
+      else
+      {
+        BlockProjector<MaximumRule<TPixel>, TPixel>(slices, block, views[n], index, total).Project(slice, end);
+      }
     }
   }
 }
@@ -1006,6 +1150,25 @@ Interpolate(const WarpCell & cell, const float * pixels, float * output)
   return true;
 }
 
+/** Whether slices reach one of columns [begin, end) of rows [rowBegin, rowEnd). */
+template <typename TPixel>
+bool
+IsAnyReached(const IntermediateImage<TPixel> & image,
+             std::ptrdiff_t                    rowBegin,
+             std::ptrdiff_t                    rowEnd,
+             std::ptrdiff_t                    begin,
+             std::ptrdiff_t                    end)
+{
+  for (std::ptrdiff_t row = rowBegin; row < rowEnd; ++row)
+  {
+    if (begin < image.reached[row].end && end > image.reached[row].begin)
+    {
+      return true;
+    }
+  }
+  return false;
+}
+
 /** Whether slices reach all of columns [begin, end) of rows [rowBegin, rowEnd). */
 template <typename TPixel>
 bool
@@ -1066,7 +1229,7 @@ WarpRow(const IntermediateImage<TPixel> & intermediate,
   constexpr std::ptrdiff_t read = IsFloat<TPixel> ? 2 : 4 / sizeof(TPixel);
   const auto               portable = GetPortableKernels<TPixel>().warpRow;
   constexpr std::ptrdiff_t limit = 65535;
-  if (intermediate.slices || intermediate.columns > limit || intermediate.rows > limit ||
+  if (intermediate.hasGaps || intermediate.columns > limit || intermediate.rows > limit ||
       intermediate.rows * intermediate.rowStride > 2147483647)
   {
     return portable(intermediate, map, row, columnBegin, columnEnd, background, output);
@@ -1135,6 +1298,14 @@ WarpRow(const IntermediateImage<TPixel> & intermediate,
         cell.index = Lanes::AddIndex(
           Lanes::MultiplyIndex(wholeRow, Lanes::SetIndex(static_cast<std::int32_t>(cell.rowStride))), wholeColumn);
         isDone = Interpolate(cell, static_cast<const TPixel *>(intermediate.pixels), output + x);
+      }
+      else if (rowEnd <= intermediate.rows && !IsAnyReached(intermediate, rowBegin, rowEnd, first, last + 2))
+      {
+        for (std::ptrdiff_t n = x; n < x + lanes; ++n)
+        {
+          output[n] = background;
+        }
+        isDone = true;
       }
     }
     if (!isDone)

@@ -98,7 +98,7 @@ private:
   char *      m_Last{ nullptr };
 };
 
-/** A stack with padded rows and slices, but for the last, and random placements. The padding would win every maximum.
+/** A stack with padded rows and slices, but for the last, and random placements. The padding would win.
  */
 template <typename TPixel>
 class SlicesFixture
@@ -152,6 +152,22 @@ public:
     }
   }
 
+  /** Gives what is between rows and slices a value that no sample may have. */
+  void
+  FillPadding(TPixel value)
+  {
+    std::vector<TPixel> padded(m_Voxels.size(), value);
+    for (std::ptrdiff_t k = 0; k < m_Stack.slices; ++k)
+    {
+      for (std::ptrdiff_t j = 0; j < m_Stack.rows; ++j)
+      {
+        const std::ptrdiff_t first = k * m_Stack.sliceStride + j * m_Stack.rowStride;
+        std::copy_n(m_Voxels.begin() + first, m_Stack.columns, padded.begin() + first);
+      }
+    }
+    m_Voxels = std::move(padded);
+  }
+
   void
   Place(std::ptrdiff_t slice, std::int64_t column, std::int64_t row)
   {
@@ -182,18 +198,29 @@ public:
     rows = m_Stack.rows + lastRow;
     m_Stack.voxels = m_Memory->Place(m_Voxels, atEnd);
 
+    const auto & kernels = Kernels::GetKernels<TPixel>();
+
     const TPixel                     untouched{ 77 };
     const std::ptrdiff_t             stride = columns + 5;
     std::vector<std::vector<TPixel>> memories(views, std::vector<TPixel>(Guard + stride * rows + Guard, untouched));
+    std::vector<Kernels::ColumnSpan> known(rows * views);
+    isCovered.assign(columns * rows * views, 0);
     std::vector<Kernels::ShearedView<TPixel>> list;
     for (auto & memory : memories)
     {
       for (std::ptrdiff_t row = 0; row < rows; ++row)
       {
         const auto begin = memory.begin() + Guard + row * stride;
-        std::fill(begin, begin + columns, Kernels::NoSample<TPixel>);
+        std::fill(begin, begin + columns, isMinimum ? kernels.minimum.start : kernels.maximum.start);
       }
-      list.push_back({ m_Placements.data(), { memory.data() + Guard, columns, rows, stride, nullptr } });
+      const auto view = static_cast<std::ptrdiff_t>(list.size());
+      list.push_back({ m_Placements.data(),
+                       { memory.data() + Guard, columns, rows, stride, nullptr },
+                       nullptr,
+                       0,
+                       isMinimum,
+                       region.intervals.empty() ? nullptr : &region,
+                       { isCovered.data() + view * columns * rows, columns, known.data() + view * rows } });
     }
     rowSplits.push_back(m_Stack.rows);
     sliceSplits.push_back(m_Stack.slices);
@@ -207,7 +234,7 @@ public:
       for (const std::ptrdiff_t sliceEnd : sliceSplits)
       {
         block.sliceEnd = sliceEnd;
-        Kernels::GetKernels<TPixel>().projectBlock(m_Stack, block, list.data(), list.size());
+        kernels.projectBlock(m_Stack, block, list.data(), list.size());
         block.sliceBegin = sliceEnd;
       }
       block.rowBegin = rowEnd;
@@ -249,9 +276,9 @@ public:
     return pixels;
   }
 
-  /** False where no slice has a sample. */
+  /** False where no slice has a sample in the region. */
   bool
-  Evaluate(std::ptrdiff_t p, std::ptrdiff_t q, TPixel & maximum) const
+  Evaluate(std::ptrdiff_t p, std::ptrdiff_t q, TPixel & extremum) const
   {
     bool isReached = false;
     for (std::ptrdiff_t k = 0; k < m_Stack.slices; ++k)
@@ -259,51 +286,71 @@ public:
       const auto voxel = [&](std::int64_t i, std::int64_t j) {
         return m_Stack.voxels[k * m_Stack.sliceStride + j * m_Stack.rowStride + i];
       };
-      TPixel sample{};
-      if (SampleSlice(voxel,
+      const bool isIn = std::all_of(region.intervals.begin(), region.intervals.end(), [&](const auto & interval) {
+        const double value =
+          interval.function(static_cast<double>(p), static_cast<double>(q), static_cast<double>(region.firstSlice + k));
+        return interval.low <= value && value <= interval.high;
+      });
+      TPixel     sample{};
+      if (isIn &&
+          SampleSlice(voxel,
                       m_Stack.columns,
                       m_Stack.rows,
                       p * WholePixel - ToQuantized(m_Placements[k].column),
                       q * WholePixel - ToQuantized(m_Placements[k].row),
                       sample) &&
-          (!isReached || sample > maximum))
+          (!isReached || (isMinimum ? sample < extremum : sample > extremum)))
       {
-        maximum = sample;
+        extremum = sample;
         isReached = true;
       }
     }
     return isReached;
   }
 
-  /** Compares every pixel that some slice reaches, for each instruction set. */
+  /** Compares every pixel that some slice reaches, for each rule and instruction set. */
   void
   ExpectProjectionFollowsRule(std::size_t views = 1)
   {
-    this->Project();
-    std::vector<TPixel> expected(columns * rows);
-    std::vector<char>   isReached(columns * rows);
-    for (std::ptrdiff_t n = 0; n < columns * rows; ++n)
+    for (const bool rule : { true, false })
     {
-      isReached[n] = this->Evaluate(n % columns, n / columns, expected[n]);
-    }
-    bool atEnd = false;
-    ForEachInstructionSet([&](const std::string &) {
-      atEnd = !atEnd;
-      const std::vector<TPixel> pixels = this->Project({}, {}, views, atEnd);
+      isMinimum = rule;
+      this->FillPadding(isMinimum ? std::numeric_limits<TPixel>::lowest() : std::numeric_limits<TPixel>::max());
+      this->Project();
+      std::vector<TPixel>       expected(columns * rows);
+      std::vector<std::uint8_t> isReached(columns * rows);
       for (std::ptrdiff_t n = 0; n < columns * rows; ++n)
       {
-        if (isReached[n])
-        {
-          ASSERT_TRUE(HaveSameBits(WithoutSignOfZero(expected[n]), WithoutSignOfZero(pixels[n])))
-            << "at (" << n % columns << ", " << n / columns << ") of " << m_Stack.columns << " x " << m_Stack.rows
-            << " x " << m_Stack.slices << ": " << +pixels[n] << " instead of " << +expected[n];
-        }
+        isReached[n] = this->Evaluate(n % columns, n / columns, expected[n]);
       }
-    });
+      bool atEnd = false;
+      ForEachInstructionSet([&](const std::string &) {
+        atEnd = !atEnd;
+        const std::vector<TPixel> pixels = this->Project({}, {}, views, atEnd);
+        for (std::ptrdiff_t n = 0; n < columns * rows; ++n)
+        {
+          if (isReached[n] != 0)
+          {
+            ASSERT_TRUE(HaveSameBits(WithoutSignOfZero(expected[n]), WithoutSignOfZero(pixels[n])))
+              << "at (" << n % columns << ", " << n / columns << ") of " << m_Stack.columns << " x " << m_Stack.rows
+              << " x " << m_Stack.slices << (isMinimum ? ", minimum: " : ": ") << +pixels[n] << " instead of "
+              << +expected[n];
+          }
+          for (std::size_t view = 0; view < views; ++view)
+          {
+            ASSERT_TRUE(region.intervals.empty() || isReached[n] == isCovered[view * pixels.size() + n]) << n;
+          }
+        }
+      });
+    }
   }
 
   std::ptrdiff_t columns{ 0 }, rows{ 0 };
   bool           hasCommonRows{ false };
+  bool           isMinimum{ false };
+
+  Kernels::Region           region;
+  std::vector<std::uint8_t> isCovered; // by samples of the region, for each view
 
 private:
   void
@@ -614,6 +661,45 @@ TYPED_TEST(ShearWarpKernelsTyped, PartsHaveTheSamplesOfTheWhole)
           << "repeat " << repeat << ", pixel " << n << ": " << +parts[n] << " instead of " << +whole[n];
       }
     });
+  }
+}
+
+TYPED_TEST(ShearWarpKernelsTyped, ProjectBlockTakesNoMoreThanTheRegion)
+{
+  Random                   random(8);
+  const std::ptrdiff_t     lengths[] = { 1, 5, 17, 33, 40, 97, 130 };
+  constexpr std::ptrdiff_t slicesBefore = 3;
+  for (int repeat = 0; repeat < 120; ++repeat)
+  {
+    SlicesFixture<TypeParam> slices(random, lengths[repeat % 7], random.Integer(1, 21), random.Integer(1, 12));
+    for (std::ptrdiff_t k = 0; k < slices.GetNumberOfSlices(); ++k)
+    {
+      const auto draw = [&] { return random.Integer(0, 3) == 0 ? 0 : random.Integer(0, 4 * WholePixel); };
+      slices.Place(k, draw(), draw());
+    }
+    slices.region.firstSlice = slicesBefore;
+    for (int n = 0; n <= repeat % 3; ++n)
+    {
+      // zeros of both signs, whole numbers and any
+      const double slopes[] = { 0.0, -0.0, 1.0, -1.0, 0.5, random.Uniform(-2, 2), random.Uniform(-1e-9, 1e-9) };
+      const auto   draw = [&] { return slopes[random.Integer(0, 6)]; };
+      const Kernels::ShearedFunction function{ draw(), draw(), draw(), draw() };
+      // ends are values at samples, or just beside them
+      const auto drawEnd = [&] {
+        constexpr double infinity = std::numeric_limits<double>::infinity();
+        const double     value = function(random.Integer(0, 140), random.Integer(0, 25), random.Integer(3, 15));
+        const double     ends[] = { value, std::nextafter(value, infinity), std::nextafter(value, -infinity) };
+        return ends[random.Integer(0, 2)];
+      };
+      const double ends[] = { drawEnd(), drawEnd() };
+      const bool   isOpen = random.Integer(0, 3) == 0;
+      slices.region.intervals.push_back(
+        { function,
+          isOpen ? -std::numeric_limits<double>::infinity() : std::min(ends[0], ends[1]),
+          std::max(ends[0], ends[1]) });
+    }
+    slices.hasCommonRows = repeat % 4 == 0;
+    slices.ExpectProjectionFollowsRule(1 + repeat % 2);
   }
 }
 

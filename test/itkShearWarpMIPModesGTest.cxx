@@ -120,6 +120,66 @@ TYPED_TEST(ShearWarpMIPModes, FollowTheRuleOnEveryInstructionSet)
   }
 }
 
+TYPED_TEST(ShearWarpMIPModes, DepthChangesNoBitOfTheValues)
+{
+  // it takes the samples in their order, which slabs, boxes, minima and absolute maxima need not have
+  Random random(905);
+  for (int repeat = 0; repeat < 100; ++repeat)
+  {
+    SCOPED_TRACE(repeat);
+    const auto image = MakeRandomImage<TypeParam>(random, MakeRandomSize(random, 1, 90));
+    const auto view = MakeRandomView(random, AllViewKinds[repeat % 3], image);
+    const auto filter = MakeFilter<TypeParam>(image, view);
+    PointType  lower, upper;
+    itk::ShearWarpFactorization::ComputeViewBounds(view, image, lower, upper);
+    const double near = random.Uniform(lower[2], upper[2]);
+    filter->SetSlabNear(repeat % 4 == 0 ? -std::numeric_limits<double>::infinity() : near);
+    // without a sample in many rays
+    filter->SetSlabFar(repeat % 4 == 1 ? near + random.Uniform(0, 0.5) : upper[2]);
+    if (repeat % 3 == 0)
+    {
+      const auto middle = view->TransformPoint(lower + (upper - lower) * 0.5);
+      filter->SetCropLower(middle - MakeVector3(random.Uniform(0, 9), 99, random.Uniform(0, 9)));
+      filter->SetCropUpper(middle + MakeVector3(random.Uniform(0, 9), random.Uniform(0, 9), 99));
+    }
+    const ModeEnum modes[] = { ModeEnum::Maximum, ModeEnum::Minimum, ModeEnum::AbsoluteMaximum };
+    filter->SetMode(modes[random.Integer(0, 2)]);
+    filter->SetOversampling(repeat % 5 == 0 ? 2 : 1);
+    filter->SetNumberOfStreamDivisions(static_cast<unsigned int>(random.Integer(1, 3)));
+    filter->SetDefaultPixelValue(MakeRandomPixel<TypeParam>(random));
+    ForEachInstructionSet([&](const std::string &) {
+      filter->ComputeDepthOff();
+      filter->SetNumberOfWorkUnits(static_cast<itk::ThreadIdType>(random.Integer(1, 8)));
+      filter->Modified();
+      filter->Update();
+      const auto pixels = Copy(filter->GetOutput());
+      filter->ComputeDepthOn();
+      filter->Update();
+      EXPECT_TRUE(HaveSamePixels<TypeParam>(pixels, filter->GetOutput()));
+    });
+  }
+}
+
+TEST(ShearWarpMIPModesOutput, FewGapsAreSeenByAllThreads)
+{
+  const auto image = MakePlainImage<unsigned char>({ { 64, 1024, 2 } }, 200);
+  const auto mask = MakePlainImage<unsigned char>({ { 64, 1024, 2 } }, 1);
+  for (const itk::IndexValueType z : { 0, 1 })
+  {
+    mask->SetPixel({ { 30, 512, z } }, 0);
+  }
+  const auto filter = MakeFilter<unsigned char>(image, MakeIdentityView());
+  filter->SetMaskImage(mask);
+  filter->SetDefaultPixelValue(7);
+  filter->SetNumberOfWorkUnits(8);
+  for (int repeat = 0; repeat < 200; ++repeat)
+  {
+    filter->Modified();
+    filter->Update();
+    ASSERT_EQ(filter->GetOutput()->GetPixel({ { 30, 512 } }), 7) << repeat;
+  }
+}
+
 TYPED_TEST(ShearWarpMIPModes, StreamedHaveTheSameBits)
 {
   Random random(902);

@@ -75,7 +75,11 @@ public:
         process(n / steps, n % steps, n / steps % 2);
       }
     };
-    projector.Start({ &factorization }, kernels, ReducedResamplingEnum::On, 2);
+    projector.Start({ { &factorization, {} } },
+                    kernels,
+                    itk::ShearWarpMIPImageFilterEnums::Mode::Maximum,
+                    ReducedResamplingEnum::On,
+                    2);
     for (const auto & region : MakeParts(image->GetLargestPossibleRegion(), begins))
     {
       const auto part = ImageType::New();
