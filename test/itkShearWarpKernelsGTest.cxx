@@ -687,7 +687,8 @@ TYPED_TEST(ShearWarpKernelsTyped, ProjectBlockTakesNoMoreThanTheRegion)
       // ends are values at samples, or just beside them
       const auto drawEnd = [&] {
         constexpr double infinity = std::numeric_limits<double>::infinity();
-        const double     value = function(random.Integer(0, 140), random.Integer(0, 25), random.Integer(3, 15));
+        const auto       drawPlace = [&](double end) { return std::floor(random.Uniform(0, end)); };
+        const double     value = function(drawPlace(140), drawPlace(25), drawPlace(16));
         const double     ends[] = { value, std::nextafter(value, infinity), std::nextafter(value, -infinity) };
         return ends[random.Integer(0, 2)];
       };
