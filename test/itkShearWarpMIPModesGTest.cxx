@@ -142,7 +142,6 @@ TYPED_TEST(ShearWarpMIPModes, DepthChangesNoBitOfTheValues)
       filter->SetCropLower(middle - MakeVector3(random.Uniform(0, 9), 99, random.Uniform(0, 9)));
       filter->SetCropUpper(middle + MakeVector3(random.Uniform(0, 9), random.Uniform(0, 9), 99));
     }
-    const ModeEnum modes[] = { ModeEnum::Maximum, ModeEnum::Minimum, ModeEnum::AbsoluteMaximum };
     filter->SetMode(modes[random.Integer(0, 2)]);
     filter->SetOversampling(repeat % 5 == 0 ? 2 : 1);
     filter->SetNumberOfStreamDivisions(static_cast<unsigned int>(random.Integer(1, 3)));
