@@ -562,11 +562,12 @@ template <int VRows, typename TPixel>
 void
 FetchNextSlice(const TileRow<TPixel> & row, std::ptrdiff_t column)
 {
-  const TPixel * voxels = row.voxels + (row.slices->offset + row.nextSlice + row.row * row.rowStride + column);
+  constexpr std::ptrdiff_t lanes = LaneCount<TPixel>;
+  const TPixel *           voxels = row.voxels + (row.slices->offset + row.nextSlice + row.row * row.rowStride + column);
   for (int r = 0; r < VRows; ++r, voxels += row.rowStride)
   {
     Lanes::Prefetch(reinterpret_cast<const char *>(voxels - 1));
-    Lanes::Prefetch(reinterpret_cast<const char *>(voxels + LaneCount<TPixel> - 1));
+    Lanes::Prefetch(reinterpret_cast<const char *>(voxels + lanes - 1));
   }
 }
 
