@@ -185,8 +185,8 @@ constexpr TPixel NoSample = std::numeric_limits<TPixel>::has_infinity ? -std::nu
  * the columns of row r that may have a value; what the other pixels hold is not defined.
  *
  * `slices`, if not null, tells for each pixel, laid out as `pixels`, which slice gave it its value; it is negative
- * where a pixel has none. The image `hasGaps` if that may be so of a reached one. Without `slices` floating-point pixels
- * that are `none` have no value. */
+ * where a pixel has none. The image `hasGaps` if that may be so of a reached one. Without `slices` floating-point
+ * pixels that are `none` have no value. */
 template <typename TPixel>
 struct IntermediateImage
 {

@@ -249,7 +249,7 @@ private:
   std::vector<Worker>                m_Workers;
   SizeValueType                      m_NumberOfWorkers{ 1 };
   ShearWarpBuffer                    m_JoinedPhases;
-  ShearWarpBuffer             m_JoinedSlices; // 0 or NoSlice, where pixels may have no value
+  ShearWarpBuffer                    m_JoinedSlices; // 0 or NoSlice, where pixels may have no value
   std::vector<ShearWarp::ColumnSpan> m_Reached;      // of its rows
   std::vector<std::ptrdiff_t>        m_SliceOrder;   // the first of each BlockLength slices
 

@@ -587,7 +587,8 @@ template <typename TPixel>
 const std::uint8_t *
 ShearWarpProjector<TPixel>::MergeMarks(std::size_t grid, std::ptrdiff_t row)
 {
-  std::uint8_t * const result = m_Workers.front().images[grid].marks.template GetPointer<std::uint8_t>() + row * m_RowStride;
+  std::uint8_t * const result =
+    m_Workers.front().images[grid].marks.template GetPointer<std::uint8_t>() + row * m_RowStride;
   for (std::size_t n = 1; n < m_Workers.size(); ++n)
   {
     const PartialImage & image = m_Workers[n].images[grid];

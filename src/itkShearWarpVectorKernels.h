@@ -182,7 +182,8 @@ private:
 };
 
 /** A row of tiles: columns [begin, end), at least LaneCount of them, that `count` slices have in common, of the rows
- * from `row` on. `spans`, if not null, are the columns to take of each row; `any` has all of them, and each has `common`.
+ * from `row` on. `spans`, if not null, are the columns to take of each row; `any` has all of them, and each has
+ * `common`.
  */
 template <typename TPixel>
 struct TileRow
@@ -563,7 +564,7 @@ void
 FetchNextSlice(const TileRow<TPixel> & row, std::ptrdiff_t column)
 {
   constexpr std::ptrdiff_t lanes = LaneCount<TPixel>;
-  const TPixel *           voxels = row.voxels + (row.slices->offset + row.nextSlice + row.row * row.rowStride + column);
+  const TPixel * voxels = row.voxels + (row.slices->offset + row.nextSlice + row.row * row.rowStride + column);
   for (int r = 0; r < VRows; ++r, voxels += row.rowStride)
   {
     Lanes::Prefetch(reinterpret_cast<const char *>(voxels - 1));
