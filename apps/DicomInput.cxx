@@ -17,6 +17,7 @@
  *=========================================================================*/
 #include "DicomInput.h"
 #include "DicomAttribute.h"
+#include "FileStart.h"
 #include "Integrity.h"
 
 #include "itkGDCMImageIO.h"
@@ -150,33 +151,18 @@ ReadSource(const std::string & path)
   return source;
 }
 
-std::string
-ReadStart(const fs::path & path)
+bool
+IsText(const fs::path & path)
 {
-  std::string   start(512, '\0');
-  std::ifstream file(path, std::ios::binary);
-  if (!file)
+  if (!std::ifstream(path))
   {
     throw std::runtime_error("cannot read '" + path.string() + "'");
   }
-  file.read(start.data(), static_cast<std::streamsize>(start.size()));
-  start.resize(static_cast<std::size_t>(file.gcount()));
-  return start;
-}
-
-bool
-IsText(const std::string & start)
-{
+  const std::string start = ReadStart(path, 512);
   return !start.empty() && std::all_of(start.begin(), start.end(), [](char character) {
     const auto code = static_cast<unsigned char>(character);
     return code >= ' ' || (code >= '\t' && code <= '\r');
   });
-}
-
-bool
-IsDICOM(const std::string & start)
-{
-  return start.size() > 132 && start.compare(128, 4, "DICM") == 0;
 }
 
 /** The images of a folder by the instance UIDs of their series. What might be one, but cannot be read, is an error. */
@@ -204,7 +190,7 @@ FindSeries(const fs::path & folder, const WarningFunction & warn)
     {
       leaveOut(path, "no regular file");
     }
-    else if (IsText(ReadStart(path)))
+    else if (IsText(path))
     {
       texts.insert(path);
     }
@@ -226,7 +212,7 @@ FindSeries(const fs::path & folder, const WarningFunction & warn)
       series[GetText(source->header, { 0x0020, 0x000e })].push_back(*source);
       extensions.insert(fs::path(file).extension());
     }
-    else if (!IsDICOM(ReadStart(file)))
+    else if (!HasPreamble(file))
     {
       others.emplace_back(file);
     }

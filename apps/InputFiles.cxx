@@ -17,10 +17,10 @@
  *=========================================================================*/
 #include "InputFiles.h"
 
+#include "FileStart.h"
 #include "Text.h"
 
 #include <algorithm>
-#include <fstream>
 #include <set>
 #include <sstream>
 #include <string>
@@ -84,10 +84,8 @@ AddNamedFiles(const fs::path & folder, const std::string & text, Paths & files)
 void
 AddFilesOfHeader(const fs::path & path, Paths & files)
 {
-  std::string   start(1 << 20, '\0');
-  std::ifstream file(path, std::ios::binary);
-  file.read(start.data(), static_cast<std::streamsize>(start.size()));
-  const auto isBinary = [](char c) { return c >= '\0' && c < ' ' && c != '\t' && c != '\r'; };
+  const std::string start = ReadStart(path, 1 << 20);
+  const auto        isBinary = [](char c) { return c >= '\0' && c < ' ' && c != '\t' && c != '\r'; };
 
   // headers that name files: of NRRD, which end with an empty line, and of MetaImage; or with a list of names
   std::istringstream lines(start);

@@ -17,6 +17,7 @@
  *=========================================================================*/
 #include "Integrity.h"
 
+#include "FileStart.h"
 #include "Text.h"
 #include "TransformFile.h"
 
@@ -55,16 +56,6 @@ namespace fs = std::filesystem;
 Refuse(const fs::path & path, const std::string & reason)
 {
   throw std::runtime_error("'" + path.string() + "' is damaged or incomplete: " + reason);
-}
-
-std::string
-ReadStart(const fs::path & path, std::size_t count)
-{
-  std::string   start(count, '\0');
-  std::ifstream file(path, std::ios::binary);
-  file.read(start.data(), static_cast<std::streamsize>(count));
-  start.resize(static_cast<std::size_t>(file.gcount()));
-  return start;
 }
 
 constexpr int gzipOrZlib = MAX_WBITS + 32;
@@ -212,13 +203,6 @@ protected:
 private:
   bool m_IsTooShort{ false };
 };
-
-bool
-HasPreamble(const fs::path & path)
-{
-  const std::string start = ReadStart(path, 132);
-  return start.size() == 132 && start.substr(128) == "DICM";
-}
 
 bool
 LooksLikeDICOM(const fs::path & path)
