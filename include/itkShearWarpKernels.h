@@ -227,17 +227,10 @@ struct Region
   std::vector<Interval> intervals;
   std::ptrdiff_t        firstSlice{ 0 }; // of the stack, in the volume
 
-  enum class Part
-  {
-    None,
-    Some,
-    All
-  };
-
-  /** Which samples of columns \a columns and rows \a rows of a slice count: \c Some if it is not easy to tell. */
+  /** Whether samples of columns \a columns and rows \a rows of a slice may count. */
   ShearWarpMIP_EXPORT
-  Part
-  FindPart(ColumnSpan columns, RowSpan rows, std::ptrdiff_t slice) const;
+  bool
+  MayReach(ColumnSpan columns, RowSpan rows, std::ptrdiff_t slice) const;
 
   /** Those of columns \a columns of a row of a slice that count. */
   ShearWarpMIP_EXPORT
@@ -245,21 +238,23 @@ struct Region
   Clip(ColumnSpan columns, std::ptrdiff_t row, std::ptrdiff_t slice) const;
 };
 
-/** Which pixels of an image have met a sample. */
+/** A view's region, and which pixels have met a sample of it. */
 struct Coverage
 {
-  std::uint8_t * marks; // 1 for those, 0 for others
-  std::ptrdiff_t rowStride;
-  ColumnSpan *   known; // of each row, some that are marked
+  const Region * region{ nullptr };
+  std::uint8_t * marks{ nullptr }; // 1 for those, 0 for others
+  std::ptrdiff_t rowStride{ 0 };
+  ColumnSpan *   known{ nullptr }; // of each row, some that are marked
 
+  /** Marks those pixels of columns \a columns of a row that have a sample of a slice in the region, and returns them.
+   */
   ShearWarpMIP_EXPORT
-  void
-  Add(std::ptrdiff_t row, ColumnSpan span) const;
+  ColumnSpan
+  Add(ColumnSpan columns, std::ptrdiff_t row, std::ptrdiff_t slice) const;
 };
 
 /** A view along the slices' axis: the place of each slice, and the image that collects the maxima, or the minima if it
- * `isMinimum`. With a `region` only samples in it are taken, and `coverage` tells which pixels have met one;
- * of the views of one call all have a region or none.
+ * `isMinimum`; with a `coverage` of the samples in its region alone. Of the views of one call all have one or none.
  *
  * `active`, if not null, tells which tiles of a block of at most BlockLength slices are needed: where
  * `active[(row - block.rowBegin) / BlockLength * activeStride + column / TileColumns]` is zero, for a row counted from
@@ -272,7 +267,6 @@ struct ShearedView
   const std::uint8_t *      active{ nullptr };
   std::ptrdiff_t            activeStride{ 0 };
   bool                      isMinimum{ false };
-  const Region *            region{ nullptr };
   Coverage                  coverage{};
 };
 

@@ -372,8 +372,10 @@ ShearWarpProjector<TPixel>::ProjectRows(Worker &       worker,
             hasMask ? image.active.data() : nullptr,
             m_TileColumns,
             this->IsMinimum(g),
-            m_Regions.empty() ? nullptr : &m_Regions[g],
-            { image.marks.template GetPointer<std::uint8_t>(), m_RowStride, image.known.data() } });
+            { m_Regions.empty() ? nullptr : &m_Regions[g],
+              image.marks.template GetPointer<std::uint8_t>(),
+              m_RowStride,
+              image.known.data() } });
       }
     }
     if (!worker.views.empty())

@@ -110,27 +110,21 @@ ClipColumns(const ShearedFunction & function, double low, double high, double ro
            findFirst(low, [&](std::int32_t column) { return getValue(column) < low; }) };
 }
 
-Region::Part
-Region::FindPart(ColumnSpan columns, RowSpan rows, std::ptrdiff_t slice) const
+bool
+Region::MayReach(ColumnSpan columns, RowSpan rows, std::ptrdiff_t slice) const
 {
   const auto   position = static_cast<double>(firstSlice + slice);
   const double ofColumns[] = { static_cast<double>(columns.begin), static_cast<double>(columns.end - 1) };
   const double ofRows[] = { static_cast<double>(rows.begin), static_cast<double>(rows.end - 1) };
-  Part         part = Part::All;
-  for (const auto & [function, low, high] : intervals)
-  {
+  return std::all_of(intervals.begin(), intervals.end(), [&](const Interval & interval) {
     // monotonic in column and row, rounding included
+    const auto & function = interval.function;
     const bool   falls = function.perColumn < 0;
     const bool   fallsAlongRows = function.perRow < 0;
     const double lowest = function(ofColumns[falls], ofRows[fallsAlongRows], position);
     const double highest = function(ofColumns[!falls], ofRows[!fallsAlongRows], position);
-    if (!(highest >= low && lowest <= high))
-    {
-      return Part::None;
-    }
-    part = lowest >= low && highest <= high ? part : Part::Some;
-  }
-  return part;
+    return highest >= interval.low && lowest <= interval.high;
+  });
 }
 
 ColumnSpan
@@ -156,16 +150,18 @@ FindReached(const std::int32_t * slices, std::ptrdiff_t columns)
            !std::all_of(begin, end, hasSlice) };
 }
 
-void
-Coverage::Add(std::ptrdiff_t row, ColumnSpan span) const
+ColumnSpan
+Coverage::Add(ColumnSpan columns, std::ptrdiff_t row, std::ptrdiff_t slice) const
 {
-  ColumnSpan & of = known[row];
+  const ColumnSpan span = region->Clip(columns, row, slice);
+  ColumnSpan &     of = known[row];
   if (span.begin < span.end && (span.begin < of.begin || span.end > of.end))
   {
     std::memset(marks + row * rowStride + span.begin, 1, static_cast<std::size_t>(span.end - span.begin));
     const bool areJoined = span.begin <= of.end && span.end >= of.begin;
     of = areJoined ? ColumnSpan{ std::min(span.begin, of.begin), std::max(span.end, of.end) } : span;
   }
+  return span;
 }
 
 double

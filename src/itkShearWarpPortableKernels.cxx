@@ -218,10 +218,9 @@ ProjectBlock(const SliceStack<TPixel> &  slices,
           std::clamp<std::ptrdiff_t>(j - firstTile, 0, block.rowEnd - block.rowBegin - 1) / BlockLength;
         ColumnSpan reached{ column.whole + static_cast<std::int32_t>(columnSamples.begin),
                             column.whole + static_cast<std::int32_t>(columnSamples.end) };
-        if (view->region)
+        if (view->coverage.region)
         {
-          reached = view->region->Clip(reached, row.whole + j, k);
-          view->coverage.Add(row.whole + j, reached);
+          reached = view->coverage.Add(reached, row.whole + j, k);
         }
         const auto project =
           view->isMinimum ? ProjectRow<MinimumRule<TPixel>, TPixel> : ProjectRow<MaximumRule<TPixel>, TPixel>;

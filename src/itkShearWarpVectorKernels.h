@@ -778,11 +778,9 @@ private:
   void
   TakeEdgeSample(std::ptrdiff_t row, std::ptrdiff_t column, std::ptrdiff_t voxel, std::int32_t y) const
   {
-    if (m_View.region)
+    if (m_View.coverage.region)
     {
-      const auto       begin = static_cast<std::int32_t>(column);
-      const ColumnSpan span = m_View.region->Clip({ begin, begin + 1 }, row, m_Slice);
-      m_View.coverage.Add(row, span);
+      const ColumnSpan span = m_View.coverage.Add(GetColumns(column, column + 1), row, m_Slice);
       if (span.begin == span.end)
       {
         return;
@@ -830,7 +828,7 @@ private:
                            m_View.intermediate.rowStride,
                            nullptr,
                            m_Stack.sliceStride,
-                           m_View.active || m_View.region ? nullptr : &prefetcher };
+                           m_View.active || m_View.coverage.region ? nullptr : &prefetcher };
     if (rowEnd - rowBegin < BlockLength)
     {
       for (std::ptrdiff_t row = rowBegin; row < rowEnd; ++row)
@@ -906,7 +904,7 @@ private:
     tiles.active = this->GetActiveTiles(gridRow);
     tiles.row = row;
     tiles.pixels = m_View.intermediate.pixels + row * m_View.intermediate.rowStride;
-    if (m_View.region)
+    if (m_View.coverage.region)
     {
       return this->ProjectRegion<VRows>(tiles);
     }
@@ -917,9 +915,9 @@ private:
   bool
   IsInRegion(const Rectangle & samples) const
   {
-    return !m_View.region || m_View.region->FindPart(GetColumns(samples.begin, samples.end),
-                                                     { samples.rowBegin, samples.rowEnd },
-                                                     m_Slice) != Region::Part::None;
+    const Region * region = m_View.coverage.region;
+    return !region ||
+           region->MayReach(GetColumns(samples.begin, samples.end), { samples.rowBegin, samples.rowEnd }, m_Slice);
   }
 
   static ColumnSpan
@@ -933,19 +931,17 @@ private:
   void
   ProjectRegion(TileRow<TPixel> tiles) const
   {
-    const ColumnSpan all = GetColumns(tiles.begin, tiles.end);
-    const auto       part = m_View.region->FindPart(all, { tiles.row, tiles.row + VRows }, m_Slice);
-    if (part == Region::Part::None)
+    if (!this->IsInRegion({ tiles.row, tiles.row + VRows, tiles.begin, tiles.end }))
     {
       return;
     }
-    ColumnSpan spans[VRows];
-    ColumnSpan common = all;
-    ColumnSpan any{ all.end, all.begin };
+    const ColumnSpan all = GetColumns(tiles.begin, tiles.end);
+    ColumnSpan       spans[VRows];
+    ColumnSpan       common = all;
+    ColumnSpan       any{ all.end, all.begin };
     for (int r = 0; r < VRows; ++r)
     {
-      spans[r] = part == Region::Part::All ? all : m_View.region->Clip(all, tiles.row + r, m_Slice);
-      m_View.coverage.Add(tiles.row + r, spans[r]);
+      spans[r] = m_View.coverage.Add(all, tiles.row + r, m_Slice);
       common = { Larger(common.begin, spans[r].begin), Smaller(common.end, spans[r].end) };
       const bool isEmpty = spans[r].begin == spans[r].end;
       any = isEmpty ? any : ColumnSpan{ Smaller(any.begin, spans[r].begin), Larger(any.end, spans[r].end) };
@@ -985,7 +981,7 @@ ProjectBlock(const SliceStack<TPixel> &  slices,
     return GetPortableKernels<TPixel>().projectBlock(slices, block, views, count);
   }
   // all views take a slice's rows, or those of a few slices, while they are in the cache
-  const bool           areTogether = block.hasCommonRows && !views->active && !views->region;
+  const bool           areTogether = block.hasCommonRows && !views->active && !views->coverage.region;
   const std::ptrdiff_t length = areTogether ? BlockProjector<MaximumRule<TPixel>, TPixel>::MaximumSlices : 1;
   for (std::ptrdiff_t slice = block.sliceBegin, end = slice; slice < block.sliceEnd; slice = end)
   {
@@ -1152,42 +1148,28 @@ Interpolate(const WarpCell & cell, const float * pixels, float * output)
   return true;
 }
 
-/** Whether slices reach one of columns [begin, end) of rows [rowBegin, rowEnd). */
-template <typename TPixel>
-bool
-IsAnyReached(const IntermediateImage<TPixel> & image,
-             std::ptrdiff_t                    rowBegin,
-             std::ptrdiff_t                    rowEnd,
-             std::ptrdiff_t                    begin,
-             std::ptrdiff_t                    end)
+/** Which of columns [begin, end) of rows [rowBegin, rowEnd) slices reach. */
+struct Reach
 {
-  for (std::ptrdiff_t row = rowBegin; row < rowEnd; ++row)
-  {
-    if (begin < image.reached[row].end && end > image.reached[row].begin)
-    {
-      return true;
-    }
-  }
-  return false;
-}
+  bool any, all;
+};
 
-/** Whether slices reach all of columns [begin, end) of rows [rowBegin, rowEnd). */
 template <typename TPixel>
-bool
-IsReached(const IntermediateImage<TPixel> & image,
+Reach
+FindReach(const IntermediateImage<TPixel> & image,
           std::ptrdiff_t                    rowBegin,
           std::ptrdiff_t                    rowEnd,
           std::ptrdiff_t                    begin,
           std::ptrdiff_t                    end)
 {
+  Reach reach{ false, true };
   for (std::ptrdiff_t row = rowBegin; row < rowEnd; ++row)
   {
-    if (begin < image.reached[row].begin || end > image.reached[row].end)
-    {
-      return false;
-    }
+    const ColumnSpan reached = image.reached[row];
+    reach.any = reach.any || (begin < reached.end && end > reached.begin);
+    reach.all = reach.all && begin >= reached.begin && end <= reached.end;
   }
-  return true;
+  return reach;
 }
 
 inline double
@@ -1285,8 +1267,9 @@ WarpRow(const IntermediateImage<TPixel> & intermediate,
       const std::ptrdiff_t last = Larger(Lanes::First(wholeColumn), Lanes::Last(wholeColumn));
       const std::ptrdiff_t rowBegin = Smaller(Lanes::First(wholeRow), Lanes::Last(wholeRow));
       const std::ptrdiff_t rowEnd = Larger(Lanes::First(wholeRow), Lanes::Last(wholeRow)) + 2;
-      if (last + read <= intermediate.columns && rowEnd <= intermediate.rows &&
-          IsReached(intermediate, rowBegin, rowEnd, first, last + 2))
+      const Reach          reach =
+        rowEnd <= intermediate.rows ? FindReach(intermediate, rowBegin, rowEnd, first, last + 2) : Reach{ true, false };
+      if (last + read <= intermediate.columns && reach.all)
       {
         const Lanes::Index fraction = Lanes::SetIndex(32767);
         const Lanes::Index u = Lanes::AndIndex(column, fraction);
@@ -1301,7 +1284,7 @@ WarpRow(const IntermediateImage<TPixel> & intermediate,
           Lanes::MultiplyIndex(wholeRow, Lanes::SetIndex(static_cast<std::int32_t>(cell.rowStride))), wholeColumn);
         isDone = Interpolate(cell, static_cast<const TPixel *>(intermediate.pixels), output + x);
       }
-      else if (rowEnd <= intermediate.rows && !IsAnyReached(intermediate, rowBegin, rowEnd, first, last + 2))
+      else if (!reach.any)
       {
         for (std::ptrdiff_t n = x; n < x + lanes; ++n)
         {

@@ -219,8 +219,10 @@ public:
                        nullptr,
                        0,
                        isMinimum,
-                       region.intervals.empty() ? nullptr : &region,
-                       { isCovered.data() + view * columns * rows, columns, known.data() + view * rows } });
+                       { region.intervals.empty() ? nullptr : &region,
+                         isCovered.data() + view * columns * rows,
+                         columns,
+                         known.data() + view * rows } });
     }
     rowSplits.push_back(m_Stack.rows);
     sliceSplits.push_back(m_Stack.slices);
