@@ -176,7 +176,8 @@ test_sanitize() (
   for name in address,undefined,float-cast-overflow thread; do
     if [ "$name" = thread ]; then
       export ITK_GLOBAL_DEFAULT_THREADER=Platform
-      skip='ShearWarpMIPProgramSeries.*Animat'
+      # the program has no threads but the library's, and itksysProcess learns late here that another one has ended
+      skip='ShearWarpMIPProgram[.DFMST]'
     fi
     configure_build_test "$build/sanitize-${name%%,*}" -DCMAKE_CXX_FLAGS_RELEASE='-O1 -g1 -D_GLIBCXX_ASSERTIONS' \
       "-DCMAKE_CXX_FLAGS=-fsanitize=$name -fno-sanitize-recover=all -fno-omit-frame-pointer"
