@@ -25,6 +25,7 @@
 #include <cstring>
 #include <limits>
 #include <string>
+#include <type_traits>
 #include <vector>
 
 /** The steps of the projection on plain memory: pointers, strides and sizes, no ITK type.
@@ -253,8 +254,24 @@ struct Coverage
   Add(ColumnSpan columns, std::ptrdiff_t row, std::ptrdiff_t slice) const;
 };
 
+/** The place of a slice, counted from the viewer: as wide as the lanes of its pixels. Of equal samples the one of the
+ * least counts. A pixel without a sample has NoRank. */
+template <typename TPixel>
+using SliceRank = std::conditional_t<(sizeof(TPixel) > 2), std::int32_t, std::int16_t>;
+template <typename TPixel>
+constexpr SliceRank<TPixel> NoRank = std::numeric_limits<SliceRank<TPixel>>::max();
+
+/** The ranks of an image's pixels, laid out as these; that of slice k is `first + step * k`. */
+template <typename TPixel>
+struct RankedImage
+{
+  SliceRank<TPixel> * ranks{ nullptr };
+  std::int32_t        first{ 0 }, step{ 1 };
+};
+
 /** A view along the slices' axis: the place of each slice, and the image that collects the maxima, or the minima if it
- * `isMinimum`; with a `coverage` of the samples in its region alone. Of the views of one call all have one or none.
+ * `isMinimum`; with a `coverage` of the samples in its region alone. `ranked` tells which slices gave the extrema, if its
+ * ranks are not null. Of the views of one call all have a coverage or none, and all have ranks or none.
  *
  * `active`, if not null, tells which tiles of a block of at most BlockLength slices are needed: where
  * `active[(row - block.rowBegin) / BlockLength * activeStride + column / TileColumns]` is zero, for a row counted from
@@ -268,6 +285,7 @@ struct ShearedView
   std::ptrdiff_t            activeStride{ 0 };
   bool                      isMinimum{ false };
   Coverage                  coverage{};
+  RankedImage<TPixel>       ranked{};
 };
 
 /** A row of a slice's samples: between the rows \a a, of weight y / 2^15, and \a b of `columns` voxels, of which voxel

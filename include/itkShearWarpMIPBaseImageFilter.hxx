@@ -381,7 +381,7 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GeneratePixels()
       {
         projectedViews.push_back({ &first->factorization, this->MakeIntervals(*first) });
       }
-      this->m_Projector.Start(projectedViews, kernels, m_Mode, this->m_ReducedResampling, workers);
+      this->m_Projector.Start(projectedViews, kernels, m_Mode, m_ComputeDepth, this->m_ReducedResampling, workers);
       const auto project = [this](const auto & volume, const auto *, const auto & parallelize) {
         this->m_Projector.Project(volume, parallelize);
       };
@@ -438,7 +438,7 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::MakeGroups(SizeValueType
       }
     }
     const auto [begin, end] = candidates[axis].equal_range(key);
-    const auto same = isOneByOne || hasRegion ? end : std::find_if(begin, end, [&](const auto & candidate) {
+    const auto same = isOneByOne || hasRegion || m_ComputeDepth ? end : std::find_if(begin, end, [&](const auto & candidate) {
       const Projection & projection = projections[axis][candidate.second];
       return factorize(projection.front())->factorization.HasSameSlicePlacements(view->factorization);
     });
@@ -456,7 +456,8 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::MakeGroups(SizeValueType
   {
     // as few groups as there is room for, of equal size; more views would save nothing
     const SizeValueType bytes =
-      ShearWarpProjector<InputPixelType>::GetImageSizeInBytes(largest[axis], this->m_Oversampling, m_Mode, hasRegion);
+      Superclass::ProjectorType::GetImageSizeInBytes(
+        largest[axis], this->m_Oversampling, m_Mode, hasRegion, m_ComputeDepth);
     const SizeValueType room = m_IntermediateMemory / std::max<SizeValueType>(bytes * this->GetNumberOfWorkers(), 1);
     const SizeValueType most = isOneByOne ? 1 : std::clamp<SizeValueType>(room, 1, MostViewsTogether);
     const SizeValueType total = projections[axis].size();
@@ -474,7 +475,7 @@ template <typename TInputImage, typename TOutputImage>
 bool
 ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::IsPlainMaximum() const
 {
-  return m_Mode == ModeEnum::Maximum && !this->HasRegion() && !this->NeedsRays();
+  return m_Mode == ModeEnum::Maximum && !this->HasRegion() && !m_ComputeDepth && !this->NeedsRays();
 }
 
 template <typename TInputImage, typename TOutputImage>
@@ -490,7 +491,10 @@ template <typename TInputImage, typename TOutputImage>
 bool
 ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::NeedsRays() const
 {
-  return this->GetMaskImage() || m_LocalMaximum || m_DepthAttenuation > 0.0 || m_ComputeDepth;
+  const auto size = this->GetInput()->GetLargestPossibleRegion().GetSize();
+  const auto mostSlices = static_cast<SizeValueType>(Superclass::ProjectorType::MostRankedSlices);
+  return this->GetMaskImage() || m_LocalMaximum || m_DepthAttenuation > 0.0 ||
+         (m_ComputeDepth && std::max({ size[0], size[1], size[2] }) > mostSlices);
 }
 
 template <typename TInputImage, typename TOutputImage>

@@ -159,6 +159,7 @@ ShearWarpMIPPartImageFilter<TInputImage>::GeneratePixels()
   projector.Start({ { &factorization, {} } },
                   kernels,
                   ShearWarpMIPImageFilterEnums::Mode::Maximum,
+                  false,
                   this->m_ReducedResampling,
                   this->GetNumberOfWorkers());
   for (std::ptrdiff_t begin = first; begin < last; begin += slabLength)

@@ -61,11 +61,12 @@ operator<<(std::ostream & out, ShearWarpMIPImageFilterEnums::ReducedResampling v
 
 /** \class ShearWarpProjector
  * \brief Projects a prepared volume to the intermediate images of views along one axis, by several threads: the
- * maximum, the minimum or both, for the absolute maximum, of the samples or of those in a region.
+ * maximum, the minimum or both, for the absolute maximum, of the samples or of those in a region, and the slices that
+ * they are of.
  *
  * The volume is divided into blocks of rows and slices. Each thread takes the next block and raises intermediate
  * images of its own, or for the minimum lowers them; the extremum over the threads' images is the result. It does not
- * depend on who took which block. A block is projected for all views while it is in the cache, so that the volume is
+ * depend on who took which block; of equal samples the nearest is kept. A block is projected for all views while it is in the cache, so that the volume is
  * read once.
  *
  * Reduced resampling (Fang et al. 2002, figure 3) by tiles: before a thread projects eight slices of a block, it
@@ -98,12 +99,17 @@ public:
   };
   using ViewList = std::vector<View>;
 
-  /** Begins a projection by at most \a workers threads. The factorizations of \a views, of one principal axis and one
+  /** The most slices that it can tell apart: see Start(). */
+  static constexpr std::ptrdiff_t MostRankedSlices = ShearWarp::NoRank<TPixel>;
+
+  /** Begins a projection by at most \a workers threads. With \a hasDepth the intermediate images tell the slices of
+   * their pixels, of at most MostRankedSlices. The factorizations of \a views, of one principal axis and one
    * oversampling, and \a kernels must live until Finish(). */
   void
   Start(ViewList                           views,
         const ShearWarp::Kernels<TPixel> & kernels,
         ModeEnum                           mode,
+        bool                               hasDepth,
         ReducedResamplingEnum              reducedResampling,
         SizeValueType                      workers);
 
@@ -135,12 +141,13 @@ public:
   SizeValueType
   GetSizeInBytes() const;
 
-  /** Bytes of one thread's intermediate image of \a size pixels, with a region or without. */
+  /** Bytes of one thread's intermediate image of \a size pixels, with a region or depth or without. */
   static SizeValueType
-  GetImageSizeInBytes(const Size<2> & size, unsigned int oversampling, ModeEnum mode, bool hasRegion);
+  GetImageSizeInBytes(const Size<2> & size, unsigned int oversampling, ModeEnum mode, bool hasRegion, bool hasDepth);
 
 private:
   using PlacementList = std::vector<ShearWarp::SlicePlacement>;
+  using RankType = ShearWarp::SliceRank<TPixel>;
 
   /** What one thread has projected onto one grid: rows [rowBegin, rowEnd). */
   struct PartialImage
@@ -148,6 +155,7 @@ private:
     ShearWarpBuffer                    pixels;
     ShearWarpBuffer                    marks; // of pixels that have met a sample of the region
     std::vector<ShearWarp::ColumnSpan> known;
+    ShearWarpBuffer                    ranks;
     std::ptrdiff_t                     rowBegin{ 0 }, rowEnd{ 0 };
     std::vector<TPixel>                lowerBounds; // no pixel of the tile is below
     std::vector<std::uint8_t>          active;
@@ -233,6 +241,16 @@ private:
   const std::uint8_t *
   MergeMarks(std::size_t grid, std::ptrdiff_t row);
 
+  RankType *
+  GetRanks(const PartialImage & image, std::ptrdiff_t row) const
+  {
+    return m_HasDepth ? image.ranks.template GetPointer<RankType>() + row * m_RowStride : nullptr;
+  }
+
+  /** The ranks of the view's slices, without an image. */
+  ShearWarp::RankedImage<TPixel>
+  GetRanking(const View & view) const;
+
   /** For the absolute maximum each phase has two grids: of maxima, then of minima. */
   bool
   IsMinimum(std::size_t grid) const
@@ -249,7 +267,7 @@ private:
   std::vector<Worker>                m_Workers;
   SizeValueType                      m_NumberOfWorkers{ 1 };
   ShearWarpBuffer                    m_JoinedPhases;
-  ShearWarpBuffer                    m_JoinedSlices; // 0 or NoSlice, where pixels may have no value
+  ShearWarpBuffer                    m_JoinedSlices; // or 0 for each without depth, where pixels may have no value
   std::vector<ShearWarp::ColumnSpan> m_Reached;      // of its rows
   std::vector<std::ptrdiff_t>        m_SliceOrder;   // the first of each BlockLength slices
 
@@ -262,6 +280,8 @@ private:
   ShearWarp::SliceStack<TPixel>                    m_Slices{};
   ShearWarp::BlockMaxima<TPixel>                   m_BlockMaxima{};
   bool                                             m_HasCommonRows{ false };
+  bool                                             m_HasDepth{ false };
+  std::int32_t                                     m_FirstSlice{ 0 }; // of these slices, in the volume
   ReducedResamplingEnum                            m_WantedReducedResampling{ ReducedResamplingEnum::Off };
   ReducedResamplingEnum                            m_ReducedResampling{ ReducedResamplingEnum::Off };
   std::ptrdiff_t                                   m_TileColumns{ 0 }, m_TileRows{ 0 }, m_RowStride{ 0 };

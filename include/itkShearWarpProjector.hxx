@@ -30,6 +30,7 @@ void
 ShearWarpProjector<TPixel>::Start(ViewList                           views,
                                   const ShearWarp::Kernels<TPixel> & kernels,
                                   ModeEnum                           mode,
+                                  bool                               hasDepth,
                                   ReducedResamplingEnum              reducedResampling,
                                   SizeValueType                      workers)
 {
@@ -38,7 +39,9 @@ ShearWarpProjector<TPixel>::Start(ViewList                           views,
   m_Kernels = &kernels;
   m_Views = std::move(views);
   m_Mode = Simplify(mode);
-  m_WantedReducedResampling = m_Mode != ModeEnum::Maximum || hasRegion ? ReducedResamplingEnum::Off : reducedResampling;
+  m_HasDepth = hasDepth;
+  m_WantedReducedResampling =
+    m_Mode != ModeEnum::Maximum || hasRegion || hasDepth ? ReducedResamplingEnum::Off : reducedResampling;
   m_NumberOfWorkers = workers;
   m_Grids.clear();
   m_Regions.clear();
@@ -92,9 +95,10 @@ ShearWarpProjector<TPixel>::Project(const ShearWarpPreparedVolume<TPixel> & volu
   {
     m_Placements.push_back(ShearWarp::PlacePart(*grid, volume.GetCorner(axis), m_Slices.slices));
   }
+  m_FirstSlice = static_cast<std::int32_t>(volume.GetCorner(axis).slice);
   for (ShearWarp::Region & region : m_Regions)
   {
-    region.firstSlice = volume.GetCorner(axis).slice;
+    region.firstSlice = m_FirstSlice;
   }
   m_ReducedResampling = m_BlockMaxima.maxima ? m_WantedReducedResampling : ReducedResamplingEnum::Off;
   if constexpr (std::is_floating_point_v<TPixel>)
@@ -169,7 +173,8 @@ ShearWarpProjector<TPixel>::Finish(std::size_t view, const TParallelize & parall
   // the better one of two extrema does not tell whether a float has met a sample
   const bool hasRegion = !m_Regions.empty();
   const bool isAbsolute = extrema == 2;
-  const bool hasSlices = hasRegion || (isAbsolute && std::is_floating_point_v<TPixel>);
+  const bool hasSlices = hasRegion || m_HasDepth || (isAbsolute && std::is_floating_point_v<TPixel>);
+  const auto ranking = this->GetRanking(m_Views[view]);
   if (hasSlices)
   {
     m_Reached.resize(rows);
@@ -189,23 +194,22 @@ ShearWarpProjector<TPixel>::Finish(std::size_t view, const TParallelize & parall
         const std::size_t    grid = firstGrid + phaseOfRow * extrema;
         TPixel *             phase = this->MergeRow(grid, row / oversampling);
         const TPixel *       minima = isAbsolute ? this->MergeRow(grid + 1, row / oversampling) : nullptr;
-        if (hasSlices)
+        const RankType *     ranks = this->GetRanks(merged[grid], row / oversampling);
+        const RankType *     ranksOfMinima = isAbsolute ? this->GetRanks(merged[grid + 1], row / oversampling) : nullptr;
+        const std::uint8_t * marks = hasRegion ? this->MergeMarks(grid, row / oversampling) : nullptr;
+        for (std::ptrdiff_t p = 0; hasSlices && p < m_RowStride; ++p)
         {
-          const std::uint8_t * marks = hasRegion ? this->MergeMarks(grid, row / oversampling) : nullptr;
-          for (std::ptrdiff_t p = 0; p < m_RowStride; ++p)
-          {
-            const bool isEmpty = std::is_floating_point_v<TPixel> && phase[p] == this->GetStart(grid) &&
-                                 !(isAbsolute && minima[p] != this->GetStart(grid + 1));
-            const bool hasValue = !isEmpty && (!marks || marks[p] != 0);
-            slices[row * rowStride + column + p * oversampling] = hasValue ? 0 : ShearWarp::NoSlice;
-          }
+          const bool isEmpty = std::is_floating_point_v<TPixel> && phase[p] == this->GetStart(grid) &&
+                               !(isAbsolute && minima[p] != this->GetStart(grid + 1));
+          const bool isMinimum = isAbsolute && IsMagnitudeLarger(minima[p], phase[p]);
+          const auto rank = m_HasDepth ? (isMinimum ? ranksOfMinima : ranks)[p] : RankType{ 0 };
+          const bool hasValue = !isEmpty && (!marks || marks[p] != 0) && rank != ShearWarp::NoRank<TPixel>;
+          const auto slice = m_HasDepth ? ranking.step * (rank - ranking.first) : 0;
+          slices[row * rowStride + column + p * oversampling] = hasValue ? slice : ShearWarp::NoSlice;
         }
-        if (isAbsolute)
+        for (std::ptrdiff_t p = 0; isAbsolute && p < m_RowStride; ++p)
         {
-          for (std::ptrdiff_t p = 0; p < m_RowStride; ++p)
-          {
-            phase[p] = IsMagnitudeLarger(minima[p], phase[p]) ? minima[p] : phase[p];
-          }
+          phase[p] = IsMagnitudeLarger(minima[p], phase[p]) ? minima[p] : phase[p];
         }
         if (oversampling > 1)
         {
@@ -237,6 +241,16 @@ ShearWarpProjector<TPixel>::Finish(std::size_t view, const TParallelize & parall
            hasSlices ? slices : nullptr,
            hasGaps,
            this->GetStart(firstGrid) };
+}
+
+template <typename TPixel>
+auto
+ShearWarpProjector<TPixel>::GetRanking(const View & view) const -> ShearWarp::RankedImage<TPixel>
+{
+  const auto & factorization = *view.factorization;
+  const bool   isFirstNearest = factorization.GetDepthFunction().perSlice > 0;
+  const auto   last = static_cast<std::int32_t>(factorization.GetSlicePlacements().size()) - 1;
+  return { nullptr, isFirstNearest ? 0 : last, isFirstNearest ? 1 : -1 };
 }
 
 template <typename TPixel>
@@ -278,8 +292,8 @@ ShearWarpProjector<TPixel>::GetSizeInBytes() const
     bytes += CountBytes(worker.images) + CountBytes(worker.views) + CountBytes(worker.columnMaxima);
     for (const PartialImage & image : worker.images)
     {
-      bytes += image.pixels.GetSizeInBytes() + image.marks.GetSizeInBytes() + CountBytes(image.known) +
-               CountBytes(image.lowerBounds) + CountBytes(image.active);
+      bytes += image.pixels.GetSizeInBytes() + image.marks.GetSizeInBytes() + image.ranks.GetSizeInBytes() +
+               CountBytes(image.known) + CountBytes(image.lowerBounds) + CountBytes(image.active);
     }
   }
   return bytes;
@@ -290,7 +304,8 @@ SizeValueType
 ShearWarpProjector<TPixel>::GetImageSizeInBytes(const Size<2> & size,
                                                 unsigned int    oversampling,
                                                 ModeEnum        mode,
-                                                bool            hasRegion)
+                                                bool            hasRegion,
+                                                bool            hasDepth)
 {
   const auto countBlocks = [=](SizeValueType length, std::ptrdiff_t blockLength) {
     return ShearWarp::CountBlocks(ShearWarp::CountBlocks(static_cast<std::ptrdiff_t>(length), oversampling),
@@ -299,7 +314,8 @@ ShearWarpProjector<TPixel>::GetImageSizeInBytes(const Size<2> & size,
   const std::ptrdiff_t pixels = GetRowStride(countBlocks(size[0], ShearWarp::TileColumns)) * ShearWarp::BlockLength *
                                 countBlocks(size[1], ShearWarp::BlockLength);
   return SizeValueType{ oversampling } * oversampling * static_cast<SizeValueType>(pixels) *
-         (Simplify(mode) == ModeEnum::AbsoluteMaximum ? 2 : 1) * (sizeof(TPixel) + hasRegion);
+         (Simplify(mode) == ModeEnum::AbsoluteMaximum ? 2 : 1) *
+         (sizeof(TPixel) + hasRegion + (hasDepth ? sizeof(RankType) : 0));
 }
 
 /** Storage order, but for reduced resampling every few slices first: they soon give all pixels a value. */
@@ -360,10 +376,14 @@ ShearWarpProjector<TPixel>::ProjectRows(Worker &       worker,
     }
     const bool hasMask = isTested && this->SelectTiles(worker, block);
     worker.views.clear();
+    const std::size_t gridsOfView = m_Grids.size() / m_Views.size();
     for (std::size_t g = 0; g < m_Grids.size(); ++g)
     {
       const ShearWarp::IntermediateGrid & grid = *m_Grids[g];
       PartialImage &                      image = worker.images[g];
+      ShearWarp::RankedImage<TPixel> ranked = this->GetRanking(m_Views[g / gridsOfView]);
+      ranked.ranks = this->GetRanks(image, 0);
+      ranked.first += ranked.step * m_FirstSlice;
       if (!hasMask || std::find(image.active.begin(), image.active.end(), 1) != image.active.end())
       {
         worker.views.push_back(
@@ -375,7 +395,8 @@ ShearWarpProjector<TPixel>::ProjectRows(Worker &       worker,
             { m_Regions.empty() ? nullptr : &m_Regions[g],
               image.marks.template GetPointer<std::uint8_t>(),
               m_RowStride,
-              image.known.data() } });
+              image.known.data() },
+            ranked });
       }
     }
     if (!worker.views.empty())
@@ -542,6 +563,10 @@ ShearWarpProjector<TPixel>::ExtendRows(std::size_t    grid,
     {
       image.marks.Reserve(m_TileRows * BlockLength * m_RowStride, "the marks of an intermediate image");
     }
+    if (m_HasDepth)
+    {
+      image.ranks.Reserve(m_TileRows * BlockLength * m_RowStride * sizeof(RankType), "the slices of an intermediate image");
+    }
     image.known.assign(m_Regions.empty() ? 0 : m_TileRows * BlockLength, {});
     image.rowBegin = image.rowEnd = begin;
   }
@@ -581,6 +606,10 @@ ShearWarpProjector<TPixel>::FillRows(std::size_t    grid,
     {
       std::fill_n(image.marks.template GetPointer<std::uint8_t>() + row * m_RowStride, m_RowStride, std::uint8_t{ 0 });
     }
+    if (m_HasDepth)
+    {
+      std::fill_n(this->GetRanks(image, row), m_RowStride, ShearWarp::NoRank<TPixel>);
+    }
   }
 }
 
@@ -603,20 +632,29 @@ ShearWarpProjector<TPixel>::MergeMarks(std::size_t grid, std::ptrdiff_t row)
   return result;
 }
 
-/** Gives the first worker's pixels of a row of a grid the extremum over all, and returns them. */
+/** Gives the first worker's pixels of a row of a grid the extremum over all, with its ranks, and returns them. */
 template <typename TPixel>
 TPixel *
 ShearWarpProjector<TPixel>::MergeRow(std::size_t grid, std::ptrdiff_t row)
 {
   const bool           isMinimum = this->IsMinimum(grid);
   const std::ptrdiff_t columns = m_Grids[grid]->columns;
-  TPixel * const       result = m_Workers.front().images[grid].pixels.template GetPointer<TPixel>() + row * m_RowStride;
+  PartialImage &       first = m_Workers.front().images[grid];
+  TPixel * const       result = first.pixels.template GetPointer<TPixel>() + row * m_RowStride;
+  RankType * const     resultRanks = this->GetRanks(first, row);
   for (std::size_t n = 1; n < m_Workers.size(); ++n)
   {
     const PartialImage & image = m_Workers[n].images[grid];
     if (row >= image.rowBegin && row < image.rowEnd)
     {
-      const TPixel * pixels = image.pixels.template GetPointer<TPixel>() + row * m_RowStride;
+      const TPixel *   pixels = image.pixels.template GetPointer<TPixel>() + row * m_RowStride;
+      const RankType * ranks = this->GetRanks(image, row);
+      for (std::ptrdiff_t p = 0; m_HasDepth && p < columns; ++p)
+      {
+        const bool isBetter = isMinimum ? pixels[p] < result[p] : pixels[p] > result[p];
+        const bool isNearer = pixels[p] == result[p] && ranks[p] < resultRanks[p];
+        resultRanks[p] = isBetter || isNearer ? ranks[p] : resultRanks[p];
+      }
       for (std::ptrdiff_t p = 0; p < columns; ++p)
       {
         result[p] = (isMinimum ? pixels[p] < result[p] : pixels[p] > result[p]) ? pixels[p] : result[p];

@@ -73,6 +73,14 @@ struct Lanes
     return _mm256_blendv_epi8(a, b, _mm256_andnot_si256(_mm256_cmpgt_epi16(Set(begin), lane), _mm256_cmpgt_epi16(Set(end), lane)));
   }
 
+  /** Of each lane of \a better, the better one of \a before and \a sample, the least rank of those that are it. */
+  static Short SelectNearest(Short before, Short sample, Short better, Short rankBefore, Short rank)
+  {
+    const Short least = _mm256_blendv_epi8(rankBefore, _mm256_min_epi16(rankBefore, rank), _mm256_cmpeq_epi16(sample, better));
+    return _mm256_blendv_epi8(rank, least, _mm256_cmpeq_epi16(before, better));
+  }
+  static Short SetRank(std::int16_t v) { return Set(v); }
+
   static Int MaximumInt(Int a, Int b) { return _mm256_max_epi32(a, b); }
   static Int MinimumInt(Int a, Int b) { return _mm256_min_epi32(a, b); }
   static Int SetInt(int v) { return _mm256_set1_epi32(v); }
@@ -94,6 +102,15 @@ struct Lanes
   {
     const Int lane = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
     return _mm256_blendv_ps(a, b, _mm256_castsi256_ps(_mm256_andnot_si256(_mm256_cmpgt_epi32(SetInt(begin), lane), _mm256_cmpgt_epi32(SetInt(end), lane))));
+  }
+
+  static Int Load(const std::int32_t * p) { return _mm256_loadu_si256(reinterpret_cast<const __m256i *>(p)); }
+  static void Store(std::int32_t * p, Int v) { _mm256_storeu_si256(reinterpret_cast<__m256i *>(p), v); }
+  static Int SetRank(std::int32_t v) { return SetInt(v); }
+  static Int SelectNearest(Float before, Float sample, Float better, Int rankBefore, Int rank)
+  {
+    const Int least = _mm256_blendv_epi8(rankBefore, _mm256_min_epi32(rankBefore, rank), _mm256_castps_si256(_mm256_cmp_ps(sample, better, _CMP_EQ_OQ)));
+    return _mm256_blendv_epi8(rank, least, _mm256_castps_si256(_mm256_cmp_ps(before, better, _CMP_EQ_OQ)));
   }
 
   using Index = __m128i;

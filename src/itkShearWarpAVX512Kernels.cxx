@@ -71,6 +71,14 @@ struct Lanes
   /** Lanes [begin, end) of b, the others of a. */
   static Short SelectLanes(Short a, Short b, int begin, int end) { return _mm512_mask_blend_epi16(GetMask(begin, end), a, b); }
 
+  /** Of each lane of \a better, the better one of \a before and \a sample, the least rank of those that are it. */
+  static Short SelectNearest(Short before, Short sample, Short better, Short rankBefore, Short rank)
+  {
+    const Short least = _mm512_mask_min_epi16(rankBefore, _mm512_cmpeq_epi16_mask(sample, better), rankBefore, rank);
+    return _mm512_mask_blend_epi16(_mm512_cmpeq_epi16_mask(before, better), rank, least);
+  }
+  static Short SetRank(std::int16_t v) { return Set(v); }
+
   static Int MaximumInt(Int a, Int b) { return _mm512_max_epi32(a, b); }
   static Int MinimumInt(Int a, Int b) { return _mm512_min_epi32(a, b); }
   static Int SetInt(int v) { return _mm512_set1_epi32(v); }
@@ -89,6 +97,15 @@ struct Lanes
   static Float Maximum(Float maximum, Float v) { return _mm512_max_ps(v, maximum); }
   static Float Minimum(Float minimum, Float v) { return _mm512_min_ps(v, minimum); }
   static Float SelectLanes(Float a, Float b, int begin, int end) { return _mm512_mask_blend_ps(static_cast<__mmask16>(GetMask(begin, end)), a, b); }
+
+  static Int Load(const std::int32_t * p) { return _mm512_loadu_si512(p); }
+  static void Store(std::int32_t * p, Int v) { _mm512_storeu_si512(p, v); }
+  static Int SetRank(std::int32_t v) { return SetInt(v); }
+  static Int SelectNearest(Float before, Float sample, Float better, Int rankBefore, Int rank)
+  {
+    const Int least = _mm512_mask_min_epi32(rankBefore, _mm512_cmp_ps_mask(sample, better, _CMP_EQ_OQ), rankBefore, rank);
+    return _mm512_mask_blend_epi32(_mm512_cmp_ps_mask(before, better, _CMP_EQ_OQ), rank, least);
+  }
 
   using Index = __m256i;
   using Double = __m512d;

@@ -154,10 +154,12 @@ ProjectRow(const TPixel *           a,
            const Sampler<TPixel> &  sample,
            const Sampler<TPixel> &  edgeSample,
            const std::uint8_t *     active,
-           TPixel *                 pixels)
+           SliceRank<TPixel>        rank,
+           TPixel *                 pixels,
+           SliceRank<TPixel> *      ranks)
 {
-  const auto take = [pixels](std::ptrdiff_t p, TPixel value) {
-    pixels[p] = TRule::IsBetter(value, pixels[p]) ? value : pixels[p];
+  const auto take = [=](std::ptrdiff_t p, TPixel value) {
+    TakeSample<TRule>(value, rank, pixels[p], ranks ? ranks + p : nullptr);
   };
   const std::ptrdiff_t last = std::min<std::ptrdiff_t>(span.end, position.whole + columns);
   for (std::ptrdiff_t begin = std::max(span.begin, position.whole + 1), end = 0; begin < last; begin = end)
@@ -222,7 +224,8 @@ ProjectBlock(const SliceStack<TPixel> &  slices,
         {
           reached = view->coverage.Add(reached, row.whole + j, k);
         }
-        const auto project =
+        const std::ptrdiff_t pixelRow = (row.whole + j) * view->intermediate.rowStride;
+        const auto           project =
           view->isMinimum ? ProjectRow<MinimumRule<TPixel>, TPixel> : ProjectRow<MaximumRule<TPixel>, TPixel>;
         project(a,
                 b,
@@ -232,7 +235,9 @@ ProjectBlock(const SliceStack<TPixel> &  slices,
                 edge ? edgeRow : sample,
                 edge ? corner : edgeColumn,
                 view->active ? view->active + tile * view->activeStride : nullptr,
-                view->intermediate.pixels + (row.whole + j) * view->intermediate.rowStride);
+                GetRank(view->ranked, k),
+                view->intermediate.pixels + pixelRow,
+                view->ranked.ranks ? view->ranked.ranks + pixelRow : nullptr);
       }
     }
   }

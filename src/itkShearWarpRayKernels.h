@@ -108,6 +108,26 @@ IsNumber(TPixel value)
   return true;
 }
 
+template <typename TPixel>
+SliceRank<TPixel>
+GetRank(const RankedImage<TPixel> & image, std::ptrdiff_t slice)
+{
+  return static_cast<SliceRank<TPixel>>(image.first + image.step * slice);
+}
+
+/** Gives a pixel a sample if that is better, or as good and nearer. */
+template <typename TRule, typename TPixel>
+void
+TakeSample(TPixel sample, SliceRank<TPixel> rank, TPixel & pixel, SliceRank<TPixel> * pixelRank)
+{
+  const bool isBetter = TRule::IsBetter(sample, pixel);
+  if (pixelRank && (isBetter || (sample == pixel && rank < *pixelRank)))
+  {
+    *pixelRank = rank;
+  }
+  pixel = isBetter ? sample : pixel;
+}
+
 template <typename TRule, bool VUntilLocalMaximum, typename TPixel>
 void
 TakeSamples(const TPixel * __restrict samples,

@@ -198,6 +198,8 @@ struct TileRow
   const std::uint8_t * active;
   std::ptrdiff_t       nextSlice;  // distance in voxels
   Prefetcher *         prefetcher; // null where tiles fetch their own place in the next slice
+  SliceRank<TPixel>    rank;       // of the one slice
+  SliceRank<TPixel> *  ranks{ nullptr };
   const ColumnSpan *   spans{ nullptr };
   ColumnSpan           any{}, common{};
 };
@@ -502,25 +504,67 @@ TakeSlice(const TileRow<TPixel> & row, const PlacedSlice & slice, std::ptrdiff_t
     });
 }
 
+/** The lanes of a row's span in the LaneCount pixels from \a column on. */
+template <typename TPixel>
+SHEARWARP_INLINE inline ColumnSpan
+GetLanes(ColumnSpan span, std::ptrdiff_t column)
+{
+  constexpr std::ptrdiff_t lanes = LaneCount<TPixel>;
+  const std::ptrdiff_t     begin = Smaller(Larger<std::ptrdiff_t>(span.begin - column, 0), lanes);
+  const std::ptrdiff_t     end = Smaller(Larger<std::ptrdiff_t>(span.end - column, begin), lanes);
+  return { static_cast<std::int32_t>(begin), static_cast<std::int32_t>(end) };
+}
+
 /** The same, no more of each row than its span. */
 template <typename TRule, typename TSampler, int VRows, typename TPixel>
 SHEARWARP_INLINE inline void
 TakeSpans(const TileRow<TPixel> & row, std::ptrdiff_t column)
 {
-  constexpr std::ptrdiff_t lanes = LaneCount<TPixel>;
-  TPixel * const           pixels = row.pixels + column;
-  const std::ptrdiff_t     stride = row.pixelStride;
+  TPixel * const       pixels = row.pixels + column;
+  const std::ptrdiff_t stride = row.pixelStride;
   TSampler(*row.slices)
     .template ForEachRow<VRows>(
       row.voxels + (row.slices->offset + row.row * row.rowStride + column),
       row.rowStride,
       [=, spans = row.spans](int r, const TPixel *, typename TSampler::Sample sample) SHEARWARP_INLINE {
-        const std::ptrdiff_t begin = Smaller(Larger<std::ptrdiff_t>(spans[r].begin - column, 0), lanes);
-        const std::ptrdiff_t end = Smaller(Larger<std::ptrdiff_t>(spans[r].end - column, begin), lanes);
-        TPixel * const       pixel = pixels + r * stride;
-        const auto           before = Lanes::Load(pixel);
-        const auto           better = Better<TRule, TPixel>(before, TSampler::Finish(sample));
-        Lanes::Store(pixel, Lanes::SelectLanes(before, better, static_cast<int>(begin), static_cast<int>(end)));
+        const ColumnSpan taken = GetLanes<TPixel>(spans[r], column);
+        TPixel * const   pixel = pixels + r * stride;
+        const auto       before = Lanes::Load(pixel);
+        const auto       better = Better<TRule, TPixel>(before, TSampler::Finish(sample));
+        Lanes::Store(pixel, Lanes::SelectLanes(before, better, taken.begin, taken.end));
+      });
+}
+
+/** The same, with the ranks of the pixels; no more of each row than its span if VSpans. */
+template <typename TRule, typename TSampler, int VRows, bool VSpans, typename TPixel>
+SHEARWARP_INLINE inline void
+TakeRanked(const TileRow<TPixel> & row, std::ptrdiff_t column)
+{
+  TPixel * const            pixels = row.pixels + column;
+  SliceRank<TPixel> * const ranks = row.ranks + column;
+  const std::ptrdiff_t      stride = row.pixelStride;
+  const auto                rank = Lanes::SetRank(row.rank);
+  TSampler(*row.slices)
+    .template ForEachRow<VRows>(
+      row.voxels + (row.slices->offset + row.row * row.rowStride + column),
+      row.rowStride,
+      [=, spans = row.spans](int r, const TPixel *, typename TSampler::Sample unfinished) SHEARWARP_INLINE {
+        TPixel * const            pixel = pixels + r * stride;
+        SliceRank<TPixel> * const pixelRank = ranks + r * stride;
+        const auto                sample = TSampler::Finish(unfinished);
+        const auto                before = Lanes::Load(pixel);
+        const auto                rankBefore = Lanes::Load(pixelRank);
+        auto                      better = Better<TRule, TPixel>(before, sample);
+        auto                      nearest = Lanes::SelectNearest(before, sample, better, rankBefore, rank);
+        if constexpr (VSpans)
+        {
+          const ColumnSpan taken = GetLanes<TPixel>(spans[r], column);
+          constexpr int    shorts = IsFloat<TPixel> ? 2 : 1;
+          better = Lanes::SelectLanes(before, better, taken.begin, taken.end);
+          nearest = Lanes::SelectLanes(rankBefore, nearest, shorts * taken.begin, shorts * taken.end);
+        }
+        Lanes::Store(pixel, better);
+        Lanes::Store(pixelRank, nearest);
       });
 }
 
@@ -596,7 +640,13 @@ ProjectTileRow(const TileRow<TPixel> & row)
     {
       row.prefetcher->Step();
     }
-    if (row.spans && !(row.common.begin <= column && column + lanes <= row.common.end))
+    const bool isCut = row.spans && !(row.common.begin <= column && column + lanes <= row.common.end);
+    if (row.ranks)
+    {
+      isCut ? TakeRanked<TRule, SamplerType, VRows, true>(row, column)
+            : TakeRanked<TRule, SamplerType, VRows, false>(row, column);
+    }
+    else if (isCut)
     {
       TakeSpans<TRule, SamplerType, VRows>(row, column);
     }
@@ -786,9 +836,9 @@ private:
         return;
       }
     }
-    TPixel &     pixel = m_View.intermediate.pixels[row * m_View.intermediate.rowStride + column];
-    const TPixel b = m_Stack.voxels[voxel];
-    TPixel       sample = b;
+    const std::ptrdiff_t place = row * m_View.intermediate.rowStride + column;
+    const TPixel         b = m_Stack.voxels[voxel];
+    TPixel               sample = b;
     if (y != 0)
     {
       const TPixel a = m_Stack.voxels[voxel - m_Stack.rowStride];
@@ -801,7 +851,10 @@ private:
         sample = static_cast<TPixel>((y * a + (32768 - y) * b + (1 << 14)) >> 15);
       }
     }
-    pixel = TRule::IsBetter(sample, pixel) ? sample : pixel;
+    TakeSample<TRule>(sample,
+                      GetRank(m_View.ranked, m_Slice),
+                      m_View.intermediate.pixels[place],
+                      m_View.ranked.ranks ? m_View.ranked.ranks + place : nullptr);
   }
 
   /** Samples that \a count slices have in common; \a index is the first slice. */
@@ -828,7 +881,8 @@ private:
                            m_View.intermediate.rowStride,
                            nullptr,
                            m_Stack.sliceStride,
-                           m_View.active || m_View.coverage.region ? nullptr : &prefetcher };
+                           m_View.active || m_View.coverage.region ? nullptr : &prefetcher,
+                           GetRank(m_View.ranked, m_Slice) };
     if (rowEnd - rowBegin < BlockLength)
     {
       for (std::ptrdiff_t row = rowBegin; row < rowEnd; ++row)
@@ -904,6 +958,7 @@ private:
     tiles.active = this->GetActiveTiles(gridRow);
     tiles.row = row;
     tiles.pixels = m_View.intermediate.pixels + row * m_View.intermediate.rowStride;
+    tiles.ranks = m_View.ranked.ranks ? m_View.ranked.ranks + row * m_View.intermediate.rowStride : nullptr;
     if (m_View.coverage.region)
     {
       return this->ProjectRegion<VRows>(tiles);
@@ -981,7 +1036,7 @@ ProjectBlock(const SliceStack<TPixel> &  slices,
     return GetPortableKernels<TPixel>().projectBlock(slices, block, views, count);
   }
   // all views take a slice's rows, or those of a few slices, while they are in the cache
-  const bool           areTogether = block.hasCommonRows && !views->active && !views->coverage.region;
+  const bool           areTogether = block.hasCommonRows && !views->active && !views->coverage.region && !views->ranked.ranks;
   const std::ptrdiff_t length = areTogether ? BlockProjector<MaximumRule<TPixel>, TPixel>::MaximumSlices : 1;
   for (std::ptrdiff_t slice = block.sliceBegin, end = slice; slice < block.sliceEnd; slice = end)
   {

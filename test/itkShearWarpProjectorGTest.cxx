@@ -78,6 +78,7 @@ public:
     projector.Start({ { &factorization, {} } },
                     kernels,
                     itk::ShearWarpMIPImageFilterEnums::Mode::Maximum,
+                    false,
                     ReducedResamplingEnum::On,
                     2);
     for (const auto & region : MakeParts(image->GetLargestPossibleRegion(), begins))
