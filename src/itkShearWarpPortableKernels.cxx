@@ -342,12 +342,8 @@ MarkMasked(const std::uint8_t * __restrict a,
 template <typename TPixel>
 struct WarpCell
 {
-  WarpCell(const IntermediateImage<TPixel> & image, const AffineMap2D & map, std::ptrdiff_t x, std::ptrdiff_t y)
+  WarpCell(const IntermediateImage<TPixel> & image, double column, double row)
   {
-    const auto   outputColumn = static_cast<double>(x);
-    const auto   outputRow = static_cast<double>(y);
-    const double column = (map.xx * outputColumn + map.xy * outputRow) + map.x0;
-    const double row = (map.yx * outputColumn + map.yy * outputRow) + map.y0;
     if (!(column > -1.0 && column < static_cast<double>(image.columns) && row > -1.0 &&
           row < static_cast<double>(image.rows)))
     {
@@ -389,9 +385,14 @@ WarpRow(const IntermediateImage<TPixel> & intermediate,
         TPixel                            background,
         TPixel *                          output)
 {
+  const AffineMap2D & map = outputToIntermediate;
+  const auto          outputRow = static_cast<double>(y);
   for (std::ptrdiff_t x = columnBegin; x < columnEnd; ++x)
   {
-    const WarpCell<TPixel> cell(intermediate, outputToIntermediate, x, y);
+    const auto             outputColumn = static_cast<double>(x);
+    const WarpCell<TPixel> cell(intermediate,
+                                (map.xx * outputColumn + map.xy * outputRow) + map.x0,
+                                (map.yx * outputColumn + map.yy * outputRow) + map.y0);
     output[x] = background;
     if (cell.sum > 0)
     {
@@ -502,6 +503,34 @@ SampleMaskedRow(const Kernels<TPixel> &  kernels,
   }
 }
 
+/** The slice of that pixel which has the largest weight at a place of the image. */
+template <typename TPixel>
+std::int32_t
+FindSlice(const IntermediateImage<TPixel> & image, double column, double row)
+{
+  const auto isWithin = [](double position, std::ptrdiff_t length) {
+    return position >= 0.0 && position < static_cast<double>(length - 1);
+  };
+  if (isWithin(column, image.columns) && isWithin(row, image.rows))
+  {
+    constexpr std::int64_t half = One / 2;
+    const auto             p = static_cast<std::int64_t>(column * One + 0.5);
+    const auto             q = static_cast<std::int64_t>(row * One + 0.5);
+    const std::int64_t     i = (p + half) >> FractionBits;
+    const std::int64_t     j = (q + half) >> FractionBits;
+    // further from the middle than rounding moves weights, the nearest pixel has more than the others
+    const auto isClear = [](std::int64_t position) { return std::abs((position & (One - 1)) - half) > 1; };
+    if (isClear(p) && isClear(q) && i >= image.reached[j].begin && i < image.reached[j].end &&
+        image.slices[j * image.rowStride + i] >= 0)
+    {
+      return image.slices[j * image.rowStride + i];
+    }
+  }
+  const WarpCell<TPixel> cell(image, column, row);
+  const auto             largest = std::max_element(cell.weights, cell.weights + 4) - cell.weights;
+  return cell.sum > 0 ? image.slices[cell.places[largest]] : NoSlice;
+}
+
 template <typename TPixel>
 void
 FindDepths(const IntermediateImage<TPixel> & intermediate,
@@ -514,17 +543,15 @@ FindDepths(const IntermediateImage<TPixel> & intermediate,
 {
   const AffineMap2D & map = outputToIntermediate;
   const auto          y = static_cast<double>(row);
+  const auto          toSheared = [=](double position) { return (position + 1.0) / oversampling - 1.0; };
   for (std::ptrdiff_t n = 0; n < columns; ++n)
   {
-    const WarpCell<TPixel> cell(intermediate, map, n, row);
-    const auto             x = static_cast<double>(n);
-    const auto             toSheared = [=](double position) { return (position + 1.0) / oversampling - 1.0; };
-    const double           column = toSheared((map.xx * x + map.xy * y) + map.x0);
-    const double           shearedRow = toSheared((map.yx * x + map.yy * y) + map.y0);
-    const auto             nearest = std::max_element(cell.weights, cell.weights + 4) - cell.weights;
-    const std::int32_t     slice = cell.sum > 0 ? intermediate.slices[cell.places[nearest]] : NoSlice;
-    depths[n] =
-      slice < 0 ? std::numeric_limits<float>::quiet_NaN() : static_cast<float>(depth(column, shearedRow, slice));
+    const auto         x = static_cast<double>(n);
+    const double       p = (map.xx * x + map.xy * y) + map.x0;
+    const double       q = (map.yx * x + map.yy * y) + map.y0;
+    const std::int32_t slice = FindSlice(intermediate, p, q);
+    depths[n] = slice < 0 ? std::numeric_limits<float>::quiet_NaN()
+                          : static_cast<float>(depth(toSheared(p), toSheared(q), slice));
   }
 }
 

@@ -205,6 +205,11 @@ public:
     std::vector<std::vector<TPixel>> memories(views, std::vector<TPixel>(Guard + stride * rows + Guard, untouched));
     std::vector<Kernels::ColumnSpan> known(rows * views);
     isCovered.assign(columns * rows * views, 0);
+    using Rank = Kernels::SliceRank<TPixel>;
+    constexpr Rank    untouchedRank = 77;
+    std::vector<Rank> memoryOfRanks(Guard + stride * rows + Guard, untouchedRank);
+    Rank * const      rankMemory = memoryOfRanks.data() + Guard;
+    const auto        lastSlice = static_cast<std::int32_t>(m_Stack.slices - 1);
     std::vector<Kernels::ShearedView<TPixel>> list;
     for (auto & memory : memories)
     {
@@ -212,6 +217,7 @@ public:
       {
         const auto begin = memory.begin() + Guard + row * stride;
         std::fill(begin, begin + columns, isMinimum ? kernels.minimum.start : kernels.maximum.start);
+        std::fill_n(rankMemory + row * stride, columns, Kernels::NoRank<TPixel>);
       }
       const auto view = static_cast<std::ptrdiff_t>(list.size());
       list.push_back({ m_Placements.data(),
@@ -222,7 +228,8 @@ public:
                        { region.intervals.empty() ? nullptr : &region,
                          isCovered.data() + view * columns * rows,
                          columns,
-                         known.data() + view * rows } });
+                         known.data() + view * rows },
+                       { rankStep != 0 ? rankMemory : nullptr, rankStep < 0 ? lastSlice : 0, rankStep } });
     }
     rowSplits.push_back(m_Stack.rows);
     sliceSplits.push_back(m_Stack.slices);
@@ -243,12 +250,18 @@ public:
     }
 
     std::vector<TPixel> pixels;
+    ranks.clear();
     for (std::ptrdiff_t row = 0; row < rows; ++row)
     {
       const auto begin = memories.front().begin() + Guard + row * stride;
       pixels.insert(pixels.end(), begin, begin + columns);
       EXPECT_EQ(std::count(begin + columns, begin + stride, untouched), stride - columns);
+      const auto ranksEnd = memoryOfRanks.begin() + Guard + (row + 1) * stride;
+      EXPECT_EQ(std::count(ranksEnd - (stride - columns), ranksEnd, untouchedRank), stride - columns);
+      ranks.insert(ranks.end(), ranksEnd - stride, ranksEnd - stride + columns);
     }
+    EXPECT_EQ(std::count(memoryOfRanks.begin(), memoryOfRanks.begin() + Guard, untouchedRank), Guard);
+    EXPECT_EQ(std::count(memoryOfRanks.end() - Guard, memoryOfRanks.end(), untouchedRank), Guard);
     for (const auto & memory : memories)
     {
       EXPECT_EQ(std::count(memory.begin(), memory.begin() + Guard, untouched), Guard);
@@ -278,13 +291,14 @@ public:
     return pixels;
   }
 
-  /** False where no slice has a sample in the region. */
+  /** False where no slice has a sample in the region; \a rank is that of the first slice with the extremum. */
   bool
-  Evaluate(std::ptrdiff_t p, std::ptrdiff_t q, TPixel & extremum) const
+  Evaluate(std::ptrdiff_t p, std::ptrdiff_t q, TPixel & extremum, std::int64_t * rank = nullptr) const
   {
     bool isReached = false;
-    for (std::ptrdiff_t k = 0; k < m_Stack.slices; ++k)
+    for (std::ptrdiff_t n = 0; n < m_Stack.slices; ++n)
     {
+      const std::ptrdiff_t k = rankStep < 0 ? m_Stack.slices - 1 - n : n;
       const auto voxel = [&](std::int64_t i, std::int64_t j) {
         return m_Stack.voxels[k * m_Stack.sliceStride + j * m_Stack.rowStride + i];
       };
@@ -305,6 +319,10 @@ public:
       {
         extremum = sample;
         isReached = true;
+        if (rank)
+        {
+          *rank = n;
+        }
       }
     }
     return isReached;
@@ -314,16 +332,18 @@ public:
   void
   ExpectProjectionFollowsRule(std::size_t views = 1)
   {
-    for (const bool rule : { true, false })
+    for (const int rule : { 0, 1, 2, 3, 4, 5 })
     {
-      isMinimum = rule;
+      isMinimum = rule % 2 == 0;
+      rankStep = rule / 2 - 1;
       this->FillPadding(isMinimum ? std::numeric_limits<TPixel>::lowest() : std::numeric_limits<TPixel>::max());
       this->Project();
       std::vector<TPixel>       expected(columns * rows);
       std::vector<std::uint8_t> isReached(columns * rows);
+      std::vector<std::int64_t> expectedRanks(columns * rows, Kernels::NoRank<TPixel>);
       for (std::ptrdiff_t n = 0; n < columns * rows; ++n)
       {
-        isReached[n] = this->Evaluate(n % columns, n / columns, expected[n]);
+        isReached[n] = this->Evaluate(n % columns, n / columns, expected[n], &expectedRanks[n]);
       }
       bool atEnd = false;
       ForEachInstructionSet([&](const std::string &) {
@@ -338,6 +358,7 @@ public:
               << " x " << m_Stack.slices << (isMinimum ? ", minimum: " : ": ") << +pixels[n] << " instead of "
               << +expected[n];
           }
+          ASSERT_TRUE(rankStep == 0 || ranks[n] == expectedRanks[n]) << n << ": " << ranks[n];
           for (std::size_t view = 0; view < views; ++view)
           {
             ASSERT_TRUE(region.intervals.empty() || isReached[n] == isCovered[view * pixels.size() + n]) << n;
@@ -345,11 +366,16 @@ public:
         }
       });
     }
+    rankStep = 0;
+    isMinimum = false;
   }
 
   std::ptrdiff_t columns{ 0 }, rows{ 0 };
   bool           hasCommonRows{ false };
   bool           isMinimum{ false };
+  std::int32_t   rankStep{ 0 }; // 0 for no ranks
+
+  std::vector<Kernels::SliceRank<TPixel>> ranks;
 
   Kernels::Region           region;
   std::vector<std::uint8_t> isCovered; // by samples of the region, for each view
@@ -625,6 +651,30 @@ TYPED_TEST(ShearWarpKernelsTyped, ProjectBlockTakesTheMaximumOfManySlices)
       slices.Place(k, random.Integer(0, 4 * WholePixel), random.Integer(0, 4 * WholePixel));
     }
     slices.ExpectProjectionFollowsRule();
+  }
+}
+
+TYPED_TEST(ShearWarpKernelsTyped, ProjectBlockTakesTheNearestOfEqualSamples)
+{
+  Random random(11);
+  // zeros of both signs, and what pixels begin with
+  const TypeParam values[] = { static_cast<TypeParam>(-TypeParam{ 0 }),
+                               TypeParam{ 0 },
+                               TypeParam{ 1 },
+                               std::numeric_limits<TypeParam>::lowest(),
+                               std::numeric_limits<TypeParam>::max() };
+  for (int repeat = 0; repeat < 40; ++repeat)
+  {
+    SlicesFixture<TypeParam> slices(random, random.Integer(1, 80), random.Integer(1, 20), random.Integer(2, 12));
+    for (std::ptrdiff_t k = 0; k < slices.GetNumberOfSlices(); ++k)
+    {
+      const auto draw = [&] { return random.Integer(0, 2) == 0 ? WholePixel : random.Integer(0, 2 * WholePixel); };
+      slices.Place(k, draw(), draw());
+    }
+    // differences that do not overflow
+    const bool isExtreme = !std::is_floating_point_v<TypeParam> && repeat % 2 == 0;
+    slices.Fill([&](std::ptrdiff_t) { return values[random.Integer(0, isExtreme ? 4 : 2)]; });
+    slices.ExpectProjectionFollowsRule(1 + repeat % 2);
   }
 }
 

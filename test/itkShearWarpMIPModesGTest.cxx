@@ -120,14 +120,25 @@ TYPED_TEST(ShearWarpMIPModes, FollowTheRuleOnEveryInstructionSet)
   }
 }
 
-TYPED_TEST(ShearWarpMIPModes, DepthChangesNoBitOfTheValues)
+TYPED_TEST(ShearWarpMIPModes, ValuesAndDepthHaveTheBitsOfSamplesInTheirOrder)
 {
-  // it takes the samples in their order, which slabs, boxes, minima and absolute maxima need not have
-  Random random(905);
+  // which they have with a first local maximum that no ray meets before its end
+  using Limits = std::numeric_limits<TypeParam>;
+  constexpr TypeParam last = Limits::has_infinity ? Limits::infinity() : Limits::max();
+  constexpr TypeParam first = Limits::has_infinity ? -Limits::infinity() : Limits::lowest();
+  Random              random(905);
   for (int repeat = 0; repeat < 100; ++repeat)
   {
     SCOPED_TRACE(repeat);
     const auto image = MakeRandomImage<TypeParam>(random, MakeRandomSize(random, 1, 90));
+    if (repeat % 2 == 0)
+    {
+      // many equal samples
+      auto * const voxels = image->GetBufferPointer();
+      std::generate_n(voxels, image->GetPixelContainer()->Size(), [&] {
+        return static_cast<TypeParam>(random.Integer(0, 2));
+      });
+    }
     const auto view = MakeRandomView(random, AllViewKinds[repeat % 3], image);
     const auto filter = MakeFilter<TypeParam>(image, view);
     PointType  lower, upper;
@@ -143,11 +154,15 @@ TYPED_TEST(ShearWarpMIPModes, DepthChangesNoBitOfTheValues)
       filter->SetCropUpper(middle + MakeVector3(random.Uniform(0, 9), random.Uniform(0, 9), 99));
     }
     filter->SetMode(modes[random.Integer(0, 2)]);
+    // beyond the type's end nothing is better
+    filter->SetLocalMaximumThreshold(
+      filter->GetMode() == ModeEnum::Maximum || (filter->GetMode() != ModeEnum::Minimum && first == 0) ? last : first);
     filter->SetOversampling(repeat % 5 == 0 ? 2 : 1);
     filter->SetNumberOfStreamDivisions(static_cast<unsigned int>(random.Integer(1, 3)));
     filter->SetDefaultPixelValue(MakeRandomPixel<TypeParam>(random));
     ForEachInstructionSet([&](const std::string &) {
       filter->ComputeDepthOff();
+      filter->LocalMaximumOff();
       filter->SetNumberOfWorkUnits(static_cast<itk::ThreadIdType>(random.Integer(1, 8)));
       filter->Modified();
       filter->Update();
@@ -155,6 +170,11 @@ TYPED_TEST(ShearWarpMIPModes, DepthChangesNoBitOfTheValues)
       filter->ComputeDepthOn();
       filter->Update();
       EXPECT_TRUE(HaveSamePixels<TypeParam>(pixels, filter->GetOutput()));
+      const auto depths = Copy(filter->GetDepthOutput());
+      filter->LocalMaximumOn();
+      filter->Update();
+      EXPECT_TRUE(HaveSamePixels<TypeParam>(pixels, filter->GetOutput()));
+      EXPECT_TRUE(HaveSamePixels<float>(depths, filter->GetDepthOutput()));
     });
   }
 }
