@@ -269,23 +269,43 @@ struct RankedImage
   std::int32_t        first{ 0 }, step{ 1 };
 };
 
+/** A mask, laid out as the slices of a volume, but with strides of its own: voxels are in it where they are `label` or,
+ * if that is 0, not 0. A sample counts where its nearest voxel is in the mask, and is the mean of those of its voxels
+ * that are, their weights scaled to sum to one. */
+struct Mask
+{
+  const std::uint8_t * voxels{ nullptr };
+  std::ptrdiff_t       rowStride{ 0 }, sliceStride{ 0 };
+  std::uint8_t         label{ 0 };
+};
+
+/** What is known of a tile: no sample is needed, each is taken, or the mask tells. */
+enum class TileState : std::uint8_t
+{
+  Unneeded,
+  Whole,
+  Masked
+};
+
 /** A view along the slices' axis: the place of each slice, and the image that collects the maxima, or the minima if it
  * `isMinimum`; with a `coverage` of the samples in its region alone. `ranked` tells which slices gave the extrema, if its
  * ranks are not null. Of the views of one call all have a coverage or none, and all have ranks or none.
  *
- * `active`, if not null, tells which tiles of a block of at most BlockLength slices are needed: where
- * `active[(row - block.rowBegin) / BlockLength * activeStride + column / TileColumns]` is zero, for a row counted from
- * FindFirstRow() and no further than the block's, and a column of the intermediate image, samples may be left out. */
+ * `active`, if not null, tells the state of the tiles of a block of at most BlockLength slices: that of
+ * `active[(row - block.rowBegin) / BlockLength * activeStride + column / TileColumns]`, for a row counted from
+ * FindFirstRow() and no further than the block's, and a column of the intermediate image. If it is null all tiles are
+ * Masked, or Whole without a `mask`. A view with a mask has ranks. */
 template <typename TPixel>
 struct ShearedView
 {
   const SlicePlacement *    placements;
   IntermediateImage<TPixel> intermediate;
-  const std::uint8_t *      active{ nullptr };
+  const TileState *         active{ nullptr };
   std::ptrdiff_t            activeStride{ 0 };
   bool                      isMinimum{ false };
   Coverage                  coverage{};
   RankedImage<TPixel>       ranked{};
+  const Mask *              mask{ nullptr };
 };
 
 /** A row of a slice's samples: between the rows \a a, of weight y / 2^15, and \a b of `columns` voxels, of which voxel
@@ -398,17 +418,18 @@ struct Kernels
                      TPixel         value);
 
   /** The maximum of each BlockLength columns of `slices` x `rows` rows of `columns` voxels, to ceil(columns /
-   * BlockLength) elements of \a maxima; \a lowest and \a highest are widened to hold every voxel. Not-a-number is
-   * ignored. */
-  void (*findBlockMaxima)(const TPixel * voxels,
-                          std::ptrdiff_t columns,
-                          std::ptrdiff_t rows,
-                          std::ptrdiff_t slices,
-                          std::ptrdiff_t rowStride,
-                          std::ptrdiff_t sliceStride,
-                          TPixel *       maxima,
-                          TPixel &       lowest,
-                          TPixel &       highest);
+   * BlockLength) elements of \a maxima, and the minimum to \a minima if that is not null; \a lowest and \a highest are
+   * widened to hold every voxel. Not-a-number is ignored. */
+  void (*findBlockExtrema)(const TPixel * voxels,
+                           std::ptrdiff_t columns,
+                           std::ptrdiff_t rows,
+                           std::ptrdiff_t slices,
+                           std::ptrdiff_t rowStride,
+                           std::ptrdiff_t sliceStride,
+                           TPixel *       maxima,
+                           TPixel *       minima,
+                           TPixel &       lowest,
+                           TPixel &       highest);
 
   /** Writes columns [columnBegin, columnEnd) of row \a row of an output image, that row's first pixel at \a output:
    * the bilinear interpolation of \a intermediate at \a outputToIntermediate of each pixel's column and row.
@@ -469,9 +490,21 @@ ShearWarpMIP_EXPORT
 ReachedRow
 FindReached(const std::int32_t * slices, std::ptrdiff_t columns);
 
-/** Samples as \a kernels does with sampleRow, restricted to a mask: rows \a maskA and \a maskB belong to the row's, and
- * voxels are in it where they are \a label or, if that is 0, not 0. A sample counts where its nearest voxel is in the
- * mask, and is the mean of those of its voxels that are. `counted[p]` is 1 or 0. */
+/** The sample of weights \a x and \a y between the voxels b[column], b[before], a[column] and a[before], of those whose
+ * bits, the lowest first, \a counted has. */
+template <typename TPixel>
+ShearWarpMIP_EXPORT
+TPixel
+SampleCounted(const TPixel * a,
+              const TPixel * b,
+              std::ptrdiff_t column,
+              std::ptrdiff_t before,
+              std::int32_t   x,
+              std::int32_t   y,
+              unsigned int   counted);
+
+/** Samples as \a kernels does with sampleRow, restricted to a Mask of \a label: its rows \a maskA and \a maskB belong to
+ * the row's. `counted[p]` is 1 or 0. */
 template <typename TPixel>
 ShearWarpMIP_EXPORT
 void

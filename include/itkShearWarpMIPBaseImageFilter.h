@@ -284,6 +284,13 @@ private:
   bool
   HasRegion() const;
 
+  /** Whether intermediate images tell the slices of their pixels: a pixel may have none in a mask. */
+  bool
+  NeedsSlices() const
+  {
+    return m_ComputeDepth || this->GetMaskImage();
+  }
+
   typename Superclass::ProjectorType::IntervalList
   MakeIntervals(const View & view) const;
 
@@ -377,7 +384,7 @@ private:
   double            m_DepthAttenuation{ 0.0 };
   bool              m_ComputeDepth{ false };
 
-  ShearWarpPreparedVolume<unsigned char> m_PreparedMask;
+  ShearWarpPreparedVolume<unsigned char> m_PreparedMask{ true };
   RayProjectorType                       m_RayProjector;
 
   unsigned int  m_NumberOfStreamDivisions{ 1 };

@@ -381,9 +381,10 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GeneratePixels()
       {
         projectedViews.push_back({ &first->factorization, this->MakeIntervals(*first) });
       }
-      this->m_Projector.Start(projectedViews, kernels, m_Mode, m_ComputeDepth, this->m_ReducedResampling, workers);
-      const auto project = [this](const auto & volume, const auto *, const auto & parallelize) {
-        this->m_Projector.Project(volume, parallelize);
+      this->m_Projector.Start(
+        projectedViews, kernels, { m_Mode, this->NeedsSlices(), m_MaskLabel, this->m_ReducedResampling }, workers);
+      const auto project = [this](const auto & volume, const auto * mask, const auto & parallelize) {
+        this->m_Projector.Project(volume, mask, parallelize);
       };
       this->Project(project, axis, true, hasBlockMaxima && this->IsPlainMaximum(), isKept, kernels, share);
       this->m_SkippedFraction += this->m_Projector.GetSkippedFraction() * share;
@@ -438,7 +439,7 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::MakeGroups(SizeValueType
       }
     }
     const auto [begin, end] = candidates[axis].equal_range(key);
-    const auto same = isOneByOne || hasRegion || m_ComputeDepth ? end : std::find_if(begin, end, [&](const auto & candidate) {
+    const auto same = isOneByOne || hasRegion || this->NeedsSlices() ? end : std::find_if(begin, end, [&](const auto & candidate) {
       const Projection & projection = projections[axis][candidate.second];
       return factorize(projection.front())->factorization.HasSameSlicePlacements(view->factorization);
     });
@@ -457,7 +458,7 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::MakeGroups(SizeValueType
     // as few groups as there is room for, of equal size; more views would save nothing
     const SizeValueType bytes =
       Superclass::ProjectorType::GetImageSizeInBytes(
-        largest[axis], this->m_Oversampling, m_Mode, hasRegion, m_ComputeDepth);
+        largest[axis], this->m_Oversampling, m_Mode, hasRegion, this->NeedsSlices());
     const SizeValueType room = m_IntermediateMemory / std::max<SizeValueType>(bytes * this->GetNumberOfWorkers(), 1);
     const SizeValueType most = isOneByOne ? 1 : std::clamp<SizeValueType>(room, 1, MostViewsTogether);
     const SizeValueType total = projections[axis].size();
@@ -475,7 +476,7 @@ template <typename TInputImage, typename TOutputImage>
 bool
 ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::IsPlainMaximum() const
 {
-  return m_Mode == ModeEnum::Maximum && !this->HasRegion() && !m_ComputeDepth && !this->NeedsRays();
+  return m_Mode == ModeEnum::Maximum && !this->HasRegion() && !this->NeedsSlices() && !this->NeedsRays();
 }
 
 template <typename TInputImage, typename TOutputImage>
@@ -493,8 +494,8 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::NeedsRays() const
 {
   const auto size = this->GetInput()->GetLargestPossibleRegion().GetSize();
   const auto mostSlices = static_cast<SizeValueType>(Superclass::ProjectorType::MostRankedSlices);
-  return this->GetMaskImage() || m_LocalMaximum || m_DepthAttenuation > 0.0 ||
-         (m_ComputeDepth && std::max({ size[0], size[1], size[2] }) > mostSlices);
+  return m_LocalMaximum || m_DepthAttenuation > 0.0 ||
+         (this->NeedsSlices() && std::max({ size[0], size[1], size[2] }) > mostSlices);
 }
 
 template <typename TInputImage, typename TOutputImage>
@@ -572,7 +573,9 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::Project(const TFunction 
   const bool  findsMaxima = hasBlockMaxima && !(isWhole && this->m_PreparedVolume.IsPrepared(input, 2));
   const bool  transposes = axis == 0 && !(isWhole && this->m_PreparedVolume.IsPrepared(input, axis, false));
   const bool  transposesMask = mask && axis == 0 && !(isWhole && m_PreparedMask.IsPrepared(mask, axis, false));
-  const int   preparations = findsMaxima + transposes + transposesMask;
+  const bool  hasBlocksOfMask = mask && !this->NeedsRays();
+  const bool  findsBlocksOfMask = hasBlocksOfMask && !(isWhole && m_PreparedMask.IsPrepared(mask, 2));
+  const int   preparations = findsMaxima + transposes + transposesMask + findsBlocksOfMask;
   const float preparationShare = share * (mask ? 0.1f : 0.2f) / static_cast<float>(slabs);
   const float projectionShare =
     share * 0.85f / static_cast<float>(slabs) - preparationShare * static_cast<float>(preparations);
@@ -587,7 +590,7 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::Project(const TFunction 
   }
 
   ShearWarpPreparedVolume<InputPixelType> volumeSlab;
-  ShearWarpPreparedVolume<unsigned char>  maskSlab;
+  ShearWarpPreparedVolume<unsigned char>  maskSlab(true);
   auto &                                  volume = isWhole ? this->m_PreparedVolume : volumeSlab;
   auto &                                  preparedMask = isWhole ? m_PreparedMask : maskSlab;
   for (SizeValueType n = 0; n < slabs; ++n)
@@ -606,7 +609,8 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::Project(const TFunction 
     if (mask)
     {
       const auto & maskKernels = ShearWarp::GetKernels<unsigned char>();
-      maskVoxels = this->Prepare("MaskImage", mask, preparedMask, axis, part, false, maskKernels, preparationShare);
+      maskVoxels =
+        this->Prepare("MaskImage", mask, preparedMask, axis, part, hasBlocksOfMask, maskKernels, preparationShare);
     }
     this->m_PreparationSeconds += preparations > 0 ? SecondsSince(start) : 0.0;
 

@@ -158,9 +158,7 @@ ShearWarpMIPPartImageFilter<TInputImage>::GeneratePixels()
   auto & projector = this->m_Projector;
   projector.Start({ { &factorization, {} } },
                   kernels,
-                  ShearWarpMIPImageFilterEnums::Mode::Maximum,
-                  false,
-                  this->m_ReducedResampling,
+                  { ShearWarpMIPImageFilterEnums::Mode::Maximum, false, 0, this->m_ReducedResampling },
                   this->GetNumberOfWorkers());
   for (std::ptrdiff_t begin = first; begin < last; begin += slabLength)
   {
@@ -176,7 +174,7 @@ ShearWarpMIPPartImageFilter<TInputImage>::GeneratePixels()
       this->m_PreparedVolume.PreparePart(input, whole, begin, end, axis, hasBlockMaxima, kernels, prepare);
     }
     const auto projectionStart = Superclass::Clock::now();
-    projector.Project(this->m_PreparedVolume, parallelize((isPrepared ? 0.9f : 0.5f) / slabs));
+    projector.Project(this->m_PreparedVolume, nullptr, parallelize((isPrepared ? 0.9f : 0.5f) / slabs));
     this->m_PreparationSeconds +=
       isPrepared ? 0.0 : std::chrono::duration<double>(projectionStart - preparationStart).count();
     this->m_ProjectionSeconds += Superclass::SecondsSince(projectionStart);

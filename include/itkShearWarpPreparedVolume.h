@@ -35,12 +35,13 @@ CountBlocks(std::ptrdiff_t length, std::ptrdiff_t blockLength = BlockLength)
   return (length + blockLength - 1) / blockLength;
 }
 
-/** The maxima of a volume's cubes of BlockLength voxels a side, permuted as its slices are; not-a-number is
- * ignored. Strides are in elements. */
+/** The maxima of a volume's cubes of BlockLength voxels a side, permuted as its slices are, and the minima if these are
+ * not null; not-a-number is ignored. Strides are in elements. */
 template <typename TPixel>
 struct BlockMaxima
 {
   const TPixel * maxima;
+  const TPixel * minima;
   std::ptrdiff_t columns, rows, slices;
   std::ptrdiff_t columnStride, rowStride, sliceStride;
 };
@@ -66,6 +67,11 @@ public:
   using ImageType = Image<TPixel, 3>;
   using SliceStackType = ShearWarp::SliceStack<TPixel>;
   using BlockMaximaType = ShearWarp::BlockMaxima<TPixel>;
+
+  /** With \a hasBlockMinima block maxima come with the minima. */
+  explicit ShearWarpPreparedVolume(bool hasBlockMinima = false)
+    : m_HasBlockMinima(hasBlockMinima)
+  {}
 
   /** Whether Prepare() would return at once. */
   bool
@@ -166,8 +172,9 @@ private:
   void
   Transpose(const ShearWarp::Kernels<TPixel> & kernels, const TParallelize & parallelize, ShearWarpBuffer memory);
 
+  bool            m_HasBlockMinima;
   ShearWarpBuffer m_Transposed;
-  ShearWarpBuffer m_BlockMaxima;
+  ShearWarpBuffer m_BlockMaxima; // and minima behind them
   TPixel          m_Lowest{};
   TPixel          m_Highest{};
 

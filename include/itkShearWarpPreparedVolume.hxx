@@ -141,7 +141,9 @@ ShearWarpPreparedVolume<TPixel>::FindBlockMaxima(const ShearWarp::Kernels<TPixel
   const std::ptrdiff_t blocksX = CountBlocks(x);
   const std::ptrdiff_t blocksY = CountBlocks(y);
   ShearWarpBuffer      maxima = std::move(m_BlockMaxima);
-  maxima.Reserve(blocksX * blocksY * CountBlocks(m_Size[2]) * sizeof(TPixel), "the block maxima");
+  const std::ptrdiff_t blocks = blocksX * blocksY * CountBlocks(m_Size[2]);
+  maxima.Reserve(blocks * (m_HasBlockMinima ? 2 : 1) * sizeof(TPixel), "the block maxima");
+  TPixel * const first = maxima.GetPointer<TPixel>();
   TPixel     lowestOfAll = NumericTraits<TPixel>::max();
   TPixel     highestOfAll = NumericTraits<TPixel>::NonpositiveMin();
   std::mutex mutex;
@@ -151,15 +153,16 @@ ShearWarpPreparedVolume<TPixel>::FindBlockMaxima(const ShearWarp::Kernels<TPixel
     const std::ptrdiff_t slice = block / blocksY * BlockLength;
     TPixel               lowest = NumericTraits<TPixel>::max();
     TPixel               highest = NumericTraits<TPixel>::NonpositiveMin();
-    kernels.findBlockMaxima(m_Voxels + (slice * y + row) * x,
-                            x,
-                            std::min(BlockLength, y - row),
-                            std::min(BlockLength, m_Size[2] - slice),
-                            x,
-                            x * y,
-                            maxima.GetPointer<TPixel>() + block * blocksX,
-                            lowest,
-                            highest);
+    kernels.findBlockExtrema(m_Voxels + (slice * y + row) * x,
+                             x,
+                             std::min(BlockLength, y - row),
+                             std::min(BlockLength, m_Size[2] - slice),
+                             x,
+                             x * y,
+                             first + block * blocksX,
+                             m_HasBlockMinima ? first + blocks + block * blocksX : nullptr,
+                             lowest,
+                             highest);
     const std::lock_guard<std::mutex> lock(mutex);
     lowestOfAll = std::min(lowestOfAll, lowest);
     highestOfAll = std::max(highestOfAll, highest);
@@ -230,14 +233,15 @@ ShearWarpPreparedVolume<TPixel>::GetBlockMaxima(unsigned int principalAxis) cons
   const std::ptrdiff_t y = ShearWarp::CountBlocks(m_Size[1]);
   const std::ptrdiff_t z = ShearWarp::CountBlocks(m_Size[2]);
   const auto *         maxima = m_BlockMaxima.GetPointer<TPixel>();
+  const auto *         minima = maxima && m_HasBlockMinima ? maxima + x * y * z : nullptr;
   switch (principalAxis)
   {
     case 0:
-      return { maxima, y, z, x, x, x * y, 1 };
+      return { maxima, minima, y, z, x, x, x * y, 1 };
     case 1:
-      return { maxima, x, z, y, 1, x * y, x };
+      return { maxima, minima, x, z, y, 1, x * y, x };
     default:
-      return { maxima, x, y, z, 1, x, x * y };
+      return { maxima, minima, x, y, z, 1, x, x * y };
   }
 }
 } // namespace itk

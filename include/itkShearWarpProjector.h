@@ -99,27 +99,37 @@ public:
   };
   using ViewList = std::vector<View>;
 
-  /** The most slices that it can tell apart: see Start(). */
+  /** What is wanted of the samples. */
+  struct Parameters
+  {
+    ModeEnum mode{ ModeEnum::Maximum };
+    /** Whether the intermediate images tell the slices of their pixels, of at most MostRankedSlices. */
+    bool hasSlices{ false };
+    /** Of the voxels that count in a mask; 0 for all but 0. */
+    unsigned char         maskLabel{ 0 };
+    ReducedResamplingEnum reducedResampling{ ReducedResamplingEnum::Off };
+  };
+
   static constexpr std::ptrdiff_t MostRankedSlices = ShearWarp::NoRank<TPixel>;
 
-  /** Begins a projection by at most \a workers threads. With \a hasDepth the intermediate images tell the slices of
-   * their pixels, of at most MostRankedSlices. The factorizations of \a views, of one principal axis and one
+  /** Begins a projection by at most \a workers threads. The factorizations of \a views, of one principal axis and one
    * oversampling, and \a kernels must live until Finish(). */
   void
   Start(ViewList                           views,
         const ShearWarp::Kernels<TPixel> & kernels,
-        ModeEnum                           mode,
-        bool                               hasDepth,
-        ReducedResamplingEnum              reducedResampling,
+        const Parameters &                 parameters,
         SizeValueType                      workers);
 
   /** Projects what \a volume has prepared for the factorizations' principal axis: all or, one after the other, parts.
+   * \a mask, of the same size and with block minima, restricts it if that is not null; it needs the slices.
    * \a parallelize(count, steps, function) calls function(n, step, worker) for each n of [0, count) and, one after the
    * other, each step of [0, steps); calls with the same worker, less than the number of them, do not overlap.
    * Throws MemoryAllocationError. */
   template <typename TParallelize>
   void
-  Project(const ShearWarpPreparedVolume<TPixel> & volume, const TParallelize & parallelize);
+  Project(const ShearWarpPreparedVolume<TPixel> &        volume,
+          const ShearWarpPreparedVolume<unsigned char> * mask,
+          const TParallelize &                           parallelize);
 
   /** The intermediate image, of view \a view, of all that was projected since Start(). It refers to this object's
    * memory and to the factorization's, and is valid until the next call. Throws MemoryAllocationError. */
@@ -141,9 +151,9 @@ public:
   SizeValueType
   GetSizeInBytes() const;
 
-  /** Bytes of one thread's intermediate image of \a size pixels, with a region or depth or without. */
+  /** Bytes of one thread's intermediate image of \a size pixels, with a region or slices or without. */
   static SizeValueType
-  GetImageSizeInBytes(const Size<2> & size, unsigned int oversampling, ModeEnum mode, bool hasRegion, bool hasDepth);
+  GetImageSizeInBytes(const Size<2> & size, unsigned int oversampling, ModeEnum mode, bool hasRegion, bool hasSlices);
 
 private:
   using PlacementList = std::vector<ShearWarp::SlicePlacement>;
@@ -158,7 +168,7 @@ private:
     ShearWarpBuffer                    ranks;
     std::ptrdiff_t                     rowBegin{ 0 }, rowEnd{ 0 };
     std::vector<TPixel>                lowerBounds; // no pixel of the tile is below
-    std::vector<std::uint8_t>          active;
+    std::vector<ShearWarp::TileState>  active;
   };
 
   struct Worker
@@ -166,6 +176,7 @@ private:
     std::vector<PartialImage>                   images; // one for each grid
     std::vector<ShearWarp::ShearedView<TPixel>> views;
     std::vector<TPixel>                         columnMaxima;
+    std::vector<unsigned int>                   columnParts;
     SizeValueType                               tiles{ 0 };
     SizeValueType                               skippedTiles{ 0 };
     std::ptrdiff_t                              untestedCubes{ 0 };
@@ -226,6 +237,28 @@ private:
               std::vector<TPixel> &    columnMaxima,
               const ShearWarp::Block & block) const;
 
+  TileCount
+  SelectMaskedTiles(const PlacementList &       placements,
+                    PartialImage &              image,
+                    std::vector<unsigned int> & columnParts,
+                    const ShearWarp::Block &    block) const;
+
+  /** A range of cubes, or of tiles. */
+  struct Range
+  {
+    std::ptrdiff_t begin, end;
+  };
+
+  /** For each row of the block's tiles: \a beginRow(cubeRows), then for each of its tiles \a getState(tileRows,
+   * tileColumn, cubeColumns), of which the samples may be. */
+  template <typename TBeginRow, typename TGetState>
+  TileCount
+  ForEachTile(const PlacementList &    placements,
+              PartialImage &           image,
+              const ShearWarp::Block & block,
+              const TBeginRow &        beginRow,
+              const TGetState &        getState) const;
+
   bool
   IsAnyBelow(PartialImage & image, std::ptrdiff_t tileRow, std::ptrdiff_t tileColumn, TPixel value) const;
 
@@ -244,7 +277,7 @@ private:
   RankType *
   GetRanks(const PartialImage & image, std::ptrdiff_t row) const
   {
-    return m_HasDepth ? image.ranks.template GetPointer<RankType>() + row * m_RowStride : nullptr;
+    return m_Parameters.hasSlices ? image.ranks.template GetPointer<RankType>() + row * m_RowStride : nullptr;
   }
 
   /** The ranks of the view's slices, without an image. */
@@ -255,7 +288,7 @@ private:
   bool
   IsMinimum(std::size_t grid) const
   {
-    return m_Mode == ModeEnum::Minimum || (m_Mode == ModeEnum::AbsoluteMaximum && grid % 2 == 1);
+    return m_Parameters.mode == ModeEnum::Minimum || (m_Parameters.mode == ModeEnum::AbsoluteMaximum && grid % 2 == 1);
   }
 
   TPixel
@@ -267,22 +300,22 @@ private:
   std::vector<Worker>                m_Workers;
   SizeValueType                      m_NumberOfWorkers{ 1 };
   ShearWarpBuffer                    m_JoinedPhases;
-  ShearWarpBuffer                    m_JoinedSlices; // or 0 for each without depth, where pixels may have no value
+  ShearWarpBuffer                    m_JoinedSlices; // or 0 for each if they are not wanted, where pixels may have no value
   std::vector<ShearWarp::ColumnSpan> m_Reached;      // of its rows
   std::vector<std::ptrdiff_t>        m_SliceOrder;   // the first of each BlockLength slices
 
   const ShearWarp::Kernels<TPixel> *               m_Kernels{ nullptr };
   ViewList                                         m_Views;
   std::vector<ShearWarp::Region>                   m_Regions; // of each grid, if any has intervals
-  ModeEnum                                         m_Mode{ ModeEnum::Maximum };
+  Parameters                                       m_Parameters;
   std::vector<const ShearWarp::IntermediateGrid *> m_Grids;      // of each view its phases, of these the extrema
   std::vector<PlacementList>                       m_Placements; // on each grid, of the slices
   ShearWarp::SliceStack<TPixel>                    m_Slices{};
   ShearWarp::BlockMaxima<TPixel>                   m_BlockMaxima{};
+  ShearWarp::Mask                                  m_Mask; // without voxels if there is none
+  ShearWarp::BlockMaxima<unsigned char>            m_BlocksOfMask{};
   bool                                             m_HasCommonRows{ false };
-  bool                                             m_HasDepth{ false };
   std::int32_t                                     m_FirstSlice{ 0 }; // of these slices, in the volume
-  ReducedResamplingEnum                            m_WantedReducedResampling{ ReducedResamplingEnum::Off };
   ReducedResamplingEnum                            m_ReducedResampling{ ReducedResamplingEnum::Off };
   std::ptrdiff_t                                   m_TileColumns{ 0 }, m_TileRows{ 0 }, m_RowStride{ 0 };
 };

@@ -22,6 +22,7 @@
 #include <atomic>
 #include <cmath>
 #include <functional>
+#include <numeric>
 
 namespace itk
 {
@@ -29,19 +30,19 @@ template <typename TPixel>
 void
 ShearWarpProjector<TPixel>::Start(ViewList                           views,
                                   const ShearWarp::Kernels<TPixel> & kernels,
-                                  ModeEnum                           mode,
-                                  bool                               hasDepth,
-                                  ReducedResamplingEnum              reducedResampling,
+                                  const Parameters &                 parameters,
                                   SizeValueType                      workers)
 {
   const bool hasRegion =
     std::any_of(views.begin(), views.end(), [](const View & view) { return !view.intervals.empty(); });
   m_Kernels = &kernels;
   m_Views = std::move(views);
-  m_Mode = Simplify(mode);
-  m_HasDepth = hasDepth;
-  m_WantedReducedResampling =
-    m_Mode != ModeEnum::Maximum || hasRegion || hasDepth ? ReducedResamplingEnum::Off : reducedResampling;
+  m_Parameters = parameters;
+  m_Parameters.mode = Simplify(parameters.mode);
+  if (m_Parameters.mode != ModeEnum::Maximum || hasRegion || parameters.hasSlices)
+  {
+    m_Parameters.reducedResampling = ReducedResamplingEnum::Off;
+  }
   m_NumberOfWorkers = workers;
   m_Grids.clear();
   m_Regions.clear();
@@ -57,7 +58,7 @@ ShearWarpProjector<TPixel>::Start(ViewList                           views,
         interval.function = view.factorization->GetFunctionOfPhase(interval.function, phase);
       }
       ++phase;
-      const std::size_t extrema = m_Mode == ModeEnum::AbsoluteMaximum ? 2 : 1;
+      const std::size_t extrema = m_Parameters.mode == ModeEnum::AbsoluteMaximum ? 2 : 1;
       m_Grids.insert(m_Grids.end(), extrema, &grid);
       m_Regions.insert(m_Regions.end(), hasRegion ? extrema : 0, region);
       m_TileColumns = std::max(m_TileColumns, ShearWarp::CountBlocks(grid.columns, ShearWarp::TileColumns));
@@ -82,7 +83,9 @@ ShearWarpProjector<TPixel>::Start(ViewList                           views,
 template <typename TPixel>
 template <typename TParallelize>
 void
-ShearWarpProjector<TPixel>::Project(const ShearWarpPreparedVolume<TPixel> & volume, const TParallelize & parallelize)
+ShearWarpProjector<TPixel>::Project(const ShearWarpPreparedVolume<TPixel> &        volume,
+                                    const ShearWarpPreparedVolume<unsigned char> * mask,
+                                    const TParallelize &                           parallelize)
 {
   using ShearWarp::BlockLength;
   using ShearWarp::CountBlocks;
@@ -90,6 +93,13 @@ ShearWarpProjector<TPixel>::Project(const ShearWarpPreparedVolume<TPixel> & volu
   const unsigned int axis = m_Views.front().factorization->GetPrincipalAxis();
   m_Slices = volume.GetSlices(axis);
   m_BlockMaxima = volume.GetBlockMaxima(axis);
+  m_Mask = {};
+  if (mask)
+  {
+    const auto slices = mask->GetSlices(axis);
+    m_Mask = { slices.voxels, slices.rowStride, slices.sliceStride, m_Parameters.maskLabel };
+    m_BlocksOfMask = mask->GetBlockMaxima(axis);
+  }
   m_Placements.clear();
   for (const ShearWarp::IntermediateGrid * grid : m_Grids)
   {
@@ -100,7 +110,7 @@ ShearWarpProjector<TPixel>::Project(const ShearWarpPreparedVolume<TPixel> & volu
   {
     region.firstSlice = m_FirstSlice;
   }
-  m_ReducedResampling = m_BlockMaxima.maxima ? m_WantedReducedResampling : ReducedResamplingEnum::Off;
+  m_ReducedResampling = m_BlockMaxima.maxima ? m_Parameters.reducedResampling : ReducedResamplingEnum::Off;
   if constexpr (std::is_floating_point_v<TPixel>)
   {
     // an interpolation whose difference overflows can exceed its voxels
@@ -173,7 +183,7 @@ ShearWarpProjector<TPixel>::Finish(std::size_t view, const TParallelize & parall
   // the better one of two extrema does not tell whether a float has met a sample
   const bool hasRegion = !m_Regions.empty();
   const bool isAbsolute = extrema == 2;
-  const bool hasSlices = hasRegion || m_HasDepth || (isAbsolute && std::is_floating_point_v<TPixel>);
+  const bool hasSlices = hasRegion || m_Parameters.hasSlices || (isAbsolute && std::is_floating_point_v<TPixel>);
   const auto ranking = this->GetRanking(m_Views[view]);
   if (hasSlices)
   {
@@ -202,9 +212,9 @@ ShearWarpProjector<TPixel>::Finish(std::size_t view, const TParallelize & parall
           const bool isEmpty = std::is_floating_point_v<TPixel> && phase[p] == this->GetStart(grid) &&
                                !(isAbsolute && minima[p] != this->GetStart(grid + 1));
           const bool isMinimum = isAbsolute && IsMagnitudeLarger(minima[p], phase[p]);
-          const auto rank = m_HasDepth ? (isMinimum ? ranksOfMinima : ranks)[p] : RankType{ 0 };
+          const auto rank = m_Parameters.hasSlices ? (isMinimum ? ranksOfMinima : ranks)[p] : RankType{ 0 };
           const bool hasValue = !isEmpty && (!marks || marks[p] != 0) && rank != ShearWarp::NoRank<TPixel>;
-          const auto slice = m_HasDepth ? ranking.step * (rank - ranking.first) : 0;
+          const auto slice = m_Parameters.hasSlices ? ranking.step * (rank - ranking.first) : 0;
           slices[row * rowStride + column + p * oversampling] = hasValue ? slice : ShearWarp::NoSlice;
         }
         for (std::ptrdiff_t p = 0; isAbsolute && p < m_RowStride; ++p)
@@ -289,7 +299,8 @@ ShearWarpProjector<TPixel>::GetSizeInBytes() const
   }
   for (const Worker & worker : m_Workers)
   {
-    bytes += CountBytes(worker.images) + CountBytes(worker.views) + CountBytes(worker.columnMaxima);
+    bytes += CountBytes(worker.images) + CountBytes(worker.views) + CountBytes(worker.columnMaxima) +
+             CountBytes(worker.columnParts);
     for (const PartialImage & image : worker.images)
     {
       bytes += image.pixels.GetSizeInBytes() + image.marks.GetSizeInBytes() + image.ranks.GetSizeInBytes() +
@@ -305,7 +316,7 @@ ShearWarpProjector<TPixel>::GetImageSizeInBytes(const Size<2> & size,
                                                 unsigned int    oversampling,
                                                 ModeEnum        mode,
                                                 bool            hasRegion,
-                                                bool            hasDepth)
+                                                bool            hasSlices)
 {
   const auto countBlocks = [=](SizeValueType length, std::ptrdiff_t blockLength) {
     return ShearWarp::CountBlocks(ShearWarp::CountBlocks(static_cast<std::ptrdiff_t>(length), oversampling),
@@ -315,7 +326,7 @@ ShearWarpProjector<TPixel>::GetImageSizeInBytes(const Size<2> & size,
                                 countBlocks(size[1], ShearWarp::BlockLength);
   return SizeValueType{ oversampling } * oversampling * static_cast<SizeValueType>(pixels) *
          (Simplify(mode) == ModeEnum::AbsoluteMaximum ? 2 : 1) *
-         (sizeof(TPixel) + hasRegion + (hasDepth ? sizeof(RankType) : 0));
+         (sizeof(TPixel) + hasRegion + (hasSlices ? sizeof(RankType) : 0));
 }
 
 /** Storage order, but for reduced resampling every few slices first: they soon give all pixels a value. */
@@ -353,7 +364,8 @@ ShearWarpProjector<TPixel>::ProjectRows(Worker &       worker,
   for (std::ptrdiff_t n = first; n < last;)
   {
     // one cube's slices, or as many as follow each other untested
-    const bool     isTested = m_ReducedResampling != ReducedResamplingEnum::Off && worker.untestedCubes == 0;
+    const bool isTested =
+      m_Mask.voxels || (m_ReducedResampling != ReducedResamplingEnum::Off && worker.untestedCubes == 0);
     std::ptrdiff_t end = n + 1;
     while (!isTested && end < last && m_SliceOrder[end] == m_SliceOrder[end - 1] + BlockLength &&
            (m_ReducedResampling == ReducedResamplingEnum::Off || end - n < worker.untestedCubes))
@@ -374,7 +386,7 @@ ShearWarpProjector<TPixel>::ProjectRows(Worker &       worker,
                        rowBegin + std::min(firstRow, lastRow),
                        std::min(rowEnd + std::max(firstRow, lastRow) + 1, grid.rows));
     }
-    const bool hasMask = isTested && this->SelectTiles(worker, block);
+    const bool areSelected = isTested && this->SelectTiles(worker, block);
     worker.views.clear();
     const std::size_t gridsOfView = m_Grids.size() / m_Views.size();
     for (std::size_t g = 0; g < m_Grids.size(); ++g)
@@ -384,19 +396,21 @@ ShearWarpProjector<TPixel>::ProjectRows(Worker &       worker,
       ShearWarp::RankedImage<TPixel> ranked = this->GetRanking(m_Views[g / gridsOfView]);
       ranked.ranks = this->GetRanks(image, 0);
       ranked.first += ranked.step * m_FirstSlice;
-      if (!hasMask || std::find(image.active.begin(), image.active.end(), 1) != image.active.end())
+      const auto isNeeded = [](ShearWarp::TileState state) { return state != ShearWarp::TileState::Unneeded; };
+      if (!areSelected || std::any_of(image.active.begin(), image.active.end(), isNeeded))
       {
         worker.views.push_back(
           { m_Placements[g].data(),
             { image.pixels.template GetPointer<TPixel>(), grid.columns, grid.rows, m_RowStride, grid.reached.data() },
-            hasMask ? image.active.data() : nullptr,
+            areSelected ? image.active.data() : nullptr,
             m_TileColumns,
             this->IsMinimum(g),
             { m_Regions.empty() ? nullptr : &m_Regions[g],
               image.marks.template GetPointer<std::uint8_t>(),
               m_RowStride,
               image.known.data() },
-            ranked });
+            ranked,
+            m_Mask.voxels ? &m_Mask : nullptr });
       }
     }
     if (!worker.views.empty())
@@ -422,12 +436,15 @@ ShearWarpProjector<TPixel>::SelectTiles(Worker & worker, const ShearWarp::Block 
   TileCount tiles{ 0, 0 };
   for (std::size_t g = 0; g < m_Grids.size(); ++g)
   {
-    const TileCount count = this->SelectTiles(m_Placements[g], worker.images[g], worker.columnMaxima, block);
+    const TileCount count =
+      m_Mask.voxels ? this->SelectMaskedTiles(m_Placements[g], worker.images[g], worker.columnParts, block)
+                    : this->SelectTiles(m_Placements[g], worker.images[g], worker.columnMaxima, block);
     tiles.all += count.all;
     tiles.skipped += count.skipped;
   }
   // memory is faster in one go than in pieces
-  const bool isWorthIt = m_ReducedResampling == ReducedResamplingEnum::On || 3 * tiles.skipped > tiles.all;
+  const bool isWorthIt =
+    m_Mask.voxels || m_ReducedResampling == ReducedResamplingEnum::On || 3 * tiles.skipped > tiles.all;
   worker.tiles += tiles.all;
   worker.skippedTiles += isWorthIt ? tiles.skipped : 0;
   // try again more and more rarely
@@ -437,11 +454,13 @@ ShearWarpProjector<TPixel>::SelectTiles(Worker & worker, const ShearWarp::Block 
 }
 
 template <typename TPixel>
+template <typename TBeginRow, typename TGetState>
 auto
-ShearWarpProjector<TPixel>::SelectTiles(const PlacementList &    placements,
+ShearWarpProjector<TPixel>::ForEachTile(const PlacementList &    placements,
                                         PartialImage &           image,
-                                        std::vector<TPixel> &    columnMaxima,
-                                        const ShearWarp::Block & block) const -> TileCount
+                                        const ShearWarp::Block & block,
+                                        const TBeginRow &        beginRow,
+                                        const TGetState &        getState) const -> TileCount
 {
   using ShearWarp::BlockLength;
   using ShearWarp::TileColumns;
@@ -454,8 +473,7 @@ ShearWarpProjector<TPixel>::SelectTiles(const PlacementList &    placements,
   const std::ptrdiff_t              commonRow = ShearWarp::FindFirstRow(block, placements.data(), block.sliceBegin);
 
   const std::ptrdiff_t blockRows = ShearWarp::CountBlocks(block.rowEnd - block.rowBegin, BlockLength);
-  image.active.assign(blockRows * m_TileColumns, 0);
-  columnMaxima.resize(m_BlockMaxima.columns);
+  image.active.assign(blockRows * m_TileColumns, ShearWarp::TileState::Unneeded);
   TileCount tiles{ 0, 0 };
   for (std::ptrdiff_t blockRow = 0; blockRow < blockRows; ++blockRow)
   {
@@ -474,23 +492,9 @@ ShearWarpProjector<TPixel>::SelectTiles(const PlacementList &    placements,
     const auto findCube = [&](std::ptrdiff_t voxelRow) {
       return std::clamp<std::ptrdiff_t>(voxelRow, 0, block.rows - 1) / BlockLength;
     };
-    const std::ptrdiff_t cubeBegin = findCube(voxels.begin);
-    const std::ptrdiff_t cubeEnd = findCube(voxels.end - 1) + 1;
-    const TPixel *       cubes = m_BlockMaxima.maxima + block.sliceBegin / BlockLength * m_BlockMaxima.sliceStride;
-    for (std::ptrdiff_t column = 0; column < m_BlockMaxima.columns; ++column)
-    {
-      const TPixel * cube = cubes + column * m_BlockMaxima.columnStride + cubeBegin * m_BlockMaxima.rowStride;
-      TPixel         maximum = *cube;
-      for (std::ptrdiff_t n = cubeBegin + 1; n < cubeEnd; ++n)
-      {
-        cube += m_BlockMaxima.rowStride;
-        maximum = std::max(maximum, *cube);
-      }
-      columnMaxima[column] = maximum;
-    }
+    beginRow(Range{ findCube(voxels.begin), findCube(voxels.end - 1) + 1 });
 
-    const std::ptrdiff_t tileRowBegin = pixels.begin / BlockLength;
-    const std::ptrdiff_t tileRowEnd = std::min((pixels.end - 1) / BlockLength + 1, m_TileRows);
+    const Range tileRows{ pixels.begin / BlockLength, std::min((pixels.end - 1) / BlockLength + 1, m_TileRows) };
     for (std::ptrdiff_t tileColumn = firstColumn / TileColumns; tileColumn < m_TileColumns; ++tileColumn)
     {
       const std::ptrdiff_t columnBegin = std::max<std::ptrdiff_t>(tileColumn * TileColumns - lastColumn - 1, 0);
@@ -499,26 +503,92 @@ ShearWarpProjector<TPixel>::SelectTiles(const PlacementList &    placements,
       {
         break;
       }
+      const Range cubeColumns{ std::min(columnBegin, m_Slices.columns - 1) / BlockLength,
+                               (std::max<std::ptrdiff_t>(columnEnd, 1) - 1) / BlockLength + 1 };
+      const auto  state = getState(tileRows, tileColumn, cubeColumns);
+      image.active[blockRow * m_TileColumns + tileColumn] = state;
       ++tiles.all;
-      const TPixel * maxima = columnMaxima.data();
-      const TPixel   maximum = *std::max_element(maxima + std::min(columnBegin, m_Slices.columns - 1) / BlockLength,
-                                               maxima + (std::max<std::ptrdiff_t>(columnEnd, 1) - 1) / BlockLength + 1);
-      bool           isActive = false;
-      for (std::ptrdiff_t tileRow = tileRowBegin; tileRow < tileRowEnd && !isActive; ++tileRow)
-      {
-        isActive = this->IsAnyBelow(image, tileRow, tileColumn, maximum);
-      }
-      if (isActive)
-      {
-        image.active[blockRow * m_TileColumns + tileColumn] = 1;
-      }
-      else
-      {
-        ++tiles.skipped;
-      }
+      tiles.skipped += state == ShearWarp::TileState::Unneeded;
     }
   }
   return tiles;
+}
+
+template <typename TPixel>
+auto
+ShearWarpProjector<TPixel>::SelectTiles(const PlacementList &    placements,
+                                        PartialImage &           image,
+                                        std::vector<TPixel> &    columnMaxima,
+                                        const ShearWarp::Block & block) const -> TileCount
+{
+  using ShearWarp::TileState;
+  columnMaxima.resize(m_BlockMaxima.columns);
+  const TPixel * cubes = m_BlockMaxima.maxima + block.sliceBegin / ShearWarp::BlockLength * m_BlockMaxima.sliceStride;
+  const auto     findColumnMaxima = [&](Range cubeRows) {
+    for (std::ptrdiff_t column = 0; column < m_BlockMaxima.columns; ++column)
+    {
+      const TPixel * cube = cubes + column * m_BlockMaxima.columnStride + cubeRows.begin * m_BlockMaxima.rowStride;
+      TPixel         maximum = *cube;
+      for (std::ptrdiff_t n = cubeRows.begin + 1; n < cubeRows.end; ++n)
+      {
+        cube += m_BlockMaxima.rowStride;
+        maximum = std::max(maximum, *cube);
+      }
+      columnMaxima[column] = maximum;
+    }
+  };
+  const auto getState = [&](Range tileRows, std::ptrdiff_t tileColumn, Range cubeColumns) {
+    const TPixel maximum =
+      *std::max_element(columnMaxima.data() + cubeColumns.begin, columnMaxima.data() + cubeColumns.end);
+    for (std::ptrdiff_t tileRow = tileRows.begin; tileRow < tileRows.end; ++tileRow)
+    {
+      if (this->IsAnyBelow(image, tileRow, tileColumn, maximum))
+      {
+        return TileState::Whole;
+      }
+    }
+    return TileState::Unneeded;
+  };
+  return this->ForEachTile(placements, image, block, findColumnMaxima, getState);
+}
+
+/** The state of each tile in the mask. */
+template <typename TPixel>
+auto
+ShearWarpProjector<TPixel>::SelectMaskedTiles(const PlacementList &       placements,
+                                              PartialImage &              image,
+                                              std::vector<unsigned int> & columnParts,
+                                              const ShearWarp::Block &    block) const -> TileCount
+{
+  using ShearWarp::TileState;
+  constexpr unsigned int in = 1;
+  constexpr unsigned int out = 2;
+  const auto &           blocks = m_BlocksOfMask;
+  const unsigned char    label = m_Mask.label;
+  const auto             getParts = [&](std::ptrdiff_t cube) {
+    const unsigned char highest = blocks.maxima[cube];
+    const unsigned char lowest = blocks.minima[cube];
+    const bool          mayBeIn = label == 0 ? highest != 0 : lowest <= label && label <= highest;
+    const bool          mayBeOut = label == 0 ? lowest == 0 : lowest != label || highest != label;
+    return (mayBeIn ? in : 0) | (mayBeOut ? out : 0);
+  };
+  const std::ptrdiff_t slice = block.sliceBegin / ShearWarp::BlockLength * blocks.sliceStride;
+  const auto           findColumnParts = [&](Range cubeRows) {
+    columnParts.assign(blocks.columns, 0);
+    for (std::ptrdiff_t row = cubeRows.begin; row < cubeRows.end; ++row)
+    {
+      for (std::ptrdiff_t column = 0; column < blocks.columns; ++column)
+      {
+        columnParts[column] |= getParts(slice + row * blocks.rowStride + column * blocks.columnStride);
+      }
+    }
+  };
+  const auto getState = [&](Range, std::ptrdiff_t, Range cubeColumns) {
+    const unsigned int parts = std::accumulate(
+      columnParts.begin() + cubeColumns.begin, columnParts.begin() + cubeColumns.end, 0U, std::bit_or<>());
+    return (parts & in) == 0 ? TileState::Unneeded : parts == in ? TileState::Whole : TileState::Masked;
+  };
+  return this->ForEachTile(placements, image, block, findColumnParts, getState);
 }
 
 /** Pixels only rise, so what was once true of a tile stays so. */
@@ -563,7 +633,7 @@ ShearWarpProjector<TPixel>::ExtendRows(std::size_t    grid,
     {
       image.marks.Reserve(m_TileRows * BlockLength * m_RowStride, "the marks of an intermediate image");
     }
-    if (m_HasDepth)
+    if (m_Parameters.hasSlices)
     {
       image.ranks.Reserve(m_TileRows * BlockLength * m_RowStride * sizeof(RankType), "the slices of an intermediate image");
     }
@@ -591,7 +661,7 @@ ShearWarpProjector<TPixel>::FillRows(std::size_t    grid,
                                      std::ptrdiff_t begin,
                                      std::ptrdiff_t end) const
 {
-  const bool   isTested = m_WantedReducedResampling != ReducedResamplingEnum::Off;
+  const bool   isTested = m_Parameters.reducedResampling != ReducedResamplingEnum::Off;
   const TPixel start = this->GetStart(grid);
   const TPixel outside = isTested ? NumericTraits<TPixel>::max() : start;
   for (std::ptrdiff_t row = begin; row < end; ++row)
@@ -606,7 +676,7 @@ ShearWarpProjector<TPixel>::FillRows(std::size_t    grid,
     {
       std::fill_n(image.marks.template GetPointer<std::uint8_t>() + row * m_RowStride, m_RowStride, std::uint8_t{ 0 });
     }
-    if (m_HasDepth)
+    if (m_Parameters.hasSlices)
     {
       std::fill_n(this->GetRanks(image, row), m_RowStride, ShearWarp::NoRank<TPixel>);
     }
@@ -649,7 +719,7 @@ ShearWarpProjector<TPixel>::MergeRow(std::size_t grid, std::ptrdiff_t row)
     {
       const TPixel *   pixels = image.pixels.template GetPointer<TPixel>() + row * m_RowStride;
       const RankType * ranks = this->GetRanks(image, row);
-      for (std::ptrdiff_t p = 0; m_HasDepth && p < columns; ++p)
+      for (std::ptrdiff_t p = 0; m_Parameters.hasSlices && p < columns; ++p)
       {
         const bool isBetter = isMinimum ? pixels[p] < result[p] : pixels[p] > result[p];
         const bool isNearer = pixels[p] == result[p] && ranks[p] < resultRanks[p];

@@ -66,11 +66,11 @@ struct Lanes
   static Short InterleaveLow(Short a, Short b) { return _mm256_unpacklo_epi16(a, b); }
   static Short InterleaveHigh(Short a, Short b) { return _mm256_unpackhi_epi16(a, b); }
 
-  /** Lanes [begin, end) of b, the others of a. */
-  static Short SelectLanes(Short a, Short b, int begin, int end)
+  /** The lanes of b that have a bit, the others of a. */
+  static Short Select(Short a, Short b, std::uint32_t lanes)
   {
-    const Short lane = _mm256_setr_epi16(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
-    return _mm256_blendv_epi8(a, b, _mm256_andnot_si256(_mm256_cmpgt_epi16(Set(begin), lane), _mm256_cmpgt_epi16(Set(end), lane)));
+    const Short bits = _mm256_setr_epi16(1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024, 2048, 4096, 8192, 16384, -32768);
+    return _mm256_blendv_epi8(a, b, _mm256_cmpeq_epi16(_mm256_and_si256(Set(static_cast<int>(lanes)), bits), bits));
   }
 
   /** Of each lane of \a better, the better one of \a before and \a sample, the least rank of those that are it. */
@@ -98,10 +98,22 @@ struct Lanes
   static Float Multiply(Float a, Float b) { return _mm256_mul_ps(a, b); }
   static Float Maximum(Float maximum, Float v) { return _mm256_max_ps(v, maximum); }
   static Float Minimum(Float minimum, Float v) { return _mm256_min_ps(v, minimum); }
-  static Float SelectLanes(Float a, Float b, int begin, int end)
+  static Int GetMask(std::uint32_t lanes)
   {
-    const Int lane = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
-    return _mm256_blendv_ps(a, b, _mm256_castsi256_ps(_mm256_andnot_si256(_mm256_cmpgt_epi32(SetInt(begin), lane), _mm256_cmpgt_epi32(SetInt(end), lane))));
+    const Int bits = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
+    return _mm256_cmpeq_epi32(_mm256_and_si256(SetInt(static_cast<int>(lanes)), bits), bits);
+  }
+  static Float Select(Float a, Float b, std::uint32_t lanes) { return _mm256_blendv_ps(a, b, _mm256_castsi256_ps(GetMask(lanes))); }
+  static Int SelectRanks(Int a, Int b, std::uint32_t lanes, float) { return _mm256_blendv_epi8(a, b, GetMask(lanes)); }
+  static Short SelectRanks(Short a, Short b, std::uint32_t lanes, int) { return Select(a, b, lanes); }
+
+  /** The bits of VCount bytes that are \a label or, if that is 0, not 0. */
+  template <std::ptrdiff_t VCount>
+  static std::uint32_t FindLabel(const std::uint8_t * p, std::uint8_t label)
+  {
+    const __m128i v = VCount == 16 ? _mm_loadu_si128(reinterpret_cast<const __m128i *>(p)) : _mm_loadl_epi64(reinterpret_cast<const __m128i *>(p));
+    const auto    equal = static_cast<std::uint32_t>(_mm_movemask_epi8(_mm_cmpeq_epi8(v, _mm_set1_epi8(static_cast<char>(label)))));
+    return (label == 0 ? ~equal : equal) & ((1U << VCount) - 1);
   }
 
   static Int Load(const std::int32_t * p) { return _mm256_loadu_si256(reinterpret_cast<const __m256i *>(p)); }

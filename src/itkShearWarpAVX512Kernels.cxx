@@ -66,10 +66,8 @@ struct Lanes
   static Short InterleaveLow(Short a, Short b) { return _mm512_unpacklo_epi16(a, b); }
   static Short InterleaveHigh(Short a, Short b) { return _mm512_unpackhi_epi16(a, b); }
 
-  /** Bits [begin, end). */
-  static __mmask32 GetMask(int begin, int end) { return static_cast<__mmask32>((std::uint64_t{ 1 } << end) - (std::uint64_t{ 1 } << begin)); }
-  /** Lanes [begin, end) of b, the others of a. */
-  static Short SelectLanes(Short a, Short b, int begin, int end) { return _mm512_mask_blend_epi16(GetMask(begin, end), a, b); }
+  /** The lanes of b that have a bit, the others of a. */
+  static Short Select(Short a, Short b, std::uint32_t lanes) { return _mm512_mask_blend_epi16(lanes, a, b); }
 
   /** Of each lane of \a better, the better one of \a before and \a sample, the least rank of those that are it. */
   static Short SelectNearest(Short before, Short sample, Short better, Short rankBefore, Short rank)
@@ -96,7 +94,25 @@ struct Lanes
   static Float Multiply(Float a, Float b) { return _mm512_mul_ps(a, b); }
   static Float Maximum(Float maximum, Float v) { return _mm512_max_ps(v, maximum); }
   static Float Minimum(Float minimum, Float v) { return _mm512_min_ps(v, minimum); }
-  static Float SelectLanes(Float a, Float b, int begin, int end) { return _mm512_mask_blend_ps(static_cast<__mmask16>(GetMask(begin, end)), a, b); }
+  static Float Select(Float a, Float b, std::uint32_t lanes) { return _mm512_mask_blend_ps(static_cast<__mmask16>(lanes), a, b); }
+  static Int SelectRanks(Int a, Int b, std::uint32_t lanes, float) { return _mm512_mask_blend_epi32(static_cast<__mmask16>(lanes), a, b); }
+  static Short SelectRanks(Short a, Short b, std::uint32_t lanes, int) { return Select(a, b, lanes); }
+
+  /** The bits of VCount bytes that are \a label or, if that is 0, not 0. */
+  template <std::ptrdiff_t VCount>
+  static std::uint32_t FindLabel(const std::uint8_t * p, std::uint8_t label)
+  {
+    if constexpr (VCount == 32)
+    {
+      const std::uint32_t equal = _mm256_cmpeq_epi8_mask(_mm256_loadu_si256(reinterpret_cast<const __m256i *>(p)), _mm256_set1_epi8(static_cast<char>(label)));
+      return label == 0 ? ~equal : equal;
+    }
+    else
+    {
+      const std::uint32_t equal = _mm_cmpeq_epi8_mask(_mm_loadu_si128(reinterpret_cast<const __m128i *>(p)), _mm_set1_epi8(static_cast<char>(label)));
+      return (label == 0 ? ~equal : equal) & 0xFFFF;
+    }
+  }
 
   static Int Load(const std::int32_t * p) { return _mm512_loadu_si512(p); }
   static void Store(std::int32_t * p, Int v) { _mm512_storeu_si512(p, v); }

@@ -142,44 +142,62 @@ Raise(TPixel & maximum, TPixel value)
   maximum = value > maximum ? value : maximum;
 }
 
-/** Takes the samples in \a span of one slice between the rows \a a and \a b, of \a columns voxels; the outer one is an
- * \a edgeSample. */
+/** Takes the samples in \a span of one row of a slice of \a rank; of a mask \a label counts in its rows \a maskA and
+ * \a maskB. */
 template <typename TRule, typename TPixel>
 void
-ProjectRow(const TPixel *           a,
-           const TPixel *           b,
-           std::ptrdiff_t           columns,
-           const SamplingPosition & position,
+ProjectRow(const SliceRow<TPixel> & row,
+           const std::uint8_t *     maskA,
+           const std::uint8_t *     maskB,
+           std::uint8_t             label,
            ColumnSpan               span,
-           const Sampler<TPixel> &  sample,
-           const Sampler<TPixel> &  edgeSample,
-           const std::uint8_t *     active,
+           const TileState *        active,
            SliceRank<TPixel>        rank,
            TPixel *                 pixels,
            SliceRank<TPixel> *      ranks)
 {
-  const auto take = [=](std::ptrdiff_t p, TPixel value) {
+  const auto [a, b, columns, position, y] = row;
+  const Sampler<TPixel> sample(position.fraction, y);
+  const Sampler<TPixel> edgeSample(0, y);
+  const auto            take = [=](std::ptrdiff_t p, TPixel value) {
     TakeSample<TRule>(value, rank, pixels[p], ranks ? ranks + p : nullptr);
+  };
+  const auto            getState = [=](std::ptrdiff_t p) {
+    return active ? active[p / TileColumns] : maskA ? TileState::Masked : TileState::Whole;
+  };
+  const auto            takeCounted = [&](std::ptrdiff_t p, std::ptrdiff_t i, std::ptrdiff_t before, std::int32_t x) {
+    const unsigned int counted = FindCounted(maskA, maskB, label, i, before, x, row.y);
+    if (counted != 0)
+    {
+      take(p, SampleCounted(row.a, row.b, i, before, x, row.y, counted));
+    }
   };
   const std::ptrdiff_t last = std::min<std::ptrdiff_t>(span.end, position.whole + columns);
   for (std::ptrdiff_t begin = std::max(span.begin, position.whole + 1), end = 0; begin < last; begin = end)
   {
     end = std::min<std::ptrdiff_t>((begin / TileColumns + 1) * TileColumns, last);
-    if (!active || active[begin / TileColumns])
+    const TileState state = getState(begin);
+    for (std::ptrdiff_t p = begin; state == TileState::Whole && p < end; ++p)
     {
-      for (std::ptrdiff_t p = begin; p < end; ++p)
-      {
-        const std::ptrdiff_t i = p - position.whole;
-        take(p, sample(a[i - 1], a[i], b[i - 1], b[i]));
-      }
+      const std::ptrdiff_t i = p - position.whole;
+      take(p, sample(a[i - 1], a[i], b[i - 1], b[i]));
+    }
+    for (std::ptrdiff_t p = begin; state == TileState::Masked && p < end; ++p)
+    {
+      const std::ptrdiff_t i = p - position.whole;
+      takeCounted(p, i, i - 1, position.fraction);
     }
   }
   const std::ptrdiff_t edge = position.whole + (position.fraction > One / 2 ? columns : 0);
   const std::ptrdiff_t i = std::min(edge - position.whole, columns - 1);
   const bool           hasEdge = edge >= span.begin && edge < span.end;
-  if (hasEdge && (!active || active[edge / TileColumns]))
+  if (hasEdge && getState(edge) == TileState::Whole)
   {
     take(edge, edgeSample(a[i], a[i], b[i], b[i]));
+  }
+  if (hasEdge && getState(edge) == TileState::Masked)
+  {
+    takeCounted(edge, i, i, 0);
   }
 }
 
@@ -196,10 +214,6 @@ ProjectBlock(const SliceStack<TPixel> &  slices,
     {
       const SamplingPosition & column = view->placements[k].column;
       const SamplingPosition & row = view->placements[k].row;
-      const Sampler<TPixel>    sample(column.fraction, row.fraction);
-      const Sampler<TPixel>    edgeRow(column.fraction, 0);
-      const Sampler<TPixel>    edgeColumn(0, row.fraction);
-      const Sampler<TPixel>    corner(0, 0);
 
       // sample j lies between rows j - 1 and j; the outer half voxels have the edge's value
       const RowSpan        span = FindRows(block, view->placements, k);
@@ -210,12 +224,12 @@ ProjectBlock(const SliceStack<TPixel> &  slices,
       const std::ptrdiff_t firstTile = FindFirstRow(block, view->placements, k) - row.whole + block.rowBegin;
       for (std::ptrdiff_t j = begin; j < end; ++j)
       {
-        const bool edge = j == 0 || j == slices.rows;
-        const auto getRow = [&](std::ptrdiff_t index) {
-          return slices.voxels + (k * slices.sliceStride + index * slices.rowStride);
+        const bool           isEdge = j == 0 || j == slices.rows;
+        const std::ptrdiff_t a = std::max<std::ptrdiff_t>(j - 1, 0);
+        const std::ptrdiff_t b = std::min(j, slices.rows - 1);
+        const auto           getRow = [k](const auto & stack, std::ptrdiff_t index) {
+          return stack.voxels ? stack.voxels + (k * stack.sliceStride + index * stack.rowStride) : nullptr;
         };
-        const TPixel *       a = getRow(std::max<std::ptrdiff_t>(j - 1, 0));
-        const TPixel *       b = getRow(std::min(j, slices.rows - 1));
         const std::ptrdiff_t tile =
           std::clamp<std::ptrdiff_t>(j - firstTile, 0, block.rowEnd - block.rowBegin - 1) / BlockLength;
         ColumnSpan reached{ column.whole + static_cast<std::int32_t>(columnSamples.begin),
@@ -224,16 +238,15 @@ ProjectBlock(const SliceStack<TPixel> &  slices,
         {
           reached = view->coverage.Add(reached, row.whole + j, k);
         }
+        const Mask           mask = view->mask ? *view->mask : Mask{};
         const std::ptrdiff_t pixelRow = (row.whole + j) * view->intermediate.rowStride;
         const auto           project =
           view->isMinimum ? ProjectRow<MinimumRule<TPixel>, TPixel> : ProjectRow<MaximumRule<TPixel>, TPixel>;
-        project(a,
-                b,
-                slices.columns,
-                column,
+        project({ getRow(slices, a), getRow(slices, b), slices.columns, column, isEdge ? 0 : row.fraction },
+                getRow(mask, a),
+                getRow(mask, b),
+                mask.label,
                 reached,
-                edge ? edgeRow : sample,
-                edge ? corner : edgeColumn,
                 view->active ? view->active + tile * view->activeStride : nullptr,
                 GetRank(view->ranked, k),
                 view->intermediate.pixels + pixelRow,
@@ -292,17 +305,20 @@ IsAnyBelow(const TPixel * pixels, std::ptrdiff_t rowStride, std::ptrdiff_t rows,
 
 template <typename TPixel>
 void
-FindBlockMaxima(const TPixel * voxels,
-                std::ptrdiff_t columns,
-                std::ptrdiff_t rows,
-                std::ptrdiff_t slices,
-                std::ptrdiff_t rowStride,
-                std::ptrdiff_t sliceStride,
-                TPixel *       maxima,
-                TPixel &       lowest,
-                TPixel &       highest)
+FindBlockExtrema(const TPixel * voxels,
+                 std::ptrdiff_t columns,
+                 std::ptrdiff_t rows,
+                 std::ptrdiff_t slices,
+                 std::ptrdiff_t rowStride,
+                 std::ptrdiff_t sliceStride,
+                 TPixel *       maxima,
+                 TPixel *       minima,
+                 TPixel &       lowest,
+                 TPixel &       highest)
 {
-  std::fill(maxima, maxima + (columns + BlockLength - 1) / BlockLength, NoSample<TPixel>);
+  const std::ptrdiff_t blocks = (columns + BlockLength - 1) / BlockLength;
+  std::fill(maxima, maxima + blocks, MaximumRule<TPixel>::Start);
+  std::fill(minima, minima + (minima ? blocks : 0), MinimumRule<TPixel>::Start);
   for (std::ptrdiff_t k = 0; k < slices; ++k)
   {
     for (std::ptrdiff_t j = 0; j < rows; ++j)
@@ -313,6 +329,10 @@ FindBlockMaxima(const TPixel * voxels,
         Raise(maxima[i / BlockLength], row[i]);
         Raise(highest, row[i]);
         lowest = row[i] < lowest ? row[i] : lowest;
+        if (minima && row[i] < minima[i / BlockLength])
+        {
+          minima[i / BlockLength] = row[i];
+        }
       }
     }
   }
@@ -435,7 +455,7 @@ GetPortableKernels()
   static constexpr Kernels<TPixel> kernels{ "portable",
                                             ProjectBlock<TPixel>,
                                             IsAnyBelow<TPixel>,
-                                            FindBlockMaxima<TPixel>,
+                                            FindBlockExtrema<TPixel>,
                                             WarpRow<TPixel>,
                                             TransposeSlice<TPixel>,
                                             SampleRow<TPixel>,
@@ -444,6 +464,29 @@ GetPortableKernels()
                                             RayKernelsOf<MinimumRule<TPixel>, TPixel>,
                                             RayKernelsOf<AbsoluteMaximumRule<TPixel>, TPixel> };
   return kernels;
+}
+
+template <typename TPixel>
+TPixel
+SampleCounted(const TPixel * a,
+              const TPixel * b,
+              std::ptrdiff_t column,
+              std::ptrdiff_t before,
+              std::int32_t   x,
+              std::int32_t   y,
+              unsigned int   counted)
+{
+  const BilinearWeights cell(x, y);
+  const TPixel          values[4] = { b[column], b[before], a[column], a[before] };
+  std::int32_t          weights[4] = { cell.bb, cell.ba, cell.ab, cell.aa };
+  std::int32_t          sum = 0;
+  for (int corner = 0; corner < 4; ++corner)
+  {
+    weights[corner] = (counted >> corner & 1U) != 0 ? weights[corner] : 0;
+    sum += weights[corner];
+  }
+  return sum < One ? WeightedMean(values, weights, sum)
+                   : Sampler<TPixel>(x, y)(values[3], values[2], values[1], values[0]);
 }
 
 template <typename TPixel>
@@ -485,20 +528,11 @@ SampleMaskedRow(const Kernels<TPixel> &  kernels,
   kernels.sampleRow(row, span, samples);
   for (std::int32_t p = FindMark(counted, span, partly); p != span.end; p = FindMark(counted, { p, span.end }, partly))
   {
-    const std::int32_t    x = p == edge ? 0 : row.column.fraction;
-    const std::ptrdiff_t  i = p == edge ? edgeVoxel : p - row.column.whole;
-    const std::ptrdiff_t  before = p == edge ? edgeVoxel : i - 1;
-    const BilinearWeights cell(x, row.y);
-    const TPixel          values[4] = { row.b[i], row.b[before], row.a[i], row.a[before] };
-    const bool            areIn[4] = { isIn(maskB[i]), isIn(maskB[before]), isIn(maskA[i]), isIn(maskA[before]) };
-    std::int32_t          weights[4] = { cell.bb, cell.ba, cell.ab, cell.aa };
-    std::int32_t          sum = 0;
-    for (int corner = 0; corner < 4; ++corner)
-    {
-      weights[corner] = areIn[corner] ? weights[corner] : 0;
-      sum += weights[corner];
-    }
-    samples[p] = sum < One ? WeightedMean(values, weights, sum) : samples[p];
+    const std::int32_t   x = p == edge ? 0 : row.column.fraction;
+    const std::ptrdiff_t i = p == edge ? edgeVoxel : p - row.column.whole;
+    const std::ptrdiff_t before = p == edge ? edgeVoxel : i - 1;
+    samples[p] =
+      SampleCounted(row.a, row.b, i, before, x, row.y, FindCounted(maskA, maskB, label, i, before, x, row.y));
     counted[p] = 1;
   }
 }
@@ -557,6 +591,13 @@ FindDepths(const IntermediateImage<TPixel> & intermediate,
 
 #define INSTANTIATE(TPixel)                                                      \
   template const Kernels<TPixel> & GetPortableKernels();                         \
+  template TPixel                  SampleCounted(std::add_pointer_t<const TPixel>, \
+                                std::add_pointer_t<const TPixel>,                  \
+                                std::ptrdiff_t,                                    \
+                                std::ptrdiff_t,                                    \
+                                std::int32_t,                                      \
+                                std::int32_t,                                      \
+                                unsigned int);                                     \
   template void                    SampleMaskedRow(const Kernels<TPixel> &,      \
                                                    const SliceRow<TPixel> &,     \
                                                    const std::uint8_t *,         \

@@ -115,6 +115,25 @@ GetRank(const RankedImage<TPixel> & image, std::ptrdiff_t slice)
   return static_cast<SliceRank<TPixel>>(image.first + image.step * slice);
 }
 
+/** Which voxels of two rows around a sample are in a mask, as SampleCounted() has them; none if the nearest is not. */
+inline unsigned int
+FindCounted(const std::uint8_t * a,
+            const std::uint8_t * b,
+            std::uint8_t         label,
+            std::ptrdiff_t       column,
+            std::ptrdiff_t       before,
+            std::int32_t         x,
+            std::int32_t         y)
+{
+  const auto         isIn = [label](std::uint8_t mask) { return label == 0 ? mask != 0 : mask == label; };
+  const unsigned int counted = static_cast<unsigned int>(isIn(b[column])) |
+                               static_cast<unsigned int>(isIn(b[before])) << 1 |
+                               static_cast<unsigned int>(isIn(a[column])) << 2 |
+                               static_cast<unsigned int>(isIn(a[before])) << 3;
+  const int          nearest = (x > One / 2 ? 1 : 0) + (y > One / 2 ? 2 : 0);
+  return (counted >> nearest & 1U) != 0 ? counted : 0;
+}
+
 /** Gives a pixel a sample if that is better, or as good and nearer. */
 template <typename TRule, typename TPixel>
 void

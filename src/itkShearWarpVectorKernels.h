@@ -104,10 +104,10 @@ struct Rectangle
 };
 
 /** A slice where the view places it: pixel (p, q) is sampled between voxels (p - 1, q - 1) and (p, q) of a slice whose
- * voxel (0, 0) is at `offset`. Of the block's samples it has all voxels of those in `inner`. */
+ * voxel (0, 0) is at `offset`, and at `maskOffset` of the mask. Of the block's samples it has all voxels of those in `inner`. */
 struct PlacedSlice
 {
-  std::ptrdiff_t offset;
+  std::ptrdiff_t offset, maskOffset;
   std::ptrdiff_t column, row;
   std::int32_t   x, y;
   Rectangle      inner;
@@ -195,10 +195,12 @@ struct TileRow
   std::ptrdiff_t       row, begin, end;
   TPixel *             pixels;
   std::ptrdiff_t       pixelStride;
-  const std::uint8_t * active;
+  const TileState *    active;
   std::ptrdiff_t       nextSlice;  // distance in voxels
   Prefetcher *         prefetcher; // null where tiles fetch their own place in the next slice
   SliceRank<TPixel>    rank;       // of the one slice
+  const Mask *         mask;
+  bool                 isMoved{ false }; // from the place of its states
   SliceRank<TPixel> *  ranks{ nullptr };
   const ColumnSpan *   spans{ nullptr };
   ColumnSpan           any{}, common{};
@@ -504,15 +506,15 @@ TakeSlice(const TileRow<TPixel> & row, const PlacedSlice & slice, std::ptrdiff_t
     });
 }
 
-/** The lanes of a row's span in the LaneCount pixels from \a column on. */
+/** The lanes of a row's span in the LaneCount pixels from \a column on, as bits. */
 template <typename TPixel>
-SHEARWARP_INLINE inline ColumnSpan
+SHEARWARP_INLINE inline std::uint32_t
 GetLanes(ColumnSpan span, std::ptrdiff_t column)
 {
   constexpr std::ptrdiff_t lanes = LaneCount<TPixel>;
   const std::ptrdiff_t     begin = Smaller(Larger<std::ptrdiff_t>(span.begin - column, 0), lanes);
   const std::ptrdiff_t     end = Smaller(Larger<std::ptrdiff_t>(span.end - column, begin), lanes);
-  return { static_cast<std::int32_t>(begin), static_cast<std::int32_t>(end) };
+  return static_cast<std::uint32_t>((std::uint64_t{ 1 } << end) - (std::uint64_t{ 1 } << begin));
 }
 
 /** The same, no more of each row than its span. */
@@ -527,16 +529,79 @@ TakeSpans(const TileRow<TPixel> & row, std::ptrdiff_t column)
       row.voxels + (row.slices->offset + row.row * row.rowStride + column),
       row.rowStride,
       [=, spans = row.spans](int r, const TPixel *, typename TSampler::Sample sample) SHEARWARP_INLINE {
-        const ColumnSpan taken = GetLanes<TPixel>(spans[r], column);
-        TPixel * const   pixel = pixels + r * stride;
-        const auto       before = Lanes::Load(pixel);
-        const auto       better = Better<TRule, TPixel>(before, TSampler::Finish(sample));
-        Lanes::Store(pixel, Lanes::SelectLanes(before, better, taken.begin, taken.end));
+        TPixel * const pixel = pixels + r * stride;
+        const auto     before = Lanes::Load(pixel);
+        const auto     better = Better<TRule, TPixel>(before, TSampler::Finish(sample));
+        Lanes::Store(pixel, Lanes::Select(before, better, GetLanes<TPixel>(spans[r], column)));
       });
 }
 
-/** The same, with the ranks of the pixels; no more of each row than its span if VSpans. */
-template <typename TRule, typename TSampler, int VRows, bool VSpans, typename TPixel>
+/** Which voxels around the samples of VRows rows, from \a column on, are in the mask: as bits, of the lanes' columns and
+ * of the columns before, of the row above and of the rows. */
+template <typename TPixel, int VRows>
+struct MaskedVoxels
+{
+  SHEARWARP_INLINE
+  MaskedVoxels(const TileRow<TPixel> & row, std::ptrdiff_t column)
+  {
+    const PlacedSlice &  slice = *row.slices;
+    const Mask &         mask = *row.mask;
+    const std::uint8_t * voxels = mask.voxels + (slice.maskOffset + row.row * mask.rowStride + column);
+    for (int r = slice.y != 0 ? 0 : 1; r <= VRows; ++r)
+    {
+      const std::uint8_t * p = voxels + (r - 1) * mask.rowStride;
+      at[r] = Lanes::FindLabel<LaneCount<TPixel>>(p, mask.label);
+      before[r] = slice.x != 0 ? Lanes::FindLabel<LaneCount<TPixel>>(p - 1, mask.label) : at[r];
+    }
+    constexpr std::int32_t half = 1 << 14;
+    for (int r = 0; r < VRows; ++r)
+    {
+      const int             above = slice.y != 0 ? r : r + 1;
+      const int             nearest = slice.y > half ? r : r + 1;
+      const std::uint32_t * columns = slice.x > half ? before : at;
+      counted[r] = columns[nearest];
+      whole[r] = counted[r] & at[r + 1] & before[r + 1] & at[above] & before[above];
+      any |= counted[r];
+    }
+  }
+
+  /** The voxels of a lane, as SampleCounted() has them. */
+  unsigned int
+  GetVoxels(int r, int above, int lane) const
+  {
+    const auto get = [lane](std::uint32_t bits) { return bits >> lane & 1U; };
+    return get(at[r + 1]) | get(before[r + 1]) << 1 | get(at[r + 1 - above]) << 2 | get(before[r + 1 - above]) << 3;
+  }
+
+  std::uint32_t at[VRows + 1], before[VRows + 1];
+  std::uint32_t counted[VRows]; // samples that count
+  std::uint32_t whole[VRows];   // those of them that have all voxels
+  std::uint32_t any{ 0 };
+};
+
+/** Gives the \a taken lanes of a row of pixels, with their ranks, what is better or nearer. */
+template <typename TRule, bool VAll, typename TPixel, typename TVector, typename TRanks>
+SHEARWARP_INLINE inline void
+TakeRanked(TVector sample, TRanks rank, std::uint32_t taken, TPixel * pixels, SliceRank<TPixel> * ranks)
+{
+  const auto before = Lanes::Load(pixels);
+  const auto rankBefore = Lanes::Load(ranks);
+  const auto better = Better<TRule, TPixel>(before, sample);
+  const auto nearest = Lanes::SelectNearest(before, sample, better, rankBefore, rank);
+  if constexpr (VAll)
+  {
+    Lanes::Store(pixels, better);
+    Lanes::Store(ranks, nearest);
+  }
+  else
+  {
+    Lanes::Store(pixels, Lanes::Select(before, better, taken));
+    Lanes::Store(ranks, Lanes::SelectRanks(rankBefore, nearest, taken, TPixel{}));
+  }
+}
+
+/** Gives VRows rows of LaneCount pixels, from \a column on, the samples of a slice, and its rank. */
+template <typename TRule, typename TSampler, int VRows, typename TPixel>
 SHEARWARP_INLINE inline void
 TakeRanked(const TileRow<TPixel> & row, std::ptrdiff_t column)
 {
@@ -548,24 +613,62 @@ TakeRanked(const TileRow<TPixel> & row, std::ptrdiff_t column)
     .template ForEachRow<VRows>(
       row.voxels + (row.slices->offset + row.row * row.rowStride + column),
       row.rowStride,
-      [=, spans = row.spans](int r, const TPixel *, typename TSampler::Sample unfinished) SHEARWARP_INLINE {
-        TPixel * const            pixel = pixels + r * stride;
-        SliceRank<TPixel> * const pixelRank = ranks + r * stride;
-        const auto                sample = TSampler::Finish(unfinished);
-        const auto                before = Lanes::Load(pixel);
-        const auto                rankBefore = Lanes::Load(pixelRank);
-        auto                      better = Better<TRule, TPixel>(before, sample);
-        auto                      nearest = Lanes::SelectNearest(before, sample, better, rankBefore, rank);
-        if constexpr (VSpans)
-        {
-          const ColumnSpan taken = GetLanes<TPixel>(spans[r], column);
-          constexpr int    shorts = IsFloat<TPixel> ? 2 : 1;
-          better = Lanes::SelectLanes(before, better, taken.begin, taken.end);
-          nearest = Lanes::SelectLanes(rankBefore, nearest, shorts * taken.begin, shorts * taken.end);
-        }
-        Lanes::Store(pixel, better);
-        Lanes::Store(pixelRank, nearest);
+      [=](int r, const TPixel *, typename TSampler::Sample sample) SHEARWARP_INLINE {
+        TakeRanked<TRule, true>(TSampler::Finish(sample), rank, ~0U, pixels + r * stride, ranks + r * stride);
       });
+}
+
+/** The same, no more of each row than its span. */
+template <typename TRule, typename TSampler, int VRows, typename TPixel>
+SHEARWARP_INLINE inline void
+TakeRankedSpans(const TileRow<TPixel> & row, std::ptrdiff_t column)
+{
+  const auto rank = Lanes::SetRank(row.rank);
+  TSampler(*row.slices)
+    .template ForEachRow<VRows>(row.voxels + (row.slices->offset + row.row * row.rowStride + column),
+                                row.rowStride,
+                                [&](int r, const TPixel *, typename TSampler::Sample sample) SHEARWARP_INLINE {
+                                  const std::ptrdiff_t place = r * row.pixelStride + column;
+                                  TakeRanked<TRule, false>(TSampler::Finish(sample),
+                                                           rank,
+                                                           GetLanes<TPixel>(row.spans[r], column),
+                                                           row.pixels + place,
+                                                           row.ranks + place);
+                                });
+}
+
+/** The same, no more than counts in the mask, and no more of each row than its span if there are spans. */
+template <typename TRule, typename TSampler, int VRows, typename TPixel>
+SHEARWARP_INLINE inline void
+TakeMasked(const TileRow<TPixel> & row, std::ptrdiff_t column)
+{
+  const MaskedVoxels<TPixel, VRows> mask(row, column);
+  if (mask.any == 0)
+  {
+    return;
+  }
+  const PlacedSlice & slice = *row.slices;
+  const int           above = slice.y != 0 ? 1 : 0;
+  const int           before = slice.x != 0 ? 1 : 0;
+  const auto          rank = Lanes::SetRank(row.rank);
+  TSampler(slice).template ForEachRow<VRows>(
+    row.voxels + (slice.offset + row.row * row.rowStride + column),
+    row.rowStride,
+    [&](int r, const TPixel * b, typename TSampler::Sample sample) SHEARWARP_INLINE {
+      TPixel * const            pixels = row.pixels + r * row.pixelStride + column;
+      SliceRank<TPixel> * const ranks = row.ranks + r * row.pixelStride + column;
+      const std::uint32_t       taken = mask.counted[r] & (row.spans ? GetLanes<TPixel>(row.spans[r], column) : ~0U);
+      const std::uint32_t       whole = taken & mask.whole[r];
+      TakeRanked<TRule, false>(TSampler::Finish(sample), rank, whole, pixels, ranks);
+      // a few samples at the mask's rim
+      for (std::uint32_t rest = taken & ~whole; rest != 0; rest &= rest - 1)
+      {
+        const int      lane = __builtin_ctz(rest);
+        const TPixel * a = b - above * row.rowStride + lane;
+        TakeSample<TRule>(
+          SampleCounted(a, b + lane, 0, -before, slice.x, slice.y, mask.GetVoxels(r, above, lane)), row.rank, pixels[lane], ranks + lane);
+      }
+    });
 }
 
 /** The samples of all slices. */
@@ -626,12 +729,14 @@ ProjectTileRow(const TileRow<TPixel> & row)
   const std::ptrdiff_t     end = row.spans ? row.any.end : row.end;
   for (std::ptrdiff_t first = begin / lanes * lanes; first < end; first += lanes)
   {
-    if (row.active && !row.active[first / TileColumns])
+    const TileState state = row.active ? row.active[first / TileColumns] : TileState::Masked;
+    if (state == TileState::Unneeded)
     {
       continue;
     }
     // the outer tiles overlap their neighbours, which an extremum allows
     const std::ptrdiff_t column = Smaller(Larger(first, row.begin), row.end - lanes);
+    const bool isMasked = row.mask && (state == TileState::Masked || row.isMoved || column != first);
     if (!row.prefetcher)
     {
       FetchNextSlice<VRows>(row, column);
@@ -641,10 +746,14 @@ ProjectTileRow(const TileRow<TPixel> & row)
       row.prefetcher->Step();
     }
     const bool isCut = row.spans && !(row.common.begin <= column && column + lanes <= row.common.end);
-    if (row.ranks)
+    if (isMasked)
     {
-      isCut ? TakeRanked<TRule, SamplerType, VRows, true>(row, column)
-            : TakeRanked<TRule, SamplerType, VRows, false>(row, column);
+      TakeMasked<TRule, SamplerType, VRows>(row, column);
+    }
+    else if (row.ranks)
+    {
+      isCut ? TakeRankedSpans<TRule, SamplerType, VRows>(row, column)
+            : TakeRanked<TRule, SamplerType, VRows>(row, column);
     }
     else if (isCut)
     {
@@ -766,7 +875,9 @@ private:
   {
     const auto [column, row] = m_View.placements[slice];
     const RowSpan rows = FindRows(m_Block, m_View.placements, slice);
+    const Mask    mask = m_View.mask ? *m_View.mask : Mask{};
     return { slice * m_Stack.sliceStride - row.whole * m_Stack.rowStride - column.whole,
+             slice * mask.sliceStride - row.whole * mask.rowStride - column.whole,
              column.whole,
              row.whole,
              column.fraction,
@@ -784,16 +895,15 @@ private:
     constexpr std::int32_t half = 1 << 14;
     const bool             edgeIsLastColumn = slice.x > half;
     const std::ptrdiff_t   edge = slice.column + (edgeIsLastColumn ? m_Stack.columns : 0);
-    const std::ptrdiff_t   edgeVoxel = slice.offset + edge - edgeIsLastColumn;
     const bool hasColumn = slice.x != 0 && (edgeIsLastColumn ? m_Stack.columnEnds.last : m_Stack.columnEnds.first);
     if (hasColumn && this->IsInRegion({ slice.inner.rowBegin, slice.inner.rowEnd, edge, edge + 1 }))
     {
       for (std::ptrdiff_t row = slice.inner.rowBegin; row < slice.inner.rowEnd; ++row)
       {
-        const std::uint8_t * active = this->GetActiveTiles(row);
-        if (!active || active[edge / TileColumns])
+        const TileState * active = this->GetActiveTiles(row);
+        if (!active || active[edge / TileColumns] != TileState::Unneeded)
         {
-          this->TakeEdgeSample(row, edge, edgeVoxel + row * m_Stack.rowStride, slice.y);
+          this->TakeEdgeSample(slice, row, edge, edge - edgeIsLastColumn, slice.y);
         }
       }
     }
@@ -806,17 +916,18 @@ private:
       PlacedSlice          edgeSlice = slice;
       const std::ptrdiff_t row = slice.row + (edgeIsLastRow ? m_Stack.rows : 0);
       edgeSlice.offset -= edgeIsLastRow ? m_Stack.rowStride : 0;
+      edgeSlice.maskOffset -= edgeIsLastRow && m_View.mask ? m_View.mask->rowStride : 0;
       edgeSlice.y = 0;
       this->ProjectRectangle(&edgeSlice, 1, -1, { row, row + 1, slice.inner.begin, slice.inner.end });
       if (hasColumn)
       {
-        this->TakeEdgeSample(row, edge, edgeVoxel + (row - edgeIsLastRow) * m_Stack.rowStride, 0);
+        this->TakeEdgeSample(edgeSlice, row, edge, edge - edgeIsLastColumn, 0);
       }
     }
   }
 
   /** The flags of the tiles with \a row of the intermediate image. */
-  const std::uint8_t *
+  const TileState *
   GetActiveTiles(std::ptrdiff_t row) const
   {
     const std::ptrdiff_t last = m_Block.rowEnd - m_Block.rowBegin - 1;
@@ -824,9 +935,13 @@ private:
     return m_View.active ? m_View.active + tile * m_View.activeStride : nullptr;
   }
 
-  /** One sample between the rows of a column; \a voxel is the index of the lower one. */
+  /** One sample at the end of a row: of the voxels at \a voxelColumn, but for pixel \a column. */
   void
-  TakeEdgeSample(std::ptrdiff_t row, std::ptrdiff_t column, std::ptrdiff_t voxel, std::int32_t y) const
+  TakeEdgeSample(const PlacedSlice & slice,
+                 std::ptrdiff_t      row,
+                 std::ptrdiff_t      column,
+                 std::ptrdiff_t      voxelColumn,
+                 std::int32_t        y) const
   {
     if (m_View.coverage.region)
     {
@@ -836,25 +951,41 @@ private:
         return;
       }
     }
-    const std::ptrdiff_t place = row * m_View.intermediate.rowStride + column;
-    const TPixel         b = m_Stack.voxels[voxel];
-    TPixel               sample = b;
-    if (y != 0)
+    const bool           hasAbove = y != 0;
+    const TPixel * const b = m_Stack.voxels + (slice.offset + row * m_Stack.rowStride + voxelColumn);
+    const TPixel * const a = b - (hasAbove ? m_Stack.rowStride : 0);
+    constexpr auto       all = 0b1111U;
+    unsigned int         counted = all;
+    if (m_View.mask)
     {
-      const TPixel a = m_Stack.voxels[voxel - m_Stack.rowStride];
+      const Mask &               mask = *m_View.mask;
+      const std::uint8_t * const maskB = mask.voxels + (slice.maskOffset + row * mask.rowStride + voxelColumn);
+      counted = FindCounted(maskB - (hasAbove ? mask.rowStride : 0), maskB, mask.label, 0, 0, 0, y);
+    }
+    TPixel sample = *b;
+    if (counted != all)
+    {
+      sample = counted != 0 ? SampleCounted(a, b, 0, 0, 0, y, counted) : sample;
+    }
+    else if (hasAbove)
+    {
       if constexpr (IsFloat<TPixel>)
       {
-        sample = b + static_cast<float>(y) / 32768 * (a - b);
+        sample = *b + static_cast<float>(y) / 32768 * (*a - *b);
       }
       else
       {
-        sample = static_cast<TPixel>((y * a + (32768 - y) * b + (1 << 14)) >> 15);
+        sample = static_cast<TPixel>((y * *a + (32768 - y) * *b + (1 << 14)) >> 15);
       }
     }
-    TakeSample<TRule>(sample,
-                      GetRank(m_View.ranked, m_Slice),
-                      m_View.intermediate.pixels[place],
-                      m_View.ranked.ranks ? m_View.ranked.ranks + place : nullptr);
+    if (counted != 0)
+    {
+      const std::ptrdiff_t place = row * m_View.intermediate.rowStride + column;
+      TakeSample<TRule>(sample,
+                        GetRank(m_View.ranked, m_Slice),
+                        m_View.intermediate.pixels[place],
+                        m_View.ranked.ranks ? m_View.ranked.ranks + place : nullptr);
+    }
   }
 
   /** Samples that \a count slices have in common; \a index is the first slice. */
@@ -882,7 +1013,8 @@ private:
                            nullptr,
                            m_Stack.sliceStride,
                            m_View.active || m_View.coverage.region ? nullptr : &prefetcher,
-                           GetRank(m_View.ranked, m_Slice) };
+                           GetRank(m_View.ranked, m_Slice),
+                           m_View.mask };
     if (rowEnd - rowBegin < BlockLength)
     {
       for (std::ptrdiff_t row = rowBegin; row < rowEnd; ++row)
@@ -956,6 +1088,7 @@ private:
   ProjectTiles(TileRow<TPixel> & tiles, std::ptrdiff_t gridRow, std::ptrdiff_t row) const
   {
     tiles.active = this->GetActiveTiles(gridRow);
+    tiles.isMoved = row != gridRow;
     tiles.row = row;
     tiles.pixels = m_View.intermediate.pixels + row * m_View.intermediate.rowStride;
     tiles.ranks = m_View.ranked.ranks ? m_View.ranked.ranks + row * m_View.intermediate.rowStride : nullptr;
@@ -1079,15 +1212,16 @@ IsAnyBelow(const TPixel * pixels, std::ptrdiff_t rowStride, std::ptrdiff_t rows,
 
 template <typename TPixel>
 void
-FindBlockMaxima(const TPixel * voxels,
-                std::ptrdiff_t columns,
-                std::ptrdiff_t rows,
-                std::ptrdiff_t slices,
-                std::ptrdiff_t rowStride,
-                std::ptrdiff_t sliceStride,
-                TPixel *       maxima,
-                TPixel &       lowest,
-                TPixel &       highest)
+FindBlockExtrema(const TPixel * voxels,
+                 std::ptrdiff_t columns,
+                 std::ptrdiff_t rows,
+                 std::ptrdiff_t slices,
+                 std::ptrdiff_t rowStride,
+                 std::ptrdiff_t sliceStride,
+                 TPixel *       maxima,
+                 TPixel *       minima,
+                 TPixel &       lowest,
+                 TPixel &       highest)
 {
   constexpr std::ptrdiff_t lanes = LaneCount<TPixel>;
   constexpr std::ptrdiff_t strip = 4096;
@@ -1096,22 +1230,26 @@ FindBlockMaxima(const TPixel * voxels,
     const std::ptrdiff_t width = Smaller(strip, columns - begin);
     if (width < lanes)
     {
-      GetPortableKernels<TPixel>().findBlockMaxima(
-        voxels + begin, width, rows, slices, rowStride, sliceStride, maxima + begin / BlockLength, lowest, highest);
+      GetPortableKernels<TPixel>().findBlockExtrema(voxels + begin,
+                                                    width,
+                                                    rows,
+                                                    slices,
+                                                    rowStride,
+                                                    sliceStride,
+                                                    maxima + begin / BlockLength,
+                                                    minima ? minima + begin / BlockLength : nullptr,
+                                                    lowest,
+                                                    highest);
       continue;
     }
     TPixel columnMaxima[strip];
-    TPixel columnMinima[lanes];
+    TPixel columnMinima[strip];
     for (std::ptrdiff_t i = 0; i < width; ++i)
     {
-      columnMaxima[i] = NoSample<TPixel>;
+      columnMaxima[i] = MaximumRule<TPixel>::Start;
+      columnMinima[i] = MinimumRule<TPixel>::Start;
     }
-    auto minima = Lanes::Load(columnMaxima);
-    for (std::ptrdiff_t i = 0; i < lanes; ++i)
-    {
-      columnMinima[i] = lowest;
-    }
-    minima = Lanes::Load(columnMinima);
+    auto least = Lanes::Load(columnMinima);
     for (std::ptrdiff_t k = 0; k < slices; ++k)
     {
       for (std::ptrdiff_t j = 0; j < rows; ++j)
@@ -1122,24 +1260,34 @@ FindBlockMaxima(const TPixel * voxels,
           const std::ptrdiff_t i = Smaller(first, width - lanes);
           const auto           values = Lanes::Load(row + i);
           Lanes::Store(columnMaxima + i, Maximum<TPixel>(Lanes::Load(columnMaxima + i), values));
-          minima = Minimum<TPixel>(minima, values);
+          least = Minimum<TPixel>(least, values);
+          if (minima)
+          {
+            Lanes::Store(columnMinima + i, Minimum<TPixel>(Lanes::Load(columnMinima + i), values));
+          }
         }
       }
-    }
-    Lanes::Store(columnMinima, minima);
-    for (std::ptrdiff_t i = 0; i < lanes; ++i)
-    {
-      lowest = Smaller(lowest, columnMinima[i]);
     }
     for (std::ptrdiff_t i = 0; i < width; i += BlockLength)
     {
       TPixel maximum = columnMaxima[i];
+      TPixel minimum = columnMinima[i];
       for (std::ptrdiff_t n = i + 1; n < Smaller(i + BlockLength, width); ++n)
       {
         maximum = Larger(maximum, columnMaxima[n]);
+        minimum = Smaller(minimum, columnMinima[n]);
       }
       maxima[(begin + i) / BlockLength] = maximum;
       highest = Larger(highest, maximum);
+      if (minima)
+      {
+        minima[(begin + i) / BlockLength] = minimum;
+      }
+    }
+    Lanes::Store(columnMinima, least);
+    for (std::ptrdiff_t i = 0; i < lanes; ++i)
+    {
+      lowest = Smaller(lowest, columnMinima[i]);
     }
   }
 }
@@ -1528,7 +1676,7 @@ template <typename TPixel>
 constexpr Kernels<TPixel> VectorKernels{ Lanes::Name,
                                          ProjectBlock<TPixel>,
                                          IsAnyBelow<TPixel>,
-                                         FindBlockMaxima<TPixel>,
+                                         FindBlockExtrema<TPixel>,
                                          WarpRow<TPixel>,
                                          TransposeSlice<TPixel>,
                                          SampleRow<TPixel>,

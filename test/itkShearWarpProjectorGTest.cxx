@@ -77,9 +77,7 @@ public:
     };
     projector.Start({ { &factorization, {} } },
                     kernels,
-                    itk::ShearWarpMIPImageFilterEnums::Mode::Maximum,
-                    false,
-                    ReducedResamplingEnum::On,
+                    { itk::ShearWarpMIPImageFilterEnums::Mode::Maximum, false, 0, ReducedResamplingEnum::On },
                     2);
     for (const auto & region : MakeParts(image->GetLargestPossibleRegion(), begins))
     {
@@ -91,7 +89,7 @@ public:
       const auto begin = region.GetIndex(2) - image->GetLargestPossibleRegion().GetIndex(2);
       const auto end = begin + static_cast<itk::IndexValueType>(region.GetSize(2));
       volume.PreparePart(part, image->GetLargestPossibleRegion(), begin, end, axis, true, kernels, call);
-      projector.Project(volume, callSteps);
+      projector.Project(volume, nullptr, callSteps);
     }
     const auto          intermediate = projector.Finish(0, callSteps);
     std::vector<TPixel> pixels;
