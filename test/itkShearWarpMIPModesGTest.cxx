@@ -153,6 +153,11 @@ TYPED_TEST(ShearWarpMIPModes, ValuesAndDepthHaveTheBitsOfSamplesInTheirOrder)
       filter->SetCropLower(middle - MakeVector3(random.Uniform(0, 9), 99, random.Uniform(0, 9)));
       filter->SetCropUpper(middle + MakeVector3(random.Uniform(0, 9), random.Uniform(0, 9), 99));
     }
+    if (repeat % 5 < 2)
+    {
+      filter->SetMaskImage(MakeRandomMask(random, image));
+      filter->SetMaskLabel(static_cast<unsigned char>(random.Integer(0, 2)));
+    }
     filter->SetMode(modes[random.Integer(0, 2)]);
     // beyond the type's end nothing is better
     filter->SetLocalMaximumThreshold(

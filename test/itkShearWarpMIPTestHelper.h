@@ -689,7 +689,8 @@ MakeRandomMask(Random & random, const ImageBase<3> * image)
 {
   const auto                                   mask = MakeMask(image);
   const auto                                   region = image->GetLargestPossibleRegion();
-  const auto                                   length = random.Integer(1, 7);
+  const auto                                   length = random.Integer(1, random.Integer(0, 1) == 0 ? 7 : 40);
+  const bool                                   hasSpecks = random.Integer(0, 1) == 0;
   ImageRegionIterator<Image<unsigned char, 3>> it(mask, region);
   std::uint64_t                                labels[512];
   std::generate_n(labels, 512, [&] { return random.Bits() % 3; });
@@ -700,7 +701,7 @@ MakeRandomMask(Random & random, const ImageBase<3> * image)
     {
       cell = cell * 8 + (it.GetIndex()[axis] - region.GetIndex(axis)) / length % 8;
     }
-    it.Set(static_cast<unsigned char>(random.Integer(0, 20) == 0 ? 1 : labels[cell]));
+    it.Set(static_cast<unsigned char>(hasSpecks && random.Integer(0, 20) == 0 ? 1 : labels[cell]));
   }
   return mask;
 }

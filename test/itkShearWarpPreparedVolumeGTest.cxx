@@ -122,7 +122,7 @@ TYPED_TEST(ShearWarpPreparedVolumeTyped, GivesTheMaximaOfCubesAlongEachAxis)
     const auto voxels = image->GetBufferPointer();
     const auto count = size[0] * size[1] * size[2];
     ForEachInstructionSet([&](const std::string &) {
-      itk::ShearWarpPreparedVolume<TypeParam> volume;
+      itk::ShearWarpPreparedVolume<TypeParam> volume(true);
       const CountingParallelize               parallelize;
       for (unsigned int axis = 0; axis < 3; ++axis)
       {
@@ -139,18 +139,22 @@ TYPED_TEST(ShearWarpPreparedVolumeTyped, GivesTheMaximaOfCubesAlongEachAxis)
           const std::ptrdiff_t row = n / blocks.columns % blocks.rows;
           const std::ptrdiff_t slice = n / blocks.columns / blocks.rows;
           TypeParam            maximum = std::numeric_limits<TypeParam>::lowest();
+          TypeParam            minimum = std::numeric_limits<TypeParam>::max();
           for (std::ptrdiff_t k = slice * 8; k < std::min(slice * 8 + 8, slices.slices); ++k)
           {
             for (std::ptrdiff_t j = row * 8; j < std::min(row * 8 + 8, slices.rows); ++j)
             {
               for (std::ptrdiff_t i = column * 8; i < std::min(column * 8 + 8, slices.columns); ++i)
               {
-                maximum = std::max(maximum, slices.voxels[k * slices.sliceStride + j * slices.rowStride + i]);
+                const TypeParam voxel = slices.voxels[k * slices.sliceStride + j * slices.rowStride + i];
+                maximum = std::max(maximum, voxel);
+                minimum = std::min(minimum, voxel);
               }
             }
           }
-          ASSERT_EQ(blocks.maxima[column * blocks.columnStride + row * blocks.rowStride + slice * blocks.sliceStride],
-                    maximum);
+          const auto block = column * blocks.columnStride + row * blocks.rowStride + slice * blocks.sliceStride;
+          ASSERT_EQ(blocks.maxima[block], maximum);
+          ASSERT_EQ(blocks.minima[block], minimum);
         }
       }
     });
