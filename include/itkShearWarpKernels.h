@@ -288,8 +288,8 @@ enum class TileState : std::uint8_t
 };
 
 /** A view along the slices' axis: the place of each slice, and the image that collects the maxima, or the minima if it
- * `isMinimum`; with a `coverage` of the samples in its region alone. `ranked` tells which slices gave the extrema, if its
- * ranks are not null. Of the views of one call all have a coverage or none, and all have ranks or none.
+ * `isMinimum`; with a `coverage` of the samples in its region alone. `ranked` tells which slices gave the extrema, if
+ * its ranks are not null. Of the views of one call all have a coverage or none, and all have ranks or none.
  *
  * `active`, if not null, tells the state of the tiles of a block of at most BlockLength slices: that of
  * `active[(row - block.rowBegin) / BlockLength * activeStride + column / TileColumns]`, for a row counted from
@@ -503,8 +503,8 @@ SampleCounted(const TPixel * a,
               std::int32_t   y,
               unsigned int   counted);
 
-/** Samples as \a kernels does with sampleRow, restricted to a Mask of \a label: its rows \a maskA and \a maskB belong to
- * the row's. `counted[p]` is 1 or 0. */
+/** Samples as \a kernels does with sampleRow, restricted to a Mask of \a label: its rows \a maskA and \a maskB belong
+ * to the row's. `counted[p]` is 1 or 0. */
 template <typename TPixel>
 ShearWarpMIP_EXPORT
 void

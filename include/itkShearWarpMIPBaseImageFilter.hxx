@@ -439,10 +439,11 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::MakeGroups(SizeValueType
       }
     }
     const auto [begin, end] = candidates[axis].equal_range(key);
-    const auto same = isOneByOne || hasRegion || this->NeedsSlices() ? end : std::find_if(begin, end, [&](const auto & candidate) {
-      const Projection & projection = projections[axis][candidate.second];
-      return factorize(projection.front())->factorization.HasSameSlicePlacements(view->factorization);
-    });
+    const auto same =
+      isOneByOne || hasRegion || this->NeedsSlices() ? end : std::find_if(begin, end, [&](const auto & candidate) {
+        const Projection & projection = projections[axis][candidate.second];
+        return factorize(projection.front())->factorization.HasSameSlicePlacements(view->factorization);
+      });
     if (same != end)
     {
       projections[axis][same->second].push_back(number);
@@ -456,9 +457,8 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::MakeGroups(SizeValueType
   for (unsigned int axis = 0; axis < InputImageDimension; ++axis)
   {
     // as few groups as there is room for, of equal size; more views would save nothing
-    const SizeValueType bytes =
-      Superclass::ProjectorType::GetImageSizeInBytes(
-        largest[axis], this->m_Oversampling, m_Mode, hasRegion, this->NeedsSlices());
+    const SizeValueType bytes = Superclass::ProjectorType::GetImageSizeInBytes(
+      largest[axis], this->m_Oversampling, m_Mode, hasRegion, this->NeedsSlices());
     const SizeValueType room = m_IntermediateMemory / std::max<SizeValueType>(bytes * this->GetNumberOfWorkers(), 1);
     const SizeValueType most = isOneByOne ? 1 : std::clamp<SizeValueType>(room, 1, MostViewsTogether);
     const SizeValueType total = projections[axis].size();

@@ -144,9 +144,9 @@ ShearWarpPreparedVolume<TPixel>::FindBlockMaxima(const ShearWarp::Kernels<TPixel
   const std::ptrdiff_t blocks = blocksX * blocksY * CountBlocks(m_Size[2]);
   maxima.Reserve(blocks * (m_HasBlockMinima ? 2 : 1) * sizeof(TPixel), "the block maxima");
   TPixel * const first = maxima.GetPointer<TPixel>();
-  TPixel     lowestOfAll = NumericTraits<TPixel>::max();
-  TPixel     highestOfAll = NumericTraits<TPixel>::NonpositiveMin();
-  std::mutex mutex;
+  TPixel         lowestOfAll = NumericTraits<TPixel>::max();
+  TPixel         highestOfAll = NumericTraits<TPixel>::NonpositiveMin();
+  std::mutex     mutex;
   parallelize(static_cast<SizeValueType>(blocksY * CountBlocks(m_Size[2])), [&](SizeValueType n) {
     const auto           block = static_cast<std::ptrdiff_t>(n);
     const std::ptrdiff_t row = block % blocksY * BlockLength;

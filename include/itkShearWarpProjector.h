@@ -66,8 +66,8 @@ operator<<(std::ostream & out, ShearWarpMIPImageFilterEnums::ReducedResampling v
  *
  * The volume is divided into blocks of rows and slices. Each thread takes the next block and raises intermediate
  * images of its own, or for the minimum lowers them; the extremum over the threads' images is the result. It does not
- * depend on who took which block; of equal samples the nearest is kept. A block is projected for all views while it is in the cache, so that the volume is
- * read once.
+ * depend on who took which block; of equal samples the nearest is kept. A block is projected for all views while it is
+ * in the cache, so that the volume is read once.
  *
  * Reduced resampling (Fang et al. 2002, figure 3) by tiles: before a thread projects eight slices of a block, it
  * compares the maximum of the cubes that a tile's samples come from with the least pixel that the tile has already. A
@@ -297,12 +297,12 @@ private:
     return this->IsMinimum(grid) ? m_Kernels->minimum.start : m_Kernels->maximum.start;
   }
 
-  std::vector<Worker>                m_Workers;
-  SizeValueType                      m_NumberOfWorkers{ 1 };
-  ShearWarpBuffer                    m_JoinedPhases;
-  ShearWarpBuffer                    m_JoinedSlices; // or 0 for each if they are not wanted, where pixels may have no value
-  std::vector<ShearWarp::ColumnSpan> m_Reached;      // of its rows
-  std::vector<std::ptrdiff_t>        m_SliceOrder;   // the first of each BlockLength slices
+  std::vector<Worker> m_Workers;
+  SizeValueType       m_NumberOfWorkers{ 1 };
+  ShearWarpBuffer     m_JoinedPhases;
+  ShearWarpBuffer     m_JoinedSlices;           // or 0 for each if they are not wanted, where pixels may have no value
+  std::vector<ShearWarp::ColumnSpan> m_Reached; // of its rows
+  std::vector<std::ptrdiff_t>        m_SliceOrder; // the first of each BlockLength slices
 
   const ShearWarp::Kernels<TPixel> *               m_Kernels{ nullptr };
   ViewList                                         m_Views;

@@ -205,7 +205,7 @@ ShearWarpProjector<TPixel>::Finish(std::size_t view, const TParallelize & parall
         TPixel *             phase = this->MergeRow(grid, row / oversampling);
         const TPixel *       minima = isAbsolute ? this->MergeRow(grid + 1, row / oversampling) : nullptr;
         const RankType *     ranks = this->GetRanks(merged[grid], row / oversampling);
-        const RankType *     ranksOfMinima = isAbsolute ? this->GetRanks(merged[grid + 1], row / oversampling) : nullptr;
+        const RankType * ranksOfMinima = isAbsolute ? this->GetRanks(merged[grid + 1], row / oversampling) : nullptr;
         const std::uint8_t * marks = hasRegion ? this->MergeMarks(grid, row / oversampling) : nullptr;
         for (std::ptrdiff_t p = 0; hasSlices && p < m_RowStride; ++p)
         {
@@ -393,7 +393,7 @@ ShearWarpProjector<TPixel>::ProjectRows(Worker &       worker,
     {
       const ShearWarp::IntermediateGrid & grid = *m_Grids[g];
       PartialImage &                      image = worker.images[g];
-      ShearWarp::RankedImage<TPixel> ranked = this->GetRanking(m_Views[g / gridsOfView]);
+      ShearWarp::RankedImage<TPixel>      ranked = this->GetRanking(m_Views[g / gridsOfView]);
       ranked.ranks = this->GetRanks(image, 0);
       ranked.first += ranked.step * m_FirstSlice;
       const auto isNeeded = [](ShearWarp::TileState state) { return state != ShearWarp::TileState::Unneeded; };
@@ -436,9 +436,9 @@ ShearWarpProjector<TPixel>::SelectTiles(Worker & worker, const ShearWarp::Block 
   TileCount tiles{ 0, 0 };
   for (std::size_t g = 0; g < m_Grids.size(); ++g)
   {
-    const TileCount count =
-      m_Mask.voxels ? this->SelectMaskedTiles(m_Placements[g], worker.images[g], worker.columnParts, block)
-                    : this->SelectTiles(m_Placements[g], worker.images[g], worker.columnMaxima, block);
+    const TileCount count = m_Mask.voxels
+                              ? this->SelectMaskedTiles(m_Placements[g], worker.images[g], worker.columnParts, block)
+                              : this->SelectTiles(m_Placements[g], worker.images[g], worker.columnMaxima, block);
     tiles.all += count.all;
     tiles.skipped += count.skipped;
   }
@@ -635,7 +635,8 @@ ShearWarpProjector<TPixel>::ExtendRows(std::size_t    grid,
     }
     if (m_Parameters.hasSlices)
     {
-      image.ranks.Reserve(m_TileRows * BlockLength * m_RowStride * sizeof(RankType), "the slices of an intermediate image");
+      image.ranks.Reserve(m_TileRows * BlockLength * m_RowStride * sizeof(RankType),
+                          "the slices of an intermediate image");
     }
     image.known.assign(m_Regions.empty() ? 0 : m_TileRows * BlockLength, {});
     image.rowBegin = image.rowEnd = begin;

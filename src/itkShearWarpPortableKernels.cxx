@@ -162,10 +162,10 @@ ProjectRow(const SliceRow<TPixel> & row,
   const auto            take = [=](std::ptrdiff_t p, TPixel value) {
     TakeSample<TRule>(value, rank, pixels[p], ranks ? ranks + p : nullptr);
   };
-  const auto            getState = [=](std::ptrdiff_t p) {
+  const auto getState = [=](std::ptrdiff_t p) {
     return active ? active[p / TileColumns] : maskA ? TileState::Masked : TileState::Whole;
   };
-  const auto            takeCounted = [&](std::ptrdiff_t p, std::ptrdiff_t i, std::ptrdiff_t before, std::int32_t x) {
+  const auto takeCounted = [&](std::ptrdiff_t p, std::ptrdiff_t i, std::ptrdiff_t before, std::int32_t x) {
     const unsigned int counted = FindCounted(maskA, maskB, label, i, before, x, row.y);
     if (counted != 0)
     {
@@ -589,29 +589,29 @@ FindDepths(const IntermediateImage<TPixel> & intermediate,
   }
 }
 
-#define INSTANTIATE(TPixel)                                                      \
-  template const Kernels<TPixel> & GetPortableKernels();                         \
+#define INSTANTIATE(TPixel)                                                        \
+  template const Kernels<TPixel> & GetPortableKernels();                           \
   template TPixel                  SampleCounted(std::add_pointer_t<const TPixel>, \
-                                std::add_pointer_t<const TPixel>,                  \
-                                std::ptrdiff_t,                                    \
-                                std::ptrdiff_t,                                    \
-                                std::int32_t,                                      \
-                                std::int32_t,                                      \
-                                unsigned int);                                     \
-  template void                    SampleMaskedRow(const Kernels<TPixel> &,      \
-                                                   const SliceRow<TPixel> &,     \
-                                                   const std::uint8_t *,         \
-                                                   const std::uint8_t *,         \
-                                                   std::uint8_t,                 \
-                                                   ColumnSpan,                   \
-                                                   std::add_pointer_t<TPixel>,   \
-                                                   std::uint8_t *);              \
-  template void                    FindDepths(const IntermediateImage<TPixel> &, \
-                                              const AffineMap2D &,               \
-                                              unsigned int,                      \
-                                              const ShearedFunction &,           \
-                                              std::ptrdiff_t,                    \
-                                              std::ptrdiff_t,                    \
+                                                 std::add_pointer_t<const TPixel>, \
+                                                 std::ptrdiff_t,                   \
+                                                 std::ptrdiff_t,                   \
+                                                 std::int32_t,                     \
+                                                 std::int32_t,                     \
+                                                 unsigned int);                    \
+  template void                    SampleMaskedRow(const Kernels<TPixel> &,        \
+                                                   const SliceRow<TPixel> &,       \
+                                                   const std::uint8_t *,           \
+                                                   const std::uint8_t *,           \
+                                                   std::uint8_t,                   \
+                                                   ColumnSpan,                     \
+                                                   std::add_pointer_t<TPixel>,     \
+                                                   std::uint8_t *);                \
+  template void                    FindDepths(const IntermediateImage<TPixel> &,   \
+                                              const AffineMap2D &,                 \
+                                              unsigned int,                        \
+                                              const ShearedFunction &,             \
+                                              std::ptrdiff_t,                      \
+                                              std::ptrdiff_t,                      \
                                               float *);
 SHEARWARP_FOR_EACH_PIXEL_TYPE(INSTANTIATE)
 #undef INSTANTIATE

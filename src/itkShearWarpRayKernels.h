@@ -126,11 +126,10 @@ FindCounted(const std::uint8_t * a,
             std::int32_t         y)
 {
   const auto         isIn = [label](std::uint8_t mask) { return label == 0 ? mask != 0 : mask == label; };
-  const unsigned int counted = static_cast<unsigned int>(isIn(b[column])) |
-                               static_cast<unsigned int>(isIn(b[before])) << 1 |
-                               static_cast<unsigned int>(isIn(a[column])) << 2 |
-                               static_cast<unsigned int>(isIn(a[before])) << 3;
-  const int          nearest = (x > One / 2 ? 1 : 0) + (y > One / 2 ? 2 : 0);
+  const unsigned int counted =
+    static_cast<unsigned int>(isIn(b[column])) | static_cast<unsigned int>(isIn(b[before])) << 1 |
+    static_cast<unsigned int>(isIn(a[column])) << 2 | static_cast<unsigned int>(isIn(a[before])) << 3;
+  const int nearest = (x > One / 2 ? 1 : 0) + (y > One / 2 ? 2 : 0);
   return (counted >> nearest & 1U) != 0 ? counted : 0;
 }
 

@@ -104,7 +104,8 @@ struct Rectangle
 };
 
 /** A slice where the view places it: pixel (p, q) is sampled between voxels (p - 1, q - 1) and (p, q) of a slice whose
- * voxel (0, 0) is at `offset`, and at `maskOffset` of the mask. Of the block's samples it has all voxels of those in `inner`. */
+ * voxel (0, 0) is at `offset`, and at `maskOffset` of the mask. Of the block's samples it has all voxels of those in
+ * `inner`. */
 struct PlacedSlice
 {
   std::ptrdiff_t offset, maskOffset;
@@ -188,22 +189,22 @@ private:
 template <typename TPixel>
 struct TileRow
 {
-  const TPixel *       voxels;
-  std::ptrdiff_t       rowStride;
-  const PlacedSlice *  slices;
-  std::ptrdiff_t       count;
-  std::ptrdiff_t       row, begin, end;
-  TPixel *             pixels;
-  std::ptrdiff_t       pixelStride;
-  const TileState *    active;
-  std::ptrdiff_t       nextSlice;  // distance in voxels
-  Prefetcher *         prefetcher; // null where tiles fetch their own place in the next slice
-  SliceRank<TPixel>    rank;       // of the one slice
-  const Mask *         mask;
-  bool                 isMoved{ false }; // from the place of its states
-  SliceRank<TPixel> *  ranks{ nullptr };
-  const ColumnSpan *   spans{ nullptr };
-  ColumnSpan           any{}, common{};
+  const TPixel *      voxels;
+  std::ptrdiff_t      rowStride;
+  const PlacedSlice * slices;
+  std::ptrdiff_t      count;
+  std::ptrdiff_t      row, begin, end;
+  TPixel *            pixels;
+  std::ptrdiff_t      pixelStride;
+  const TileState *   active;
+  std::ptrdiff_t      nextSlice;  // distance in voxels
+  Prefetcher *        prefetcher; // null where tiles fetch their own place in the next slice
+  SliceRank<TPixel>   rank;       // of the one slice
+  const Mask *        mask;
+  bool                isMoved{ false }; // from the place of its states
+  SliceRank<TPixel> * ranks{ nullptr };
+  const ColumnSpan *  spans{ nullptr };
+  ColumnSpan          any{}, common{};
 };
 
 /** The samples of a slice in a tile, of one or two short integers whose difference fits in 16 bits: linear
@@ -536,8 +537,8 @@ TakeSpans(const TileRow<TPixel> & row, std::ptrdiff_t column)
       });
 }
 
-/** Which voxels around the samples of VRows rows, from \a column on, are in the mask: as bits, of the lanes' columns and
- * of the columns before, of the row above and of the rows. */
+/** Which voxels around the samples of VRows rows, from \a column on, are in the mask: as bits, of the lanes' columns
+ * and of the columns before, of the row above and of the rows. */
 template <typename TPixel, int VRows>
 struct MaskedVoxels
 {
@@ -610,12 +611,12 @@ TakeRanked(const TileRow<TPixel> & row, std::ptrdiff_t column)
   const std::ptrdiff_t      stride = row.pixelStride;
   const auto                rank = Lanes::SetRank(row.rank);
   TSampler(*row.slices)
-    .template ForEachRow<VRows>(
-      row.voxels + (row.slices->offset + row.row * row.rowStride + column),
-      row.rowStride,
-      [=](int r, const TPixel *, typename TSampler::Sample sample) SHEARWARP_INLINE {
-        TakeRanked<TRule, true>(TSampler::Finish(sample), rank, ~0U, pixels + r * stride, ranks + r * stride);
-      });
+    .template ForEachRow<VRows>(row.voxels + (row.slices->offset + row.row * row.rowStride + column),
+                                row.rowStride,
+                                [=](int r, const TPixel *, typename TSampler::Sample sample) SHEARWARP_INLINE {
+                                  TakeRanked<TRule, true>(
+                                    TSampler::Finish(sample), rank, ~0U, pixels + r * stride, ranks + r * stride);
+                                });
 }
 
 /** The same, no more of each row than its span. */
@@ -665,8 +666,10 @@ TakeMasked(const TileRow<TPixel> & row, std::ptrdiff_t column)
       {
         const int      lane = __builtin_ctz(rest);
         const TPixel * a = b - above * row.rowStride + lane;
-        TakeSample<TRule>(
-          SampleCounted(a, b + lane, 0, -before, slice.x, slice.y, mask.GetVoxels(r, above, lane)), row.rank, pixels[lane], ranks + lane);
+        TakeSample<TRule>(SampleCounted(a, b + lane, 0, -before, slice.x, slice.y, mask.GetVoxels(r, above, lane)),
+                          row.rank,
+                          pixels[lane],
+                          ranks + lane);
       }
     });
 }
@@ -736,7 +739,7 @@ ProjectTileRow(const TileRow<TPixel> & row)
     }
     // the outer tiles overlap their neighbours, which an extremum allows
     const std::ptrdiff_t column = Smaller(Larger(first, row.begin), row.end - lanes);
-    const bool isMasked = row.mask && (state == TileState::Masked || row.isMoved || column != first);
+    const bool           isMasked = row.mask && (state == TileState::Masked || row.isMoved || column != first);
     if (!row.prefetcher)
     {
       FetchNextSlice<VRows>(row, column);
@@ -1169,7 +1172,7 @@ ProjectBlock(const SliceStack<TPixel> &  slices,
     return GetPortableKernels<TPixel>().projectBlock(slices, block, views, count);
   }
   // all views take a slice's rows, or those of a few slices, while they are in the cache
-  const bool           areTogether = block.hasCommonRows && !views->active && !views->coverage.region && !views->ranked.ranks;
+  const bool areTogether = block.hasCommonRows && !views->active && !views->coverage.region && !views->ranked.ranks;
   const std::ptrdiff_t length = areTogether ? BlockProjector<MaximumRule<TPixel>, TPixel>::MaximumSlices : 1;
   for (std::ptrdiff_t slice = block.sliceBegin, end = slice; slice < block.sliceEnd; slice = end)
   {

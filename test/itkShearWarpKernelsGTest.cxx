@@ -206,10 +206,10 @@ public:
     std::vector<Kernels::ColumnSpan> known(rows * views);
     isCovered.assign(columns * rows * views, 0);
     using Rank = Kernels::SliceRank<TPixel>;
-    constexpr Rank    untouchedRank = 77;
-    std::vector<Rank> memoryOfRanks(Guard + stride * rows + Guard, untouchedRank);
-    Rank * const      rankMemory = memoryOfRanks.data() + Guard;
-    const auto        lastSlice = static_cast<std::int32_t>(m_Stack.slices - 1);
+    constexpr Rank                            untouchedRank = 77;
+    std::vector<Rank>                         memoryOfRanks(Guard + stride * rows + Guard, untouchedRank);
+    Rank * const                              rankMemory = memoryOfRanks.data() + Guard;
+    const auto                                lastSlice = static_cast<std::int32_t>(m_Stack.slices - 1);
     std::vector<Kernels::ShearedView<TPixel>> list;
     for (auto & memory : memories)
     {
@@ -299,7 +299,7 @@ public:
     for (std::ptrdiff_t n = 0; n < m_Stack.slices; ++n)
     {
       const std::ptrdiff_t k = rankStep < 0 ? m_Stack.slices - 1 - n : n;
-      const auto voxel = [&](std::int64_t i, std::int64_t j) {
+      const auto           voxel = [&](std::int64_t i, std::int64_t j) {
         return m_Stack.voxels[k * m_Stack.sliceStride + j * m_Stack.rowStride + i];
       };
       const bool isIn = std::all_of(region.intervals.begin(), region.intervals.end(), [&](const auto & interval) {

@@ -135,9 +135,8 @@ TYPED_TEST(ShearWarpMIPModes, ValuesAndDepthHaveTheBitsOfSamplesInTheirOrder)
     {
       // many equal samples
       auto * const voxels = image->GetBufferPointer();
-      std::generate_n(voxels, image->GetPixelContainer()->Size(), [&] {
-        return static_cast<TypeParam>(random.Integer(0, 2));
-      });
+      std::generate_n(
+        voxels, image->GetPixelContainer()->Size(), [&] { return static_cast<TypeParam>(random.Integer(0, 2)); });
     }
     const auto view = MakeRandomView(random, AllViewKinds[repeat % 3], image);
     const auto filter = MakeFilter<TypeParam>(image, view);

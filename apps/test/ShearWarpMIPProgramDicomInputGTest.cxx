@@ -515,7 +515,7 @@ TEST_P(ShearWarpMIPProgramDicomInput, ReadsGridOfDoseAndSlicesOfNuclearMedicine)
   order.SetNumberOfValues(3);
   for (unsigned short n = 0; n < 3; ++n)
   {
-    order.SetValue(static_cast<unsigned short>(3 - n), n);
+    order.SetValue(n, static_cast<unsigned short>(3 - n));
   }
   emission.Insert(order.GetAsDataElement());
   this->WriteFile(emission, "dicom/a.dcm");
