@@ -61,8 +61,8 @@ operator<<(std::ostream & out, ShearWarpMIPImageFilterEnums::ReducedResampling v
 
 /** \class ShearWarpProjector
  * \brief Projects a prepared volume to the intermediate images of views along one axis, by several threads: the
- * maximum, the minimum or both, for the absolute maximum, of the samples or of those in a region, and the slices that
- * they are of.
+ * maximum, the minimum or both, for the absolute maximum, of the samples or of those in a region or a mask, and the
+ * slices that they are of.
  *
  * The volume is divided into blocks of rows and slices. Each thread takes the next block and raises intermediate
  * images of its own, or for the minimum lowers them; the extremum over the threads' images is the result. It does not
@@ -99,6 +99,8 @@ public:
   };
   using ViewList = std::vector<View>;
 
+  static constexpr std::ptrdiff_t MostRankedSlices = ShearWarp::NoRank<TPixel>;
+
   /** What is wanted of the samples. */
   struct Parameters
   {
@@ -109,8 +111,6 @@ public:
     unsigned char         maskLabel{ 0 };
     ReducedResamplingEnum reducedResampling{ ReducedResamplingEnum::Off };
   };
-
-  static constexpr std::ptrdiff_t MostRankedSlices = ShearWarp::NoRank<TPixel>;
 
   /** Begins a projection by at most \a workers threads. The factorizations of \a views, of one principal axis and one
    * oversampling, and \a kernels must live until Finish(). */
