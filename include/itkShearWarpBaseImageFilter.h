@@ -88,7 +88,7 @@ public:
   itkSetMacro(Oversampling, unsigned int);
   itkGetConstMacro(Oversampling, unsigned int);
 
-  /** The fraction of the volume, 0 to 1, that the last update left out by reduced resampling. */
+  /** The fraction of the volume, 0 to 1, that the last update left out by reduced resampling or by a mask. */
   itkGetConstMacro(SkippedFraction, double);
 
   /** The instruction set of the last update's kernels: "portable", "avx2" or "avx512". The fastest that the processor

@@ -277,14 +277,17 @@ private:
     std::vector<Projection> projections;
   };
 
-  /** Whether only RayProjectorType can project. */
+  /** Whether only RayProjectorType can project: what depends on the order of samples, and slices of more than ranks
+   * tell.
+   */
   bool
   NeedsRays() const;
 
   bool
   HasRegion() const;
 
-  /** Whether intermediate images tell the slices of their pixels: a pixel may have none in a mask. */
+  /** Whether intermediate images tell the slices of their pixels: of depths, and of masks, where a pixel may have none.
+   */
   bool
   NeedsSlices() const
   {

@@ -387,7 +387,8 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GeneratePixels()
         this->m_Projector.Project(volume, mask, parallelize);
       };
       this->Project(project, axis, true, hasBlockMaxima && this->IsPlainMaximum(), isKept, kernels, share);
-      this->m_SkippedFraction += this->m_Projector.GetSkippedFraction() * share;
+      // shares may sum to a little more than 1
+      this->m_SkippedFraction = std::min(this->m_SkippedFraction + this->m_Projector.GetSkippedFraction() * share, 1.0);
       finish([this](std::size_t n, const auto & parallelize) { return this->m_Projector.Finish(n, parallelize); });
     }
     else
@@ -440,7 +441,7 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::MakeGroups(SizeValueType
     }
     const auto [begin, end] = candidates[axis].equal_range(key);
     const auto same =
-      isOneByOne || hasRegion || this->NeedsSlices() ? end : std::find_if(begin, end, [&](const auto & candidate) {
+      isOneByOne || hasRegion || m_ComputeDepth ? end : std::find_if(begin, end, [&](const auto & candidate) {
         const Projection & projection = projections[axis][candidate.second];
         return factorize(projection.front())->factorization.HasSameSlicePlacements(view->factorization);
       });

@@ -280,9 +280,9 @@ private:
     return m_Parameters.hasSlices ? image.ranks.template GetPointer<RankType>() + row * m_RowStride : nullptr;
   }
 
-  /** The ranks of the view's slices, without an image. */
+  /** \a ranks of slices that begin with slice \a first of the volume. */
   ShearWarp::RankedImage<TPixel>
-  GetRanking(const View & view) const;
+  GetRankedImage(const View & view, RankType * ranks, std::ptrdiff_t first) const;
 
   /** For the absolute maximum each phase has two grids: of maxima, then of minima. */
   bool
@@ -297,12 +297,12 @@ private:
     return this->IsMinimum(grid) ? m_Kernels->minimum.start : m_Kernels->maximum.start;
   }
 
-  std::vector<Worker> m_Workers;
-  SizeValueType       m_NumberOfWorkers{ 1 };
-  ShearWarpBuffer     m_JoinedPhases;
-  ShearWarpBuffer     m_JoinedSlices;           // or 0 for each if they are not wanted, where pixels may have no value
-  std::vector<ShearWarp::ColumnSpan> m_Reached; // of its rows
-  std::vector<std::ptrdiff_t>        m_SliceOrder; // the first of each BlockLength slices
+  std::vector<Worker>                m_Workers;
+  SizeValueType                      m_NumberOfWorkers{ 1 };
+  ShearWarpBuffer                    m_JoinedPhases;
+  ShearWarpBuffer                    m_JoinedSlices; // where pixels may have no value; all are 0 unless they are wanted
+  std::vector<ShearWarp::ColumnSpan> m_Reached;      // of its rows
+  std::vector<std::ptrdiff_t>        m_SliceOrder;   // the first of each BlockLength slices
 
   const ShearWarp::Kernels<TPixel> *               m_Kernels{ nullptr };
   ViewList                                         m_Views;
@@ -315,7 +315,7 @@ private:
   ShearWarp::Mask                                  m_Mask; // without voxels if there is none
   ShearWarp::BlockMaxima<unsigned char>            m_BlocksOfMask{};
   bool                                             m_HasCommonRows{ false };
-  std::int32_t                                     m_FirstSlice{ 0 }; // of these slices, in the volume
+  std::ptrdiff_t                                   m_FirstSlice{ 0 }; // of these slices, in the volume
   ReducedResamplingEnum                            m_ReducedResampling{ ReducedResamplingEnum::Off };
   std::ptrdiff_t                                   m_TileColumns{ 0 }, m_TileRows{ 0 }, m_RowStride{ 0 };
 };

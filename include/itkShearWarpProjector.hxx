@@ -105,7 +105,7 @@ ShearWarpProjector<TPixel>::Project(const ShearWarpPreparedVolume<TPixel> &     
   {
     m_Placements.push_back(ShearWarp::PlacePart(*grid, volume.GetCorner(axis), m_Slices.slices));
   }
-  m_FirstSlice = static_cast<std::int32_t>(volume.GetCorner(axis).slice);
+  m_FirstSlice = volume.GetCorner(axis).slice;
   for (ShearWarp::Region & region : m_Regions)
   {
     region.firstSlice = m_FirstSlice;
@@ -183,9 +183,9 @@ ShearWarpProjector<TPixel>::Finish(std::size_t view, const TParallelize & parall
   // the better one of two extrema does not tell whether a float has met a sample
   const bool hasRegion = !m_Regions.empty();
   const bool isAbsolute = extrema == 2;
-  const bool hasSlices = hasRegion || m_Parameters.hasSlices || (isAbsolute && std::is_floating_point_v<TPixel>);
-  const auto ranking = this->GetRanking(m_Views[view]);
-  if (hasSlices)
+  const bool mayHaveGaps = hasRegion || m_Parameters.hasSlices || (isAbsolute && std::is_floating_point_v<TPixel>);
+  const auto ranking = this->GetRankedImage(m_Views[view], nullptr, 0);
+  if (mayHaveGaps)
   {
     m_Reached.resize(rows);
     m_JoinedSlices.Reserve(rows * rowStride * sizeof(std::int32_t), "the slices of the joined intermediate image");
@@ -207,7 +207,7 @@ ShearWarpProjector<TPixel>::Finish(std::size_t view, const TParallelize & parall
         const RankType *     ranks = this->GetRanks(merged[grid], row / oversampling);
         const RankType * ranksOfMinima = isAbsolute ? this->GetRanks(merged[grid + 1], row / oversampling) : nullptr;
         const std::uint8_t * marks = hasRegion ? this->MergeMarks(grid, row / oversampling) : nullptr;
-        for (std::ptrdiff_t p = 0; hasSlices && p < m_RowStride; ++p)
+        for (std::ptrdiff_t p = 0; mayHaveGaps && p < m_RowStride; ++p)
         {
           const bool isEmpty = std::is_floating_point_v<TPixel> && phase[p] == this->GetStart(grid) &&
                                !(isAbsolute && minima[p] != this->GetStart(grid + 1));
@@ -230,7 +230,7 @@ ShearWarpProjector<TPixel>::Finish(std::size_t view, const TParallelize & parall
           }
         }
       }
-      if (hasSlices)
+      if (mayHaveGaps)
       {
         const auto reached = ShearWarp::FindReached(slices + row * rowStride, columns);
         m_Reached[row] = reached.span;
@@ -247,20 +247,21 @@ ShearWarpProjector<TPixel>::Finish(std::size_t view, const TParallelize & parall
            columns,
            rows,
            rowStride,
-           hasSlices ? m_Reached.data() : factorization.GetReachedColumns().data(),
-           hasSlices ? slices : nullptr,
+           mayHaveGaps ? m_Reached.data() : factorization.GetReachedColumns().data(),
+           mayHaveGaps ? slices : nullptr,
            hasGaps,
            this->GetStart(firstGrid) };
 }
 
 template <typename TPixel>
 auto
-ShearWarpProjector<TPixel>::GetRanking(const View & view) const -> ShearWarp::RankedImage<TPixel>
+ShearWarpProjector<TPixel>::GetRankedImage(const View & view, RankType * ranks, std::ptrdiff_t first) const
+  -> ShearWarp::RankedImage<TPixel>
 {
   const auto & factorization = *view.factorization;
   const bool   isFirstNearest = factorization.GetDepthFunction().perSlice > 0;
-  const auto   last = static_cast<std::int32_t>(factorization.GetSlicePlacements().size()) - 1;
-  return { nullptr, isFirstNearest ? 0 : last, isFirstNearest ? 1 : -1 };
+  const auto   last = static_cast<std::ptrdiff_t>(factorization.GetSlicePlacements().size()) - 1;
+  return { ranks, static_cast<std::int32_t>(isFirstNearest ? first : last - first), isFirstNearest ? 1 : -1 };
 }
 
 template <typename TPixel>
@@ -393,9 +394,6 @@ ShearWarpProjector<TPixel>::ProjectRows(Worker &       worker,
     {
       const ShearWarp::IntermediateGrid & grid = *m_Grids[g];
       PartialImage &                      image = worker.images[g];
-      ShearWarp::RankedImage<TPixel>      ranked = this->GetRanking(m_Views[g / gridsOfView]);
-      ranked.ranks = this->GetRanks(image, 0);
-      ranked.first += ranked.step * m_FirstSlice;
       const auto isNeeded = [](ShearWarp::TileState state) { return state != ShearWarp::TileState::Unneeded; };
       if (!areSelected || std::any_of(image.active.begin(), image.active.end(), isNeeded))
       {
@@ -409,7 +407,7 @@ ShearWarpProjector<TPixel>::ProjectRows(Worker &       worker,
               image.marks.template GetPointer<std::uint8_t>(),
               m_RowStride,
               image.known.data() },
-            ranked,
+            this->GetRankedImage(m_Views[g / gridsOfView], this->GetRanks(image, 0), m_FirstSlice),
             m_Mask.voxels ? &m_Mask : nullptr });
       }
     }

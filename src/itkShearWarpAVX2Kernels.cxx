@@ -104,8 +104,9 @@ struct Lanes
     return _mm256_cmpeq_epi32(_mm256_and_si256(SetInt(static_cast<int>(lanes)), bits), bits);
   }
   static Float Select(Float a, Float b, std::uint32_t lanes) { return _mm256_blendv_ps(a, b, _mm256_castsi256_ps(GetMask(lanes))); }
-  static Int SelectRanks(Int a, Int b, std::uint32_t lanes, float) { return _mm256_blendv_epi8(a, b, GetMask(lanes)); }
-  static Short SelectRanks(Short a, Short b, std::uint32_t lanes, int) { return Select(a, b, lanes); }
+  /** The same for lanes of 32 bits if VIsWide. */
+  template <bool VIsWide>
+  static Int SelectRanks(Int a, Int b, std::uint32_t lanes) { return VIsWide ? _mm256_blendv_epi8(a, b, GetMask(lanes)) : Select(a, b, lanes); }
 
   /** The bits of VCount bytes that are \a label or, if that is 0, not 0. */
   template <std::ptrdiff_t VCount>

@@ -95,8 +95,9 @@ struct Lanes
   static Float Maximum(Float maximum, Float v) { return _mm512_max_ps(v, maximum); }
   static Float Minimum(Float minimum, Float v) { return _mm512_min_ps(v, minimum); }
   static Float Select(Float a, Float b, std::uint32_t lanes) { return _mm512_mask_blend_ps(static_cast<__mmask16>(lanes), a, b); }
-  static Int SelectRanks(Int a, Int b, std::uint32_t lanes, float) { return _mm512_mask_blend_epi32(static_cast<__mmask16>(lanes), a, b); }
-  static Short SelectRanks(Short a, Short b, std::uint32_t lanes, int) { return Select(a, b, lanes); }
+  /** The same for lanes of 32 bits if VIsWide. */
+  template <bool VIsWide>
+  static Int SelectRanks(Int a, Int b, std::uint32_t lanes) { return VIsWide ? _mm512_mask_blend_epi32(static_cast<__mmask16>(lanes), a, b) : Select(a, b, lanes); }
 
   /** The bits of VCount bytes that are \a label or, if that is 0, not 0. */
   template <std::ptrdiff_t VCount>

@@ -201,7 +201,7 @@ struct TileRow
   Prefetcher *        prefetcher; // null where tiles fetch their own place in the next slice
   SliceRank<TPixel>   rank;       // of the one slice
   const Mask *        mask;
-  bool                isMoved{ false }; // from the place of its states
+  bool                isMoved{ false }; // so that it has rows of other tiles, whose states `active` does not tell
   SliceRank<TPixel> * ranks{ nullptr };
   const ColumnSpan *  spans{ nullptr };
   ColumnSpan          any{}, common{};
@@ -597,12 +597,13 @@ TakeRanked(TVector sample, TRanks rank, std::uint32_t taken, TPixel * pixels, Sl
   else
   {
     Lanes::Store(pixels, Lanes::Select(before, better, taken));
-    Lanes::Store(ranks, Lanes::SelectRanks(rankBefore, nearest, taken, TPixel{}));
+    Lanes::Store(ranks, Lanes::SelectRanks<IsFloat<TPixel>>(rankBefore, nearest, taken));
   }
 }
 
-/** Gives VRows rows of LaneCount pixels, from \a column on, the samples of a slice, and its rank. */
-template <typename TRule, typename TSampler, int VRows, typename TPixel>
+/** Gives VRows rows of LaneCount pixels, from \a column on, the samples of a slice, and its rank; no more of each row
+ * than its span unless VAll. */
+template <typename TRule, typename TSampler, int VRows, bool VAll, typename TPixel>
 SHEARWARP_INLINE inline void
 TakeRanked(const TileRow<TPixel> & row, std::ptrdiff_t column)
 {
@@ -611,34 +612,16 @@ TakeRanked(const TileRow<TPixel> & row, std::ptrdiff_t column)
   const std::ptrdiff_t      stride = row.pixelStride;
   const auto                rank = Lanes::SetRank(row.rank);
   TSampler(*row.slices)
-    .template ForEachRow<VRows>(row.voxels + (row.slices->offset + row.row * row.rowStride + column),
-                                row.rowStride,
-                                [=](int r, const TPixel *, typename TSampler::Sample sample) SHEARWARP_INLINE {
-                                  TakeRanked<TRule, true>(
-                                    TSampler::Finish(sample), rank, ~0U, pixels + r * stride, ranks + r * stride);
-                                });
+    .template ForEachRow<VRows>(
+      row.voxels + (row.slices->offset + row.row * row.rowStride + column),
+      row.rowStride,
+      [=, spans = row.spans](int r, const TPixel *, typename TSampler::Sample sample) SHEARWARP_INLINE {
+        const std::uint32_t taken = VAll ? ~0U : GetLanes<TPixel>(spans[r], column);
+        TakeRanked<TRule, VAll>(TSampler::Finish(sample), rank, taken, pixels + r * stride, ranks + r * stride);
+      });
 }
 
-/** The same, no more of each row than its span. */
-template <typename TRule, typename TSampler, int VRows, typename TPixel>
-SHEARWARP_INLINE inline void
-TakeRankedSpans(const TileRow<TPixel> & row, std::ptrdiff_t column)
-{
-  const auto rank = Lanes::SetRank(row.rank);
-  TSampler(*row.slices)
-    .template ForEachRow<VRows>(row.voxels + (row.slices->offset + row.row * row.rowStride + column),
-                                row.rowStride,
-                                [&](int r, const TPixel *, typename TSampler::Sample sample) SHEARWARP_INLINE {
-                                  const std::ptrdiff_t place = r * row.pixelStride + column;
-                                  TakeRanked<TRule, false>(TSampler::Finish(sample),
-                                                           rank,
-                                                           GetLanes<TPixel>(row.spans[r], column),
-                                                           row.pixels + place,
-                                                           row.ranks + place);
-                                });
-}
-
-/** The same, no more than counts in the mask, and no more of each row than its span if there are spans. */
+/** The same, no more than counts in the mask; spans may be null. */
 template <typename TRule, typename TSampler, int VRows, typename TPixel>
 SHEARWARP_INLINE inline void
 TakeMasked(const TileRow<TPixel> & row, std::ptrdiff_t column)
@@ -753,10 +736,13 @@ ProjectTileRow(const TileRow<TPixel> & row)
     {
       TakeMasked<TRule, SamplerType, VRows>(row, column);
     }
+    else if (row.ranks && isCut)
+    {
+      TakeRanked<TRule, SamplerType, VRows, false>(row, column);
+    }
     else if (row.ranks)
     {
-      isCut ? TakeRankedSpans<TRule, SamplerType, VRows>(row, column)
-            : TakeRanked<TRule, SamplerType, VRows>(row, column);
+      TakeRanked<TRule, SamplerType, VRows, true>(row, column);
     }
     else if (isCut)
     {

@@ -491,6 +491,27 @@ TEST(ShearWarpMIPCine, PrintsItsParameters)
   }
 }
 
+TEST(ShearWarpMIPCine, AnEmptyMaskLeavesOutAllAndNoMore)
+{
+  Random     random(817);
+  const auto image = MakeRandomImage<short>(random, { { 30, 20, 25 } });
+  auto       cine = CineType<short>::New();
+  cine->SetInput(image);
+  cine->SetMaskImage(MakeMask(image));
+  cine->SetDefaultPixelValue(7);
+  // views of two axes, whose shares of the work do not sum to 1 exactly
+  for (const unsigned int frames : { 1, 3, 7, 9 })
+  {
+    cine->SetNumberOfFrames(frames);
+    cine->Update();
+    EXPECT_LE(cine->GetSkippedFraction(), 1.0);
+    EXPECT_GT(cine->GetSkippedFraction(), 0.9999);
+    const auto * pixels = cine->GetOutput()->GetBufferPointer();
+    const auto   count = cine->GetOutput()->GetBufferedRegion().GetNumberOfPixels();
+    EXPECT_EQ(std::count(pixels, pixels + count, 7), static_cast<std::ptrdiff_t>(count));
+  }
+}
+
 TEST(ShearWarpMIPCine, WhatIsSkippedChangesNoPixel)
 {
   Random     random(1011);
