@@ -657,6 +657,26 @@ TakeMasked(const TileRow<TPixel> & row, std::ptrdiff_t column)
     });
 }
 
+/** The same, what there is of a tile that begins at \a first; apart, so that the loop without ranks stays small. */
+template <typename TRule, typename TSampler, int VRows, typename TPixel>
+__attribute__((noinline)) void
+TakeRankedTile(const TileRow<TPixel> & row, std::ptrdiff_t first, std::ptrdiff_t column, bool isCut)
+{
+  const TileState state = row.active ? row.active[first / TileColumns] : TileState::Masked;
+  if (row.mask && (state == TileState::Masked || row.isMoved || column != first))
+  {
+    TakeMasked<TRule, TSampler, VRows>(row, column);
+  }
+  else if (isCut)
+  {
+    TakeRanked<TRule, TSampler, VRows, false>(row, column);
+  }
+  else
+  {
+    TakeRanked<TRule, TSampler, VRows, true>(row, column);
+  }
+}
+
 /** The samples of all slices. */
 template <typename TRule, typename TSampler, int VRows, typename TPixel>
 SHEARWARP_INLINE inline void
@@ -715,14 +735,12 @@ ProjectTileRow(const TileRow<TPixel> & row)
   const std::ptrdiff_t     end = row.spans ? row.any.end : row.end;
   for (std::ptrdiff_t first = begin / lanes * lanes; first < end; first += lanes)
   {
-    const TileState state = row.active ? row.active[first / TileColumns] : TileState::Masked;
-    if (state == TileState::Unneeded)
+    if (row.active && row.active[first / TileColumns] == TileState::Unneeded)
     {
       continue;
     }
     // the outer tiles overlap their neighbours, which an extremum allows
     const std::ptrdiff_t column = Smaller(Larger(first, row.begin), row.end - lanes);
-    const bool           isMasked = row.mask && (state == TileState::Masked || row.isMoved || column != first);
     if (!row.prefetcher)
     {
       FetchNextSlice<VRows>(row, column);
@@ -732,17 +750,9 @@ ProjectTileRow(const TileRow<TPixel> & row)
       row.prefetcher->Step();
     }
     const bool isCut = row.spans && !(row.common.begin <= column && column + lanes <= row.common.end);
-    if (isMasked)
+    if (row.ranks)
     {
-      TakeMasked<TRule, SamplerType, VRows>(row, column);
-    }
-    else if (row.ranks && isCut)
-    {
-      TakeRanked<TRule, SamplerType, VRows, false>(row, column);
-    }
-    else if (row.ranks)
-    {
-      TakeRanked<TRule, SamplerType, VRows, true>(row, column);
+      TakeRankedTile<TRule, SamplerType, VRows>(row, first, column, isCut);
     }
     else if (isCut)
     {
@@ -940,40 +950,52 @@ private:
         return;
       }
     }
-    const bool           hasAbove = y != 0;
-    const TPixel * const b = m_Stack.voxels + (slice.offset + row * m_Stack.rowStride + voxelColumn);
-    const TPixel * const a = b - (hasAbove ? m_Stack.rowStride : 0);
-    constexpr auto       all = 0b1111U;
-    unsigned int         counted = all;
-    if (m_View.mask)
+    const std::ptrdiff_t place = row * m_View.intermediate.rowStride + column;
+    const TPixel * const voxel = m_Stack.voxels + (slice.offset + row * m_Stack.rowStride + voxelColumn);
+    if (m_View.ranked.ranks)
     {
-      const Mask &               mask = *m_View.mask;
-      const std::uint8_t * const maskB = mask.voxels + (slice.maskOffset + row * mask.rowStride + voxelColumn);
-      counted = FindCounted(maskB - (hasAbove ? mask.rowStride : 0), maskB, mask.label, 0, 0, 0, y);
+      return this->TakeRankedEdgeSample(slice, row, voxelColumn, voxel, y, place);
     }
-    TPixel sample = *b;
-    if (counted != all)
+    const TPixel b = *voxel;
+    TPixel       sample = b;
+    if (y != 0)
     {
-      sample = counted != 0 ? SampleCounted(a, b, 0, 0, 0, y, counted) : sample;
-    }
-    else if (hasAbove)
-    {
+      const TPixel a = voxel[-m_Stack.rowStride];
       if constexpr (IsFloat<TPixel>)
       {
-        sample = *b + static_cast<float>(y) / 32768 * (*a - *b);
+        sample = b + static_cast<float>(y) / 32768 * (a - b);
       }
       else
       {
-        sample = static_cast<TPixel>((y * *a + (32768 - y) * *b + (1 << 14)) >> 15);
+        sample = static_cast<TPixel>((y * a + (32768 - y) * b + (1 << 14)) >> 15);
       }
+    }
+    TPixel & pixel = m_View.intermediate.pixels[place];
+    pixel = TRule::IsBetter(sample, pixel) ? sample : pixel;
+  }
+
+  __attribute__((noinline)) void
+  TakeRankedEdgeSample(const PlacedSlice & slice,
+                       std::ptrdiff_t      row,
+                       std::ptrdiff_t      voxelColumn,
+                       const TPixel *      voxel,
+                       std::int32_t        y,
+                       std::ptrdiff_t      place) const
+  {
+    unsigned int counted = 0b1111U;
+    if (m_View.mask)
+    {
+      const Mask &               mask = *m_View.mask;
+      const std::uint8_t * const b = mask.voxels + (slice.maskOffset + row * mask.rowStride + voxelColumn);
+      counted = FindCounted(b - (y != 0 ? mask.rowStride : 0), b, mask.label, 0, 0, 0, y);
     }
     if (counted != 0)
     {
-      const std::ptrdiff_t place = row * m_View.intermediate.rowStride + column;
-      TakeSample<TRule>(sample,
+      const TPixel * const above = voxel - (y != 0 ? m_Stack.rowStride : 0);
+      TakeSample<TRule>(SampleCounted(above, voxel, 0, 0, 0, y, counted),
                         GetRank(m_View.ranked, m_Slice),
                         m_View.intermediate.pixels[place],
-                        m_View.ranked.ranks ? m_View.ranked.ranks + place : nullptr);
+                        m_View.ranked.ranks + place);
     }
   }
 
