@@ -657,9 +657,9 @@ TakeMasked(const TileRow<TPixel> & row, std::ptrdiff_t column)
     });
 }
 
-/** The same, what there is of a tile that begins at \a first; apart, so that the loop without ranks stays small. */
+/** The same, what there is of a tile that begins at \a first. */
 template <typename TRule, typename TSampler, int VRows, typename TPixel>
-__attribute__((noinline)) void
+void
 TakeRankedTile(const TileRow<TPixel> & row, std::ptrdiff_t first, std::ptrdiff_t column, bool isCut)
 {
   const TileState state = row.active ? row.active[first / TileColumns] : TileState::Masked;
@@ -725,7 +725,7 @@ FetchNextSlice(const TileRow<TPixel> & row, std::ptrdiff_t column)
   }
 }
 
-template <typename TRule, typename TPixel, Fractions VFractions, bool VWide, int VRows>
+template <typename TRule, typename TPixel, Fractions VFractions, bool VWide, int VRows, bool VHasRanks>
 void
 ProjectTileRow(const TileRow<TPixel> & row)
 {
@@ -750,7 +750,7 @@ ProjectTileRow(const TileRow<TPixel> & row)
       row.prefetcher->Step();
     }
     const bool isCut = row.spans && !(row.common.begin <= column && column + lanes <= row.common.end);
-    if (row.ranks)
+    if constexpr (VHasRanks)
     {
       TakeRankedTile<TRule, SamplerType, VRows>(row, first, column, isCut);
     }
@@ -768,7 +768,7 @@ ProjectTileRow(const TileRow<TPixel> & row)
     }
   }
   // what a slice has beside the others
-  for (const PlacedSlice * slice = row.slices; row.count > 1 && slice != row.slices + row.count; ++slice)
+  for (const PlacedSlice * slice = row.slices; !VHasRanks && row.count > 1 && slice != row.slices + row.count; ++slice)
   {
     if (slice->inner.begin < row.begin)
     {
@@ -781,20 +781,20 @@ ProjectTileRow(const TileRow<TPixel> & row)
   }
 }
 
-template <typename TRule, typename TPixel, bool VWide, int VRows>
+template <typename TRule, typename TPixel, bool VWide, int VRows, bool VHasRanks>
 void
 ProjectTileRow(const TileRow<TPixel> & row)
 {
   switch (row.slices->GetFractions())
   {
     case Fractions::None:
-      return ProjectTileRow<TRule, TPixel, Fractions::None, VWide, VRows>(row);
+      return ProjectTileRow<TRule, TPixel, Fractions::None, VWide, VRows, VHasRanks>(row);
     case Fractions::Column:
-      return ProjectTileRow<TRule, TPixel, Fractions::Column, VWide, VRows>(row);
+      return ProjectTileRow<TRule, TPixel, Fractions::Column, VWide, VRows, VHasRanks>(row);
     case Fractions::Row:
-      return ProjectTileRow<TRule, TPixel, Fractions::Row, VWide, VRows>(row);
+      return ProjectTileRow<TRule, TPixel, Fractions::Row, VWide, VRows, VHasRanks>(row);
     default:
-      return ProjectTileRow<TRule, TPixel, Fractions::Both, VWide, VRows>(row);
+      return ProjectTileRow<TRule, TPixel, Fractions::Both, VWide, VRows, VHasRanks>(row);
   }
 }
 
@@ -874,9 +874,8 @@ private:
   {
     const auto [column, row] = m_View.placements[slice];
     const RowSpan rows = FindRows(m_Block, m_View.placements, slice);
-    const Mask    mask = m_View.mask ? *m_View.mask : Mask{};
     return { slice * m_Stack.sliceStride - row.whole * m_Stack.rowStride - column.whole,
-             slice * mask.sliceStride - row.whole * mask.rowStride - column.whole,
+             m_View.mask ? slice * m_View.mask->sliceStride - row.whole * m_View.mask->rowStride - column.whole : 0,
              column.whole,
              row.whole,
              column.fraction,
@@ -1155,8 +1154,14 @@ private:
   void
   ProjectTiles(const TileRow<TPixel> & tiles) const
   {
-    m_IsWide ? ProjectTileRow<TRule, TPixel, sizeof(TPixel) == 2, VRows>(tiles)
-             : ProjectTileRow<TRule, TPixel, false, VRows>(tiles);
+    constexpr bool mayBeWide = sizeof(TPixel) == 2;
+    if (tiles.ranks)
+    {
+      return m_IsWide ? ProjectTileRow<TRule, TPixel, mayBeWide, VRows, true>(tiles)
+                      : ProjectTileRow<TRule, TPixel, false, VRows, true>(tiles);
+    }
+    return m_IsWide ? ProjectTileRow<TRule, TPixel, mayBeWide, VRows, false>(tiles)
+                    : ProjectTileRow<TRule, TPixel, false, VRows, false>(tiles);
   }
 
   const SliceStack<TPixel> &  m_Stack;
