@@ -548,12 +548,12 @@ FindSlice(const IntermediateImage<TPixel> & image, double column, double row)
   if (isWithin(column, image.columns) && isWithin(row, image.rows))
   {
     constexpr std::int64_t half = One / 2;
-    const auto             p = static_cast<std::int64_t>(column * One + 0.5);
-    const auto             q = static_cast<std::int64_t>(row * One + 0.5);
+    const auto             p = static_cast<std::int64_t>(column * One);
+    const auto             q = static_cast<std::int64_t>(row * One);
     const std::int64_t     i = (p + half) >> FractionBits;
     const std::int64_t     j = (q + half) >> FractionBits;
     // further from the middle than rounding moves weights, the nearest pixel has more than the others
-    const auto isClear = [](std::int64_t position) { return std::abs((position & (One - 1)) - half) > 1; };
+    const auto isClear = [](std::int64_t position) { return std::abs((position & (One - 1)) - half) > 2; };
     if (isClear(p) && isClear(q) && i >= image.reached[j].begin && i < image.reached[j].end &&
         image.slices[j * image.rowStride + i] >= 0)
     {
