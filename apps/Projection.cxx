@@ -18,7 +18,6 @@
 #include "Projection.h"
 
 #include "itkCommand.h"
-#include "itkShearWarpBuffer.h"
 #include "itkShearWarpMIPImageFilter.h"
 
 #include <algorithm>
@@ -141,7 +140,7 @@ RequireMemory(const itk::ImageBase<3> & grid, std::size_t bytesPerPixel)
   const auto size = grid.GetLargestPossibleRegion().GetSize();
   const auto bytes = static_cast<double>(size[0]) * static_cast<double>(size[1]) * static_cast<double>(size[2]) *
                      static_cast<double>(bytesPerPixel);
-  if (bytes > itk::ShearWarpBuffer::GetPhysicalMemory())
+  if (bytes > itk::ShearWarp::GetPhysicalMemory())
   {
     std::ostringstream message;
     message << size[2] << " frames of size [" << size[0] << ", " << size[1] << "] take " << bytes

@@ -21,10 +21,8 @@
 #include "itkDataObjectDecorator.h"
 #include "itkImageToImageFilter.h"
 #include "itkMultiThreaderBase.h"
-#include "itkShearWarpFactorization.h"
-#include "itkShearWarpProjector.h"
+#include "itkShearWarpEngine.h"
 
-#include <chrono>
 #include <cstring>
 #include <optional>
 #include <string>
@@ -33,8 +31,8 @@
 namespace itk
 {
 /** \class ShearWarpBaseImageFilter
- * \brief What all filters have in common that project 3D images by shear-warp factorization: the prepared volume, its
- * projector, and their threads.
+ * \brief What all filters have in common that project 3D images by shear-warp factorization: the engine, and its
+ * threads.
  *
  * Observers may change how many threads there are and release the prepared volume during an update: that takes effect
  * after it. An update ends with an exception if an observer changes a parameter, an input or an output. Only the memory
@@ -89,20 +87,40 @@ public:
   itkGetConstMacro(Oversampling, unsigned int);
 
   /** The fraction of the volume, 0 to 1, that the last update left out by reduced resampling or by a mask. */
-  itkGetConstMacro(SkippedFraction, double);
+  double
+  GetSkippedFraction() const
+  {
+    return m_Engine.GetMeasurements().skippedFraction;
+  }
 
   /** The instruction set of the last update's kernels: "portable", "avx2" or "avx512". The fastest that the processor
    * has is used, unless the environment variable SHEARWARPMIP_INSTRUCTION_SET names another. */
-  itkGetConstReferenceMacro(InstructionSet, std::string);
+  const std::string &
+  GetInstructionSet() const
+  {
+    return m_Engine.GetMeasurements().instructionSet;
+  }
 
   /** Index axis of the input, 0, 1 or 2, along which the last update took the slices of the first view. */
-  itkGetConstMacro(PrincipalAxis, unsigned int);
+  unsigned int
+  GetPrincipalAxis() const
+  {
+    return m_Engine.GetMeasurements().principalAxis;
+  }
 
   /** Seconds that the last update took to prepare the volume; 0 if it was prepared already. */
-  itkGetConstMacro(PreparationSeconds, double);
+  double
+  GetPreparationSeconds() const
+  {
+    return m_Engine.GetMeasurements().preparationSeconds;
+  }
 
   /** Seconds that the last update took to project the volume to intermediate images. */
-  itkGetConstMacro(ProjectionSeconds, double);
+  double
+  GetProjectionSeconds() const
+  {
+    return m_Engine.GetMeasurements().projectionSeconds;
+  }
 
   /** Frees the memory that is kept for the next update: of the prepared volume, a mask's, and the intermediate images.
    * A later update prepares them again if it needs to. During an update it waits for the end. */
@@ -111,20 +129,17 @@ public:
 
   /** Bytes that are held beside inputs and outputs: what ReleasePreparedVolume() frees. Not for observers of an update.
    */
-  virtual SizeValueType
+  SizeValueType
   GetPreparedVolumeSizeInBytes() const
   {
-    return m_PreparedVolume.GetSizeInBytes() + m_Projector.GetSizeInBytes();
+    return m_Engine.GetSizeInBytes();
   }
 
   void
   UpdateOutputInformation() override;
 
 protected:
-  using Kernels = ShearWarp::Kernels<InputPixelType>;
-  using IntermediateImageType = ShearWarp::IntermediateImage<InputPixelType>;
-  using ProjectorType = ShearWarpProjector<InputPixelType>;
-  using Clock = std::chrono::steady_clock;
+  using EngineType = ShearWarpEngine<InputPixelType>;
 
   ShearWarpBaseImageFilter() = default;
   ~ShearWarpBaseImageFilter() override = default;
@@ -142,10 +157,6 @@ protected:
   /** Gives the outputs, which are allocated, their pixels. */
   virtual void
   GeneratePixels() = 0;
-
-  /** Frees what the next update would make again. */
-  virtual void
-  ReleaseMemory();
 
   /** All parameters, and the input's region, as numbers. */
   virtual std::vector<double>
@@ -199,43 +210,14 @@ protected:
   typename Image<TPixel, VDimension>::PixelContainerPointer
   VerifyPixels(Image<TPixel, VDimension> * output, SizeValueType count) const;
 
-  /** Chooses the kernels, and forgets the last update's measurements. */
-  const Kernels &
-  BeginUpdate(const ShearWarpFactorization & first);
+  /** The update's, which report to the filter's progress and throw ProcessAborted between two calls. */
+  ShearWarp::Threads
+  GetThreads();
 
-  static double
-  SecondsSince(Clock::time_point start)
-  {
-    return std::chrono::duration<double>(Clock::now() - start).count();
-  }
-
-  /** How many threads the update has. */
-  SizeValueType
-  GetNumberOfWorkers() const
-  {
-    return m_NumberOfWorkers;
-  }
-
-  /** How many of the slices along z of an image of \a size voxels are transposed at once, where they are not kept; at
-   * least \a least for each thread. */
-  std::ptrdiff_t
-  GetSlabLength(const Size<3> & size, std::ptrdiff_t least) const;
-
-  /** Calls \a process(n, step, worker) in parallel for each n of [0, count) and, one after the other, each step of
-   * [0, steps); calls with the same worker, less than GetNumberOfWorkers(), do not overlap. Adds \a progressWeight to
-   * the progress; throws ProcessAborted between two calls. */
-  template <typename TFunction>
-  void
-  Parallelize(SizeValueType count, SizeValueType steps, float progressWeight, const TFunction & process);
-
-  ShearWarpPreparedVolume<InputPixelType> m_PreparedVolume;
-  ProjectorType                           m_Projector;
+  EngineType m_Engine;
 
   ReducedResamplingEnum m_ReducedResampling{ ReducedResamplingEnum::Auto };
   unsigned int          m_Oversampling{ 1 };
-  double                m_SkippedFraction{ 0.0 };
-  double                m_PreparationSeconds{ 0.0 };
-  double                m_ProjectionSeconds{ 0.0 };
 
 private:
   /** As bits: a parameter can be not-a-number. */
@@ -245,8 +227,8 @@ private:
     return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(double)) == 0;
   }
 
-  std::string  m_InstructionSet{ "portable" };
-  unsigned int m_PrincipalAxis{ 2 };
+  void
+  RunInParallel(SizeValueType count, SizeValueType steps, float share, const ShearWarp::Task & task);
 
   std::vector<double> m_SettingsOfOutputs; // by which the outputs' geometry was made
 

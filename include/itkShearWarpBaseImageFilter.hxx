@@ -23,7 +23,6 @@
 #include <cmath>
 #include <exception>
 #include <mutex>
-#include <stdexcept>
 #include <typeinfo>
 #include <utility>
 
@@ -149,16 +148,8 @@ ShearWarpBaseImageFilter<TInputImage, TOutputImage>::ReleasePreparedVolume()
   m_IsReleaseWanted = m_State.has_value();
   if (!m_IsReleaseWanted)
   {
-    this->ReleaseMemory();
+    m_Engine.Release();
   }
-}
-
-template <typename TInputImage, typename TOutputImage>
-void
-ShearWarpBaseImageFilter<TInputImage, TOutputImage>::ReleaseMemory()
-{
-  m_PreparedVolume.Release();
-  m_Projector.Release();
 }
 
 template <typename TInputImage, typename TOutputImage>
@@ -265,49 +256,27 @@ ShearWarpBaseImageFilter<TInputImage, TOutputImage>::GenerateData()
 }
 
 template <typename TInputImage, typename TOutputImage>
-auto
-ShearWarpBaseImageFilter<TInputImage, TOutputImage>::BeginUpdate(const ShearWarpFactorization & first)
-  -> const Kernels &
+ShearWarp::Threads
+ShearWarpBaseImageFilter<TInputImage, TOutputImage>::GetThreads()
 {
-  m_PrincipalAxis = first.GetPrincipalAxis();
-  m_PreparationSeconds = m_ProjectionSeconds = 0.0;
-  m_SkippedFraction = 0.0;
-  try
-  {
-    const Kernels & kernels = ShearWarp::GetKernels<InputPixelType>();
-    m_InstructionSet = kernels.instructionSet;
-    return kernels;
-  }
-  catch (const std::invalid_argument & error)
-  {
-    itkExceptionMacro(<< error.what());
-  }
+  return { m_NumberOfWorkers,
+           [this](SizeValueType count, SizeValueType steps, float share, const ShearWarp::Task & task) {
+             this->RunInParallel(count, steps, share, task);
+           } };
 }
 
 template <typename TInputImage, typename TOutputImage>
-std::ptrdiff_t
-ShearWarpBaseImageFilter<TInputImage, TOutputImage>::GetSlabLength(const Size<3> & size, std::ptrdiff_t least) const
-{
-  // they stay in the cache
-  constexpr std::ptrdiff_t bytes = 1 << 21;
-  const auto               sliceBytes =
-    static_cast<std::ptrdiff_t>(std::max<SizeValueType>(size[0] * size[1], 1) * sizeof(InputPixelType));
-  return std::max(bytes / sliceBytes, least) * static_cast<std::ptrdiff_t>(this->GetNumberOfWorkers());
-}
-
-template <typename TInputImage, typename TOutputImage>
-template <typename TFunction>
 void
-ShearWarpBaseImageFilter<TInputImage, TOutputImage>::Parallelize(SizeValueType     count,
-                                                                 SizeValueType     steps,
-                                                                 float             progressWeight,
-                                                                 const TFunction & process)
+ShearWarpBaseImageFilter<TInputImage, TOutputImage>::RunInParallel(SizeValueType           count,
+                                                                   SizeValueType           steps,
+                                                                   float                   share,
+                                                                   const ShearWarp::Task & task)
 {
   const SizeValueType workers = std::min(count, m_NumberOfWorkers);
   m_UpdateThreader->SetNumberOfWorkUnits(static_cast<ThreadIdType>(workers));
   // ITK's reporters invoke events in their destructors, out of which no observer may throw; its threads lose exceptions
   const SizeValueType        reportedSteps = (count * steps + 99) / 100;
-  const float                stepWeight = progressWeight / static_cast<float>(count * steps);
+  const float                stepWeight = share / static_cast<float>(count * steps);
   std::atomic<SizeValueType> next{ 0 };
   std::exception_ptr         exception;
   std::mutex                 mutex;
@@ -321,7 +290,7 @@ ShearWarpBaseImageFilter<TInputImage, TOutputImage>::Parallelize(SizeValueType  
         {
           throw ProcessAborted(__FILE__, __LINE__);
         }
-        process(n, step, worker);
+        task(n, step, worker);
         if (++done == reportedSteps)
         {
           this->IncrementProgress(stepWeight * static_cast<float>(done));
@@ -364,11 +333,11 @@ ShearWarpBaseImageFilter<TInputImage, TOutputImage>::PrintSelf(std::ostream & os
   Superclass::PrintSelf(os, indent);
   os << indent << "ReducedResampling: " << m_ReducedResampling << std::endl;
   os << indent << "Oversampling: " << m_Oversampling << std::endl;
-  os << indent << "SkippedFraction: " << m_SkippedFraction << std::endl;
-  os << indent << "InstructionSet: " << m_InstructionSet << std::endl;
-  os << indent << "PrincipalAxis: " << m_PrincipalAxis << std::endl;
-  os << indent << "PreparationSeconds: " << m_PreparationSeconds << std::endl;
-  os << indent << "ProjectionSeconds: " << m_ProjectionSeconds << std::endl;
+  os << indent << "SkippedFraction: " << this->GetSkippedFraction() << std::endl;
+  os << indent << "InstructionSet: " << this->GetInstructionSet() << std::endl;
+  os << indent << "PrincipalAxis: " << this->GetPrincipalAxis() << std::endl;
+  os << indent << "PreparationSeconds: " << this->GetPreparationSeconds() << std::endl;
+  os << indent << "ProjectionSeconds: " << this->GetProjectionSeconds() << std::endl;
   os << indent << "PreparedVolumeSizeInBytes: " << this->GetPreparedVolumeSizeInBytes() << std::endl;
 }
 } // namespace itk

@@ -20,7 +20,7 @@
 
 #include "itkImageBase.h"
 #include "itkMatrix.h"
-#include "itkShearWarpKernels.h"
+#include "itkShearWarpSampling.h"
 #include "itkTransform.h"
 
 #include <functional>

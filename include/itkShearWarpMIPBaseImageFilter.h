@@ -19,11 +19,8 @@
 #define itkShearWarpMIPBaseImageFilter_h
 
 #include "itkShearWarpBaseImageFilter.h"
-#include "itkShearWarpRayProjector.h"
 
-#include <functional>
 #include <limits>
-#include <memory>
 #include <vector>
 
 namespace itk
@@ -180,28 +177,13 @@ public:
   itkGetConstMacro(IntermediateMemory, SizeValueType);
 
   /** Seconds that the last update took to warp intermediate images to the output. */
-  itkGetConstMacro(WarpSeconds, double);
-
-  SizeValueType
-  GetPreparedVolumeSizeInBytes() const override
+  double
+  GetWarpSeconds() const
   {
-    return Superclass::GetPreparedVolumeSizeInBytes() + m_PreparedMask.GetSizeInBytes() +
-           m_RayProjector.GetSizeInBytes();
+    return this->m_Engine.GetMeasurements().warpSeconds;
   }
 
 protected:
-  using typename Superclass::Clock;
-  using typename Superclass::IntermediateImageType;
-  using typename Superclass::Kernels;
-  using Superclass::SecondsSince;
-
-  struct View
-  {
-    TransformConstPointer  transform;
-    ShearWarpFactorization factorization;
-    SizeValueType          number;
-  };
-
   using ViewList = ShearWarp::ViewList;
 
   ShearWarpMIPBaseImageFilter() = default;
@@ -227,10 +209,6 @@ protected:
   bool
   IsPlainMaximum() const;
 
-  /** Writes a view to its place in the output. */
-  void
-  Warp(const IntermediateImageType & intermediate, const View & view, const Kernels & kernels, float share);
-
   void
   VerifyPreconditions() ITKv5_CONST override;
 
@@ -246,14 +224,6 @@ protected:
   void
   GeneratePixels() override;
 
-  void
-  ReleaseMemory() override
-  {
-    Superclass::ReleaseMemory();
-    m_PreparedMask.Release();
-    m_RayProjector.Release();
-  }
-
   std::vector<double>
   GetSettings() const override;
 
@@ -265,105 +235,31 @@ protected:
   PrintSelf(std::ostream & os, Indent indent) const override;
 
 private:
-  using RayProjectorType = ShearWarpRayProjector<InputPixelType>;
+  using RuleType = typename Superclass::EngineType::RuleType;
 
-  /** The numbers of views with the same intermediate image. */
-  using Projection = std::vector<SizeValueType>;
-
-  /** What is projected together. */
-  struct Group
-  {
-    unsigned int            axis;
-    std::vector<Projection> projections;
-  };
-
-  /** Whether only RayProjectorType can project: what depends on the order of samples, and slices of more than ranks
-   * tell.
-   */
-  bool
-  NeedsRays() const;
-
-  bool
-  HasRegion() const;
-
-  /** Whether intermediate images tell the slices of their pixels: of depths, and of masks, where a pixel may have none.
-   */
-  bool
-  NeedsSlices() const
-  {
-    return m_ComputeDepth || this->GetMaskImage();
-  }
-
-  typename Superclass::ProjectorType::IntervalList
-  MakeIntervals(const View & view) const;
-
-  typename RayProjectorType::Parameters
-  MakeRayParameters(const View & view, const Kernels & kernels) const;
-
-  static constexpr SizeValueType MostViewsTogether = 256;
-
-  using FactorizeFunction = std::function<std::shared_ptr<const View>(SizeValueType)>;
-
-  /** Of \a count views. */
-  std::vector<Group>
-  MakeGroups(SizeValueType count, const FactorizeFunction & factorize) const;
-
-  /** Prepares the volume and the mask and has \a project(volume, mask, parallelize) project them, slab by slab; \a mask
-   * is null if there is none, \a share is the part of the progress. A transposed copy is kept only if \a isKept. */
-  template <typename TFunction>
-  void
-  Project(const TFunction & project,
-          unsigned int      axis,
-          bool              isFirstSlabFirst,
-          bool              hasBlockMaxima,
-          bool              isKept,
-          const Kernels &   kernels,
-          float             share);
+  RuleType
+  MakeRule() const;
 
   /** Sets one of the output grid's parameters, which is no longer fitted then. */
   template <typename TParameter>
   void
   SetGridParameter(TParameter & parameter, bool & fit, const TParameter & value);
 
-  /** Of the input's region, slab \a n of \a slabs: from and to which slice. */
-  struct Slab
-  {
-    std::ptrdiff_t begin, end;
-  };
+  /** The slices of the input's largest possible region. */
+  ShearWarp::SliceRange
+  GetSlices() const;
 
-  Slab
-  GetSlab(SizeValueType n, SizeValueType slabs) const;
-
+  /** At most NumberOfStreamDivisions. */
   SizeValueType
   GetNumberOfSlabs() const;
 
-  /** The slab's part of the input, with the slice before, which its samples need. */
+  /** These slices of the input and the mask, with the slice before, which their samples need. */
   void
-  SetInputRequestedRegionToSlab(const Slab & slab);
+  SetInputRequestedRegionToSlab(const ShearWarp::SliceRange & slab);
 
   /** Makes the source of \a image, if that is not null, put the requested region into memory. */
   void
-  UpdateSlab(DataObject * image)
-  {
-    if (image)
-    {
-      image->PropagateRequestedRegion();
-      image->UpdateOutputData();
-      this->VerifyUnchanged();
-    }
-  }
-
-  /** The \a slab or, if that is null, all. The voxels stay in memory while what it returns does. */
-  template <typename TPixel>
-  typename Image<TPixel, 3>::PixelContainerConstPointer
-  Prepare(const char *                       name,
-          const Image<TPixel, 3> *           image,
-          ShearWarpPreparedVolume<TPixel> &  prepared,
-          unsigned int                       axis,
-          const Slab *                       slab,
-          bool                               hasBlockMaxima,
-          const ShearWarp::Kernels<TPixel> & kernels,
-          float                              progressWeight);
+  UpdateSlab(DataObject * image);
 
   SizeType        m_Size{ { 0, 0 } };
   SpacingType     m_OutputSpacing{ 0.0 };
@@ -387,12 +283,8 @@ private:
   double            m_DepthAttenuation{ 0.0 };
   bool              m_ComputeDepth{ false };
 
-  ShearWarpPreparedVolume<unsigned char> m_PreparedMask{ true };
-  RayProjectorType                       m_RayProjector;
-
   unsigned int  m_NumberOfStreamDivisions{ 1 };
   SizeValueType m_IntermediateMemory{ SizeValueType{ 1 } << 30 };
-  double        m_WarpSeconds{ 0.0 };
 };
 } // namespace itk
 

@@ -20,8 +20,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iterator>
-#include <unordered_map>
 
 namespace itk
 {
@@ -198,7 +196,7 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GenerateOutputInformatio
     }
   }
 
-  const double memory = ShearWarpBuffer::GetPhysicalMemory();
+  const double memory = ShearWarp::GetPhysicalMemory();
   const double bytes = size[0] * size[1] * sizeof(OutputPixelType) * static_cast<double>(views.count);
   if (!(bytes <= memory))
   {
@@ -222,12 +220,13 @@ template <typename TInputImage, typename TOutputImage>
 void
 ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GenerateInputRequestedRegion()
 {
-  this->SetInputRequestedRegionToSlab(this->GetSlab(0, this->GetNumberOfSlabs()));
+  this->SetInputRequestedRegionToSlab(ShearWarp::GetSlab(this->GetSlices(), 0, this->GetNumberOfSlabs()));
 }
 
 template <typename TInputImage, typename TOutputImage>
 void
-ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::SetInputRequestedRegionToSlab(const Slab & slab)
+ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::SetInputRequestedRegionToSlab(
+  const ShearWarp::SliceRange & slab)
 {
   typename InputImageType::RegionType region = this->GetInput()->GetLargestPossibleRegion();
   const std::ptrdiff_t                begin = std::max<std::ptrdiff_t>(slab.begin - 1, 0);
@@ -241,54 +240,29 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::SetInputRequestedRegionT
 }
 
 template <typename TInputImage, typename TOutputImage>
+void
+ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::UpdateSlab(DataObject * image)
+{
+  if (image)
+  {
+    image->PropagateRequestedRegion();
+    image->UpdateOutputData();
+    this->VerifyUnchanged();
+  }
+}
+
+template <typename TInputImage, typename TOutputImage>
+ShearWarp::SliceRange
+ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GetSlices() const
+{
+  return { 0, static_cast<std::ptrdiff_t>(this->GetInput()->GetLargestPossibleRegion().GetSize(2)) };
+}
+
+template <typename TInputImage, typename TOutputImage>
 SizeValueType
 ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GetNumberOfSlabs() const
 {
-  const auto slices = static_cast<std::ptrdiff_t>(this->GetInput()->GetLargestPossibleRegion().GetSize(2));
-  return std::clamp<SizeValueType>(
-    m_NumberOfStreamDivisions, 1, std::max<std::ptrdiff_t>(ShearWarp::CountBlocks(slices), 1));
-}
-
-template <typename TInputImage, typename TOutputImage>
-auto
-ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GetSlab(SizeValueType n, SizeValueType slabs) const -> Slab
-{
-  const auto          slices = static_cast<std::ptrdiff_t>(this->GetInput()->GetLargestPossibleRegion().GetSize(2));
-  const SizeValueType blocks = ShearWarp::CountBlocks(slices);
-  const auto          getEnd = [=](SizeValueType count) {
-    return std::min(static_cast<std::ptrdiff_t>(count * blocks / slabs) * ShearWarp::BlockLength, slices);
-  };
-  return { getEnd(n), getEnd(n + 1) };
-}
-
-template <typename TInputImage, typename TOutputImage>
-template <typename TPixel>
-auto
-ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::Prepare(const char *                       name,
-                                                                const Image<TPixel, 3> *           image,
-                                                                ShearWarpPreparedVolume<TPixel> &  prepared,
-                                                                unsigned int                       axis,
-                                                                const Slab *                       slab,
-                                                                bool                               hasBlockMaxima,
-                                                                const ShearWarp::Kernels<TPixel> & kernels,
-                                                                float                              progressWeight) ->
-  typename Image<TPixel, 3>::PixelContainerConstPointer
-{
-  const auto voxels = this->VerifyVoxels(name, image);
-  const auto parallelize = [=](SizeValueType count, const auto & process) {
-    this->Parallelize(
-      count, 1, progressWeight, [&process](SizeValueType n, SizeValueType, SizeValueType) { process(n); });
-  };
-  const ImageRegion<3> & whole = image->GetLargestPossibleRegion();
-  if (slab)
-  {
-    prepared.PreparePart(image, whole, slab->begin, slab->end, axis, hasBlockMaxima, kernels, parallelize);
-  }
-  else
-  {
-    prepared.Prepare(image, whole, axis, hasBlockMaxima, kernels, parallelize);
-  }
-  return voxels;
+  return ShearWarp::CountSlabs(this->GetSlices(), m_NumberOfStreamDivisions);
 }
 
 template <typename TInputImage, typename TOutputImage>
@@ -321,347 +295,80 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GetSettings() const
 }
 
 template <typename TInputImage, typename TOutputImage>
-void
-ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GeneratePixels()
-{
-  const ViewList                           views = this->MakeViews();
-  std::vector<std::shared_ptr<const View>> lastViews(MostViewsTogether);
-  const auto                               factorize = [&](SizeValueType number) {
-    auto & view = lastViews[number % MostViewsTogether];
-    if (!view || view->number != number)
-    {
-      const TransformConstPointer transform = views.get(number);
-      view = std::make_shared<const View>(
-        View{ transform, { transform, this->GetInput(), m_Grid, this->m_Oversampling }, number });
-    }
-    return view;
-  };
-  const Kernels & kernels = this->BeginUpdate(factorize(0)->factorization);
-  m_WarpSeconds = 0.0;
-
-  const SizeValueType workers = this->GetNumberOfWorkers();
-  const float         viewShare = 1.0f / static_cast<float>(views.count);
-  for (const Group & group : this->MakeGroups(views.count, factorize))
-  {
-    const unsigned int axis = group.axis;
-    // what serves further views is made when they come
-    const unsigned int projectedAxes = this->m_PreparedVolume.GetProjectedAxes(this->GetInput());
-    const bool         hasBlockMaxima = this->m_ReducedResampling == Superclass::ReducedResamplingEnum::On ||
-                                group.projections.size() > 1 || projectedAxes != 0;
-    const bool                               isKept = (projectedAxes >> axis & 1U) != 0;
-    std::vector<std::shared_ptr<const View>> firsts;
-    SizeValueType                            count = 0;
-    for (const Projection & projection : group.projections)
-    {
-      count += projection.size();
-      firsts.push_back(factorize(projection.front()));
-    }
-    const float share = viewShare * static_cast<float>(count);
-    const auto  finish = [&](const auto & finishProjection) {
-      for (std::size_t n = 0; n < firsts.size(); ++n)
-      {
-        const Projection &          projection = group.projections[n];
-        const auto                  start = Clock::now();
-        const auto                  mergeShare = 0.05f * viewShare * static_cast<float>(projection.size());
-        const IntermediateImageType intermediate =
-          finishProjection(n, [this, mergeShare](SizeValueType bands, SizeValueType steps, const auto & process) {
-            this->Parallelize(bands, steps, mergeShare, process);
-          });
-        this->m_ProjectionSeconds += SecondsSince(start);
-        for (const SizeValueType number : projection)
-        {
-          this->Warp(intermediate, *factorize(number), kernels, viewShare);
-        }
-      }
-    };
-    if (!this->NeedsRays())
-    {
-      typename Superclass::ProjectorType::ViewList projectedViews;
-      for (const auto & first : firsts)
-      {
-        projectedViews.push_back({ &first->factorization, this->MakeIntervals(*first) });
-      }
-      this->m_Projector.Start(
-        projectedViews, kernels, { m_Mode, this->NeedsSlices(), m_MaskLabel, this->m_ReducedResampling }, workers);
-      const auto project = [this](const auto & volume, const auto * mask, const auto & parallelize) {
-        this->m_Projector.Project(volume, mask, parallelize);
-      };
-      this->Project(project, axis, true, hasBlockMaxima && this->IsPlainMaximum(), isKept, kernels, share);
-      // shares may sum to a little more than 1
-      this->m_SkippedFraction = std::min(this->m_SkippedFraction + this->m_Projector.GetSkippedFraction() * share, 1.0);
-      finish([this](std::size_t n, const auto & parallelize) { return this->m_Projector.Finish(n, parallelize); });
-    }
-    else
-    {
-      const View & first = *firsts.front();
-      m_RayProjector.Start(first.factorization, kernels, this->MakeRayParameters(first, kernels), workers);
-      const auto project = [this](const auto & volume, const auto * mask, const auto & parallelize) {
-        m_RayProjector.Project(volume, mask, parallelize);
-      };
-      this->Project(project, axis, m_RayProjector.IsFirstSlabFront(), false, isKept, kernels, share);
-      finish([this](std::size_t, const auto & parallelize) { return m_RayProjector.Finish(parallelize); });
-    }
-  }
-  if (this->GetNumberOfSlabs() > 1)
-  {
-    this->ReleasePreparedVolume();
-  }
-
-  // the weights sum to less: ITK's progress wraps around to 0 where rounding takes it beyond 1
-  this->UpdateProgress(1.0f);
-}
-
-template <typename TInputImage, typename TOutputImage>
 auto
-ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::MakeGroups(SizeValueType             count,
-                                                                   const FactorizeFunction & factorize) const
-  -> std::vector<Group>
+ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::MakeRule() const -> RuleType
 {
-  const bool                                          isOneByOne = this->NeedsRays();
-  const bool                                          hasRegion = this->HasRegion();
-  std::vector<Projection>                             projections[InputImageDimension];
-  Size<2>                                             largest[InputImageDimension]{};
-  std::unordered_multimap<SizeValueType, std::size_t> candidates[InputImageDimension];
-  for (SizeValueType number = 0; number < count; ++number)
+  RuleType rule;
+  rule.mode = m_Mode;
+  rule.reducedResampling = this->m_ReducedResampling;
+  rule.slabNear = m_SlabNear;
+  rule.slabFar = m_SlabFar;
+  rule.cropLower = m_CropLower;
+  rule.cropUpper = m_CropUpper;
+  rule.maskLabel = m_MaskLabel;
+  if (m_LocalMaximum)
   {
-    const auto         view = factorize(number);
-    const unsigned int axis = view->factorization.GetPrincipalAxis();
-    const Size<2>      size = view->factorization.GetIntermediateSize();
-    largest[axis] = { { std::max(largest[axis][0], size[0]), std::max(largest[axis][1], size[1]) } };
-
-    // first and last place tell most views apart
-    SizeValueType key = 0;
-    for (const auto & place :
-         { view->factorization.GetSlicePlacements().front(), view->factorization.GetSlicePlacements().back() })
-    {
-      for (const std::int32_t part : { place.column.whole, place.column.fraction, place.row.whole, place.row.fraction })
-      {
-        key = key * 1000003 + static_cast<SizeValueType>(part);
-      }
-    }
-    const auto [begin, end] = candidates[axis].equal_range(key);
-    const auto same =
-      isOneByOne || hasRegion || m_ComputeDepth ? end : std::find_if(begin, end, [&](const auto & candidate) {
-        const Projection & projection = projections[axis][candidate.second];
-        return factorize(projection.front())->factorization.HasSameSlicePlacements(view->factorization);
-      });
-    if (same != end)
-    {
-      projections[axis][same->second].push_back(number);
-      continue;
-    }
-    candidates[axis].emplace(key, projections[axis].size());
-    projections[axis].push_back({ number });
+    rule.localMaximumThreshold = m_LocalMaximumThreshold;
   }
-
-  std::vector<Group> groups;
-  for (unsigned int axis = 0; axis < InputImageDimension; ++axis)
-  {
-    // as few groups as there is room for, of equal size; more views would save nothing
-    const SizeValueType bytes = Superclass::ProjectorType::GetImageSizeInBytes(
-      largest[axis], this->m_Oversampling, m_Mode, hasRegion, this->NeedsSlices());
-    const SizeValueType room = m_IntermediateMemory / std::max<SizeValueType>(bytes * this->GetNumberOfWorkers(), 1);
-    const SizeValueType most = isOneByOne ? 1 : std::clamp<SizeValueType>(room, 1, MostViewsTogether);
-    const SizeValueType total = projections[axis].size();
-    const SizeValueType groupsOfAxis = (total + most - 1) / most;
-    const auto          first = std::make_move_iterator(projections[axis].begin());
-    for (SizeValueType n = 0; n < groupsOfAxis; ++n)
-    {
-      groups.push_back({ axis, { first + n * total / groupsOfAxis, first + (n + 1) * total / groupsOfAxis } });
-    }
-  }
-  return groups;
+  rule.depthAttenuation = m_DepthAttenuation;
+  rule.background = m_DefaultPixelValue;
+  rule.hasDepth = m_ComputeDepth;
+  return rule;
 }
 
 template <typename TInputImage, typename TOutputImage>
 bool
 ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::IsPlainMaximum() const
 {
-  return m_Mode == ModeEnum::Maximum && !this->HasRegion() && !this->NeedsSlices() && !this->NeedsRays();
+  return m_Mode == ModeEnum::Maximum && !this->MakeRule().HasRegion() && !m_ComputeDepth && !this->GetMaskImage() &&
+         !m_LocalMaximum && !(m_DepthAttenuation > 0.0);
 }
 
 template <typename TInputImage, typename TOutputImage>
-bool
-ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::HasRegion() const
-{
-  constexpr double infinity = std::numeric_limits<double>::infinity();
-  return m_SlabNear != -infinity || m_SlabFar != infinity || m_CropLower != PhysicalPointType(-infinity) ||
-         m_CropUpper != PhysicalPointType(infinity);
-}
-
-template <typename TInputImage, typename TOutputImage>
-bool
-ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::NeedsRays() const
-{
-  const auto size = this->GetInput()->GetLargestPossibleRegion().GetSize();
-  const auto mostSlices = static_cast<SizeValueType>(Superclass::ProjectorType::MostRankedSlices);
-  return m_LocalMaximum || m_DepthAttenuation > 0.0 ||
-         (this->NeedsSlices() && std::max({ size[0], size[1], size[2] }) > mostSlices);
-}
-
-template <typename TInputImage, typename TOutputImage>
-auto
-ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::MakeIntervals(const View & view) const ->
-  typename Superclass::ProjectorType::IntervalList
-{
-  typename Superclass::ProjectorType::IntervalList intervals;
-  const auto addInterval = [&](const ShearWarp::ShearedFunction & function, double low, double high) {
-    constexpr double infinity = std::numeric_limits<double>::infinity();
-    if (low != -infinity || high != infinity)
-    {
-      intervals.push_back({ function, low, high });
-    }
-  };
-  addInterval(view.factorization.GetDepthFunction(), m_SlabNear, m_SlabFar);
-  const auto axes = ShearWarpFactorization::GetLinearPart(view.transform);
-  const auto offset = view.transform->TransformPoint(PhysicalPointType(0.0));
-  for (unsigned int axis = 0; axis < InputImageDimension; ++axis)
-  {
-    const double position[] = { axes(axis, 0), axes(axis, 1), axes(axis, 2), offset[axis] };
-    addInterval(
-      view.factorization.GetShearedFunction(Vector<double, 4>(position)), m_CropLower[axis], m_CropUpper[axis]);
-  }
-  return intervals;
-}
-
-template <typename TInputImage, typename TOutputImage>
-auto
-ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::MakeRayParameters(const View &    view,
-                                                                          const Kernels & kernels) const ->
-  typename RayProjectorType::Parameters
-{
-  typename RayProjectorType::Parameters parameters;
-  parameters.mode = m_Mode == ModeEnum::Minimum           ? &kernels.minimum
-                    : m_Mode == ModeEnum::AbsoluteMaximum ? &kernels.absoluteMaximum
-                                                          : &kernels.maximum;
-  if (m_LocalMaximum)
-  {
-    parameters.localMaximumThreshold = m_LocalMaximumThreshold;
-  }
-
-  parameters.intervals = this->MakeIntervals(view);
-  if (m_DepthAttenuation > 0.0)
-  {
-    const double begin = std::max(ShearWarp::FindSphereDepth(view.transform, this->GetInput()), m_SlabNear);
-    parameters.fading = typename RayProjectorType::Fading{ { m_DepthAttenuation, begin }, m_DefaultPixelValue };
-  }
-  parameters.maskLabel = m_MaskLabel;
-  return parameters;
-}
-
-template <typename TInputImage, typename TOutputImage>
-template <typename TFunction>
 void
-ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::Project(const TFunction & project,
-                                                                unsigned int      axis,
-                                                                bool              isFirstSlabFirst,
-                                                                bool              hasBlockMaxima,
-                                                                bool              isKept,
-                                                                const Kernels &   kernels,
-                                                                float             share)
+ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GeneratePixels()
 {
   auto * input = const_cast<InputImageType *>(this->GetInput());
   auto * mask = const_cast<MaskImageType *>(this->GetMaskImage());
 
-  const SizeValueType streamed = this->GetNumberOfSlabs();
-  const bool          isStreamed = streamed > 1;
-  const bool          isWhole = !isStreamed && (isKept || axis != 0);
-  const auto          size = input->GetLargestPossibleRegion().GetSize();
-  const SizeValueType slabs =
-    isStreamed ? streamed
-    : isWhole  ? 1
-               : ShearWarp::CountBlocks(size[2], this->GetSlabLength(size, 2 * ShearWarp::BlockLength));
-  const bool  findsMaxima = hasBlockMaxima && !(isWhole && this->m_PreparedVolume.IsPrepared(input, 2));
-  const bool  transposes = axis == 0 && !(isWhole && this->m_PreparedVolume.IsPrepared(input, axis, false));
-  const bool  transposesMask = mask && axis == 0 && !(isWhole && m_PreparedMask.IsPrepared(mask, axis, false));
-  const bool  hasBlocksOfMask = mask && !this->NeedsRays();
-  const bool  findsBlocksOfMask = hasBlocksOfMask && !(isWhole && m_PreparedMask.IsPrepared(mask, 2));
-  const int   preparations = findsMaxima + transposes + transposesMask + findsBlocksOfMask;
-  const float preparationShare = share * (mask ? 0.1f : 0.2f) / static_cast<float>(slabs);
-  const float projectionShare =
-    share * 0.85f / static_cast<float>(slabs) - preparationShare * static_cast<float>(preparations);
-  if (isStreamed)
-  {
-    this->m_PreparedVolume.Release();
-    m_PreparedMask.Release();
-  }
-  else
-  {
-    this->m_PreparedVolume.SetImage(input, input->GetLargestPossibleRegion());
-  }
-
-  ShearWarpPreparedVolume<InputPixelType> volumeSlab;
-  ShearWarpPreparedVolume<unsigned char>  maskSlab(true);
-  auto &                                  volume = isWhole ? this->m_PreparedVolume : volumeSlab;
-  auto &                                  preparedMask = isWhole ? m_PreparedMask : maskSlab;
-  for (SizeValueType n = 0; n < slabs; ++n)
-  {
-    const Slab         slab = this->GetSlab(isFirstSlabFirst ? n : slabs - 1 - n, slabs);
-    const Slab * const part = isWhole ? nullptr : &slab;
-    if (isStreamed)
+  typename InputImageType::PixelContainerConstPointer voxels;
+  MaskImageType::PixelContainerConstPointer           maskVoxels;
+  ShearWarp::Volume<InputPixelType>                   volume{ input, input->GetLargestPossibleRegion(), mask };
+  volume.streamDivisions = this->GetNumberOfSlabs();
+  volume.load = [&](const ShearWarp::SliceRange & slab) {
+    if (volume.streamDivisions > 1)
     {
       this->SetInputRequestedRegionToSlab(slab);
       this->UpdateSlab(input);
       this->UpdateSlab(mask);
     }
-    const auto start = Clock::now();
-    const auto voxels = this->Prepare("input", input, volume, axis, part, hasBlockMaxima, kernels, preparationShare);
-    MaskImageType::PixelContainerConstPointer maskVoxels;
+    voxels = this->VerifyVoxels("input", input);
     if (mask)
     {
-      const auto & maskKernels = ShearWarp::GetKernels<unsigned char>();
-      maskVoxels =
-        this->Prepare("MaskImage", mask, preparedMask, axis, part, hasBlocksOfMask, maskKernels, preparationShare);
+      maskVoxels = this->VerifyVoxels("MaskImage", mask);
     }
-    this->m_PreparationSeconds += preparations > 0 ? SecondsSince(start) : 0.0;
+  };
 
-    const auto projectionStart = Clock::now();
-    project(
-      volume, mask ? &preparedMask : nullptr, [=](SizeValueType count, SizeValueType steps, const auto & process) {
-        this->Parallelize(count, steps, projectionShare, process);
-      });
-    this->m_ProjectionSeconds += SecondsSince(projectionStart);
-  }
-  if (!isStreamed)
-  {
-    this->m_PreparedVolume.AddProjectedAxis(axis);
-  }
-}
-
-template <typename TInputImage, typename TOutputImage>
-void
-ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::Warp(const IntermediateImageType & intermediate,
-                                                             const View &                  view,
-                                                             const Kernels &               kernels,
-                                                             float                         share)
-{
-  const auto                   start = Clock::now();
-  const auto                   map = view.factorization.GetOutputToIntermediateMatrix();
-  const ShearWarp::AffineMap2D outputToIntermediate{ map(0, 0), map(0, 1), map(0, 2), map(1, 0), map(1, 1), map(1, 2) };
-  const SizeType               size = m_Grid->GetLargestPossibleRegion().GetSize();
-  const SizeValueType          first = view.number * size[0] * size[1];
-  const auto                   depthFunction = view.factorization.GetDepthFunction();
-  const SizeValueType          end = first + size[0] * size[1];
-  const auto                   pixels = this->VerifyPixels(this->GetOutput(), end);
-  InputPixelType * const       values = pixels->GetBufferPointer() + first;
-  const auto                   depthPixels =
-    m_ComputeDepth ? this->VerifyPixels(this->GetDepthOutput(), end) : typename DepthImageType::PixelContainerPointer();
-  float * const           depths = depthPixels ? depthPixels->GetBufferPointer() + first : nullptr;
-  const auto              background = m_DefaultPixelValue;
-  const unsigned int      oversampling = view.factorization.GetOversampling();
-  constexpr SizeValueType band = 16;
-  this->Parallelize((size[1] + band - 1) / band, 1, 0.09f * share, [&](SizeValueType n, SizeValueType, SizeValueType) {
-    for (SizeValueType row = n * band; row < std::min((n + 1) * band, size[1]); ++row)
-    {
-      kernels.warpRow(intermediate, outputToIntermediate, row, 0, size[0], background, values + row * size[0]);
-      if (depths)
-      {
-        ShearWarp::FindDepths(
-          intermediate, outputToIntermediate, oversampling, depthFunction, row, size[0], depths + row * size[0]);
-      }
-    }
-  });
-  m_WarpSeconds += SecondsSince(start);
+  typename OutputImageType::PixelContainerPointer pixels;
+  typename DepthImageType::PixelContainerPointer  depths;
+  const SizeValueType                             count = m_Grid->GetLargestPossibleRegion().GetNumberOfPixels();
+  const auto                                      getPicture = [&](SizeValueType view) {
+    const SizeValueType first = view * count;
+    pixels = this->VerifyPixels(this->GetOutput(), first + count);
+    depths = m_ComputeDepth ? this->VerifyPixels(this->GetDepthOutput(), first + count) : nullptr;
+    return ShearWarp::Picture<InputPixelType>{ pixels->GetBufferPointer() + first,
+                                               depths ? depths->GetBufferPointer() + first : nullptr };
+  };
+  this->m_Engine.Project(volume,
+                         this->MakeViews(),
+                         m_Grid,
+                         this->m_Oversampling,
+                         this->MakeRule(),
+                         m_IntermediateMemory,
+                         getPicture,
+                         this->GetThreads());
+  // the shares sum to less: ITK's progress wraps around to 0 where rounding takes it beyond 1
+  this->UpdateProgress(1.0f);
 }
 
 template <typename TInputImage, typename TOutputImage>
@@ -689,7 +396,7 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::PrintSelf(std::ostream &
   os << indent << "ComputeDepth: " << (m_ComputeDepth ? "On" : "Off") << std::endl;
   os << indent << "NumberOfStreamDivisions: " << m_NumberOfStreamDivisions << std::endl;
   os << indent << "IntermediateMemory: " << m_IntermediateMemory << std::endl;
-  os << indent << "WarpSeconds: " << m_WarpSeconds << std::endl;
+  os << indent << "WarpSeconds: " << this->GetWarpSeconds() << std::endl;
 }
 } // namespace itk
 

@@ -37,7 +37,7 @@ namespace itk
  * Factorization and Reduced Resampling", Magn Reson Med 47:696-700, 2002. Each slice of the volume
  * across the principal viewing axis is interpolated bilinearly, with one set of weights, onto the grid of a
  * sheared intermediate image, in which the maximum is taken; the intermediate image is then interpolated
- * bilinearly at the output's pixels. Both interpolations are exactly defined (see itkShearWarpKernels.h), so that a
+ * bilinearly at the output's pixels. Both interpolations are exactly defined (see itkShearWarpSampling.h), so that a
  * result does not depend on the machine or on the number of threads.
  *
  * The first view of an image reads it once. The second one finds the maxima of its cubes of eight voxels a side, for
@@ -173,8 +173,6 @@ protected:
   PrintSelf(std::ostream & os, Indent indent) const override;
 
 private:
-  using typename Superclass::View;
-
   /** Makes the picture from the parts. */
   void
   WarpParts();

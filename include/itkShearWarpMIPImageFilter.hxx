@@ -151,19 +151,12 @@ template <typename TInputImage, typename TOutputImage>
 void
 ShearWarpMIPImageFilter<TInputImage, TOutputImage>::WarpParts()
 {
-  const View           view{ this->GetTransform(),
-                             { this->GetTransform(), this->GetInput(), this->GetViewGrid(), this->m_Oversampling },
-                   0 };
-  const auto &         kernels = this->BeginUpdate(view.factorization);
-  const auto           start = Superclass::Clock::now();
-  const ImageRegion<2> whole = view.factorization.GetIntermediateRegion();
-  struct Part
-  {
-    typename PartImageType::PixelContainerConstPointer container;
-    const InputPixelType *                             pixels;
-    ImageRegion<2>                                     region;
-  };
-  std::vector<Part> parts;
+  const ShearWarpFactorization factorization(
+    this->GetTransform(), this->GetInput(), this->GetViewGrid(), this->m_Oversampling);
+  const ImageRegion<2> whole = factorization.GetIntermediateRegion();
+
+  std::vector<typename PartImageType::PixelContainerConstPointer> containers;
+  std::vector<ShearWarp::IntermediatePart<InputPixelType>>        parts;
   for (unsigned int n = 0; n < this->GetNumberOfParts(); ++n)
   {
     const PartImageType *  part = this->GetPart(n);
@@ -173,35 +166,17 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::WarpParts()
       itkExceptionMacro("Part " << n << " must be buffered and lie within the intermediate image, " << whole
                                 << ", but its buffered region is " << region);
     }
-    parts.push_back({ this->VerifyVoxels("part " + std::to_string(n), part), part->GetBufferPointer(), region });
+    containers.push_back(this->VerifyVoxels("part " + std::to_string(n), part));
+    parts.push_back({ part->GetBufferPointer(), region });
   }
 
-  const auto      columns = static_cast<std::ptrdiff_t>(whole.GetSize(0));
-  const auto      rows = static_cast<std::ptrdiff_t>(whole.GetSize(1));
-  ShearWarpBuffer memory;
-  memory.Reserve(columns * rows * sizeof(InputPixelType), "the intermediate image");
-  InputPixelType * const   pixels = memory.template GetPointer<InputPixelType>();
-  constexpr std::ptrdiff_t band = 16;
-  this->Parallelize(
-    ShearWarp::CountBlocks(rows, band), 1, 0.9f, [&](SizeValueType bandNumber, SizeValueType, SizeValueType) {
-      const auto begin = static_cast<std::ptrdiff_t>(bandNumber) * band;
-      const auto end = std::min(begin + band, rows);
-      std::fill(pixels + begin * columns, pixels + end * columns, ShearWarp::NoSample<InputPixelType>);
-      for (const Part & part : parts)
-      {
-        const auto & region = part.region;
-        const auto   width = static_cast<std::ptrdiff_t>(region.GetSize(0));
-        const auto   lastRow = region.GetIndex(1) + static_cast<std::ptrdiff_t>(region.GetSize(1));
-        for (auto row = std::max(begin, region.GetIndex(1)); row < std::min(end, lastRow); ++row)
-        {
-          const InputPixelType * from = part.pixels + (row - region.GetIndex(1)) * width;
-          InputPixelType *       to = pixels + row * columns + region.GetIndex(0);
-          std::transform(from, from + width, to, to, [](InputPixelType a, InputPixelType b) { return a > b ? a : b; });
-        }
-      }
-    });
-  this->m_ProjectionSeconds = Superclass::SecondsSince(start);
-  this->Warp({ pixels, columns, rows, columns, view.factorization.GetReachedColumns().data() }, view, kernels, 1.0f);
+  typename TOutputImage::PixelContainerPointer pixels;
+  const auto                                   getPixels = [&] {
+    pixels = this->VerifyPixels(this->GetOutput(), this->GetViewGrid()->GetLargestPossibleRegion().GetNumberOfPixels());
+    return pixels->GetBufferPointer();
+  };
+  this->m_Engine.WarpParts(
+    parts, factorization, this->GetViewGrid(), this->GetDefaultPixelValue(), getPixels, this->GetThreads());
   this->UpdateProgress(1.0f);
 }
 

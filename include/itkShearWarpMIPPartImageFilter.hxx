@@ -131,68 +131,17 @@ template <typename TInputImage>
 void
 ShearWarpMIPPartImageFilter<TInputImage>::GeneratePixels()
 {
-  const InputImageType *       input = this->GetInput();
-  const ShearWarpFactorization factorization = this->FactorizePart();
-  const unsigned int           axis = factorization.GetPrincipalAxis();
-  const auto &                 kernels = this->BeginUpdate(factorization);
-  this->VerifyVoxels("input", input);
-
-  const RegionType whole = this->GetWhole();
-  const bool       hasBlockMaxima = this->m_ReducedResampling != Superclass::ReducedResamplingEnum::Off;
-  const bool       isPrepared = this->m_PreparedVolume.IsPrepared(input, axis, hasBlockMaxima);
-  const bool       isKept = isPrepared || hasBlockMaxima || axis != 0;
-  const auto       first = input->GetBufferedRegion().GetIndex(2) - whole.GetIndex(2);
-  const auto       last = first + static_cast<std::ptrdiff_t>(input->GetBufferedRegion().GetSize(2));
-  const auto       slabLength =
-    isKept ? last - first : this->GetSlabLength(input->GetBufferedRegion().GetSize(), ShearWarp::BlockLength);
-  const auto slabs = static_cast<float>(ShearWarp::CountBlocks(last - first, slabLength));
-  const auto parallelize = [this](float share) {
-    return [this, share](SizeValueType count, SizeValueType steps, const auto & process) {
-      this->Parallelize(count, steps, share, process);
-    };
+  const InputImageType *                              input = this->GetInput();
+  const ShearWarpFactorization                        factorization = this->FactorizePart();
+  typename InputImageType::PixelContainerConstPointer voxels;
+  ShearWarp::Volume<InputPixelType>                   volume{ input, this->GetWhole() };
+  volume.load = [&](const ShearWarp::SliceRange &) { voxels = this->VerifyVoxels("input", input); };
+  typename OutputImageType::PixelContainerPointer pixels;
+  const auto                                      getPixels = [&] {
+    pixels = this->VerifyPixels(this->GetOutput(), factorization.GetIntermediateRegion().GetNumberOfPixels());
+    return pixels->GetBufferPointer();
   };
-  const auto prepare = [this, slabs](SizeValueType count, const auto & process) {
-    this->Parallelize(
-      count, 1, 0.2f / slabs, [&process](SizeValueType n, SizeValueType, SizeValueType) { process(n); });
-  };
-  auto & projector = this->m_Projector;
-  projector.Start({ { &factorization, {} } },
-                  kernels,
-                  { ShearWarpMIPImageFilterEnums::Mode::Maximum, false, 0, this->m_ReducedResampling },
-                  this->GetNumberOfWorkers());
-  for (std::ptrdiff_t begin = first; begin < last; begin += slabLength)
-  {
-    const auto voxels = this->VerifyVoxels("input", input);
-    const auto preparationStart = Superclass::Clock::now();
-    if (isKept)
-    {
-      this->m_PreparedVolume.Prepare(input, whole, axis, hasBlockMaxima, kernels, prepare);
-    }
-    else
-    {
-      const std::ptrdiff_t end = std::min(begin + slabLength, last);
-      this->m_PreparedVolume.PreparePart(input, whole, begin, end, axis, hasBlockMaxima, kernels, prepare);
-    }
-    const auto projectionStart = Superclass::Clock::now();
-    projector.Project(this->m_PreparedVolume, nullptr, parallelize((isPrepared ? 0.9f : 0.5f) / slabs));
-    this->m_PreparationSeconds +=
-      isPrepared ? 0.0 : std::chrono::duration<double>(projectionStart - preparationStart).count();
-    this->m_ProjectionSeconds += Superclass::SecondsSince(projectionStart);
-  }
-  this->m_SkippedFraction = projector.GetSkippedFraction();
-  const auto finishStart = Superclass::Clock::now();
-  const auto part = projector.Finish(0, parallelize(0.05f));
-  Superclass::VerifyPixels(this->GetOutput(), part.columns * part.rows);
-  InputPixelType * output = this->GetOutput()->GetBufferPointer();
-  for (std::ptrdiff_t row = 0; row < part.rows; ++row)
-  {
-    const InputPixelType *      pixels = part.pixels + row * part.rowStride;
-    const ShearWarp::ColumnSpan reached = part.reached[row];
-    std::fill(output, output + part.columns, ShearWarp::NoSample<InputPixelType>);
-    std::copy(pixels + reached.begin, pixels + reached.end, output + reached.begin);
-    output += part.columns;
-  }
-  this->m_ProjectionSeconds += Superclass::SecondsSince(finishStart);
+  this->m_Engine.ProjectPart(volume, factorization, this->m_ReducedResampling, getPixels, this->GetThreads());
   this->UpdateProgress(1.0f);
 }
 

@@ -18,6 +18,7 @@
 #include "itkShearWarpBuffer.h"
 
 #include "itkMacro.h"
+#include "itkShearWarpEngine.h"
 
 #include "itksys/SystemInformation.hxx"
 
@@ -92,7 +93,7 @@ ShearWarpBuffer::Release()
 }
 
 double
-ShearWarpBuffer::GetPhysicalMemory()
+ShearWarp::GetPhysicalMemory()
 {
   static const double memory = []() {
     itksys::SystemInformation system;

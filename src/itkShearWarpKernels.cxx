@@ -15,6 +15,7 @@
  *  limitations under the License.
  *
  *=========================================================================*/
+#include "itkShearWarpEngine.h"
 #include "itkShearWarpPixelTypes.h"
 #include "itkShearWarpVectorKernelSets.h"
 

@@ -15,6 +15,7 @@
  *  limitations under the License.
  *
  *=========================================================================*/
+#include "itkShearWarpKernels.h"
 #include "itkShearWarpMIPCineImageFilter.h"
 #include "itkShearWarpMIPImageFilter.h"
 #include "itkShearWarpMIPTestHelper.h"

@@ -24,8 +24,7 @@
 #include "itkImageRegionIterator.h"
 #include "itkImageSource.h"
 #include "itkMatrix.h"
-#include "itkShearWarpFactorization.h"
-#include "itkShearWarpKernels.h"
+#include "itkShearWarpEngine.h"
 
 #include "itksys/SystemTools.hxx"
 
@@ -430,7 +429,7 @@ GetPreparedBytes(const TFilter * filter)
     static SizeValueType
     Get(const TFilter * filter)
     {
-      return (filter->*(&Open::m_PreparedVolume)).GetSizeInBytes();
+      return (filter->*(&Open::m_Engine)).GetPreparedSizeInBytes();
     }
   };
   return Open::Get(filter);

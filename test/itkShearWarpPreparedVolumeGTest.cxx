@@ -30,14 +30,13 @@ using namespace itk::ShearWarpMIPTest;
 /** Counts the calls. */
 struct CountingParallelize
 {
-  template <typename TFunction>
   void
-  operator()(itk::SizeValueType count, const TFunction & function) const
+  operator()(itk::SizeValueType count, itk::SizeValueType, const itk::ShearWarp::Task & task) const
   {
     ++calls;
     for (itk::SizeValueType n = 0; n < count; ++n)
     {
-      function(n);
+      task(n, 0, 0);
     }
   }
   mutable int calls{ 0 };
@@ -51,7 +50,7 @@ GetSlices(itk::ShearWarpPreparedVolume<TPixel> & volume,
           const TParallelize &                   parallelize)
 {
   const auto & kernels = itk::ShearWarp::GetKernels<TPixel>();
-  volume.Prepare(image, image->GetLargestPossibleRegion(), axis, true, kernels, parallelize);
+  volume.Prepare(image, image->GetLargestPossibleRegion(), axis, true, kernels, std::cref(parallelize));
   EXPECT_TRUE(volume.IsPrepared(image, axis));
   return volume.GetSlices(axis);
 }
@@ -285,8 +284,8 @@ TEST(ShearWarpPreparedVolume, KeepsNothingIfPreparationThrows)
   const auto                image = MakeRandomImage<short>(random, { { 4, 5, 6 } });
   VolumeType                volume;
   const CountingParallelize parallelize;
-  const auto                failing = [](itk::SizeValueType, const auto & function) {
-    function(0);
+  const auto                failing = [](itk::SizeValueType, itk::SizeValueType, const itk::ShearWarp::Task & task) {
+    task(0, 0, 0);
     throw std::runtime_error("stopped");
   };
   EXPECT_THROW(GetSlices<short>(volume, image, 0, failing), std::runtime_error);

@@ -18,6 +18,7 @@
 #include "itkEuler3DTransform.h"
 #include "itkImageAlgorithm.h"
 #include "itkShearWarpMIPImageFilter.h"
+#include "itkShearWarpProjector.h"
 
 #include "itkShearWarpMIPTestHelper.h"
 
@@ -63,13 +64,7 @@ public:
     const unsigned int                   axis = factorization.GetPrincipalAxis();
     itk::ShearWarpPreparedVolume<TPixel> volume;
     itk::ShearWarpProjector<TPixel>      projector;
-    const auto                           call = [](itk::SizeValueType count, const auto & process) {
-      for (itk::SizeValueType n = 0; n < count; ++n)
-      {
-        process(n);
-      }
-    };
-    const auto callSteps = [](itk::SizeValueType count, itk::SizeValueType steps, const auto & process) {
+    const auto call = [](itk::SizeValueType count, itk::SizeValueType steps, const auto & process) {
       for (itk::SizeValueType n = 0; n < count * steps; ++n)
       {
         process(n / steps, n % steps, n / steps % 2);
@@ -89,9 +84,9 @@ public:
       const auto begin = region.GetIndex(2) - image->GetLargestPossibleRegion().GetIndex(2);
       const auto end = begin + static_cast<itk::IndexValueType>(region.GetSize(2));
       volume.PreparePart(part, image->GetLargestPossibleRegion(), begin, end, axis, true, kernels, call);
-      projector.Project(volume, nullptr, callSteps);
+      projector.Project(volume, nullptr, call);
     }
-    const auto          intermediate = projector.Finish(0, callSteps);
+    const auto          intermediate = projector.Finish(0, call);
     std::vector<TPixel> pixels;
     for (std::ptrdiff_t row = 0; row < intermediate.rows; ++row)
     {

@@ -20,6 +20,7 @@
 
 #include "itkImage.h"
 #include "itkShearWarpBuffer.h"
+#include "itkShearWarpEngine.h"
 #include "itkShearWarpKernels.h"
 
 #include <algorithm>
@@ -60,7 +61,7 @@ struct BlockMaxima
  * \ingroup ShearWarpMIP
  */
 template <typename TPixel>
-class ShearWarpPreparedVolume
+class ShearWarpMIP_EXPORT ShearWarpPreparedVolume
 {
 public:
   using Self = ShearWarpPreparedVolume;
@@ -104,22 +105,20 @@ public:
    * all of it, and index axis \a principalAxis (0, 1, 2); frees what was made for another image, or before this one was
    * modified. Without \a hasBlockMaxima block maxima, and the lowest and highest voxel, are left out: for one view they
    * cost more than they save.
-   * \a parallelize(count, function) calls function(n) for each n of [0, count). If it throws, what it should
-   * have made is not kept. Throws MemoryAllocationError if there is no memory. */
-  template <typename TParallelize>
+   * If \a parallelize throws, what it should have made is not kept. Throws MemoryAllocationError if there is no memory.
+   */
   void
   Prepare(const ImageType *                  image,
           const ImageRegion<3> &             whole,
           unsigned int                       principalAxis,
           bool                               hasBlockMaxima,
           const ShearWarp::Kernels<TPixel> & kernels,
-          const TParallelize &               parallelize);
+          const ShearWarp::Parallelize &     parallelize);
 
   /** Makes the same for slices [begin, end) along z of what is buffered, counted from the first of \a whole. Rows along
    * z begin with the slice before, if that is buffered. Nothing of it is kept for another view. Samples are taken
    * between the voxels of a part: to have them all, parts must have one voxel in common along each axis but the
    * principal one. */
-  template <typename TParallelize>
   void
   PreparePart(const ImageType *                  image,
               const ImageRegion<3> &             whole,
@@ -128,7 +127,7 @@ public:
               unsigned int                       principalAxis,
               bool                               hasBlockMaxima,
               const ShearWarp::Kernels<TPixel> & kernels,
-              const TParallelize &               parallelize);
+              const ShearWarp::Parallelize &     parallelize);
 
   /** Slices of what is prepared along its index axis \a principalAxis, with its other axes, in their order, as
    * columns and rows. They refer to the image's memory or to this object's. */
@@ -164,13 +163,13 @@ private:
   void
   SetPart(const ImageType * image, const ImageRegion<3> & whole, std::ptrdiff_t begin, std::ptrdiff_t end);
 
-  template <typename TParallelize>
   void
-  FindBlockMaxima(const ShearWarp::Kernels<TPixel> & kernels, const TParallelize & parallelize);
+  FindBlockMaxima(const ShearWarp::Kernels<TPixel> & kernels, const ShearWarp::Parallelize & parallelize);
 
-  template <typename TParallelize>
   void
-  Transpose(const ShearWarp::Kernels<TPixel> & kernels, const TParallelize & parallelize, ShearWarpBuffer memory);
+  Transpose(const ShearWarp::Kernels<TPixel> & kernels,
+            const ShearWarp::Parallelize &     parallelize,
+            ShearWarpBuffer                    memory);
 
   bool            m_HasBlockMinima;
   ShearWarpBuffer m_Transposed;
@@ -188,9 +187,5 @@ private:
   ShearWarp::Ends   m_Ends[3];
 };
 } // namespace itk
-
-#ifndef ITK_MANUAL_INSTANTIATION
-#  include "itkShearWarpPreparedVolume.hxx"
-#endif
 
 #endif

@@ -15,8 +15,9 @@
  *  limitations under the License.
  *
  *=========================================================================*/
-#ifndef itkShearWarpRayProjector_hxx
-#define itkShearWarpRayProjector_hxx
+#include "itkShearWarpRayProjector.h"
+
+#include "itkShearWarpPixelTypes.h"
 
 #include <algorithm>
 #include <atomic>
@@ -79,11 +80,10 @@ ShearWarpRayProjector<TPixel>::IsFirstSlabFront() const
 }
 
 template <typename TPixel>
-template <typename TParallelize>
 void
 ShearWarpRayProjector<TPixel>::Project(const ShearWarpPreparedVolume<TPixel> &        volume,
                                        const ShearWarpPreparedVolume<MaskPixelType> * mask,
-                                       const TParallelize &                           parallelize)
+                                       const ShearWarp::Parallelize &                 parallelize)
 {
   const unsigned int      axis = m_Factorization->GetPrincipalAxis();
   const ShearWarp::Corner corner = volume.GetCorner(axis);
@@ -243,9 +243,8 @@ ShearWarpRayProjector<TPixel>::ProjectRow(Worker &              worker,
 }
 
 template <typename TPixel>
-template <typename TParallelize>
 auto
-ShearWarpRayProjector<TPixel>::Finish(const TParallelize & parallelize) -> IntermediateImageType
+ShearWarpRayProjector<TPixel>::Finish(const ShearWarp::Parallelize & parallelize) -> IntermediateImageType
 {
   const auto           oversampling = static_cast<std::ptrdiff_t>(m_Factorization->GetOversampling());
   const std::ptrdiff_t rowStride = oversampling * m_RowStride;
@@ -312,6 +311,8 @@ ShearWarpRayProjector<TPixel>::GetSizeInBytes() const
   }
   return bytes;
 }
-} // namespace itk
 
-#endif
+#define INSTANTIATE(TPixel) template class ShearWarpRayProjector<TPixel>;
+SHEARWARP_FOR_EACH_PIXEL_TYPE(INSTANTIATE)
+#undef INSTANTIATE
+} // namespace itk

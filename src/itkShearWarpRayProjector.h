@@ -39,7 +39,7 @@ namespace itk
  * \ingroup ShearWarpMIP
  */
 template <typename TPixel>
-class ShearWarpRayProjector
+class ShearWarpMIP_EXPORT ShearWarpRayProjector
 {
 public:
   using MaskPixelType = unsigned char;
@@ -79,19 +79,17 @@ public:
 
   /** Projects what \a volume has prepared for the factorization's principal axis: all or, one after the other, slabs,
    * in the order that IsFirstSlabFront() tells. \a mask, of the same size, restricts it if that is not null.
-   * \a parallelize is as for ShearWarpProjector. Throws MemoryAllocationError. */
-  template <typename TParallelize>
+   * Throws MemoryAllocationError. */
   void
   Project(const ShearWarpPreparedVolume<TPixel> &        volume,
           const ShearWarpPreparedVolume<MaskPixelType> * mask,
-          const TParallelize &                           parallelize);
+          const ShearWarp::Parallelize &                 parallelize);
 
   /** The intermediate image of all that was projected since Start(), with the slices of its pixels. It refers to this
    * object's memory and to the factorization's, and is valid until the next projection. Throws MemoryAllocationError.
    */
-  template <typename TParallelize>
   IntermediateImageType
-  Finish(const TParallelize & parallelize);
+  Finish(const ShearWarp::Parallelize & parallelize);
 
   /** Frees all memory. */
   void
@@ -170,9 +168,5 @@ private:
   std::vector<std::vector<ShearWarp::SlicePlacement>> m_Placements; // of these slices, for each phase
 };
 } // namespace itk
-
-#ifndef ITK_MANUAL_INSTANTIATION
-#  include "itkShearWarpRayProjector.hxx"
-#endif
 
 #endif

@@ -75,10 +75,6 @@ public:
     return static_cast<TElement *>(m_Memory);
   }
 
-  /** The computer's memory in bytes; what can be addressed if the system does not tell. */
-  static double
-  GetPhysicalMemory();
-
 private:
   void *      m_Memory{ nullptr };
   std::size_t m_Size{ 0 };

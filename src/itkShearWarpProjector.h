@@ -25,40 +25,6 @@
 
 namespace itk
 {
-/** \class ShearWarpMIPImageFilterEnums
- * \brief Enumerations of ShearWarpMIPImageFilter.
- * \ingroup ShearWarpMIP
- */
-class ShearWarpMIPImageFilterEnums
-{
-public:
-  /** Whether parts of the volume that cannot change the picture are skipped. */
-  enum class ReducedResampling : uint8_t
-  {
-    Off,
-    On,
-    Auto
-  };
-
-  /** Which of a ray's samples is its value. */
-  enum class Mode : uint8_t
-  {
-    Maximum,
-    Minimum,
-    AbsoluteMaximum
-  };
-};
-
-/** Writes the enumerator's name. */
-ShearWarpMIP_EXPORT
-std::ostream &
-operator<<(std::ostream & out, ShearWarpMIPImageFilterEnums::Mode value);
-
-/** Writes the enumerator's name. */
-ShearWarpMIP_EXPORT
-std::ostream &
-operator<<(std::ostream & out, ShearWarpMIPImageFilterEnums::ReducedResampling value);
-
 /** \class ShearWarpProjector
  * \brief Projects a prepared volume to the intermediate images of views along one axis, by several threads: the
  * maximum, the minimum or both, for the absolute maximum, of the samples or of those in a region or a mask, and the
@@ -82,7 +48,7 @@ operator<<(std::ostream & out, ShearWarpMIPImageFilterEnums::ReducedResampling v
  * \ingroup ShearWarpMIP
  */
 template <typename TPixel>
-class ShearWarpProjector
+class ShearWarpMIP_EXPORT ShearWarpProjector
 {
 public:
   using ReducedResamplingEnum = ShearWarpMIPImageFilterEnums::ReducedResampling;
@@ -122,20 +88,16 @@ public:
 
   /** Projects what \a volume has prepared for the factorizations' principal axis: all or, one after the other, parts.
    * \a mask, of the same size and with block minima, restricts it if that is not null; it needs the slices.
-   * \a parallelize(count, steps, function) calls function(n, step, worker) for each n of [0, count) and, one after the
-   * other, each step of [0, steps); calls with the same worker, less than the number of them, do not overlap.
    * Throws MemoryAllocationError. */
-  template <typename TParallelize>
   void
   Project(const ShearWarpPreparedVolume<TPixel> &        volume,
           const ShearWarpPreparedVolume<unsigned char> * mask,
-          const TParallelize &                           parallelize);
+          const ShearWarp::Parallelize &                 parallelize);
 
   /** The intermediate image, of view \a view, of all that was projected since Start(). It refers to this object's
    * memory and to the factorization's, and is valid until the next call. Throws MemoryAllocationError. */
-  template <typename TParallelize>
   IntermediateImageType
-  Finish(std::size_t view, const TParallelize & parallelize);
+  Finish(std::size_t view, const ShearWarp::Parallelize & parallelize);
 
   /** The fraction of tiles that the last projection left out. */
   double
@@ -320,9 +282,5 @@ private:
   std::ptrdiff_t                                   m_TileColumns{ 0 }, m_TileRows{ 0 }, m_RowStride{ 0 };
 };
 } // namespace itk
-
-#ifndef ITK_MANUAL_INSTANTIATION
-#  include "itkShearWarpProjector.hxx"
-#endif
 
 #endif

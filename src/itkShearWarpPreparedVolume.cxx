@@ -15,8 +15,9 @@
  *  limitations under the License.
  *
  *=========================================================================*/
-#ifndef itkShearWarpPreparedVolume_hxx
-#define itkShearWarpPreparedVolume_hxx
+#include "itkShearWarpPreparedVolume.h"
+
+#include "itkShearWarpPixelTypes.h"
 
 #include <algorithm>
 #include <mutex>
@@ -24,14 +25,13 @@
 namespace itk
 {
 template <typename TPixel>
-template <typename TParallelize>
 void
 ShearWarpPreparedVolume<TPixel>::Prepare(const ImageType *                  image,
                                          const ImageRegion<3> &             whole,
                                          unsigned int                       principalAxis,
                                          bool                               hasBlockMaxima,
                                          const ShearWarp::Kernels<TPixel> & kernels,
-                                         const TParallelize &               parallelize)
+                                         const ShearWarp::Parallelize &     parallelize)
 {
   ShearWarpBuffer memory;
   if (!this->IsOf(image))
@@ -51,7 +51,6 @@ ShearWarpPreparedVolume<TPixel>::Prepare(const ImageType *                  imag
 }
 
 template <typename TPixel>
-template <typename TParallelize>
 void
 ShearWarpPreparedVolume<TPixel>::PreparePart(const ImageType *                  image,
                                              const ImageRegion<3> &             whole,
@@ -60,7 +59,7 @@ ShearWarpPreparedVolume<TPixel>::PreparePart(const ImageType *                  
                                              unsigned int                       principalAxis,
                                              bool                               hasBlockMaxima,
                                              const ShearWarp::Kernels<TPixel> & kernels,
-                                             const TParallelize &               parallelize)
+                                             const ShearWarp::Parallelize &     parallelize)
 {
   m_Image = nullptr;
   ShearWarpBuffer memory = std::move(m_Transposed);
@@ -129,10 +128,9 @@ ShearWarpPreparedVolume<TPixel>::Release()
 }
 
 template <typename TPixel>
-template <typename TParallelize>
 void
 ShearWarpPreparedVolume<TPixel>::FindBlockMaxima(const ShearWarp::Kernels<TPixel> & kernels,
-                                                 const TParallelize &               parallelize)
+                                                 const ShearWarp::Parallelize &     parallelize)
 {
   using ShearWarp::BlockLength;
   using ShearWarp::CountBlocks;
@@ -147,36 +145,37 @@ ShearWarpPreparedVolume<TPixel>::FindBlockMaxima(const ShearWarp::Kernels<TPixel
   TPixel         lowestOfAll = NumericTraits<TPixel>::max();
   TPixel         highestOfAll = NumericTraits<TPixel>::NonpositiveMin();
   std::mutex     mutex;
-  parallelize(static_cast<SizeValueType>(blocksY * CountBlocks(m_Size[2])), [&](SizeValueType n) {
-    const auto           block = static_cast<std::ptrdiff_t>(n);
-    const std::ptrdiff_t row = block % blocksY * BlockLength;
-    const std::ptrdiff_t slice = block / blocksY * BlockLength;
-    TPixel               lowest = NumericTraits<TPixel>::max();
-    TPixel               highest = NumericTraits<TPixel>::NonpositiveMin();
-    kernels.findBlockExtrema(m_Voxels + (slice * y + row) * x,
-                             x,
-                             std::min(BlockLength, y - row),
-                             std::min(BlockLength, m_Size[2] - slice),
-                             x,
-                             x * y,
-                             first + block * blocksX,
-                             m_HasBlockMinima ? first + blocks + block * blocksX : nullptr,
-                             lowest,
-                             highest);
-    const std::lock_guard<std::mutex> lock(mutex);
-    lowestOfAll = std::min(lowestOfAll, lowest);
-    highestOfAll = std::max(highestOfAll, highest);
-  });
+  parallelize(static_cast<SizeValueType>(blocksY * CountBlocks(m_Size[2])),
+              1,
+              [&](SizeValueType n, SizeValueType, SizeValueType) {
+                const auto           block = static_cast<std::ptrdiff_t>(n);
+                const std::ptrdiff_t row = block % blocksY * BlockLength;
+                const std::ptrdiff_t slice = block / blocksY * BlockLength;
+                TPixel               lowest = NumericTraits<TPixel>::max();
+                TPixel               highest = NumericTraits<TPixel>::NonpositiveMin();
+                kernels.findBlockExtrema(m_Voxels + (slice * y + row) * x,
+                                         x,
+                                         std::min(BlockLength, y - row),
+                                         std::min(BlockLength, m_Size[2] - slice),
+                                         x,
+                                         x * y,
+                                         first + block * blocksX,
+                                         m_HasBlockMinima ? first + blocks + block * blocksX : nullptr,
+                                         lowest,
+                                         highest);
+                const std::lock_guard<std::mutex> lock(mutex);
+                lowestOfAll = std::min(lowestOfAll, lowest);
+                highestOfAll = std::max(highestOfAll, highest);
+              });
   m_Lowest = lowestOfAll;
   m_Highest = highestOfAll;
   m_BlockMaxima = std::move(maxima);
 }
 
 template <typename TPixel>
-template <typename TParallelize>
 void
 ShearWarpPreparedVolume<TPixel>::Transpose(const ShearWarp::Kernels<TPixel> & kernels,
-                                           const TParallelize &               parallelize,
+                                           const ShearWarp::Parallelize &     parallelize,
                                            ShearWarpBuffer                    memory)
 {
   const std::ptrdiff_t slice = m_Size[0] * m_Size[1];
@@ -185,7 +184,7 @@ ShearWarpPreparedVolume<TPixel>::Transpose(const ShearWarp::Kernels<TPixel> & ke
   TPixel * transposed = memory.GetPointer<TPixel>();
   // a small one stays in the cache
   const bool isStreamed = bytes > std::size_t{ 1 } << 22;
-  parallelize(static_cast<SizeValueType>(m_Size[2]), [&](SizeValueType z) {
+  parallelize(static_cast<SizeValueType>(m_Size[2]), 1, [&](SizeValueType z, SizeValueType, SizeValueType) {
     kernels.transposeSlice(m_Voxels + z * slice, m_Size[0], m_Size[1], transposed + z * slice, isStreamed);
   });
   m_Transposed = std::move(memory);
@@ -244,6 +243,8 @@ ShearWarpPreparedVolume<TPixel>::GetBlockMaxima(unsigned int principalAxis) cons
       return { maxima, minima, x, y, z, 1, x, x * y };
   }
 }
-} // namespace itk
 
-#endif
+#define INSTANTIATE(TPixel) template class ShearWarpPreparedVolume<TPixel>;
+SHEARWARP_FOR_EACH_PIXEL_TYPE(INSTANTIATE)
+#undef INSTANTIATE
+} // namespace itk

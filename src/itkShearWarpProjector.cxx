@@ -15,8 +15,9 @@
  *  limitations under the License.
  *
  *=========================================================================*/
-#ifndef itkShearWarpProjector_hxx
-#define itkShearWarpProjector_hxx
+#include "itkShearWarpProjector.h"
+
+#include "itkShearWarpPixelTypes.h"
 
 #include <algorithm>
 #include <atomic>
@@ -81,11 +82,10 @@ ShearWarpProjector<TPixel>::Start(ViewList                           views,
 }
 
 template <typename TPixel>
-template <typename TParallelize>
 void
 ShearWarpProjector<TPixel>::Project(const ShearWarpPreparedVolume<TPixel> &        volume,
                                     const ShearWarpPreparedVolume<unsigned char> * mask,
-                                    const TParallelize &                           parallelize)
+                                    const ShearWarp::Parallelize &                 parallelize)
 {
   using ShearWarp::BlockLength;
   using ShearWarp::CountBlocks;
@@ -158,9 +158,9 @@ ShearWarpProjector<TPixel>::Project(const ShearWarpPreparedVolume<TPixel> &     
 }
 
 template <typename TPixel>
-template <typename TParallelize>
 auto
-ShearWarpProjector<TPixel>::Finish(std::size_t view, const TParallelize & parallelize) -> IntermediateImageType
+ShearWarpProjector<TPixel>::Finish(std::size_t view, const ShearWarp::Parallelize & parallelize)
+  -> IntermediateImageType
 {
   const ShearWarpFactorization & factorization = *m_Views[view].factorization;
   const auto                     oversampling = static_cast<std::ptrdiff_t>(factorization.GetOversampling());
@@ -740,6 +740,8 @@ ShearWarpProjector<TPixel>::MergeRow(std::size_t grid, std::ptrdiff_t row)
   }
   return result;
 }
-} // namespace itk
 
-#endif
+#define INSTANTIATE(TPixel) template class ShearWarpProjector<TPixel>;
+SHEARWARP_FOR_EACH_PIXEL_TYPE(INSTANTIATE)
+#undef INSTANTIATE
+} // namespace itk

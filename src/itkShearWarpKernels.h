@@ -18,7 +18,7 @@
 #ifndef itkShearWarpKernels_h
 #define itkShearWarpKernels_h
 
-#include "ShearWarpMIPExport.h"
+#include "itkShearWarpSampling.h"
 
 #include <cstddef>
 #include <cstdint>
@@ -32,78 +32,16 @@
  *
  * Kernels holds one function for each step. Every scalar pixel type of ITK (the arithmetic and character types but
  * `bool` and `long double`) has portable kernels; 8-bit and 16-bit integers and float have kernels for the
- * instruction sets of x86-64 too. All give the same bits.
- *
- * Positions are quantized to 1/2^15 voxel, and bilinear weights are integers that sum to 2^15:
- * see SamplingPosition and BilinearWeights. Integer samples are the weighted sum rounded once, half upward:
- * \f[ \lfloor (w_{aa} v_{aa} + w_{ab} v_{ab} + w_{ba} v_{ba} + w_{bb} v_{bb} + 2^{14}) / 2^{15} \rfloor \f]
- * Floating-point samples are three linear interpolations `b + x * (a - b)`, along columns first, each in
- * the pixel's own precision and without contraction; the result is never outside the range of the four
- * voxels, because x is at most 1 - 2^-15, unless their difference overflows. A voxel of weight zero takes no part. A
- * sample that is not a number never wins, one of minus infinity counts as no sample, and a maximum of zero
- * is +0.
+ * instruction sets of x86-64 too. All give the same bits: those of the rule of itkShearWarpSampling.h.
  */
 namespace itk::ShearWarp
 {
-
-constexpr int          FractionBits = 15;
-constexpr std::int32_t One = 1 << FractionBits;
 
 /** Blocks begin and end at multiples of this many rows and slices; block maxima are those of cubes of this length. */
 constexpr std::ptrdiff_t BlockLength = 8;
 
 /** Columns of a tile of the intermediate image; it has BlockLength rows. */
 constexpr std::ptrdiff_t TileColumns = 32;
-
-/** A position along one axis, in 1/2^15 pixel: `whole * 2^15 + fraction`, with 0 <= fraction < 2^15. */
-struct SamplingPosition
-{
-  std::int32_t whole;
-  std::int32_t fraction;
-};
-
-/** Rounds \a position, in pixels, to the nearest 1/2^15. Its magnitude must be below 2^31. */
-ShearWarpMIP_EXPORT
-SamplingPosition
-QuantizePosition(double position);
-
-/** Weights of the four corners of a cell in 1/2^15: none negative, their sum exactly 2^15.
- * First letter: row, second letter: column; `a` is the neighbour of weight \a x (or \a y), `b` the one that
- * has the rest. \f[ aa = \lfloor (x y + 2^{14}) / 2^{15} \rfloor, \quad ab = y - aa, \quad ba = x - aa, \quad
- * bb = 2^{15} - x - y + aa \f] */
-struct BilinearWeights
-{
-  BilinearWeights(std::int32_t x, std::int32_t y)
-    : aa((x * y + One / 2) >> FractionBits)
-    , ab(y - aa)
-    , ba(x - aa)
-    , bb(One - x - y + aa)
-  {}
-  std::int32_t aa, ab, ba, bb;
-};
-
-/** Where a slice lies in the intermediate image: its voxel (0, 0) is at column `column`, row `row`.
- *
- * Intermediate pixel p meets the slice at voxel column p - column.whole - column.fraction / 2^15.
- * The slice reaches half a voxel beyond its outer voxel centres, with the outer voxels' values, so that it always
- * covers as many pixels as it has voxels. */
-struct SlicePlacement
-{
-  SamplingPosition column;
-  SamplingPosition row;
-
-  /** First intermediate column and row that the slice reaches. */
-  std::int32_t
-  FirstColumn() const
-  {
-    return column.whole + (column.fraction > One / 2);
-  }
-  std::int32_t
-  FirstRow() const
-  {
-    return row.whole + (row.fraction > One / 2);
-  }
-};
 
 /** Whether the first and the last voxel along an axis are the volume's. */
 struct Ends
@@ -127,12 +65,6 @@ struct SliceStack
   Ends           columnEnds{}, rowEnds{};
 };
 
-/** Where a part of a volume begins. */
-struct Corner
-{
-  std::ptrdiff_t column, row, slice;
-};
-
 /** Rows [rowBegin, rowEnd), of `rows`, of slices [sliceBegin, sliceEnd) of a SliceStack: each a multiple of BlockLength
  * or the stack's end.
  *
@@ -145,12 +77,6 @@ struct Block
   std::ptrdiff_t sliceBegin, sliceEnd;
   std::ptrdiff_t rows;
   bool           hasCommonRows{ false };
-};
-
-/** Columns [begin, end) of an image row. */
-struct ColumnSpan
-{
-  std::int32_t begin, end;
 };
 
 /** Rows [begin, end) of an image or a slice. */
@@ -197,17 +123,6 @@ struct IntermediateImage
   const std::int32_t * slices{ nullptr };
   bool                 hasGaps{ slices != nullptr };
   TPixel               none{ NoSample<TPixel> };
-};
-
-/** An affine function of column, row and slice of a sheared volume, evaluated as
- * `perColumn * column + ((perRow * row + perSlice * slice) + constant)`. */
-struct ShearedFunction
-{
-  double perColumn, perRow, perSlice, constant;
-
-  ShearWarpMIP_EXPORT
-  double
-  operator()(double column, double row, double slice) const;
 };
 
 /** Those columns of \a span where \a low <= function <= \a high, for a row and a slice. */
@@ -543,11 +458,6 @@ template <typename TPixel>
 ShearWarpMIP_EXPORT
 const Kernels<TPixel> &
 GetKernels();
-
-/** The instruction sets that this computer and this build have, the best one last. */
-ShearWarpMIP_EXPORT
-std::vector<std::string>
-GetInstructionSets();
 
 } // namespace itk::ShearWarp
 

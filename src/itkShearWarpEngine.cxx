@@ -1,0 +1,672 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#include "itkShearWarpEngine.h"
+
+#include "itkShearWarpPixelTypes.h"
+#include "itkShearWarpPreparedVolume.h"
+#include "itkShearWarpProjector.h"
+#include "itkShearWarpRayProjector.h"
+
+#include <algorithm>
+#include <chrono>
+#include <iterator>
+#include <ostream>
+#include <stdexcept>
+#include <unordered_map>
+
+namespace itk
+{
+std::ostream &
+operator<<(std::ostream & out, ShearWarpMIPImageFilterEnums::Mode value)
+{
+  static constexpr const char * names[] = { "Maximum", "Minimum", "AbsoluteMaximum" };
+  const auto                    index = static_cast<unsigned int>(value);
+  return out << "itk::ShearWarpMIPImageFilterEnums::Mode::" << (index < 3 ? names[index] : "INVALID VALUE");
+}
+
+std::ostream &
+operator<<(std::ostream & out, ShearWarpMIPImageFilterEnums::ReducedResampling value)
+{
+  static constexpr const char * names[] = { "Off", "On", "Auto" };
+  const auto                    index = static_cast<unsigned int>(value);
+  return out << "itk::ShearWarpMIPImageFilterEnums::ReducedResampling::"
+             << (index < 3 ? names[index] : "INVALID VALUE");
+}
+
+namespace ShearWarp
+{
+SizeValueType
+CountSlabs(SliceRange slices, SizeValueType wanted)
+{
+  return std::clamp<SizeValueType>(wanted, 1, std::max<std::ptrdiff_t>(CountBlocks(slices.end - slices.begin), 1));
+}
+
+SliceRange
+GetSlab(SliceRange slices, SizeValueType n, SizeValueType slabs)
+{
+  const SizeValueType blocks = CountBlocks(slices.end - slices.begin);
+  const auto          getEnd = [=](SizeValueType count) {
+    return std::min(slices.begin + static_cast<std::ptrdiff_t>(count * blocks / slabs) * BlockLength, slices.end);
+  };
+  return { getEnd(n), getEnd(n + 1) };
+}
+} // namespace ShearWarp
+
+namespace
+{
+using ReducedResamplingEnum = ShearWarpMIPImageFilterEnums::ReducedResampling;
+using ModeEnum = ShearWarpMIPImageFilterEnums::Mode;
+using Clock = std::chrono::steady_clock;
+using ShearWarp::Parallelize;
+using ShearWarp::Threads;
+
+constexpr SizeValueType MostViewsTogether = 256;
+
+struct View
+{
+  ShearWarpFactorization::TransformType::ConstPointer transform;
+  ShearWarpFactorization                              factorization;
+  SizeValueType                                       number;
+};
+
+/** The numbers of views with the same intermediate image. */
+using Projection = std::vector<SizeValueType>;
+
+/** What is projected together. */
+struct Group
+{
+  unsigned int            axis;
+  std::vector<Projection> projections;
+};
+
+using FactorizeFunction = std::function<std::shared_ptr<const View>(SizeValueType)>;
+
+double
+SecondsSince(Clock::time_point start)
+{
+  return std::chrono::duration<double>(Clock::now() - start).count();
+}
+
+Parallelize
+TakeShare(const Threads & threads, float share)
+{
+  return [&threads, share](SizeValueType count, SizeValueType steps, const ShearWarp::Task & task) {
+    threads.run(count, steps, share, task);
+  };
+}
+
+template <typename TPixel>
+std::vector<ShearWarp::Interval>
+MakeIntervals(const View & view, const ShearWarp::ProjectionRule<TPixel> & rule)
+{
+  std::vector<ShearWarp::Interval> intervals;
+  const auto addInterval = [&](const ShearWarp::ShearedFunction & function, double low, double high) {
+    if (low != -rule.Infinity || high != rule.Infinity)
+    {
+      intervals.push_back({ function, low, high });
+    }
+  };
+  addInterval(view.factorization.GetDepthFunction(), rule.slabNear, rule.slabFar);
+  const auto axes = ShearWarpFactorization::GetLinearPart(view.transform);
+  const auto offset = view.transform->TransformPoint(Point<double, 3>(0.0));
+  for (unsigned int axis = 0; axis < 3; ++axis)
+  {
+    const double position[] = { axes(axis, 0), axes(axis, 1), axes(axis, 2), offset[axis] };
+    addInterval(
+      view.factorization.GetShearedFunction(Vector<double, 4>(position)), rule.cropLower[axis], rule.cropUpper[axis]);
+  }
+  return intervals;
+}
+
+/** For a number that tells most views apart: of the places of the first slice and the last one. */
+SizeValueType
+HashPlacements(const std::vector<ShearWarp::SlicePlacement> & placements)
+{
+  SizeValueType hash = 0;
+  for (const auto & place : { placements.front(), placements.back() })
+  {
+    for (const std::int32_t part : { place.column.whole, place.column.fraction, place.row.whole, place.row.fraction })
+    {
+      hash = hash * 1000003 + static_cast<SizeValueType>(part);
+    }
+  }
+  return hash;
+}
+} // namespace
+
+template <typename TPixel>
+class ShearWarpEngine<TPixel>::Implementation
+{
+public:
+  using Kernels = ShearWarp::Kernels<TPixel>;
+  using IntermediateImage = ShearWarp::IntermediateImage<TPixel>;
+  using Projector = ShearWarpProjector<TPixel>;
+  using RayProjector = ShearWarpRayProjector<TPixel>;
+
+  /** Chooses the kernels, and forgets the last update's measurements. */
+  void
+  Begin(const ShearWarpFactorization & first)
+  {
+    measurements = {};
+    measurements.principalAxis = first.GetPrincipalAxis();
+    try
+    {
+      kernels = &ShearWarp::GetKernels<TPixel>();
+    }
+    catch (const std::invalid_argument & error)
+    {
+      itkGenericExceptionMacro(<< error.what());
+    }
+    measurements.instructionSet = kernels->instructionSet;
+  }
+
+  /** Whether intermediate images tell the slices of their pixels: of depths, and of masks, where a pixel may have none.
+   */
+  static bool
+  NeedsSlices(const VolumeType & input, const RuleType & rule)
+  {
+    return rule.hasDepth || input.mask;
+  }
+
+  /** Whether only RayProjector can project: what depends on the order of samples, and slices of more than ranks tell.
+   */
+  static bool
+  NeedsRays(const VolumeType & input, const RuleType & rule)
+  {
+    const auto size = input.whole.GetSize();
+    const auto mostSlices = static_cast<SizeValueType>(Projector::MostRankedSlices);
+    return rule.localMaximumThreshold || rule.depthAttenuation > 0.0 ||
+           (NeedsSlices(input, rule) && std::max({ size[0], size[1], size[2] }) > mostSlices);
+  }
+
+  static std::vector<Group>
+  MakeGroups(const VolumeType &        input,
+             SizeValueType             count,
+             const FactorizeFunction & factorize,
+             const RuleType &          rule,
+             SizeValueType             memoryOfThread);
+
+  void
+  ProjectGroup(const VolumeType &                                                   input,
+               const Group &                                                        group,
+               const FactorizeFunction &                                            factorize,
+               const RuleType &                                                     rule,
+               float                                                                viewShare,
+               const std::function<void(const IntermediateImage &, const View &)> & warp,
+               const Threads &                                                      threads);
+
+  /** How a volume is projected along an axis. */
+  struct Pass
+  {
+    unsigned int axis;
+    bool         isFirstSlabFirst;
+    bool         hasBlockMaxima, hasBlocksOfMask;
+    bool         isKept; // a transposed copy
+    float        share;  // of the progress
+  };
+
+  /** Prepares the volume and the mask and has \a project(volume, mask, parallelize) project them, slab by slab; \a mask
+   * is null if there is none. */
+  template <typename TFunction>
+  void
+  ProjectSlabs(const VolumeType & input, const Pass & pass, const TFunction & project, const Threads & threads);
+
+  void
+  Warp(const IntermediateImage &      intermediate,
+       const ShearWarpFactorization & factorization,
+       const Size<2> &                size,
+       TPixel                         background,
+       const PictureType &            picture,
+       const Parallelize &            parallelize);
+
+  ShearWarpPreparedVolume<TPixel>        volume, slabOfVolume;
+  ShearWarpPreparedVolume<unsigned char> mask{ true };
+  ShearWarpPreparedVolume<unsigned char> slabOfMask{ true };
+  Projector                              projector;
+  RayProjector                           rayProjector;
+  const Kernels *                        kernels{ nullptr };
+  ShearWarp::Measurements                measurements;
+};
+
+template <typename TPixel>
+std::vector<Group>
+ShearWarpEngine<TPixel>::Implementation::MakeGroups(const VolumeType &        input,
+                                                    SizeValueType             count,
+                                                    const FactorizeFunction & factorize,
+                                                    const RuleType &          rule,
+                                                    SizeValueType             memoryOfThread)
+{
+  const bool                                          isOneByOne = NeedsRays(input, rule);
+  std::vector<Projection>                             projections[3];
+  Size<2>                                             largest[3]{};
+  unsigned int                                        oversampling = 1;
+  std::unordered_multimap<SizeValueType, std::size_t> candidates[3];
+  for (SizeValueType number = 0; number < count; ++number)
+  {
+    const auto         view = factorize(number);
+    const unsigned int axis = view->factorization.GetPrincipalAxis();
+    const Size<2>      size = view->factorization.GetIntermediateSize();
+    largest[axis] = { { std::max(largest[axis][0], size[0]), std::max(largest[axis][1], size[1]) } };
+    oversampling = view->factorization.GetOversampling();
+
+    const SizeValueType hash = HashPlacements(view->factorization.GetSlicePlacements());
+    const auto [begin, end] = candidates[axis].equal_range(hash);
+    const bool isAlone = isOneByOne || rule.HasRegion() || rule.hasDepth;
+    const auto same = isAlone ? end : std::find_if(begin, end, [&](const auto & candidate) {
+      const Projection & projection = projections[axis][candidate.second];
+      return factorize(projection.front())->factorization.HasSameSlicePlacements(view->factorization);
+    });
+    if (same != end)
+    {
+      projections[axis][same->second].push_back(number);
+      continue;
+    }
+    candidates[axis].emplace(hash, projections[axis].size());
+    projections[axis].push_back({ number });
+  }
+
+  std::vector<Group> groups;
+  for (unsigned int axis = 0; axis < 3; ++axis)
+  {
+    // as few groups as there is room for, of equal size; more views would save nothing
+    const SizeValueType bytes = Projector::GetImageSizeInBytes(
+      largest[axis], oversampling, rule.mode, rule.HasRegion(), NeedsSlices(input, rule));
+    const SizeValueType room = memoryOfThread / std::max<SizeValueType>(bytes, 1);
+    const SizeValueType most = isOneByOne ? 1 : std::clamp<SizeValueType>(room, 1, MostViewsTogether);
+    const SizeValueType total = projections[axis].size();
+    const SizeValueType groupsOfAxis = (total + most - 1) / most;
+    const auto          first = std::make_move_iterator(projections[axis].begin());
+    for (SizeValueType n = 0; n < groupsOfAxis; ++n)
+    {
+      groups.push_back({ axis, { first + n * total / groupsOfAxis, first + (n + 1) * total / groupsOfAxis } });
+    }
+  }
+  return groups;
+}
+
+template <typename TPixel>
+template <typename TFunction>
+void
+ShearWarpEngine<TPixel>::Implementation::ProjectSlabs(const VolumeType & input,
+                                                      const Pass &       pass,
+                                                      const TFunction &  project,
+                                                      const Threads &    threads)
+{
+  using ShearWarp::BlockLength;
+  const auto *                image = input.image;
+  const bool                  isStreamed = input.streamDivisions > 1;
+  const bool                  isWhole = !isStreamed && (pass.isKept || pass.axis != 0);
+  const ImageRegion<3> &      present = isStreamed ? input.whole : image->GetBufferedRegion();
+  const auto                  first = present.GetIndex(2) - input.whole.GetIndex(2);
+  const ShearWarp::SliceRange slices{ first, first + static_cast<std::ptrdiff_t>(present.GetSize(2)) };
+  // slabs that are transposed stay in the cache
+  constexpr std::ptrdiff_t slabBytes = 1 << 21;
+  const auto               sliceBytes =
+    static_cast<std::ptrdiff_t>(std::max<SizeValueType>(present.GetSize(0) * present.GetSize(1), 1) * sizeof(TPixel));
+  const std::ptrdiff_t slabLength =
+    std::max(slabBytes / sliceBytes, 2 * BlockLength) * static_cast<std::ptrdiff_t>(threads.count);
+  const SizeValueType slabs = isStreamed ? input.streamDivisions
+                              : isWhole  ? 1
+                                         : ShearWarp::CountBlocks(slices.end - slices.begin, slabLength);
+
+  const bool  findsMaxima = pass.hasBlockMaxima && !(isWhole && volume.IsPrepared(image, 2));
+  const bool  transposes = pass.axis == 0 && !(isWhole && volume.IsPrepared(image, 0, false));
+  const bool  transposesMask = input.mask && pass.axis == 0 && !(isWhole && mask.IsPrepared(input.mask, 0, false));
+  const bool  findsBlocksOfMask = pass.hasBlocksOfMask && !(isWhole && mask.IsPrepared(input.mask, 2));
+  const int   preparations = findsMaxima + transposes + transposesMask + findsBlocksOfMask;
+  const float preparationShare = pass.share * (input.mask ? 0.1f : 0.2f) / static_cast<float>(slabs);
+  const float projectionShare =
+    pass.share * 0.85f / static_cast<float>(slabs) - preparationShare * static_cast<float>(preparations);
+  const Parallelize prepareInParallel = TakeShare(threads, preparationShare);
+  if (isStreamed)
+  {
+    volume.Release();
+    mask.Release();
+  }
+  else
+  {
+    volume.SetImage(image, input.whole);
+  }
+  if (isWhole)
+  {
+    slabOfVolume.Release();
+    slabOfMask.Release();
+  }
+  for (SizeValueType n = 0; n < slabs; ++n)
+  {
+    const auto slab = ShearWarp::GetSlab(slices, pass.isFirstSlabFirst ? n : slabs - 1 - n, slabs);
+    input.load(slab);
+    const auto start = Clock::now();
+    const auto prepare =
+      [&](const auto * of, auto & whole, auto & part, bool hasBlockMaxima, const auto & kernelsOf) -> const auto & {
+      if (isWhole)
+      {
+        whole.Prepare(of, input.whole, pass.axis, hasBlockMaxima, kernelsOf, prepareInParallel);
+        return whole;
+      }
+      part.PreparePart(of, input.whole, slab.begin, slab.end, pass.axis, hasBlockMaxima, kernelsOf, prepareInParallel);
+      return part;
+    };
+    const auto & prepared = prepare(image, volume, slabOfVolume, pass.hasBlockMaxima, *kernels);
+    const ShearWarpPreparedVolume<unsigned char> * preparedMask = nullptr;
+    if (input.mask)
+    {
+      const auto & kernelsOfMask = ShearWarp::GetKernels<unsigned char>();
+      preparedMask = &prepare(input.mask, mask, slabOfMask, pass.hasBlocksOfMask, kernelsOfMask);
+    }
+    measurements.preparationSeconds += preparations > 0 ? SecondsSince(start) : 0.0;
+
+    const auto projectionStart = Clock::now();
+    project(prepared, preparedMask, TakeShare(threads, projectionShare));
+    measurements.projectionSeconds += SecondsSince(projectionStart);
+  }
+  if (!isStreamed)
+  {
+    volume.AddProjectedAxis(pass.axis);
+  }
+}
+
+template <typename TPixel>
+void
+ShearWarpEngine<TPixel>::Implementation::ProjectGroup(
+  const VolumeType &                                                   input,
+  const Group &                                                        group,
+  const FactorizeFunction &                                            factorize,
+  const RuleType &                                                     rule,
+  float                                                                viewShare,
+  const std::function<void(const IntermediateImage &, const View &)> & warp,
+  const Threads &                                                      threads)
+{
+  std::vector<std::shared_ptr<const View>> firsts;
+  SizeValueType                            count = 0;
+  for (const Projection & projection : group.projections)
+  {
+    count += projection.size();
+    firsts.push_back(factorize(projection.front()));
+  }
+  const float share = viewShare * static_cast<float>(count);
+  const auto  finish = [&](const auto & finishProjection) {
+    for (std::size_t n = 0; n < firsts.size(); ++n)
+    {
+      const Projection & projection = group.projections[n];
+      const auto         start = Clock::now();
+      const float        mergeShare = 0.05f * viewShare * static_cast<float>(projection.size());
+      const auto         intermediate = finishProjection(n, TakeShare(threads, mergeShare));
+      measurements.projectionSeconds += SecondsSince(start);
+      for (const SizeValueType number : projection)
+      {
+        warp(intermediate, *factorize(number));
+      }
+    }
+  };
+
+  // what serves further views is made when they come
+  const unsigned int projectedAxes = volume.GetProjectedAxes(input.image);
+  const bool         isKept = (projectedAxes >> group.axis & 1U) != 0;
+  if (NeedsRays(input, rule))
+  {
+    const View &                      first = *firsts.front();
+    typename RayProjector::Parameters parameters;
+    parameters.mode = rule.mode == ModeEnum::Minimum           ? &kernels->minimum
+                      : rule.mode == ModeEnum::AbsoluteMaximum ? &kernels->absoluteMaximum
+                                                               : &kernels->maximum;
+    parameters.localMaximumThreshold = rule.localMaximumThreshold;
+    parameters.intervals = MakeIntervals(first, rule);
+    if (rule.depthAttenuation > 0.0)
+    {
+      const double begin = std::max(ShearWarp::FindSphereDepth(first.transform, input.image), rule.slabNear);
+      parameters.fading = typename RayProjector::Fading{ { rule.depthAttenuation, begin }, rule.background };
+    }
+    parameters.maskLabel = rule.maskLabel;
+    rayProjector.Start(first.factorization, *kernels, parameters, threads.count);
+    const auto project = [this](const auto & ofVolume, const auto * ofMask, const Parallelize & parallelize) {
+      rayProjector.Project(ofVolume, ofMask, parallelize);
+    };
+    this->ProjectSlabs(
+      input, { group.axis, rayProjector.IsFirstSlabFront(), false, false, isKept, share }, project, threads);
+    finish([this](std::size_t, const Parallelize & parallelize) { return rayProjector.Finish(parallelize); });
+    return;
+  }
+
+  const bool isPlainMaximum = rule.mode == ModeEnum::Maximum && !rule.HasRegion() && !NeedsSlices(input, rule);
+  const bool hasBlockMaxima = isPlainMaximum && (rule.reducedResampling == ReducedResamplingEnum::On ||
+                                                 group.projections.size() > 1 || projectedAxes != 0);
+  typename Projector::ViewList views;
+  for (const auto & first : firsts)
+  {
+    views.push_back({ &first->factorization, MakeIntervals(*first, rule) });
+  }
+  projector.Start(
+    views, *kernels, { rule.mode, NeedsSlices(input, rule), rule.maskLabel, rule.reducedResampling }, threads.count);
+  const auto project = [this](const auto & ofVolume, const auto * ofMask, const Parallelize & parallelize) {
+    projector.Project(ofVolume, ofMask, parallelize);
+  };
+  this->ProjectSlabs(
+    input, { group.axis, true, hasBlockMaxima, input.mask != nullptr, isKept, share }, project, threads);
+  // shares may sum to a little more than 1
+  measurements.skippedFraction = std::min(measurements.skippedFraction + projector.GetSkippedFraction() * share, 1.0);
+  finish([this](std::size_t n, const Parallelize & parallelize) { return projector.Finish(n, parallelize); });
+}
+
+template <typename TPixel>
+void
+ShearWarpEngine<TPixel>::Implementation::Warp(const IntermediateImage &      intermediate,
+                                              const ShearWarpFactorization & factorization,
+                                              const Size<2> &                size,
+                                              TPixel                         background,
+                                              const PictureType &            picture,
+                                              const Parallelize &            parallelize)
+{
+  const auto                   start = Clock::now();
+  const auto                   map = factorization.GetOutputToIntermediateMatrix();
+  const ShearWarp::AffineMap2D outputToIntermediate{ map(0, 0), map(0, 1), map(0, 2), map(1, 0), map(1, 1), map(1, 2) };
+  const auto                   depth = factorization.GetDepthFunction();
+  constexpr SizeValueType      band = 16;
+  parallelize((size[1] + band - 1) / band, 1, [&](SizeValueType n, SizeValueType, SizeValueType) {
+    for (SizeValueType row = n * band; row < std::min((n + 1) * band, size[1]); ++row)
+    {
+      kernels->warpRow(intermediate, outputToIntermediate, row, 0, size[0], background, picture.pixels + row * size[0]);
+      if (picture.depths)
+      {
+        ShearWarp::FindDepths(intermediate,
+                              outputToIntermediate,
+                              factorization.GetOversampling(),
+                              depth,
+                              row,
+                              size[0],
+                              picture.depths + row * size[0]);
+      }
+    }
+  });
+  measurements.warpSeconds += SecondsSince(start);
+}
+
+template <typename TPixel>
+ShearWarpEngine<TPixel>::ShearWarpEngine()
+  : m_Implementation(std::make_unique<Implementation>())
+{}
+
+template <typename TPixel>
+ShearWarpEngine<TPixel>::~ShearWarpEngine() = default;
+
+template <typename TPixel>
+void
+ShearWarpEngine<TPixel>::Project(const VolumeType &                                volume,
+                                 const ShearWarp::ViewList &                       views,
+                                 const ImageBase<2> *                              grid,
+                                 unsigned int                                      oversampling,
+                                 const RuleType &                                  rule,
+                                 SizeValueType                                     intermediateMemory,
+                                 const std::function<PictureType(SizeValueType)> & getPicture,
+                                 const ShearWarp::Threads &                        threads)
+{
+  std::vector<std::shared_ptr<const View>> lastViews(MostViewsTogether);
+  const FactorizeFunction                  factorize = [&](SizeValueType number) {
+    auto & view = lastViews[number % MostViewsTogether];
+    if (!view || view->number != number)
+    {
+      const auto transform = views.get(number);
+      view = std::make_shared<const View>(View{ transform, { transform, volume.image, grid, oversampling }, number });
+    }
+    return view;
+  };
+  m_Implementation->Begin(factorize(0)->factorization);
+  const float viewShare = 1.0f / static_cast<float>(views.count);
+  const auto  warp = [&](const auto & intermediate, const View & view) {
+    const Size<2> size = grid->GetLargestPossibleRegion().GetSize();
+    m_Implementation->Warp(intermediate,
+                           view.factorization,
+                           size,
+                           rule.background,
+                           getPicture(view.number),
+                           TakeShare(threads, 0.09f * viewShare));
+  };
+  const SizeValueType memoryOfThread = intermediateMemory / threads.count;
+  for (const Group & group : Implementation::MakeGroups(volume, views.count, factorize, rule, memoryOfThread))
+  {
+    m_Implementation->ProjectGroup(volume, group, factorize, rule, viewShare, warp, threads);
+  }
+  m_Implementation->slabOfVolume.Release();
+  m_Implementation->slabOfMask.Release();
+  if (volume.streamDivisions > 1)
+  {
+    this->Release();
+  }
+}
+
+template <typename TPixel>
+void
+ShearWarpEngine<TPixel>::ProjectPart(const VolumeType &                volume,
+                                     const ShearWarpFactorization &    factorization,
+                                     ReducedResamplingEnum             reducedResampling,
+                                     const std::function<TPixel *()> & getPixels,
+                                     const ShearWarp::Threads &        threads)
+{
+  Implementation & engine = *m_Implementation;
+  engine.Begin(factorization);
+  const unsigned int axis = factorization.GetPrincipalAxis();
+  const bool         hasBlockMaxima = reducedResampling != ReducedResamplingEnum::Off;
+  const bool         isKept = hasBlockMaxima || engine.volume.IsPrepared(volume.image, axis, false);
+  engine.projector.Start(
+    { { &factorization, {} } }, *engine.kernels, { ModeEnum::Maximum, false, 0, reducedResampling }, threads.count);
+  const auto project = [&](const auto & prepared, const auto *, const Parallelize & parallelize) {
+    engine.projector.Project(prepared, nullptr, parallelize);
+  };
+  engine.ProjectSlabs(volume, { axis, true, hasBlockMaxima, false, isKept, 1.0f }, project, threads);
+  engine.measurements.skippedFraction = engine.projector.GetSkippedFraction();
+
+  const auto start = Clock::now();
+  const auto part = engine.projector.Finish(0, TakeShare(threads, 0.05f));
+  TPixel *   output = getPixels();
+  for (std::ptrdiff_t row = 0; row < part.rows; ++row)
+  {
+    const TPixel *              pixels = part.pixels + row * part.rowStride;
+    const ShearWarp::ColumnSpan reached = part.reached[row];
+    std::fill(output, output + part.columns, ShearWarp::NoSample<TPixel>);
+    std::copy(pixels + reached.begin, pixels + reached.end, output + reached.begin);
+    output += part.columns;
+  }
+  engine.measurements.projectionSeconds += SecondsSince(start);
+}
+
+template <typename TPixel>
+void
+ShearWarpEngine<TPixel>::WarpParts(const std::vector<PartType> &     parts,
+                                   const ShearWarpFactorization &    factorization,
+                                   const ImageBase<2> *              grid,
+                                   TPixel                            background,
+                                   const std::function<TPixel *()> & getPixels,
+                                   const ShearWarp::Threads &        threads)
+{
+  Implementation & engine = *m_Implementation;
+  engine.Begin(factorization);
+  const auto      start = Clock::now();
+  const auto      columns = static_cast<std::ptrdiff_t>(factorization.GetIntermediateSize()[0]);
+  const auto      rows = static_cast<std::ptrdiff_t>(factorization.GetIntermediateSize()[1]);
+  ShearWarpBuffer memory;
+  memory.Reserve(columns * rows * sizeof(TPixel), "the intermediate image");
+  auto * const             pixels = memory.template GetPointer<TPixel>();
+  constexpr std::ptrdiff_t band = 16;
+  threads.run(ShearWarp::CountBlocks(rows, band), 1, 0.9f, [&](SizeValueType n, SizeValueType, SizeValueType) {
+    const auto begin = static_cast<std::ptrdiff_t>(n) * band;
+    const auto end = std::min(begin + band, rows);
+    std::fill(pixels + begin * columns, pixels + end * columns, ShearWarp::NoSample<TPixel>);
+    for (const auto & [partPixels, region] : parts)
+    {
+      const auto width = static_cast<std::ptrdiff_t>(region.GetSize(0));
+      const auto lastRow = region.GetIndex(1) + static_cast<std::ptrdiff_t>(region.GetSize(1));
+      for (auto row = std::max(begin, region.GetIndex(1)); row < std::min(end, lastRow); ++row)
+      {
+        const TPixel * from = partPixels + (row - region.GetIndex(1)) * width;
+        TPixel *       to = pixels + row * columns + region.GetIndex(0);
+        std::transform(from, from + width, to, to, [](TPixel a, TPixel b) { return a > b ? a : b; });
+      }
+    }
+  });
+  engine.measurements.projectionSeconds = SecondsSince(start);
+  engine.Warp({ pixels, columns, rows, columns, factorization.GetReachedColumns().data() },
+              factorization,
+              grid->GetLargestPossibleRegion().GetSize(),
+              background,
+              { getPixels(), nullptr },
+              TakeShare(threads, 0.09f));
+}
+
+template <typename TPixel>
+TPixel
+ShearWarpEngine<TPixel>::NoSample()
+{
+  return ShearWarp::NoSample<TPixel>;
+}
+
+template <typename TPixel>
+const ShearWarp::Measurements &
+ShearWarpEngine<TPixel>::GetMeasurements() const
+{
+  return m_Implementation->measurements;
+}
+
+template <typename TPixel>
+void
+ShearWarpEngine<TPixel>::Release()
+{
+  auto released = std::make_unique<Implementation>();
+  released->measurements = m_Implementation->measurements;
+  m_Implementation = std::move(released);
+}
+
+template <typename TPixel>
+SizeValueType
+ShearWarpEngine<TPixel>::GetPreparedSizeInBytes() const
+{
+  return m_Implementation->volume.GetSizeInBytes() + m_Implementation->slabOfVolume.GetSizeInBytes();
+}
+
+template <typename TPixel>
+SizeValueType
+ShearWarpEngine<TPixel>::GetSizeInBytes() const
+{
+  const Implementation & engine = *m_Implementation;
+  return engine.volume.GetSizeInBytes() + engine.slabOfVolume.GetSizeInBytes() + engine.mask.GetSizeInBytes() +
+         engine.slabOfMask.GetSizeInBytes() + engine.projector.GetSizeInBytes() + engine.rayProjector.GetSizeInBytes();
+}
+
+#define INSTANTIATE(TPixel) template class ShearWarpEngine<TPixel>;
+SHEARWARP_FOR_EACH_PIXEL_TYPE(INSTANTIATE)
+#undef INSTANTIATE
+} // namespace itk
