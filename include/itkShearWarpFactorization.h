@@ -47,11 +47,22 @@ ShearWarpMIP_EXPORT
 std::vector<SlicePlacement>
 PlacePart(const IntermediateGrid & grid, const Corner & corner, std::ptrdiff_t slices);
 
-/** View transforms, made one by one: those of a long series would take much memory. */
+/** A view transform as numbers: (u, v, w) of view space is at axes (u, v, w) + offset in physical space. */
+struct ViewSpace
+{
+  /** Throws ExceptionObject, with the value, if the transform is null, not linear, not finite or singular. */
+  ShearWarpMIP_EXPORT
+  explicit ViewSpace(const Transform<double, 3, 3> * transform);
+
+  Matrix<double, 3, 3> axes;
+  Vector<double, 3>    offset;
+};
+
+/** Views, made one by one: those of a long series would take much memory. */
 struct ViewList
 {
-  SizeValueType                                                       count;
-  std::function<Transform<double, 3, 3>::ConstPointer(SizeValueType)> get;
+  SizeValueType                           count;
+  std::function<ViewSpace(SizeValueType)> get;
 };
 
 /** A grid in the view plane. */
@@ -82,13 +93,13 @@ struct DepthRange
  * a thousandth of the image's depth. */
 ShearWarpMIP_EXPORT
 DepthRange
-ClipDepths(const Transform<double, 3, 3> * view, const ImageBase<3> * image, const DepthRange & slab);
+ClipDepths(const ViewSpace & view, const ImageBase<3> * image, const DepthRange & slab);
 
 /** The least depth of the sphere about the image's centre that holds all of its voxels: but for rounding errors the
  * same for all views that are turned about that centre. */
 ShearWarpMIP_EXPORT
 double
-FindSphereDepth(const Transform<double, 3, 3> * view, const ImageBase<3> * image);
+FindSphereDepth(const ViewSpace & view, const ImageBase<3> * image);
 
 /** A picture in physical space: column, row and depth are at origin + steps (column, row, depth). */
 struct PictureSpace
@@ -103,7 +114,7 @@ struct PictureSpace
 
 ShearWarpMIP_EXPORT
 PictureSpace
-MakePictureSpace(const Transform<double, 3, 3> * view, const ImageBase<2> * grid);
+MakePictureSpace(const ViewSpace & view, const ImageBase<2> * grid);
 
 /** Where an image lies in physical space. */
 struct SliceGeometry
@@ -116,7 +127,7 @@ struct SliceGeometry
 /** A picture as a slice in physical space, in the middle of \a depths and as thick. */
 ShearWarpMIP_EXPORT
 SliceGeometry
-MakeSliceGeometry(const Transform<double, 3, 3> * view, const ImageBase<2> * grid, const DepthRange & depths);
+MakeSliceGeometry(const ViewSpace & view, const ImageBase<2> * grid, const DepthRange & depths);
 } // namespace ShearWarp
 
 /** \class ShearWarpFactorization
@@ -162,6 +173,10 @@ public:
    * the image's physical space. \a output gives the grid in the view plane: size, spacing and origin.
    * \a oversampling is 1 or 2. Throws ExceptionObject as VerifyViewTransform() and VerifyOversampling() do, for an
    * intermediate image of 2^31 columns or rows, and for a null image, as all functions here do. */
+  ShearWarpFactorization(const ShearWarp::ViewSpace & view,
+                         const InputImageBaseType *   image,
+                         const OutputImageBaseType *  output,
+                         unsigned int                 oversampling = 1);
   ShearWarpFactorization(const TransformType *       viewTransform,
                          const InputImageBaseType *  image,
                          const OutputImageBaseType * output,

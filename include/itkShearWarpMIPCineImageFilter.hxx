@@ -152,16 +152,14 @@ ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::MakeViews() const -> typ
   {
     return { m_Transforms.size(), [this, views = m_Transforms](SizeValueType frame) {
               this->RequireUnchanged(views[frame]->GetMTime() <= m_FitTime);
-              return views[frame];
+              return ShearWarp::ViewSpace(views[frame]);
             } };
   }
-  return { m_NumberOfFrames,
-           [first = this->GetFirstView(),
-            axis = m_RotationAxis,
-            center = this->GetCenter(),
-            angles = this->GetFrameAngles()](SizeValueType frame) -> TransformConstPointer {
-             return ShearWarpMIPView::Turn(first, axis, center, angles[frame]).GetPointer();
-           } };
+  return {
+    m_NumberOfFrames,
+    [first = this->GetFirstView(), axis = m_RotationAxis, center = this->GetCenter(), angles = this->GetFrameAngles()](
+      SizeValueType frame) { return ShearWarp::ViewSpace(ShearWarpMIPView::Turn(first, axis, center, angles[frame])); }
+  };
 }
 
 template <typename TInputImage, typename TOutputImage>
@@ -263,9 +261,7 @@ ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::GenerateOutputInformatio
   const auto          views = this->MakeViews();
   for (SizeValueType n = 0; n < views.count; ++n)
   {
-    const TransformConstPointer view = views.get(n);
-    const auto                  axes = ShearWarpFactorization::GetLinearPart(view);
-    const auto                  offset = view->TransformPoint(PhysicalPointType(0.0));
+    const auto [axes, offset] = views.get(n);
     for (unsigned int row = 0; row < 3; ++row)
     {
       matrices.insert(matrices.end(), { axes(row, 0), axes(row, 1), axes(row, 2), offset[row] });

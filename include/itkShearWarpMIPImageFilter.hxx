@@ -100,7 +100,7 @@ template <typename TInputImage, typename TOutputImage>
 auto
 ShearWarpMIPImageFilter<TInputImage, TOutputImage>::MakeViews() const -> typename Superclass::ViewList
 {
-  return { 1, [view = TransformConstPointer(this->GetTransform())](SizeValueType) { return view; } };
+  return { 1, [view = ShearWarp::ViewSpace(this->GetTransform())](SizeValueType) { return view; } };
 }
 
 template <typename TInputImage, typename TOutputImage>
@@ -114,9 +114,10 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::SetGeometry(ImageBase<Output
   }
   else
   {
-    const auto depths =
-      ShearWarp::ClipDepths(this->GetTransform(), this->GetInput(), { this->GetSlabNear(), this->GetSlabFar() });
-    const auto [spacing, origin, direction] = ShearWarp::MakeSliceGeometry(this->GetTransform(), grid, depths);
+    const ShearWarp::ViewSpace  view(this->GetTransform());
+    const ShearWarp::DepthRange slab{ this->GetSlabNear(), this->GetSlabFar() };
+    const auto [spacing, origin, direction] =
+      ShearWarp::MakeSliceGeometry(view, grid, ShearWarp::ClipDepths(view, this->GetInput(), slab));
     if (!(spacing[2] > 0.0 && std::isfinite(spacing[2])))
     {
       itkExceptionMacro("SlabNear and SlabFar must be within the range of the output's geometry, but they are "
@@ -143,7 +144,7 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::GeneratePixels()
   if (this->GetComputeDepth())
   {
     // for GetPhysicalPoint(), whatever is set afterwards
-    m_PictureSpace = ShearWarp::MakePictureSpace(this->GetTransform(), this->GetViewGrid());
+    m_PictureSpace = ShearWarp::MakePictureSpace(ShearWarp::ViewSpace(this->GetTransform()), this->GetViewGrid());
   }
 }
 

@@ -79,9 +79,9 @@ constexpr SizeValueType MostViewsTogether = 256;
 
 struct View
 {
-  ShearWarpFactorization::TransformType::ConstPointer transform;
-  ShearWarpFactorization                              factorization;
-  SizeValueType                                       number;
+  ShearWarp::ViewSpace   space;
+  ShearWarpFactorization factorization;
+  SizeValueType          number;
 };
 
 /** The numbers of views with the same intermediate image. */
@@ -122,8 +122,7 @@ MakeIntervals(const View & view, const ShearWarp::ProjectionRule<TPixel> & rule)
     }
   };
   addInterval(view.factorization.GetDepthFunction(), rule.slabNear, rule.slabFar);
-  const auto axes = ShearWarpFactorization::GetLinearPart(view.transform);
-  const auto offset = view.transform->TransformPoint(Point<double, 3>(0.0));
+  const auto & [axes, offset] = view.space;
   for (unsigned int axis = 0; axis < 3; ++axis)
   {
     const double position[] = { axes(axis, 0), axes(axis, 1), axes(axis, 2), offset[axis] };
@@ -429,7 +428,7 @@ ShearWarpEngine<TPixel>::Implementation::ProjectGroup(
     parameters.intervals = MakeIntervals(first, rule);
     if (rule.depthAttenuation > 0.0)
     {
-      const double begin = std::max(ShearWarp::FindSphereDepth(first.transform, input.image), rule.slabNear);
+      const double begin = std::max(ShearWarp::FindSphereDepth(first.space, input.image), rule.slabNear);
       parameters.fading = typename RayProjector::Fading{ { rule.depthAttenuation, begin }, rule.background };
     }
     parameters.maskLabel = rule.maskLabel;
@@ -520,8 +519,8 @@ ShearWarpEngine<TPixel>::Project(const VolumeType &                             
     auto & view = lastViews[number % MostViewsTogether];
     if (!view || view->number != number)
     {
-      const auto transform = views.get(number);
-      view = std::make_shared<const View>(View{ transform, { transform, volume.image, grid, oversampling }, number });
+      const auto space = views.get(number);
+      view = std::make_shared<const View>(View{ space, { space, volume.image, grid, oversampling }, number });
     }
     return view;
   };

@@ -50,28 +50,6 @@ struct LinearView
  * principal, on every machine. */
 constexpr double AxisTie = 1.0 + 1e-10;
 
-/** Works for every transform class. A power of two as step keeps the digits of the matrix. */
-LinearView
-GetLinearView(const Transform<double, 3, 3> * transform)
-{
-  constexpr double step = 1024.0;
-  LinearView       view;
-  view.offset = transform->TransformPoint(Point<double, 3>(0.0)).GetVectorFromOrigin();
-  for (unsigned int column = 0; column < 3; ++column)
-  {
-    Point<double, 3> ahead(0.0);
-    Point<double, 3> behind(0.0);
-    ahead[column] = step;
-    behind[column] = -step;
-    const auto difference = transform->TransformPoint(ahead) - transform->TransformPoint(behind);
-    for (unsigned int row = 0; row < 3; ++row)
-    {
-      view.matrix(row, column) = difference[row] / (2 * step);
-    }
-  }
-  return view;
-}
-
 Vector<double, 3>
 GetColumn(const Matrix<double, 3, 3> & matrix, unsigned int column)
 {
@@ -224,12 +202,10 @@ struct ImageView
 };
 
 ImageView
-GetImageView(const Transform<double, 3, 3> * transform, const ImageBase<3> * image)
+GetImageView(const ShearWarp::ViewSpace & view, const ImageBase<3> * image)
 {
-  ShearWarpFactorization::VerifyViewTransform(transform);
   VerifyImage(image, "input image");
-  const LinearView           view = GetLinearView(transform);
-  const Matrix<double, 3, 3> physicalToView = Invert(view.matrix);
+  const Matrix<double, 3, 3> physicalToView = Invert(view.axes);
   const LinearView           indexToView{ Multiply(physicalToView, GetIndexToPhysical(image)),
                                 Multiply(physicalToView, GetFirstVoxel(image) - view.offset) };
   if (IsInvertible(indexToView.matrix) && IsFinite(indexToView.offset))
@@ -238,9 +214,50 @@ GetImageView(const Transform<double, 3, 3> * transform, const ImageBase<3> * ima
   }
   itkGenericExceptionMacro(
     "Transform and the image's axes together must be finite and invertible, but the transform's matrix is\n"
-    << view.matrix << "its offset " << view.offset << ", and the image has spacing " << image->GetSpacing()
-    << ", origin " << image->GetOrigin() << " and direction\n"
+    << view.axes << "its offset " << view.offset << ", and the image has spacing " << image->GetSpacing() << ", origin "
+    << image->GetOrigin() << " and direction\n"
     << image->GetDirection());
+}
+
+struct Bounds
+{
+  Point<double, 3> lower, upper;
+};
+
+Bounds
+FindBounds(const ShearWarp::ViewSpace & view, const ImageBase<3> * image)
+{
+  const LinearView indexToView = GetImageView(view, image).indexToView;
+  const Size<3>    size = image->GetLargestPossibleRegion().GetSize();
+  Bounds           bounds;
+  for (unsigned int row = 0; row < 3; ++row)
+  {
+    double centre = indexToView.offset[row];
+    double halfExtent = 0.0;
+    for (unsigned int axis = 0; axis < 3; ++axis)
+    {
+      const auto count = static_cast<double>(size[axis]);
+      centre += indexToView.matrix(row, axis) * 0.5 * (count - 1.0);
+      halfExtent += std::abs(indexToView.matrix(row, axis)) * 0.5 * count;
+    }
+    bounds.lower[row] = centre - halfExtent;
+    bounds.upper[row] = centre + halfExtent;
+  }
+  return bounds;
+}
+
+/** The image's smallest spacing, in units of the view plane's axes. */
+Vector<double, 2>
+ProjectSpacing(const ShearWarp::ViewSpace & view, const ImageBase<3> * image)
+{
+  VerifyImage(image, "input image");
+  const auto &      spacing = image->GetSpacing();
+  Vector<double, 2> projected;
+  for (unsigned int axis = 0; axis < 2; ++axis)
+  {
+    projected[axis] = *std::min_element(spacing.Begin(), spacing.End()) / GetNorm(GetColumn(view.axes, axis));
+  }
+  return projected;
 }
 
 /** \a position and \a fractions of a pixel, in 1/2^15. */
@@ -307,6 +324,43 @@ MakePermutation(unsigned int principalAxis)
 
 } // namespace
 
+ShearWarp::ViewSpace::ViewSpace(const Transform<double, 3, 3> * transform)
+{
+  if (!transform)
+  {
+    itkGenericExceptionMacro("Transform is required but not set.");
+  }
+  if (!transform->IsLinear())
+  {
+    itkGenericExceptionMacro("Transform must be linear, but it is a " << transform->GetNameOfClass() << '.');
+  }
+  // this works for every class of transforms; a power of two as step keeps the digits of the matrix
+  constexpr double step = 1024.0;
+  offset = transform->TransformPoint(Point<double, 3>(0.0)).GetVectorFromOrigin();
+  for (unsigned int column = 0; column < 3; ++column)
+  {
+    Point<double, 3> ahead(0.0);
+    Point<double, 3> behind(0.0);
+    ahead[column] = step;
+    behind[column] = -step;
+    const auto difference = transform->TransformPoint(ahead) - transform->TransformPoint(behind);
+    for (unsigned int row = 0; row < 3; ++row)
+    {
+      axes(row, column) = difference[row] / (2 * step);
+    }
+  }
+  if (!IsFinite(axes) || !std::isfinite(offset.GetSquaredNorm()))
+  {
+    itkGenericExceptionMacro("Transform must be finite, but its matrix is\n"
+                             << axes << "and its offset " << offset << '.');
+  }
+  if (!IsInvertible(axes))
+  {
+    itkGenericExceptionMacro("Transform must be invertible, but the determinant of its matrix\n"
+                             << axes << "is " << GetDeterminant(axes) << '.');
+  }
+}
+
 ShearWarp::ViewGrid
 ShearWarp::FitGrid(const ViewList &     views,
                    const ImageBase<3> * image,
@@ -322,11 +376,9 @@ ShearWarp::FitGrid(const ViewList &     views,
   grid.spacing = fitSpacing ? Vector<double, 2>(infinity) : given.spacing;
   for (SizeValueType n = 0; n < views.count; ++n)
   {
-    const auto       view = views.get(n);
-    Point<double, 3> lowerOfView;
-    Point<double, 3> upperOfView;
-    ShearWarpFactorization::ComputeViewBounds(view, image, lowerOfView, upperOfView);
-    const auto spacing = ShearWarpFactorization::ComputeProjectedSpacing(view, image);
+    const auto view = views.get(n);
+    const auto [lowerOfView, upperOfView] = FindBounds(view, image);
+    const auto spacing = ProjectSpacing(view, image);
     for (unsigned int axis = 0; axis < 2; ++axis)
     {
       lower[axis] = std::min(lower[axis], lowerOfView[axis]);
@@ -349,11 +401,9 @@ ShearWarp::FitGrid(const ViewList &     views,
 }
 
 ShearWarp::DepthRange
-ShearWarp::ClipDepths(const Transform<double, 3, 3> * view, const ImageBase<3> * image, const DepthRange & slab)
+ShearWarp::ClipDepths(const ViewSpace & view, const ImageBase<3> * image, const DepthRange & slab)
 {
-  Point<double, 3> lower;
-  Point<double, 3> upper;
-  ShearWarpFactorization::ComputeViewBounds(view, image, lower, upper);
+  const auto [lower, upper] = FindBounds(view, image);
   DepthRange depths{ std::max(lower[2], slab.nearest), std::min(upper[2], slab.farthest) };
   if (!(depths.nearest < depths.farthest))
   {
@@ -368,7 +418,7 @@ ShearWarp::ClipDepths(const Transform<double, 3, 3> * view, const ImageBase<3> *
 }
 
 double
-ShearWarp::FindSphereDepth(const Transform<double, 3, 3> * view, const ImageBase<3> * image)
+ShearWarp::FindSphereDepth(const ViewSpace & view, const ImageBase<3> * image)
 {
   const LinearView indexToView = GetImageView(view, image).indexToView;
   const auto       indexToPhysical = GetIndexToPhysical(image);
@@ -392,7 +442,7 @@ ShearWarp::FindSphereDepth(const Transform<double, 3, 3> * view, const ImageBase
     }
   }
   // how fast the depth changes along physical space
-  const Matrix<double, 3, 3> physicalToView = Invert(GetLinearView(view).matrix);
+  const Matrix<double, 3, 3> physicalToView = Invert(view.axes);
   const double               slope[] = { physicalToView(2, 0), physicalToView(2, 1), physicalToView(2, 2) };
   return centre - GetNorm(Vector<double, 3>(slope)) * radius;
 }
@@ -409,15 +459,14 @@ ShearWarp::PictureSpace::operator()(double column, double row, double depth) con
 }
 
 ShearWarp::PictureSpace
-ShearWarp::MakePictureSpace(const Transform<double, 3, 3> * view, const ImageBase<2> * grid)
+ShearWarp::MakePictureSpace(const ViewSpace & view, const ImageBase<2> * grid)
 {
-  const LinearView linear = GetLinearView(view);
-  PictureSpace     space;
-  space.steps = linear.matrix;
+  PictureSpace space;
+  space.steps = view.axes;
   for (unsigned int row = 0; row < 3; ++row)
   {
-    space.origin[row] = (linear.matrix(row, 0) * grid->GetOrigin()[0] + linear.matrix(row, 1) * grid->GetOrigin()[1]) +
-                        linear.offset[row];
+    space.origin[row] =
+      (view.axes(row, 0) * grid->GetOrigin()[0] + view.axes(row, 1) * grid->GetOrigin()[1]) + view.offset[row];
     space.steps(row, 0) *= grid->GetSpacing()[0];
     space.steps(row, 1) *= grid->GetSpacing()[1];
   }
@@ -425,21 +474,20 @@ ShearWarp::MakePictureSpace(const Transform<double, 3, 3> * view, const ImageBas
 }
 
 ShearWarp::SliceGeometry
-ShearWarp::MakeSliceGeometry(const Transform<double, 3, 3> * view, const ImageBase<2> * grid, const DepthRange & depths)
+ShearWarp::MakeSliceGeometry(const ViewSpace & view, const ImageBase<2> * grid, const DepthRange & depths)
 {
-  const LinearView linear = GetLinearView(view);
-  const double     steps[] = { grid->GetSpacing()[0], grid->GetSpacing()[1], depths.farthest - depths.nearest };
-  const double     middle = 0.5 * (depths.nearest + depths.farthest);
-  SliceGeometry    slice;
+  const double  steps[] = { grid->GetSpacing()[0], grid->GetSpacing()[1], depths.farthest - depths.nearest };
+  const double  middle = 0.5 * (depths.nearest + depths.farthest);
+  SliceGeometry slice;
   for (unsigned int row = 0; row < 3; ++row)
   {
-    slice.origin[row] = ((linear.matrix(row, 0) * grid->GetOrigin()[0] + linear.matrix(row, 1) * grid->GetOrigin()[1]) +
-                         linear.matrix(row, 2) * middle) +
-                        linear.offset[row];
+    slice.origin[row] = ((view.axes(row, 0) * grid->GetOrigin()[0] + view.axes(row, 1) * grid->GetOrigin()[1]) +
+                         view.axes(row, 2) * middle) +
+                        view.offset[row];
   }
   for (unsigned int axis = 0; axis < 3; ++axis)
   {
-    const Vector<double, 3> column = GetColumn(linear.matrix, axis);
+    const Vector<double, 3> column = GetColumn(view.axes, axis);
     const double            length = GetNorm(column);
     slice.spacing[axis] = steps[axis] * length;
     for (unsigned int row = 0; row < 3; ++row)
@@ -454,9 +502,16 @@ ShearWarpFactorization::ShearWarpFactorization(const TransformType *       viewT
                                                const InputImageBaseType *  image,
                                                const OutputImageBaseType * output,
                                                unsigned int                oversampling)
+  : ShearWarpFactorization(ShearWarp::ViewSpace(viewTransform), image, output, oversampling)
+{}
+
+ShearWarpFactorization::ShearWarpFactorization(const ShearWarp::ViewSpace & view,
+                                               const InputImageBaseType *   image,
+                                               const OutputImageBaseType *  output,
+                                               unsigned int                 oversampling)
   : m_Oversampling(oversampling)
 {
-  const auto [indexToView, ray] = GetImageView(viewTransform, image);
+  const auto [indexToView, ray] = GetImageView(view, image);
   VerifyOversampling(oversampling);
   VerifyImage(output, "output image");
   m_ImageRegion = image->GetLargestPossibleRegion();
@@ -699,32 +754,13 @@ ShearWarpFactorization::VerifyOversampling(unsigned int oversampling)
 void
 ShearWarpFactorization::VerifyViewTransform(const TransformType * viewTransform)
 {
-  if (!viewTransform)
-  {
-    itkGenericExceptionMacro("Transform is required but not set.");
-  }
-  if (!viewTransform->IsLinear())
-  {
-    itkGenericExceptionMacro("Transform must be linear, but it is a " << viewTransform->GetNameOfClass() << '.');
-  }
-  const LinearView view = GetLinearView(viewTransform);
-  if (!IsFinite(view.matrix) || !std::isfinite(view.offset.GetSquaredNorm()))
-  {
-    itkGenericExceptionMacro("Transform must be finite, but its matrix is\n"
-                             << view.matrix << "and its offset " << view.offset << '.');
-  }
-  if (!IsInvertible(view.matrix))
-  {
-    itkGenericExceptionMacro("Transform must be invertible, but the determinant of its matrix\n"
-                             << view.matrix << "is " << GetDeterminant(view.matrix) << '.');
-  }
+  ShearWarp::ViewSpace{ viewTransform };
 }
 
 ShearWarpFactorization::Matrix3Type
 ShearWarpFactorization::GetLinearPart(const TransformType * viewTransform)
 {
-  VerifyViewTransform(viewTransform);
-  return GetLinearView(viewTransform).matrix;
+  return ShearWarp::ViewSpace(viewTransform).axes;
 }
 
 bool
@@ -752,37 +788,15 @@ ShearWarpFactorization::ComputeViewBounds(const TransformType *      viewTransfo
                                           Point3Type &               lower,
                                           Point3Type &               upper)
 {
-  const LinearView indexToView = GetImageView(viewTransform, image).indexToView;
-  const Size<3>    size = image->GetLargestPossibleRegion().GetSize();
-  for (unsigned int row = 0; row < 3; ++row)
-  {
-    double centre = indexToView.offset[row];
-    double halfExtent = 0.0;
-    for (unsigned int axis = 0; axis < 3; ++axis)
-    {
-      const auto count = static_cast<double>(size[axis]);
-      centre += indexToView.matrix(row, axis) * 0.5 * (count - 1.0);
-      halfExtent += std::abs(indexToView.matrix(row, axis)) * 0.5 * count;
-    }
-    lower[row] = centre - halfExtent;
-    upper[row] = centre + halfExtent;
-  }
+  const Bounds bounds = FindBounds(ShearWarp::ViewSpace(viewTransform), image);
+  lower = bounds.lower;
+  upper = bounds.upper;
 }
 
 ShearWarpFactorization::Vector2Type
 ShearWarpFactorization::ComputeProjectedSpacing(const TransformType * viewTransform, const InputImageBaseType * image)
 {
-  VerifyViewTransform(viewTransform);
-  VerifyImage(image, "input image");
-
-  const LinearView view = GetLinearView(viewTransform);
-  const auto &     spacing = image->GetSpacing();
-  Vector2Type      projected;
-  for (unsigned int axis = 0; axis < 2; ++axis)
-  {
-    projected[axis] = *std::min_element(spacing.Begin(), spacing.End()) / GetNorm(GetColumn(view.matrix, axis));
-  }
-  return projected;
+  return ProjectSpacing(ShearWarp::ViewSpace(viewTransform), image);
 }
 
 } // namespace itk

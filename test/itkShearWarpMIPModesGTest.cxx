@@ -571,7 +571,8 @@ TEST(ShearWarpMIPModesClosedForms, AFadingTurnDoesNotPulse)
       const float brightest = *std::max_element(first, first + cine->GetOutput()->ComputeOffset({ { 0, 0, 1 } }));
       EXPECT_GT(brightest, 1000 * std::exp(-0.1 * radius)) << frame;
       EXPECT_LT(brightest, 1000 * std::exp(-0.1 * (radius - 2.6))) << frame;
-      const double depth = itk::ShearWarp::FindSphereDepth(cine->GetFrameTransform(frame), image);
+      const double depth =
+        itk::ShearWarp::FindSphereDepth(itk::ShearWarp::ViewSpace(cine->GetFrameTransform(frame)), image);
       EXPECT_NEAR(depth,
                   cine->GetFrameTransform(frame)->GetInverseTransform()->TransformPoint(GetCentre(image))[2] - radius,
                   1e-9);
