@@ -1,6 +1,6 @@
 """The projection by brute force, from the sampling rule, the geometry and the output grid alone.
 
-Nothing of the filter is used. See include/itkShearWarpKernels.h for the rule.
+Nothing of the filter is used. See include/itkShearWarpSampling.h for the rule.
 """
 
 from typing import NamedTuple

@@ -1,0 +1,816 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+/* Slices to intermediate images.
+ * See itkShearWarpVectorKernels.h for what includes it. */
+
+/** Fetches lines of voxels that are soon needed, a few at each step. Lines come from several places in turn, each in
+ * the order of its addresses: memory serves a few streams faster than one. */
+class Prefetcher
+{
+public:
+  static constexpr int MaximumStreams = 4;
+
+  /** Rows of \a bytes bytes, the lines of all streams within \a steps steps. */
+  void
+  Start(std::ptrdiff_t stride, std::ptrdiff_t rows, std::ptrdiff_t bytes, std::ptrdiff_t steps)
+  {
+    m_Stride = stride;
+    m_Bytes = bytes;
+    m_Lines = rows * ((bytes + Line - 1) / Line) * m_Streams;
+    m_Quota = (m_Lines + steps - 1) / steps;
+    m_Column = 0;
+    m_Stream = 0;
+  }
+
+  void
+  ClearStreams()
+  {
+    m_Streams = 0;
+    m_Lines = 0;
+  }
+
+  void
+  AddStream(const char * firstRow)
+  {
+    m_Rows[m_Streams++] = firstRow;
+  }
+
+  void
+  Step()
+  {
+    const std::ptrdiff_t end = Larger<std::ptrdiff_t>(m_Lines - m_Quota, 0);
+    for (; m_Lines > end; --m_Lines)
+    {
+      Lanes::Prefetch(m_Rows[m_Stream] + m_Column);
+      if (++m_Stream == m_Streams)
+      {
+        m_Stream = 0;
+        m_Column += Line;
+        if (m_Column >= m_Bytes)
+        {
+          m_Column = 0;
+          for (int n = 0; n < m_Streams; ++n)
+          {
+            m_Rows[n] += m_Stride;
+          }
+        }
+      }
+    }
+  }
+
+private:
+  static constexpr std::ptrdiff_t Line = 64;
+  const char *                    m_Rows[MaximumStreams]{};
+  std::ptrdiff_t                  m_Stride{ 0 }, m_Bytes{ 0 }, m_Lines{ 0 }, m_Quota{ 0 }, m_Column{ 0 };
+  int                             m_Streams{ 0 }, m_Stream{ 0 };
+};
+
+/** Gives VRows rows of LaneCount pixels, from \a column on, the samples of a slice. */
+template <typename TRule, typename TSampler, int VRows, typename TPixel>
+SHEARWARP_INLINE inline void
+TakeSlice(const TileRow<TPixel> & row, const PlacedSlice & slice, std::ptrdiff_t column)
+{
+  TPixel * const       pixels = row.pixels + column;
+  const std::ptrdiff_t stride = row.pixelStride;
+  TSampler(slice).template ForEachRow<VRows>(
+    row.voxels + (slice.offset + row.row * row.rowStride + column),
+    row.rowStride,
+    [=](int r, const TPixel *, typename TSampler::Sample sample) SHEARWARP_INLINE {
+      TPixel * const pixel = pixels + r * stride;
+      Lanes::Store(pixel, Better<TRule, TPixel>(Lanes::Load(pixel), TSampler::Finish(sample)));
+    });
+}
+
+/** The lanes of a row's span in the LaneCount pixels from \a column on, as bits. */
+template <typename TPixel>
+SHEARWARP_INLINE inline std::uint32_t
+GetLanes(ColumnSpan span, std::ptrdiff_t column)
+{
+  constexpr std::ptrdiff_t lanes = LaneCount<TPixel>;
+  const std::ptrdiff_t     begin = Smaller(Larger<std::ptrdiff_t>(span.begin - column, 0), lanes);
+  const std::ptrdiff_t     end = Smaller(Larger<std::ptrdiff_t>(span.end - column, begin), lanes);
+  return static_cast<std::uint32_t>((std::uint64_t{ 1 } << end) - (std::uint64_t{ 1 } << begin));
+}
+
+/** The same, no more of each row than its span. */
+template <typename TRule, typename TSampler, int VRows, typename TPixel>
+SHEARWARP_INLINE inline void
+TakeSpans(const TileRow<TPixel> & row, std::ptrdiff_t column)
+{
+  TPixel * const       pixels = row.pixels + column;
+  const std::ptrdiff_t stride = row.pixelStride;
+  TSampler(*row.slices)
+    .template ForEachRow<VRows>(
+      row.voxels + (row.slices->offset + row.row * row.rowStride + column),
+      row.rowStride,
+      [=, spans = row.spans](int r, const TPixel *, typename TSampler::Sample sample) SHEARWARP_INLINE {
+        TPixel * const pixel = pixels + r * stride;
+        const auto     before = Lanes::Load(pixel);
+        const auto     better = Better<TRule, TPixel>(before, TSampler::Finish(sample));
+        Lanes::Store(pixel, Lanes::Select(before, better, GetLanes<TPixel>(spans[r], column)));
+      });
+}
+
+/** Which voxels around the samples of VRows rows, from \a column on, are in the mask: as bits, of the lanes' columns
+ * and of the columns before, of the row above and of the rows. */
+template <typename TPixel, int VRows>
+struct MaskedVoxels
+{
+  SHEARWARP_INLINE
+  MaskedVoxels(const TileRow<TPixel> & row, std::ptrdiff_t column)
+  {
+    const PlacedSlice &  slice = *row.slices;
+    const Mask &         mask = *row.mask;
+    const std::uint8_t * voxels = mask.voxels + (slice.maskOffset + row.row * mask.rowStride + column);
+    for (int r = slice.y != 0 ? 0 : 1; r <= VRows; ++r)
+    {
+      const std::uint8_t * p = voxels + (r - 1) * mask.rowStride;
+      at[r] = Lanes::FindLabel<LaneCount<TPixel>>(p, mask.label);
+      before[r] = slice.x != 0 ? Lanes::FindLabel<LaneCount<TPixel>>(p - 1, mask.label) : at[r];
+    }
+    constexpr std::int32_t half = 1 << 14;
+    for (int r = 0; r < VRows; ++r)
+    {
+      const int             above = slice.y != 0 ? r : r + 1;
+      const int             nearest = slice.y > half ? r : r + 1;
+      const std::uint32_t * columns = slice.x > half ? before : at;
+      counted[r] = columns[nearest];
+      whole[r] = counted[r] & at[r + 1] & before[r + 1] & at[above] & before[above];
+      any |= counted[r];
+    }
+  }
+
+  /** The voxels of a lane, as SampleCounted() has them. */
+  unsigned int
+  GetVoxels(int r, int above, int lane) const
+  {
+    const auto get = [lane](std::uint32_t bits) { return bits >> lane & 1U; };
+    return get(at[r + 1]) | get(before[r + 1]) << 1 | get(at[r + 1 - above]) << 2 | get(before[r + 1 - above]) << 3;
+  }
+
+  std::uint32_t at[VRows + 1], before[VRows + 1];
+  std::uint32_t counted[VRows]; // samples that count
+  std::uint32_t whole[VRows];   // those of them that have all voxels
+  std::uint32_t any{ 0 };
+};
+
+/** Gives the \a taken lanes of a row of pixels, with their ranks, what is better or nearer. */
+template <typename TRule, bool VAll, typename TPixel, typename TVector, typename TRanks>
+SHEARWARP_INLINE inline void
+TakeRanked(TVector sample, TRanks rank, std::uint32_t taken, TPixel * pixels, SliceRank<TPixel> * ranks)
+{
+  const auto before = Lanes::Load(pixels);
+  const auto rankBefore = Lanes::Load(ranks);
+  const auto better = Better<TRule, TPixel>(before, sample);
+  const auto nearest = Lanes::SelectNearest(before, sample, better, rankBefore, rank);
+  if constexpr (VAll)
+  {
+    Lanes::Store(pixels, better);
+    Lanes::Store(ranks, nearest);
+  }
+  else
+  {
+    Lanes::Store(pixels, Lanes::Select(before, better, taken));
+    Lanes::Store(ranks, Lanes::SelectRanks<IsFloat<TPixel>>(rankBefore, nearest, taken));
+  }
+}
+
+/** Gives VRows rows of LaneCount pixels, from \a column on, the samples of a slice, and its rank; no more of each row
+ * than its span unless VAll. */
+template <typename TRule, typename TSampler, int VRows, bool VAll, typename TPixel>
+SHEARWARP_INLINE inline void
+TakeRanked(const TileRow<TPixel> & row, std::ptrdiff_t column)
+{
+  TPixel * const            pixels = row.pixels + column;
+  SliceRank<TPixel> * const ranks = row.ranks + column;
+  const std::ptrdiff_t      stride = row.pixelStride;
+  const auto                rank = Lanes::SetRank(row.rank);
+  TSampler(*row.slices)
+    .template ForEachRow<VRows>(
+      row.voxels + (row.slices->offset + row.row * row.rowStride + column),
+      row.rowStride,
+      [=, spans = row.spans](int r, const TPixel *, typename TSampler::Sample sample) SHEARWARP_INLINE {
+        const std::uint32_t taken = VAll ? ~0U : GetLanes<TPixel>(spans[r], column);
+        TakeRanked<TRule, VAll>(TSampler::Finish(sample), rank, taken, pixels + r * stride, ranks + r * stride);
+      });
+}
+
+/** The same, no more than counts in the mask; spans may be null. */
+template <typename TRule, typename TSampler, int VRows, typename TPixel>
+SHEARWARP_INLINE inline void
+TakeMasked(const TileRow<TPixel> & row, std::ptrdiff_t column)
+{
+  const MaskedVoxels<TPixel, VRows> mask(row, column);
+  if (mask.any == 0)
+  {
+    return;
+  }
+  const PlacedSlice & slice = *row.slices;
+  const int           above = slice.y != 0 ? 1 : 0;
+  const int           before = slice.x != 0 ? 1 : 0;
+  const auto          rank = Lanes::SetRank(row.rank);
+  TSampler(slice).template ForEachRow<VRows>(
+    row.voxels + (slice.offset + row.row * row.rowStride + column),
+    row.rowStride,
+    [&](int r, const TPixel * b, typename TSampler::Sample sample) SHEARWARP_INLINE {
+      TPixel * const            pixels = row.pixels + r * row.pixelStride + column;
+      SliceRank<TPixel> * const ranks = row.ranks + r * row.pixelStride + column;
+      const std::uint32_t       taken = mask.counted[r] & (row.spans ? GetLanes<TPixel>(row.spans[r], column) : ~0U);
+      const std::uint32_t       whole = taken & mask.whole[r];
+      TakeRanked<TRule, false>(TSampler::Finish(sample), rank, whole, pixels, ranks);
+      // a few samples at the mask's rim
+      for (std::uint32_t rest = taken & ~whole; rest != 0; rest &= rest - 1)
+      {
+        const int      lane = __builtin_ctz(rest);
+        const TPixel * a = b - above * row.rowStride + lane;
+        TakeSample<TRule>(SampleCounted(a, b + lane, 0, -before, slice.x, slice.y, mask.GetVoxels(r, above, lane)),
+                          row.rank,
+                          pixels[lane],
+                          ranks + lane);
+      }
+    });
+}
+
+/** The same, what there is of a tile that begins at \a first. */
+template <typename TRule, typename TSampler, int VRows, typename TPixel>
+void
+TakeRankedTile(const TileRow<TPixel> & row, std::ptrdiff_t first, std::ptrdiff_t column, bool isCut)
+{
+  const TileState state = row.active ? row.active[first / TileColumns] : TileState::Masked;
+  if (row.mask && (state == TileState::Masked || row.isMoved || column != first))
+  {
+    TakeMasked<TRule, TSampler, VRows>(row, column);
+  }
+  else if (isCut)
+  {
+    TakeRanked<TRule, TSampler, VRows, false>(row, column);
+  }
+  else
+  {
+    TakeRanked<TRule, TSampler, VRows, true>(row, column);
+  }
+}
+
+/** The samples of all slices. */
+template <typename TRule, typename TSampler, int VRows, typename TPixel>
+SHEARWARP_INLINE inline void
+TakeSlices(const TileRow<TPixel> & row, std::ptrdiff_t column)
+{
+  using Sample = typename TSampler::Sample;
+  constexpr int rows = VRows < TSampler::MaximumRows ? VRows : TSampler::MaximumRows;
+  for (int first = 0; first < VRows; first += rows)
+  {
+    Sample best[rows];
+    SHEARWARP_UNROLL
+    for (int r = 0; r < rows; ++r)
+    {
+      best[r] = TSampler::template GetStart<TRule>();
+    }
+    for (const PlacedSlice * slice = row.slices; slice != row.slices + row.count; ++slice)
+    {
+      TSampler(*slice).template ForEachRow<rows>(row.voxels +
+                                                   (slice->offset + (row.row + first) * row.rowStride + column),
+                                                 row.rowStride,
+                                                 [&](int r, const TPixel * voxels, Sample sample) SHEARWARP_INLINE {
+                                                   // what a tile further on needs, from a slower cache
+                                                   Lanes::Prefetch(reinterpret_cast<const char *>(voxels) + 128);
+                                                   best[r] = TSampler::template GetBetter<TRule>(best[r], sample);
+                                                 });
+    }
+    SHEARWARP_UNROLL
+    for (int r = 0; r < rows; ++r)
+    {
+      TPixel * const pixel = row.pixels + (first + r) * row.pixelStride + column;
+      Lanes::Store(pixel, Better<TRule, TPixel>(Lanes::Load(pixel), TSampler::Finish(best[r])));
+    }
+  }
+}
+
+template <int VRows, typename TPixel>
+void
+FetchNextSlice(const TileRow<TPixel> & row, std::ptrdiff_t column)
+{
+  constexpr std::ptrdiff_t lanes = LaneCount<TPixel>;
+  const TPixel * voxels = row.voxels + (row.slices->offset + row.nextSlice + row.row * row.rowStride + column);
+  for (int r = 0; r < VRows; ++r, voxels += row.rowStride)
+  {
+    Lanes::Prefetch(reinterpret_cast<const char *>(voxels - 1));
+    Lanes::Prefetch(reinterpret_cast<const char *>(voxels + lanes - 1));
+  }
+}
+
+template <typename TRule, typename TPixel, Fractions VFractions, bool VWide, int VRows, bool VHasRanks>
+void
+ProjectTileRow(const TileRow<TPixel> & row)
+{
+  using SamplerType = Sampler<TPixel, VFractions, VWide>;
+  constexpr std::ptrdiff_t lanes = LaneCount<TPixel>;
+  const std::ptrdiff_t     begin = row.spans ? row.any.begin : row.begin;
+  const std::ptrdiff_t     end = row.spans ? row.any.end : row.end;
+  for (std::ptrdiff_t first = begin / lanes * lanes; first < end; first += lanes)
+  {
+    if (row.active && row.active[first / TileColumns] == TileState::Unneeded)
+    {
+      continue;
+    }
+    // the outer tiles overlap their neighbours, which an extremum allows
+    const std::ptrdiff_t column = Smaller(Larger(first, row.begin), row.end - lanes);
+    if (!row.prefetcher)
+    {
+      FetchNextSlice<VRows>(row, column);
+    }
+    else
+    {
+      row.prefetcher->Step();
+    }
+    const bool isCut = row.spans && !(row.common.begin <= column && column + lanes <= row.common.end);
+    if constexpr (VHasRanks)
+    {
+      TakeRankedTile<TRule, SamplerType, VRows>(row, first, column, isCut);
+    }
+    else if (isCut)
+    {
+      TakeSpans<TRule, SamplerType, VRows>(row, column);
+    }
+    else if (row.count == 1)
+    {
+      TakeSlice<TRule, SamplerType, VRows>(row, *row.slices, column);
+    }
+    else
+    {
+      TakeSlices<TRule, SamplerType, VRows>(row, column);
+    }
+  }
+  // what a slice has beside the others
+  for (const PlacedSlice * slice = row.slices; !VHasRanks && row.count > 1 && slice != row.slices + row.count; ++slice)
+  {
+    if (slice->inner.begin < row.begin)
+    {
+      TakeSlice<TRule, SamplerType, VRows>(row, *slice, slice->inner.begin);
+    }
+    if (slice->inner.end > row.end)
+    {
+      TakeSlice<TRule, SamplerType, VRows>(row, *slice, slice->inner.end - lanes);
+    }
+  }
+}
+
+template <typename TRule, typename TPixel, bool VWide, int VRows, bool VHasRanks>
+void
+ProjectTileRow(const TileRow<TPixel> & row)
+{
+  switch (row.slices->GetFractions())
+  {
+    case Fractions::None:
+      return ProjectTileRow<TRule, TPixel, Fractions::None, VWide, VRows, VHasRanks>(row);
+    case Fractions::Column:
+      return ProjectTileRow<TRule, TPixel, Fractions::Column, VWide, VRows, VHasRanks>(row);
+    case Fractions::Row:
+      return ProjectTileRow<TRule, TPixel, Fractions::Row, VWide, VRows, VHasRanks>(row);
+    default:
+      return ProjectTileRow<TRule, TPixel, Fractions::Both, VWide, VRows, VHasRanks>(row);
+  }
+}
+
+/** Projects a few slices of a block of the volume into one view. */
+template <typename TRule, typename TPixel>
+class BlockProjector
+{
+public:
+  /** More would compete for the lines of the first cache. */
+  static constexpr int MaximumSlices = BlockLength / 2;
+  static_assert(MaximumSlices <= Prefetcher::MaximumStreams, "each of the next slices is a stream");
+
+  /** View \a index of \a count. */
+  BlockProjector(const SliceStack<TPixel> &  stack,
+                 const Block &               block,
+                 const ShearedView<TPixel> & view,
+                 std::ptrdiff_t              index,
+                 std::ptrdiff_t              count)
+    : m_Stack(stack)
+    , m_Block(block)
+    , m_View(view)
+    , m_Index(index)
+    , m_Count(count)
+  {
+    // the difference of two voxels, and an unsigned voxel, as 16-bit signed integers
+    if constexpr (sizeof(TPixel) == 2)
+    {
+      m_IsWide = stack.highest - stack.lowest > 32767 || stack.highest > 32767;
+    }
+  }
+
+  /** Slices [begin, end), at most MaximumSlices of one cube. */
+  void
+  Project(std::ptrdiff_t begin, std::ptrdiff_t end)
+  {
+    m_Grid = m_Block.rowBegin + FindFirstRow(m_Block, m_View.placements, begin);
+    m_Slice = begin;
+    PlacedSlice slices[MaximumSlices];
+    const auto  count = static_cast<int>(end - begin);
+    for (int n = 0; n < count; ++n)
+    {
+      slices[n] = this->Place(begin + n);
+    }
+    for (int first = 0, last = 0; first < count; first = last)
+    {
+      Rectangle common = slices[first].inner;
+      for (last = first + 1; last < count && slices[last].GetFractions() == slices[first].GetFractions(); ++last)
+      {
+        const Rectangle & inner = slices[last].inner;
+        common = { Larger(common.rowBegin, inner.rowBegin),
+                   Smaller(common.rowEnd, inner.rowEnd),
+                   Larger(common.begin, inner.begin),
+                   Smaller(common.end, inner.end) };
+      }
+      const bool areTogether = last - first > 1 && common.rowEnd - common.rowBegin >= BlockLength &&
+                               common.end - common.begin >= LaneCount<TPixel>;
+      if (areTogether)
+      {
+        this->ProjectRectangle(slices + first, last - first, begin + first, common);
+      }
+      for (int n = first; n < last; ++n)
+      {
+        const Rectangle & inner = slices[n].inner;
+        const auto        projectRows = [&](std::ptrdiff_t rowBegin, std::ptrdiff_t rowEnd) {
+          this->ProjectRectangle(slices + n, 1, begin + n, { rowBegin, rowEnd, inner.begin, inner.end });
+        };
+        projectRows(inner.rowBegin, areTogether ? common.rowBegin : inner.rowEnd);
+        projectRows(areTogether ? common.rowEnd : inner.rowEnd, inner.rowEnd);
+        this->ProjectEdges(slices[n], FindRows(m_Block, m_View.placements, begin + n));
+      }
+    }
+  }
+
+private:
+  PlacedSlice
+  Place(std::ptrdiff_t slice) const
+  {
+    const auto [column, row] = m_View.placements[slice];
+    const RowSpan rows = FindRows(m_Block, m_View.placements, slice);
+    return { slice * m_Stack.sliceStride - row.whole * m_Stack.rowStride - column.whole,
+             m_View.mask ? slice * m_View.mask->sliceStride - row.whole * m_View.mask->rowStride - column.whole : 0,
+             column.whole,
+             row.whole,
+             column.fraction,
+             row.fraction,
+             { row.whole + Larger<std::ptrdiff_t>(rows.begin, row.fraction != 0 || !m_Stack.rowEnds.first),
+               row.whole + rows.end,
+               column.whole + (column.fraction != 0 || !m_Stack.columnEnds.first),
+               column.whole + m_Stack.columns } };
+  }
+
+  /** Half a voxel beyond the outer voxel centres, with the outer voxels' values. */
+  void
+  ProjectEdges(const PlacedSlice & slice, const RowSpan & rows) const
+  {
+    constexpr std::int32_t half = 1 << 14;
+    const bool             edgeIsLastColumn = slice.x > half;
+    const std::ptrdiff_t   edge = slice.column + (edgeIsLastColumn ? m_Stack.columns : 0);
+    const bool hasColumn = slice.x != 0 && (edgeIsLastColumn ? m_Stack.columnEnds.last : m_Stack.columnEnds.first);
+    if (hasColumn && this->IsInRegion({ slice.inner.rowBegin, slice.inner.rowEnd, edge, edge + 1 }))
+    {
+      for (std::ptrdiff_t row = slice.inner.rowBegin; row < slice.inner.rowEnd; ++row)
+      {
+        const TileState * active = this->GetActiveTiles(row);
+        if (!active || active[edge / TileColumns] != TileState::Unneeded)
+        {
+          this->TakeEdgeSample(slice, row, edge, edge - edgeIsLastColumn, slice.y);
+        }
+      }
+    }
+    const bool edgeIsLastRow = slice.y > half;
+    const bool hasRow = slice.y != 0 && (edgeIsLastRow ? m_Stack.rowEnds.last && rows.end == m_Stack.rows
+                                                       : m_Stack.rowEnds.first && rows.begin == 0);
+    if (hasRow)
+    {
+      // as in a slice that lies one row further on and not between rows
+      PlacedSlice          edgeSlice = slice;
+      const std::ptrdiff_t row = slice.row + (edgeIsLastRow ? m_Stack.rows : 0);
+      edgeSlice.offset -= edgeIsLastRow ? m_Stack.rowStride : 0;
+      edgeSlice.maskOffset -= edgeIsLastRow && m_View.mask ? m_View.mask->rowStride : 0;
+      edgeSlice.y = 0;
+      this->ProjectRectangle(&edgeSlice, 1, -1, { row, row + 1, slice.inner.begin, slice.inner.end });
+      if (hasColumn)
+      {
+        this->TakeEdgeSample(edgeSlice, row, edge, edge - edgeIsLastColumn, 0);
+      }
+    }
+  }
+
+  /** The flags of the tiles with \a row of the intermediate image. */
+  const TileState *
+  GetActiveTiles(std::ptrdiff_t row) const
+  {
+    const std::ptrdiff_t last = m_Block.rowEnd - m_Block.rowBegin - 1;
+    const std::ptrdiff_t tile = Smaller(Larger<std::ptrdiff_t>(row - m_Grid, 0), last) / BlockLength;
+    return m_View.active ? m_View.active + tile * m_View.activeStride : nullptr;
+  }
+
+  /** One sample at the end of a row: of the voxels at \a voxelColumn, but for pixel \a column. */
+  void
+  TakeEdgeSample(const PlacedSlice & slice,
+                 std::ptrdiff_t      row,
+                 std::ptrdiff_t      column,
+                 std::ptrdiff_t      voxelColumn,
+                 std::int32_t        y) const
+  {
+    if (m_View.coverage.region)
+    {
+      const ColumnSpan span = m_View.coverage.Add(GetColumns(column, column + 1), row, m_Slice);
+      if (span.begin == span.end)
+      {
+        return;
+      }
+    }
+    const std::ptrdiff_t place = row * m_View.intermediate.rowStride + column;
+    const TPixel * const voxel = m_Stack.voxels + (slice.offset + row * m_Stack.rowStride + voxelColumn);
+    if (m_View.ranked.ranks)
+    {
+      return this->TakeRankedEdgeSample(slice, row, voxelColumn, voxel, y, place);
+    }
+    const TPixel b = *voxel;
+    TPixel       sample = b;
+    if (y != 0)
+    {
+      const TPixel a = voxel[-m_Stack.rowStride];
+      if constexpr (IsFloat<TPixel>)
+      {
+        sample = b + static_cast<float>(y) / 32768 * (a - b);
+      }
+      else
+      {
+        sample = static_cast<TPixel>((y * a + (32768 - y) * b + (1 << 14)) >> 15);
+      }
+    }
+    TPixel & pixel = m_View.intermediate.pixels[place];
+    pixel = TRule::IsBetter(sample, pixel) ? sample : pixel;
+  }
+
+  __attribute__((noinline)) void
+  TakeRankedEdgeSample(const PlacedSlice & slice,
+                       std::ptrdiff_t      row,
+                       std::ptrdiff_t      voxelColumn,
+                       const TPixel *      voxel,
+                       std::int32_t        y,
+                       std::ptrdiff_t      place) const
+  {
+    unsigned int counted = 0b1111U;
+    if (m_View.mask)
+    {
+      const Mask &               mask = *m_View.mask;
+      const std::uint8_t * const b = mask.voxels + (slice.maskOffset + row * mask.rowStride + voxelColumn);
+      counted = FindCounted(b - (y != 0 ? mask.rowStride : 0), b, mask.label, 0, 0, 0, y);
+    }
+    if (counted != 0)
+    {
+      const TPixel * const above = voxel - (y != 0 ? m_Stack.rowStride : 0);
+      TakeSample<TRule>(SampleCounted(above, voxel, 0, 0, 0, y, counted),
+                        GetRank(m_View.ranked, m_Slice),
+                        m_View.intermediate.pixels[place],
+                        m_View.ranked.ranks + place);
+    }
+  }
+
+  /** Samples that \a count slices have in common; \a index is the first slice. */
+  void
+  ProjectRectangle(const PlacedSlice * slices,
+                   std::ptrdiff_t      count,
+                   std::ptrdiff_t      index,
+                   const Rectangle &   samples) const
+  {
+    const auto [rowBegin, rowEnd, begin, end] = samples;
+    if (rowBegin >= rowEnd || begin >= end || !this->IsInRegion(samples))
+    {
+      return;
+    }
+    Prefetcher      prefetcher;
+    TileRow<TPixel> tiles{ m_Stack.voxels,
+                           m_Stack.rowStride,
+                           slices,
+                           count,
+                           rowBegin,
+                           begin,
+                           end,
+                           nullptr,
+                           m_View.intermediate.rowStride,
+                           nullptr,
+                           m_Stack.sliceStride,
+                           m_View.active || m_View.coverage.region ? nullptr : &prefetcher,
+                           GetRank(m_View.ranked, m_Slice),
+                           m_View.mask };
+    if (rowEnd - rowBegin < BlockLength)
+    {
+      for (std::ptrdiff_t row = rowBegin; row < rowEnd; ++row)
+      {
+        this->ProjectTiles<1>(tiles, row, row);
+      }
+      return;
+    }
+
+    // rows of tiles as those of the block's cubes; where a slice is one run of memory, several places in turn
+    const std::ptrdiff_t firstTile = (rowBegin - m_Grid + BlockLength) / BlockLength - 1;
+    const std::ptrdiff_t lastTile = (rowEnd - 1 - m_Grid) / BlockLength + 1;
+    const bool           isLongRun = m_Stack.sliceStride > m_Stack.rowStride;
+    const std::ptrdiff_t streams = isLongRun && count == 1 ? Prefetcher::MaximumStreams : 1;
+    const std::ptrdiff_t length = (lastTile - firstTile + streams - 1) / streams;
+    const std::ptrdiff_t steps = (end - begin) / LaneCount<TPixel> + 1;
+    if (count > 1)
+    {
+      // each view fetches its share of the next slices
+      const std::ptrdiff_t rows = m_Block.rowEnd - m_Block.rowBegin;
+      const std::ptrdiff_t first = rows * m_Index / m_Count;
+      for (std::ptrdiff_t slice = index + count; slice < index + 2 * count; ++slice)
+      {
+        this->AddStream(prefetcher, slice, m_Block.rowBegin + first);
+      }
+      this->StartFetching(prefetcher, rows * (m_Index + 1) / m_Count - first, steps * length);
+    }
+    for (std::ptrdiff_t n = 0; n < length; ++n)
+    {
+      if (count == 1 && m_Index == 0 && tiles.prefetcher)
+      {
+        const bool           isNextSlice = !isLongRun || n + 1 == length;
+        const std::ptrdiff_t next = isLongRun ? (n + 1) % length : n;
+        prefetcher.ClearStreams();
+        for (std::ptrdiff_t tile = firstTile + next; tile < lastTile; tile += length)
+        {
+          this->AddStream(prefetcher, index + isNextSlice, m_Grid + tile * BlockLength - slices->row);
+        }
+        this->StartFetching(prefetcher, BlockLength, steps * streams);
+      }
+      for (std::ptrdiff_t tile = firstTile + n; tile < lastTile; tile += length)
+      {
+        const std::ptrdiff_t row = m_Grid + tile * BlockLength;
+        this->ProjectTiles<BlockLength>(tiles, row, Smaller(Larger(row, rowBegin), rowEnd - BlockLength));
+      }
+    }
+  }
+
+  /** The rows of a slice from \a row on, or next to it. */
+  void
+  AddStream(Prefetcher & prefetcher, std::ptrdiff_t slice, std::ptrdiff_t row) const
+  {
+    if (slice < m_Stack.slices && m_Stack.rows >= BlockLength)
+    {
+      row = Smaller(Larger<std::ptrdiff_t>(row, 0), m_Stack.rows - BlockLength);
+      prefetcher.AddStream(
+        reinterpret_cast<const char *>(m_Stack.voxels + (slice * m_Stack.sliceStride + row * m_Stack.rowStride)));
+    }
+  }
+
+  void
+  StartFetching(Prefetcher & prefetcher, std::ptrdiff_t rows, std::ptrdiff_t steps) const
+  {
+    constexpr auto bytes = static_cast<std::ptrdiff_t>(sizeof(TPixel));
+    prefetcher.Start(m_Stack.rowStride * bytes, rows, m_Stack.columns * bytes, steps);
+  }
+
+  /** A row of tiles from \a row on; \a gridRow is in the row of cubes that tells whether they are active. */
+  template <int VRows>
+  void
+  ProjectTiles(TileRow<TPixel> & tiles, std::ptrdiff_t gridRow, std::ptrdiff_t row) const
+  {
+    tiles.active = this->GetActiveTiles(gridRow);
+    tiles.isMoved = row != gridRow;
+    tiles.row = row;
+    tiles.pixels = m_View.intermediate.pixels + row * m_View.intermediate.rowStride;
+    tiles.ranks = m_View.ranked.ranks ? m_View.ranked.ranks + row * m_View.intermediate.rowStride : nullptr;
+    if (m_View.coverage.region)
+    {
+      return this->ProjectRegion<VRows>(tiles);
+    }
+    this->ProjectTiles<VRows>(tiles);
+  }
+
+  /** Whether samples of the slice in \a samples may be in the region. */
+  bool
+  IsInRegion(const Rectangle & samples) const
+  {
+    const Region * region = m_View.coverage.region;
+    return !region ||
+           region->MayReach(GetColumns(samples.begin, samples.end), { samples.rowBegin, samples.rowEnd }, m_Slice);
+  }
+
+  static ColumnSpan
+  GetColumns(std::ptrdiff_t begin, std::ptrdiff_t end)
+  {
+    return { static_cast<std::int32_t>(begin), static_cast<std::int32_t>(end) };
+  }
+
+  /** Those columns of a row of tiles that are in the region. */
+  template <int VRows>
+  void
+  ProjectRegion(TileRow<TPixel> tiles) const
+  {
+    if (!this->IsInRegion({ tiles.row, tiles.row + VRows, tiles.begin, tiles.end }))
+    {
+      return;
+    }
+    const ColumnSpan all = GetColumns(tiles.begin, tiles.end);
+    ColumnSpan       spans[VRows];
+    ColumnSpan       common = all;
+    ColumnSpan       any{ all.end, all.begin };
+    for (int r = 0; r < VRows; ++r)
+    {
+      spans[r] = m_View.coverage.Add(all, tiles.row + r, m_Slice);
+      common = { Larger(common.begin, spans[r].begin), Smaller(common.end, spans[r].end) };
+      const bool isEmpty = spans[r].begin == spans[r].end;
+      any = isEmpty ? any : ColumnSpan{ Smaller(any.begin, spans[r].begin), Larger(any.end, spans[r].end) };
+    }
+    tiles.spans = spans;
+    tiles.any = any;
+    tiles.common = common;
+    this->ProjectTiles<VRows>(tiles);
+  }
+
+  template <int VRows>
+  void
+  ProjectTiles(const TileRow<TPixel> & tiles) const
+  {
+    constexpr bool mayBeWide = sizeof(TPixel) == 2;
+    if (tiles.ranks)
+    {
+      return m_IsWide ? ProjectTileRow<TRule, TPixel, mayBeWide, VRows, true>(tiles)
+                      : ProjectTileRow<TRule, TPixel, false, VRows, true>(tiles);
+    }
+    return m_IsWide ? ProjectTileRow<TRule, TPixel, mayBeWide, VRows, false>(tiles)
+                    : ProjectTileRow<TRule, TPixel, false, VRows, false>(tiles);
+  }
+
+  const SliceStack<TPixel> &  m_Stack;
+  const Block &               m_Block;
+  const ShearedView<TPixel> & m_View;
+  std::ptrdiff_t              m_Index, m_Count;
+  std::ptrdiff_t              m_Grid{ 0 }; // of the intermediate image, where rows of tiles begin
+  std::ptrdiff_t              m_Slice{ 0 };
+  bool                        m_IsWide{ false };
+};
+
+template <typename TPixel>
+void
+ProjectBlock(const SliceStack<TPixel> &  slices,
+             const Block &               block,
+             const ShearedView<TPixel> * views,
+             std::size_t                 count)
+{
+  if (slices.columns <= LaneCount<TPixel>)
+  {
+    return GetPortableKernels<TPixel>().projectBlock(slices, block, views, count);
+  }
+  // all views take a slice's rows, or those of a few slices, while they are in the cache
+  const bool areTogether = block.hasCommonRows && !views->active && !views->coverage.region && !views->ranked.ranks;
+  const std::ptrdiff_t length = areTogether ? BlockProjector<MaximumRule<TPixel>, TPixel>::MaximumSlices : 1;
+  for (std::ptrdiff_t slice = block.sliceBegin, end = slice; slice < block.sliceEnd; slice = end)
+  {
+    end = Smaller(slice + length, block.sliceEnd);
+    for (std::size_t n = 0; n < count; ++n)
+    {
+      const auto index = static_cast<std::ptrdiff_t>(n);
+      const auto total = static_cast<std::ptrdiff_t>(count);
+      if (views[n].isMinimum)
+      {
+        BlockProjector<MinimumRule<TPixel>, TPixel>(slices, block, views[n], index, total).Project(slice, end);
+      }
+      else
+      {
+        BlockProjector<MaximumRule<TPixel>, TPixel>(slices, block, views[n], index, total).Project(slice, end);
+      }
+    }
+  }
+}
+
+template <typename TPixel>
+bool
+IsAnyBelow(const TPixel * pixels, std::ptrdiff_t rowStride, std::ptrdiff_t rows, std::ptrdiff_t columns, TPixel value)
+{
+  constexpr std::ptrdiff_t lanes = LaneCount<TPixel>;
+  const auto               values = Lanes::SetPixel(value);
+  for (std::ptrdiff_t j = 0; j < rows; ++j)
+  {
+    for (std::ptrdiff_t i = 0; i < columns; i += lanes)
+    {
+      const auto loaded = Lanes::Load(pixels + j * rowStride + i);
+      if (!Lanes::AreEqual(Minimum<TPixel>(loaded, values), values))
+      {
+        return true;
+      }
+    }
+  }
+  return false;
+}
