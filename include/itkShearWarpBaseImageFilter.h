@@ -182,9 +182,10 @@ protected:
   void
   RequireUnchanged(bool isUnchanged) const;
 
-  /** Throws ExceptionObject if there is an input beside the first that has a number, not a name. */
-  void
-  VerifyOneInput() const;
+  /** Throws ExceptionObject if inputs that have numbers, not names, are not what is wanted: by default the first alone.
+   */
+  virtual void
+  VerifyIndexedInputs() const;
 
   /** Throws ExceptionObject if the input of that name is not a \a TObject. */
   template <typename TObject>

@@ -34,6 +34,7 @@ ShearWarpBaseImageFilter<TInputImage, TOutputImage>::VerifyPreconditions() ITKv5
 {
   Superclass::VerifyPreconditions();
   this->template VerifyInputType<InputImageType>("Primary", "the 3D image that is projected");
+  this->VerifyIndexedInputs();
   ShearWarpFactorization::VerifyOversampling(m_Oversampling);
   if (m_ReducedResampling > ReducedResamplingEnum::Auto)
   {
@@ -73,7 +74,7 @@ ShearWarpBaseImageFilter<TInputImage, TOutputImage>::EnlargeOutputRequestedRegio
 
 template <typename TInputImage, typename TOutputImage>
 void
-ShearWarpBaseImageFilter<TInputImage, TOutputImage>::VerifyOneInput() const
+ShearWarpBaseImageFilter<TInputImage, TOutputImage>::VerifyIndexedInputs() const
 {
   for (ProcessObject::DataObjectPointerArraySizeType n = 1; n < this->GetNumberOfIndexedInputs(); ++n)
   {

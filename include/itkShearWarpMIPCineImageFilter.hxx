@@ -184,7 +184,6 @@ void
 ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::VerifyPreconditions() ITKv5_CONST
 {
   Superclass::VerifyPreconditions();
-  this->VerifyOneInput();
   this->template VerifyInputType<DecoratedTransformType>("Transform", "the view, a decorated transform");
   SizeValueType frame = 0;
   for (const TransformConstPointer & transform : m_Transforms)

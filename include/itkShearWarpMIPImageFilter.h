@@ -76,7 +76,7 @@ namespace itk
  * with NumberOfStreamDivisions, slab by slab from a source that streams, and the mask likewise: then an image larger
  * than memory can be projected, and needs memory for a slab (twice for views along x) and for the intermediate images.
  * Parts of an image can also be projected apart from each other, wherever they are, by ShearWarpMIPPartImageFilter;
- * this filter makes the picture from them (SetPart).
+ * ShearWarpMIPMergePartsImageFilter makes the picture from them.
  *
  * \tparam TInputImage An Image of dimension 3 of any arithmetic pixel type but bool and long double.
  * \tparam TOutputImage An Image of the same pixel type, of dimension 2, or of dimension 3: then the output is one slice
@@ -111,37 +111,10 @@ public:
   using typename Superclass::TransformConstPointer;
   using typename Superclass::TransformType;
   using DecoratedTransformType = DataObjectDecorator<TransformType>;
-  using PartImageType = Image<InputPixelType, 2>;
 
   /** View space to the image's physical space; identity by default. Must be linear and invertible. A transform that
    * is changed in place takes effect at the next Update(). */
   itkSetGetDecoratedObjectInputMacro(Transform, TransformType);
-
-  /** Gives the filter a part of the image that is projected already: an output of ShearWarpMIPPartImageFilter for the
-   * same image, Transform and Oversampling, as number \a n, counted from 0. If there are any they are all that is used:
-   * the input's voxels are not requested, only its geometry is. Parts that together hold the image give the picture of
-   * the whole, bit by bit. Rays have plain maxima then: Mode, SlabNear, SlabFar, CropLower, CropUpper, MaskImage,
-   * LocalMaximum, DepthAttenuation and ComputeDepth must be as by default. */
-  void
-  SetPart(unsigned int n, const PartImageType * part)
-  {
-    this->SetNthInput(n + 1, const_cast<PartImageType *>(part));
-  }
-  const PartImageType *
-  GetPart(unsigned int n) const
-  {
-    return dynamic_cast<const PartImageType *>(this->ProcessObject::GetInput(n + 1));
-  }
-  unsigned int
-  GetNumberOfParts() const
-  {
-    return static_cast<unsigned int>(this->GetNumberOfIndexedInputs()) - 1;
-  }
-  void
-  ClearParts()
-  {
-    this->SetNumberOfIndexedInputs(1);
-  }
 
   /** The physical point of the value of an output pixel, by the Depth output of the last update. Throws ExceptionObject
    * if there is none, if the index is outside of it, or if the pixel has no value. */
@@ -154,9 +127,6 @@ protected:
 
   void
   VerifyPreconditions() ITKv5_CONST override;
-
-  void
-  GenerateInputRequestedRegion() override;
 
   void
   GeneratePixels() override;
@@ -173,10 +143,6 @@ protected:
   PrintSelf(std::ostream & os, Indent indent) const override;
 
 private:
-  /** Makes the picture from the parts. */
-  void
-  WarpParts();
-
   ShearWarp::PictureSpace m_PictureSpace; // of the last update
 };
 } // namespace itk

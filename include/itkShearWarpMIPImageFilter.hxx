@@ -61,39 +61,6 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::VerifyPreconditions() ITKv5_
   {
     ShearWarpFactorization::VerifyViewTransform(this->GetTransform());
   }
-  const unsigned int parts = this->GetNumberOfParts();
-  for (unsigned int n = 0; n < parts; ++n)
-  {
-    this->template VerifyInputType<PartImageType>(
-      this->MakeNameFromInputIndex(n + 1), "part " + std::to_string(n) + ", a 2D image of ShearWarpMIPPartImageFilter");
-    if (!this->GetPart(n))
-    {
-      itkExceptionMacro("Part " << n << " of " << parts << " is required but not set.");
-    }
-    if (!this->IsPlainMaximum())
-    {
-      itkExceptionMacro("Parts have plain maxima: Mode, SlabNear, SlabFar, CropLower, CropUpper, MaskImage, "
-                        "LocalMaximum, DepthAttenuation and ComputeDepth must be as by default.");
-    }
-  }
-}
-
-template <typename TInputImage, typename TOutputImage>
-void
-ShearWarpMIPImageFilter<TInputImage, TOutputImage>::GenerateInputRequestedRegion()
-{
-  const unsigned int parts = this->GetNumberOfParts();
-  if (parts == 0)
-  {
-    Superclass::GenerateInputRequestedRegion();
-    return;
-  }
-  auto * input = const_cast<TInputImage *>(this->GetInput());
-  input->SetRequestedRegion({ input->GetLargestPossibleRegion().GetIndex(), { { 0, 0, 0 } } });
-  for (unsigned int n = 0; n < parts; ++n)
-  {
-    const_cast<PartImageType *>(this->GetPart(n))->SetRequestedRegionToLargestPossibleRegion();
-  }
 }
 
 template <typename TInputImage, typename TOutputImage>
@@ -135,11 +102,6 @@ template <typename TInputImage, typename TOutputImage>
 void
 ShearWarpMIPImageFilter<TInputImage, TOutputImage>::GeneratePixels()
 {
-  if (this->GetNumberOfParts() > 0)
-  {
-    this->WarpParts();
-    return;
-  }
   Superclass::GeneratePixels();
   if (this->GetComputeDepth())
   {
@@ -150,44 +112,10 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::GeneratePixels()
 
 template <typename TInputImage, typename TOutputImage>
 void
-ShearWarpMIPImageFilter<TInputImage, TOutputImage>::WarpParts()
-{
-  const ShearWarpFactorization factorization(
-    this->GetTransform(), this->GetInput(), this->GetViewGrid(), this->m_Oversampling);
-  const ImageRegion<2> whole = factorization.GetIntermediateRegion();
-
-  std::vector<typename PartImageType::PixelContainerConstPointer> containers;
-  std::vector<ShearWarp::IntermediatePart<InputPixelType>>        parts;
-  for (unsigned int n = 0; n < this->GetNumberOfParts(); ++n)
-  {
-    const PartImageType *  part = this->GetPart(n);
-    const ImageRegion<2> & region = part->GetBufferedRegion();
-    if (region != part->GetLargestPossibleRegion() || !whole.IsInside(region))
-    {
-      itkExceptionMacro("Part " << n << " must be buffered and lie within the intermediate image, " << whole
-                                << ", but its buffered region is " << region);
-    }
-    containers.push_back(this->VerifyVoxels("part " + std::to_string(n), part));
-    parts.push_back({ part->GetBufferPointer(), region });
-  }
-
-  typename TOutputImage::PixelContainerPointer pixels;
-  const auto                                   getPixels = [&] {
-    pixels = this->VerifyPixels(this->GetOutput(), this->GetViewGrid()->GetLargestPossibleRegion().GetNumberOfPixels());
-    return pixels->GetBufferPointer();
-  };
-  this->m_Engine.WarpParts(
-    parts, factorization, this->GetViewGrid(), this->GetDefaultPixelValue(), getPixels, this->GetThreads());
-  this->UpdateProgress(1.0f);
-}
-
-template <typename TInputImage, typename TOutputImage>
-void
 ShearWarpMIPImageFilter<TInputImage, TOutputImage>::PrintSelf(std::ostream & os, Indent indent) const
 {
   Superclass::PrintSelf(os, indent);
   os << indent << "Transform: " << this->GetTransform() << std::endl;
-  os << indent << "NumberOfParts: " << this->GetNumberOfParts() << std::endl;
 }
 } // namespace itk
 

@@ -27,8 +27,8 @@ namespace itk
  * \brief Projects a part of a 3D image to its place in the intermediate image of the whole.
  *
  * A maximum of maxima is a maximum: an image that is too large for one memory, or that lies in pieces on many
- * computers, is projected piece by piece, and only small 2D images travel. ShearWarpMIPImageFilter makes the picture
- * from them (SetPart), with the bits that the whole image gives at once.
+ * computers, is projected piece by piece, and only small 2D images travel. ShearWarpMIPMergePartsImageFilter makes
+ * the picture from them, with the bits that the whole image gives at once.
  *
  * A part is an image with the geometry of the whole whose region is a piece of WholeRegion, as ExtractImageFilter makes
  * them; or what is buffered of an image whose source can give more. Samples lie between voxels, so that parts must
@@ -52,7 +52,7 @@ namespace itk
  * \tparam TInputImage An Image of dimension 3 of any arithmetic pixel type but bool and long double.
  *
  * \ingroup ShearWarpMIP
- * \sa ShearWarpMIPImageFilter
+ * \sa ShearWarpMIPMergePartsImageFilter
  */
 template <typename TInputImage>
 class ITK_TEMPLATE_EXPORT ShearWarpMIPPartImageFilter

@@ -36,7 +36,6 @@ void
 ShearWarpMIPPartImageFilter<TInputImage>::VerifyPreconditions() ITKv5_CONST
 {
   Superclass::VerifyPreconditions();
-  this->VerifyOneInput();
   this->template VerifyInputType<DecoratedTransformType>("Transform", "the view, a decorated transform");
   if (!this->GetTransformInput()->GetSource())
   {

@@ -44,6 +44,7 @@ using MaskType = itk::Image<unsigned char, 3>;
 using SingleType = itk::ShearWarpMIPImageFilter<ImageType>;
 using CineType = itk::ShearWarpMIPCineImageFilter<ImageType>;
 using PartType = itk::ShearWarpMIPPartImageFilter<ImageType>;
+using MergeType = itk::ShearWarpMIPMergePartsImageFilter<ImageType>;
 
 ImageType::Pointer
 MakeTestImage(itk::SizeValueType length = 44)
@@ -287,7 +288,7 @@ TEST(ShearWarpObserved, NoObserverBreaksPartsAndTheirPicture)
   };
   Disturb(&Configure<PartType>, otherWhole, Outcome::Error);
 
-  const auto configureParts = [](SingleType * filter) {
+  const auto configureParts = [](MergeType * filter) {
     Configure(filter);
     const auto part = PartType::New();
     Configure(part.GetPointer());
@@ -298,12 +299,12 @@ TEST(ShearWarpObserved, NoObserverBreaksPartsAndTheirPicture)
       filter->SetPart(n, copy);
     }
   };
-  const Change<SingleType> changes[] = { [](SingleType * filter) { filter->ClearParts(); },
-                                         [](SingleType * filter) { filter->SetPart(1, nullptr); },
-                                         [](SingleType * filter) {
-                                           const_cast<itk::Image<short, 2> *>(filter->GetPart(1))->Initialize();
-                                         } };
-  DisturbByEach<SingleType>(configureParts, changes, Outcome::Any);
+  const Change<MergeType> changes[] = { [](MergeType * filter) { filter->ClearParts(); },
+                                        [](MergeType * filter) { filter->SetPart(1, nullptr); },
+                                        [](MergeType * filter) {
+                                          const_cast<itk::Image<short, 2> *>(filter->GetPart(1))->Initialize();
+                                        } };
+  DisturbByEach<MergeType>(configureParts, changes, Outcome::Any);
 }
 
 namespace
@@ -339,7 +340,7 @@ TEST(ShearWarpInputsOfParts, FewerPixelsThanTheirRegionAreAnError)
   const auto source = PartType::New();
   Configure(source.GetPointer());
   source->Update();
-  const auto filter = SingleType::New();
+  const auto filter = MergeType::New();
   Configure(filter.GetPointer());
   const auto part = Copy(source->GetOutput());
   filter->SetPart(0, Copy(part.GetPointer()));
@@ -385,7 +386,7 @@ TYPED_TEST(ShearWarpInputs, OfAnotherTypeAreErrorsThatSayWhatTheyAreFor)
 
 TEST(ShearWarpInputsOfParts, OfAnotherTypeAreErrorsThatSayWhatTheyAreFor)
 {
-  const auto filter = SingleType::New();
+  const auto filter = MergeType::New();
   Configure(filter.GetPointer());
   filter->SetInput(1, MakeTestImage());
   EXPECT_EQ(filter->GetPart(0), nullptr);
@@ -395,6 +396,10 @@ TEST(ShearWarpInputsOfParts, OfAnotherTypeAreErrorsThatSayWhatTheyAreFor)
 
 TEST(ShearWarpInputsOfParts, OfOtherFiltersAreErrors)
 {
+  const auto single = SingleType::New();
+  Configure(single.GetPointer());
+  single->SetInput(1, MakeTestImage(20));
+  EXPECT_NAMES(single->Update(), "Input 1 is for nothing: input 0 is the 3D image that is projected");
   const auto cine = CineType::New();
   Configure(cine.GetPointer());
   cine->SetInput(1, MakeTestImage(20));

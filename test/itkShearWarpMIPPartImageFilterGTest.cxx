@@ -101,6 +101,7 @@ TYPED_TEST_SUITE(ShearWarpMIPPartTyped, PixelTypes, );
 using ImageType = itk::Image<short, 3>;
 using FilterType = itk::ShearWarpMIPImageFilter<ImageType>;
 using PartFilterType = itk::ShearWarpMIPPartImageFilter<ImageType>;
+using MergeFilterType = itk::ShearWarpMIPMergePartsImageFilter<ImageType>;
 } // namespace
 
 TYPED_TEST(ShearWarpMIPPartTyped, RandomPartsGiveThePictureOfTheWhole)
@@ -125,14 +126,14 @@ TYPED_TEST(ShearWarpMIPPartTyped, RandomPartsGiveThePictureOfTheWhole)
       filter->Update();
       const auto whole = TestFixture::Detach(filter.GetPointer());
 
-      filter->SetInput(MakeOutline(image.GetPointer()));
-      const int thinnest = repeat % 4 == 0 ? 1 : 5;
+      const auto merge = MakeMergeFilter(filter.GetPointer());
+      const int  thinnest = repeat % 4 == 0 ? 1 : 5;
       for (const RegionType & region : MakeRandomParts(random, image->GetLargestPossibleRegion(), thinnest, 25))
       {
         const auto threads = static_cast<unsigned int>(random.Integer(1, 3));
         const auto part = TestFixture::ProjectPart(
           MakePart(image.GetPointer(), region), image->GetLargestPossibleRegion(), view, oversampling, threads);
-        filter->SetPart(filter->GetNumberOfParts(), part);
+        merge->SetPart(merge->GetNumberOfParts(), part);
         const auto axis = filter->GetPrincipalAxis();
         const auto size = part->GetLargestPossibleRegion().GetSize();
         const auto slices = region.GetSize(axis);
@@ -141,10 +142,10 @@ TYPED_TEST(ShearWarpMIPPartTyped, RandomPartsGiveThePictureOfTheWhole)
         EXPECT_LE(size[0], bound(isX ? 1 : 0));
         EXPECT_LE(size[1], bound(axis == 2 ? 1 : 2));
       }
-      filter->Update();
-      EXPECT_TRUE(HaveSamePixels(whole.GetPointer(), filter->GetOutput()));
-      EXPECT_EQ(whole->GetOrigin(), filter->GetOutput()->GetOrigin());
-      EXPECT_EQ(whole->GetSpacing(), filter->GetOutput()->GetSpacing());
+      merge->Update();
+      EXPECT_TRUE(HaveSamePixels(whole.GetPointer(), merge->GetOutput()));
+      EXPECT_EQ(whole->GetOrigin(), merge->GetOutput()->GetOrigin());
+      EXPECT_EQ(whole->GetSpacing(), merge->GetOutput()->GetSpacing());
     }
   });
 }
@@ -170,15 +171,15 @@ TEST(ShearWarpMIPPart, ASliceInSpaceAndNotANumberAreThoseOfTheWhole)
     filter->Update();
     FloatImage::Pointer whole = filter->GetOutput();
     whole->DisconnectPipeline();
-    filter->SetInput(MakeOutline(image.GetPointer()));
+    const auto merge = MakeMergeFilter(filter.GetPointer());
     for (const RegionType & region : MakeRandomParts(random, image->GetLargestPossibleRegion(), 3, 20))
     {
       const auto part = ShearWarpMIPPartTyped<float>::ProjectPart(
         MakePart(image.GetPointer(), region), image->GetLargestPossibleRegion(), view, 1, 2);
-      filter->SetPart(filter->GetNumberOfParts(), part);
+      merge->SetPart(merge->GetNumberOfParts(), part);
     }
-    filter->Update();
-    const FloatImage * joined = filter->GetOutput();
+    merge->Update();
+    const FloatImage * joined = merge->GetOutput();
     ASSERT_EQ(joined->GetBufferedRegion(), whole->GetBufferedRegion());
     EXPECT_EQ(joined->GetDirection(), whole->GetDirection());
     EXPECT_EQ(joined->GetOrigin(), whole->GetOrigin());
@@ -363,7 +364,7 @@ TEST(ShearWarpMIPPart, AbortThrowsAndTheNextUpdateIsRight)
     HaveSamePixels(ShearWarpMIPPartTyped<short>::ProjectPart(image, {}, view, 1, 1).GetPointer(), filter->GetOutput()));
 }
 
-TEST(ShearWarpMIPPart, PartsLeaveTheInputUnreadUntilTheyAreCleared)
+TEST(ShearWarpMIPPart, PartsLeaveTheInputUnread)
 {
   Random     random(1106);
   const auto image = MakeRandomImage<short>(random, { { 12, 13, 14 } });
@@ -374,7 +375,7 @@ TEST(ShearWarpMIPPart, PartsLeaveTheInputUnreadUntilTheyAreCleared)
   int runs = 0;
   source->AddObserver(itk::StartEvent(), [&](const itk::EventObject &) { ++runs; });
 
-  const auto filter = FilterType::New();
+  const auto filter = MergeFilterType::New();
   filter->SetInput(source->GetOutput());
   filter->SetTransform(view);
   filter->SetPart(0, ShearWarpMIPPartTyped<short>::ProjectPart(image, {}, view, 1, 1));
@@ -382,13 +383,10 @@ TEST(ShearWarpMIPPart, PartsLeaveTheInputUnreadUntilTheyAreCleared)
   filter->Update();
   EXPECT_EQ(runs, 0);
   EXPECT_EQ(filter->GetProgress(), 1.0f);
-  const auto joined = ShearWarpMIPPartTyped<short>::Detach(filter.GetPointer());
 
   filter->ClearParts();
   EXPECT_EQ(filter->GetNumberOfParts(), 0u);
-  filter->Update();
-  EXPECT_EQ(runs, 1);
-  EXPECT_TRUE(HaveSamePixels(joined.GetPointer(), filter->GetOutput()));
+  EXPECT_NAMES(filter->Update(), "Parts are required but not set");
 }
 
 TEST(ShearWarpMIPPart, BadInputIsNamed)
@@ -413,7 +411,7 @@ TEST(ShearWarpMIPPart, BadInputIsNamed)
   part->SetWholeRegion({});
   part->Update();
 
-  const auto filter = FilterType::New();
+  const auto filter = MergeFilterType::New();
   filter->SetInput(MakeOutline(image.GetPointer()));
   filter->SetTransform(view);
   filter->SetPart(1, part->GetOutput());

@@ -24,7 +24,7 @@
 #include "itkImageRegionIterator.h"
 #include "itkImageSource.h"
 #include "itkMatrix.h"
-#include "itkShearWarpEngine.h"
+#include "itkShearWarpMIPMergePartsImageFilter.h"
 
 #include "itksys/SystemTools.hxx"
 
@@ -417,6 +417,32 @@ MakeOutline(const Image<TPixel, 3> * image)
   auto outline = Image<TPixel, 3>::New();
   outline->CopyInformation(image);
   return outline;
+}
+
+/** The filter that makes the picture of \a filter from parts of its input. */
+template <typename TInputImage, typename TOutputImage>
+auto
+MakeMergeFilter(const ShearWarpMIPImageFilter<TInputImage, TOutputImage> * filter)
+{
+  const auto merge = ShearWarpMIPMergePartsImageFilter<TInputImage, TOutputImage>::New();
+  merge->SetInput(MakeOutline(filter->GetInput()));
+  merge->SetTransform(filter->GetTransform());
+  merge->SetOversampling(filter->GetOversampling());
+  merge->SetDefaultPixelValue(filter->GetDefaultPixelValue());
+  merge->SetNumberOfWorkUnits(filter->GetNumberOfWorkUnits());
+  if (filter->GetSize()[0] > 0)
+  {
+    merge->SetSize(filter->GetSize());
+  }
+  if (filter->GetOutputSpacing()[0] > 0.0)
+  {
+    merge->SetOutputSpacing(filter->GetOutputSpacing());
+  }
+  if (filter->GetOutputOrigin() != Point<double, 2>(0.0))
+  {
+    merge->SetOutputOrigin(filter->GetOutputOrigin());
+  }
+  return merge;
 }
 
 /** Bytes of what a filter has prepared of its input, without intermediate images. */

@@ -9,6 +9,7 @@ foreach(
   ShearWarpMIPCineImageFilter
   ShearWarpMIPImageFilter
   ShearWarpMIPImageFilterEnums
+  ShearWarpMIPMergePartsImageFilter
   ShearWarpMIPPartImageFilter
   ShearWarpMIPView
   ShearWarpMIPViewEnums

@@ -82,7 +82,7 @@ def mip(
     """
     grid = (size, _make_pair(output_spacing), output_origin)
     opened = open_volume(volume, output_spacing=output_spacing, **place)
-    picture = _make_filter(itk.ShearWarpMIPImageFilter, opened, oversampling, default_pixel_value, grid)
+    picture = _make_filter(itk.ShearWarpMIPMergePartsImageFilter, opened, oversampling, default_pixel_value, grid)
     view = itk.IdentityTransform[itk.D, 3].New() if transform is None else transform
     picture.SetTransform(view)
     picture.UpdateOutputInformation()
@@ -136,7 +136,7 @@ def mip_cine(
     grid = ([columns, rows], list(stack.GetSpacing())[:2], list(stack.GetOrigin())[:2])
     pixels = np.empty((frames, rows, columns), opened.array.dtype.newbyteorder("="))
     for frame, (view, piece) in enumerate(zip(views, pieces.views, strict=True)):
-        picture = _make_filter(itk.ShearWarpMIPImageFilter, opened, oversampling, default_pixel_value, grid)
+        picture = _make_filter(itk.ShearWarpMIPMergePartsImageFilter, opened, oversampling, default_pixel_value, grid)
         picture.SetTransform(view)
         pixels[frame] = itk.array_view_from_image(_warp(picture, piece))
     image = itk.image_from_array(pixels)

@@ -286,10 +286,10 @@ SetRays(Numbers & numbers, TFilter * filter)
   }
 }
 
-/** Cuts the image in two, and \a filter, which had the whole, makes the picture of both. */
+/** Cuts the image of \a filter in two; the same picture is made of both. */
 template <typename TFilter>
-void
-UpdateFromParts(Numbers & numbers, TFilter * filter)
+auto
+MakePictureFromParts(Numbers & numbers, const TFilter * filter)
 {
   using ImageType = typename TFilter::InputImageType;
   const typename ImageType::ConstPointer image = filter->GetInput();
@@ -304,7 +304,7 @@ UpdateFromParts(Numbers & numbers, TFilter * filter)
   upper.SetIndex(axis, whole.GetIndex(axis) + static_cast<itk::IndexValueType>(common));
   upper.SetSize(axis, whole.GetSize(axis) - common);
 
-  filter->SetInput(MakeOutline(image.GetPointer()));
+  const auto merge = MakeMergeFilter(filter);
   for (const auto & region : { lower, upper })
   {
     const auto part = itk::ShearWarpMIPPartImageFilter<ImageType>::New();
@@ -315,9 +315,10 @@ UpdateFromParts(Numbers & numbers, TFilter * filter)
     part->SetReducedResampling(filter->GetReducedResampling());
     part->SetNumberOfWorkUnits(filter->GetNumberOfWorkUnits());
     part->Update();
-    filter->SetPart(filter->GetNumberOfParts(), part->GetOutput());
+    merge->SetPart(merge->GetNumberOfParts(), part->GetOutput());
   }
-  filter->Update();
+  merge->Update();
+  return Copy<typename TFilter::InputPixelType>(merge->GetOutput());
 }
 
 template <typename TPixel>
@@ -397,8 +398,8 @@ Project(Numbers & numbers)
     return;
   }
 
-  UpdateFromParts(numbers, filter.GetPointer());
-  Require(HaveSamePixels<TPixel>(first, filter->GetOutput()), "parts give the same bits");
+  const auto fromParts = MakePictureFromParts(numbers, static_cast<const FilterType *>(filter));
+  Require(HaveSamePixels<TPixel>(first, fromParts), "parts give the same bits");
 
   const double error = EstimateError(view, image, grid);
   if (error < 1e-6)

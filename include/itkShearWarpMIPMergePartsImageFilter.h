@@ -1,0 +1,106 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#ifndef itkShearWarpMIPMergePartsImageFilter_h
+#define itkShearWarpMIPMergePartsImageFilter_h
+
+#include "itkShearWarpMIPImageFilter.h"
+
+namespace itk
+{
+/** \class ShearWarpMIPMergePartsImageFilter
+ * \brief Makes the picture of a 3D image from projections of its parts.
+ *
+ * Parts are outputs of ShearWarpMIPPartImageFilter for the same image, Transform and Oversampling. Parts that together
+ * hold the image give the picture that ShearWarpMIPImageFilter makes of the whole, bit by bit. The input's geometry is
+ * used, its voxels are not requested.
+ *
+ * Rays have plain maxima: Mode, SlabNear, SlabFar, CropLower, CropUpper, MaskImage, LocalMaximum, DepthAttenuation and
+ * ComputeDepth must be as by default. Update() throws ExceptionObject if they are not, if a part is missing or there is
+ * none, if one does not lie within the intermediate image, and as ShearWarpMIPImageFilter does.
+ *
+ * \tparam TInputImage An Image of dimension 3 of any arithmetic pixel type but bool and long double.
+ * \tparam TOutputImage An Image of the same pixel type, of dimension 2, or 3 for a slice in physical space.
+ *
+ * \ingroup ShearWarpMIP
+ * \sa ShearWarpMIPPartImageFilter, ShearWarpMIPImageFilter
+ */
+template <typename TInputImage, typename TOutputImage = Image<typename TInputImage::PixelType, 2>>
+class ITK_TEMPLATE_EXPORT ShearWarpMIPMergePartsImageFilter : public ShearWarpMIPImageFilter<TInputImage, TOutputImage>
+{
+public:
+  ITK_DISALLOW_COPY_AND_MOVE(ShearWarpMIPMergePartsImageFilter);
+
+  using Self = ShearWarpMIPMergePartsImageFilter;
+  using Superclass = ShearWarpMIPImageFilter<TInputImage, TOutputImage>;
+  using Pointer = SmartPointer<Self>;
+  using ConstPointer = SmartPointer<const Self>;
+
+  itkNewMacro(Self);
+  itkTypeMacro(ShearWarpMIPMergePartsImageFilter, ShearWarpMIPImageFilter);
+
+  using typename Superclass::InputPixelType;
+  using PartImageType = Image<InputPixelType, 2>;
+
+  /** Sets part number \a n, counted from 0. */
+  void
+  SetPart(unsigned int n, const PartImageType * part)
+  {
+    this->SetNthInput(n + 1, const_cast<PartImageType *>(part));
+  }
+  const PartImageType *
+  GetPart(unsigned int n) const
+  {
+    return dynamic_cast<const PartImageType *>(this->ProcessObject::GetInput(n + 1));
+  }
+  unsigned int
+  GetNumberOfParts() const
+  {
+    return static_cast<unsigned int>(this->GetNumberOfIndexedInputs()) - 1;
+  }
+  void
+  ClearParts()
+  {
+    this->SetNumberOfIndexedInputs(1);
+  }
+
+protected:
+  ShearWarpMIPMergePartsImageFilter() = default;
+  ~ShearWarpMIPMergePartsImageFilter() override = default;
+
+  void
+  VerifyPreconditions() ITKv5_CONST override;
+
+  void
+  VerifyIndexedInputs() const override;
+
+  void
+  GenerateInputRequestedRegion() override;
+
+  void
+  GeneratePixels() override;
+
+  void
+  PrintSelf(std::ostream & os, Indent indent) const override;
+};
+} // namespace itk
+
+#ifndef ITK_MANUAL_INSTANTIATION
+#  include "itkShearWarpMIPMergePartsImageFilter.hxx"
+#endif
+
+#endif
