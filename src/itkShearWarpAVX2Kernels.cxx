@@ -126,6 +126,28 @@ struct Lanes
     return _mm256_blendv_epi8(rank, least, _mm256_castps_si256(_mm256_cmp_ps(before, better, _CMP_EQ_OQ)));
   }
 
+  /** Samples that fade to \a to, by \a factor times \a factors. */
+  template <bool VIsUnsigned>
+  static Short Fade(Short v, const float * factors, float factor, float to)
+  {
+    const auto fade = [factor, to](__m128i half, const float * p)
+    {
+      const Float from = _mm256_cvtepi32_ps(VIsUnsigned ? _mm256_cvtepu16_epi32(half) : _mm256_cvtepi16_epi32(half));
+      const Float product = Multiply(SetFloat(factor), Load(p));
+      const Float faded = Add(SetFloat(to), Multiply(Subtract(from, SetFloat(to)), product));
+      return _mm256_cvttps_epi32(_mm256_floor_ps(Add(faded, SetFloat(0.5f))));
+    };
+    const Int low = fade(_mm256_castsi256_si128(v), factors);
+    const Int high = fade(_mm256_extracti128_si256(v, 1), factors + 8);
+    return _mm256_permute4x64_epi64(VIsUnsigned ? _mm256_packus_epi32(low, high) : _mm256_packs_epi32(low, high), 0xD8);
+  }
+  template <bool>
+  static Float Fade(Float v, const float * factors, float factor, float to)
+  {
+    const Float faded = Add(SetFloat(to), Multiply(Subtract(v, SetFloat(to)), Multiply(SetFloat(factor), Load(factors))));
+    return _mm256_blendv_ps(Maximum(v, faded), Minimum(v, faded), _mm256_cmp_ps(v, SetFloat(to), _CMP_GT_OQ));
+  }
+
   using Index = __m128i;
   using Double = __m256d;
   using Single = __m128;

@@ -124,6 +124,26 @@ struct Lanes
     return _mm512_mask_blend_epi32(_mm512_cmp_ps_mask(before, better, _CMP_EQ_OQ), rank, least);
   }
 
+  /** Samples that fade to \a to, by \a factor times \a factors. */
+  template <bool VIsUnsigned>
+  static Short Fade(Short v, const float * factors, float factor, float to)
+  {
+    const auto fade = [factor, to](__m256i half, const float * p)
+    {
+      const Float from = _mm512_cvtepi32_ps(VIsUnsigned ? _mm512_cvtepu16_epi32(half) : _mm512_cvtepi16_epi32(half));
+      const Float product = Multiply(SetFloat(factor), Load(p));
+      const Float faded = Add(SetFloat(to), Multiply(Subtract(from, SetFloat(to)), product));
+      return _mm512_cvtepi32_epi16(_mm512_cvt_roundps_epi32(Add(faded, SetFloat(0.5f)), _MM_FROUND_TO_NEG_INF | _MM_FROUND_NO_EXC));
+    };
+    return _mm512_inserti64x4(_mm512_castsi256_si512(fade(_mm512_castsi512_si256(v), factors)), fade(_mm512_extracti64x4_epi64(v, 1), factors + 16), 1);
+  }
+  template <bool>
+  static Float Fade(Float v, const float * factors, float factor, float to)
+  {
+    const Float faded = Add(SetFloat(to), Multiply(Subtract(v, SetFloat(to)), Multiply(SetFloat(factor), Load(factors))));
+    return _mm512_mask_blend_ps(_mm512_cmp_ps_mask(v, SetFloat(to), _CMP_GT_OQ), Maximum(v, faded), Minimum(v, faded));
+  }
+
   using Index = __m256i;
   using Double = __m512d;
   using Single = __m256;

@@ -132,6 +132,18 @@ MakeIntervals(const View & view, const ShearWarp::ProjectionRule<TPixel> & rule)
   return intervals;
 }
 
+template <typename TPixel>
+std::optional<ShearWarp::Fading>
+MakeFading(const View & view, const ShearWarp::ProjectionRule<TPixel> & rule, const ImageBase<3> * image)
+{
+  if (!(rule.depthAttenuation > 0.0))
+  {
+    return {};
+  }
+  return ShearWarp::Fading{ rule.depthAttenuation,
+                            std::max(ShearWarp::FindSphereDepth(view.space, image), rule.slabNear) };
+}
+
 /** For a number that tells most views apart: of the places of the first slice and the last one. */
 SizeValueType
 HashPlacements(const std::vector<ShearWarp::SlicePlacement> & placements)
@@ -174,12 +186,12 @@ public:
     measurements.instructionSet = kernels->instructionSet;
   }
 
-  /** Whether intermediate images tell the slices of their pixels: of depths, and of masks, where a pixel may have none.
-   */
+  /** Whether intermediate images tell the slices of their pixels: of depths, and of masks, where a pixel may have none;
+   * and of what fades, as that is projected by the same loops. */
   static bool
   NeedsSlices(const VolumeType & input, const RuleType & rule)
   {
-    return rule.hasDepth || input.mask;
+    return rule.hasDepth || input.mask || rule.depthAttenuation > 0.0;
   }
 
   /** Whether only RayProjector can project: what depends on the order of samples, and slices of more than ranks tell.
@@ -189,7 +201,7 @@ public:
   {
     const auto size = input.whole.GetSize();
     const auto mostSlices = static_cast<SizeValueType>(Projector::MostRankedSlices);
-    return rule.localMaximumThreshold || rule.depthAttenuation > 0.0 ||
+    return rule.localMaximumThreshold ||
            (NeedsSlices(input, rule) && std::max({ size[0], size[1], size[2] }) > mostSlices);
   }
 
@@ -265,7 +277,7 @@ ShearWarpEngine<TPixel>::Implementation::MakeGroups(const VolumeType &        in
 
     const SizeValueType hash = HashPlacements(view->factorization.GetSlicePlacements());
     const auto [begin, end] = candidates[axis].equal_range(hash);
-    const bool isAlone = isOneByOne || rule.HasRegion() || rule.hasDepth;
+    const bool isAlone = isOneByOne || rule.HasRegion() || rule.hasDepth || rule.depthAttenuation > 0.0;
     const auto same = isAlone ? end : std::find_if(begin, end, [&](const auto & candidate) {
       const Projection & projection = projections[axis][candidate.second];
       return factorize(projection.front())->factorization.HasSameSlicePlacements(view->factorization);
@@ -426,10 +438,9 @@ ShearWarpEngine<TPixel>::Implementation::ProjectGroup(
                                                                : &kernels->maximum;
     parameters.localMaximumThreshold = rule.localMaximumThreshold;
     parameters.intervals = MakeIntervals(first, rule);
-    if (rule.depthAttenuation > 0.0)
+    if (const auto fading = MakeFading(first, rule, input.image))
     {
-      const double begin = std::max(ShearWarp::FindSphereDepth(first.space, input.image), rule.slabNear);
-      parameters.fading = typename RayProjector::Fading{ { rule.depthAttenuation, begin }, rule.background };
+      parameters.fading = typename RayProjector::Fading{ *fading, rule.background };
     }
     parameters.maskLabel = rule.maskLabel;
     rayProjector.Start(first.factorization, *kernels, parameters, threads.count);
@@ -448,10 +459,12 @@ ShearWarpEngine<TPixel>::Implementation::ProjectGroup(
   typename Projector::ViewList views;
   for (const auto & first : firsts)
   {
-    views.push_back({ &first->factorization, MakeIntervals(*first, rule) });
+    views.push_back({ &first->factorization, MakeIntervals(*first, rule), MakeFading(*first, rule, input.image) });
   }
-  projector.Start(
-    views, *kernels, { rule.mode, NeedsSlices(input, rule), rule.maskLabel, rule.reducedResampling }, threads.count);
+  projector.Start(views,
+                  *kernels,
+                  { rule.mode, NeedsSlices(input, rule), rule.background, rule.maskLabel, rule.reducedResampling },
+                  threads.count);
   const auto project = [this](const auto & ofVolume, const auto * ofMask, const Parallelize & parallelize) {
     projector.Project(ofVolume, ofMask, parallelize);
   };
@@ -561,8 +574,10 @@ ShearWarpEngine<TPixel>::ProjectPart(const VolumeType &                volume,
   const unsigned int axis = factorization.GetPrincipalAxis();
   const bool         hasBlockMaxima = reducedResampling != ReducedResamplingEnum::Off;
   const bool         isKept = hasBlockMaxima || engine.volume.IsPrepared(volume.image, axis, false);
-  engine.projector.Start(
-    { { &factorization, {} } }, *engine.kernels, { ModeEnum::Maximum, false, 0, reducedResampling }, threads.count);
+  engine.projector.Start({ { &factorization, {} } },
+                         *engine.kernels,
+                         { ModeEnum::Maximum, false, TPixel{}, 0, reducedResampling },
+                         threads.count);
   const auto project = [&](const auto & prepared, const auto *, const Parallelize & parallelize) {
     engine.projector.Project(prepared, nullptr, parallelize);
   };

@@ -191,13 +191,26 @@ Decay(double x)
   return exponential * power;
 }
 
-std::vector<double>
+namespace
+{
+/** Smaller numbers would be slow. */
+template <typename TNumber>
+TNumber
+ToFadeNumber(double factor)
+{
+  return std::is_same_v<TNumber, float> && factor < 0x1p-60 ? TNumber{ 0 } : static_cast<TNumber>(factor);
+}
+} // namespace
+
+template <typename TNumber>
+std::vector<TNumber>
 MakeFadeFactors(const Fading & fading, double perColumn, std::ptrdiff_t columns)
 {
-  std::vector<double> factors;
+  std::vector<TNumber> factors(columns + 1 + 2 * FadePadding);
   for (std::ptrdiff_t n = 0; n <= columns; ++n)
   {
-    factors.push_back(Decay(fading.rate * (std::abs(perColumn) * static_cast<double>(n))));
+    factors[FadePadding + n] =
+      ToFadeNumber<TNumber>(Decay(fading.rate * (std::abs(perColumn) * static_cast<double>(n))));
   }
   if (perColumn < 0)
   {
@@ -206,7 +219,8 @@ MakeFadeFactors(const Fading & fading, double perColumn, std::ptrdiff_t columns)
   return factors;
 }
 
-FadingRow
+template <typename TNumber>
+FadingRow<TNumber>
 MakeFadingRow(const Fading &          fading,
               const ShearedFunction & depth,
               double                  row,
@@ -218,14 +232,22 @@ MakeFadingRow(const Fading &          fading,
   const ColumnSpan behind = ClipColumns(depth, fading.begin, infinity, row, slice, span);
   if (behind.begin == behind.end)
   {
-    return { behind, behind.begin, 1.0 };
+    return { behind, behind.begin, 1 };
   }
   const bool         isFirstNearest = depth.perColumn >= 0;
   const std::int32_t nearest = isFirstNearest ? behind.begin : behind.end - 1;
   return { behind,
            isFirstNearest ? nearest : behind.end - static_cast<std::int32_t>(factors),
-           Decay(fading.rate * (depth(nearest, row, slice) - fading.begin)) };
+           ToFadeNumber<TNumber>(Decay(fading.rate * (depth(nearest, row, slice) - fading.begin))) };
 }
+
+#define INSTANTIATE(TNumber)                                                             \
+  template std::vector<TNumber> MakeFadeFactors(const Fading &, double, std::ptrdiff_t); \
+  template FadingRow<TNumber>   MakeFadingRow(                                           \
+      const Fading &, const ShearedFunction &, double, double, ColumnSpan, std::size_t);
+INSTANTIATE(float)
+INSTANTIATE(double)
+#undef INSTANTIATE
 
 std::vector<std::string>
 GetInstructionSets()

@@ -202,6 +202,67 @@ enum class TileState : std::uint8_t
   Masked
 };
 
+/** exp(-\a x) for 0 <= x, or 0 where that is less than exp(-708): from IEEE operations alone, so that every computer
+ * has the same bits. It is exactly 1 at 0, never rises with x, and its relative error is below 2^-52. */
+ShearWarpMIP_EXPORT
+double
+Decay(double x);
+
+/** How samples fade: those of depth w by exp(-rate (w - begin)), those before `begin` not at all. */
+struct Fading
+{
+  double rate, begin;
+};
+
+/** The precision in which samples fade. */
+template <typename TPixel>
+using FadeNumber = std::conditional_t<(sizeof(TPixel) <= 2) || std::is_same_v<TPixel, float>, float, double>;
+
+/** Elements of 0 before and behind fade factors: a vector that has one of them may read further. */
+constexpr std::ptrdiff_t FadePadding = 32;
+
+/** exp(-rate |perColumn| n) for n = 0 to \a columns, between FadePadding zeros: the first column is the nearest if
+ * \a perColumn, of the depth, is not negative, else the last one. A float below 2^-60 is 0. */
+template <typename TNumber>
+ShearWarpMIP_EXPORT
+std::vector<TNumber>
+MakeFadeFactors(const Fading & fading, double perColumn, std::ptrdiff_t columns);
+
+/** The part of a row that fades, and what fadeRow needs for it: the fading of its nearest sample, and the column of the
+ * first of the factors. */
+template <typename TNumber>
+struct FadingRow
+{
+  ColumnSpan   span;
+  std::int32_t first;
+  TNumber      factor;
+};
+
+/** For a row of a slice that reaches the columns of \a span, of which there are less than \a factors, without those of
+ * the padding. */
+template <typename TNumber>
+ShearWarpMIP_EXPORT
+FadingRow<TNumber>
+MakeFadingRow(const Fading &          fading,
+              const ShearedFunction & depth,
+              double                  row,
+              double                  slice,
+              ColumnSpan              span,
+              std::size_t             factors);
+
+/** How the samples of a view fade to `background`: `depth` is that of column and row of the intermediate image and of
+ * the slice in the volume, of which the stack begins with `firstSlice`. */
+template <typename TPixel>
+struct ViewFading
+{
+  Fading                     fading;
+  ShearedFunction            depth;
+  std::ptrdiff_t             firstSlice;
+  const FadeNumber<TPixel> * factors; // those of MakeFadeFactors(), without the padding
+  std::size_t                count;
+  TPixel                     background;
+};
+
 /** A view along the slices' axis: the place of each slice, and the image that collects the maxima, or the minima if it
  * `isMinimum`; with a `coverage` of the samples in its region alone. `ranked` tells which slices gave the extrema, if
  * its ranks are not null. Of the views of one call all have a coverage or none, and all have ranks or none.
@@ -209,18 +270,19 @@ enum class TileState : std::uint8_t
  * `active`, if not null, tells the state of the tiles of a block of at most BlockLength slices: that of
  * `active[(row - block.rowBegin) / BlockLength * activeStride + column / TileColumns]`, for a row counted from
  * FindFirstRow() and no further than the block's, and a column of the intermediate image. If it is null all tiles are
- * Masked, or Whole without a `mask`. A view with a mask has ranks. */
+ * Masked, or Whole without a `mask`. A view with a mask has ranks, and so has one whose samples fade. */
 template <typename TPixel>
 struct ShearedView
 {
-  const SlicePlacement *    placements;
-  IntermediateImage<TPixel> intermediate;
-  const TileState *         active{ nullptr };
-  std::ptrdiff_t            activeStride{ 0 };
-  bool                      isMinimum{ false };
-  Coverage                  coverage{};
-  RankedImage<TPixel>       ranked{};
-  const Mask *              mask{ nullptr };
+  const SlicePlacement *     placements;
+  IntermediateImage<TPixel>  intermediate;
+  const TileState *          active{ nullptr };
+  std::ptrdiff_t             activeStride{ 0 };
+  bool                       isMinimum{ false };
+  Coverage                   coverage{};
+  RankedImage<TPixel>        ranked{};
+  const Mask *               mask{ nullptr };
+  const ViewFading<TPixel> * fading{ nullptr };
 };
 
 /** A row of a slice's samples: between the rows \a a, of weight y / 2^15, and \a b of `columns` voxels, of which voxel
@@ -245,43 +307,6 @@ struct RayRow
 };
 constexpr std::int32_t NoSlice = -1;
 constexpr std::int32_t EndedRay = 1 << 30;
-
-/** exp(-\a x) for 0 <= x, or 0 where that is less than exp(-708): from IEEE operations alone, so that every computer
- * has the same bits. It is exactly 1 at 0, never rises with x, and its relative error is below 2^-52. */
-ShearWarpMIP_EXPORT
-double
-Decay(double x);
-
-/** How samples fade: those of depth w by exp(-rate (w - begin)), those before `begin` not at all. */
-struct Fading
-{
-  double rate, begin;
-};
-
-/** exp(-rate |perColumn| n) for n = 0 to \a columns: the first column is the nearest if \a perColumn, of the depth, is
- * not negative, else the last one. */
-ShearWarpMIP_EXPORT
-std::vector<double>
-MakeFadeFactors(const Fading & fading, double perColumn, std::ptrdiff_t columns);
-
-/** The part of a row that fades, and what fadeRow needs for it: the fading of its nearest sample, and the column of the
- * first of the factors. */
-struct FadingRow
-{
-  ColumnSpan   span;
-  std::int32_t first;
-  double       factor;
-};
-
-/** For a row of a slice that reaches the columns of \a span, of which there are less than \a factors. */
-ShearWarpMIP_EXPORT
-FadingRow
-MakeFadingRow(const Fading &          fading,
-              const ShearedFunction & depth,
-              double                  row,
-              double                  slice,
-              ColumnSpan              span,
-              std::size_t             factors);
 
 /** Affine map (x, y) -> (xx x + xy y + x0, yx x + yy y + y0). */
 struct AffineMap2D
@@ -370,15 +395,15 @@ struct Kernels
   void (*sampleRow)(const SliceRow<TPixel> & row, ColumnSpan span, TPixel * samples);
 
   /** Fades samples [span.begin, span.end) to \a background, which is finite: those of column p come to
-   * `background + (sample - background) * (factor * factors[p - first])`, computed in double and rounded half
+   * `background + (sample - background) * (factor * factors[p - first])`, computed as FadeNumber and rounded half
    * upward to the pixel type; to a value that lies between the two. One whose difference from the background is
    * infinite stays as it is. Factors are from 0 to 1. */
-  void (*fadeRow)(const double * factors,
-                  std::int32_t   first,
-                  double         factor,
-                  TPixel         background,
-                  ColumnSpan     span,
-                  TPixel *       samples);
+  void (*fadeRow)(const FadeNumber<TPixel> * factors,
+                  std::int32_t               first,
+                  FadeNumber<TPixel>         factor,
+                  TPixel                     background,
+                  ColumnSpan                 span,
+                  TPixel *                   samples);
 
   RayKernels<TPixel> maximum;
   RayKernels<TPixel> minimum;

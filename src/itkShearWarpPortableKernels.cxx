@@ -143,7 +143,7 @@ Raise(TPixel & maximum, TPixel value)
 }
 
 /** Takes the samples in \a span of one row of a slice of \a rank; of a mask \a label counts in its rows \a maskA and
- * \a maskB. */
+ * \a maskB. Samples fade unless \a fading is null. */
 template <typename TRule, typename TPixel>
 void
 ProjectRow(const SliceRow<TPixel> & row,
@@ -153,6 +153,7 @@ ProjectRow(const SliceRow<TPixel> & row,
            ColumnSpan               span,
            const TileState *        active,
            SliceRank<TPixel>        rank,
+           const FadedRow<TPixel> * fading,
            TPixel *                 pixels,
            SliceRank<TPixel> *      ranks)
 {
@@ -160,7 +161,7 @@ ProjectRow(const SliceRow<TPixel> & row,
   const Sampler<TPixel> sample(position.fraction, y);
   const Sampler<TPixel> edgeSample(0, y);
   const auto            take = [=](std::ptrdiff_t p, TPixel value) {
-    TakeSample<TRule>(value, rank, pixels[p], ranks ? ranks + p : nullptr);
+    TakeSample<TRule>(fading ? (*fading)(value, p) : value, rank, pixels[p], ranks ? ranks + p : nullptr);
   };
   const auto getState = [=](std::ptrdiff_t p) {
     return active ? active[p / TileColumns] : maskA ? TileState::Masked : TileState::Whole;
@@ -232,8 +233,13 @@ ProjectBlock(const SliceStack<TPixel> &  slices,
         };
         const std::ptrdiff_t tile =
           std::clamp<std::ptrdiff_t>(j - firstTile, 0, block.rowEnd - block.rowBegin - 1) / BlockLength;
-        ColumnSpan reached{ column.whole + static_cast<std::int32_t>(columnSamples.begin),
+        ColumnSpan       reached{ column.whole + static_cast<std::int32_t>(columnSamples.begin),
                             column.whole + static_cast<std::int32_t>(columnSamples.end) };
+        FadedRow<TPixel> fading{};
+        if (view->fading)
+        {
+          fading = FindFading(*view->fading, row.whole + j, k, reached);
+        }
         if (view->coverage.region)
         {
           reached = view->coverage.Add(reached, row.whole + j, k);
@@ -249,6 +255,7 @@ ProjectBlock(const SliceStack<TPixel> &  slices,
                 reached,
                 view->active ? view->active + tile * view->activeStride : nullptr,
                 GetRank(view->ranked, k),
+                view->fading ? &fading : nullptr,
                 view->intermediate.pixels + pixelRow,
                 view->ranked.ranks ? view->ranked.ranks + pixelRow : nullptr);
       }

@@ -47,6 +47,7 @@ ShearWarpProjector<TPixel>::Start(ViewList                           views,
   m_NumberOfWorkers = workers;
   m_Grids.clear();
   m_Regions.clear();
+  m_Fadings.clear();
   m_TileColumns = m_TileRows = 0;
   for (const View & view : m_Views)
   {
@@ -58,10 +59,16 @@ ShearWarpProjector<TPixel>::Start(ViewList                           views,
       {
         interval.function = view.factorization->GetFunctionOfPhase(interval.function, phase);
       }
+      const auto depth = view.factorization->GetFunctionOfPhase(view.factorization->GetDepthFunction(), phase);
       ++phase;
       const std::size_t extrema = m_Parameters.mode == ModeEnum::AbsoluteMaximum ? 2 : 1;
       m_Grids.insert(m_Grids.end(), extrema, &grid);
       m_Regions.insert(m_Regions.end(), hasRegion ? extrema : 0, region);
+      if (view.fading)
+      {
+        m_Fadings.insert(
+          m_Fadings.end(), extrema, { { *view.fading, depth, 0, nullptr, 0, parameters.background }, {} });
+      }
       m_TileColumns = std::max(m_TileColumns, ShearWarp::CountBlocks(grid.columns, ShearWarp::TileColumns));
       m_TileRows = std::max(m_TileRows, ShearWarp::CountBlocks(grid.rows));
     }
@@ -109,6 +116,14 @@ ShearWarpProjector<TPixel>::Project(const ShearWarpPreparedVolume<TPixel> &     
   for (ShearWarp::Region & region : m_Regions)
   {
     region.firstSlice = m_FirstSlice;
+  }
+  for (auto & [view, factors] : m_Fadings)
+  {
+    factors =
+      ShearWarp::MakeFadeFactors<ShearWarp::FadeNumber<TPixel>>(view.fading, view.depth.perColumn, m_Slices.columns);
+    view.firstSlice = m_FirstSlice;
+    view.factors = factors.data() + ShearWarp::FadePadding;
+    view.count = factors.size() - 2 * ShearWarp::FadePadding;
   }
   m_ReducedResampling = m_BlockMaxima.maxima ? m_Parameters.reducedResampling : ReducedResamplingEnum::Off;
   if constexpr (std::is_floating_point_v<TPixel>)
@@ -294,6 +309,10 @@ ShearWarpProjector<TPixel>::GetSizeInBytes() const
   {
     bytes += CountBytes(view.intervals);
   }
+  for (const GridFading & fading : m_Fadings)
+  {
+    bytes += sizeof(fading) + CountBytes(fading.factors);
+  }
   for (const PlacementList & placements : m_Placements)
   {
     bytes += CountBytes(placements);
@@ -408,7 +427,8 @@ ShearWarpProjector<TPixel>::ProjectRows(Worker &       worker,
               m_RowStride,
               image.known.data() },
             this->GetRankedImage(m_Views[g / gridsOfView], this->GetRanks(image, 0), m_FirstSlice),
-            m_Mask.voxels ? &m_Mask : nullptr });
+            m_Mask.voxels ? &m_Mask : nullptr,
+            m_Fadings.empty() ? nullptr : &m_Fadings[g].view });
       }
     }
     if (!worker.views.empty())

@@ -21,14 +21,15 @@
 #include "itkShearWarpFactorization.h"
 #include "itkShearWarpPreparedVolume.h"
 
+#include <optional>
 #include <vector>
 
 namespace itk
 {
 /** \class ShearWarpProjector
  * \brief Projects a prepared volume to the intermediate images of views along one axis, by several threads: the
- * maximum, the minimum or both, for the absolute maximum, of the samples or of those in a region or a mask, and the
- * slices that they are of.
+ * maximum, the minimum or both, for the absolute maximum, of the samples or of those in a region or a mask, faded or
+ * not, and the slices that they are of.
  *
  * The volume is divided into blocks of rows and slices. Each thread takes the next block and raises intermediate
  * images of its own, or for the minimum lowers them; the extremum over the threads' images is the result. It does not
@@ -62,6 +63,8 @@ public:
     const ShearWarpFactorization * factorization;
     /** Samples count in all of them. */
     IntervalList intervals;
+    /** How samples fade to the background, if they do; it needs the slices. */
+    std::optional<ShearWarp::Fading> fading{};
   };
   using ViewList = std::vector<View>;
 
@@ -72,7 +75,8 @@ public:
   {
     ModeEnum mode{ ModeEnum::Maximum };
     /** Whether the intermediate images tell the slices of their pixels, of at most MostRankedSlices. */
-    bool hasSlices{ false };
+    bool   hasSlices{ false };
+    TPixel background{};
     /** Of the voxels that count in a mask; 0 for all but 0. */
     unsigned char         maskLabel{ 0 };
     ReducedResamplingEnum reducedResampling{ ReducedResamplingEnum::Off };
@@ -143,6 +147,13 @@ private:
     SizeValueType                               skippedTiles{ 0 };
     std::ptrdiff_t                              untestedCubes{ 0 };
     std::ptrdiff_t                              pause{ 0 };
+  };
+
+  /** How the samples of a grid fade. */
+  struct GridFading
+  {
+    ShearWarp::ViewFading<TPixel>              view;
+    std::vector<ShearWarp::FadeNumber<TPixel>> factors;
   };
 
   struct TileCount
@@ -269,6 +280,7 @@ private:
   const ShearWarp::Kernels<TPixel> *               m_Kernels{ nullptr };
   ViewList                                         m_Views;
   std::vector<ShearWarp::Region>                   m_Regions; // of each grid, if any has intervals
+  std::vector<GridFading>                          m_Fadings; // of each grid, if samples fade
   Parameters                                       m_Parameters;
   std::vector<const ShearWarp::IntermediateGrid *> m_Grids;      // of each view its phases, of these the extrema
   std::vector<PlacementList>                       m_Placements; // on each grid, of the slices

@@ -202,43 +202,77 @@ TakeUntilLocalMaximum(const TPixel *         samples,
 template <typename TRule, typename TPixel>
 constexpr RayKernels<TPixel> RayKernelsOf{ TRule::Start, Take<TRule, TPixel>, TakeUntilLocalMaximum<TRule, TPixel> };
 
+/** A sample that fades by \a product, as fadeRow has it. */
+template <typename TPixel>
+TPixel
+FadeSample(TPixel sample, FadeNumber<TPixel> product, TPixel background)
+{
+  using Number = FadeNumber<TPixel>;
+  const auto   to = static_cast<Number>(background);
+  const auto   from = static_cast<Number>(sample);
+  const Number faded = to + (from - to) * product;
+  if constexpr (IsFloat<TPixel>)
+  {
+    // the sample if rounding leads beyond it, or its difference is infinite or not a number
+    const TPixel below = faded < sample ? faded : sample;
+    const TPixel above = faded > sample ? faded : sample;
+    return sample > background ? below : above;
+  }
+  else
+  {
+    // between two integers of less than 64 bits; of others a double does not hold all
+    if (sizeof(TPixel) < 8 || (faded > to && faded < from) || (faded < to && faded > from))
+    {
+      const Number half = faded + static_cast<Number>(0.5);
+      const auto   whole = static_cast<TPixel>(half);
+      return static_cast<TPixel>(whole - (static_cast<Number>(whole) > half ? 1 : 0));
+    }
+    return faded == to ? background : sample;
+  }
+}
+
 template <typename TPixel>
 void
-FadeRow(const double * __restrict factors,
-        std::int32_t first,
-        double       factor,
-        TPixel       background,
-        ColumnSpan   span,
+FadeRow(const FadeNumber<TPixel> * __restrict factors,
+        std::int32_t       first,
+        FadeNumber<TPixel> factor,
+        TPixel             background,
+        ColumnSpan         span,
         TPixel * __restrict samples)
 {
-  const auto to = static_cast<double>(background);
   for (std::int32_t p = span.begin; p < span.end; ++p)
   {
-    const double product = factor * factors[p - first];
-    const auto   from = static_cast<double>(samples[p]);
-    const double faded = to + (from - to) * product;
-    if constexpr (IsFloat<TPixel>)
-    {
-      // the sample if rounding leads beyond it, or its difference is infinite or not a number
-      const TPixel sample = samples[p];
-      const auto   rounded = static_cast<TPixel>(faded);
-      const TPixel below = rounded < sample ? rounded : sample;
-      const TPixel above = rounded > sample ? rounded : sample;
-      samples[p] = sample > background ? below : above;
-    }
-    else
-    {
-      // between two integers of less than 64 bits; of others a double does not hold all
-      if (sizeof(TPixel) < 8 || (faded > to && faded < from) || (faded < to && faded > from))
-      {
-        const double half = faded + 0.5;
-        const auto   whole = static_cast<TPixel>(half);
-        samples[p] = static_cast<TPixel>(whole - (static_cast<double>(whole) > half ? 1 : 0));
-      }
-      else if (faded == to)
-      {
-        samples[p] = background;
-      }
-    }
+    samples[p] = FadeSample(samples[p], factor * factors[p - first], background);
   }
+}
+
+/** How a row of samples fades: those of its span, column p by `factor * factors[p - first]`. */
+template <typename TPixel>
+struct FadedRow
+{
+  FadingRow<FadeNumber<TPixel>> row;
+  const FadeNumber<TPixel> *    factors;
+  TPixel                        background;
+
+  TPixel
+  operator()(TPixel sample, std::ptrdiff_t column) const
+  {
+    const bool fades = column >= row.span.begin && column < row.span.end;
+    return fades ? FadeSample(sample, row.factor * factors[column - row.first], background) : sample;
+  }
+};
+
+/** That of a row of the intermediate image and a slice that reaches the columns of \a reached. */
+template <typename TPixel>
+FadedRow<TPixel>
+FindFading(const ViewFading<TPixel> & view, std::ptrdiff_t row, std::ptrdiff_t slice, ColumnSpan reached)
+{
+  return { MakeFadingRow<FadeNumber<TPixel>>(view.fading,
+                                             view.depth,
+                                             static_cast<double>(row),
+                                             static_cast<double>(view.firstSlice + slice),
+                                             reached,
+                                             view.count),
+           view.factors,
+           view.background };
 }

@@ -101,7 +101,8 @@ ShearWarpRayProjector<TPixel>::Project(const ShearWarpPreparedVolume<TPixel> &  
   m_Mask = mask ? mask->GetSlices(axis) : ShearWarp::SliceStack<MaskPixelType>{};
   if (m_Parameters.fading)
   {
-    m_FadeFactors = ShearWarp::MakeFadeFactors(*m_Parameters.fading, m_Depth.perColumn, m_Slices.columns);
+    m_FadeFactors = ShearWarp::MakeFadeFactors<ShearWarp::FadeNumber<TPixel>>(
+      *m_Parameters.fading, m_Depth.perColumn, m_Slices.columns);
   }
   for (Worker & worker : m_Workers)
   {
@@ -205,15 +206,20 @@ ShearWarpRayProjector<TPixel>::ProjectRow(Worker &              worker,
   if (m_Parameters.fading)
   {
     // of all columns, so that what a box leaves out changes no bit of the others
-    const ShearWarp::FadingRow  fades = ShearWarp::MakeFadingRow(*m_Parameters.fading,
-                                                                m_Rays[phase].depth,
-                                                                static_cast<double>(pixelRow),
-                                                                this->GetPosition(slice),
-                                                                reached,
-                                                                m_FadeFactors.size());
+    const auto fades =
+      ShearWarp::MakeFadingRow<ShearWarp::FadeNumber<TPixel>>(*m_Parameters.fading,
+                                                              m_Rays[phase].depth,
+                                                              static_cast<double>(pixelRow),
+                                                              this->GetPosition(slice),
+                                                              reached,
+                                                              m_FadeFactors.size() - 2 * ShearWarp::FadePadding);
     const ShearWarp::ColumnSpan faded{ std::max(span.begin, fades.span.begin), std::min(span.end, fades.span.end) };
-    m_Kernels->fadeRow(
-      m_FadeFactors.data(), fades.first, fades.factor, m_Parameters.fading->background, faded, samples);
+    m_Kernels->fadeRow(m_FadeFactors.data() + ShearWarp::FadePadding,
+                       fades.first,
+                       fades.factor,
+                       m_Parameters.fading->background,
+                       faded,
+                       samples);
   }
 
   const ShearWarp::RayRow<TPixel> rays = this->GetRayRow(phase, pixelRow);

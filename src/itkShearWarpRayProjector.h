@@ -149,19 +149,19 @@ private:
              std::ptrdiff_t        slice,
              std::ptrdiff_t        j) const;
 
-  const ShearWarp::Kernels<TPixel> * m_Kernels{ nullptr };
-  const ShearWarpFactorization *     m_Factorization{ nullptr };
-  Parameters                         m_Parameters;
-  ShearWarp::ShearedFunction         m_Depth{};
-  std::vector<Rays>                  m_Rays; // of the factorization's phases
-  std::vector<Band>                  m_Bands;
-  std::vector<double>                m_FadeFactors; // by column of a slice
-  std::ptrdiff_t                     m_FirstSlice{ 0 };
-  std::vector<Worker>                m_Workers;
-  std::ptrdiff_t                     m_RowStride{ 0 };
-  bool                               m_IsCleared{ false };
-  ShearWarpBuffer                    m_JoinedValues, m_JoinedSlices;
-  std::vector<ShearWarp::ColumnSpan> m_Reached; // of the joined image's rows
+  const ShearWarp::Kernels<TPixel> *         m_Kernels{ nullptr };
+  const ShearWarpFactorization *             m_Factorization{ nullptr };
+  Parameters                                 m_Parameters;
+  ShearWarp::ShearedFunction                 m_Depth{};
+  std::vector<Rays>                          m_Rays; // of the factorization's phases
+  std::vector<Band>                          m_Bands;
+  std::vector<ShearWarp::FadeNumber<TPixel>> m_FadeFactors; // by column of a slice
+  std::ptrdiff_t                             m_FirstSlice{ 0 };
+  std::vector<Worker>                        m_Workers;
+  std::ptrdiff_t                             m_RowStride{ 0 };
+  bool                                       m_IsCleared{ false };
+  ShearWarpBuffer                            m_JoinedValues, m_JoinedSlices;
+  std::vector<ShearWarp::ColumnSpan>         m_Reached; // of the joined image's rows
 
   ShearWarp::SliceStack<TPixel>                       m_Slices{};
   ShearWarp::SliceStack<MaskPixelType>                m_Mask{};     // without voxels if there is none

@@ -126,6 +126,23 @@ TakeSpans(const TileRow<TPixel> & row, std::ptrdiff_t column)
       });
 }
 
+/** LaneCount samples of a row, from \a column on, as they fade. */
+template <typename TPixel, typename TVector>
+SHEARWARP_INLINE inline TVector
+Fade(TVector sample, const FadedRow<TPixel> & fading, std::ptrdiff_t column)
+{
+  const std::uint32_t lanes = GetLanes<TPixel>(fading.row.span, column);
+  if (lanes == 0)
+  {
+    return sample;
+  }
+  constexpr std::uint32_t all = static_cast<std::uint32_t>((std::uint64_t{ 1 } << LaneCount<TPixel>)-1);
+  const float * const     factors = fading.factors + (column - fading.row.first);
+  const auto              to = static_cast<float>(fading.background);
+  const TVector           faded = Lanes::Fade<IsUnsignedShort<TPixel>>(sample, factors, fading.row.factor, to);
+  return lanes == all ? faded : Lanes::Select(sample, faded, lanes);
+}
+
 /** Which voxels around the samples of VRows rows, from \a column on, are in the mask: as bits, of the lanes' columns
  * and of the columns before, of the row above and of the rows. */
 template <typename TPixel, int VRows>
@@ -201,13 +218,15 @@ TakeRanked(const TileRow<TPixel> & row, std::ptrdiff_t column)
   const std::ptrdiff_t      stride = row.pixelStride;
   const auto                rank = Lanes::SetRank(row.rank);
   TSampler(*row.slices)
-    .template ForEachRow<VRows>(
-      row.voxels + (row.slices->offset + row.row * row.rowStride + column),
-      row.rowStride,
-      [=, spans = row.spans](int r, const TPixel *, typename TSampler::Sample sample) SHEARWARP_INLINE {
-        const std::uint32_t taken = VAll ? ~0U : GetLanes<TPixel>(spans[r], column);
-        TakeRanked<TRule, VAll>(TSampler::Finish(sample), rank, taken, pixels + r * stride, ranks + r * stride);
-      });
+    .template ForEachRow<VRows>(row.voxels + (row.slices->offset + row.row * row.rowStride + column),
+                                row.rowStride,
+                                [=, spans = row.spans, fades = row.fades](
+                                  int r, const TPixel *, typename TSampler::Sample sample) SHEARWARP_INLINE {
+                                  const std::uint32_t taken = VAll ? ~0U : GetLanes<TPixel>(spans[r], column);
+                                  const auto          finished = TSampler::Finish(sample);
+                                  const auto faded = fades ? Fade<TPixel>(finished, fades[r], column) : finished;
+                                  TakeRanked<TRule, VAll>(faded, rank, taken, pixels + r * stride, ranks + r * stride);
+                                });
 }
 
 /** The same, no more than counts in the mask; spans may be null. */
@@ -232,16 +251,16 @@ TakeMasked(const TileRow<TPixel> & row, std::ptrdiff_t column)
       SliceRank<TPixel> * const ranks = row.ranks + r * row.pixelStride + column;
       const std::uint32_t       taken = mask.counted[r] & (row.spans ? GetLanes<TPixel>(row.spans[r], column) : ~0U);
       const std::uint32_t       whole = taken & mask.whole[r];
-      TakeRanked<TRule, false>(TSampler::Finish(sample), rank, whole, pixels, ranks);
+      const auto                finished = TSampler::Finish(sample);
+      const auto                faded = row.fades ? Fade<TPixel>(finished, row.fades[r], column) : finished;
+      TakeRanked<TRule, false>(faded, rank, whole, pixels, ranks);
       // a few samples at the mask's rim
       for (std::uint32_t rest = taken & ~whole; rest != 0; rest &= rest - 1)
       {
         const int      lane = __builtin_ctz(rest);
         const TPixel * a = b - above * row.rowStride + lane;
-        TakeSample<TRule>(SampleCounted(a, b + lane, 0, -before, slice.x, slice.y, mask.GetVoxels(r, above, lane)),
-                          row.rank,
-                          pixels[lane],
-                          ranks + lane);
+        const TPixel   mean = SampleCounted(a, b + lane, 0, -before, slice.x, slice.y, mask.GetVoxels(r, above, lane));
+        TakeSample<TRule>(row.fades ? row.fades[r](mean, column + lane) : mean, row.rank, pixels[lane], ranks + lane);
       }
     });
 }
@@ -542,7 +561,7 @@ private:
     const TPixel * const voxel = m_Stack.voxels + (slice.offset + row * m_Stack.rowStride + voxelColumn);
     if (m_View.ranked.ranks)
     {
-      return this->TakeRankedEdgeSample(slice, row, voxelColumn, voxel, y, place);
+      return this->TakeRankedEdgeSample(slice, row, column, voxelColumn, voxel, y);
     }
     const TPixel b = *voxel;
     TPixel       sample = b;
@@ -565,10 +584,10 @@ private:
   __attribute__((noinline)) void
   TakeRankedEdgeSample(const PlacedSlice & slice,
                        std::ptrdiff_t      row,
+                       std::ptrdiff_t      column,
                        std::ptrdiff_t      voxelColumn,
                        const TPixel *      voxel,
-                       std::int32_t        y,
-                       std::ptrdiff_t      place) const
+                       std::int32_t        y) const
   {
     unsigned int counted = 0b1111U;
     if (m_View.mask)
@@ -580,11 +599,22 @@ private:
     if (counted != 0)
     {
       const TPixel * const above = voxel - (y != 0 ? m_Stack.rowStride : 0);
-      TakeSample<TRule>(SampleCounted(above, voxel, 0, 0, 0, y, counted),
+      const std::ptrdiff_t place = row * m_View.intermediate.rowStride + column;
+      const TPixel         sample = SampleCounted(above, voxel, 0, 0, 0, y, counted);
+      TakeSample<TRule>(m_View.fading ? this->FindFading(slice, row)(sample, column) : sample,
                         GetRank(m_View.ranked, m_Slice),
                         m_View.intermediate.pixels[place],
                         m_View.ranked.ranks + place);
     }
+  }
+
+  FadedRow<TPixel>
+  FindFading(const PlacedSlice & slice, std::ptrdiff_t row) const
+  {
+    const auto    column = static_cast<std::int32_t>(slice.column);
+    const RowSpan samples = FindSamples({ column, slice.x }, m_Stack.columns, m_Stack.columnEnds);
+    const auto    reached = GetColumns(column + samples.begin, column + samples.end);
+    return ShearWarp::FindFading(*m_View.fading, row, m_Slice, reached);
   }
 
   /** Samples that \a count slices have in common; \a index is the first slice. */
@@ -691,10 +721,23 @@ private:
     tiles.row = row;
     tiles.pixels = m_View.intermediate.pixels + row * m_View.intermediate.rowStride;
     tiles.ranks = m_View.ranked.ranks ? m_View.ranked.ranks + row * m_View.intermediate.rowStride : nullptr;
-    if (m_View.coverage.region)
+    if (m_View.fading)
     {
-      return this->ProjectRegion<VRows>(tiles);
+      return this->ProjectFading<VRows>(tiles);
     }
+    this->ProjectTiles<VRows>(tiles);
+  }
+
+  template <int VRows>
+  __attribute__((noinline)) void
+  ProjectFading(TileRow<TPixel> tiles) const
+  {
+    FadedRow<TPixel> fades[VRows];
+    for (int r = 0; r < VRows; ++r)
+    {
+      fades[r] = this->FindFading(*tiles.slices, tiles.row + r);
+    }
+    tiles.fades = fades;
     this->ProjectTiles<VRows>(tiles);
   }
 
@@ -743,6 +786,10 @@ private:
   void
   ProjectTiles(const TileRow<TPixel> & tiles) const
   {
+    if (m_View.coverage.region && !tiles.spans)
+    {
+      return this->ProjectRegion<VRows>(tiles);
+    }
     constexpr bool mayBeWide = sizeof(TPixel) == 2;
     if (tiles.ranks)
     {

@@ -995,8 +995,9 @@ TYPED_TEST(ShearWarpKernelsTyped, FadeRowFollowsTheRuleAtSpecialNumbers)
   {
     for (const double product : { 0.0, 0.125, 0.25, 0.5, 1.0 })
     {
-      const double              factor = product < 0.5 ? 0.5 : 1.0;
-      const std::vector<double> factors(values.size(), product / factor);
+      using Number = Kernels::FadeNumber<TypeParam>;
+      const Number              factor = product < 0.5 ? 0.5 : 1.0;
+      const std::vector<Number> factors(values.size(), static_cast<Number>(product) / factor);
       std::vector<TypeParam>    expected;
       std::vector<TypeParam>    portable;
       for (const TypeParam value : values)

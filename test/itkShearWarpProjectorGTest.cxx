@@ -72,7 +72,7 @@ public:
     };
     projector.Start({ { &factorization, {} } },
                     kernels,
-                    { itk::ShearWarpMIPImageFilterEnums::Mode::Maximum, false, 0, ReducedResamplingEnum::On },
+                    { itk::ShearWarpMIPImageFilterEnums::Mode::Maximum, false, TPixel{}, 0, ReducedResamplingEnum::On },
                     2);
     for (const auto & region : MakeParts(image->GetLargestPossibleRegion(), begins))
     {
