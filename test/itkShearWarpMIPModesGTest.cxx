@@ -158,6 +158,7 @@ TYPED_TEST(ShearWarpMIPModes, ValuesAndDepthHaveTheBitsOfSamplesInTheirOrder)
       filter->SetMaskImage(MakeRandomMask(random, image));
       filter->SetMaskLabel(static_cast<unsigned char>(random.Integer(0, 2)));
     }
+    filter->SetDepthAttenuation(repeat % 7 < 3 ? std::pow(10.0, random.Uniform(-4.0, 2.0)) : 0.0);
     filter->SetMode(modes[random.Integer(0, 2)]);
     // beyond the type's end nothing is better
     filter->SetLocalMaximumThreshold(
