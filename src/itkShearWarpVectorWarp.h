@@ -77,28 +77,24 @@ Interpolate(const WarpCell & cell, const float * pixels, float * output)
   return true;
 }
 
-/** Which of columns [begin, end) of rows [rowBegin, rowEnd) slices reach. */
-struct Reach
-{
-  bool any, all;
-};
-
-template <typename TPixel>
-Reach
-FindReach(const IntermediateImage<TPixel> & image,
+/** Whether slices reach all of columns [begin, end) of rows [rowBegin, rowEnd) or, unless VAll, one of them. */
+template <bool VAll, typename TPixel>
+bool
+IsReached(const IntermediateImage<TPixel> & image,
           std::ptrdiff_t                    rowBegin,
           std::ptrdiff_t                    rowEnd,
           std::ptrdiff_t                    begin,
           std::ptrdiff_t                    end)
 {
-  Reach reach{ false, true };
   for (std::ptrdiff_t row = rowBegin; row < rowEnd; ++row)
   {
-    const ColumnSpan reached = image.reached[row];
-    reach.any = reach.any || (begin < reached.end && end > reached.begin);
-    reach.all = reach.all && begin >= reached.begin && end <= reached.end;
+    const auto [first, last] = image.reached[row];
+    if ((VAll ? begin >= first && end <= last : begin < last && end > first) != VAll)
+    {
+      return !VAll;
+    }
   }
-  return reach;
+  return VAll;
 }
 
 inline double
@@ -196,9 +192,8 @@ WarpRow(const IntermediateImage<TPixel> & intermediate,
       const std::ptrdiff_t last = Larger(Lanes::First(wholeColumn), Lanes::Last(wholeColumn));
       const std::ptrdiff_t rowBegin = Smaller(Lanes::First(wholeRow), Lanes::Last(wholeRow));
       const std::ptrdiff_t rowEnd = Larger(Lanes::First(wholeRow), Lanes::Last(wholeRow)) + 2;
-      const Reach          reach =
-        rowEnd <= intermediate.rows ? FindReach(intermediate, rowBegin, rowEnd, first, last + 2) : Reach{ true, false };
-      if (last + read <= intermediate.columns && reach.all)
+      if (last + read <= intermediate.columns && rowEnd <= intermediate.rows &&
+          IsReached<true>(intermediate, rowBegin, rowEnd, first, last + 2))
       {
         const Lanes::Index fraction = Lanes::SetIndex(32767);
         const Lanes::Index u = Lanes::AndIndex(column, fraction);
@@ -213,7 +208,7 @@ WarpRow(const IntermediateImage<TPixel> & intermediate,
           Lanes::MultiplyIndex(wholeRow, Lanes::SetIndex(static_cast<std::int32_t>(cell.rowStride))), wholeColumn);
         isDone = Interpolate(cell, static_cast<const TPixel *>(intermediate.pixels), output + x);
       }
-      else if (!reach.any)
+      else if (rowEnd <= intermediate.rows && !IsReached<false>(intermediate, rowBegin, rowEnd, first, last + 2))
       {
         for (std::ptrdiff_t n = x; n < x + lanes; ++n)
         {
