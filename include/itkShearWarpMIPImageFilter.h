@@ -48,8 +48,8 @@ namespace itk
  * A ray's value can be another one of its samples (Mode, LocalMaximum), of fewer of them (SlabNear and SlabFar,
  * CropLower and CropUpper, MaskImage) or of faded ones (DepthAttenuation), and there can be a second output, of depths
  * (ComputeDepth). All of these can be combined. Then no part of the volume is skipped by reduced resampling. With
- * LocalMaximum or DepthAttenuation rays are followed from front to back, and there is one intermediate image for all
- * threads; so it is with MaskImage or ComputeDepth if an axis has more than 32767 voxels of 8 or 16 bits.
+ * LocalMaximum rays are followed from front to back, and there is one intermediate image for all threads; so it is
+ * with MaskImage, ComputeDepth or DepthAttenuation if an axis has more than 32767 voxels of 8 or 16 bits.
  *
  * By default the output's grid is fitted to the view. Its extent is the projected bounding box of the whole image;
  * its spacing is the image's smallest spacing, scaled as the transform scales the view plane's axes. Each of Size,

@@ -30,9 +30,9 @@ namespace itk
 /** \class ShearWarpRayProjector
  * \brief Projects a prepared volume to an intermediate image, following its rays from front to back.
  *
- * It is for what ShearWarpProjector does not know: the first local maximum, fading, and the slices of more than it can
- * rank. Each thread takes a few rows of the intermediate image, and for them the slices one after the
- * other from the viewer on. Nothing is merged, and no part of the volume is skipped, but for what Parameters exclude.
+ * It is for what ShearWarpProjector does not know: the first local maximum, and the slices of more than it can rank.
+ * Each thread takes a few rows of the intermediate image, and for them the slices one after the other from the viewer
+ * on. Nothing is merged, and no part of the volume is skipped, but for what Parameters exclude.
  *
  * The memory is kept from one projection to the next.
  *
