@@ -226,7 +226,7 @@ public:
   {
     unsigned int axis;
     bool         isFirstSlabFirst;
-    bool         hasBlockMaxima, hasBlocksOfMask;
+    bool         hasBlockExtrema, hasBlocksOfMask;
     bool         isKept; // a transposed copy
     float        share;  // of the progress
   };
@@ -335,7 +335,7 @@ ShearWarpEngine<TPixel>::Implementation::ProjectSlabs(const VolumeType & input,
                               : isWhole  ? 1
                                          : ShearWarp::CountBlocks(slices.end - slices.begin, slabLength);
 
-  const bool  findsMaxima = pass.hasBlockMaxima && !(isWhole && volume.IsPrepared(image, 2));
+  const bool  findsMaxima = pass.hasBlockExtrema && !(isWhole && volume.IsPrepared(image, 2));
   const bool  transposes = pass.axis == 0 && !(isWhole && volume.IsPrepared(image, 0, false));
   const bool  transposesMask = input.mask && pass.axis == 0 && !(isWhole && mask.IsPrepared(input.mask, 0, false));
   const bool  findsBlocksOfMask = pass.hasBlocksOfMask && !(isWhole && mask.IsPrepared(input.mask, 2));
@@ -364,16 +364,16 @@ ShearWarpEngine<TPixel>::Implementation::ProjectSlabs(const VolumeType & input,
     input.load(slab);
     const auto start = Clock::now();
     const auto prepare =
-      [&](const auto * of, auto & whole, auto & part, bool hasBlockMaxima, const auto & kernelsOf) -> const auto & {
+      [&](const auto * of, auto & whole, auto & part, bool hasBlockExtrema, const auto & kernelsOf) -> const auto & {
       if (isWhole)
       {
-        whole.Prepare(of, input.whole, pass.axis, hasBlockMaxima, kernelsOf, prepareInParallel);
+        whole.Prepare(of, input.whole, pass.axis, hasBlockExtrema, kernelsOf, prepareInParallel);
         return whole;
       }
-      part.PreparePart(of, input.whole, slab.begin, slab.end, pass.axis, hasBlockMaxima, kernelsOf, prepareInParallel);
+      part.PreparePart(of, input.whole, slab.begin, slab.end, pass.axis, hasBlockExtrema, kernelsOf, prepareInParallel);
       return part;
     };
-    const auto & prepared = prepare(image, volume, slabOfVolume, pass.hasBlockMaxima, *kernels);
+    const auto & prepared = prepare(image, volume, slabOfVolume, pass.hasBlockExtrema, *kernels);
     const ShearWarpPreparedVolume<unsigned char> * preparedMask = nullptr;
     if (input.mask)
     {
@@ -454,8 +454,8 @@ ShearWarpEngine<TPixel>::Implementation::ProjectGroup(
   }
 
   const bool isPlainMaximum = rule.mode == ModeEnum::Maximum && !rule.HasRegion() && !NeedsSlices(input, rule);
-  const bool hasBlockMaxima = isPlainMaximum && (rule.reducedResampling == ReducedResamplingEnum::On ||
-                                                 group.projections.size() > 1 || projectedAxes != 0);
+  const bool hasBlockExtrema = isPlainMaximum && (rule.reducedResampling == ReducedResamplingEnum::On ||
+                                                  group.projections.size() > 1 || projectedAxes != 0);
   typename Projector::ViewList views;
   for (const auto & first : firsts)
   {
@@ -469,7 +469,7 @@ ShearWarpEngine<TPixel>::Implementation::ProjectGroup(
     projector.Project(ofVolume, ofMask, parallelize);
   };
   this->ProjectSlabs(
-    input, { group.axis, true, hasBlockMaxima, input.mask != nullptr, isKept, share }, project, threads);
+    input, { group.axis, true, hasBlockExtrema, input.mask != nullptr, isKept, share }, project, threads);
   // shares may sum to a little more than 1
   measurements.skippedFraction = std::min(measurements.skippedFraction + projector.GetSkippedFraction() * share, 1.0);
   finish([this](std::size_t n, const Parallelize & parallelize) { return projector.Finish(n, parallelize); });
@@ -572,8 +572,8 @@ ShearWarpEngine<TPixel>::ProjectPart(const VolumeType &                volume,
   Implementation & engine = *m_Implementation;
   engine.Begin(factorization);
   const unsigned int axis = factorization.GetPrincipalAxis();
-  const bool         hasBlockMaxima = reducedResampling != ReducedResamplingEnum::Off;
-  const bool         isKept = hasBlockMaxima || engine.volume.IsPrepared(volume.image, axis, false);
+  const bool         hasBlockExtrema = reducedResampling != ReducedResamplingEnum::Off;
+  const bool         isKept = hasBlockExtrema || engine.volume.IsPrepared(volume.image, axis, false);
   engine.projector.Start({ { &factorization, {} } },
                          *engine.kernels,
                          { ModeEnum::Maximum, false, TPixel{}, 0, reducedResampling },
@@ -581,7 +581,7 @@ ShearWarpEngine<TPixel>::ProjectPart(const VolumeType &                volume,
   const auto project = [&](const auto & prepared, const auto *, const Parallelize & parallelize) {
     engine.projector.Project(prepared, nullptr, parallelize);
   };
-  engine.ProjectSlabs(volume, { axis, true, hasBlockMaxima, false, isKept, 1.0f }, project, threads);
+  engine.ProjectSlabs(volume, { axis, true, hasBlockExtrema, false, isKept, 1.0f }, project, threads);
   engine.measurements.skippedFraction = engine.projector.GetSkippedFraction();
 
   const auto start = Clock::now();

@@ -29,7 +29,7 @@ void
 ShearWarpPreparedVolume<TPixel>::Prepare(const ImageType *                  image,
                                          const ImageRegion<3> &             whole,
                                          unsigned int                       principalAxis,
-                                         bool                               hasBlockMaxima,
+                                         bool                               hasBlockExtrema,
                                          const ShearWarp::Kernels<TPixel> & kernels,
                                          const ShearWarp::Parallelize &     parallelize)
 {
@@ -40,9 +40,9 @@ ShearWarpPreparedVolume<TPixel>::Prepare(const ImageType *                  imag
     memory = std::move(m_Transposed);
   }
   this->SetImage(image, whole);
-  if (hasBlockMaxima && m_BlockMaxima.GetSizeInBytes() == 0)
+  if (hasBlockExtrema && m_BlockExtrema.GetSizeInBytes() == 0)
   {
-    this->FindBlockMaxima(kernels, parallelize);
+    this->FindBlockExtrema(kernels, parallelize);
   }
   if (principalAxis == 0 && m_Transposed.GetSizeInBytes() == 0)
   {
@@ -57,7 +57,7 @@ ShearWarpPreparedVolume<TPixel>::PreparePart(const ImageType *                  
                                              std::ptrdiff_t                     begin,
                                              std::ptrdiff_t                     end,
                                              unsigned int                       principalAxis,
-                                             bool                               hasBlockMaxima,
+                                             bool                               hasBlockExtrema,
                                              const ShearWarp::Kernels<TPixel> & kernels,
                                              const ShearWarp::Parallelize &     parallelize)
 {
@@ -66,9 +66,9 @@ ShearWarpPreparedVolume<TPixel>::PreparePart(const ImageType *                  
   // rows along z need the slice before
   const std::ptrdiff_t first = image->GetBufferedRegion().GetIndex(2) - whole.GetIndex(2);
   this->SetPart(image, whole, principalAxis == 2 ? begin : std::max(begin - 1, first), end);
-  if (hasBlockMaxima)
+  if (hasBlockExtrema)
   {
-    this->FindBlockMaxima(kernels, parallelize);
+    this->FindBlockExtrema(kernels, parallelize);
   }
   if (principalAxis == 0)
   {
@@ -124,13 +124,13 @@ ShearWarpPreparedVolume<TPixel>::Release()
 {
   m_Image = nullptr;
   m_Transposed.Release();
-  m_BlockMaxima.Release();
+  m_BlockExtrema.Release();
 }
 
 template <typename TPixel>
 void
-ShearWarpPreparedVolume<TPixel>::FindBlockMaxima(const ShearWarp::Kernels<TPixel> & kernels,
-                                                 const ShearWarp::Parallelize &     parallelize)
+ShearWarpPreparedVolume<TPixel>::FindBlockExtrema(const ShearWarp::Kernels<TPixel> & kernels,
+                                                  const ShearWarp::Parallelize &     parallelize)
 {
   using ShearWarp::BlockLength;
   using ShearWarp::CountBlocks;
@@ -138,7 +138,7 @@ ShearWarpPreparedVolume<TPixel>::FindBlockMaxima(const ShearWarp::Kernels<TPixel
   const std::ptrdiff_t y = m_Size[1];
   const std::ptrdiff_t blocksX = CountBlocks(x);
   const std::ptrdiff_t blocksY = CountBlocks(y);
-  ShearWarpBuffer      maxima = std::move(m_BlockMaxima);
+  ShearWarpBuffer      maxima = std::move(m_BlockExtrema);
   const std::ptrdiff_t blocks = blocksX * blocksY * CountBlocks(m_Size[2]);
   maxima.Reserve(blocks * (m_HasBlockMinima ? 2 : 1) * sizeof(TPixel), "the block maxima");
   TPixel * const first = maxima.GetPointer<TPixel>();
@@ -169,7 +169,7 @@ ShearWarpPreparedVolume<TPixel>::FindBlockMaxima(const ShearWarp::Kernels<TPixel
               });
   m_Lowest = lowestOfAll;
   m_Highest = highestOfAll;
-  m_BlockMaxima = std::move(maxima);
+  m_BlockExtrema = std::move(maxima);
 }
 
 template <typename TPixel>
@@ -226,12 +226,12 @@ ShearWarpPreparedVolume<TPixel>::GetCorner(unsigned int principalAxis) const
 
 template <typename TPixel>
 auto
-ShearWarpPreparedVolume<TPixel>::GetBlockMaxima(unsigned int principalAxis) const -> BlockMaximaType
+ShearWarpPreparedVolume<TPixel>::GetBlockExtrema(unsigned int principalAxis) const -> BlockExtremaType
 {
   const std::ptrdiff_t x = ShearWarp::CountBlocks(m_Size[0]);
   const std::ptrdiff_t y = ShearWarp::CountBlocks(m_Size[1]);
   const std::ptrdiff_t z = ShearWarp::CountBlocks(m_Size[2]);
-  const auto *         maxima = m_BlockMaxima.GetPointer<TPixel>();
+  const auto *         maxima = m_BlockExtrema.GetPointer<TPixel>();
   const auto *         minima = maxima && m_HasBlockMinima ? maxima + x * y * z : nullptr;
   switch (principalAxis)
   {

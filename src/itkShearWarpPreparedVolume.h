@@ -39,7 +39,7 @@ CountBlocks(std::ptrdiff_t length, std::ptrdiff_t blockLength = BlockLength)
 /** The maxima of a volume's cubes of BlockLength voxels a side, permuted as its slices are, and the minima if these are
  * not null; not-a-number is ignored. Strides are in elements. */
 template <typename TPixel>
-struct BlockMaxima
+struct BlockExtrema
 {
   const TPixel * maxima;
   const TPixel * minima;
@@ -67,7 +67,7 @@ public:
   using Self = ShearWarpPreparedVolume;
   using ImageType = Image<TPixel, 3>;
   using SliceStackType = ShearWarp::SliceStack<TPixel>;
-  using BlockMaximaType = ShearWarp::BlockMaxima<TPixel>;
+  using BlockExtremaType = ShearWarp::BlockExtrema<TPixel>;
 
   /** With \a hasBlockMinima block maxima come with the minima. */
   explicit ShearWarpPreparedVolume(bool hasBlockMinima = false)
@@ -76,9 +76,9 @@ public:
 
   /** Whether Prepare() would return at once. */
   bool
-  IsPrepared(const ImageType * image, unsigned int principalAxis, bool hasBlockMaxima = true) const
+  IsPrepared(const ImageType * image, unsigned int principalAxis, bool hasBlockExtrema = true) const
   {
-    return this->IsOf(image) && (!hasBlockMaxima || m_BlockMaxima.GetSizeInBytes() > 0) &&
+    return this->IsOf(image) && (!hasBlockExtrema || m_BlockExtrema.GetSizeInBytes() > 0) &&
            (principalAxis != 0 || m_Transposed.GetSizeInBytes() > 0);
   }
 
@@ -101,17 +101,17 @@ public:
     m_ProjectedAxes |= 1U << principalAxis;
   }
 
-  /** Makes what GetSlices() and GetBlockMaxima() need for what is buffered of \a image, which is a part of \a whole or
+  /** Makes what GetSlices() and GetBlockExtrema() need for what is buffered of \a image, which is a part of \a whole or
    * all of it, and index axis \a principalAxis (0, 1, 2); frees what was made for another image, or before this one was
-   * modified. Without \a hasBlockMaxima block maxima, and the lowest and highest voxel, are left out: for one view they
-   * cost more than they save.
-   * If \a parallelize throws, what it should have made is not kept. Throws MemoryAllocationError if there is no memory.
+   * modified. Without \a hasBlockExtrema block maxima, and the lowest and highest voxel, are left out: for one view
+   * they cost more than they save. If \a parallelize throws, what it should have made is not kept. Throws
+   * MemoryAllocationError if there is no memory.
    */
   void
   Prepare(const ImageType *                  image,
           const ImageRegion<3> &             whole,
           unsigned int                       principalAxis,
-          bool                               hasBlockMaxima,
+          bool                               hasBlockExtrema,
           const ShearWarp::Kernels<TPixel> & kernels,
           const ShearWarp::Parallelize &     parallelize);
 
@@ -125,7 +125,7 @@ public:
               std::ptrdiff_t                     begin,
               std::ptrdiff_t                     end,
               unsigned int                       principalAxis,
-              bool                               hasBlockMaxima,
+              bool                               hasBlockExtrema,
               const ShearWarp::Kernels<TPixel> & kernels,
               const ShearWarp::Parallelize &     parallelize);
 
@@ -135,8 +135,8 @@ public:
   GetSlices(unsigned int principalAxis) const;
 
   /** Without memory if they were not made. */
-  BlockMaximaType
-  GetBlockMaxima(unsigned int principalAxis) const;
+  BlockExtremaType
+  GetBlockExtrema(unsigned int principalAxis) const;
 
   /** The column, row and slice of the whole image where these slices begin. */
   ShearWarp::Corner
@@ -150,7 +150,7 @@ public:
   SizeValueType
   GetSizeInBytes() const
   {
-    return m_Transposed.GetSizeInBytes() + m_BlockMaxima.GetSizeInBytes();
+    return m_Transposed.GetSizeInBytes() + m_BlockExtrema.GetSizeInBytes();
   }
 
 private:
@@ -164,7 +164,7 @@ private:
   SetPart(const ImageType * image, const ImageRegion<3> & whole, std::ptrdiff_t begin, std::ptrdiff_t end);
 
   void
-  FindBlockMaxima(const ShearWarp::Kernels<TPixel> & kernels, const ShearWarp::Parallelize & parallelize);
+  FindBlockExtrema(const ShearWarp::Kernels<TPixel> & kernels, const ShearWarp::Parallelize & parallelize);
 
   void
   Transpose(const ShearWarp::Kernels<TPixel> & kernels,
@@ -173,7 +173,7 @@ private:
 
   bool            m_HasBlockMinima;
   ShearWarpBuffer m_Transposed;
-  ShearWarpBuffer m_BlockMaxima; // and minima behind them
+  ShearWarpBuffer m_BlockExtrema; // and minima behind them
   TPixel          m_Lowest{};
   TPixel          m_Highest{};
 

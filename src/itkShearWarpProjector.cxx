@@ -99,13 +99,13 @@ ShearWarpProjector<TPixel>::Project(const ShearWarpPreparedVolume<TPixel> &     
 
   const unsigned int axis = m_Views.front().factorization->GetPrincipalAxis();
   m_Slices = volume.GetSlices(axis);
-  m_BlockMaxima = volume.GetBlockMaxima(axis);
+  m_BlockExtrema = volume.GetBlockExtrema(axis);
   m_Mask = {};
   if (mask)
   {
     const auto slices = mask->GetSlices(axis);
     m_Mask = { slices.voxels, slices.rowStride, slices.sliceStride, m_Parameters.maskLabel };
-    m_BlocksOfMask = mask->GetBlockMaxima(axis);
+    m_BlocksOfMask = mask->GetBlockExtrema(axis);
   }
   m_Placements.clear();
   for (const ShearWarp::IntermediateGrid * grid : m_Grids)
@@ -125,7 +125,7 @@ ShearWarpProjector<TPixel>::Project(const ShearWarpPreparedVolume<TPixel> &     
     view.factors = factors.data() + ShearWarp::FadePadding;
     view.count = factors.size() - 2 * ShearWarp::FadePadding;
   }
-  m_ReducedResampling = m_BlockMaxima.maxima ? m_Parameters.reducedResampling : ReducedResamplingEnum::Off;
+  m_ReducedResampling = m_BlockExtrema.maxima ? m_Parameters.reducedResampling : ReducedResamplingEnum::Off;
   if constexpr (std::is_floating_point_v<TPixel>)
   {
     // an interpolation whose difference overflows can exceed its voxels
@@ -540,16 +540,16 @@ ShearWarpProjector<TPixel>::SelectTiles(const PlacementList &    placements,
                                         const ShearWarp::Block & block) const -> TileCount
 {
   using ShearWarp::TileState;
-  columnMaxima.resize(m_BlockMaxima.columns);
-  const TPixel * cubes = m_BlockMaxima.maxima + block.sliceBegin / ShearWarp::BlockLength * m_BlockMaxima.sliceStride;
+  columnMaxima.resize(m_BlockExtrema.columns);
+  const TPixel * cubes = m_BlockExtrema.maxima + block.sliceBegin / ShearWarp::BlockLength * m_BlockExtrema.sliceStride;
   const auto     findColumnMaxima = [&](Range cubeRows) {
-    for (std::ptrdiff_t column = 0; column < m_BlockMaxima.columns; ++column)
+    for (std::ptrdiff_t column = 0; column < m_BlockExtrema.columns; ++column)
     {
-      const TPixel * cube = cubes + column * m_BlockMaxima.columnStride + cubeRows.begin * m_BlockMaxima.rowStride;
+      const TPixel * cube = cubes + column * m_BlockExtrema.columnStride + cubeRows.begin * m_BlockExtrema.rowStride;
       TPixel         maximum = *cube;
       for (std::ptrdiff_t n = cubeRows.begin + 1; n < cubeRows.end; ++n)
       {
-        cube += m_BlockMaxima.rowStride;
+        cube += m_BlockExtrema.rowStride;
         maximum = std::max(maximum, *cube);
       }
       columnMaxima[column] = maximum;

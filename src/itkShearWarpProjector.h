@@ -285,9 +285,9 @@ private:
   std::vector<const ShearWarp::IntermediateGrid *> m_Grids;      // of each view its phases, of these the extrema
   std::vector<PlacementList>                       m_Placements; // on each grid, of the slices
   ShearWarp::SliceStack<TPixel>                    m_Slices{};
-  ShearWarp::BlockMaxima<TPixel>                   m_BlockMaxima{};
+  ShearWarp::BlockExtrema<TPixel>                  m_BlockExtrema{};
   ShearWarp::Mask                                  m_Mask; // without voxels if there is none
-  ShearWarp::BlockMaxima<unsigned char>            m_BlocksOfMask{};
+  ShearWarp::BlockExtrema<unsigned char>           m_BlocksOfMask{};
   bool                                             m_HasCommonRows{ false };
   std::ptrdiff_t                                   m_FirstSlice{ 0 }; // of these slices, in the volume
   ReducedResamplingEnum                            m_ReducedResampling{ ReducedResamplingEnum::Off };

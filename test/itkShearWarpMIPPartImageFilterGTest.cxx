@@ -269,7 +269,7 @@ TEST(ShearWarpMIPPart, AnImageWithASourceIsItsOwnPartAndIsPreparedOnce)
   EXPECT_TRUE(HaveSamePixels(fresh.GetPointer(), filter->GetOutput()));
 }
 
-TEST(ShearWarpMIPPart, BlockMaximaAreFoundWhereTheyAreUsed)
+TEST(ShearWarpMIPPart, BlockExtremaAreFoundWhereTheyAreUsed)
 {
   using ReducedResamplingEnum = itk::ShearWarpMIPImageFilterEnums::ReducedResampling;
   Random     random(1108);

@@ -220,14 +220,14 @@ protected:
   FilterType::Pointer m_Filter;
 };
 
-constexpr itk::SizeValueType BlockMaximaBytes = sizeof(short) * 5 * 6 * 6;
-constexpr itk::SizeValueType PreparedBytes = sizeof(short) * 40 * 41 * 42 + BlockMaximaBytes;
+constexpr itk::SizeValueType BlockExtremaBytes = sizeof(short) * 5 * 6 * 6;
+constexpr itk::SizeValueType PreparedBytes = sizeof(short) * 40 * 41 * 42 + BlockExtremaBytes;
 } // namespace
 
 TEST_F(ShearWarpMIPPipeline, ViewsPrepareWhatFurtherOnesNeed)
 {
   EXPECT_EQ(m_Filter->GetPreparedVolumeSizeInBytes(), 0u);
-  const itk::SizeValueType bytes[3][3] = { { 0, BlockMaximaBytes, BlockMaximaBytes },
+  const itk::SizeValueType bytes[3][3] = { { 0, BlockExtremaBytes, BlockExtremaBytes },
                                            { PreparedBytes, PreparedBytes, PreparedBytes },
                                            { PreparedBytes, PreparedBytes, PreparedBytes } };
   const bool               isPrepared[3][3] = { { false, false, true }, { false, true, true }, { true, true, true } };
@@ -264,7 +264,7 @@ TEST_F(ShearWarpMIPPipeline, OneViewKeepsNothing)
   m_Image->Modified();
   m_Filter->SetReducedResampling(FilterType::ReducedResamplingEnum::On);
   m_Filter->Update();
-  EXPECT_EQ(GetPreparedBytes(m_Filter.GetPointer()), BlockMaximaBytes);
+  EXPECT_EQ(GetPreparedBytes(m_Filter.GetPointer()), BlockExtremaBytes);
 }
 
 TEST_F(ShearWarpMIPPipeline, OnlySecondViewsAlongXCopyTheVolume)
@@ -273,7 +273,7 @@ TEST_F(ShearWarpMIPPipeline, OnlySecondViewsAlongXCopyTheVolume)
   {
     m_Filter->SetTransform(MakeViewAlong(axis));
     m_Filter->Update();
-    EXPECT_LE(GetPreparedBytes(m_Filter.GetPointer()), BlockMaximaBytes);
+    EXPECT_LE(GetPreparedBytes(m_Filter.GetPointer()), BlockExtremaBytes);
   }
   m_Filter->Modified();
   m_Filter->Update();

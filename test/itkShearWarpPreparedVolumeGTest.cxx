@@ -128,7 +128,7 @@ TYPED_TEST(ShearWarpPreparedVolumeTyped, GivesTheMaximaOfCubesAlongEachAxis)
         const auto slices = GetSlices<TypeParam>(volume, image, axis, parallelize);
         EXPECT_EQ(slices.lowest, *std::min_element(voxels, voxels + count));
         EXPECT_EQ(slices.highest, *std::max_element(voxels, voxels + count));
-        const auto blocks = volume.GetBlockMaxima(axis);
+        const auto blocks = volume.GetBlockExtrema(axis);
         ASSERT_EQ(blocks.columns, (slices.columns + 7) / 8);
         ASSERT_EQ(blocks.rows, (slices.rows + 7) / 8);
         ASSERT_EQ(blocks.slices, (slices.slices + 7) / 8);
@@ -175,7 +175,7 @@ TEST(ShearWarpPreparedVolume, NotANumberIsNoMaximum)
     const auto                          slices = GetSlices<float>(volume, image, 2, parallelize);
     EXPECT_EQ(slices.lowest, -7);
     EXPECT_EQ(slices.highest, 3);
-    const auto blocks = volume.GetBlockMaxima(2);
+    const auto blocks = volume.GetBlockExtrema(2);
     EXPECT_EQ(blocks.maxima[1], 3);
     EXPECT_EQ(blocks.maxima[0], -7);
     EXPECT_EQ(blocks.maxima[2], -std::numeric_limits<float>::infinity());
