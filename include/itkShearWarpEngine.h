@@ -144,6 +144,14 @@ struct ProjectionRule
   TPixel                background{};
   bool                  hasDepth{ false };
 
+  /** Whether a ray's value is the maximum of all its samples, but for a mask. */
+  bool
+  IsPlainMaximum() const
+  {
+    return mode == ShearWarpMIPImageFilterEnums::Mode::Maximum && !this->HasRegion() && !localMaximumThreshold &&
+           !(depthAttenuation > 0.0) && !hasDepth;
+  }
+
   /** Whether only a part of view space or of physical space counts. */
   bool
   HasRegion() const
@@ -210,7 +218,7 @@ public:
   /** Projects \a volume to the pictures of \a views, of the grid \a grid. Views of one principal axis are projected
    * together: as many as \a intermediateMemory bytes have room for, at most 256. \a getPicture(n) gives the place of
    * view n before it is written.
-   * Throws what the functions that it gets throw, MemoryAllocationError, and std::invalid_argument if the environment
+   * Throws what the functions that it gets throw, MemoryAllocationError, and ExceptionObject if the environment
    * variable SHEARWARPMIP_INSTRUCTION_SET names what this computer does not have; so do all. */
   void
   Project(const VolumeType &                                volume,
@@ -223,7 +231,7 @@ public:
           const ShearWarp::Threads &                        threads);
 
   /** Projects \a volume, a part of an image, to the intermediate image of \a factorization, which is that part's: to
-   * \a getPixels(), row by row. Pixels without a sample become NoSample(). */
+   * \a getPixels(), row by row. Pixels without a sample have the lowest value, or minus infinity. */
   void
   ProjectPart(const VolumeType &                              volume,
               const ShearWarpFactorization &                  factorization,
@@ -241,13 +249,12 @@ public:
             const std::function<TPixel *()> & getPixels,
             const ShearWarp::Threads &        threads);
 
-  /** The value of an intermediate pixel that has met no sample. */
-  static TPixel
-  NoSample();
-
   /** Of the last projection or picture. */
   const ShearWarp::Measurements &
-  GetMeasurements() const;
+  GetMeasurements() const
+  {
+    return m_Measurements;
+  }
 
   /** Frees all memory. */
   void
@@ -263,6 +270,7 @@ public:
 
 private:
   class Implementation;
+  ShearWarp::Measurements         m_Measurements;
   std::unique_ptr<Implementation> m_Implementation;
 };
 } // namespace itk

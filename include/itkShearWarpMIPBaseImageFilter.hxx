@@ -320,8 +320,7 @@ template <typename TInputImage, typename TOutputImage>
 bool
 ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::IsPlainMaximum() const
 {
-  return m_Mode == ModeEnum::Maximum && !this->MakeRule().HasRegion() && !m_ComputeDepth && !this->GetMaskImage() &&
-         !m_LocalMaximum && !(m_DepthAttenuation > 0.0);
+  return this->MakeRule().IsPlainMaximum() && !this->GetMaskImage();
 }
 
 template <typename TInputImage, typename TOutputImage>
@@ -338,6 +337,9 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GeneratePixels()
   volume.load = [&](const ShearWarp::SliceRange & slab) {
     if (volume.streamDivisions > 1)
     {
+      // the last slab's
+      voxels = nullptr;
+      maskVoxels = nullptr;
       this->SetInputRequestedRegionToSlab(slab);
       this->UpdateSlab(input);
       this->UpdateSlab(mask);

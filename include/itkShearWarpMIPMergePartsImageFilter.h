@@ -70,7 +70,8 @@ public:
   unsigned int
   GetNumberOfParts() const
   {
-    return static_cast<unsigned int>(this->GetNumberOfIndexedInputs()) - 1;
+    const auto inputs = static_cast<unsigned int>(this->GetNumberOfIndexedInputs());
+    return inputs == 0 ? 0 : inputs - 1;
   }
   void
   ClearParts()

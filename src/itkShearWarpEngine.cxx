@@ -169,20 +169,25 @@ public:
   using Projector = ShearWarpProjector<TPixel>;
   using RayProjector = ShearWarpRayProjector<TPixel>;
 
+  explicit Implementation(ShearWarp::Measurements & measurementsOfEngine)
+    : measurements(measurementsOfEngine)
+  {}
+
   /** Chooses the kernels, and forgets the last update's measurements. */
   void
   Begin(const ShearWarpFactorization & first)
   {
-    measurements = {};
-    measurements.principalAxis = first.GetPrincipalAxis();
     try
     {
       kernels = &ShearWarp::GetKernels<TPixel>();
+      kernelsOfMask = &ShearWarp::GetKernels<unsigned char>();
     }
     catch (const std::invalid_argument & error)
     {
       itkGenericExceptionMacro(<< error.what());
     }
+    measurements = {};
+    measurements.principalAxis = first.GetPrincipalAxis();
     measurements.instructionSet = kernels->instructionSet;
   }
 
@@ -221,6 +226,13 @@ public:
                const std::function<void(const IntermediateImage &, const View &)> & warp,
                const Threads &                                                      threads);
 
+  /** What is prepared of a volume slab by slab. */
+  struct Slabs
+  {
+    ShearWarpPreparedVolume<TPixel>        volume;
+    ShearWarpPreparedVolume<unsigned char> mask{ true };
+  };
+
   /** How a volume is projected along an axis. */
   struct Pass
   {
@@ -235,7 +247,11 @@ public:
    * is null if there is none. */
   template <typename TFunction>
   void
-  ProjectSlabs(const VolumeType & input, const Pass & pass, const TFunction & project, const Threads & threads);
+  ProjectSlabs(const VolumeType & input,
+               const Pass &       pass,
+               Slabs &            slabs,
+               const TFunction &  project,
+               const Threads &    threads);
 
   void
   Warp(const IntermediateImage &      intermediate,
@@ -245,13 +261,14 @@ public:
        const PictureType &            picture,
        const Parallelize &            parallelize);
 
-  ShearWarpPreparedVolume<TPixel>        volume, slabOfVolume;
-  ShearWarpPreparedVolume<unsigned char> mask{ true };
-  ShearWarpPreparedVolume<unsigned char> slabOfMask{ true };
-  Projector                              projector;
-  RayProjector                           rayProjector;
-  const Kernels *                        kernels{ nullptr };
-  ShearWarp::Measurements                measurements;
+  ShearWarpPreparedVolume<TPixel>           volume;
+  ShearWarpPreparedVolume<unsigned char>    mask{ true };
+  Slabs                                     slabsOfParts; // a part's next view has their memory
+  Projector                                 projector;
+  RayProjector                              rayProjector;
+  const Kernels *                           kernels{ nullptr };
+  const ShearWarp::Kernels<unsigned char> * kernelsOfMask{ nullptr };
+  ShearWarp::Measurements &                 measurements;
 };
 
 template <typename TPixel>
@@ -315,6 +332,7 @@ template <typename TFunction>
 void
 ShearWarpEngine<TPixel>::Implementation::ProjectSlabs(const VolumeType & input,
                                                       const Pass &       pass,
+                                                      Slabs &            slabs,
                                                       const TFunction &  project,
                                                       const Threads &    threads)
 {
@@ -331,18 +349,19 @@ ShearWarpEngine<TPixel>::Implementation::ProjectSlabs(const VolumeType & input,
     static_cast<std::ptrdiff_t>(std::max<SizeValueType>(present.GetSize(0) * present.GetSize(1), 1) * sizeof(TPixel));
   const std::ptrdiff_t slabLength =
     std::max(slabBytes / sliceBytes, 2 * BlockLength) * static_cast<std::ptrdiff_t>(threads.count);
-  const SizeValueType slabs = isStreamed ? input.streamDivisions
-                              : isWhole  ? 1
-                                         : ShearWarp::CountBlocks(slices.end - slices.begin, slabLength);
+  const SizeValueType count =
+    isStreamed ? input.streamDivisions
+    : isWhole  ? 1
+               : std::max<SizeValueType>(ShearWarp::CountBlocks(slices.end - slices.begin, slabLength), 1);
 
   const bool  findsMaxima = pass.hasBlockExtrema && !(isWhole && volume.IsPrepared(image, 2));
   const bool  transposes = pass.axis == 0 && !(isWhole && volume.IsPrepared(image, 0, false));
   const bool  transposesMask = input.mask && pass.axis == 0 && !(isWhole && mask.IsPrepared(input.mask, 0, false));
   const bool  findsBlocksOfMask = pass.hasBlocksOfMask && !(isWhole && mask.IsPrepared(input.mask, 2));
   const int   preparations = findsMaxima + transposes + transposesMask + findsBlocksOfMask;
-  const float preparationShare = pass.share * (input.mask ? 0.1f : 0.2f) / static_cast<float>(slabs);
+  const float preparationShare = pass.share * (input.mask ? 0.1f : 0.2f) / static_cast<float>(count);
   const float projectionShare =
-    pass.share * 0.85f / static_cast<float>(slabs) - preparationShare * static_cast<float>(preparations);
+    pass.share * 0.85f / static_cast<float>(count) - preparationShare * static_cast<float>(preparations);
   const Parallelize prepareInParallel = TakeShare(threads, preparationShare);
   if (isStreamed)
   {
@@ -355,12 +374,12 @@ ShearWarpEngine<TPixel>::Implementation::ProjectSlabs(const VolumeType & input,
   }
   if (isWhole)
   {
-    slabOfVolume.Release();
-    slabOfMask.Release();
+    slabs.volume.Release();
+    slabs.mask.Release();
   }
-  for (SizeValueType n = 0; n < slabs; ++n)
+  for (SizeValueType n = 0; n < count; ++n)
   {
-    const auto slab = ShearWarp::GetSlab(slices, pass.isFirstSlabFirst ? n : slabs - 1 - n, slabs);
+    const auto slab = ShearWarp::GetSlab(slices, pass.isFirstSlabFirst ? n : count - 1 - n, count);
     input.load(slab);
     const auto start = Clock::now();
     const auto prepare =
@@ -373,12 +392,11 @@ ShearWarpEngine<TPixel>::Implementation::ProjectSlabs(const VolumeType & input,
       part.PreparePart(of, input.whole, slab.begin, slab.end, pass.axis, hasBlockExtrema, kernelsOf, prepareInParallel);
       return part;
     };
-    const auto & prepared = prepare(image, volume, slabOfVolume, pass.hasBlockExtrema, *kernels);
+    const auto & prepared = prepare(image, volume, slabs.volume, pass.hasBlockExtrema, *kernels);
     const ShearWarpPreparedVolume<unsigned char> * preparedMask = nullptr;
     if (input.mask)
     {
-      const auto & kernelsOfMask = ShearWarp::GetKernels<unsigned char>();
-      preparedMask = &prepare(input.mask, mask, slabOfMask, pass.hasBlocksOfMask, kernelsOfMask);
+      preparedMask = &prepare(input.mask, mask, slabs.mask, pass.hasBlocksOfMask, *kernelsOfMask);
     }
     measurements.preparationSeconds += preparations > 0 ? SecondsSince(start) : 0.0;
 
@@ -426,6 +444,7 @@ ShearWarpEngine<TPixel>::Implementation::ProjectGroup(
     }
   };
 
+  Slabs slabs;
   // what serves further views is made when they come
   const unsigned int projectedAxes = volume.GetProjectedAxes(input.image);
   const bool         isKept = (projectedAxes >> group.axis & 1U) != 0;
@@ -447,15 +466,15 @@ ShearWarpEngine<TPixel>::Implementation::ProjectGroup(
     const auto project = [this](const auto & ofVolume, const auto * ofMask, const Parallelize & parallelize) {
       rayProjector.Project(ofVolume, ofMask, parallelize);
     };
-    this->ProjectSlabs(
-      input, { group.axis, rayProjector.IsFirstSlabFront(), false, false, isKept, share }, project, threads);
+    const Pass pass{ group.axis, rayProjector.IsFirstSlabFront(), false, false, isKept, share };
+    this->ProjectSlabs(input, pass, slabs, project, threads);
     finish([this](std::size_t, const Parallelize & parallelize) { return rayProjector.Finish(parallelize); });
     return;
   }
 
-  const bool isPlainMaximum = rule.mode == ModeEnum::Maximum && !rule.HasRegion() && !NeedsSlices(input, rule);
-  const bool hasBlockExtrema = isPlainMaximum && (rule.reducedResampling == ReducedResamplingEnum::On ||
-                                                  group.projections.size() > 1 || projectedAxes != 0);
+  const bool hasBlockExtrema =
+    rule.IsPlainMaximum() && !input.mask &&
+    (rule.reducedResampling == ReducedResamplingEnum::On || group.projections.size() > 1 || projectedAxes != 0);
   typename Projector::ViewList views;
   for (const auto & first : firsts)
   {
@@ -468,8 +487,8 @@ ShearWarpEngine<TPixel>::Implementation::ProjectGroup(
   const auto project = [this](const auto & ofVolume, const auto * ofMask, const Parallelize & parallelize) {
     projector.Project(ofVolume, ofMask, parallelize);
   };
-  this->ProjectSlabs(
-    input, { group.axis, true, hasBlockExtrema, input.mask != nullptr, isKept, share }, project, threads);
+  const Pass pass{ group.axis, true, hasBlockExtrema, input.mask != nullptr, isKept, share };
+  this->ProjectSlabs(input, pass, slabs, project, threads);
   // shares may sum to a little more than 1
   measurements.skippedFraction = std::min(measurements.skippedFraction + projector.GetSkippedFraction() * share, 1.0);
   finish([this](std::size_t n, const Parallelize & parallelize) { return projector.Finish(n, parallelize); });
@@ -510,7 +529,7 @@ ShearWarpEngine<TPixel>::Implementation::Warp(const IntermediateImage &      int
 
 template <typename TPixel>
 ShearWarpEngine<TPixel>::ShearWarpEngine()
-  : m_Implementation(std::make_unique<Implementation>())
+  : m_Implementation(std::make_unique<Implementation>(m_Measurements))
 {}
 
 template <typename TPixel>
@@ -553,8 +572,6 @@ ShearWarpEngine<TPixel>::Project(const VolumeType &                             
   {
     m_Implementation->ProjectGroup(volume, group, factorize, rule, viewShare, warp, threads);
   }
-  m_Implementation->slabOfVolume.Release();
-  m_Implementation->slabOfMask.Release();
   if (volume.streamDivisions > 1)
   {
     this->Release();
@@ -581,7 +598,8 @@ ShearWarpEngine<TPixel>::ProjectPart(const VolumeType &                volume,
   const auto project = [&](const auto & prepared, const auto *, const Parallelize & parallelize) {
     engine.projector.Project(prepared, nullptr, parallelize);
   };
-  engine.ProjectSlabs(volume, { axis, true, hasBlockExtrema, false, isKept, 1.0f }, project, threads);
+  const typename Implementation::Pass pass{ axis, true, hasBlockExtrema, false, isKept, 1.0f };
+  engine.ProjectSlabs(volume, pass, engine.slabsOfParts, project, threads);
   engine.measurements.skippedFraction = engine.projector.GetSkippedFraction();
 
   const auto start = Clock::now();
@@ -642,33 +660,17 @@ ShearWarpEngine<TPixel>::WarpParts(const std::vector<PartType> &     parts,
 }
 
 template <typename TPixel>
-TPixel
-ShearWarpEngine<TPixel>::NoSample()
-{
-  return ShearWarp::NoSample<TPixel>;
-}
-
-template <typename TPixel>
-const ShearWarp::Measurements &
-ShearWarpEngine<TPixel>::GetMeasurements() const
-{
-  return m_Implementation->measurements;
-}
-
-template <typename TPixel>
 void
 ShearWarpEngine<TPixel>::Release()
 {
-  auto released = std::make_unique<Implementation>();
-  released->measurements = m_Implementation->measurements;
-  m_Implementation = std::move(released);
+  m_Implementation = std::make_unique<Implementation>(m_Measurements);
 }
 
 template <typename TPixel>
 SizeValueType
 ShearWarpEngine<TPixel>::GetPreparedSizeInBytes() const
 {
-  return m_Implementation->volume.GetSizeInBytes() + m_Implementation->slabOfVolume.GetSizeInBytes();
+  return m_Implementation->volume.GetSizeInBytes() + m_Implementation->slabsOfParts.volume.GetSizeInBytes();
 }
 
 template <typename TPixel>
@@ -676,8 +678,8 @@ SizeValueType
 ShearWarpEngine<TPixel>::GetSizeInBytes() const
 {
   const Implementation & engine = *m_Implementation;
-  return engine.volume.GetSizeInBytes() + engine.slabOfVolume.GetSizeInBytes() + engine.mask.GetSizeInBytes() +
-         engine.slabOfMask.GetSizeInBytes() + engine.projector.GetSizeInBytes() + engine.rayProjector.GetSizeInBytes();
+  return engine.volume.GetSizeInBytes() + engine.slabsOfParts.volume.GetSizeInBytes() + engine.mask.GetSizeInBytes() +
+         engine.projector.GetSizeInBytes() + engine.rayProjector.GetSizeInBytes();
 }
 
 #define INSTANTIATE(TPixel) template class ShearWarpEngine<TPixel>;

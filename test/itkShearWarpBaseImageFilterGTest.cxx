@@ -335,6 +335,47 @@ TYPED_TEST(ShearWarpInputs, FewerVoxelsThanTheirRegionAreAnError)
   }
 }
 
+TYPED_TEST(ShearWarpInputs, NoVoxelsAreAnErrorAlongEachAxis)
+{
+  for (const unsigned int axis : { 0, 1, 2 })
+  {
+    const auto filter = TypeParam::New();
+    Configure(filter.GetPointer());
+    filter->SetInput(MakeOutline(filter->GetInput()));
+    itk::Matrix<double, 3, 3> matrix;
+    for (unsigned int column = 0; column < 3; ++column)
+    {
+      matrix((axis + 1 + column) % 3, column) = 1;
+    }
+    filter->SetTransform(MakeView(matrix, PointType(0.0)));
+    for (const auto reducedResampling :
+         { TypeParam::ReducedResamplingEnum::Off, TypeParam::ReducedResamplingEnum::Auto })
+    {
+      filter->SetReducedResampling(reducedResampling);
+      EXPECT_NAMES(filter->Update(), "The input must be buffered where it is requested, but there are 0 voxels");
+    }
+    if constexpr (!std::is_same_v<TypeParam, PartType>)
+    {
+      filter->LocalMaximumOn();
+      EXPECT_NAMES(filter->Update(), "The input must be buffered where it is requested, but there are 0 voxels");
+    }
+  }
+}
+
+TYPED_TEST(ShearWarpInputs, MeasurementsOutliveWhatIsReleased)
+{
+  const auto filter = TypeParam::New();
+  Configure(filter.GetPointer());
+  const std::string & name = filter->GetInstructionSet();
+  EXPECT_EQ(name, "portable");
+  filter->Update();
+  const std::string before = name;
+  filter->ReleasePreparedVolume();
+  EXPECT_EQ(name, before);
+  EXPECT_EQ(filter->GetInstructionSet(), itk::ShearWarp::GetInstructionSets().back());
+  EXPECT_EQ(filter->GetPrincipalAxis(), 0u);
+}
+
 TEST(ShearWarpInputsOfParts, FewerPixelsThanTheirRegionAreAnError)
 {
   const auto source = PartType::New();

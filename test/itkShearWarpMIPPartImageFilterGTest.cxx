@@ -412,6 +412,8 @@ TEST(ShearWarpMIPPart, BadInputIsNamed)
   part->Update();
 
   const auto filter = MergeFilterType::New();
+  EXPECT_EQ(filter->GetNumberOfParts(), 0u);
+  EXPECT_NAMES(filter->Update(), "Primary");
   filter->SetInput(MakeOutline(image.GetPointer()));
   filter->SetTransform(view);
   filter->SetPart(1, part->GetOutput());

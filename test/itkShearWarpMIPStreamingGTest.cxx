@@ -47,6 +47,34 @@ using PixelTypes = testing::Types<unsigned char, short, unsigned short, float, d
 TYPED_TEST_SUITE(ShearWarpMIPStreaming, PixelTypes, );
 } // namespace
 
+TEST(ShearWarpMIPStreamingMemory, ASlabIsFreedBeforeTheNextOneIsMade)
+{
+  const auto image = MakePlainImage<short>({ { 20, 21, 64 } }, 5);
+  for (const bool hasMask : { false, true })
+  {
+    const auto source = MakeSource<short>(image);
+    const auto mask = MakeSource<unsigned char>(MakePlainImage<unsigned char>({ { 20, 21, 64 } }, 1));
+    const auto filter = MakeFilter<short>(source->GetOutput(), 4);
+    int        alive = 0;
+    int        most = 0;
+    const auto count = [&](auto * output) {
+      // a container of its own for each slab
+      output->Initialize();
+      most = std::max(most, ++alive);
+      output->GetPixelContainer()->AddObserver(itk::DeleteEvent(), [&](const itk::EventObject &) { --alive; });
+    };
+    source->AddObserver(itk::StartEvent(), [&](const itk::EventObject &) { count(source->GetOutput()); });
+    mask->AddObserver(itk::StartEvent(), [&](const itk::EventObject &) { count(mask->GetOutput()); });
+    if (hasMask)
+    {
+      filter->SetMaskImage(mask->GetOutput());
+    }
+    filter->Update();
+    EXPECT_EQ(source->executions, 4u);
+    EXPECT_EQ(most, hasMask ? 2 : 1);
+  }
+}
+
 TYPED_TEST(ShearWarpMIPStreaming, HasTheBitsOfTheWholeImageAndNeedsOneSlabAtATime)
 {
   Random                 random(801);

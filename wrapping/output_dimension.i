@@ -19,6 +19,7 @@ class _ShearWarpMIPTemplate(itkTemplate):
     New.__doc__ = itkTemplate.New.__doc__
 
 
-# ITK finds it by its name
-_ShearWarpMIPTemplate("itk::ShearWarpMIPImageFilter")
+# ITK finds them by their names
+for _name in ("itk::ShearWarpMIPImageFilter", "itk::ShearWarpMIPMergePartsImageFilter"):
+    _ShearWarpMIPTemplate(_name)
 %}
