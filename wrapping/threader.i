@@ -1,29 +1,6 @@
 // ITK's default threader is a global of the process. PyPI's ITK chooses TBB, which the ITK linked into this module does
 // not have: a filter of ours is made with the thread pool, and the global stays as it was.
 
-%{
-#include "itkMultiThreaderBase.h"
-
-namespace
-{
-class DefaultThreaderGuard
-{
-public:
-  using Threader = itk::MultiThreaderBaseEnums::Threader;
-
-  DefaultThreaderGuard()
-    : m_Threader(itk::MultiThreaderBase::GetGlobalDefaultThreader())
-  {
-    itk::MultiThreaderBase::SetGlobalDefaultThreader(Threader::Pool);
-  }
-  ~DefaultThreaderGuard() { itk::MultiThreaderBase::SetGlobalDefaultThreader(m_Threader); }
-
-private:
-  const Threader m_Threader;
-};
-}
-%}
-
 %pythoncode %{
 # the first to ask chooses the default: PyPI's ITK shall
 import itk.ITKCommonBasePython

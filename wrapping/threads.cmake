@@ -1,6 +1,7 @@
 # shear_warp_mip_threads(IS_STREAMED SWIG_NAME...): filters of the current submodule are made with the thread pool, and
 # updated without Python's lock, unless the C++ expression IS_STREAMED of `self` is true.
 macro(shear_warp_mip_threads is_streamed)
+  string(APPEND ITK_WRAP_PYTHON_SWIG_EXT "%{\n#include \"ShearWarpMIPGuards.h\"\n%}\n")
   foreach(file threader update)
     string(APPEND ITK_WRAP_PYTHON_SWIG_EXT "%include \"${ShearWarpMIP_SOURCE_DIR}/wrapping/${file}.i\"\n")
   endforeach()
