@@ -27,7 +27,7 @@ namespace itk
  *
  * Parts are outputs of ShearWarpMIPPartImageFilter for the same image, Transform and Oversampling. Parts that together
  * hold the image give the picture that ShearWarpMIPImageFilter makes of the whole, bit by bit. The input's geometry is
- * used, its voxels are not requested.
+ * used, its voxels are not requested. The output's geometry is known before there are parts.
  *
  * Rays have plain maxima: Mode, SlabNear, SlabFar, CropLower, CropUpper, MaskImage, LocalMaximum, DepthAttenuation and
  * ComputeDepth must be as by default. Update() throws ExceptionObject if they are not, if a part is missing or there is

@@ -37,10 +37,6 @@ void
 ShearWarpMIPMergePartsImageFilter<TInputImage, TOutputImage>::VerifyIndexedInputs() const
 {
   const unsigned int parts = this->GetNumberOfParts();
-  if (parts == 0)
-  {
-    itkExceptionMacro("Parts are required but not set.");
-  }
   for (unsigned int n = 0; n < parts; ++n)
   {
     this->template VerifyInputType<PartImageType>(
@@ -68,6 +64,10 @@ template <typename TInputImage, typename TOutputImage>
 void
 ShearWarpMIPMergePartsImageFilter<TInputImage, TOutputImage>::GeneratePixels()
 {
+  if (this->GetNumberOfParts() == 0)
+  {
+    itkExceptionMacro("Parts are required but not set.");
+  }
   const ShearWarpFactorization factorization(
     this->GetTransform(), this->GetInput(), this->GetViewGrid(), this->m_Oversampling);
   const ImageRegion<2> whole = factorization.GetIntermediateRegion();

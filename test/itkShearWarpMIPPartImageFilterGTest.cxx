@@ -416,6 +416,9 @@ TEST(ShearWarpMIPPart, BadInputIsNamed)
   EXPECT_NAMES(filter->Update(), "Primary");
   filter->SetInput(MakeOutline(image.GetPointer()));
   filter->SetTransform(view);
+  filter->UpdateOutputInformation();
+  EXPECT_GT(filter->GetOutput()->GetLargestPossibleRegion().GetNumberOfPixels(), 0u);
+  EXPECT_NAMES(filter->Update(), "Parts are required but not set");
   filter->SetPart(1, part->GetOutput());
   EXPECT_NAMES(filter->Update(), "Part 0 of 2 is required but not set");
   filter->SetPart(0, part->GetOutput());
