@@ -492,6 +492,23 @@ TEST(ShearWarpMIPCine, PrintsItsParameters)
   }
 }
 
+TEST(ShearWarpMIPCine, OppositeFramesFadeFromTheirOwnSides)
+{
+  Random     random(818);
+  const auto image = MakeRandomImage<short>(random, { { 30, 20, 25 } });
+  const auto cine = CineType<short>::New();
+  const auto single = SingleType<short>::New();
+  cine->SetInput(image);
+  cine->SetNumberOfFrames(4);
+  single->SetInput(image);
+  single->SetDepthAttenuation(0.05);
+  cine->SetDepthAttenuation(0.05);
+  ExpectFramesOfTheSingleFilter(cine.GetPointer(), single.GetPointer());
+  const auto first = GetFrame(cine->GetOutput(), 0);
+  const auto opposite = GetFrame(cine->GetOutput(), 2);
+  EXPECT_FALSE(HaveSamePixels(first.GetPointer(), opposite.GetPointer()));
+}
+
 TEST(ShearWarpMIPCine, AnEmptyMaskLeavesOutAllAndNoMore)
 {
   Random     random(817);
