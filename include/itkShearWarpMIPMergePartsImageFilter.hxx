@@ -70,7 +70,7 @@ ShearWarpMIPMergePartsImageFilter<TInputImage, TOutputImage>::GeneratePixels()
   }
   const ShearWarpFactorization factorization(
     this->GetTransform(), this->GetInput(), this->GetViewGrid(), this->m_Oversampling);
-  const ImageRegion<2> whole = factorization.GetIntermediateRegion();
+  const ImageRegion<2> & whole = factorization.GetIntermediateRegion();
 
   std::vector<typename PartImageType::PixelContainerConstPointer> containers;
   std::vector<ShearWarp::IntermediatePart<InputPixelType>>        parts;
