@@ -457,10 +457,8 @@ ShearWarpEngine<TPixel>::Implementation::ProjectGroup(
                                                                : &kernels->maximum;
     parameters.localMaximumThreshold = rule.localMaximumThreshold;
     parameters.intervals = MakeIntervals(first, rule);
-    if (const auto fading = MakeFading(first, rule, input.image))
-    {
-      parameters.fading = typename RayProjector::Fading{ *fading, rule.background };
-    }
+    parameters.fading = MakeFading(first, rule, input.image);
+    parameters.background = rule.background;
     parameters.maskLabel = rule.maskLabel;
     rayProjector.Start(first.factorization, *kernels, parameters, threads.count);
     const auto project = [this](const auto & ofVolume, const auto * ofMask, const Parallelize & parallelize) {

@@ -202,51 +202,45 @@ ToFadeNumber(double factor)
 }
 } // namespace
 
-template <typename TNumber>
-std::vector<TNumber>
-MakeFadeFactors(const Fading & fading, double perColumn, std::ptrdiff_t columns)
+template <typename TPixel>
+void
+ViewFading<TPixel>::SetStack(std::ptrdiff_t columns, std::ptrdiff_t first)
 {
-  std::vector<TNumber> factors(columns + 1 + 2 * FadePadding);
+  firstSlice = first;
+  factors.assign(columns + 1 + 2 * FadePadding, 0);
   for (std::ptrdiff_t n = 0; n <= columns; ++n)
   {
     factors[FadePadding + n] =
-      ToFadeNumber<TNumber>(Decay(fading.rate * (std::abs(perColumn) * static_cast<double>(n))));
+      ToFadeNumber<FadeNumber<TPixel>>(Decay(fading.rate * (std::abs(depth.perColumn) * static_cast<double>(n))));
   }
-  if (perColumn < 0)
+  if (depth.perColumn < 0)
   {
     std::reverse(factors.begin(), factors.end());
   }
-  return factors;
 }
 
-template <typename TNumber>
-FadingRow<TNumber>
-MakeFadingRow(const Fading &          fading,
-              const ShearedFunction & depth,
-              double                  row,
-              double                  slice,
-              ColumnSpan              span,
-              std::size_t             factors)
+template <typename TPixel>
+FadingRow<TPixel>
+ViewFading<TPixel>::GetRow(std::ptrdiff_t row, std::ptrdiff_t slice, ColumnSpan reached) const
 {
   constexpr double infinity = std::numeric_limits<double>::infinity();
-  const ColumnSpan behind = ClipColumns(depth, fading.begin, infinity, row, slice, span);
-  if (behind.begin == behind.end)
-  {
-    return { behind, behind.begin, 1 };
-  }
-  const bool         isFirstNearest = depth.perColumn >= 0;
-  const std::int32_t nearest = isFirstNearest ? behind.begin : behind.end - 1;
+  const auto       ofRow = static_cast<double>(row);
+  const auto       ofSlice = static_cast<double>(firstSlice + slice);
+  const ColumnSpan behind = ClipColumns(depth, fading.begin, infinity, ofRow, ofSlice, reached);
+  const bool       isFirstNearest = depth.perColumn >= 0;
+  const auto       count = static_cast<std::int32_t>(factors.size() - 2 * FadePadding);
+  const auto       nearest = isFirstNearest ? behind.begin : behind.end - 1;
+  const double     factor =
+    behind.begin == behind.end ? 1.0 : Decay(fading.rate * (depth(nearest, ofRow, ofSlice) - fading.begin));
   return { behind,
-           isFirstNearest ? nearest : behind.end - static_cast<std::int32_t>(factors),
-           ToFadeNumber<TNumber>(Decay(fading.rate * (depth(nearest, row, slice) - fading.begin))) };
+           isFirstNearest ? nearest : behind.end - count,
+           ToFadeNumber<FadeNumber<TPixel>>(factor),
+           factors.data() + FadePadding,
+           background };
 }
 
-#define INSTANTIATE(TNumber)                                                             \
-  template std::vector<TNumber> MakeFadeFactors(const Fading &, double, std::ptrdiff_t); \
-  template FadingRow<TNumber>   MakeFadingRow(                                           \
-      const Fading &, const ShearedFunction &, double, double, ColumnSpan, std::size_t);
-INSTANTIATE(float)
-INSTANTIATE(double)
+#define INSTANTIATE(TPixel) template struct ViewFading<TPixel>;
+SHEARWARP_FOR_EACH_PIXEL_TYPE(INSTANTIATE)
 #undef INSTANTIATE
 
 std::vector<std::string>

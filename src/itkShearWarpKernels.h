@@ -24,7 +24,6 @@
 #include <cstdint>
 #include <cstring>
 #include <limits>
-#include <string>
 #include <type_traits>
 #include <vector>
 
@@ -218,49 +217,40 @@ struct Fading
 template <typename TPixel>
 using FadeNumber = std::conditional_t<(sizeof(TPixel) <= 2) || std::is_same_v<TPixel, float>, float, double>;
 
-/** Elements of 0 before and behind fade factors: a vector that has one of them may read further. */
-constexpr std::ptrdiff_t FadePadding = 32;
-
-/** exp(-rate |perColumn| n) for n = 0 to \a columns, between FadePadding zeros: the first column is the nearest if
- * \a perColumn, of the depth, is not negative, else the last one. A float below 2^-60 is 0. */
-template <typename TNumber>
-ShearWarpMIP_EXPORT
-std::vector<TNumber>
-MakeFadeFactors(const Fading & fading, double perColumn, std::ptrdiff_t columns);
-
-/** The part of a row that fades, and what fadeRow needs for it: the fading of its nearest sample, and the column of the
- * first of the factors. */
-template <typename TNumber>
+/** How a row of samples fades to `background`: those of the columns of `span`, column p by
+ * `factor * factors[p - first]`. Vectors that have one of these columns may read FadePadding factors further. */
+template <typename TPixel>
 struct FadingRow
 {
-  ColumnSpan   span;
-  std::int32_t first;
-  TNumber      factor;
+  ColumnSpan                 span;
+  std::int32_t               first;
+  FadeNumber<TPixel>         factor; // of the nearest sample
+  const FadeNumber<TPixel> * factors;
+  TPixel                     background;
 };
-
-/** For a row of a slice that reaches the columns of \a span, of which there are less than \a factors, without those of
- * the padding. */
-template <typename TNumber>
-ShearWarpMIP_EXPORT
-FadingRow<TNumber>
-MakeFadingRow(const Fading &          fading,
-              const ShearedFunction & depth,
-              double                  row,
-              double                  slice,
-              ColumnSpan              span,
-              std::size_t             factors);
+constexpr std::ptrdiff_t FadePadding = 32;
 
 /** How the samples of a view fade to `background`: `depth` is that of column and row of the intermediate image and of
- * the slice in the volume, of which the stack begins with `firstSlice`. */
+ * the slice in the volume. A float factor below 2^-60 is 0. */
 template <typename TPixel>
 struct ViewFading
 {
-  Fading                     fading;
-  ShearedFunction            depth;
-  std::ptrdiff_t             firstSlice;
-  const FadeNumber<TPixel> * factors; // those of MakeFadeFactors(), without the padding
-  std::size_t                count;
-  TPixel                     background;
+  Fading          fading;
+  ShearedFunction depth;
+  TPixel          background;
+
+  std::vector<FadeNumber<TPixel>> factors{}; // by distance from the nearest column, between FadePadding zeros
+  std::ptrdiff_t                  firstSlice{ 0 };
+
+  /** Prepares for a stack of slices of \a columns columns that begins with slice \a first of the volume. */
+  ShearWarpMIP_EXPORT
+  void
+  SetStack(std::ptrdiff_t columns, std::ptrdiff_t first);
+
+  /** For a row of a slice of the stack that reaches the columns of \a reached. */
+  ShearWarpMIP_EXPORT
+  FadingRow<TPixel>
+  GetRow(std::ptrdiff_t row, std::ptrdiff_t slice, ColumnSpan reached) const;
 };
 
 /** A view along the slices' axis: the place of each slice, and the image that collects the maxima, or the minima if it
@@ -394,16 +384,11 @@ struct Kernels
   /** Writes the samples of columns [span.begin, span.end), which the row reaches, to `samples[span.begin]` and on. */
   void (*sampleRow)(const SliceRow<TPixel> & row, ColumnSpan span, TPixel * samples);
 
-  /** Fades samples [span.begin, span.end) to \a background, which is finite: those of column p come to
-   * `background + (sample - background) * (factor * factors[p - first])`, computed as FadeNumber and rounded half
-   * upward to the pixel type; to a value that lies between the two. One whose difference from the background is
-   * infinite stays as it is. Factors are from 0 to 1. */
-  void (*fadeRow)(const FadeNumber<TPixel> * factors,
-                  std::int32_t               first,
-                  FadeNumber<TPixel>         factor,
-                  TPixel                     background,
-                  ColumnSpan                 span,
-                  TPixel *                   samples);
+  /** Fades those of samples [span.begin, span.end) that the row has: to `background + (sample - background) * (factor *
+   * factors[p - first])`, computed as FadeNumber and rounded half upward to the pixel type; to a value that lies
+   * between the two. One whose difference from the background is infinite stays as it is. The background is finite,
+   * factors are from 0 to 1. */
+  void (*fadeRow)(const FadingRow<TPixel> & row, ColumnSpan span, TPixel * samples);
 
   RayKernels<TPixel> maximum;
   RayKernels<TPixel> minimum;

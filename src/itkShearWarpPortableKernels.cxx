@@ -146,22 +146,22 @@ Raise(TPixel & maximum, TPixel value)
  * \a maskB. Samples fade unless \a fading is null. */
 template <typename TRule, typename TPixel>
 void
-ProjectRow(const SliceRow<TPixel> & row,
-           const std::uint8_t *     maskA,
-           const std::uint8_t *     maskB,
-           std::uint8_t             label,
-           ColumnSpan               span,
-           const TileState *        active,
-           SliceRank<TPixel>        rank,
-           const FadedRow<TPixel> * fading,
-           TPixel *                 pixels,
-           SliceRank<TPixel> *      ranks)
+ProjectRow(const SliceRow<TPixel> &  row,
+           const std::uint8_t *      maskA,
+           const std::uint8_t *      maskB,
+           std::uint8_t              label,
+           ColumnSpan                span,
+           const TileState *         active,
+           SliceRank<TPixel>         rank,
+           const FadingRow<TPixel> * fading,
+           TPixel *                  pixels,
+           SliceRank<TPixel> *       ranks)
 {
   const auto [a, b, columns, position, y] = row;
   const Sampler<TPixel> sample(position.fraction, y);
   const Sampler<TPixel> edgeSample(0, y);
   const auto            take = [=](std::ptrdiff_t p, TPixel value) {
-    TakeSample<TRule>(fading ? (*fading)(value, p) : value, rank, pixels[p], ranks ? ranks + p : nullptr);
+    TakeSample<TRule>(fading ? FadeInRow(*fading, value, p) : value, rank, pixels[p], ranks ? ranks + p : nullptr);
   };
   const auto getState = [=](std::ptrdiff_t p) {
     return active ? active[p / TileColumns] : maskA ? TileState::Masked : TileState::Whole;
@@ -233,12 +233,12 @@ ProjectBlock(const SliceStack<TPixel> &  slices,
         };
         const std::ptrdiff_t tile =
           std::clamp<std::ptrdiff_t>(j - firstTile, 0, block.rowEnd - block.rowBegin - 1) / BlockLength;
-        ColumnSpan       reached{ column.whole + static_cast<std::int32_t>(columnSamples.begin),
+        ColumnSpan        reached{ column.whole + static_cast<std::int32_t>(columnSamples.begin),
                             column.whole + static_cast<std::int32_t>(columnSamples.end) };
-        FadedRow<TPixel> fading{};
+        FadingRow<TPixel> fading{};
         if (view->fading)
         {
-          fading = FindFading(*view->fading, row.whole + j, k, reached);
+          fading = view->fading->GetRow(row.whole + j, k, reached);
         }
         if (view->coverage.region)
         {

@@ -66,8 +66,7 @@ ShearWarpProjector<TPixel>::Start(ViewList                           views,
       m_Regions.insert(m_Regions.end(), hasRegion ? extrema : 0, region);
       if (view.fading)
       {
-        m_Fadings.insert(
-          m_Fadings.end(), extrema, { { *view.fading, depth, 0, nullptr, 0, parameters.background }, {} });
+        m_Fadings.insert(m_Fadings.end(), extrema, { *view.fading, depth, parameters.background });
       }
       m_TileColumns = std::max(m_TileColumns, ShearWarp::CountBlocks(grid.columns, ShearWarp::TileColumns));
       m_TileRows = std::max(m_TileRows, ShearWarp::CountBlocks(grid.rows));
@@ -117,13 +116,9 @@ ShearWarpProjector<TPixel>::Project(const ShearWarpPreparedVolume<TPixel> &     
   {
     region.firstSlice = m_FirstSlice;
   }
-  for (auto & [view, factors] : m_Fadings)
+  for (auto & fading : m_Fadings)
   {
-    factors =
-      ShearWarp::MakeFadeFactors<ShearWarp::FadeNumber<TPixel>>(view.fading, view.depth.perColumn, m_Slices.columns);
-    view.firstSlice = m_FirstSlice;
-    view.factors = factors.data() + ShearWarp::FadePadding;
-    view.count = factors.size() - 2 * ShearWarp::FadePadding;
+    fading.SetStack(m_Slices.columns, m_FirstSlice);
   }
   m_ReducedResampling = m_BlockExtrema.maxima ? m_Parameters.reducedResampling : ReducedResamplingEnum::Off;
   if constexpr (std::is_floating_point_v<TPixel>)
@@ -309,9 +304,10 @@ ShearWarpProjector<TPixel>::GetSizeInBytes() const
   {
     bytes += CountBytes(view.intervals);
   }
-  for (const GridFading & fading : m_Fadings)
+  bytes += CountBytes(m_Fadings);
+  for (const auto & fading : m_Fadings)
   {
-    bytes += sizeof(fading) + CountBytes(fading.factors);
+    bytes += CountBytes(fading.factors);
   }
   for (const PlacementList & placements : m_Placements)
   {
@@ -428,7 +424,7 @@ ShearWarpProjector<TPixel>::ProjectRows(Worker &       worker,
               image.known.data() },
             this->GetRankedImage(m_Views[g / gridsOfView], this->GetRanks(image, 0), m_FirstSlice),
             m_Mask.voxels ? &m_Mask : nullptr,
-            m_Fadings.empty() ? nullptr : &m_Fadings[g].view });
+            m_Fadings.empty() ? nullptr : &m_Fadings[g] });
       }
     }
     if (!worker.views.empty())

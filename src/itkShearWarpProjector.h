@@ -149,13 +149,6 @@ private:
     std::ptrdiff_t                              pause{ 0 };
   };
 
-  /** How the samples of a grid fade. */
-  struct GridFading
-  {
-    ShearWarp::ViewFading<TPixel>              view;
-    std::vector<ShearWarp::FadeNumber<TPixel>> factors;
-  };
-
   struct TileCount
   {
     SizeValueType all, skipped;
@@ -280,7 +273,7 @@ private:
   const ShearWarp::Kernels<TPixel> *               m_Kernels{ nullptr };
   ViewList                                         m_Views;
   std::vector<ShearWarp::Region>                   m_Regions; // of each grid, if any has intervals
-  std::vector<GridFading>                          m_Fadings; // of each grid, if samples fade
+  std::vector<ShearWarp::ViewFading<TPixel>>       m_Fadings; // of each grid, if samples fade
   Parameters                                       m_Parameters;
   std::vector<const ShearWarp::IntermediateGrid *> m_Grids;      // of each view its phases, of these the extrema
   std::vector<PlacementList>                       m_Placements; // on each grid, of the slices

@@ -233,46 +233,22 @@ FadeSample(TPixel sample, FadeNumber<TPixel> product, TPixel background)
 
 template <typename TPixel>
 void
-FadeRow(const FadeNumber<TPixel> * __restrict factors,
-        std::int32_t       first,
-        FadeNumber<TPixel> factor,
-        TPixel             background,
-        ColumnSpan         span,
-        TPixel * __restrict samples)
+FadeRow(const FadingRow<TPixel> & row, ColumnSpan span, TPixel * __restrict samples)
 {
-  for (std::int32_t p = span.begin; p < span.end; ++p)
+  const auto [reached, first, factor, factors, background] = row;
+  const std::int32_t begin = span.begin > reached.begin ? span.begin : reached.begin;
+  const std::int32_t end = span.end < reached.end ? span.end : reached.end;
+  for (std::int32_t p = begin; p < end; ++p)
   {
     samples[p] = FadeSample(samples[p], factor * factors[p - first], background);
   }
 }
 
-/** How a row of samples fades: those of its span, column p by `factor * factors[p - first]`. */
+/** A sample of column \a column, as the row fades. */
 template <typename TPixel>
-struct FadedRow
+TPixel
+FadeInRow(const FadingRow<TPixel> & row, TPixel sample, std::ptrdiff_t column)
 {
-  FadingRow<FadeNumber<TPixel>> row;
-  const FadeNumber<TPixel> *    factors;
-  TPixel                        background;
-
-  TPixel
-  operator()(TPixel sample, std::ptrdiff_t column) const
-  {
-    const bool fades = column >= row.span.begin && column < row.span.end;
-    return fades ? FadeSample(sample, row.factor * factors[column - row.first], background) : sample;
-  }
-};
-
-/** That of a row of the intermediate image and a slice that reaches the columns of \a reached. */
-template <typename TPixel>
-FadedRow<TPixel>
-FindFading(const ViewFading<TPixel> & view, std::ptrdiff_t row, std::ptrdiff_t slice, ColumnSpan reached)
-{
-  return { MakeFadingRow<FadeNumber<TPixel>>(view.fading,
-                                             view.depth,
-                                             static_cast<double>(row),
-                                             static_cast<double>(view.firstSlice + slice),
-                                             reached,
-                                             view.count),
-           view.factors,
-           view.background };
+  const bool fades = column >= row.span.begin && column < row.span.end;
+  return fades ? FadeSample(sample, row.factor * row.factors[column - row.first], row.background) : sample;
 }

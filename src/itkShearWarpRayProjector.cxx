@@ -45,7 +45,11 @@ ShearWarpRayProjector<TPixel>::Start(const ShearWarpFactorization &     factoriz
   for (std::size_t n = 0; n < phases.size(); ++n)
   {
     m_RowStride = std::max(m_RowStride, ShearWarp::CountBlocks(phases[n].columns, ShearWarp::TileColumns));
-    m_Rays[n].depth = factorization.GetFunctionOfPhase(m_Depth, n);
+    m_Rays[n].fading.reset();
+    if (parameters.fading)
+    {
+      m_Rays[n].fading = { *parameters.fading, factorization.GetFunctionOfPhase(m_Depth, n), parameters.background };
+    }
     m_Rays[n].region.intervals = parameters.intervals;
     for (ShearWarp::Interval & interval : m_Rays[n].region.intervals)
     {
@@ -92,6 +96,10 @@ ShearWarpRayProjector<TPixel>::Project(const ShearWarpPreparedVolume<TPixel> &  
   for (Rays & rays : m_Rays)
   {
     rays.region.firstSlice = corner.slice;
+    if (rays.fading)
+    {
+      rays.fading->SetStack(m_Slices.columns, corner.slice);
+    }
   }
   m_Placements.clear();
   for (const ShearWarp::IntermediateGrid & phase : m_Factorization->GetPhases())
@@ -99,11 +107,6 @@ ShearWarpRayProjector<TPixel>::Project(const ShearWarpPreparedVolume<TPixel> &  
     m_Placements.push_back(ShearWarp::PlacePart(phase, corner, m_Slices.slices));
   }
   m_Mask = mask ? mask->GetSlices(axis) : ShearWarp::SliceStack<MaskPixelType>{};
-  if (m_Parameters.fading)
-  {
-    m_FadeFactors = ShearWarp::MakeFadeFactors<ShearWarp::FadeNumber<TPixel>>(
-      *m_Parameters.fading, m_Depth.perColumn, m_Slices.columns);
-  }
   for (Worker & worker : m_Workers)
   {
     worker.samples.resize(m_RowStride);
@@ -203,23 +206,10 @@ ShearWarpRayProjector<TPixel>::ProjectRow(Worker &              worker,
   {
     m_Kernels->sampleRow(row, span, samples);
   }
-  if (m_Parameters.fading)
+  if (const auto & fading = m_Rays[phase].fading)
   {
     // of all columns, so that what a box leaves out changes no bit of the others
-    const auto fades =
-      ShearWarp::MakeFadingRow<ShearWarp::FadeNumber<TPixel>>(*m_Parameters.fading,
-                                                              m_Rays[phase].depth,
-                                                              static_cast<double>(pixelRow),
-                                                              this->GetPosition(slice),
-                                                              reached,
-                                                              m_FadeFactors.size() - 2 * ShearWarp::FadePadding);
-    const ShearWarp::ColumnSpan faded{ std::max(span.begin, fades.span.begin), std::min(span.end, fades.span.end) };
-    m_Kernels->fadeRow(m_FadeFactors.data() + ShearWarp::FadePadding,
-                       fades.first,
-                       fades.factor,
-                       m_Parameters.fading->background,
-                       faded,
-                       samples);
+    m_Kernels->fadeRow(fading->GetRow(pixelRow, slice, reached), span, samples);
   }
 
   const ShearWarp::RayRow<TPixel> rays = this->GetRayRow(phase, pixelRow);
@@ -302,10 +292,11 @@ ShearWarpRayProjector<TPixel>::GetSizeInBytes() const
 {
   using ShearWarp::CountBytes;
   SizeValueType bytes = m_JoinedValues.GetSizeInBytes() + m_JoinedSlices.GetSizeInBytes() + CountBytes(m_Bands) +
-                        CountBytes(m_FadeFactors) + CountBytes(m_Rays) + CountBytes(m_Reached) + CountBytes(m_Workers);
+                        CountBytes(m_Rays) + CountBytes(m_Reached) + CountBytes(m_Workers);
   for (const Rays & rays : m_Rays)
   {
     bytes += rays.values.GetSizeInBytes() + rays.slices.GetSizeInBytes() + CountBytes(rays.region.intervals);
+    bytes += rays.fading ? CountBytes(rays.fading->factors) : 0;
   }
   for (const Worker & worker : m_Workers)
   {

@@ -45,12 +45,6 @@ public:
   using MaskPixelType = unsigned char;
   using IntermediateImageType = ShearWarp::IntermediateImage<TPixel>;
 
-  /** Samples fade to \a background. */
-  struct Fading : ShearWarp::Fading
-  {
-    TPixel background;
-  };
-
   /** What rays do with their samples. */
   struct Parameters
   {
@@ -60,7 +54,9 @@ public:
     std::optional<TPixel> localMaximumThreshold;
     /** Samples count in all of them. */
     std::vector<ShearWarp::Interval> intervals;
-    std::optional<Fading>            fading;
+    /** How samples fade to the background, if they do. */
+    std::optional<ShearWarp::Fading> fading;
+    TPixel                           background{};
     /** Of the voxels that count in a mask; 0 for all but 0. */
     MaskPixelType maskLabel{ 0 };
   };
@@ -105,9 +101,9 @@ private:
   /** The rays of one phase: as many rows as its grid. */
   struct Rays
   {
-    ShearWarpBuffer            values, slices;
-    ShearWarp::Region          region;
-    ShearWarp::ShearedFunction depth;
+    ShearWarpBuffer                              values, slices;
+    ShearWarp::Region                            region;
+    std::optional<ShearWarp::ViewFading<TPixel>> fading;
   };
 
   struct Worker
@@ -132,13 +128,6 @@ private:
   void
   ProjectSlice(Worker & worker, const Band & band, std::ptrdiff_t slice) const;
 
-  /** The slice's number in the volume. */
-  double
-  GetPosition(std::ptrdiff_t slice) const
-  {
-    return static_cast<double>(m_FirstSlice + slice);
-  }
-
   /** Projects row \a j of a slice, which reaches \a reached, to rays \a span of row \a pixelRow. */
   void
   ProjectRow(Worker &              worker,
@@ -149,19 +138,18 @@ private:
              std::ptrdiff_t        slice,
              std::ptrdiff_t        j) const;
 
-  const ShearWarp::Kernels<TPixel> *         m_Kernels{ nullptr };
-  const ShearWarpFactorization *             m_Factorization{ nullptr };
-  Parameters                                 m_Parameters;
-  ShearWarp::ShearedFunction                 m_Depth{};
-  std::vector<Rays>                          m_Rays; // of the factorization's phases
-  std::vector<Band>                          m_Bands;
-  std::vector<ShearWarp::FadeNumber<TPixel>> m_FadeFactors; // by column of a slice
-  std::ptrdiff_t                             m_FirstSlice{ 0 };
-  std::vector<Worker>                        m_Workers;
-  std::ptrdiff_t                             m_RowStride{ 0 };
-  bool                                       m_IsCleared{ false };
-  ShearWarpBuffer                            m_JoinedValues, m_JoinedSlices;
-  std::vector<ShearWarp::ColumnSpan>         m_Reached; // of the joined image's rows
+  const ShearWarp::Kernels<TPixel> * m_Kernels{ nullptr };
+  const ShearWarpFactorization *     m_Factorization{ nullptr };
+  Parameters                         m_Parameters;
+  ShearWarp::ShearedFunction         m_Depth{};
+  std::vector<Rays>                  m_Rays; // of the factorization's phases
+  std::vector<Band>                  m_Bands;
+  std::ptrdiff_t                     m_FirstSlice{ 0 };
+  std::vector<Worker>                m_Workers;
+  std::ptrdiff_t                     m_RowStride{ 0 };
+  bool                               m_IsCleared{ false };
+  ShearWarpBuffer                    m_JoinedValues, m_JoinedSlices;
+  std::vector<ShearWarp::ColumnSpan> m_Reached; // of the joined image's rows
 
   ShearWarp::SliceStack<TPixel>                       m_Slices{};
   ShearWarp::SliceStack<MaskPixelType>                m_Mask{};     // without voxels if there is none

@@ -129,17 +129,17 @@ TakeSpans(const TileRow<TPixel> & row, std::ptrdiff_t column)
 /** LaneCount samples of a row, from \a column on, as they fade. */
 template <typename TPixel, typename TVector>
 SHEARWARP_INLINE inline TVector
-Fade(TVector sample, const FadedRow<TPixel> & fading, std::ptrdiff_t column)
+Fade(TVector sample, const FadingRow<TPixel> & fading, std::ptrdiff_t column)
 {
-  const std::uint32_t lanes = GetLanes<TPixel>(fading.row.span, column);
+  const std::uint32_t lanes = GetLanes<TPixel>(fading.span, column);
   if (lanes == 0)
   {
     return sample;
   }
   constexpr std::uint32_t all = static_cast<std::uint32_t>((std::uint64_t{ 1 } << LaneCount<TPixel>)-1);
-  const float * const     factors = fading.factors + (column - fading.row.first);
+  const float * const     factors = fading.factors + (column - fading.first);
   const auto              to = static_cast<float>(fading.background);
-  const TVector           faded = Lanes::Fade<IsUnsignedShort<TPixel>>(sample, factors, fading.row.factor, to);
+  const TVector           faded = Lanes::Fade<IsUnsignedShort<TPixel>>(sample, factors, fading.factor, to);
   return lanes == all ? faded : Lanes::Select(sample, faded, lanes);
 }
 
@@ -260,7 +260,8 @@ TakeMasked(const TileRow<TPixel> & row, std::ptrdiff_t column)
         const int      lane = __builtin_ctz(rest);
         const TPixel * a = b - above * row.rowStride + lane;
         const TPixel   mean = SampleCounted(a, b + lane, 0, -before, slice.x, slice.y, mask.GetVoxels(r, above, lane));
-        TakeSample<TRule>(row.fades ? row.fades[r](mean, column + lane) : mean, row.rank, pixels[lane], ranks + lane);
+        TakeSample<TRule>(
+          row.fades ? FadeInRow(row.fades[r], mean, column + lane) : mean, row.rank, pixels[lane], ranks + lane);
       }
     });
 }
@@ -601,20 +602,20 @@ private:
       const TPixel * const above = voxel - (y != 0 ? m_Stack.rowStride : 0);
       const std::ptrdiff_t place = row * m_View.intermediate.rowStride + column;
       const TPixel         sample = SampleCounted(above, voxel, 0, 0, 0, y, counted);
-      TakeSample<TRule>(m_View.fading ? this->FindFading(slice, row)(sample, column) : sample,
+      TakeSample<TRule>(m_View.fading ? FadeInRow(this->FindFading(slice, row), sample, column) : sample,
                         GetRank(m_View.ranked, m_Slice),
                         m_View.intermediate.pixels[place],
                         m_View.ranked.ranks + place);
     }
   }
 
-  FadedRow<TPixel>
+  FadingRow<TPixel>
   FindFading(const PlacedSlice & slice, std::ptrdiff_t row) const
   {
     const auto    column = static_cast<std::int32_t>(slice.column);
     const RowSpan samples = FindSamples({ column, slice.x }, m_Stack.columns, m_Stack.columnEnds);
     const auto    reached = GetColumns(column + samples.begin, column + samples.end);
-    return ShearWarp::FindFading(*m_View.fading, row, m_Slice, reached);
+    return m_View.fading->GetRow(row, m_Slice, reached);
   }
 
   /** Samples that \a count slices have in common; \a index is the first slice. */
@@ -732,7 +733,7 @@ private:
   __attribute__((noinline)) void
   ProjectFading(TileRow<TPixel> tiles) const
   {
-    FadedRow<TPixel> fades[VRows];
+    FadingRow<TPixel> fades[VRows];
     for (int r = 0; r < VRows; ++r)
     {
       fades[r] = this->FindFading(*tiles.slices, tiles.row + r);

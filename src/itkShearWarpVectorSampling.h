@@ -125,23 +125,23 @@ class Prefetcher;
 template <typename TPixel>
 struct TileRow
 {
-  const TPixel *           voxels;
-  std::ptrdiff_t           rowStride;
-  const PlacedSlice *      slices;
-  std::ptrdiff_t           count;
-  std::ptrdiff_t           row, begin, end;
-  TPixel *                 pixels;
-  std::ptrdiff_t           pixelStride;
-  const TileState *        active;
-  std::ptrdiff_t           nextSlice;  // distance in voxels
-  Prefetcher *             prefetcher; // null where tiles fetch their own place in the next slice
-  SliceRank<TPixel>        rank;       // of the one slice
-  const Mask *             mask;
-  bool                     isMoved{ false }; // so that it has rows of other tiles, whose states `active` does not tell
-  SliceRank<TPixel> *      ranks{ nullptr };
-  const FadedRow<TPixel> * fades{ nullptr }; // of each row
-  const ColumnSpan *       spans{ nullptr };
-  ColumnSpan               any{}, common{};
+  const TPixel *            voxels;
+  std::ptrdiff_t            rowStride;
+  const PlacedSlice *       slices;
+  std::ptrdiff_t            count;
+  std::ptrdiff_t            row, begin, end;
+  TPixel *                  pixels;
+  std::ptrdiff_t            pixelStride;
+  const TileState *         active;
+  std::ptrdiff_t            nextSlice;  // distance in voxels
+  Prefetcher *              prefetcher; // null where tiles fetch their own place in the next slice
+  SliceRank<TPixel>         rank;       // of the one slice
+  const Mask *              mask;
+  bool                      isMoved{ false }; // so that it has rows of other tiles, whose states `active` does not tell
+  SliceRank<TPixel> *       ranks{ nullptr };
+  const FadingRow<TPixel> * fades{ nullptr }; // of each row
+  const ColumnSpan *        spans{ nullptr };
+  ColumnSpan                any{}, common{};
 };
 
 /** The samples of a slice in a tile, of one or two short integers whose difference fits in 16 bits: linear

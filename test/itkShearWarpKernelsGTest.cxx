@@ -1009,7 +1009,8 @@ TYPED_TEST(ShearWarpKernelsTyped, FadeRowFollowsTheRuleAtSpecialNumbers)
       }
       ForEachInstructionSet([&](const std::string &) {
         auto samples = values;
-        Kernels::GetKernels<TypeParam>().fadeRow(factors.data(), 0, factor, background, { 0, count }, samples.data());
+        Kernels::GetKernels<TypeParam>().fadeRow(
+          { { 0, count }, 0, factor, factors.data(), background }, { 0, count }, samples.data());
         EXPECT_EQ(samples, expected) << "to " << +background << " by " << product;
         portable = portable.empty() ? samples : portable;
         EXPECT_TRUE(HaveSameValues(samples, portable)) << "to " << +background << " by " << product;

@@ -164,13 +164,13 @@ TEST(ShearWarpMIPArithmetic, FadedSamplesLieBetweenSampleAndBackground)
       {
         const double one = 1.0;
         double       sample = from;
-        kernels.fadeRow(&one, 0, factor, to, { 0, 1 }, &sample);
+        kernels.fadeRow({ { 0, 1 }, 0, factor, &one, to }, { 0, 1 }, &sample);
         EXPECT_TRUE(sample >= std::min(from, to) && sample <= std::max(from, to)) << from << ' ' << to << ' ' << factor;
         EXPECT_TRUE(factor > 0.0 || sample == (std::isfinite(from - to) ? to : from)) << from << ' ' << to;
       }
     }
   }
   double nothing = std::numeric_limits<double>::quiet_NaN();
-  kernels.fadeRow(numbers + 5, 0, 1.0, 1.0, { 0, 1 }, &nothing);
+  kernels.fadeRow({ { 0, 1 }, 0, 1.0, numbers + 5, 1.0 }, { 0, 1 }, &nothing);
   EXPECT_TRUE(std::isnan(nothing));
 }
