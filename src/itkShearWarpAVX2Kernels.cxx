@@ -80,6 +80,15 @@ struct Lanes
     return _mm256_blendv_epi8(rank, least, _mm256_cmpeq_epi16(before, better));
   }
   static Short SetRank(std::int16_t v) { return Set(v); }
+  /** The ranks of rays that are at \a beyond before and then meet a worse sample, which is not \a none, have EndedRank
+   * added. */
+  static Short EndRays(Short before, Short beyond, Short better, Short sample, Short, Short ranks)
+  {
+    const Short ended = _mm256_andnot_si256(_mm256_cmpeq_epi16(better, sample), _mm256_cmpeq_epi16(before, beyond));
+    return _mm256_or_si256(ranks, _mm256_and_si256(ended, Set(-32768)));
+  }
+  /** The lanes of \a kept whose ranks are negative, the others of \a v. */
+  static Short KeepEnded(Short ranks, Short kept, Short v) { return _mm256_blendv_epi8(v, kept, _mm256_srai_epi16(ranks, 15)); }
 
   static Int MaximumInt(Int a, Int b) { return _mm256_max_epi32(a, b); }
   static Int MinimumInt(Int a, Int b) { return _mm256_min_epi32(a, b); }
@@ -120,6 +129,13 @@ struct Lanes
   static Int Load(const std::int32_t * p) { return _mm256_loadu_si256(reinterpret_cast<const __m256i *>(p)); }
   static void Store(std::int32_t * p, Int v) { _mm256_storeu_si256(reinterpret_cast<__m256i *>(p), v); }
   static Int SetRank(std::int32_t v) { return SetInt(v); }
+  static Int EndRays(Float before, Float beyond, Float better, Float sample, Float none, Int ranks)
+  {
+    const Float isWorse = _mm256_and_ps(_mm256_cmp_ps(better, sample, _CMP_NEQ_OQ), _mm256_cmp_ps(sample, none, _CMP_NEQ_OQ));
+    const Float ended = _mm256_and_ps(isWorse, _mm256_cmp_ps(before, beyond, _CMP_EQ_OQ));
+    return _mm256_or_si256(ranks, _mm256_slli_epi32(_mm256_castps_si256(ended), 31));
+  }
+  static Float KeepEnded(Int ranks, Float kept, Float v) { return _mm256_blendv_ps(v, kept, _mm256_castsi256_ps(ranks)); }
   static Int SelectNearest(Float before, Float sample, Float better, Int rankBefore, Int rank)
   {
     const Int least = _mm256_blendv_epi8(rankBefore, _mm256_min_epi32(rankBefore, rank), _mm256_castps_si256(_mm256_cmp_ps(sample, better, _CMP_EQ_OQ)));
@@ -218,7 +234,7 @@ struct Lanes
   // clang-format on
 };
 
-#include "itkShearWarpRayKernels.h"
+#include "itkShearWarpScalarKernels.h"
 #include "itkShearWarpVectorKernels.h"
 } // namespace
 

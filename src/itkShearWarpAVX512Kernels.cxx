@@ -76,6 +76,15 @@ struct Lanes
     return _mm512_mask_blend_epi16(_mm512_cmpeq_epi16_mask(before, better), rank, least);
   }
   static Short SetRank(std::int16_t v) { return Set(v); }
+  /** The ranks of rays that are at \a beyond before and then meet a worse sample, which is not \a none, have EndedRank
+   * added. */
+  static Short EndRays(Short before, Short beyond, Short better, Short sample, Short, Short ranks)
+  {
+    const __mmask32 ended = _mm512_mask_cmpneq_epi16_mask(_mm512_cmpeq_epi16_mask(before, beyond), better, sample);
+    return _mm512_mask_blend_epi16(ended, ranks, _mm512_or_si512(ranks, Set(-32768)));
+  }
+  /** The lanes of \a kept whose ranks are negative, the others of \a v. */
+  static Short KeepEnded(Short ranks, Short kept, Short v) { return _mm512_mask_blend_epi16(_mm512_movepi16_mask(ranks), v, kept); }
 
   static Int MaximumInt(Int a, Int b) { return _mm512_max_epi32(a, b); }
   static Int MinimumInt(Int a, Int b) { return _mm512_min_epi32(a, b); }
@@ -118,6 +127,14 @@ struct Lanes
   static Int Load(const std::int32_t * p) { return _mm512_loadu_si512(p); }
   static void Store(std::int32_t * p, Int v) { _mm512_storeu_si512(p, v); }
   static Int SetRank(std::int32_t v) { return SetInt(v); }
+  static Int EndRays(Float before, Float beyond, Float better, Float sample, Float none, Int ranks)
+  {
+    const __mmask16 isBeyond = _mm512_cmp_ps_mask(before, beyond, _CMP_EQ_OQ);
+    const __mmask16 isWorse = _mm512_mask_cmp_ps_mask(isBeyond, better, sample, _CMP_NEQ_OQ);
+    const __mmask16 ended = _mm512_mask_cmp_ps_mask(isWorse, sample, none, _CMP_NEQ_OQ);
+    return _mm512_mask_or_epi32(ranks, ended, ranks, SetInt(-2147483647 - 1));
+  }
+  static Float KeepEnded(Int ranks, Float kept, Float v) { return _mm512_mask_blend_ps(_mm512_movepi32_mask(ranks), v, kept); }
   static Int SelectNearest(Float before, Float sample, Float better, Int rankBefore, Int rank)
   {
     const Int least = _mm512_mask_min_epi32(rankBefore, _mm512_cmp_ps_mask(sample, better, _CMP_EQ_OQ), rankBefore, rank);
@@ -208,7 +225,7 @@ struct Lanes
   // clang-format on
 };
 
-#include "itkShearWarpRayKernels.h"
+#include "itkShearWarpScalarKernels.h"
 #include "itkShearWarpVectorKernels.h"
 } // namespace
 

@@ -20,7 +20,6 @@
 #include "itkShearWarpPixelTypes.h"
 #include "itkShearWarpPreparedVolume.h"
 #include "itkShearWarpProjector.h"
-#include "itkShearWarpRayProjector.h"
 
 #include <algorithm>
 #include <chrono>
@@ -167,7 +166,6 @@ public:
   using Kernels = ShearWarp::Kernels<TPixel>;
   using IntermediateImage = ShearWarp::IntermediateImage<TPixel>;
   using Projector = ShearWarpProjector<TPixel>;
-  using RayProjector = ShearWarpRayProjector<TPixel>;
 
   explicit Implementation(ShearWarp::Measurements & measurementsOfEngine)
     : measurements(measurementsOfEngine)
@@ -191,23 +189,22 @@ public:
     measurements.instructionSet = kernels->instructionSet;
   }
 
-  /** Whether intermediate images tell the slices of their pixels: of depths, and of masks, where a pixel may have none;
-   * and of what fades, as that is projected by the same loops. */
+  /** Whether the order of samples matters: to the first local maximum, and where slices are more than ranks tell. */
   static bool
-  NeedsSlices(const VolumeType & input, const RuleType & rule)
-  {
-    return rule.hasDepth || input.mask || rule.depthAttenuation > 0.0;
-  }
-
-  /** Whether only RayProjector can project: what depends on the order of samples, and slices of more than ranks tell.
-   */
-  static bool
-  NeedsRays(const VolumeType & input, const RuleType & rule)
+  IsOrdered(const VolumeType & input, const RuleType & rule)
   {
     const auto size = input.whole.GetSize();
     const auto mostSlices = static_cast<SizeValueType>(Projector::MostRankedSlices);
     return rule.localMaximumThreshold ||
            (NeedsSlices(input, rule) && std::max({ size[0], size[1], size[2] }) > mostSlices);
+  }
+
+  /** Whether intermediate images tell the slices of their pixels: of depths, and of masks, where a pixel may have none;
+   * and of what fades and of local maxima, as they are projected by the same loops. */
+  static bool
+  NeedsSlices(const VolumeType & input, const RuleType & rule)
+  {
+    return rule.hasDepth || input.mask || rule.depthAttenuation > 0.0 || rule.localMaximumThreshold;
   }
 
   static std::vector<Group>
@@ -265,7 +262,6 @@ public:
   ShearWarpPreparedVolume<unsigned char>    mask{ true };
   Slabs                                     slabsOfParts; // a part's next view has their memory
   Projector                                 projector;
-  RayProjector                              rayProjector;
   const Kernels *                           kernels{ nullptr };
   const ShearWarp::Kernels<unsigned char> * kernelsOfMask{ nullptr };
   ShearWarp::Measurements &                 measurements;
@@ -279,7 +275,7 @@ ShearWarpEngine<TPixel>::Implementation::MakeGroups(const VolumeType &        in
                                                     const RuleType &          rule,
                                                     SizeValueType             memoryOfThread)
 {
-  const bool                                          isOneByOne = NeedsRays(input, rule);
+  const bool                                          isOneByOne = IsOrdered(input, rule);
   std::vector<Projection>                             projections[3];
   Size<2>                                             largest[3]{};
   unsigned int                                        oversampling = 1;
@@ -448,29 +444,8 @@ ShearWarpEngine<TPixel>::Implementation::ProjectGroup(
   // what serves further views is made when they come
   const unsigned int projectedAxes = volume.GetProjectedAxes(input.image);
   const bool         isKept = (projectedAxes >> group.axis & 1U) != 0;
-  if (NeedsRays(input, rule))
-  {
-    const View &                      first = *firsts.front();
-    typename RayProjector::Parameters parameters;
-    parameters.mode = rule.mode == ModeEnum::Minimum           ? &kernels->minimum
-                      : rule.mode == ModeEnum::AbsoluteMaximum ? &kernels->absoluteMaximum
-                                                               : &kernels->maximum;
-    parameters.localMaximumThreshold = rule.localMaximumThreshold;
-    parameters.intervals = MakeIntervals(first, rule);
-    parameters.fading = MakeFading(first, rule, input.image);
-    parameters.background = rule.background;
-    parameters.maskLabel = rule.maskLabel;
-    rayProjector.Start(first.factorization, *kernels, parameters, threads.count);
-    const auto project = [this](const auto & ofVolume, const auto * ofMask, const Parallelize & parallelize) {
-      rayProjector.Project(ofVolume, ofMask, parallelize);
-    };
-    const Pass pass{ group.axis, rayProjector.IsFirstSlabFront(), false, false, isKept, share };
-    this->ProjectSlabs(input, pass, slabs, project, threads);
-    finish([this](std::size_t, const Parallelize & parallelize) { return rayProjector.Finish(parallelize); });
-    return;
-  }
-
-  const bool hasBlockExtrema =
+  const bool         isOrdered = IsOrdered(input, rule);
+  const bool         hasBlockExtrema =
     rule.IsPlainMaximum() && !input.mask &&
     (rule.reducedResampling == ReducedResamplingEnum::On || group.projections.size() > 1 || projectedAxes != 0);
   typename Projector::ViewList views;
@@ -478,14 +453,20 @@ ShearWarpEngine<TPixel>::Implementation::ProjectGroup(
   {
     views.push_back({ &first->factorization, MakeIntervals(*first, rule), MakeFading(*first, rule, input.image) });
   }
-  projector.Start(views,
-                  *kernels,
-                  { rule.mode, NeedsSlices(input, rule), rule.background, rule.maskLabel, rule.reducedResampling },
-                  threads.count);
+  typename Projector::Parameters parameters;
+  parameters.mode = rule.mode;
+  parameters.hasSlices = NeedsSlices(input, rule);
+  parameters.isOrdered = isOrdered;
+  parameters.background = rule.background;
+  parameters.maskLabel = rule.maskLabel;
+  parameters.reducedResampling = rule.reducedResampling;
+  parameters.localThreshold = rule.localMaximumThreshold;
+  projector.Start(views, *kernels, parameters, threads.count);
   const auto project = [this](const auto & ofVolume, const auto * ofMask, const Parallelize & parallelize) {
     projector.Project(ofVolume, ofMask, parallelize);
   };
-  const Pass pass{ group.axis, true, hasBlockExtrema, input.mask != nullptr, isKept, share };
+  const bool isFirstSlabFirst = !isOrdered || Projector::IsFirstSlabFront(firsts.front()->factorization);
+  const Pass pass{ group.axis, isFirstSlabFirst, hasBlockExtrema, input.mask != nullptr, isKept, share };
   this->ProjectSlabs(input, pass, slabs, project, threads);
   // shares may sum to a little more than 1
   measurements.skippedFraction = std::min(measurements.skippedFraction + projector.GetSkippedFraction() * share, 1.0);
@@ -589,10 +570,9 @@ ShearWarpEngine<TPixel>::ProjectPart(const VolumeType &                volume,
   const unsigned int axis = factorization.GetPrincipalAxis();
   const bool         hasBlockExtrema = reducedResampling != ReducedResamplingEnum::Off;
   const bool         isKept = hasBlockExtrema || engine.volume.IsPrepared(volume.image, axis, false);
-  engine.projector.Start({ { &factorization, {} } },
-                         *engine.kernels,
-                         { ModeEnum::Maximum, false, TPixel{}, 0, reducedResampling },
-                         threads.count);
+  typename Implementation::Projector::Parameters parameters;
+  parameters.reducedResampling = reducedResampling;
+  engine.projector.Start({ { &factorization, {} } }, *engine.kernels, parameters, threads.count);
   const auto project = [&](const auto & prepared, const auto *, const Parallelize & parallelize) {
     engine.projector.Project(prepared, nullptr, parallelize);
   };
@@ -677,7 +657,7 @@ ShearWarpEngine<TPixel>::GetSizeInBytes() const
 {
   const Implementation & engine = *m_Implementation;
   return engine.volume.GetSizeInBytes() + engine.slabsOfParts.volume.GetSizeInBytes() + engine.mask.GetSizeInBytes() +
-         engine.projector.GetSizeInBytes() + engine.rayProjector.GetSizeInBytes();
+         engine.projector.GetSizeInBytes();
 }
 
 #define INSTANTIATE(TPixel) template class ShearWarpEngine<TPixel>;

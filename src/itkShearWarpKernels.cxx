@@ -47,7 +47,11 @@ FindSamples(const SamplingPosition & position, std::ptrdiff_t voxels, Ends ends)
 std::ptrdiff_t
 FindFirstRow(const Block & block, const SlicePlacement * placements, std::ptrdiff_t slice)
 {
-  if (block.hasCommonRows)
+  if (block.rowsOf == BlockRows::OfImage)
+  {
+    return 0;
+  }
+  if (block.rowsOf == BlockRows::OfMiddleSlices)
   {
     slice = std::min(slice / BlockLength * BlockLength + BlockLength / 2, block.sliceEnd - 1);
   }
@@ -55,12 +59,17 @@ FindFirstRow(const Block & block, const SlicePlacement * placements, std::ptrdif
 }
 
 RowSpan
-FindRows(const Block & block, const SlicePlacement * placements, std::ptrdiff_t slice)
+FindRowSamples(const Block & block, const SlicePlacement * placements, std::ptrdiff_t slice, Ends rowEnds)
 {
-  const std::ptrdiff_t difference = FindFirstRow(block, placements, slice) - placements[slice].row.whole;
-  const auto           shift = [&](std::ptrdiff_t row) {
-    const bool isEnd = row == 0 || row == block.rows;
-    return isEnd ? row : std::clamp<std::ptrdiff_t>(row + difference, 0, block.rows);
+  const SamplingPosition & position = placements[slice].row;
+  const std::ptrdiff_t     difference = FindFirstRow(block, placements, slice) - position.whole;
+  const RowSpan            all = FindSamples(position, block.rows, rowEnds);
+  const auto               shift = [&](std::ptrdiff_t row) {
+    if (block.rowsOf != BlockRows::OfImage && (row == 0 || row == block.rows))
+    {
+      return row == 0 ? all.begin : all.end;
+    }
+    return std::clamp(row + difference, all.begin, all.end);
   };
   return { shift(block.rowBegin), shift(block.rowEnd) };
 }

@@ -22,7 +22,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <cstring>
 #include <limits>
 #include <type_traits>
 #include <vector>
@@ -64,18 +63,27 @@ struct SliceStack
   Ends           columnEnds{}, rowEnds{};
 };
 
-/** Rows [rowBegin, rowEnd), of `rows`, of slices [sliceBegin, sliceEnd) of a SliceStack: each a multiple of BlockLength
- * or the stack's end.
+/** Whose rows a block has. */
+enum class BlockRows : std::uint8_t
+{
+  OfSlices,
+  OfMiddleSlices, // the other slices of each BlockLength: their samples in the same rows of the intermediate image
+  OfImage         // the intermediate image's
+};
+
+/** Rows [rowBegin, rowEnd), of slices [sliceBegin, sliceEnd) of a SliceStack of `rows` rows: each a multiple of
+ * BlockLength or the end.
  *
- * Sample j of a slice lies between its rows j - 1 and j, and belongs to the block of row j. With `hasCommonRows` that
- * holds for the middle one of BlockLength slices, and the others have the samples in the same rows of the intermediate
- * image, so that slices can be projected together; at the ends of the stack all that there are. See FindRows(). */
+ * Sample j of a slice lies between its rows j - 1 and j, and belongs to the block of row j; see FindRowSamples(). With
+ * common rows slices can be projected together. With rows of the image blocks share no pixel, so that each pixel can
+ * have its samples in their order: the first slice first, or the last one if the block `isBackward`. */
 struct Block
 {
   std::ptrdiff_t rowBegin, rowEnd;
   std::ptrdiff_t sliceBegin, sliceEnd;
   std::ptrdiff_t rows;
-  bool           hasCommonRows{ false };
+  BlockRows      rowsOf{ BlockRows::OfSlices };
+  bool           isBackward{ false };
 };
 
 /** Rows [begin, end) of an image or a slice. */
@@ -91,21 +99,33 @@ ShearWarpMIP_EXPORT
 RowSpan
 FindSamples(const SamplingPosition & position, std::ptrdiff_t voxels, Ends ends);
 
-/** The row of the intermediate image where row 0 of \a slice lies or, if the block has common rows, of the middle one
- * of the BlockLength slices with it. */
+/** The row of the intermediate image where row 0 of the block's rows lies, for \a slice. */
 ShearWarpMIP_EXPORT
 std::ptrdiff_t
 FindFirstRow(const Block & block, const SlicePlacement * placements, std::ptrdiff_t slice);
 
-/** The rows of \a slice whose samples are the block's. */
+/** The samples of \a slice along its rows that are the block's, as FindSamples() counts them; at the ends of the stack
+ * all that there are. */
 ShearWarpMIP_EXPORT
 RowSpan
-FindRows(const Block & block, const SlicePlacement * placements, std::ptrdiff_t slice);
+FindRowSamples(const Block & block, const SlicePlacement * placements, std::ptrdiff_t slice, Ends rowEnds);
 
-/** The value of a pixel that has met no sample. */
-template <typename TPixel>
-constexpr TPixel NoSample = std::numeric_limits<TPixel>::has_infinity ? -std::numeric_limits<TPixel>::infinity()
-                                                                      : std::numeric_limits<TPixel>::lowest();
+/** Which samples pixels keep: of the same magnitude the positive one. */
+enum class Extremum : std::uint8_t
+{
+  Maximum,
+  Minimum,
+  Magnitude
+};
+
+/** The value of a pixel that has met no sample: of a maximum, a minimum or a magnitude. */
+template <typename TPixel, Extremum VExtremum = Extremum::Maximum>
+constexpr TPixel NoSample = VExtremum == Extremum::Magnitude ? TPixel{ 0 }
+                            : VExtremum == Extremum::Minimum
+                              ? (std::numeric_limits<TPixel>::has_infinity ? std::numeric_limits<TPixel>::infinity()
+                                                                           : std::numeric_limits<TPixel>::max())
+                              : (std::numeric_limits<TPixel>::has_infinity ? -std::numeric_limits<TPixel>::infinity()
+                                                                           : std::numeric_limits<TPixel>::lowest());
 
 /** The intermediate (sheared) image: `rows` x `columns` pixels, `rowStride` pixels from row to row. `reached[r]` are
  * the columns of row r that may have a value; what the other pixels hold is not defined.
@@ -168,19 +188,22 @@ struct Coverage
   Add(ColumnSpan columns, std::ptrdiff_t row, std::ptrdiff_t slice) const;
 };
 
-/** The place of a slice, counted from the viewer: as wide as the lanes of its pixels. Of equal samples the one of the
- * least counts. A pixel without a sample has NoRank. */
+/** The place of a slice, counted from the viewer, from 1 on: as wide as the lanes of its pixels. Of equal samples the
+ * one of the least counts. A pixel without a sample has NoRank; that of a ray which takes no more has EndedRank added.
+ */
 template <typename TPixel>
 using SliceRank = std::conditional_t<(sizeof(TPixel) > 2), std::int32_t, std::int16_t>;
 template <typename TPixel>
 constexpr SliceRank<TPixel> NoRank = std::numeric_limits<SliceRank<TPixel>>::max();
+template <typename TPixel>
+constexpr SliceRank<TPixel> EndedRank = std::numeric_limits<SliceRank<TPixel>>::lowest();
 
 /** The ranks of an image's pixels, laid out as these; that of slice k is `first + step * k`. */
 template <typename TPixel>
 struct RankedImage
 {
   SliceRank<TPixel> * ranks{ nullptr };
-  std::int32_t        first{ 0 }, step{ 1 };
+  std::int32_t        first{ 1 }, step{ 1 };
 };
 
 /** A mask, laid out as the slices of a volume, but with strides of its own: voxels are in it where they are `label` or,
@@ -253,14 +276,18 @@ struct ViewFading
   GetRow(std::ptrdiff_t row, std::ptrdiff_t slice, ColumnSpan reached) const;
 };
 
-/** A view along the slices' axis: the place of each slice, and the image that collects the maxima, or the minima if it
- * `isMinimum`; with a `coverage` of the samples in its region alone. `ranked` tells which slices gave the extrema, if
- * its ranks are not null. Of the views of one call all have a coverage or none, and all have ranks or none.
+/** A view along the slices' axis: the place of each slice, and the image that collects the extrema; with a `coverage`
+ * of the samples in its region alone. `ranked` tells which slices gave the extrema, if its ranks are not null. The
+ * views of one call all have a coverage or none, and all have ranks or none.
+ *
+ * A ray whose pixel is `*localThreshold` or beyond, if that is not null, ends at the first sample that is less good: it
+ * keeps its first local maximum (local maximum intensity projection, Sato et al. 1998). For that, as for magnitudes,
+ * blocks have the image's rows, and slices come from the viewer on.
  *
  * `active`, if not null, tells the state of the tiles of a block of at most BlockLength slices: that of
  * `active[(row - block.rowBegin) / BlockLength * activeStride + column / TileColumns]`, for a row counted from
  * FindFirstRow() and no further than the block's, and a column of the intermediate image. If it is null all tiles are
- * Masked, or Whole without a `mask`. A view with a mask has ranks, and so has one whose samples fade. */
+ * Masked, or Whole without a `mask`. Views of a mask, of fading, of magnitudes and of local maxima have ranks. */
 template <typename TPixel>
 struct ShearedView
 {
@@ -268,61 +295,22 @@ struct ShearedView
   IntermediateImage<TPixel>  intermediate;
   const TileState *          active{ nullptr };
   std::ptrdiff_t             activeStride{ 0 };
-  bool                       isMinimum{ false };
+  Extremum                   extremum{ Extremum::Maximum };
   Coverage                   coverage{};
   RankedImage<TPixel>        ranked{};
   const Mask *               mask{ nullptr };
   const ViewFading<TPixel> * fading{ nullptr };
+  const TPixel *             localThreshold{ nullptr };
 };
 
-/** A row of a slice's samples: between the rows \a a, of weight y / 2^15, and \a b of `columns` voxels, of which voxel
- * 0 is at `column` of the intermediate image. At the first and last rows' outer half voxels, y is 0. */
-template <typename TPixel>
-struct SliceRow
-{
-  const TPixel *   a;
-  const TPixel *   b;
-  std::ptrdiff_t   columns;
-  SamplingPosition column;
-  std::int32_t     y;
-};
-
-/** A row of rays, each of which collects one value from samples that come from front to back: `values`, and the slices
- * that they are of. A ray without any has NoSlice; one that takes no more has EndedRay added to its slice. */
-template <typename TPixel>
-struct RayRow
-{
-  TPixel *       values;
-  std::int32_t * slices;
-};
+/** The slice of a pixel without any. */
 constexpr std::int32_t NoSlice = -1;
-constexpr std::int32_t EndedRay = 1 << 30;
 
 /** Affine map (x, y) -> (xx x + xy y + x0, yx x + yy y + y0). */
 struct AffineMap2D
 {
   double xx, xy, x0;
   double yx, yy, y0;
-};
-
-/** How rays choose among samples: the functions of one mode. Equal samples: the first one stays. Not-a-number takes no
- * part. */
-template <typename TPixel>
-struct RayKernels
-{
-  /** The value of a ray without a sample. */
-  TPixel start;
-
-  /** Gives rays [span.begin, span.end) the samples of a slice, `samples[p]` to ray p. */
-  void (*take)(const TPixel * samples, ColumnSpan span, std::int32_t slice, const RayRow<TPixel> & rays);
-
-  /** The same, but a ray whose value is \a threshold or beyond ends at the first sample that is less good: it keeps its
-   * first local maximum (local maximum intensity projection, Sato et al. 1998). */
-  void (*takeUntilLocalMaximum)(const TPixel *         samples,
-                                ColumnSpan             span,
-                                std::int32_t           slice,
-                                TPixel                 threshold,
-                                const RayRow<TPixel> & rays);
 };
 
 /** The functions of one instruction set. */
@@ -332,7 +320,7 @@ struct Kernels
   /** "portable", "avx2" or "avx512". */
   const char * instructionSet;
 
-  /** Raises, or for a minimum lowers, the pixels of each of \a count views to the extremum of what they hold and of the
+  /** Gives the pixels of each of \a count views the extremum of what they hold and of the
    * samples of a block of the sheared volume: the projection of Fang et al. 2002 (figure 2 and equation 2), one set of
    * weights for a slice. */
   void (*projectBlock)(const SliceStack<TPixel> &  slices,
@@ -380,29 +368,7 @@ struct Kernels
                          std::ptrdiff_t rows,
                          TPixel *       output,
                          bool           isStreamed);
-
-  /** Writes the samples of columns [span.begin, span.end), which the row reaches, to `samples[span.begin]` and on. */
-  void (*sampleRow)(const SliceRow<TPixel> & row, ColumnSpan span, TPixel * samples);
-
-  /** Fades those of samples [span.begin, span.end) that the row has: to `background + (sample - background) * (factor *
-   * factors[p - first])`, computed as FadeNumber and rounded half upward to the pixel type; to a value that lies
-   * between the two. One whose difference from the background is infinite stays as it is. The background is finite,
-   * factors are from 0 to 1. */
-  void (*fadeRow)(const FadingRow<TPixel> & row, ColumnSpan span, TPixel * samples);
-
-  RayKernels<TPixel> maximum;
-  RayKernels<TPixel> minimum;
-  /** The largest magnitude, with its sign; the positive one of two. */
-  RayKernels<TPixel> absoluteMaximum;
 };
-
-/** The first column of \a span where \a marks has \a mark, or its end. */
-inline std::int32_t
-FindMark(const std::uint8_t * marks, ColumnSpan span, std::uint8_t mark)
-{
-  const void * found = std::memchr(marks + span.begin, mark, static_cast<std::size_t>(span.end - span.begin));
-  return found ? static_cast<std::int32_t>(static_cast<const std::uint8_t *>(found) - marks) : span.end;
-}
 
 /** The columns of a row from the first to the last that has a slice, and whether some between them have none. */
 struct ReachedRow
@@ -427,20 +393,6 @@ SampleCounted(const TPixel * a,
               std::int32_t   x,
               std::int32_t   y,
               unsigned int   counted);
-
-/** Samples as \a kernels does with sampleRow, restricted to a Mask of \a label: its rows \a maskA and \a maskB belong
- * to the row's. `counted[p]` is 1 or 0. */
-template <typename TPixel>
-ShearWarpMIP_EXPORT
-void
-SampleMaskedRow(const Kernels<TPixel> &  kernels,
-                const SliceRow<TPixel> & row,
-                const std::uint8_t *     maskA,
-                const std::uint8_t *     maskB,
-                std::uint8_t             label,
-                ColumnSpan               span,
-                TPixel *                 samples,
-                std::uint8_t *           counted);
 
 /** For columns [0, columns) of row \a row of an output image, \a depth on the pixel's own ray, in the slice of that
  * intermediate pixel which has the largest weight in its interpolation; or not-a-number. */

@@ -30,7 +30,7 @@ namespace itk::ShearWarp
 namespace
 {
 
-#include "itkShearWarpRayKernels.h"
+#include "itkShearWarpScalarKernels.h"
 
 /** The weighted mean of N values, rounded half upward to the pixel type. The weights sum to \a sum <= 2^15. */
 template <typename TPixel, std::size_t N>
@@ -142,32 +142,48 @@ Raise(TPixel & maximum, TPixel value)
   maximum = value > maximum ? value : maximum;
 }
 
-/** Takes the samples in \a span of one row of a slice of \a rank; of a mask \a label counts in its rows \a maskA and
- * \a maskB. Samples fade unless \a fading is null. */
+/** A row of a slice's samples: between the rows \a a, of weight y / 2^15, and \a b of `columns` voxels, of which voxel
+ * 0 is at `column` of the intermediate image, and \a maskA and \a maskB of the mask, if there is one. At the first and
+ * last rows' outer half voxels, y is 0. */
+template <typename TPixel>
+struct SliceRow
+{
+  const TPixel *       a;
+  const TPixel *       b;
+  const std::uint8_t * maskA;
+  const std::uint8_t * maskB;
+  std::ptrdiff_t       columns;
+  SamplingPosition     column;
+  std::int32_t         y;
+};
+
+/** Takes the samples in \a span of row \a pixelRow of a slice; they fade unless \a fading is null. */
 template <typename TRule, typename TPixel>
 void
-ProjectRow(const SliceRow<TPixel> &  row,
-           const std::uint8_t *      maskA,
-           const std::uint8_t *      maskB,
-           std::uint8_t              label,
-           ColumnSpan                span,
-           const TileState *         active,
-           SliceRank<TPixel>         rank,
-           const FadingRow<TPixel> * fading,
-           TPixel *                  pixels,
-           SliceRank<TPixel> *       ranks)
+ProjectRow(const SliceRow<TPixel> &    row,
+           const ShearedView<TPixel> & view,
+           ColumnSpan                  span,
+           const TileState *           active,
+           SliceRank<TPixel>           rank,
+           const FadingRow<TPixel> *   fading,
+           std::ptrdiff_t              pixelRow)
 {
-  const auto [a, b, columns, position, y] = row;
-  const Sampler<TPixel> sample(position.fraction, y);
-  const Sampler<TPixel> edgeSample(0, y);
-  const auto            take = [=](std::ptrdiff_t p, TPixel value) {
-    TakeSample<TRule>(fading ? FadeInRow(*fading, value, p) : value, rank, pixels[p], ranks ? ranks + p : nullptr);
+  const auto [a, b, maskA, maskB, columns, position, y] = row;
+  const Sampler<TPixel>     sample(position.fraction, y);
+  const Sampler<TPixel>     edgeSample(0, y);
+  const std::ptrdiff_t      place = pixelRow * view.intermediate.rowStride;
+  TPixel * const            pixels = view.intermediate.pixels + place;
+  SliceRank<TPixel> * const ranks = view.ranked.ranks ? view.ranked.ranks + place : nullptr;
+  const TPixel * const      threshold = view.localThreshold;
+  const auto                take = [=](std::ptrdiff_t p, TPixel value) {
+    const TPixel taken = fading ? FadeInRow(*fading, value, p) : value;
+    TakeSample<TRule>(taken, rank, threshold, pixels[p], ranks ? ranks + p : nullptr);
   };
   const auto getState = [=](std::ptrdiff_t p) {
-    return active ? active[p / TileColumns] : maskA ? TileState::Masked : TileState::Whole;
+    return active ? active[p / TileColumns] : row.maskA ? TileState::Masked : TileState::Whole;
   };
   const auto takeCounted = [&](std::ptrdiff_t p, std::ptrdiff_t i, std::ptrdiff_t before, std::int32_t x) {
-    const unsigned int counted = FindCounted(maskA, maskB, label, i, before, x, row.y);
+    const unsigned int counted = FindCounted(row.maskA, row.maskB, view.mask->label, i, before, x, row.y);
     if (counted != 0)
     {
       take(p, SampleCounted(row.a, row.b, i, before, x, row.y, counted));
@@ -209,19 +225,17 @@ ProjectBlock(const SliceStack<TPixel> &  slices,
              const ShearedView<TPixel> * views,
              std::size_t                 count)
 {
-  for (std::ptrdiff_t k = block.sliceBegin; k < block.sliceEnd; ++k)
+  for (std::ptrdiff_t n = block.sliceBegin; n < block.sliceEnd; ++n)
   {
+    const std::ptrdiff_t k = block.isBackward ? block.sliceBegin + block.sliceEnd - 1 - n : n;
     for (const ShearedView<TPixel> * view = views; view != views + count; ++view)
     {
       const SamplingPosition & column = view->placements[k].column;
       const SamplingPosition & row = view->placements[k].row;
 
       // sample j lies between rows j - 1 and j; the outer half voxels have the edge's value
-      const RowSpan        span = FindRows(block, view->placements, k);
+      const auto [begin, end] = FindRowSamples(block, view->placements, k, slices.rowEnds);
       const RowSpan        columnSamples = FindSamples(column, slices.columns, slices.columnEnds);
-      const RowSpan        rowSamples = FindSamples(row, slices.rows, slices.rowEnds);
-      const std::ptrdiff_t begin = span.begin == 0 ? rowSamples.begin : span.begin;
-      const std::ptrdiff_t end = span.end == slices.rows ? rowSamples.end : span.end;
       const std::ptrdiff_t firstTile = FindFirstRow(block, view->placements, k) - row.whole + block.rowBegin;
       for (std::ptrdiff_t j = begin; j < end; ++j)
       {
@@ -244,54 +258,25 @@ ProjectBlock(const SliceStack<TPixel> &  slices,
         {
           reached = view->coverage.Add(reached, row.whole + j, k);
         }
-        const Mask           mask = view->mask ? *view->mask : Mask{};
-        const std::ptrdiff_t pixelRow = (row.whole + j) * view->intermediate.rowStride;
-        const auto           project =
-          view->isMinimum ? ProjectRow<MinimumRule<TPixel>, TPixel> : ProjectRow<MaximumRule<TPixel>, TPixel>;
-        project({ getRow(slices, a), getRow(slices, b), slices.columns, column, isEdge ? 0 : row.fraction },
-                getRow(mask, a),
-                getRow(mask, b),
-                mask.label,
+        const Mask mask = view->mask ? *view->mask : Mask{};
+        const auto project = view->extremum == Extremum::Minimum     ? ProjectRow<MinimumRule<TPixel>, TPixel>
+                             : view->extremum == Extremum::Magnitude ? ProjectRow<MagnitudeRule<TPixel>, TPixel>
+                                                                     : ProjectRow<MaximumRule<TPixel>, TPixel>;
+        project({ getRow(slices, a),
+                  getRow(slices, b),
+                  getRow(mask, a),
+                  getRow(mask, b),
+                  slices.columns,
+                  column,
+                  isEdge ? 0 : row.fraction },
+                *view,
                 reached,
                 view->active ? view->active + tile * view->activeStride : nullptr,
                 GetRank(view->ranked, k),
                 view->fading ? &fading : nullptr,
-                view->intermediate.pixels + pixelRow,
-                view->ranked.ranks ? view->ranked.ranks + pixelRow : nullptr);
+                row.whole + j);
       }
     }
-  }
-}
-
-/** The span that \a row reaches without its edge; the edge, at \a edge, is as the voxel \a edgeVoxel. */
-template <typename TPixel>
-ColumnSpan
-SplitEdge(const SliceRow<TPixel> & row, std::int32_t & edge, std::ptrdiff_t & edgeVoxel)
-{
-  const auto columns = static_cast<std::int32_t>(row.columns);
-  const bool edgeIsLast = row.column.fraction > One / 2;
-  edge = row.column.whole + (edgeIsLast ? columns : 0);
-  edgeVoxel = edgeIsLast ? columns - 1 : 0;
-  return { row.column.whole + 1, row.column.whole + columns };
-}
-
-template <typename TPixel>
-void
-SampleRow(const SliceRow<TPixel> & row, ColumnSpan span, TPixel * samples)
-{
-  std::int32_t          edge;
-  std::ptrdiff_t        edgeVoxel;
-  const ColumnSpan      inner = SplitEdge(row, edge, edgeVoxel);
-  const Sampler<TPixel> sample(row.column.fraction, row.y);
-  const std::ptrdiff_t  whole = row.column.whole;
-  for (std::ptrdiff_t p = std::max(span.begin, inner.begin); p < std::min(span.end, inner.end); ++p)
-  {
-    samples[p] = sample(row.a[p - whole - 1], row.a[p - whole], row.b[p - whole - 1], row.b[p - whole]);
-  }
-  if (edge >= span.begin && edge < span.end)
-  {
-    const Sampler<TPixel> edgeSample(0, row.y);
-    samples[edge] = edgeSample(row.a[edgeVoxel], row.a[edgeVoxel], row.b[edgeVoxel], row.b[edgeVoxel]);
   }
 }
 
@@ -342,25 +327,6 @@ FindBlockExtrema(const TPixel * voxels,
         }
       }
     }
-  }
-}
-
-/** Marks a sample 0 where its nearest voxel is not in the mask, 1 where all of its voxels are, else 2; its columns are
- * that of \a a and \a b and the one before. */
-template <bool VEveryLabel>
-void
-MarkMasked(const std::uint8_t * __restrict a,
-           const std::uint8_t * __restrict b,
-           const std::uint8_t * __restrict nearest,
-           std::uint8_t label,
-           std::int32_t count,
-           std::uint8_t * __restrict marks)
-{
-  const auto isIn = [label](std::uint8_t mask) -> std::uint8_t { return VEveryLabel ? mask != 0 : mask == label; };
-  for (std::int32_t n = 0; n < count; ++n)
-  {
-    const auto areIn = static_cast<std::uint8_t>(isIn(a[n - 1]) & isIn(a[n]) & isIn(b[n - 1]) & isIn(b[n]));
-    marks[n] = static_cast<std::uint8_t>(isIn(nearest[n]) ? 2 - areIn : 0);
   }
 }
 
@@ -459,17 +425,9 @@ template <typename TPixel>
 const Kernels<TPixel> &
 GetPortableKernels()
 {
-  static constexpr Kernels<TPixel> kernels{ "portable",
-                                            ProjectBlock<TPixel>,
-                                            IsAnyBelow<TPixel>,
-                                            FindBlockExtrema<TPixel>,
-                                            WarpRow<TPixel>,
-                                            TransposeSlice<TPixel>,
-                                            SampleRow<TPixel>,
-                                            FadeRow<TPixel>,
-                                            RayKernelsOf<MaximumRule<TPixel>, TPixel>,
-                                            RayKernelsOf<MinimumRule<TPixel>, TPixel>,
-                                            RayKernelsOf<AbsoluteMaximumRule<TPixel>, TPixel> };
+  static constexpr Kernels<TPixel> kernels{ "portable",         ProjectBlock<TPixel>,
+                                            IsAnyBelow<TPixel>, FindBlockExtrema<TPixel>,
+                                            WarpRow<TPixel>,    TransposeSlice<TPixel> };
   return kernels;
 }
 
@@ -494,54 +452,6 @@ SampleCounted(const TPixel * a,
   }
   return sum < One ? WeightedMean(values, weights, sum)
                    : Sampler<TPixel>(x, y)(values[3], values[2], values[1], values[0]);
-}
-
-template <typename TPixel>
-void
-SampleMaskedRow(const Kernels<TPixel> &  kernels,
-                const SliceRow<TPixel> & row,
-                const std::uint8_t *     maskA,
-                const std::uint8_t *     maskB,
-                std::uint8_t             label,
-                ColumnSpan               span,
-                TPixel *                 samples,
-                std::uint8_t *           counted)
-{
-  constexpr std::uint8_t partly = 2;
-  const auto             isIn = [label](std::uint8_t mask) { return label == 0 ? mask != 0 : mask == label; };
-  std::int32_t           edge;
-  std::ptrdiff_t         edgeVoxel;
-  const ColumnSpan       inner = SplitEdge(row, edge, edgeVoxel);
-  const std::int32_t     begin = std::max(span.begin, inner.begin);
-  const std::int32_t     end = std::min(span.end, inner.end);
-  const std::uint8_t *   nearest = row.y > One / 2 ? maskA : maskB;
-  (label == 0 ? MarkMasked<true>
-              : MarkMasked<false>)(maskA + (begin - row.column.whole),
-                                   maskB + (begin - row.column.whole),
-                                   nearest + (begin - row.column.whole) - (row.column.fraction > One / 2),
-                                   label,
-                                   end - begin,
-                                   counted + begin);
-  if (edge >= span.begin && edge < span.end)
-  {
-    const bool areIn = isIn(maskA[edgeVoxel]) && isIn(maskB[edgeVoxel]);
-    counted[edge] = static_cast<std::uint8_t>(isIn(nearest[edgeVoxel]) ? (areIn ? 1 : partly) : 0);
-  }
-  if (FindMark(counted, span, 1) == span.end && FindMark(counted, span, partly) == span.end)
-  {
-    return;
-  }
-
-  kernels.sampleRow(row, span, samples);
-  for (std::int32_t p = FindMark(counted, span, partly); p != span.end; p = FindMark(counted, { p, span.end }, partly))
-  {
-    const std::int32_t   x = p == edge ? 0 : row.column.fraction;
-    const std::ptrdiff_t i = p == edge ? edgeVoxel : p - row.column.whole;
-    const std::ptrdiff_t before = p == edge ? edgeVoxel : i - 1;
-    samples[p] =
-      SampleCounted(row.a, row.b, i, before, x, row.y, FindCounted(maskA, maskB, label, i, before, x, row.y));
-    counted[p] = 1;
-  }
 }
 
 /** The slice of that pixel which has the largest weight at a place of the image. */
@@ -605,14 +515,6 @@ FindDepths(const IntermediateImage<TPixel> & intermediate,
                                                  std::int32_t,                     \
                                                  std::int32_t,                     \
                                                  unsigned int);                    \
-  template void                    SampleMaskedRow(const Kernels<TPixel> &,        \
-                                                   const SliceRow<TPixel> &,       \
-                                                   const std::uint8_t *,           \
-                                                   const std::uint8_t *,           \
-                                                   std::uint8_t,                   \
-                                                   ColumnSpan,                     \
-                                                   std::add_pointer_t<TPixel>,     \
-                                                   std::uint8_t *);                \
   template void                    FindDepths(const IntermediateImage<TPixel> &,   \
                                               const AffineMap2D &,                 \
                                               unsigned int,                        \

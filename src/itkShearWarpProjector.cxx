@@ -61,7 +61,8 @@ ShearWarpProjector<TPixel>::Start(ViewList                           views,
       }
       const auto depth = view.factorization->GetFunctionOfPhase(view.factorization->GetDepthFunction(), phase);
       ++phase;
-      const std::size_t extrema = m_Parameters.mode == ModeEnum::AbsoluteMaximum ? 2 : 1;
+      const bool        isPair = m_Parameters.mode == ModeEnum::AbsoluteMaximum && !m_Parameters.isOrdered;
+      const std::size_t extrema = isPair ? 2 : 1;
       m_Grids.insert(m_Grids.end(), extrema, &grid);
       m_Regions.insert(m_Regions.end(), hasRegion ? extrema : 0, region);
       if (view.fading)
@@ -78,6 +79,7 @@ ShearWarpProjector<TPixel>::Start(ViewList                           views,
   for (Worker & worker : m_Workers)
   {
     worker.images.resize(m_Grids.size());
+    worker.active.resize(m_Grids.size());
     for (PartialImage & image : worker.images)
     {
       image.rowBegin = image.rowEnd = 0;
@@ -85,6 +87,19 @@ ShearWarpProjector<TPixel>::Start(ViewList                           views,
     worker.tiles = worker.skippedTiles = 0;
     worker.untestedCubes = worker.pause = 0;
   }
+}
+
+template <typename TPixel>
+bool
+ShearWarpProjector<TPixel>::IsFirstSlabFront(const ShearWarpFactorization & factorization)
+{
+  const bool isFirstSliceFront = factorization.GetDepthFunction().perSlice > 0;
+  if (factorization.GetPrincipalAxis() == 2)
+  {
+    return isFirstSliceFront;
+  }
+  // rows are along z, and a ray goes through them against the shear
+  return isFirstSliceFront == (factorization.GetShear()[1] < 0);
 }
 
 template <typename TPixel>
@@ -141,30 +156,57 @@ ShearWarpProjector<TPixel>::Project(const ShearWarpPreparedVolume<TPixel> &     
   m_HasCommonRows = m_Views.size() > 1 && std::all_of(m_Views.begin(), m_Views.end(), isTurnAboutAxis);
 
   // where slices lie side by side a few rows are long runs in memory, else all rows of a slice are; several images
-  // share rows of BlockLength slices
-  const auto           images = static_cast<std::ptrdiff_t>(m_Grids.size());
+  // share rows of BlockLength slices; in order, a thread keeps its rows of the image in the cache
+  const bool           isOrdered = m_Parameters.isOrdered;
+  const auto           images = isOrdered ? 1 : static_cast<std::ptrdiff_t>(m_Grids.size());
+  const std::ptrdiff_t allRows = isOrdered ? m_TileRows * BlockLength : m_Slices.rows;
   const std::ptrdiff_t rowBytes = m_Slices.columns * static_cast<std::ptrdiff_t>(sizeof(TPixel));
   const bool           isLongRun = m_Slices.sliceStride > m_Slices.rowStride;
-  const std::ptrdiff_t wanted = images > 1  ? CountBlocks(1 << 16, rowBytes)
-                                : isLongRun ? CountBlocks(1 << 18, rowBytes)
-                                            : 2 * BlockLength;
-  const std::ptrdiff_t fairShare = CountBlocks(m_Slices.rows, 2 * static_cast<std::ptrdiff_t>(m_NumberOfWorkers));
+  const std::ptrdiff_t wanted = images > 1 || isOrdered ? CountBlocks(1 << 16, rowBytes)
+                                : isLongRun             ? CountBlocks(1 << 18, rowBytes)
+                                                        : 2 * BlockLength;
+  const std::ptrdiff_t fairShare = CountBlocks(allRows, 2 * static_cast<std::ptrdiff_t>(m_NumberOfWorkers));
   const std::ptrdiff_t blockRows = CountBlocks(std::min(wanted, fairShare)) * BlockLength;
+  std::vector<Rows>    blocks;
+  for (std::size_t grid = 0; grid < (isOrdered ? m_Grids.size() : 1); ++grid)
+  {
+    for (std::ptrdiff_t row = 0; row < allRows; row += blockRows)
+    {
+      blocks.push_back({ row, std::min(row + blockRows, allRows), grid, isOrdered ? grid + 1 : m_Grids.size() });
+    }
+  }
   // a step takes milliseconds at most
   constexpr std::ptrdiff_t stepVoxels = 1 << 21;
-  const std::ptrdiff_t     stepCubes = stepVoxels / (images * blockRows * m_Slices.columns * BlockLength) + 1;
+  constexpr std::ptrdiff_t mostCubes = MostRankedSlices / BlockLength;
+  const std::ptrdiff_t     stepCubes =
+    std::min(stepVoxels / (images * blockRows * m_Slices.columns * BlockLength) + 1, mostCubes);
+  m_RankedCubes = mostCubes / stepCubes * stepCubes;
   this->OrderSlices();
 
+  const bool isFirst = isOrdered && m_Workers.front().images.front().rowEnd == 0;
+  for (std::size_t grid = 0; isFirst && grid < m_Grids.size(); ++grid)
+  {
+    PartialImage & image = m_Workers.front().images[grid];
+    this->ReserveRows(image);
+    image.rowEnd = allRows;
+  }
   const auto cubes = static_cast<std::ptrdiff_t>(m_SliceOrder.size());
-  parallelize(
-    static_cast<SizeValueType>(CountBlocks(m_Slices.rows, blockRows)),
-    static_cast<SizeValueType>(CountBlocks(cubes, stepCubes)),
-    [&](SizeValueType n, SizeValueType step, SizeValueType worker) {
-      const std::ptrdiff_t row = static_cast<std::ptrdiff_t>(n) * blockRows;
-      const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(step) * stepCubes;
-      this->ProjectRows(
-        m_Workers[worker], row, std::min(row + blockRows, m_Slices.rows), first, std::min(first + stepCubes, cubes));
-    });
+  parallelize(static_cast<SizeValueType>(blocks.size()),
+              static_cast<SizeValueType>(CountBlocks(cubes, stepCubes)),
+              [&](SizeValueType n, SizeValueType step, SizeValueType worker) {
+                const Rows &         rows = blocks[n];
+                const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(step) * stepCubes;
+                const std::ptrdiff_t last = std::min(first + stepCubes, cubes);
+                if (isFirst && first == 0)
+                {
+                  this->FillRows(rows.gridBegin, m_Workers.front().images[rows.gridBegin], rows.begin, rows.end);
+                }
+                this->ProjectRows(m_Workers[worker], rows, first, last);
+                if (isOrdered && (last == cubes || last % m_RankedCubes == 0))
+                {
+                  this->SettleRanks(rows, first);
+                }
+              });
 }
 
 template <typename TPixel>
@@ -191,10 +233,11 @@ ShearWarpProjector<TPixel>::Finish(std::size_t view, const ShearWarp::Paralleliz
     m_JoinedPhases.Reserve(rows * rowStride * sizeof(TPixel), "the joined intermediate image");
   }
   // the better one of two extrema does not tell whether a float has met a sample
-  const bool hasRegion = !m_Regions.empty();
-  const bool isAbsolute = extrema == 2;
-  const bool mayHaveGaps = hasRegion || m_Parameters.hasSlices || (isAbsolute && std::is_floating_point_v<TPixel>);
-  const auto ranking = this->GetRankedImage(m_Views[view], nullptr, 0);
+  const bool    hasRegion = !m_Regions.empty();
+  const bool    isAbsolute = extrema == 2;
+  const bool    isMagnitude = this->GetExtremum(firstGrid) == ShearWarp::Extremum::Magnitude;
+  const bool    mayHaveGaps = hasRegion || m_Parameters.hasSlices || (isAbsolute && std::is_floating_point_v<TPixel>);
+  const Ranking ranking = this->GetRanking(m_Views[view], 0);
   if (mayHaveGaps)
   {
     m_Reached.resize(rows);
@@ -217,14 +260,16 @@ ShearWarpProjector<TPixel>::Finish(std::size_t view, const ShearWarp::Paralleliz
         const RankType *     ranks = this->GetRanks(merged[grid], row / oversampling);
         const RankType * ranksOfMinima = isAbsolute ? this->GetRanks(merged[grid + 1], row / oversampling) : nullptr;
         const std::uint8_t * marks = hasRegion ? this->MergeMarks(grid, row / oversampling) : nullptr;
+        const auto *         settled =
+          merged[grid].slices.template GetPointer<std::int32_t>() + row / oversampling * m_RowStride;
         for (std::ptrdiff_t p = 0; mayHaveGaps && p < m_RowStride; ++p)
         {
-          const bool isEmpty = std::is_floating_point_v<TPixel> && phase[p] == this->GetStart(grid) &&
+          const bool isEmpty = std::is_floating_point_v<TPixel> && !isMagnitude && phase[p] == this->GetStart(grid) &&
                                !(isAbsolute && minima[p] != this->GetStart(grid + 1));
           const bool isMinimum = isAbsolute && IsMagnitudeLarger(minima[p], phase[p]);
           const auto rank = m_Parameters.hasSlices ? (isMinimum ? ranksOfMinima : ranks)[p] : RankType{ 0 };
           const bool hasValue = !isEmpty && (!marks || marks[p] != 0) && rank != ShearWarp::NoRank<TPixel>;
-          const auto slice = m_Parameters.hasSlices ? ranking.step * (rank - ranking.first) : 0;
+          const auto slice = m_Parameters.isOrdered ? settled[p] : m_Parameters.hasSlices ? ranking.GetSlice(rank) : 0;
           slices[row * rowStride + column + p * oversampling] = hasValue ? slice : ShearWarp::NoSlice;
         }
         for (std::ptrdiff_t p = 0; isAbsolute && p < m_RowStride; ++p)
@@ -265,13 +310,38 @@ ShearWarpProjector<TPixel>::Finish(std::size_t view, const ShearWarp::Paralleliz
 
 template <typename TPixel>
 auto
-ShearWarpProjector<TPixel>::GetRankedImage(const View & view, RankType * ranks, std::ptrdiff_t first) const
-  -> ShearWarp::RankedImage<TPixel>
+ShearWarpProjector<TPixel>::GetRanking(const View & view, std::ptrdiff_t cube) const -> Ranking
 {
-  const auto & factorization = *view.factorization;
-  const bool   isFirstNearest = factorization.GetDepthFunction().perSlice > 0;
-  const auto   last = static_cast<std::ptrdiff_t>(factorization.GetSlicePlacements().size()) - 1;
-  return { ranks, static_cast<std::int32_t>(isFirstNearest ? first : last - first), isFirstNearest ? 1 : -1 };
+  using ShearWarp::BlockLength;
+  const bool isFirstNearest = IsFirstSliceNearest(view);
+  if (m_Parameters.isOrdered)
+  {
+    const std::ptrdiff_t first = m_SliceOrder[cube / m_RankedCubes * m_RankedCubes];
+    const std::ptrdiff_t nearest = isFirstNearest ? first : std::min(first + BlockLength, m_Slices.slices) - 1;
+    return { m_FirstSlice + nearest, isFirstNearest ? 1 : -1 };
+  }
+  const auto last = static_cast<std::ptrdiff_t>(view.factorization->GetSlicePlacements().size()) - 1;
+  return { isFirstNearest ? 0 : last, isFirstNearest ? 1 : -1 };
+}
+
+/** Ranks become 0: nearer than those that follow. */
+template <typename TPixel>
+void
+ShearWarpProjector<TPixel>::SettleRanks(const Rows & rows, std::ptrdiff_t cube)
+{
+  const Ranking        ranking = this->GetRanking(m_Views.front(), cube);
+  const PartialImage & image = m_Workers.front().images[rows.gridBegin];
+  RankType * const     ranks = this->GetRanks(image, 0);
+  auto * const         slices = image.slices.template GetPointer<std::int32_t>();
+  for (std::ptrdiff_t p = rows.begin * m_RowStride; p < rows.end * m_RowStride; ++p)
+  {
+    const auto rank = static_cast<RankType>(ranks[p] & ShearWarp::NoRank<TPixel>);
+    if (rank != 0 && rank != ShearWarp::NoRank<TPixel>)
+    {
+      slices[p] = ranking.GetSlice(rank);
+      ranks[p] = static_cast<RankType>(ranks[p] - rank);
+    }
+  }
 }
 
 template <typename TPixel>
@@ -320,7 +390,11 @@ ShearWarpProjector<TPixel>::GetSizeInBytes() const
     for (const PartialImage & image : worker.images)
     {
       bytes += image.pixels.GetSizeInBytes() + image.marks.GetSizeInBytes() + image.ranks.GetSizeInBytes() +
-               CountBytes(image.known) + CountBytes(image.lowerBounds) + CountBytes(image.active);
+               image.slices.GetSizeInBytes() + CountBytes(image.known) + CountBytes(image.lowerBounds);
+    }
+    for (const auto & active : worker.active)
+    {
+      bytes += CountBytes(active);
     }
   }
   return bytes;
@@ -345,7 +419,8 @@ ShearWarpProjector<TPixel>::GetImageSizeInBytes(const Size<2> & size,
          (sizeof(TPixel) + hasRegion + (hasSlices ? sizeof(RankType) : 0));
 }
 
-/** Storage order, but for reduced resampling every few slices first: they soon give all pixels a value. */
+/** Storage order, or from the viewer on; but for reduced resampling every few slices first: they soon give all pixels a
+ * value. */
 template <typename TPixel>
 void
 ShearWarpProjector<TPixel>::OrderSlices()
@@ -365,18 +440,23 @@ ShearWarpProjector<TPixel>::OrderSlices()
       }
     }
   }
+  if (m_Parameters.isOrdered && !IsFirstSliceNearest(m_Views.front()))
+  {
+    std::reverse(m_SliceOrder.begin(), m_SliceOrder.end());
+  }
 }
 
-/** Projects rows [rowBegin, rowEnd) of the slices of elements [first, last) of m_SliceOrder. */
 template <typename TPixel>
 void
-ShearWarpProjector<TPixel>::ProjectRows(Worker &       worker,
-                                        std::ptrdiff_t rowBegin,
-                                        std::ptrdiff_t rowEnd,
-                                        std::ptrdiff_t first,
-                                        std::ptrdiff_t last) const
+ShearWarpProjector<TPixel>::ProjectRows(Worker & worker, const Rows & rows, std::ptrdiff_t first, std::ptrdiff_t last)
 {
   using ShearWarp::BlockLength;
+  using ShearWarp::BlockRows;
+  const bool      isOrdered = m_Parameters.isOrdered;
+  const BlockRows rowsOf = isOrdered         ? BlockRows::OfImage
+                           : m_HasCommonRows ? BlockRows::OfMiddleSlices
+                                             : BlockRows::OfSlices;
+  const bool      isBackward = isOrdered && !IsFirstSliceNearest(m_Views.front());
   for (std::ptrdiff_t n = first; n < last;)
   {
     // one cube's slices, or as many as follow each other untested
@@ -388,43 +468,48 @@ ShearWarpProjector<TPixel>::ProjectRows(Worker &       worker,
     {
       ++end;
     }
-    const ShearWarp::Block block{ rowBegin,        rowEnd,
-                                  m_SliceOrder[n], std::min(m_SliceOrder[end - 1] + BlockLength, m_Slices.slices),
-                                  m_Slices.rows,   m_HasCommonRows };
-    for (std::size_t g = 0; g < m_Grids.size(); ++g)
+    const std::ptrdiff_t   sliceEnd = std::min(m_SliceOrder[end - 1] + BlockLength, m_Slices.slices);
+    const ShearWarp::Block block{ rows.begin, rows.end, m_SliceOrder[n], sliceEnd, m_Slices.rows, rowsOf, isBackward };
+    for (std::size_t g = rows.gridBegin; !isOrdered && g < rows.gridEnd; ++g)
     {
       // offsets are monotonic in the slice
-      const ShearWarp::IntermediateGrid & grid = *m_Grids[g];
-      const std::int32_t                  firstRow = m_Placements[g][block.sliceBegin].row.whole;
-      const std::int32_t                  lastRow = m_Placements[g][block.sliceEnd - 1].row.whole;
+      const std::int32_t firstRow = m_Placements[g][block.sliceBegin].row.whole;
+      const std::int32_t lastRow = m_Placements[g][block.sliceEnd - 1].row.whole;
       this->ExtendRows(g,
                        worker.images[g],
-                       rowBegin + std::min(firstRow, lastRow),
-                       std::min(rowEnd + std::max(firstRow, lastRow) + 1, grid.rows));
+                       rows.begin + std::min(firstRow, lastRow),
+                       std::min(rows.end + std::max(firstRow, lastRow) + 1, m_Grids[g]->rows));
     }
-    const bool areSelected = isTested && this->SelectTiles(worker, block);
+    const bool areSelected = isTested && this->SelectTiles(worker, rows, block);
     worker.views.clear();
     const std::size_t gridsOfView = m_Grids.size() / m_Views.size();
-    for (std::size_t g = 0; g < m_Grids.size(); ++g)
+    for (std::size_t g = rows.gridBegin; g < rows.gridEnd; ++g)
     {
       const ShearWarp::IntermediateGrid & grid = *m_Grids[g];
-      PartialImage &                      image = worker.images[g];
+      PartialImage &                      image = this->GetImages(worker)[g];
+      const auto &                        active = worker.active[g];
       const auto isNeeded = [](ShearWarp::TileState state) { return state != ShearWarp::TileState::Unneeded; };
-      if (!areSelected || std::any_of(image.active.begin(), image.active.end(), isNeeded))
+      if (!areSelected || std::any_of(active.begin(), active.end(), isNeeded))
       {
+        const View & view = m_Views[g / gridsOfView];
+        const auto [nearest, step] = this->GetRanking(view, first);
+        const ShearWarp::RankedImage<TPixel> ranked{ this->GetRanks(image, 0),
+                                                     static_cast<std::int32_t>(1 + step * (m_FirstSlice - nearest)),
+                                                     static_cast<std::int32_t>(step) };
         worker.views.push_back(
           { m_Placements[g].data(),
             { image.pixels.template GetPointer<TPixel>(), grid.columns, grid.rows, m_RowStride, grid.reached.data() },
-            areSelected ? image.active.data() : nullptr,
+            areSelected ? active.data() : nullptr,
             m_TileColumns,
-            this->IsMinimum(g),
+            this->GetExtremum(g),
             { m_Regions.empty() ? nullptr : &m_Regions[g],
               image.marks.template GetPointer<std::uint8_t>(),
               m_RowStride,
               image.known.data() },
-            this->GetRankedImage(m_Views[g / gridsOfView], this->GetRanks(image, 0), m_FirstSlice),
+            ranked,
             m_Mask.voxels ? &m_Mask : nullptr,
-            m_Fadings.empty() ? nullptr : &m_Fadings[g] });
+            m_Fadings.empty() ? nullptr : &m_Fadings[g],
+            m_Parameters.localThreshold ? &*m_Parameters.localThreshold : nullptr });
       }
     }
     if (!worker.views.empty())
@@ -434,8 +519,8 @@ ShearWarpProjector<TPixel>::ProjectRows(Worker &       worker,
     if (!isTested)
     {
       worker.untestedCubes -= end - n;
-      worker.tiles +=
-        m_Grids.size() * m_TileColumns * ShearWarp::CountBlocks(rowEnd - rowBegin, BlockLength) * (end - n);
+      worker.tiles += (rows.gridEnd - rows.gridBegin) * m_TileColumns *
+                      ShearWarp::CountBlocks(rows.end - rows.begin, BlockLength) * (end - n);
     }
     n = end;
   }
@@ -445,14 +530,13 @@ ShearWarpProjector<TPixel>::ProjectRows(Worker &       worker,
  * few to be worth it. */
 template <typename TPixel>
 bool
-ShearWarpProjector<TPixel>::SelectTiles(Worker & worker, const ShearWarp::Block & block) const
+ShearWarpProjector<TPixel>::SelectTiles(Worker & worker, const Rows & rows, const ShearWarp::Block & block)
 {
   TileCount tiles{ 0, 0 };
-  for (std::size_t g = 0; g < m_Grids.size(); ++g)
+  for (std::size_t grid = rows.gridBegin; grid < rows.gridEnd; ++grid)
   {
-    const TileCount count = m_Mask.voxels
-                              ? this->SelectMaskedTiles(m_Placements[g], worker.images[g], worker.columnParts, block)
-                              : this->SelectTiles(m_Placements[g], worker.images[g], worker.columnMaxima, block);
+    const TileCount count =
+      m_Mask.voxels ? this->SelectMaskedTiles(worker, grid, block) : this->SelectTiles(worker, grid, block);
     tiles.all += count.all;
     tiles.skipped += count.skipped;
   }
@@ -470,36 +554,41 @@ ShearWarpProjector<TPixel>::SelectTiles(Worker & worker, const ShearWarp::Block 
 template <typename TPixel>
 template <typename TBeginRow, typename TGetState>
 auto
-ShearWarpProjector<TPixel>::ForEachTile(const PlacementList &    placements,
-                                        PartialImage &           image,
+ShearWarpProjector<TPixel>::ForEachTile(Worker &                 worker,
+                                        std::size_t              grid,
                                         const ShearWarp::Block & block,
                                         const TBeginRow &        beginRow,
                                         const TGetState &        getState) const -> TileCount
 {
   using ShearWarp::BlockLength;
+  using ShearWarp::BlockRows;
   using ShearWarp::TileColumns;
-  const ShearWarp::SlicePlacement & first = placements[block.sliceBegin];
-  const ShearWarp::SlicePlacement & last = placements[block.sliceEnd - 1];
-  const std::ptrdiff_t              firstColumn = std::min(first.column.whole, last.column.whole);
-  const std::ptrdiff_t              lastColumn = std::max(first.column.whole, last.column.whole);
-  const std::ptrdiff_t              firstRow = std::min(first.row.whole, last.row.whole);
-  const std::ptrdiff_t              lastRow = std::max(first.row.whole, last.row.whole);
-  const std::ptrdiff_t              commonRow = ShearWarp::FindFirstRow(block, placements.data(), block.sliceBegin);
+  const PlacementList &               placements = m_Placements[grid];
+  std::vector<ShearWarp::TileState> & active = worker.active[grid];
+  const ShearWarp::SlicePlacement &   first = placements[block.sliceBegin];
+  const ShearWarp::SlicePlacement &   last = placements[block.sliceEnd - 1];
+  const std::ptrdiff_t                firstColumn = std::min(first.column.whole, last.column.whole);
+  const std::ptrdiff_t                lastColumn = std::max(first.column.whole, last.column.whole);
+  const std::ptrdiff_t                firstRow = std::min(first.row.whole, last.row.whole);
+  const std::ptrdiff_t                lastRow = std::max(first.row.whole, last.row.whole);
+  const std::ptrdiff_t                commonRow = ShearWarp::FindFirstRow(block, placements.data(), block.sliceBegin);
 
   const std::ptrdiff_t blockRows = ShearWarp::CountBlocks(block.rowEnd - block.rowBegin, BlockLength);
-  image.active.assign(blockRows * m_TileColumns, ShearWarp::TileState::Unneeded);
+  active.assign(blockRows * m_TileColumns, ShearWarp::TileState::Unneeded);
   TileCount tiles{ 0, 0 };
   for (std::ptrdiff_t blockRow = 0; blockRow < blockRows; ++blockRow)
   {
     // a sample needs the row above too; the last row may have the edge's sample
     const std::ptrdiff_t row = block.rowBegin + blockRow * BlockLength;
-    const std::ptrdiff_t end = std::min(row + BlockLength, block.rows);
-    const bool           isLast = end == block.rows;
+    const std::ptrdiff_t end = std::min(row + BlockLength, block.rowEnd);
+    const bool           isOfImage = block.rowsOf == BlockRows::OfImage;
+    const bool           isFirst = row == 0 && !isOfImage;
+    const bool           isLast = end == block.rows && !isOfImage;
     ShearWarp::RowSpan   voxels{ row - 1, end };
     ShearWarp::RowSpan   pixels{ row + firstRow, end + lastRow + isLast };
-    if (block.hasCommonRows)
+    if (block.rowsOf != BlockRows::OfSlices)
     {
-      pixels.begin = row == 0 ? pixels.begin : row + commonRow;
+      pixels.begin = isFirst ? pixels.begin : row + commonRow;
       pixels.end = isLast ? pixels.end : end + commonRow;
       voxels = { pixels.begin - lastRow - 1, pixels.end - firstRow };
     }
@@ -520,7 +609,7 @@ ShearWarpProjector<TPixel>::ForEachTile(const PlacementList &    placements,
       const Range cubeColumns{ std::min(columnBegin, m_Slices.columns - 1) / BlockLength,
                                (std::max<std::ptrdiff_t>(columnEnd, 1) - 1) / BlockLength + 1 };
       const auto  state = getState(tileRows, tileColumn, cubeColumns);
-      image.active[blockRow * m_TileColumns + tileColumn] = state;
+      active[blockRow * m_TileColumns + tileColumn] = state;
       ++tiles.all;
       tiles.skipped += state == ShearWarp::TileState::Unneeded;
     }
@@ -530,12 +619,10 @@ ShearWarpProjector<TPixel>::ForEachTile(const PlacementList &    placements,
 
 template <typename TPixel>
 auto
-ShearWarpProjector<TPixel>::SelectTiles(const PlacementList &    placements,
-                                        PartialImage &           image,
-                                        std::vector<TPixel> &    columnMaxima,
-                                        const ShearWarp::Block & block) const -> TileCount
+ShearWarpProjector<TPixel>::SelectTiles(Worker & worker, std::size_t grid, const ShearWarp::Block & block) -> TileCount
 {
   using ShearWarp::TileState;
+  std::vector<TPixel> & columnMaxima = worker.columnMaxima;
   columnMaxima.resize(m_BlockExtrema.columns);
   const TPixel * cubes = m_BlockExtrema.maxima + block.sliceBegin / ShearWarp::BlockLength * m_BlockExtrema.sliceStride;
   const auto     findColumnMaxima = [&](Range cubeRows) {
@@ -556,27 +643,26 @@ ShearWarpProjector<TPixel>::SelectTiles(const PlacementList &    placements,
       *std::max_element(columnMaxima.data() + cubeColumns.begin, columnMaxima.data() + cubeColumns.end);
     for (std::ptrdiff_t tileRow = tileRows.begin; tileRow < tileRows.end; ++tileRow)
     {
-      if (this->IsAnyBelow(image, tileRow, tileColumn, maximum))
+      if (this->IsAnyBelow(worker.images[grid], tileRow, tileColumn, maximum))
       {
         return TileState::Whole;
       }
     }
     return TileState::Unneeded;
   };
-  return this->ForEachTile(placements, image, block, findColumnMaxima, getState);
+  return this->ForEachTile(worker, grid, block, findColumnMaxima, getState);
 }
 
 /** The state of each tile in the mask. */
 template <typename TPixel>
 auto
-ShearWarpProjector<TPixel>::SelectMaskedTiles(const PlacementList &       placements,
-                                              PartialImage &              image,
-                                              std::vector<unsigned int> & columnParts,
-                                              const ShearWarp::Block &    block) const -> TileCount
+ShearWarpProjector<TPixel>::SelectMaskedTiles(Worker & worker, std::size_t grid, const ShearWarp::Block & block) const
+  -> TileCount
 {
   using ShearWarp::TileState;
   constexpr unsigned int in = 1;
   constexpr unsigned int out = 2;
+  auto &                 columnParts = worker.columnParts;
   const auto &           blocks = m_BlocksOfMask;
   const unsigned char    label = m_Mask.label;
   const auto             getParts = [&](std::ptrdiff_t cube) {
@@ -602,7 +688,7 @@ ShearWarpProjector<TPixel>::SelectMaskedTiles(const PlacementList &       placem
       columnParts.begin() + cubeColumns.begin, columnParts.begin() + cubeColumns.end, 0U, std::bit_or<>());
     return (parts & in) == 0 ? TileState::Unneeded : parts == in ? TileState::Whole : TileState::Masked;
   };
-  return this->ForEachTile(placements, image, block, findColumnParts, getState);
+  return this->ForEachTile(worker, grid, block, findColumnParts, getState);
 }
 
 /** Pixels only rise, so what was once true of a tile stays so. */
@@ -628,6 +714,29 @@ ShearWarpProjector<TPixel>::IsAnyBelow(PartialImage & image,
   return false;
 }
 
+template <typename TPixel>
+void
+ShearWarpProjector<TPixel>::ReserveRows(PartialImage & image) const
+{
+  const std::ptrdiff_t rows = m_TileRows * ShearWarp::BlockLength;
+  const std::ptrdiff_t pixels = rows * m_RowStride;
+  image.pixels.Reserve(pixels * sizeof(TPixel), "an intermediate image");
+  image.lowerBounds.assign(m_TileRows * m_TileColumns, ShearWarp::NoSample<TPixel>);
+  if (!m_Regions.empty())
+  {
+    image.marks.Reserve(pixels, "the marks of an intermediate image");
+  }
+  if (m_Parameters.hasSlices)
+  {
+    image.ranks.Reserve(pixels * sizeof(RankType), "the slices of an intermediate image");
+  }
+  if (m_Parameters.isOrdered)
+  {
+    image.slices.Reserve(pixels * sizeof(std::int32_t), "the slices of an intermediate image");
+  }
+  image.known.assign(m_Regions.empty() ? 0 : rows, {});
+}
+
 /** Makes the image's rows contain [begin, end). */
 template <typename TPixel>
 void
@@ -641,18 +750,7 @@ ShearWarpProjector<TPixel>::ExtendRows(std::size_t    grid,
   end = ShearWarp::CountBlocks(end, BlockLength) * BlockLength;
   if (image.rowBegin == image.rowEnd)
   {
-    image.pixels.Reserve(m_TileRows * BlockLength * m_RowStride * sizeof(TPixel), "an intermediate image");
-    image.lowerBounds.assign(m_TileRows * m_TileColumns, ShearWarp::NoSample<TPixel>);
-    if (!m_Regions.empty())
-    {
-      image.marks.Reserve(m_TileRows * BlockLength * m_RowStride, "the marks of an intermediate image");
-    }
-    if (m_Parameters.hasSlices)
-    {
-      image.ranks.Reserve(m_TileRows * BlockLength * m_RowStride * sizeof(RankType),
-                          "the slices of an intermediate image");
-    }
-    image.known.assign(m_Regions.empty() ? 0 : m_TileRows * BlockLength, {});
+    this->ReserveRows(image);
     image.rowBegin = image.rowEnd = begin;
   }
   if (begin < image.rowBegin)
@@ -722,7 +820,7 @@ template <typename TPixel>
 TPixel *
 ShearWarpProjector<TPixel>::MergeRow(std::size_t grid, std::ptrdiff_t row)
 {
-  const bool           isMinimum = this->IsMinimum(grid);
+  const bool           isMinimum = this->GetExtremum(grid) == ShearWarp::Extremum::Minimum;
   const std::ptrdiff_t columns = m_Grids[grid]->columns;
   PartialImage &       first = m_Workers.front().images[grid];
   TPixel * const       result = first.pixels.template GetPointer<TPixel>() + row * m_RowStride;

@@ -28,13 +28,16 @@ namespace itk
 {
 /** \class ShearWarpProjector
  * \brief Projects a prepared volume to the intermediate images of views along one axis, by several threads: the
- * maximum, the minimum or both, for the absolute maximum, of the samples or of those in a region or a mask, faded or
- * not, and the slices that they are of.
+ * maximum, the minimum or the sample of the largest magnitude, of all samples or of those in a region or a mask, faded
+ * or not; or the first local one; and the slices that they are of.
  *
  * The volume is divided into blocks of rows and slices. Each thread takes the next block and raises intermediate
  * images of its own, or for the minimum lowers them; the extremum over the threads' images is the result. It does not
  * depend on who took which block; of equal samples the nearest is kept. A block is projected for all views while it is
  * in the cache, so that the volume is read once.
+ *
+ * Where the order of samples matters, blocks are rows of one intermediate image that all threads share, and slices come
+ * from the viewer on.
  *
  * Reduced resampling (Fang et al. 2002, figure 3) by tiles: before a thread projects eight slices of a block, it
  * compares the maximum of the cubes that a tile's samples come from with the least pixel that the tile has already. A
@@ -68,18 +71,23 @@ public:
   };
   using ViewList = std::vector<View>;
 
-  static constexpr std::ptrdiff_t MostRankedSlices = ShearWarp::NoRank<TPixel>;
+  /** Of those whose samples come in any order. */
+  static constexpr std::ptrdiff_t MostRankedSlices = ShearWarp::NoRank<TPixel> - 1;
 
   /** What is wanted of the samples. */
   struct Parameters
   {
     ModeEnum mode{ ModeEnum::Maximum };
-    /** Whether the intermediate images tell the slices of their pixels, of at most MostRankedSlices. */
-    bool   hasSlices{ false };
+    /** Whether the intermediate images tell the slices of their pixels. */
+    bool hasSlices{ false };
+    /** Whether samples come from the viewer on; then there is one view, it has slices, and so do slabs come. */
+    bool   isOrdered{ false };
     TPixel background{};
     /** Of the voxels that count in a mask; 0 for all but 0. */
     unsigned char         maskLabel{ 0 };
     ReducedResamplingEnum reducedResampling{ ReducedResamplingEnum::Off };
+    /** If given, and samples come in order, rays end behind their first local extremum that is not less good. */
+    std::optional<TPixel> localThreshold{};
   };
 
   /** Begins a projection by at most \a workers threads. The factorizations of \a views, of one principal axis and one
@@ -89,6 +97,10 @@ public:
         const ShearWarp::Kernels<TPixel> & kernels,
         const Parameters &                 parameters,
         SizeValueType                      workers);
+
+  /** Whether the first slice along the volume's z axis is met before the last one: the order of slabs. */
+  static bool
+  IsFirstSlabFront(const ShearWarpFactorization & factorization);
 
   /** Projects what \a volume has prepared for the factorizations' principal axis: all or, one after the other, parts.
    * \a mask, of the same size and with block minima, restricts it if that is not null; it needs the slices.
@@ -132,21 +144,22 @@ private:
     ShearWarpBuffer                    marks; // of pixels that have met a sample of the region
     std::vector<ShearWarp::ColumnSpan> known;
     ShearWarpBuffer                    ranks;
+    ShearWarpBuffer                    slices; // of the pixels whose ranks are settled, if samples come in order
     std::ptrdiff_t                     rowBegin{ 0 }, rowEnd{ 0 };
     std::vector<TPixel>                lowerBounds; // no pixel of the tile is below
-    std::vector<ShearWarp::TileState>  active;
   };
 
   struct Worker
   {
-    std::vector<PartialImage>                   images; // one for each grid
-    std::vector<ShearWarp::ShearedView<TPixel>> views;
-    std::vector<TPixel>                         columnMaxima;
-    std::vector<unsigned int>                   columnParts;
-    SizeValueType                               tiles{ 0 };
-    SizeValueType                               skippedTiles{ 0 };
-    std::ptrdiff_t                              untestedCubes{ 0 };
-    std::ptrdiff_t                              pause{ 0 };
+    std::vector<PartialImage>                      images; // one for each grid
+    std::vector<ShearWarp::ShearedView<TPixel>>    views;
+    std::vector<std::vector<ShearWarp::TileState>> active; // of each grid
+    std::vector<TPixel>                            columnMaxima;
+    std::vector<unsigned int>                      columnParts;
+    SizeValueType                                  tiles{ 0 };
+    SizeValueType                                  skippedTiles{ 0 };
+    std::ptrdiff_t                                 untestedCubes{ 0 };
+    std::ptrdiff_t                                 pause{ 0 };
   };
 
   struct TileCount
@@ -187,27 +200,25 @@ private:
   void
   OrderSlices();
 
+  /** Rows [begin, end) of the slices or, if samples come in order, of one grid. */
+  struct Rows
+  {
+    std::ptrdiff_t begin, end;
+    std::size_t    gridBegin, gridEnd;
+  };
+
+  /** Of elements [first, last) of m_SliceOrder. */
   void
-  ProjectRows(Worker &       worker,
-              std::ptrdiff_t rowBegin,
-              std::ptrdiff_t rowEnd,
-              std::ptrdiff_t first,
-              std::ptrdiff_t last) const;
+  ProjectRows(Worker & worker, const Rows & rows, std::ptrdiff_t first, std::ptrdiff_t last);
 
   bool
-  SelectTiles(Worker & worker, const ShearWarp::Block & block) const;
+  SelectTiles(Worker & worker, const Rows & rows, const ShearWarp::Block & block);
 
   TileCount
-  SelectTiles(const PlacementList &    placements,
-              PartialImage &           image,
-              std::vector<TPixel> &    columnMaxima,
-              const ShearWarp::Block & block) const;
+  SelectTiles(Worker & worker, std::size_t grid, const ShearWarp::Block & block);
 
   TileCount
-  SelectMaskedTiles(const PlacementList &       placements,
-                    PartialImage &              image,
-                    std::vector<unsigned int> & columnParts,
-                    const ShearWarp::Block &    block) const;
+  SelectMaskedTiles(Worker & worker, std::size_t grid, const ShearWarp::Block & block) const;
 
   /** A range of cubes, or of tiles. */
   struct Range
@@ -219,14 +230,24 @@ private:
    * tileColumn, cubeColumns), of which the samples may be. */
   template <typename TBeginRow, typename TGetState>
   TileCount
-  ForEachTile(const PlacementList &    placements,
-              PartialImage &           image,
+  ForEachTile(Worker &                 worker,
+              std::size_t              grid,
               const ShearWarp::Block & block,
               const TBeginRow &        beginRow,
               const TGetState &        getState) const;
 
+  /** Onto which \a worker projects, for each grid. */
+  std::vector<PartialImage> &
+  GetImages(Worker & worker)
+  {
+    return m_Parameters.isOrdered ? m_Workers.front().images : worker.images;
+  }
+
   bool
   IsAnyBelow(PartialImage & image, std::ptrdiff_t tileRow, std::ptrdiff_t tileColumn, TPixel value) const;
+
+  void
+  ReserveRows(PartialImage & image) const;
 
   void
   ExtendRows(std::size_t grid, PartialImage & image, std::ptrdiff_t begin, std::ptrdiff_t end) const;
@@ -246,21 +267,53 @@ private:
     return m_Parameters.hasSlices ? image.ranks.template GetPointer<RankType>() + row * m_RowStride : nullptr;
   }
 
-  /** \a ranks of slices that begin with slice \a first of the volume. */
-  ShearWarp::RankedImage<TPixel>
-  GetRankedImage(const View & view, RankType * ranks, std::ptrdiff_t first) const;
-
-  /** For the absolute maximum each phase has two grids: of maxima, then of minima. */
-  bool
-  IsMinimum(std::size_t grid) const
+  /** Which slice of the volume has rank 1, and whether the next ranks are those of the next slices or of the ones
+   * before. */
+  struct Ranking
   {
-    return m_Parameters.mode == ModeEnum::Minimum || (m_Parameters.mode == ModeEnum::AbsoluteMaximum && grid % 2 == 1);
+    std::ptrdiff_t first, step;
+
+    std::int32_t
+    GetSlice(RankType rank) const
+    {
+      return static_cast<std::int32_t>(first + step * (rank - 1));
+    }
+  };
+
+  /** For element \a cube of m_SliceOrder. */
+  Ranking
+  GetRanking(const View & view, std::ptrdiff_t cube) const;
+
+  static bool
+  IsFirstSliceNearest(const View & view)
+  {
+    return view.factorization->GetDepthFunction().perSlice > 0;
+  }
+
+  /** Gives the pixels of ranks from element  cube of m_SliceOrder on their slices. */
+  void
+  SettleRanks(const Rows & rows, std::ptrdiff_t cube);
+
+  /** In any order, for the absolute maximum, each phase has two grids: of maxima, then of minima. */
+  ShearWarp::Extremum
+  GetExtremum(std::size_t grid) const
+  {
+    using ShearWarp::Extremum;
+    if (m_Parameters.mode == ModeEnum::AbsoluteMaximum)
+    {
+      return m_Parameters.isOrdered ? Extremum::Magnitude : grid % 2 == 1 ? Extremum::Minimum : Extremum::Maximum;
+    }
+    return m_Parameters.mode == ModeEnum::Minimum ? Extremum::Minimum : Extremum::Maximum;
   }
 
   TPixel
   GetStart(std::size_t grid) const
   {
-    return this->IsMinimum(grid) ? m_Kernels->minimum.start : m_Kernels->maximum.start;
+    using ShearWarp::Extremum;
+    const Extremum extremum = this->GetExtremum(grid);
+    return extremum == Extremum::Minimum     ? ShearWarp::NoSample<TPixel, Extremum::Minimum>
+           : extremum == Extremum::Magnitude ? ShearWarp::NoSample<TPixel, Extremum::Magnitude>
+                                             : ShearWarp::NoSample<TPixel>;
   }
 
   std::vector<Worker>                m_Workers;
@@ -269,6 +322,7 @@ private:
   ShearWarpBuffer                    m_JoinedSlices; // where pixels may have no value; all are 0 unless they are wanted
   std::vector<ShearWarp::ColumnSpan> m_Reached;      // of its rows
   std::vector<std::ptrdiff_t>        m_SliceOrder;   // the first of each BlockLength slices
+  std::ptrdiff_t                     m_RankedCubes{ 1 }; // ranks begin anew after so many of these
 
   const ShearWarp::Kernels<TPixel> *               m_Kernels{ nullptr };
   ViewList                                         m_Views;

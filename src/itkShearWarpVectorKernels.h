@@ -16,8 +16,8 @@
  *
  *=========================================================================*/
 /* Included by the file of each instruction set, within its anonymous namespace, after its struct Lanes and
- * itkShearWarpRayKernels.h, so that the linker cannot share what is compiled here. For the same reason nothing here may
- * call an inline function or a template of another header at run time.
+ * itkShearWarpScalarKernels.h, so that the linker cannot share what is compiled here. For the same reason nothing here
+ * may call an inline function or a template of another header at run time.
  *
  * Lanes has the operations on vectors of 16-bit and 32-bit integers, float and double that are written differently for
  * each instruction set. */
@@ -29,14 +29,6 @@
 #include "itkShearWarpVectorWarp.h"
 
 template <typename TPixel>
-constexpr Kernels<TPixel> VectorKernels{ Lanes::Name,
-                                         ProjectBlock<TPixel>,
-                                         IsAnyBelow<TPixel>,
-                                         FindBlockExtrema<TPixel>,
-                                         WarpRow<TPixel>,
-                                         TransposeSlice<TPixel>,
-                                         SampleRow<TPixel>,
-                                         FadeRow<TPixel>,
-                                         RayKernelsOf<MaximumRule<TPixel>, TPixel>,
-                                         RayKernelsOf<MinimumRule<TPixel>, TPixel>,
-                                         RayKernelsOf<AbsoluteMaximumRule<TPixel>, TPixel> };
+constexpr Kernels<TPixel> VectorKernels{ Lanes::Name,        ProjectBlock<TPixel>,
+                                         IsAnyBelow<TPixel>, FindBlockExtrema<TPixel>,
+                                         WarpRow<TPixel>,    TransposeSlice<TPixel> };

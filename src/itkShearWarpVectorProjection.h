@@ -186,15 +186,30 @@ struct MaskedVoxels
   std::uint32_t any{ 0 };
 };
 
-/** Gives the \a taken lanes of a row of pixels, with their ranks, what is better or nearer. */
+/** Gives the \a taken lanes of a row of pixels, with their ranks, what is better or nearer; rays end unless
+ * \a localThreshold is null. */
 template <typename TRule, bool VAll, typename TPixel, typename TVector, typename TRanks>
 SHEARWARP_INLINE inline void
-TakeRanked(TVector sample, TRanks rank, std::uint32_t taken, TPixel * pixels, SliceRank<TPixel> * ranks)
+TakeRanked(TVector             sample,
+           TRanks              rank,
+           const TPixel *      localThreshold,
+           std::uint32_t       taken,
+           TPixel *            pixels,
+           SliceRank<TPixel> * ranks)
 {
   const auto before = Lanes::Load(pixels);
   const auto rankBefore = Lanes::Load(ranks);
+  if (localThreshold)
+  {
+    sample = Lanes::KeepEnded(rankBefore, before, sample);
+  }
   const auto better = Better<TRule, TPixel>(before, sample);
-  const auto nearest = Lanes::SelectNearest(before, sample, better, rankBefore, rank);
+  auto       nearest = Lanes::SelectNearest(before, sample, better, rankBefore, rank);
+  if (localThreshold)
+  {
+    const auto beyond = Better<TRule, TPixel>(before, Lanes::SetPixel(*localThreshold));
+    nearest = Lanes::EndRays(before, beyond, better, sample, Lanes::SetPixel(TRule::Start), nearest);
+  }
   if constexpr (VAll)
   {
     Lanes::Store(pixels, better);
@@ -217,16 +232,16 @@ TakeRanked(const TileRow<TPixel> & row, std::ptrdiff_t column)
   SliceRank<TPixel> * const ranks = row.ranks + column;
   const std::ptrdiff_t      stride = row.pixelStride;
   const auto                rank = Lanes::SetRank(row.rank);
+  const auto                take = [=, spans = row.spans, fades = row.fades, threshold = row.localThreshold](
+                      int r, const TPixel *, typename TSampler::Sample sample) SHEARWARP_INLINE {
+    const std::uint32_t taken = VAll ? ~0U : GetLanes<TPixel>(spans[r], column);
+    const auto          finished = TSampler::Finish(sample);
+    const auto          faded = fades ? Fade<TPixel>(finished, fades[r], column) : finished;
+    TakeRanked<TRule, VAll>(faded, rank, threshold, taken, pixels + r * stride, ranks + r * stride);
+  };
   TSampler(*row.slices)
-    .template ForEachRow<VRows>(row.voxels + (row.slices->offset + row.row * row.rowStride + column),
-                                row.rowStride,
-                                [=, spans = row.spans, fades = row.fades](
-                                  int r, const TPixel *, typename TSampler::Sample sample) SHEARWARP_INLINE {
-                                  const std::uint32_t taken = VAll ? ~0U : GetLanes<TPixel>(spans[r], column);
-                                  const auto          finished = TSampler::Finish(sample);
-                                  const auto faded = fades ? Fade<TPixel>(finished, fades[r], column) : finished;
-                                  TakeRanked<TRule, VAll>(faded, rank, taken, pixels + r * stride, ranks + r * stride);
-                                });
+    .template ForEachRow<VRows>(
+      row.voxels + (row.slices->offset + row.row * row.rowStride + column), row.rowStride, take);
 }
 
 /** The same, no more than counts in the mask; spans may be null. */
@@ -253,15 +268,15 @@ TakeMasked(const TileRow<TPixel> & row, std::ptrdiff_t column)
       const std::uint32_t       whole = taken & mask.whole[r];
       const auto                finished = TSampler::Finish(sample);
       const auto                faded = row.fades ? Fade<TPixel>(finished, row.fades[r], column) : finished;
-      TakeRanked<TRule, false>(faded, rank, whole, pixels, ranks);
+      TakeRanked<TRule, false>(faded, rank, row.localThreshold, whole, pixels, ranks);
       // a few samples at the mask's rim
       for (std::uint32_t rest = taken & ~whole; rest != 0; rest &= rest - 1)
       {
         const int      lane = __builtin_ctz(rest);
         const TPixel * a = b - above * row.rowStride + lane;
         const TPixel   mean = SampleCounted(a, b + lane, 0, -before, slice.x, slice.y, mask.GetVoxels(r, above, lane));
-        TakeSample<TRule>(
-          row.fades ? FadeInRow(row.fades[r], mean, column + lane) : mean, row.rank, pixels[lane], ranks + lane);
+        const TPixel   fadedMean = row.fades ? FadeInRow(row.fades[r], mean, column + lane) : mean;
+        TakeSample<TRule>(fadedMean, row.rank, row.localThreshold, pixels[lane], ranks + lane);
       }
     });
 }
@@ -435,14 +450,13 @@ public:
     }
   }
 
-  /** Slices [begin, end), at most MaximumSlices of one cube. */
+  /** \a count slices from \a begin on, at most MaximumSlices of one cube. */
   void
-  Project(std::ptrdiff_t begin, std::ptrdiff_t end)
+  Project(std::ptrdiff_t begin, std::ptrdiff_t count)
   {
     m_Grid = m_Block.rowBegin + FindFirstRow(m_Block, m_View.placements, begin);
     m_Slice = begin;
     PlacedSlice slices[MaximumSlices];
-    const auto  count = static_cast<int>(end - begin);
     for (int n = 0; n < count; ++n)
     {
       slices[n] = this->Place(begin + n);
@@ -472,17 +486,19 @@ public:
         };
         projectRows(inner.rowBegin, areTogether ? common.rowBegin : inner.rowEnd);
         projectRows(areTogether ? common.rowEnd : inner.rowEnd, inner.rowEnd);
-        this->ProjectEdges(slices[n], FindRows(m_Block, m_View.placements, begin + n));
+        this->ProjectEdges(slices[n]);
       }
     }
   }
 
 private:
+  static constexpr std::int32_t HalfVoxel = 1 << 14;
+
   PlacedSlice
   Place(std::ptrdiff_t slice) const
   {
     const auto [column, row] = m_View.placements[slice];
-    const RowSpan rows = FindRows(m_Block, m_View.placements, slice);
+    const RowSpan rows = FindRowSamples(m_Block, m_View.placements, slice, m_Stack.rowEnds);
     return { slice * m_Stack.sliceStride - row.whole * m_Stack.rowStride - column.whole,
              m_View.mask ? slice * m_View.mask->sliceStride - row.whole * m_View.mask->rowStride - column.whole : 0,
              column.whole,
@@ -490,18 +506,18 @@ private:
              column.fraction,
              row.fraction,
              { row.whole + Larger<std::ptrdiff_t>(rows.begin, row.fraction != 0 || !m_Stack.rowEnds.first),
-               row.whole + rows.end,
+               row.whole + Smaller(rows.end, m_Stack.rows),
                column.whole + (column.fraction != 0 || !m_Stack.columnEnds.first),
-               column.whole + m_Stack.columns } };
+               column.whole + m_Stack.columns },
+             rows.begin < rows.end && (row.fraction > HalfVoxel ? rows.end > m_Stack.rows : rows.begin == 0) };
   }
 
   /** Half a voxel beyond the outer voxel centres, with the outer voxels' values. */
   void
-  ProjectEdges(const PlacedSlice & slice, const RowSpan & rows) const
+  ProjectEdges(const PlacedSlice & slice) const
   {
-    constexpr std::int32_t half = 1 << 14;
-    const bool             edgeIsLastColumn = slice.x > half;
-    const std::ptrdiff_t   edge = slice.column + (edgeIsLastColumn ? m_Stack.columns : 0);
+    const bool           edgeIsLastColumn = slice.x > HalfVoxel;
+    const std::ptrdiff_t edge = slice.column + (edgeIsLastColumn ? m_Stack.columns : 0);
     const bool hasColumn = slice.x != 0 && (edgeIsLastColumn ? m_Stack.columnEnds.last : m_Stack.columnEnds.first);
     if (hasColumn && this->IsInRegion({ slice.inner.rowBegin, slice.inner.rowEnd, edge, edge + 1 }))
     {
@@ -514,10 +530,8 @@ private:
         }
       }
     }
-    const bool edgeIsLastRow = slice.y > half;
-    const bool hasRow = slice.y != 0 && (edgeIsLastRow ? m_Stack.rowEnds.last && rows.end == m_Stack.rows
-                                                       : m_Stack.rowEnds.first && rows.begin == 0);
-    if (hasRow)
+    const bool edgeIsLastRow = slice.y > HalfVoxel;
+    if (slice.y != 0 && slice.hasEdgeRow)
     {
       // as in a slice that lies one row further on and not between rows
       PlacedSlice          edgeSlice = slice;
@@ -604,6 +618,7 @@ private:
       const TPixel         sample = SampleCounted(above, voxel, 0, 0, 0, y, counted);
       TakeSample<TRule>(m_View.fading ? FadeInRow(this->FindFading(slice, row), sample, column) : sample,
                         GetRank(m_View.ranked, m_Slice),
+                        m_View.localThreshold,
                         m_View.intermediate.pixels[place],
                         m_View.ranked.ranks + place);
     }
@@ -641,10 +656,11 @@ private:
                            nullptr,
                            m_View.intermediate.rowStride,
                            nullptr,
-                           m_Stack.sliceStride,
+                           m_Block.isBackward ? -m_Stack.sliceStride : m_Stack.sliceStride,
                            m_View.active || m_View.coverage.region ? nullptr : &prefetcher,
                            GetRank(m_View.ranked, m_Slice),
-                           m_View.mask };
+                           m_View.mask,
+                           m_View.localThreshold };
     if (rowEnd - rowBegin < BlockLength)
     {
       for (std::ptrdiff_t row = rowBegin; row < rowEnd; ++row)
@@ -677,11 +693,12 @@ private:
       if (count == 1 && m_Index == 0 && tiles.prefetcher)
       {
         const bool           isNextSlice = !isLongRun || n + 1 == length;
+        const std::ptrdiff_t nextSlice = m_Block.isBackward ? index - isNextSlice : index + isNextSlice;
         const std::ptrdiff_t next = isLongRun ? (n + 1) % length : n;
         prefetcher.ClearStreams();
         for (std::ptrdiff_t tile = firstTile + next; tile < lastTile; tile += length)
         {
-          this->AddStream(prefetcher, index + isNextSlice, m_Grid + tile * BlockLength - slices->row);
+          this->AddStream(prefetcher, nextSlice, m_Grid + tile * BlockLength - slices->row);
         }
         this->StartFetching(prefetcher, BlockLength, steps * streams);
       }
@@ -697,7 +714,7 @@ private:
   void
   AddStream(Prefetcher & prefetcher, std::ptrdiff_t slice, std::ptrdiff_t row) const
   {
-    if (slice < m_Stack.slices && m_Stack.rows >= BlockLength)
+    if (slice >= 0 && slice < m_Stack.slices && m_Stack.rows >= BlockLength)
     {
       row = Smaller(Larger<std::ptrdiff_t>(row, 0), m_Stack.rows - BlockLength);
       prefetcher.AddStream(
@@ -817,27 +834,29 @@ ProjectBlock(const SliceStack<TPixel> &  slices,
              const ShearedView<TPixel> * views,
              std::size_t                 count)
 {
-  if (slices.columns <= LaneCount<TPixel>)
+  if (slices.columns <= LaneCount<TPixel> || views->extremum == Extremum::Magnitude)
   {
     return GetPortableKernels<TPixel>().projectBlock(slices, block, views, count);
   }
   // all views take a slice's rows, or those of a few slices, while they are in the cache
-  const bool areTogether = block.hasCommonRows && !views->active && !views->coverage.region && !views->ranked.ranks;
-  const std::ptrdiff_t length = areTogether ? BlockProjector<MaximumRule<TPixel>, TPixel>::MaximumSlices : 1;
-  for (std::ptrdiff_t slice = block.sliceBegin, end = slice; slice < block.sliceEnd; slice = end)
+  const bool areTogether =
+    block.rowsOf == BlockRows::OfMiddleSlices && !views->active && !views->coverage.region && !views->ranked.ranks;
+  const std::ptrdiff_t most = areTogether ? BlockProjector<MaximumRule<TPixel>, TPixel>::MaximumSlices : 1;
+  for (std::ptrdiff_t done = 0, length = 0; done < block.sliceEnd - block.sliceBegin; done += length)
   {
-    end = Smaller(slice + length, block.sliceEnd);
+    length = Smaller(most, block.sliceEnd - block.sliceBegin - done);
+    const std::ptrdiff_t begin = block.isBackward ? block.sliceEnd - done - length : block.sliceBegin + done;
     for (std::size_t n = 0; n < count; ++n)
     {
       const auto index = static_cast<std::ptrdiff_t>(n);
       const auto total = static_cast<std::ptrdiff_t>(count);
-      if (views[n].isMinimum)
+      if (views[n].extremum == Extremum::Minimum)
       {
-        BlockProjector<MinimumRule<TPixel>, TPixel>(slices, block, views[n], index, total).Project(slice, end);
+        BlockProjector<MinimumRule<TPixel>, TPixel>(slices, block, views[n], index, total).Project(begin, length);
       }
       else
       {
-        BlockProjector<MaximumRule<TPixel>, TPixel>(slices, block, views[n], index, total).Project(slice, end);
+        BlockProjector<MaximumRule<TPixel>, TPixel>(slices, block, views[n], index, total).Project(begin, length);
       }
     }
   }

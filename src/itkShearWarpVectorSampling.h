@@ -101,13 +101,14 @@ struct Rectangle
 
 /** A slice where the view places it: pixel (p, q) is sampled between voxels (p - 1, q - 1) and (p, q) of a slice whose
  * voxel (0, 0) is at `offset`, and at `maskOffset` of the mask. Of the block's samples it has all voxels of those in
- * `inner`. */
+ * `inner`; the block may have those of an outer row beside them. */
 struct PlacedSlice
 {
   std::ptrdiff_t offset, maskOffset;
   std::ptrdiff_t column, row;
   std::int32_t   x, y;
   Rectangle      inner;
+  bool           hasEdgeRow;
 
   Fractions
   GetFractions() const
@@ -137,6 +138,7 @@ struct TileRow
   Prefetcher *              prefetcher; // null where tiles fetch their own place in the next slice
   SliceRank<TPixel>         rank;       // of the one slice
   const Mask *              mask;
+  const TPixel *            localThreshold;
   bool                      isMoved{ false }; // so that it has rows of other tiles, whose states `active` does not tell
   SliceRank<TPixel> *       ranks{ nullptr };
   const FadingRow<TPixel> * fades{ nullptr }; // of each row
@@ -427,85 +429,3 @@ using Sampler =
                      TPixel,
                      VFractions,
                      VWide>::Type;
-
-/** Short integers and float, in plain loops that compilers make vectors of. */
-template <typename TPixel>
-void
-SampleRow(const SliceRow<TPixel> & row, ColumnSpan span, TPixel * samples)
-{
-  const std::int32_t columns = static_cast<std::int32_t>(row.columns);
-  const std::int32_t x = row.column.fraction;
-  const std::int32_t y = row.y;
-  const std::int32_t begin = Larger(span.begin, row.column.whole + 1);
-  const std::int32_t count = Smaller(span.end, row.column.whole + columns) - begin;
-  const bool         edgeIsLast = x > 1 << 14;
-  const std::int32_t edge = row.column.whole + (edgeIsLast ? columns : 0);
-  if (edge >= span.begin && edge < span.end)
-  {
-    const TPixel a = row.a[edgeIsLast ? columns - 1 : 0];
-    const TPixel b = row.b[edgeIsLast ? columns - 1 : 0];
-    if constexpr (IsFloat<TPixel>)
-    {
-      samples[edge] = y == 0 ? b : b + static_cast<float>(y) / 32768 * (a - b);
-    }
-    else
-    {
-      samples[edge] = static_cast<TPixel>((y * a + (32768 - y) * b + (1 << 14)) >> 15);
-    }
-  }
-  if (count <= 0)
-  {
-    return;
-  }
-
-  const TPixel * __restrict a = row.a + (begin - row.column.whole);
-  const TPixel * __restrict b = row.b + (begin - row.column.whole);
-  TPixel * __restrict output = samples + begin;
-  if (x == 0 && y == 0)
-  {
-    for (std::int32_t n = 0; n < count; ++n)
-    {
-      output[n] = b[n];
-    }
-  }
-  else if constexpr (IsFloat<TPixel>)
-  {
-    // a voxel of weight zero takes no part, not even one that is not finite
-    const float weightX = static_cast<float>(x) / 32768;
-    const float weightY = static_cast<float>(y) / 32768;
-    if (y == 0)
-    {
-      for (std::int32_t n = 0; n < count; ++n)
-      {
-        output[n] = b[n] + weightX * (b[n - 1] - b[n]);
-      }
-    }
-    else if (x == 0)
-    {
-      for (std::int32_t n = 0; n < count; ++n)
-      {
-        output[n] = b[n] + weightY * (a[n] - b[n]);
-      }
-    }
-    else
-    {
-      for (std::int32_t n = 0; n < count; ++n)
-      {
-        const float above = a[n] + weightX * (a[n - 1] - a[n]);
-        const float below = b[n] + weightX * (b[n - 1] - b[n]);
-        output[n] = below + weightY * (above - below);
-      }
-    }
-  }
-  else
-  {
-    const std::int32_t aa = (x * y + (1 << 14)) >> 15;
-    const std::int32_t ab = y - aa;
-    const std::int32_t ba = x - aa;
-    const std::int32_t bb = 32768 - y - ba;
-    for (std::int32_t n = 0; n < count; ++n)
-    {
-      output[n] = static_cast<TPixel>((aa * a[n - 1] + ab * a[n] + ba * b[n - 1] + bb * b[n] + (1 << 14)) >> 15);
-    }
-  }
-}

@@ -25,6 +25,7 @@
 #include <array>
 #include <cstring>
 #include <memory>
+#include <optional>
 
 #ifdef __linux__
 #  include <sys/mman.h>
@@ -97,6 +98,49 @@ private:
   char *      m_First{ nullptr };
   char *      m_Last{ nullptr };
 };
+
+/** The same bits, or both not a number. */
+template <typename TPixel>
+bool
+HaveSameValues(const std::vector<TPixel> & a, const std::vector<TPixel> & b)
+{
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](TPixel x, TPixel y) {
+    return HaveSameBits(x, y) || (x != x && y != y);
+  });
+}
+
+/** Warps the whole output, its rows split before column \a split. */
+template <typename TPixel>
+std::vector<TPixel>
+Warp(const std::vector<TPixel> &              pixels,
+     const std::vector<Kernels::ColumnSpan> & reached,
+     const Kernels::AffineMap2D &             map,
+     std::ptrdiff_t                           columns,
+     std::ptrdiff_t                           rows,
+     TPixel                                   background,
+     std::ptrdiff_t                           split)
+{
+  const auto           intermediateRows = static_cast<std::ptrdiff_t>(reached.size());
+  const std::ptrdiff_t intermediateColumns = static_cast<std::ptrdiff_t>(pixels.size()) / intermediateRows;
+  GuardedMemory        memory(pixels.size() * sizeof(TPixel));
+  const auto *         guarded = memory.Place(pixels, split % 2 == 0);
+  const Kernels::IntermediateImage<TPixel> intermediate{
+    const_cast<TPixel *>(guarded), intermediateColumns, intermediateRows, intermediateColumns, reached.data()
+  };
+  const TPixel        untouched{ 77 };
+  std::vector<TPixel> output(Guard + columns * rows + Guard, untouched);
+  for (std::ptrdiff_t row = 0; row < rows; ++row)
+  {
+    TPixel *   pixelsOfRow = output.data() + Guard + row * columns;
+    const auto warpRow = Kernels::GetKernels<TPixel>().warpRow;
+    warpRow(intermediate, map, row, 0, split, background, pixelsOfRow);
+    EXPECT_EQ(std::count(pixelsOfRow + split, pixelsOfRow + columns, untouched), columns - split);
+    warpRow(intermediate, map, row, split, columns, background, pixelsOfRow);
+  }
+  EXPECT_EQ(std::count(output.begin(), output.begin() + Guard, untouched), Guard);
+  EXPECT_EQ(std::count(output.end() - Guard, output.end(), untouched), Guard);
+  return { output.begin() + Guard, output.end() - Guard };
+}
 
 /** A stack with padded rows and slices, but for the last, and random placements. The padding would win.
  */
@@ -216,7 +260,7 @@ public:
       for (std::ptrdiff_t row = 0; row < rows; ++row)
       {
         const auto begin = memory.begin() + Guard + row * stride;
-        std::fill(begin, begin + columns, isMinimum ? kernels.minimum.start : kernels.maximum.start);
+        std::fill(begin, begin + columns, this->GetStart());
         std::fill_n(rankMemory + row * stride, columns, Kernels::NoRank<TPixel>);
       }
       const auto view = static_cast<std::ptrdiff_t>(list.size());
@@ -224,27 +268,35 @@ public:
                        { memory.data() + Guard, columns, rows, stride, nullptr },
                        nullptr,
                        0,
-                       isMinimum,
+                       extremum,
                        { region.intervals.empty() ? nullptr : &region,
                          isCovered.data() + view * columns * rows,
                          columns,
                          known.data() + view * rows },
-                       { rankStep != 0 ? rankMemory : nullptr, rankStep < 0 ? lastSlice : 0, rankStep } });
+                       { rankStep != 0 ? rankMemory : nullptr, rankStep < 0 ? lastSlice : 0, rankStep },
+                       nullptr,
+                       nullptr,
+                       localThreshold ? &*localThreshold : nullptr });
     }
-    rowSplits.push_back(m_Stack.rows);
+    rowSplits.push_back(rowsOf == Kernels::BlockRows::OfImage ? rows : m_Stack.rows);
     sliceSplits.push_back(m_Stack.slices);
     Kernels::Block block{};
     block.rows = m_Stack.rows;
-    block.hasCommonRows = hasCommonRows;
+    block.rowsOf = rowsOf;
+    block.isBackward = isBackward;
+    if (isBackward)
+    {
+      std::reverse(sliceSplits.begin(), sliceSplits.end());
+      sliceSplits.push_back(0);
+    }
     for (const std::ptrdiff_t rowEnd : rowSplits)
     {
       block.rowEnd = rowEnd;
-      block.sliceBegin = 0;
-      for (const std::ptrdiff_t sliceEnd : sliceSplits)
+      for (std::size_t n = 0; n + isBackward < sliceSplits.size(); ++n)
       {
-        block.sliceEnd = sliceEnd;
+        block.sliceEnd = sliceSplits[n];
+        block.sliceBegin = isBackward ? sliceSplits[n + 1] : n == 0 ? 0 : sliceSplits[n - 1];
         kernels.projectBlock(m_Stack, block, list.data(), list.size());
-        block.sliceBegin = sliceEnd;
       }
       block.rowBegin = rowEnd;
     }
@@ -266,7 +318,7 @@ public:
     {
       EXPECT_EQ(std::count(memory.begin(), memory.begin() + Guard, untouched), Guard);
       EXPECT_EQ(std::count(memory.end() - Guard, memory.end(), untouched), Guard);
-      EXPECT_TRUE(memory == memories.front());
+      EXPECT_TRUE(HaveSameValues(memory, memories.front()));
     }
     return pixels;
   }
@@ -291,11 +343,11 @@ public:
     return pixels;
   }
 
-  /** False where no slice has a sample in the region; \a rank is that of the first slice with the extremum. */
+  /** False where no slice has a sample in the region; \a rank is that of the slice whose sample is \a chosen. */
   bool
-  Evaluate(std::ptrdiff_t p, std::ptrdiff_t q, TPixel & extremum, std::int64_t * rank = nullptr) const
+  Evaluate(std::ptrdiff_t p, std::ptrdiff_t q, TPixel & chosen, std::int64_t * rank = nullptr) const
   {
-    bool isReached = false;
+    std::vector<RaySample<TPixel>> samples;
     for (std::ptrdiff_t n = 0; n < m_Stack.slices; ++n)
     {
       const std::ptrdiff_t k = rankStep < 0 ? m_Stack.slices - 1 - n : n;
@@ -308,35 +360,60 @@ public:
         return interval.low <= value && value <= interval.high;
       });
       TPixel     sample{};
-      if (isIn &&
-          SampleSlice(voxel,
-                      m_Stack.columns,
-                      m_Stack.rows,
-                      p * WholePixel - ToQuantized(m_Placements[k].column),
-                      q * WholePixel - ToQuantized(m_Placements[k].row),
-                      sample) &&
-          (!isReached || (isMinimum ? sample < extremum : sample > extremum)))
+      if (isIn && SampleSlice(voxel,
+                              m_Stack.columns,
+                              m_Stack.rows,
+                              p * WholePixel - ToQuantized(m_Placements[k].column),
+                              q * WholePixel - ToQuantized(m_Placements[k].row),
+                              sample))
       {
-        extremum = sample;
-        isReached = true;
-        if (rank)
-        {
-          *rank = n;
-        }
+        samples.push_back({ sample, n });
       }
     }
-    return isReached;
+    if (samples.empty())
+    {
+      return false;
+    }
+    RayRule<TPixel> rule;
+    rule.mode = static_cast<RayMode>(extremum);
+    rule.isLocal = localThreshold.has_value();
+    rule.threshold = localThreshold.value_or(TPixel{});
+    const auto sample = ChooseSample(rule, samples);
+    chosen = sample.value;
+    if (rank)
+    {
+      *rank = sample.slice;
+    }
+    return true;
   }
 
   /** Compares every pixel that some slice reaches, for each rule and instruction set. */
   void
   ExpectProjectionFollowsRule(std::size_t views = 1)
   {
-    for (const int rule : { 0, 1, 2, 3, 4, 5 })
+    using Kernels::Extremum;
+    const auto rowsWithoutOrder = rowsOf;
+    for (int rule = 0; rule < 18; ++rule)
     {
-      isMinimum = rule % 2 == 0;
-      rankStep = rule / 2 - 1;
-      this->FillPadding(isMinimum ? std::numeric_limits<TPixel>::lowest() : std::numeric_limits<TPixel>::max());
+      extremum = static_cast<Extremum>(rule % 3);
+      rankStep = rule / 3 % 3 - 1;
+      const bool isLocal = rule / 9 == 1;
+      const bool isOrdered = isLocal || extremum == Extremum::Magnitude;
+      if (isOrdered && rankStep == 0)
+      {
+        continue;
+      }
+      rowsOf = isOrdered ? Kernels::BlockRows::OfImage : rowsWithoutOrder;
+      isBackward = isOrdered && rankStep < 0;
+      localThreshold.reset();
+      if (isLocal)
+      {
+        localThreshold = m_Voxels.front();
+      }
+      // views share their ranks
+      const std::size_t count = isOrdered ? 1 : views;
+      this->FillPadding(extremum == Extremum::Minimum ? std::numeric_limits<TPixel>::lowest()
+                                                      : std::numeric_limits<TPixel>::max());
       this->Project();
       std::vector<TPixel>       expected(columns * rows);
       std::vector<std::uint8_t> isReached(columns * rows);
@@ -348,18 +425,19 @@ public:
       bool atEnd = false;
       ForEachInstructionSet([&](const std::string &) {
         atEnd = !atEnd;
-        const std::vector<TPixel> pixels = this->Project({}, {}, views, atEnd);
+        const std::vector<TPixel> pixels = this->Project({}, {}, count, atEnd);
         for (std::ptrdiff_t n = 0; n < columns * rows; ++n)
         {
           if (isReached[n] != 0)
           {
             ASSERT_TRUE(HaveSameBits(WithoutSignOfZero(expected[n]), WithoutSignOfZero(pixels[n])))
               << "at (" << n % columns << ", " << n / columns << ") of " << m_Stack.columns << " x " << m_Stack.rows
-              << " x " << m_Stack.slices << (isMinimum ? ", minimum: " : ": ") << +pixels[n] << " instead of "
-              << +expected[n];
+              << " x " << m_Stack.slices << ", rule " << rule << ": " << +pixels[n] << " instead of " << +expected[n];
           }
-          ASSERT_TRUE(rankStep == 0 || ranks[n] == expectedRanks[n]) << n << ": " << ranks[n];
-          for (std::size_t view = 0; view < views; ++view)
+          const bool isEnded = localThreshold && ranks[n] < 0;
+          const auto rank = static_cast<std::int64_t>(ranks[n]) - (isEnded ? Kernels::EndedRank<TPixel> : 0);
+          ASSERT_TRUE(rankStep == 0 || rank == expectedRanks[n]) << n << ": " << ranks[n];
+          for (std::size_t view = 0; view < count; ++view)
           {
             ASSERT_TRUE(region.intervals.empty() || isReached[n] == isCovered[view * pixels.size() + n]) << n;
           }
@@ -367,13 +445,27 @@ public:
       });
     }
     rankStep = 0;
-    isMinimum = false;
+    extremum = Extremum::Maximum;
+    rowsOf = rowsWithoutOrder;
+    isBackward = false;
+    localThreshold.reset();
   }
 
-  std::ptrdiff_t columns{ 0 }, rows{ 0 };
-  bool           hasCommonRows{ false };
-  bool           isMinimum{ false };
-  std::int32_t   rankStep{ 0 }; // 0 for no ranks
+  TPixel
+  GetStart() const
+  {
+    using Kernels::Extremum;
+    return extremum == Extremum::Minimum     ? Kernels::NoSample<TPixel, Extremum::Minimum>
+           : extremum == Extremum::Magnitude ? TPixel{ 0 }
+                                             : Kernels::NoSample<TPixel>;
+  }
+
+  std::ptrdiff_t        columns{ 0 }, rows{ 0 };
+  std::optional<TPixel> localThreshold;
+  Kernels::BlockRows    rowsOf{ Kernels::BlockRows::OfSlices };
+  Kernels::Extremum     extremum{ Kernels::Extremum::Maximum };
+  bool                  isBackward{ false };
+  std::int32_t          rankStep{ 0 }; // 0 for no ranks
 
   std::vector<Kernels::SliceRank<TPixel>> ranks;
 
@@ -461,47 +553,36 @@ MakeSpecialPixels()
   }
 }
 
-/** The same bits, or both not a number. */
-template <typename TPixel>
-bool
-HaveSameValues(const std::vector<TPixel> & a, const std::vector<TPixel> & b)
-{
-  return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](TPixel x, TPixel y) {
-    return HaveSameBits(x, y) || (x != x && y != y);
-  });
-}
-
-/** Warps the whole output, its rows split before column \a split. */
+/** \a samples as they fade to \a background by \a product. */
 template <typename TPixel>
 std::vector<TPixel>
-Warp(const std::vector<TPixel> &              pixels,
-     const std::vector<Kernels::ColumnSpan> & reached,
-     const Kernels::AffineMap2D &             map,
-     std::ptrdiff_t                           columns,
-     std::ptrdiff_t                           rows,
-     TPixel                                   background,
-     std::ptrdiff_t                           split)
+FadeSamples(const Kernels::Kernels<TPixel> & kernels,
+            const std::vector<TPixel> &      samples,
+            Kernels::FadeNumber<TPixel>      product,
+            TPixel                           background)
 {
-  const auto           intermediateRows = static_cast<std::ptrdiff_t>(reached.size());
-  const std::ptrdiff_t intermediateColumns = static_cast<std::ptrdiff_t>(pixels.size()) / intermediateRows;
-  GuardedMemory        memory(pixels.size() * sizeof(TPixel));
-  const auto *         guarded = memory.Place(pixels, split % 2 == 0);
-  const Kernels::IntermediateImage<TPixel> intermediate{
-    const_cast<TPixel *>(guarded), intermediateColumns, intermediateRows, intermediateColumns, reached.data()
-  };
-  const TPixel        untouched{ 77 };
-  std::vector<TPixel> output(Guard + columns * rows + Guard, untouched);
-  for (std::ptrdiff_t row = 0; row < rows; ++row)
+  // as many columns as fast kernels need
+  std::vector<TPixel> voxels;
+  while (voxels.size() < 100)
   {
-    TPixel *   pixelsOfRow = output.data() + Guard + row * columns;
-    const auto warpRow = Kernels::GetKernels<TPixel>().warpRow;
-    warpRow(intermediate, map, row, 0, split, background, pixelsOfRow);
-    EXPECT_EQ(std::count(pixelsOfRow + split, pixelsOfRow + columns, untouched), columns - split);
-    warpRow(intermediate, map, row, split, columns, background, pixelsOfRow);
+    voxels.insert(voxels.end(), samples.begin(), samples.end());
   }
-  EXPECT_EQ(std::count(output.begin(), output.begin() + Guard, untouched), Guard);
-  EXPECT_EQ(std::count(output.end() - Guard, output.end(), untouched), Guard);
-  return { output.begin() + Guard, output.end() - Guard };
+  const auto                              columns = static_cast<std::ptrdiff_t>(voxels.size());
+  Kernels::ViewFading<TPixel>             fading{ { 0.0, 0.0 }, { 0.0, 0.0, 0.0, 0.0 }, background };
+  const Kernels::SlicePlacement           placement{};
+  std::vector<TPixel>                     pixels(columns, Kernels::NoSample<TPixel>);
+  std::vector<Kernels::SliceRank<TPixel>> ranks(columns, Kernels::NoRank<TPixel>);
+  fading.factors.assign(columns + 1 + 2 * Kernels::FadePadding, product);
+  Kernels::ShearedView<TPixel> view{ &placement, { pixels.data(), columns, 1, columns, nullptr } };
+  view.ranked.ranks = ranks.data();
+  view.fading = &fading;
+  kernels.projectBlock({ voxels.data(), columns, 1, 1, columns, columns }, { 0, 1, 0, 1, 1 }, &view, 1);
+  for (std::size_t n = 0; n < pixels.size(); ++n)
+  {
+    EXPECT_TRUE(HaveSameBits(pixels[n], pixels[n % samples.size()])) << n;
+  }
+  pixels.resize(samples.size());
+  return pixels;
 }
 } // namespace
 
@@ -751,7 +832,7 @@ TYPED_TEST(ShearWarpKernelsTyped, ProjectBlockTakesNoMoreThanTheRegion)
           isOpen ? -std::numeric_limits<double>::infinity() : std::min(ends[0], ends[1]),
           std::max(ends[0], ends[1]) });
     }
-    slices.hasCommonRows = repeat % 4 == 0;
+    slices.rowsOf = repeat % 4 == 0 ? Kernels::BlockRows::OfMiddleSlices : Kernels::BlockRows::OfSlices;
     slices.ExpectProjectionFollowsRule(1 + repeat % 2);
   }
 }
@@ -833,9 +914,10 @@ TYPED_TEST(ShearWarpKernelsTyped, ProjectBlockGivesTheSameHoweverTheVolumeIsDivi
       {
         slices.Place(k, columnsMove * k * 20011, rowsMove * (20 - k) * 30011);
       }
-      for (const bool hasCommonRows : { false, true })
+      for (const auto rowsOf :
+           { Kernels::BlockRows::OfSlices, Kernels::BlockRows::OfMiddleSlices, Kernels::BlockRows::OfImage })
       {
-        slices.hasCommonRows = hasCommonRows;
+        slices.rowsOf = rowsOf;
         slices.ExpectProjectionFollowsRule(1);
         slices.ExpectProjectionFollowsRule(3);
         const std::vector<TypeParam> whole = slices.Project();
@@ -982,7 +1064,7 @@ TYPED_TEST(ShearWarpKernelsTyped, WarpRowHasTheBitsOfThePortableKernelsAtSpecial
   }
 }
 
-TYPED_TEST(ShearWarpKernelsTyped, FadeRowFollowsTheRuleAtSpecialNumbers)
+TYPED_TEST(ShearWarpKernelsTyped, FadingFollowsTheRuleAtSpecialNumbers)
 {
   // small, so that every type holds the results
   std::vector<TypeParam> values;
@@ -990,16 +1072,13 @@ TYPED_TEST(ShearWarpKernelsTyped, FadeRowFollowsTheRuleAtSpecialNumbers)
   {
     values.push_back(static_cast<TypeParam>(std::is_signed_v<TypeParam> ? value : std::abs(value)));
   }
-  const auto count = static_cast<std::int32_t>(values.size());
   for (const TypeParam background : values)
   {
     for (const double product : { 0.0, 0.125, 0.25, 0.5, 1.0 })
     {
       using Number = Kernels::FadeNumber<TypeParam>;
-      const Number              factor = product < 0.5 ? 0.5 : 1.0;
-      const std::vector<Number> factors(values.size(), static_cast<Number>(product) / factor);
-      std::vector<TypeParam>    expected;
-      std::vector<TypeParam>    portable;
+      std::vector<TypeParam> expected;
+      std::vector<TypeParam> portable;
       for (const TypeParam value : values)
       {
         const auto   to = static_cast<double>(background);
@@ -1008,9 +1087,8 @@ TYPED_TEST(ShearWarpKernelsTyped, FadeRowFollowsTheRuleAtSpecialNumbers)
           static_cast<TypeParam>(std::is_floating_point_v<TypeParam> ? faded : std::floor(faded + 0.5)));
       }
       ForEachInstructionSet([&](const std::string &) {
-        auto samples = values;
-        Kernels::GetKernels<TypeParam>().fadeRow(
-          { { 0, count }, 0, factor, factors.data(), background }, { 0, count }, samples.data());
+        const auto samples =
+          FadeSamples(Kernels::GetKernels<TypeParam>(), values, static_cast<Number>(product), background);
         EXPECT_EQ(samples, expected) << "to " << +background << " by " << product;
         portable = portable.empty() ? samples : portable;
         EXPECT_TRUE(HaveSameValues(samples, portable)) << "to " << +background << " by " << product;
@@ -1019,48 +1097,69 @@ TYPED_TEST(ShearWarpKernelsTyped, FadeRowFollowsTheRuleAtSpecialNumbers)
   }
 }
 
-TYPED_TEST(ShearWarpKernelsTyped, SamplesAndRaysHaveTheBitsOfThePortableKernelsAtSpecialNumbers)
+TEST(ShearWarpKernels, FadedSamplesLieBetweenSampleAndBackground)
 {
-  constexpr std::int32_t columns = 40;
-  constexpr std::size_t  length = columns + 1;
-  const auto             specials = MakeSpecialPixels<TypeParam>();
-  Random                 random(44);
-  const auto             draw = [&] { return specials[random.Integer(0, specials.size() - 1)]; };
+  constexpr double infinity = std::numeric_limits<double>::infinity();
+  constexpr double most = std::numeric_limits<double>::max();
+  constexpr double least = std::numeric_limits<double>::denorm_min();
+  const double numbers[] = { -infinity, -most, -1.0, -2e-16, -least, 0.0, least, 1e-17, 2e-16, 1.0, most, infinity };
+  const auto & kernels = Kernels::GetPortableKernels<double>();
+  for (const double from : numbers)
+  {
+    for (const double to : { -most, -1.0, 0.0, 1e-17, 1.0, most })
+    {
+      for (const double factor : { 0.0, least, 1e-300, 0.3, 1.0 - 0x1p-53, 1.0 })
+      {
+        const double sample = FadeSamples(kernels, { from }, factor, to).front();
+        EXPECT_TRUE(sample >= std::min(from, to) && sample <= std::max(from, to)) << from << ' ' << to << ' ' << factor;
+        EXPECT_TRUE(factor > 0.0 || sample == (std::isfinite(from - to) ? to : from)) << from << ' ' << to;
+      }
+    }
+  }
+}
+
+TYPED_TEST(ShearWarpKernelsTyped, ProjectBlockHasTheBitsOfThePortableKernelsAtSpecialNumbers)
+{
+  const auto specials = MakeSpecialPixels<TypeParam>();
+  Random     random(44);
+  const auto draw = [&](std::ptrdiff_t = 0) { return specials[random.Integer(0, specials.size() - 1)]; };
   for (const std::int32_t x : RimFractions)
   {
     for (const std::int32_t y : RimFractions)
     {
-      std::vector<std::vector<TypeParam>> slices(8, std::vector<TypeParam>(columns));
-      for (auto & row : slices)
+      SlicesFixture<TypeParam> slices(random, 40, 9, 7);
+      slices.Fill(draw);
+      slices.rowsOf = Kernels::BlockRows::OfImage;
+      slices.rankStep = 1;
+      for (std::ptrdiff_t k = 0; k < 7; ++k)
       {
-        std::generate(row.begin(), row.end(), draw);
+        slices.Place(k, x, y);
       }
-      const TypeParam        threshold = draw();
-      std::vector<TypeParam> portable;
-      ForEachInstructionSet([&](const std::string &) {
-        const auto &           kernels = Kernels::GetKernels<TypeParam>();
-        std::vector<TypeParam> all;
-        for (const auto * rule : { &kernels.maximum, &kernels.minimum, &kernels.absoluteMaximum })
+      for (const auto extremum :
+           { Kernels::Extremum::Maximum, Kernels::Extremum::Minimum, Kernels::Extremum::Magnitude })
+      {
+        for (const bool isLocal : { false, true })
         {
-          std::vector<TypeParam>    samples(length), values(2 * length, rule->start);
-          std::vector<std::int32_t> taken(2 * length, Kernels::NoSlice);
-          for (std::int32_t k = 0; k < 7; ++k)
+          slices.extremum = extremum;
+          slices.localThreshold.reset();
+          if (isLocal)
           {
-            const Kernels::ColumnSpan span{ x > Half, columns + (x > Half) };
-            kernels.sampleRow({ slices[k].data(), slices[k + 1].data(), columns, { 0, x }, y }, span, samples.data());
-            all.insert(all.end(), samples.begin(), samples.end());
-            rule->take(samples.data(), span, k, { values.data(), taken.data() });
-            rule->takeUntilLocalMaximum(
-              samples.data(), span, k, threshold, { values.data() + length, taken.data() + length });
+            do
+            {
+              slices.localThreshold = draw();
+            } while (*slices.localThreshold != *slices.localThreshold);
           }
-          all.insert(all.end(), values.begin(), values.end());
-          std::transform(taken.begin(), taken.end(), std::back_inserter(all), [](std::int32_t slice) {
-            return static_cast<TypeParam>(slice % Kernels::EndedRay + (slice >= Kernels::EndedRay ? 50 : 0));
+          std::vector<TypeParam> portable;
+          decltype(slices.ranks) portableRanks;
+          ForEachInstructionSet([&](const std::string & name) {
+            const auto pixels = slices.Project();
+            portableRanks = portable.empty() ? slices.ranks : portableRanks;
+            portable = portable.empty() ? pixels : portable;
+            EXPECT_TRUE(HaveSameValues(pixels, portable)) << name << ", fractions " << x << ' ' << y;
+            EXPECT_EQ(slices.ranks, portableRanks) << name << ", fractions " << x << ' ' << y;
           });
         }
-        portable = portable.empty() ? all : portable;
-        EXPECT_TRUE(HaveSameValues(all, portable)) << "fractions " << x << ' ' << y;
-      });
+      }
     }
   }
 }

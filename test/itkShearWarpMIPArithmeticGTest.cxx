@@ -148,29 +148,3 @@ TEST(ShearWarpMIPArithmetic, DecayIsTheExponentialFunctionAndNeverRises)
     }
   }
 }
-
-TEST(ShearWarpMIPArithmetic, FadedSamplesLieBetweenSampleAndBackground)
-{
-  constexpr double infinity = std::numeric_limits<double>::infinity();
-  constexpr double most = std::numeric_limits<double>::max();
-  constexpr double least = std::numeric_limits<double>::denorm_min();
-  const double numbers[] = { -infinity, -most, -1.0, -2e-16, -least, 0.0, least, 1e-17, 2e-16, 1.0, most, infinity };
-  const auto & kernels = itk::ShearWarp::GetPortableKernels<double>();
-  for (const double from : numbers)
-  {
-    for (const double to : { -most, -1.0, 0.0, 1e-17, 1.0, most })
-    {
-      for (const double factor : { 0.0, least, 1e-300, 0.3, 1.0 - 0x1p-53, 1.0 })
-      {
-        const double one = 1.0;
-        double       sample = from;
-        kernels.fadeRow({ { 0, 1 }, 0, factor, &one, to }, { 0, 1 }, &sample);
-        EXPECT_TRUE(sample >= std::min(from, to) && sample <= std::max(from, to)) << from << ' ' << to << ' ' << factor;
-        EXPECT_TRUE(factor > 0.0 || sample == (std::isfinite(from - to) ? to : from)) << from << ' ' << to;
-      }
-    }
-  }
-  double nothing = std::numeric_limits<double>::quiet_NaN();
-  kernels.fadeRow({ { 0, 1 }, 0, 1.0, numbers + 5, 1.0 }, { 0, 1 }, &nothing);
-  EXPECT_TRUE(std::isnan(nothing));
-}

@@ -809,11 +809,12 @@ ChooseSample(const RayRule<TPixel> & rule, const std::vector<RaySample<TPixel>> 
     {
       if (rank(n) >= GetRank(rule.mode, rule.threshold) && rank(n + 1) < rank(n))
       {
-        while (n > 0 && rank(n - 1) == rank(n))
+        std::size_t best = n;
+        for (; n > 0 && rank(n - 1) == rank(n); --n)
         {
-          --n;
+          best = samples[n - 1].value >= samples[best].value ? n - 1 : best;
         }
-        return samples[n];
+        return samples[best];
       }
     }
   }

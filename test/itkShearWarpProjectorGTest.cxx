@@ -70,10 +70,9 @@ public:
         process(n / steps, n % steps, n / steps % 2);
       }
     };
-    projector.Start({ { &factorization, {} } },
-                    kernels,
-                    { itk::ShearWarpMIPImageFilterEnums::Mode::Maximum, false, TPixel{}, 0, ReducedResamplingEnum::On },
-                    2);
+    typename itk::ShearWarpProjector<TPixel>::Parameters parameters;
+    parameters.reducedResampling = ReducedResamplingEnum::On;
+    projector.Start({ { &factorization, {} } }, kernels, parameters, 2);
     for (const auto & region : MakeParts(image->GetLargestPossibleRegion(), begins))
     {
       const auto part = ImageType::New();

@@ -25,45 +25,30 @@ template <typename TPixel>
 struct MaximumRule
 {
   static constexpr TPixel Start = NoSample<TPixel>;
-  // no sample that counts is as bad as the start
-  static constexpr bool IsStartUnique = IsFloat<TPixel>;
 
   static bool
   IsBetter(TPixel sample, TPixel value)
   {
     return sample > value;
-  }
-  static bool
-  IsWorse(TPixel sample, TPixel value)
-  {
-    return sample < value;
   }
 };
 
 template <typename TPixel>
 struct MinimumRule
 {
-  static constexpr TPixel Start = std::numeric_limits<TPixel>::has_infinity ? std::numeric_limits<TPixel>::infinity()
-                                                                            : std::numeric_limits<TPixel>::max();
-  static constexpr bool   IsStartUnique = IsFloat<TPixel>;
+  static constexpr TPixel Start = NoSample<TPixel, Extremum::Minimum>;
 
   static bool
   IsBetter(TPixel sample, TPixel value)
   {
     return sample < value;
   }
-  static bool
-  IsWorse(TPixel sample, TPixel value)
-  {
-    return sample > value;
-  }
 };
 
 template <typename TPixel>
-struct AbsoluteMaximumRule
+struct MagnitudeRule
 {
-  static constexpr TPixel Start = 0;
-  static constexpr bool   IsStartUnique = false;
+  static constexpr TPixel Start = NoSample<TPixel, Extremum::Magnitude>;
 
   static bool
   IsBetter(TPixel sample, TPixel value)
@@ -72,13 +57,7 @@ struct AbsoluteMaximumRule
     const auto ofValue = GetMagnitude(value);
     return (ofSample > ofValue) | ((ofSample == ofValue) & (sample > value));
   }
-  static bool
-  IsWorse(TPixel sample, TPixel value)
-  {
-    return GetMagnitude(sample) < GetMagnitude(value);
-  }
 
-private:
   static auto
   GetMagnitude(TPixel value)
   {
@@ -96,16 +75,19 @@ private:
   }
 };
 
-template <typename TPixel>
+/** Whether \a sample is less good than \a value. */
+template <typename TRule, typename TPixel>
 bool
-IsNumber(TPixel value)
+IsWorse(TPixel sample, TPixel value)
 {
-  if constexpr (IsFloat<TPixel>)
+  if constexpr (std::is_same_v<TRule, MagnitudeRule<TPixel>>)
   {
-    constexpr TPixel infinity = std::numeric_limits<TPixel>::infinity();
-    return value <= infinity;
+    return TRule::GetMagnitude(sample) < TRule::GetMagnitude(value);
   }
-  return true;
+  else
+  {
+    return TRule::IsBetter(value, sample);
+  }
 }
 
 template <typename TPixel>
@@ -133,11 +115,29 @@ FindCounted(const std::uint8_t * a,
   return (counted >> nearest & 1U) != 0 ? counted : 0;
 }
 
-/** Gives a pixel a sample if that is better, or as good and nearer. */
+/** Gives a pixel a sample if that is better, or as good and nearer; or ends its ray at its first local maximum, unless
+ * \a localThreshold is null. */
 template <typename TRule, typename TPixel>
 void
-TakeSample(TPixel sample, SliceRank<TPixel> rank, TPixel & pixel, SliceRank<TPixel> * pixelRank)
+TakeSample(TPixel              sample,
+           SliceRank<TPixel>   rank,
+           const TPixel *      localThreshold,
+           TPixel &            pixel,
+           SliceRank<TPixel> * pixelRank)
 {
+  if (localThreshold)
+  {
+    // an infinity as bad as the start counts as no sample
+    const bool counts = !IsFloat<TPixel> || TRule::Start == 0 || sample != TRule::Start;
+    if (counts && IsWorse<TRule>(sample, pixel) && !IsWorse<TRule>(pixel, *localThreshold) && *pixelRank >= 0)
+    {
+      *pixelRank += EndedRank<TPixel>;
+    }
+    if (*pixelRank < 0)
+    {
+      return;
+    }
+  }
   const bool isBetter = TRule::IsBetter(sample, pixel);
   if (pixelRank && (isBetter || (sample == pixel && rank < *pixelRank)))
   {
@@ -146,63 +146,9 @@ TakeSample(TPixel sample, SliceRank<TPixel> rank, TPixel & pixel, SliceRank<TPix
   pixel = isBetter ? sample : pixel;
 }
 
-template <typename TRule, bool VUntilLocalMaximum, typename TPixel>
-void
-TakeSamples(const TPixel * __restrict samples,
-            ColumnSpan   span,
-            std::int32_t slice,
-            TPixel       threshold,
-            TPixel * __restrict values,
-            std::int32_t * __restrict slices)
-{
-  for (std::int32_t p = span.begin; p < span.end; ++p)
-  {
-    // masks, all bits or none: compilers make vectors of them
-    const TPixel       sample = samples[p];
-    const TPixel       value = values[p];
-    const std::int32_t before = slices[p];
-    const std::int32_t isEmpty = -static_cast<std::int32_t>(static_cast<std::uint32_t>(before) >> 31);
-    const std::int32_t isNumber = IsNumber(sample) ? -1 : 0;
-    const std::int32_t isFirst = TRule::IsStartUnique ? 0 : isNumber & isEmpty;
-    std::int32_t       isTaken = (TRule::IsBetter(sample, value) ? -1 : 0) | isFirst;
-    std::int32_t       kept = before;
-    if constexpr (VUntilLocalMaximum)
-    {
-      const std::int32_t goesOn = before < EndedRay ? -1 : 0;
-      // one as bad as the start counts as none
-      const std::int32_t counts = !TRule::IsStartUnique || TRule::IsBetter(sample, TRule::Start) ? -1 : 0;
-      const std::int32_t isWorse = TRule::IsWorse(sample, value) ? counts : 0;
-      const std::int32_t isShort = TRule::IsWorse(value, threshold) ? -1 : 0;
-      isTaken &= goesOn;
-      kept += EndedRay & goesOn & isWorse & ~isShort & ~isEmpty;
-    }
-    values[p] = isTaken != 0 ? sample : value;
-    slices[p] = (isTaken & slice) | (~isTaken & kept);
-  }
-}
-
-template <typename TRule, typename TPixel>
-void
-Take(const TPixel * samples, ColumnSpan span, std::int32_t slice, const RayRow<TPixel> & rays)
-{
-  TakeSamples<TRule, false>(samples, span, slice, TPixel{}, rays.values, rays.slices);
-}
-
-template <typename TRule, typename TPixel>
-void
-TakeUntilLocalMaximum(const TPixel *         samples,
-                      ColumnSpan             span,
-                      std::int32_t           slice,
-                      TPixel                 threshold,
-                      const RayRow<TPixel> & rays)
-{
-  TakeSamples<TRule, true>(samples, span, slice, threshold, rays.values, rays.slices);
-}
-
-template <typename TRule, typename TPixel>
-constexpr RayKernels<TPixel> RayKernelsOf{ TRule::Start, Take<TRule, TPixel>, TakeUntilLocalMaximum<TRule, TPixel> };
-
-/** A sample that fades by \a product, as fadeRow has it. */
+/** A sample that fades by \a product, from 0 to 1, to a finite background: to `background + (sample - background) *
+ * product`, rounded half upward to the pixel type; to a value that lies between the two. One whose difference from the
+ * background is infinite stays as it is. */
 template <typename TPixel>
 TPixel
 FadeSample(TPixel sample, FadeNumber<TPixel> product, TPixel background)
@@ -228,19 +174,6 @@ FadeSample(TPixel sample, FadeNumber<TPixel> product, TPixel background)
       return static_cast<TPixel>(whole - (static_cast<Number>(whole) > half ? 1 : 0));
     }
     return faded == to ? background : sample;
-  }
-}
-
-template <typename TPixel>
-void
-FadeRow(const FadingRow<TPixel> & row, ColumnSpan span, TPixel * __restrict samples)
-{
-  const auto [reached, first, factor, factors, background] = row;
-  const std::int32_t begin = span.begin > reached.begin ? span.begin : reached.begin;
-  const std::int32_t end = span.end < reached.end ? span.end : reached.end;
-  for (std::int32_t p = begin; p < end; ++p)
-  {
-    samples[p] = FadeSample(samples[p], factor * factors[p - first], background);
   }
 }
 
