@@ -497,6 +497,89 @@ TEST(ShearWarpMIPModesClosedForms, DepthLeadsToTheVoxel)
   }
 }
 
+/** More slices than 16 bits tell apart. */
+TEST(ShearWarpMIPModesClosedForms, DepthOfAVeryLongImageLeadsToTheVoxel)
+{
+  constexpr itk::SizeValueType slices = 66000;
+  Random                       random(977);
+  for (unsigned int axis = 0; axis < 3; ++axis)
+  {
+    itk::Size<3> size{ { 40, 40, 40 } };
+    size[axis] = slices;
+    size[axis == 2 ? 1 : 2] = 3;
+    const auto image = itk::Image<short, 3>::New();
+    image->SetRegions(size);
+    image->Allocate();
+    image->FillBuffer(0);
+    const auto mask = MakeMask(image);
+    mask->FillBuffer(1);
+    // few values, so that many samples are equal
+    for (int n = 0; n < 3000; ++n)
+    {
+      itk::Index<3> index;
+      for (unsigned int each = 0; each < 3; ++each)
+      {
+        index[each] = static_cast<itk::IndexValueType>(random.Integer(0, size[each] - 1));
+      }
+      image->SetPixel(index, static_cast<short>(random.Integer(1, 4)));
+    }
+    for (const double direction : { 1.0, -1.0 })
+    {
+      MatrixType matrix;
+      matrix(axis == 0 ? 1 : 0, 0) = 1.0;
+      matrix(axis == 2 ? 1 : 2, 1) = 1.0;
+      matrix(axis, 2) = direction;
+      const auto view = MakeView(matrix, PointType(0.0));
+      for (const bool isLocal : { false, true })
+      {
+        for (const unsigned int divisions : { 1, 2 })
+        {
+          const auto filter = MakeFilter<short>(image, view);
+          filter->ComputeDepthOn();
+          filter->SetMaskImage(mask);
+          filter->SetLocalMaximum(isLocal);
+          filter->SetLocalMaximumThreshold(2);
+          filter->SetNumberOfStreamDivisions(divisions);
+          ForEachInstructionSet([&](const std::string & name) {
+            filter->Modified();
+            filter->Update();
+            const auto * output = filter->GetOutput();
+            ASSERT_EQ(filter->GetPrincipalAxis(), axis);
+            itk::ImageRegionConstIterator<itk::Image<short, 2>> it(output, output->GetBufferedRegion());
+            for (; !it.IsAtEnd(); ++it)
+            {
+              itk::Point<double, 2> place;
+              output->TransformIndexToPhysicalPoint(it.GetIndex(), place);
+              PointType depthPlace;
+              depthPlace[0] = place[0];
+              depthPlace[1] = place[1];
+              depthPlace[2] = filter->GetDepthOutput()->GetPixel(it.GetIndex());
+              const auto found = image->TransformPhysicalPointToIndex(view->TransformPoint(depthPlace));
+
+              itk::Index<3> expected = found;
+              short         value = -1;
+              for (itk::SizeValueType n = 0; n < slices; ++n)
+              {
+                itk::Index<3> index = found;
+                index[axis] = static_cast<itk::IndexValueType>(direction > 0 ? n : slices - 1 - n);
+                const short voxel = image->GetPixel(index);
+                if (isLocal && value >= 2 && voxel < value)
+                {
+                  break;
+                }
+                expected = voxel > value ? index : expected;
+                value = std::max(value, voxel);
+              }
+              ASSERT_EQ(it.Get(), value) << name << ", axis " << axis << ", " << it.GetIndex();
+              ASSERT_EQ(found, expected) << name << ", axis " << axis << ", " << it.GetIndex();
+            }
+          });
+        }
+      }
+    }
+  }
+}
+
 TEST(ShearWarpMIPModesClosedForms, MaskedBrightNeighboursDoNotBleed)
 {
   // vessel beside bone
