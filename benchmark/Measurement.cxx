@@ -258,6 +258,7 @@ MakeVariants(const Subject<TPixel> & subject)
     { "fading_ratio",
       [depth](FilterType & filter) { filter.SetDepthAttenuation(1.0 / depth); },
       [](FilterType & filter) { filter.SetDepthAttenuation(0.0); } },
+    { "exact_ratio", [](FilterType & filter) { filter.ExactOn(); }, [](FilterType & filter) { filter.ExactOff(); } },
   };
 }
 

@@ -61,7 +61,7 @@ COLUMNS = {
 }
 VARIANTS = [
     Column(f"{name}, x the time", f"{name}_ratio", 1.0, is_auto)
-    for name in "first first_x minimum absolute depth slab box mask small_mask local fading".split()
+    for name in "first first_x minimum absolute depth slab box mask small_mask local fading exact".split()
 ]
 ZERO_ALLOWED = ["skipped_fraction"]
 

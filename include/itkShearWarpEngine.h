@@ -143,13 +143,14 @@ struct ProjectionRule
   double                depthAttenuation{ 0.0 };
   TPixel                background{};
   bool                  hasDepth{ false };
+  bool                  isExact{ false };
 
   /** Whether a ray's value is the maximum of all its samples, but for a mask. */
   bool
   IsPlainMaximum() const
   {
     return mode == ShearWarpMIPImageFilterEnums::Mode::Maximum && !this->HasRegion() && !localMaximumThreshold &&
-           !(depthAttenuation > 0.0) && !hasDepth;
+           !(depthAttenuation > 0.0) && !hasDepth && !isExact;
   }
 
   /** Whether only a part of view space or of physical space counts. */

@@ -164,6 +164,16 @@ public:
   const DepthImageType *
   GetDepthOutput() const;
 
+  /** Whether a pixel is the extremum of the image itself along its ray, not of samples: of the trilinear interpolant of
+   * the voxels, whose coordinates are clamped to the outer voxel centres, within half a voxel of these, the slab and
+   * the box; rounded once. In each cell that is a cubic's, in closed form, so that there is no step, no principal axis
+   * and no second interpolation. The error before rounding is below 2^-14 of the voxels' range. Cells with a voxel that
+   * is not finite are left out. Depth is that of the extremum. Off by default. With it MaskImage, LocalMaximum,
+   * DepthAttenuation, Oversampling and NumberOfStreamDivisions must be as by default. */
+  itkSetMacro(Exact, bool);
+  itkGetConstMacro(Exact, bool);
+  itkBooleanMacro(Exact);
+
   /** In how many slabs along the input's z axis its voxels are requested, one after the other; 1 by default. The output
    * has the same bits. Slabs have at least eight slices. If there are more than one nothing is kept, and each
    * update gets all of them again. */
@@ -282,6 +292,7 @@ private:
   InputPixelType    m_LocalMaximumThreshold{};
   double            m_DepthAttenuation{ 0.0 };
   bool              m_ComputeDepth{ false };
+  bool              m_Exact{ false };
 
   unsigned int  m_NumberOfStreamDivisions{ 1 };
   SizeValueType m_IntermediateMemory{ SizeValueType{ 1 } << 30 };

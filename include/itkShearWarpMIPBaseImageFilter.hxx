@@ -126,6 +126,12 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::VerifyPreconditions() IT
   {
     itkExceptionMacro("LocalMaximumThreshold must be a number, but it is " << m_LocalMaximumThreshold << '.');
   }
+  if (m_Exact && (this->GetMaskImage() || m_LocalMaximum || m_DepthAttenuation > 0.0 || this->m_Oversampling != 1 ||
+                  m_NumberOfStreamDivisions != 1))
+  {
+    itkExceptionMacro("Exact pictures have no MaskImage, LocalMaximum, DepthAttenuation, Oversampling or "
+                      "NumberOfStreamDivisions: these must be as by default.");
+  }
   for (unsigned int axis = 0; axis < InputImageDimension; ++axis)
   {
     if (!(m_CropLower[axis] <= m_CropUpper[axis]))
@@ -280,6 +286,7 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GetSettings() const
                     static_cast<double>(m_LocalMaximumThreshold),
                     m_DepthAttenuation,
                     static_cast<double>(m_ComputeDepth),
+                    static_cast<double>(m_Exact),
                     static_cast<double>(m_NumberOfStreamDivisions),
                     static_cast<double>(m_IntermediateMemory) });
   settings.insert(settings.end(), m_CropLower.Begin(), m_CropLower.End());
@@ -313,6 +320,7 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::MakeRule() const -> Rule
   rule.depthAttenuation = m_DepthAttenuation;
   rule.background = m_DefaultPixelValue;
   rule.hasDepth = m_ComputeDepth;
+  rule.isExact = m_Exact;
   return rule;
 }
 
@@ -396,6 +404,7 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::PrintSelf(std::ostream &
      << static_cast<typename NumericTraits<InputPixelType>::PrintType>(m_LocalMaximumThreshold) << std::endl;
   os << indent << "DepthAttenuation: " << m_DepthAttenuation << std::endl;
   os << indent << "ComputeDepth: " << (m_ComputeDepth ? "On" : "Off") << std::endl;
+  os << indent << "Exact: " << (m_Exact ? "On" : "Off") << std::endl;
   os << indent << "NumberOfStreamDivisions: " << m_NumberOfStreamDivisions << std::endl;
   os << indent << "IntermediateMemory: " << m_IntermediateMemory << std::endl;
   os << indent << "WarpSeconds: " << this->GetWarpSeconds() << std::endl;

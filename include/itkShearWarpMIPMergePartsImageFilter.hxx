@@ -28,7 +28,7 @@ ShearWarpMIPMergePartsImageFilter<TInputImage, TOutputImage>::VerifyPrecondition
   if (!this->IsPlainMaximum())
   {
     itkExceptionMacro("Parts have plain maxima: Mode, SlabNear, SlabFar, CropLower, CropUpper, MaskImage, "
-                      "LocalMaximum, DepthAttenuation and ComputeDepth must be as by default.");
+                      "LocalMaximum, DepthAttenuation, ComputeDepth and Exact must be as by default.");
   }
 }
 

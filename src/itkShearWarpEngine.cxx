@@ -17,6 +17,7 @@
  *=========================================================================*/
 #include "itkShearWarpEngine.h"
 
+#include "itkShearWarpExact.h"
 #include "itkShearWarpPixelTypes.h"
 #include "itkShearWarpPreparedVolume.h"
 #include "itkShearWarpProjector.h"
@@ -200,11 +201,11 @@ public:
   }
 
   /** Whether intermediate images tell the slices of their pixels: of depths, and of masks, where a pixel may have none;
-   * and of what fades and of local maxima, as they are projected by the same loops. */
+   * and of what fades and of local maxima, as they are projected by the same loops; and where exact maxima begin. */
   static bool
   NeedsSlices(const VolumeType & input, const RuleType & rule)
   {
-    return rule.hasDepth || input.mask || rule.depthAttenuation > 0.0 || rule.localMaximumThreshold;
+    return rule.hasDepth || input.mask || rule.depthAttenuation > 0.0 || rule.localMaximumThreshold || rule.isExact;
   }
 
   static std::vector<Group>
@@ -257,6 +258,16 @@ public:
        TPixel                         background,
        const PictureType &            picture,
        const Parallelize &            parallelize);
+
+  /** The picture of exact maxima; \a guess is the intermediate image of their view. */
+  void
+  ProjectExactly(const IntermediateImage & guess,
+                 const View &              view,
+                 const RuleType &          rule,
+                 const Size<2> &           size,
+                 const PictureType &       picture,
+                 const Threads &           threads,
+                 float                     share);
 
   ShearWarpPreparedVolume<TPixel>           volume;
   ShearWarpPreparedVolume<unsigned char>    mask{ true };
@@ -424,7 +435,7 @@ ShearWarpEngine<TPixel>::Implementation::ProjectGroup(
     count += projection.size();
     firsts.push_back(factorize(projection.front()));
   }
-  const float share = viewShare * static_cast<float>(count);
+  const float share = viewShare * static_cast<float>(count) * (rule.isExact ? 0.15f : 1.0f);
   const auto  finish = [&](const auto & finishProjection) {
     for (std::size_t n = 0; n < firsts.size(); ++n)
     {
@@ -443,11 +454,16 @@ ShearWarpEngine<TPixel>::Implementation::ProjectGroup(
   Slabs slabs;
   // what serves further views is made when they come
   const unsigned int projectedAxes = volume.GetProjectedAxes(input.image);
-  const bool         isKept = (projectedAxes >> group.axis & 1U) != 0;
+  const bool         isKept = rule.isExact || (projectedAxes >> group.axis & 1U) != 0;
   const bool         isOrdered = IsOrdered(input, rule);
   const bool         hasBlockExtrema =
-    rule.IsPlainMaximum() && !input.mask &&
-    (rule.reducedResampling == ReducedResamplingEnum::On || group.projections.size() > 1 || projectedAxes != 0);
+    rule.isExact ||
+    (rule.IsPlainMaximum() && !input.mask &&
+     (rule.reducedResampling == ReducedResamplingEnum::On || group.projections.size() > 1 || projectedAxes != 0));
+  if (rule.isExact && rule.mode != ModeEnum::Maximum)
+  {
+    volume.KeepBlockMinima();
+  }
   typename Projector::ViewList views;
   for (const auto & first : firsts)
   {
@@ -507,6 +523,40 @@ ShearWarpEngine<TPixel>::Implementation::Warp(const IntermediateImage &      int
 }
 
 template <typename TPixel>
+void
+ShearWarpEngine<TPixel>::Implementation::ProjectExactly(const IntermediateImage & guess,
+                                                        const View &              view,
+                                                        const RuleType &          rule,
+                                                        const Size<2> &           size,
+                                                        const PictureType &       picture,
+                                                        const Threads &           threads,
+                                                        float                     share)
+{
+  using ShearWarp::Extremum;
+  const auto                   start = Clock::now();
+  const auto &                 factorization = view.factorization;
+  const unsigned int           axis = factorization.GetPrincipalAxis();
+  const auto                   map = factorization.GetOutputToIntermediateMatrix();
+  ShearWarp::ExactView<TPixel> exact;
+  exact.slices = volume.GetSlices(axis);
+  exact.blocks = volume.GetBlockExtrema(axis);
+  for (unsigned int n = 0; n < 2; ++n)
+  {
+    exact.shear[n] = factorization.GetShear()[n];
+    exact.translation[n] = factorization.GetTranslation()[n];
+  }
+  exact.outputToSheared = { map(0, 0), map(0, 1), map(0, 2), map(1, 0), map(1, 1), map(1, 2) };
+  exact.intervals = MakeIntervals(view, rule);
+  exact.depth = factorization.GetDepthFunction();
+  exact.extremum = rule.mode == ModeEnum::Minimum                                       ? Extremum::Minimum
+                   : rule.mode == ModeEnum::AbsoluteMaximum && std::is_signed_v<TPixel> ? Extremum::Magnitude
+                                                                                        : Extremum::Maximum;
+  exact.background = rule.background;
+  ShearWarp::ProjectExactly(exact, guess, size[0], size[1], picture, threads, share);
+  measurements.warpSeconds += SecondsSince(start);
+}
+
+template <typename TPixel>
 ShearWarpEngine<TPixel>::ShearWarpEngine()
   : m_Implementation(std::make_unique<Implementation>(m_Measurements))
 {}
@@ -539,6 +589,12 @@ ShearWarpEngine<TPixel>::Project(const VolumeType &                             
   const float viewShare = 1.0f / static_cast<float>(views.count);
   const auto  warp = [&](const auto & intermediate, const View & view) {
     const Size<2> size = grid->GetLargestPossibleRegion().GetSize();
+    if (rule.isExact)
+    {
+      m_Implementation->ProjectExactly(
+        intermediate, view, rule, size, getPicture(view.number), threads, 0.8f * viewShare);
+      return;
+    }
     m_Implementation->Warp(intermediate,
                            view.factorization,
                            size,

@@ -82,6 +82,17 @@ public:
            (principalAxis != 0 || m_Transposed.GetSizeInBytes() > 0);
   }
 
+  /** From now on block maxima come with the minima. */
+  void
+  KeepBlockMinima()
+  {
+    if (!m_HasBlockMinima)
+    {
+      m_BlockExtrema.Release();
+      m_HasBlockMinima = true;
+    }
+  }
+
   /** The index axes along which \a image, as it is now, was projected, as bits 1, 2 and 4. */
   unsigned int
   GetProjectedAxes(const ImageType * image) const

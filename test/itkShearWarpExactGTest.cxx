@@ -1,0 +1,733 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#include "itkImageRegionIteratorWithIndex.h"
+#include "itkShearWarpExact.h"
+#include "itkShearWarpMIPCineImageFilter.h"
+#include "itkShearWarpMIPImageFilter.h"
+#include "itkShearWarpMIPTestHelper.h"
+#include "itkShearWarpMIPView.h"
+
+#include <array>
+#include <set>
+
+namespace
+{
+using namespace itk::ShearWarpMIPTest;
+using ModeEnum = itk::ShearWarpMIPImageFilterEnums::Mode;
+
+template <typename TPixel>
+using FilterType = itk::ShearWarpMIPImageFilter<itk::Image<TPixel, 3>>;
+
+/** The interpolant of an image along a ray, cell by cell of the image's own grid: from transform and image alone. */
+template <typename TPixel>
+class InterpolantOnRay
+{
+public:
+  using Number = long double;
+  struct Extremum
+  {
+    Number value, depth;
+  };
+
+  InterpolantOnRay(const itk::Image<TPixel, 3> * image, const ViewType * view, double u, double v)
+    : m_Image(image)
+  {
+    const auto & region = image->GetBufferedRegion();
+    const auto   toIndex = image->GetInverseDirection();
+    for (unsigned int axis = 0; axis < 3; ++axis)
+    {
+      m_Begin[axis] = m_Step[axis] = 0;
+      for (unsigned int n = 0; n < 3; ++n)
+      {
+        const auto & matrix = view->GetMatrix();
+        const Number place = Number(matrix(n, 0)) * u + Number(matrix(n, 1)) * v + Number(view->GetOffset()[n]);
+        m_Begin[axis] += Number(toIndex(axis, n)) * (place - Number(image->GetOrigin()[n]));
+        m_Step[axis] += Number(toIndex(axis, n)) * Number(matrix(n, 2));
+        m_Physical[n] = place;
+        m_PhysicalStep[n] = matrix(n, 2);
+      }
+      m_Begin[axis] = m_Begin[axis] / Number(image->GetSpacing()[axis]) - Number(region.GetIndex(axis));
+      m_Step[axis] /= Number(image->GetSpacing()[axis]);
+      m_Length[axis] = static_cast<std::int64_t>(region.GetSize(axis));
+      this->Clip(m_Begin[axis], m_Step[axis], -0.5L, Number(m_Length[axis]) - 0.5L);
+    }
+  }
+
+  /** Leaves out what is outside of \a rule's slab and box. */
+  void
+  Clip(const RayRule<TPixel> & rule)
+  {
+    this->Clip(0, 1, rule.slabNear, rule.slabFar);
+    for (unsigned int axis = 0; axis < 3; ++axis)
+    {
+      this->Clip(m_Physical[axis], m_PhysicalStep[axis], rule.cropLower[axis], rule.cropUpper[axis]);
+    }
+  }
+
+  /** Of the depths that count; not a number if the ray only touches them. */
+  Number
+  GetLength() const
+  {
+    return m_Far - m_Near;
+  }
+
+  Number
+  At(Number depth) const
+  {
+    return this->At(depth, this->FindCell(depth));
+  }
+
+  /** The first maximum of \a sign times the interpolant. */
+  Extremum
+  Maximize(Number sign) const
+  {
+    std::vector<Number> planes{ m_Near, m_Far };
+    for (unsigned int axis = 0; axis < 3; ++axis)
+    {
+      for (std::int64_t n = 0; n < m_Length[axis] && m_Step[axis] != 0; ++n)
+      {
+        const Number depth = (Number(n) - m_Begin[axis]) / m_Step[axis];
+        if (depth > m_Near && depth < m_Far)
+        {
+          planes.push_back(depth);
+        }
+      }
+    }
+    std::sort(planes.begin(), planes.end());
+    Extremum   best{ -std::numeric_limits<Number>::infinity(), m_Near };
+    const auto take = [&](Number value, Number depth) {
+      if (value > best.value)
+      {
+        best = { value, depth };
+      }
+    };
+    for (std::size_t n = 0; n + 1 < planes.size(); ++n)
+    {
+      const Number from = planes[n];
+      const Number to = planes[n + 1];
+      const auto   cell = this->FindCell((from + to) / 2);
+      // a cubic through four points: Newton's divided differences of x = 0, 1, 2, 3
+      Number f[4];
+      for (int point = 0; point < 4; ++point)
+      {
+        f[point] = sign * this->At(from + (to - from) * point / 3, cell);
+      }
+      if (!std::isfinite(f[0] + f[1] + f[2] + f[3]))
+      {
+        continue;
+      }
+      const Number a = f[1] - f[0];
+      const Number b = (f[2] - 2 * f[1] + f[0]) / 2;
+      const Number c = (f[3] - 3 * f[2] + 3 * f[1] - f[0]) / 6;
+      const auto   value = [&](Number x) { return f[0] + x * (a + (x - 1) * (b + (x - 2) * c)); };
+      take(f[0], from);
+      // a + b (2x - 1) + c (3x^2 - 6x + 2) = 0
+      const Number        quadratic[] = { 3 * c, 2 * b - 6 * c, a - b + 2 * c };
+      const Number        discriminant = quadratic[1] * quadratic[1] - 4 * quadratic[0] * quadratic[2];
+      std::vector<Number> roots;
+      if (quadratic[0] != 0 && discriminant >= 0)
+      {
+        const Number q = -(quadratic[1] + (quadratic[1] < 0 ? -std::sqrt(discriminant) : std::sqrt(discriminant))) / 2;
+        roots.push_back(q / quadratic[0]);
+        roots.push_back(q != 0 ? quadratic[2] / q : -1);
+      }
+      else if (quadratic[1] != 0)
+      {
+        roots.push_back(-quadratic[2] / quadratic[1]);
+      }
+      for (const Number root : roots)
+      {
+        if (root > 0 && root < 3)
+        {
+          take(value(root), from + (to - from) * root / 3);
+        }
+      }
+      take(f[3], to);
+    }
+    return best;
+  }
+
+private:
+  using CellType = std::array<std::int64_t, 3>;
+
+  void
+  Clip(Number begin, Number step, Number low, Number high)
+  {
+    if (step == 0)
+    {
+      m_Far = low <= begin && begin <= high ? m_Far : -std::numeric_limits<Number>::infinity();
+      return;
+    }
+    const Number a = (low - begin) / step;
+    const Number b = (high - begin) / step;
+    m_Near = std::max(m_Near, std::min(a, b));
+    m_Far = std::min(m_Far, std::max(a, b));
+  }
+
+  CellType
+  FindCell(Number depth) const
+  {
+    CellType cell;
+    for (unsigned int axis = 0; axis < 3; ++axis)
+    {
+      const auto index = static_cast<std::int64_t>(std::floor(m_Begin[axis] + depth * m_Step[axis]));
+      cell[axis] = std::clamp<std::int64_t>(index, 0, std::max<std::int64_t>(m_Length[axis] - 2, 0));
+    }
+    return cell;
+  }
+
+  Number
+  At(Number depth, const CellType & cell) const
+  {
+    Number sum = 0;
+    for (int corner = 0; corner < 8; ++corner)
+    {
+      Number        weight = 1;
+      itk::Index<3> index;
+      for (unsigned int axis = 0; axis < 3; ++axis)
+      {
+        const Number last = Number(m_Length[axis] - 1);
+        const Number position = std::clamp(m_Begin[axis] + depth * m_Step[axis], Number(0), last);
+        const Number fraction = position - Number(cell[axis]);
+        const int    side = corner >> axis & 1;
+        weight *= side != 0 ? fraction : 1 - fraction;
+        index[axis] =
+          m_Image->GetBufferedRegion().GetIndex(axis) + std::min<std::int64_t>(cell[axis] + side, m_Length[axis] - 1);
+      }
+      sum += weight * static_cast<Number>(m_Image->GetPixel(index));
+    }
+    return sum;
+  }
+
+  const itk::Image<TPixel, 3> * m_Image;
+  Number                        m_Begin[3], m_Step[3], m_Physical[3], m_PhysicalStep[3];
+  std::int64_t                  m_Length[3];
+  Number                        m_Near{ -std::numeric_limits<Number>::infinity() };
+  Number                        m_Far{ std::numeric_limits<Number>::infinity() };
+};
+
+/** Compares each pixel of \a filter's picture and depth. */
+template <typename TPixel>
+void
+ExpectExtremaOfTheInterpolant(const FilterType<TPixel> *    filter,
+                              const ViewType *              view,
+                              const itk::Image<TPixel, 3> * image,
+                              const RayRule<TPixel> &       rule)
+{
+  long double lowest = std::numeric_limits<long double>::infinity();
+  long double highest = -lowest;
+  for (itk::ImageRegionConstIterator<itk::Image<TPixel, 3>> it(image, image->GetBufferedRegion()); !it.IsAtEnd(); ++it)
+  {
+    lowest = std::min(lowest, static_cast<long double>(it.Get()));
+    highest = std::max(highest, static_cast<long double>(it.Get()));
+  }
+  constexpr bool    isInteger = std::is_integral_v<TPixel>;
+  const long double range = highest - lowest;
+  const long double magnitude = std::max(std::abs(lowest), std::abs(highest));
+  const long double tolerance = (sizeof(TPixel) > 2 || !isInteger ? 1e-11L * magnitude : range / 16384) +
+                                static_cast<long double>(std::is_same_v<TPixel, float>) * 1e-7L * magnitude;
+
+  const auto * output = filter->GetOutput();
+  for (itk::ImageRegionConstIterator<itk::Image<TPixel, 2>> it(output, output->GetBufferedRegion()); !it.IsAtEnd();
+       ++it)
+  {
+    itk::Point<double, 2> place;
+    output->TransformIndexToPhysicalPoint(it.GetIndex(), place);
+    InterpolantOnRay<TPixel> ray(image, view, place[0], place[1]);
+    ray.Clip(rule);
+    if (std::abs(ray.GetLength()) < 1e-9L)
+    {
+      continue;
+    }
+    if (!(ray.GetLength() > 0))
+    {
+      ASSERT_EQ(it.Get(), filter->GetDefaultPixelValue()) << it.GetIndex();
+      continue;
+    }
+    const auto maximum = ray.Maximize(1);
+    const auto minimum = ray.Maximize(-1);
+    const auto pixel = static_cast<long double>(it.Get());
+    // an absolute maximum may have the sign of either where both are as large
+    std::vector<long double> allowed;
+    if (rule.mode == RayMode::Maximum ||
+        (rule.mode == RayMode::AbsoluteMaximum && maximum.value + 1 > minimum.value - tolerance))
+    {
+      allowed.push_back(maximum.value);
+    }
+    if (rule.mode == RayMode::Minimum ||
+        (rule.mode == RayMode::AbsoluteMaximum && minimum.value + 1 > maximum.value - tolerance))
+    {
+      allowed.push_back(-minimum.value);
+    }
+    long double error = std::numeric_limits<long double>::infinity();
+    for (const long double value : allowed)
+    {
+      error = std::min(error, std::abs(pixel - value));
+    }
+    ASSERT_LE(error, tolerance + (isInteger ? 0.5L : 0.0L))
+      << it.GetIndex() << ": " << pixel << " instead of " << maximum.value << " or " << -minimum.value << ", "
+      << image->GetBufferedRegion().GetSize();
+    if (const auto * depths = filter->GetDepthOutput())
+    {
+      const auto depth = static_cast<long double>(depths->GetPixel(it.GetIndex()));
+      // what rounding to float does to the place
+      const long double shift = 1e-6L * (1 + std::abs(depth));
+      const long double near = ray.At(depth - shift);
+      const long double far = ray.At(depth + shift);
+      const long double slack = tolerance + std::abs(far - near) + (isInteger ? 0.5L : 0.0L) + 1e-4L * range;
+      ASSERT_LE(std::abs(ray.At(depth) - pixel), slack) << it.GetIndex() << " at depth " << depth;
+    }
+  }
+}
+
+template <typename TPixel>
+class ShearWarpExact : public testing::Test
+{};
+using PixelTypes = testing::
+  Types<unsigned char, signed char, unsigned short, short, int, unsigned int, unsigned long, long long, float, double>;
+TYPED_TEST_SUITE(ShearWarpExact, PixelTypes, );
+} // namespace
+
+TYPED_TEST(ShearWarpExact, IsTheExtremumOfTheInterpolant)
+{
+  Random random(2401);
+  for (int repeat = 0; repeat < 120; ++repeat)
+  {
+    SCOPED_TRACE(repeat);
+    const auto image = MakeRandomImage<TypeParam>(random, MakeRandomSize(random, 1, repeat % 4 == 0 ? 40 : 12));
+    const auto view = MakeRandomView(random, AllViewKinds[repeat % 3], image);
+    const auto filter = FilterType<TypeParam>::New();
+    filter->SetInput(image);
+    filter->SetTransform(view);
+    RayRule<TypeParam> rule;
+    rule.mode = static_cast<RayMode>(repeat % 3);
+    filter->SetMode(static_cast<ModeEnum>(rule.mode));
+    PointType lower, upper;
+    itk::ShearWarpFactorization::ComputeViewBounds(view, image, lower, upper);
+    if (random.Integer(0, 1) == 0)
+    {
+      const double ends[] = { random.Uniform(lower[2], upper[2]), random.Uniform(lower[2], upper[2]) };
+      rule.slabNear = std::min(ends[0], ends[1]);
+      rule.slabFar = std::max(ends[0], ends[1]);
+      filter->SetSlabNear(rule.slabNear);
+      filter->SetSlabFar(rule.slabFar);
+    }
+    if (random.Integer(0, 2) == 0)
+    {
+      const PointType centre = GetCentre(image.GetPointer());
+      for (unsigned int axis = 0; axis < 3; ++axis)
+      {
+        rule.cropLower[axis] = centre[axis] - random.Uniform(0, 0.4) * (upper[2] - lower[2]);
+        rule.cropUpper[axis] = centre[axis] + random.Uniform(0, 0.4) * (upper[2] - lower[2]);
+      }
+      filter->SetCropLower(rule.cropLower);
+      filter->SetCropUpper(rule.cropUpper);
+    }
+    filter->SetDefaultPixelValue(MakeRandomPixel<TypeParam>(random));
+    filter->SetOutputSpacing(itk::ShearWarpFactorization::ComputeProjectedSpacing(view, image) *
+                             random.Uniform(0.8, 3));
+    filter->SetComputeDepth(random.Integer(0, 1) == 0);
+    filter->ExactOn();
+    typename itk::Image<TypeParam, 2>::Pointer first;
+    ForEachInstructionSet([&](const std::string & name) {
+      filter->SetNumberOfWorkUnits(static_cast<itk::ThreadIdType>(random.Integer(1, 5)));
+      filter->Modified();
+      filter->Update();
+      first = first ? first : Copy(filter->GetOutput());
+      EXPECT_TRUE(HaveSamePixels(first.GetPointer(), filter->GetOutput())) << name;
+    });
+    ExpectExtremaOfTheInterpolant<TypeParam>(filter, view, image, rule);
+  }
+}
+
+TYPED_TEST(ShearWarpExact, ConstantsStay)
+{
+  Random random(2402);
+  for (const TypeParam value : { std::numeric_limits<TypeParam>::lowest(),
+                                 std::numeric_limits<TypeParam>::max(),
+                                 TypeParam{ 0 },
+                                 TypeParam{ 77 } })
+  {
+    for (int repeat = 0; repeat < 12; ++repeat)
+    {
+      const auto image = MakeRandomImage<TypeParam>(random, MakeRandomSize(random, 1, 12));
+      image->FillBuffer(value);
+      const auto filter = FilterType<TypeParam>::New();
+      filter->SetInput(image);
+      filter->SetTransform(MakeRandomView(random, AllViewKinds[repeat % 3], image));
+      filter->SetMode(static_cast<ModeEnum>(repeat % 3));
+      filter->SetDefaultPixelValue(1);
+      filter->ComputeDepthOn();
+      filter->ExactOn();
+      filter->Update();
+      const auto * output = filter->GetOutput();
+      for (itk::ImageRegionConstIterator<itk::Image<TypeParam, 2>> it(output, output->GetBufferedRegion());
+           !it.IsAtEnd();
+           ++it)
+      {
+        const bool isOutside = std::isnan(filter->GetDepthOutput()->GetPixel(it.GetIndex()));
+        // differences of the largest numbers are not finite
+        const bool isLeftOut = std::is_same_v<TypeParam, double> && std::abs(static_cast<double>(value)) > 1e300;
+        ASSERT_EQ(it.Get(), isOutside ? TypeParam{ 1 } : value);
+        ASSERT_TRUE(!isLeftOut || isOutside);
+      }
+    }
+  }
+}
+
+TYPED_TEST(ShearWarpExact, AlongTheGridIsTheExtremumOfVoxels)
+{
+  Random random(2403);
+  for (int repeat = 0; repeat < 30; ++repeat)
+  {
+    const auto   image = MakeRandomImage<TypeParam>(random, MakeRandomSize(random, 1, 35));
+    const auto & region = image->GetBufferedRegion();
+    image->SetSpacing(MakeVector3(1, 1, 1));
+    image->SetOrigin(MakePoint3(0, 0, 0));
+    MatrixType identity;
+    identity.SetIdentity();
+    image->SetDirection(identity);
+    const auto axis = static_cast<unsigned int>(repeat % 3);
+    const auto across = axis == 0 ? 1U : 0U;
+    const auto down = axis == 2 ? 1U : 2U;
+    MatrixType matrix;
+    matrix(across, 0) = random.Integer(0, 1) == 0 ? 1.0 : -1.0;
+    matrix(down, 1) = random.Integer(0, 1) == 0 ? 1.0 : -1.0;
+    matrix(axis, 2) = random.Integer(0, 1) == 0 ? 1.0 : -1.0;
+    const auto view = MakeView(matrix, PointType(0.0));
+    const auto filter = FilterType<TypeParam>::New();
+    filter->SetInput(image);
+    filter->SetTransform(view);
+    filter->SetMode(repeat % 2 == 0 ? ModeEnum::Maximum : ModeEnum::Minimum);
+    filter->ComputeDepthOn();
+    filter->ExactOn();
+    filter->Update();
+    const auto * output = filter->GetOutput();
+    for (itk::ImageRegionConstIterator<itk::Image<TypeParam, 2>> it(output, output->GetBufferedRegion()); !it.IsAtEnd();
+         ++it)
+    {
+      itk::Point<double, 2> place;
+      output->TransformIndexToPhysicalPoint(it.GetIndex(), place);
+      itk::Index<3> index;
+      index[across] = std::lround(matrix(across, 0) * place[0]);
+      index[down] = std::lround(matrix(down, 1) * place[1]);
+      index[axis] = region.GetIndex(axis);
+      ASSERT_TRUE(region.IsInside(index));
+      TypeParam  expected = image->GetPixel(index);
+      double     depth = std::numeric_limits<double>::infinity();
+      const auto last = region.GetIndex(axis) + static_cast<itk::IndexValueType>(region.GetSize(axis)) - 1;
+      const auto first = index[axis];
+      for (; index[axis] <= last; ++index[axis])
+      {
+        const TypeParam voxel = image->GetPixel(index);
+        expected = repeat % 2 == 0 ? std::max(expected, voxel) : std::min(expected, voxel);
+      }
+      for (index[axis] = first; index[axis] <= last; ++index[axis])
+      {
+        if (image->GetPixel(index) == expected)
+        {
+          // the outer half voxels are as the outer voxels
+          const double centre = matrix(axis, 2) * static_cast<double>(index[axis]);
+          const bool   isNearEnd = index[axis] == (matrix(axis, 2) > 0 ? first : last);
+          depth = std::min(depth, centre - (isNearEnd ? 0.5 : 0.0));
+        }
+      }
+      if (sizeof(TypeParam) == 8)
+      {
+        // double holds no difference of them
+        const auto value = static_cast<double>(expected);
+        ASSERT_NEAR(static_cast<double>(it.Get()), value, 1e-14 * std::abs(value));
+        continue;
+      }
+      ASSERT_TRUE(HaveSameBits<TypeParam>(it.Get(), WithoutSignOfZero(expected))) << +it.Get() << ' ' << +expected;
+      ASSERT_EQ(filter->GetDepthOutput()->GetPixel(it.GetIndex()), static_cast<float>(depth)) << it.GetIndex();
+    }
+  }
+}
+
+namespace
+{
+/** A float image of 2 x 2 x 2 voxels, 1000 at one of them, in a cell from (0, 0, 0) to (1, 1, 1). */
+itk::Image<float, 3>::Pointer
+MakeCell(const itk::Index<3> & bright)
+{
+  const auto image = itk::Image<float, 3>::New();
+  image->SetRegions(itk::Size<3>{ { 2, 2, 2 } });
+  image->Allocate();
+  image->FillBuffer(0.0f);
+  image->SetPixel(bright, 1000.0f);
+  return image;
+}
+
+/** The exact value, and its depth, on the ray from \a begin in direction \a direction, of length 1. */
+std::pair<float, float>
+ProjectRay(const itk::Image<float, 3> * image, const PointType & begin, const itk::Vector<double, 3> & direction)
+{
+  const auto across = itk::CrossProduct(direction, MakeVector3(0.3, -0.2, 0.7));
+  const auto down = itk::CrossProduct(direction, across);
+  MatrixType matrix;
+  for (unsigned int n = 0; n < 3; ++n)
+  {
+    matrix(n, 0) = across[n];
+    matrix(n, 1) = down[n];
+    matrix(n, 2) = direction[n];
+  }
+  const auto filter = FilterType<float>::New();
+  filter->SetInput(image);
+  filter->SetTransform(MakeView(matrix, begin));
+  filter->SetSize({ { 1, 1 } });
+  filter->SetOutputOrigin(itk::Point<double, 2>(0.0));
+  filter->SetOutputSpacing(MakeVector2(1, 1));
+  filter->ComputeDepthOn();
+  filter->ExactOn();
+  filter->Update();
+  return { filter->GetOutput()->GetPixel({ { 0, 0 } }), filter->GetDepthOutput()->GetPixel({ { 0, 0 } }) };
+}
+} // namespace
+
+TEST(ShearWarpExactClosedForms, MaximaWithinACell)
+{
+  for (const double sign : { 1.0, -1.0 })
+  {
+    const auto ray = [=](double x, double y, double z) { return MakeVector3(sign * x, sign * y, sign * z); };
+    // x y (1 - z) = t^2 (1 - t) on the diagonal: 4/27 at t = 2/3
+    const double third = 1.0 / std::sqrt(3.0);
+    const auto   cubic = ProjectRay(MakeCell({ { 1, 1, 0 } }), MakePoint3(0, 0, 0), ray(third, third, third));
+    EXPECT_NEAR(cubic.first, 4000.0 / 27.0, 1e-4);
+    EXPECT_NEAR(cubic.second, sign * 2.0 / 3.0 / third, 1e-6);
+    // y (1 - z) / 4 ... of a ray in the plane x = 1/4 of that voxel: 3/4 t (1 - t)
+    const double half = std::sqrt(0.5);
+    const auto   square = ProjectRay(MakeCell({ { 0, 1, 0 } }), MakePoint3(0.25, 0, 0), ray(0, half, half));
+    EXPECT_NEAR(square.first, 1000.0 * 0.75 * 0.25, 1e-4);
+    EXPECT_NEAR(square.second, sign * 0.5 / half, 1e-6);
+    // along an axis: the weight of the voxel in its slice
+    const auto linear = ProjectRay(MakeCell({ { 0, 1, 1 } }), MakePoint3(0.25, 0.5, 0), ray(0, 0, 1));
+    EXPECT_NEAR(linear.first, 1000.0 * 0.75 * 0.5, 1e-4);
+    EXPECT_NEAR(linear.second, sign > 0 ? 1.0 : -1.5, 1e-6);
+    // half a voxel beside the outer voxel centres
+    const auto outer = ProjectRay(MakeCell({ { 0, 0, 0 } }), MakePoint3(-0.5, -0.4375, 5), ray(0, 0, 1));
+    EXPECT_EQ(outer.first, 1000.0f);
+  }
+}
+
+TEST(ShearWarpExactClosedForms, ARampEndsWhereSlabAndBoxEnd)
+{
+  const auto image = itk::Image<float, 3>::New();
+  image->SetRegions(itk::ImageRegion<3>({ { -3, 4, 5 } }, { { 40, 30, 20 } }));
+  image->Allocate();
+  for (itk::ImageRegionIteratorWithIndex<itk::Image<float, 3>> it(image, image->GetBufferedRegion()); !it.IsAtEnd();
+       ++it)
+  {
+    it.Set(static_cast<float>(it.GetIndex()[0] + 2 * it.GetIndex()[1] + 3 * it.GetIndex()[2]));
+  }
+  Random random(2404);
+  for (int repeat = 0; repeat < 200; ++repeat)
+  {
+    const auto   view = MakeRandomView(random, ViewKind::Rigid, image.GetPointer());
+    const double near = random.Uniform(-6, 0);
+    const double far = random.Uniform(0, 6);
+    const auto   filter = FilterType<float>::New();
+    filter->SetInput(image);
+    filter->SetTransform(view);
+    filter->SetSize({ { 3, 3 } });
+    filter->SetOutputSpacing(MakeVector2(0.3, 0.3));
+    const auto            centre = view->GetInverseTransform()->TransformPoint(GetCentre(image.GetPointer()));
+    itk::Point<double, 2> origin;
+    origin[0] = centre[0] - 0.3;
+    origin[1] = centre[1] - 0.3;
+    filter->SetOutputOrigin(origin);
+    filter->SetSlabNear(centre[2] + near);
+    filter->SetSlabFar(centre[2] + far);
+    filter->ExactOn();
+    filter->Update();
+    const auto * output = filter->GetOutput();
+    for (itk::ImageRegionConstIterator<itk::Image<float, 2>> it(output, output->GetBufferedRegion()); !it.IsAtEnd();
+         ++it)
+    {
+      double expected = -1e9;
+      for (const double depth : { near, far })
+      {
+        const auto place = view->TransformPoint(MakePoint3(origin[0] + 0.3 * static_cast<double>(it.GetIndex()[0]),
+                                                           origin[1] + 0.3 * static_cast<double>(it.GetIndex()[1]),
+                                                           centre[2] + depth));
+        expected = std::max(expected, place[0] + 2 * place[1] + 3 * place[2]);
+      }
+      ASSERT_NEAR(it.Get(), expected, 1e-4);
+    }
+  }
+}
+
+/** Where nothing is known, and where all is wrong. */
+TEST(ShearWarpExactGuess, ChangesNoBit)
+{
+  namespace Kernels = itk::ShearWarp;
+  Random                              random(2405);
+  constexpr std::ptrdiff_t            columns = 37, rows = 29, slices = 23;
+  std::vector<short>                  voxels(columns * rows * slices);
+  itk::Image<short, 3>::Pointer       image = itk::Image<short, 3>::New();
+  itk::ShearWarpPreparedVolume<short> volume(true);
+  image->SetRegions(itk::Size<3>{ { columns, rows, slices } });
+  image->Allocate();
+  const auto &     kernels = Kernels::GetKernels<short>();
+  Kernels::Threads threads;
+  const auto       call = [](itk::SizeValueType count, itk::SizeValueType steps, const Kernels::Task & task) {
+    for (itk::SizeValueType n = 0; n < count * steps; ++n)
+    {
+      task(n / steps, n % steps, 0);
+    }
+  };
+  threads.run = [&](itk::SizeValueType count, itk::SizeValueType steps, float, const Kernels::Task & task) {
+    call(count, steps, task);
+  };
+  for (int repeat = 0; repeat < 40; ++repeat)
+  {
+    for (itk::ImageRegionIterator<itk::Image<short, 3>> it(image, image->GetBufferedRegion()); !it.IsAtEnd(); ++it)
+    {
+      it.Set(static_cast<short>(repeat % 2 == 0 ? random.Integer(0, 3) : random.Integer(-32768, 32767)));
+    }
+    image->Modified();
+    volume.Prepare(image, image->GetLargestPossibleRegion(), 2, true, kernels, call);
+    Kernels::ExactView<short> view;
+    view.slices = volume.GetSlices(2);
+    view.blocks = volume.GetBlockExtrema(2);
+    for (int axis = 0; axis < 2; ++axis)
+    {
+      view.shear[axis] = random.Uniform(-1, 1);
+      view.translation[axis] = std::max(0.0, -view.shear[axis] * (slices - 1));
+    }
+    view.outputToSheared = { 0.9, 0.1, 0.0, -0.2, 0.8, 5.0 };
+    view.depth = { 0.0, 0.0, repeat % 3 == 0 ? -1.0 : 1.0, 0.0 };
+    view.extremum = static_cast<Kernels::Extremum>(repeat % 3);
+    view.background = 7;
+
+    constexpr std::ptrdiff_t         width = 60, height = 50;
+    const std::ptrdiff_t             guessColumns = columns + slices, guessRows = rows + slices;
+    std::vector<Kernels::ColumnSpan> reached(guessRows, { 0, static_cast<std::int32_t>(guessColumns) });
+    std::vector<std::int32_t>        guesses(guessColumns * guessRows, Kernels::NoSlice);
+    std::vector<short>               pixels, expected;
+    std::vector<float>               depths, expectedDepths;
+    for (int n = 0; n < 4; ++n)
+    {
+      pixels.assign(width * height, 0);
+      depths.assign(width * height, 0.0f);
+      Kernels::ProjectExactly<short>(view,
+                                     { nullptr, guessColumns, guessRows, guessColumns, reached.data(), guesses.data() },
+                                     width,
+                                     height,
+                                     { pixels.data(), depths.data() },
+                                     threads,
+                                     1.0f);
+      expected = n == 0 ? pixels : expected;
+      expectedDepths = n == 0 ? depths : expectedDepths;
+      EXPECT_EQ(pixels, expected);
+      EXPECT_EQ(std::memcmp(depths.data(), expectedDepths.data(), depths.size() * sizeof(float)), 0);
+      for (auto & guess : guesses)
+      {
+        guess = static_cast<std::int32_t>(random.Integer(-1, slices - 1));
+      }
+    }
+    EXPECT_GT(std::count(pixels.begin(), pixels.end(), 7), 0);
+  }
+}
+
+TEST(ShearWarpExactNumbers, CellsWithAVoxelThatIsNotFiniteAreLeftOut)
+{
+  constexpr float notANumber = std::numeric_limits<float>::quiet_NaN();
+  constexpr float infinity = std::numeric_limits<float>::infinity();
+  for (const float hole : { notANumber, infinity, -infinity })
+  {
+    const auto image = itk::Image<float, 3>::New();
+    image->SetRegions(itk::Size<3>{ { 5, 5, 5 } });
+    image->Allocate();
+    image->FillBuffer(3.0f);
+    image->SetPixel({ { 2, 2, 2 } }, hole);
+    image->SetPixel({ { 2, 2, 0 } }, 9.0f);
+    const auto through = ProjectRay(image, MakePoint3(2.0, 2.0, 0.0), MakeVector3(0, 0, 1));
+    EXPECT_EQ(through.first, 9.0f);
+    image->FillBuffer(hole);
+    const auto nothing = ProjectRay(image, MakePoint3(2.0, 2.0, 0.0), MakeVector3(0, 0, 1));
+    EXPECT_EQ(nothing.first, 0.0f);
+    EXPECT_TRUE(std::isnan(nothing.second));
+  }
+}
+
+TEST(ShearWarpExactParameters, WhatHasNoBoundIsRefused)
+{
+  Random     random(2406);
+  const auto image = MakeRandomImage<short>(random, { { 9, 9, 9 } });
+  const auto expectRefused = [&](const auto & set) {
+    const auto filter = FilterType<short>::New();
+    filter->SetInput(image);
+    filter->SetTransform(itk::ShearWarpMIPView::MakeTransform(image, itk::ShearWarpMIPView::DirectionEnum::Anterior));
+    filter->ExactOn();
+    EXPECT_NO_THROW(filter->Update());
+    set(filter.GetPointer());
+    try
+    {
+      filter->Update();
+      ADD_FAILURE() << "not refused";
+    }
+    catch (const itk::ExceptionObject & error)
+    {
+      EXPECT_NE(std::string(error.GetDescription()).find("Exact"), std::string::npos) << error;
+    }
+  };
+  using Filter = FilterType<short>;
+  expectRefused([](Filter * filter) { filter->LocalMaximumOn(); });
+  expectRefused([](Filter * filter) { filter->SetDepthAttenuation(0.1); });
+  expectRefused([](Filter * filter) { filter->SetOversampling(2); });
+  expectRefused([](Filter * filter) { filter->SetNumberOfStreamDivisions(2); });
+  expectRefused([&](Filter * filter) { filter->SetMaskImage(MakeMask(image)); });
+}
+
+TEST(ShearWarpExactSeries, FramesHaveTheBitsOfTheSingleFilter)
+{
+  using ImageType = itk::Image<unsigned short, 3>;
+  Random     random(2407);
+  const auto image = MakeRandomImage<unsigned short>(random, { { 30, 25, 20 } });
+  const auto cine = itk::ShearWarpMIPCineImageFilter<ImageType>::New();
+  cine->SetInput(image);
+  cine->ExactOn();
+  std::vector<ViewType::Pointer> views;
+  for (int n = 0; n < 12; ++n)
+  {
+    views.push_back(MakeRandomView(random, ViewKind::Rigid, image.GetPointer()));
+    cine->AddTransform(views.back());
+  }
+  cine->Update();
+  const auto * frames = cine->GetOutput();
+  const auto   single = FilterType<unsigned short>::New();
+  single->SetInput(image);
+  single->ExactOn();
+  const auto frameSize = frames->GetBufferedRegion().GetSize();
+  single->SetSize({ { frameSize[0], frameSize[1] } });
+  single->SetOutputSpacing(MakeVector2(frames->GetSpacing()[0], frames->GetSpacing()[1]));
+  itk::Point<double, 2> origin;
+  origin[0] = frames->GetOrigin()[0];
+  origin[1] = frames->GetOrigin()[1];
+  single->SetOutputOrigin(origin);
+  const unsigned short * pixels = frames->GetBufferPointer();
+  for (const auto & view : views)
+  {
+    single->SetTransform(view);
+    single->Update();
+    const auto count = single->GetOutput()->GetBufferedRegion().GetNumberOfPixels();
+    EXPECT_TRUE(std::equal(pixels, pixels + count, single->GetOutput()->GetBufferPointer()));
+    pixels += count;
+  }
+}
