@@ -49,7 +49,7 @@ namespace itk
  * CropLower and CropUpper, MaskImage) or of faded ones (DepthAttenuation), and there can be a second output, of depths
  * (ComputeDepth). All of these can be combined. Then no part of the volume is skipped by reduced resampling. With
  * LocalMaximum rays are followed from front to back, and there is one intermediate image for all threads; so it is
- * with MaskImage, ComputeDepth or DepthAttenuation if an axis has more than 32767 voxels of 8 or 16 bits.
+ * with MaskImage, ComputeDepth or DepthAttenuation if an axis has more than 32766 voxels of 8 or 16 bits.
  *
  * By default the output's grid is fitted to the view. Its extent is the projected bounding box of the whole image;
  * its spacing is the image's smallest spacing, scaled as the transform scales the view plane's axes. Each of Size,

@@ -20,6 +20,8 @@
 
 #include <immintrin.h>
 
+#include <math.h>
+
 #include <type_traits>
 
 #define SHEARWARP_UNROLL _Pragma("GCC unroll 16")
@@ -90,6 +92,15 @@ struct Lanes
   /** The lanes of \a kept whose ranks are negative, the others of \a v. */
   static Short KeepEnded(Short ranks, Short kept, Short v) { return _mm256_blendv_epi8(v, kept, _mm256_srai_epi16(ranks, 15)); }
 
+  static Short Magnitude(Short v) { return _mm256_abs_epi16(v); }
+  static Short MaximumMagnitude(Short a, Short b) { return MaximumUnsigned(a, b); }
+  static Short LargerMagnitude(Short best, Short v)
+  {
+    const Short equal = _mm256_cmpeq_epi16(Magnitude(best), Magnitude(v));
+    const Short isNotLess = _mm256_cmpeq_epi16(MaximumUnsigned(Magnitude(best), Magnitude(v)), Magnitude(v));
+    return _mm256_blendv_epi8(best, v, _mm256_blendv_epi8(isNotLess, _mm256_cmpgt_epi16(v, best), equal));
+  }
+
   static Int MaximumInt(Int a, Int b) { return _mm256_max_epi32(a, b); }
   static Int MinimumInt(Int a, Int b) { return _mm256_min_epi32(a, b); }
   static Int SetInt(int v) { return _mm256_set1_epi32(v); }
@@ -107,6 +118,14 @@ struct Lanes
   static Float Multiply(Float a, Float b) { return _mm256_mul_ps(a, b); }
   static Float Maximum(Float maximum, Float v) { return _mm256_max_ps(v, maximum); }
   static Float Minimum(Float minimum, Float v) { return _mm256_min_ps(v, minimum); }
+  static Float Magnitude(Float v) { return _mm256_andnot_ps(SetFloat(-0.0f), v); }
+  static Float MaximumMagnitude(Float a, Float b) { return Maximum(a, b); }
+  static Float LargerMagnitude(Float best, Float v)
+  {
+    const Float isMore = _mm256_cmp_ps(Magnitude(v), Magnitude(best), _CMP_GT_OQ);
+    const Float isPositive = _mm256_and_ps(_mm256_cmp_ps(Magnitude(v), Magnitude(best), _CMP_EQ_OQ), _mm256_cmp_ps(v, best, _CMP_GT_OQ));
+    return _mm256_blendv_ps(best, v, _mm256_or_ps(isMore, isPositive));
+  }
   static Int GetMask(std::uint32_t lanes)
   {
     const Int bits = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
@@ -235,6 +254,33 @@ struct Lanes
 };
 
 #include "itkShearWarpScalarKernels.h"
+
+// clang-format off
+template <typename TNumber>
+struct ExactVector;
+template <>
+struct ExactVector<float>
+{
+  using Type = __m256;
+  static constexpr int Count = 8;
+  static Type Load(const float * p) { return _mm256_loadu_ps(p); }
+  static void Store(float * p, Type v) { _mm256_storeu_ps(p, v); }
+  static Type Set(float v) { return _mm256_set1_ps(v); }
+  static Type SquareRoot(Type v) { return _mm256_sqrt_ps(v); }
+};
+template <>
+struct ExactVector<double>
+{
+  using Type = __m256d;
+  static constexpr int Count = 4;
+  static Type Load(const double * p) { return _mm256_loadu_pd(p); }
+  static void Store(double * p, Type v) { _mm256_storeu_pd(p, v); }
+  static Type Set(double v) { return _mm256_set1_pd(v); }
+  static Type SquareRoot(Type v) { return _mm256_sqrt_pd(v); }
+};
+// clang-format on
+
+#include "itkShearWarpExactKernels.h"
 #include "itkShearWarpVectorKernels.h"
 } // namespace
 

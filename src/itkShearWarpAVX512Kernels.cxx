@@ -20,6 +20,8 @@
 
 #include <immintrin.h>
 
+#include <math.h>
+
 #include <type_traits>
 
 #define SHEARWARP_UNROLL _Pragma("GCC unroll 16")
@@ -86,6 +88,14 @@ struct Lanes
   /** The lanes of \a kept whose ranks are negative, the others of \a v. */
   static Short KeepEnded(Short ranks, Short kept, Short v) { return _mm512_mask_blend_epi16(_mm512_movepi16_mask(ranks), v, kept); }
 
+  static Short Magnitude(Short v) { return _mm512_abs_epi16(v); }
+  static Short MaximumMagnitude(Short a, Short b) { return MaximumUnsigned(a, b); }
+  static Short LargerMagnitude(Short best, Short v)
+  {
+    const __mmask32 isPositive = _mm512_mask_cmpgt_epi16_mask(_mm512_cmpeq_epi16_mask(Magnitude(v), Magnitude(best)), v, best);
+    return _mm512_mask_blend_epi16(_mm512_cmpgt_epu16_mask(Magnitude(v), Magnitude(best)) | isPositive, best, v);
+  }
+
   static Int MaximumInt(Int a, Int b) { return _mm512_max_epi32(a, b); }
   static Int MinimumInt(Int a, Int b) { return _mm512_min_epi32(a, b); }
   static Int SetInt(int v) { return _mm512_set1_epi32(v); }
@@ -103,6 +113,14 @@ struct Lanes
   static Float Multiply(Float a, Float b) { return _mm512_mul_ps(a, b); }
   static Float Maximum(Float maximum, Float v) { return _mm512_max_ps(v, maximum); }
   static Float Minimum(Float minimum, Float v) { return _mm512_min_ps(v, minimum); }
+  static Float Magnitude(Float v) { return _mm512_abs_ps(v); }
+  static Float MaximumMagnitude(Float a, Float b) { return Maximum(a, b); }
+  static Float LargerMagnitude(Float best, Float v)
+  {
+    const __mmask16 isEqual = _mm512_cmp_ps_mask(Magnitude(v), Magnitude(best), _CMP_EQ_OQ);
+    const __mmask16 isPositive = _mm512_mask_cmp_ps_mask(isEqual, v, best, _CMP_GT_OQ);
+    return _mm512_mask_blend_ps(_mm512_cmp_ps_mask(Magnitude(v), Magnitude(best), _CMP_GT_OQ) | isPositive, best, v);
+  }
   static Float Select(Float a, Float b, std::uint32_t lanes) { return _mm512_mask_blend_ps(static_cast<__mmask16>(lanes), a, b); }
   /** The same for lanes of 32 bits if VIsWide. */
   template <bool VIsWide>
@@ -226,6 +244,33 @@ struct Lanes
 };
 
 #include "itkShearWarpScalarKernels.h"
+
+// clang-format off
+template <typename TNumber>
+struct ExactVector;
+template <>
+struct ExactVector<float>
+{
+  using Type = __m512;
+  static constexpr int Count = 16;
+  static Type Load(const float * p) { return _mm512_loadu_ps(p); }
+  static void Store(float * p, Type v) { _mm512_storeu_ps(p, v); }
+  static Type Set(float v) { return _mm512_set1_ps(v); }
+  static Type SquareRoot(Type v) { return _mm512_sqrt_ps(v); }
+};
+template <>
+struct ExactVector<double>
+{
+  using Type = __m512d;
+  static constexpr int Count = 8;
+  static Type Load(const double * p) { return _mm512_loadu_pd(p); }
+  static void Store(double * p, Type v) { _mm512_storeu_pd(p, v); }
+  static Type Set(double v) { return _mm512_set1_pd(v); }
+  static Type SquareRoot(Type v) { return _mm512_sqrt_pd(v); }
+};
+// clang-format on
+
+#include "itkShearWarpExactKernels.h"
 #include "itkShearWarpVectorKernels.h"
 } // namespace
 

@@ -552,7 +552,7 @@ ShearWarpEngine<TPixel>::Implementation::ProjectExactly(const IntermediateImage 
                    : rule.mode == ModeEnum::AbsoluteMaximum && std::is_signed_v<TPixel> ? Extremum::Magnitude
                                                                                         : Extremum::Maximum;
   exact.background = rule.background;
-  ShearWarp::ProjectExactly(exact, guess, size[0], size[1], picture, threads, share);
+  ShearWarp::ProjectExactly(exact, *kernels, guess, size[0], size[1], picture, threads, share);
   measurements.warpSeconds += SecondsSince(start);
 }
 

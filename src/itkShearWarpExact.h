@@ -27,25 +27,6 @@ namespace itk
 {
 namespace ShearWarp
 {
-/** The precision in which the interpolant is evaluated. */
-template <typename TPixel>
-using ExactNumber = std::conditional_t<std::is_integral_v<TPixel> && (sizeof(TPixel) <= 2), float, double>;
-
-/** A volume whose slices are sheared, and the rays of a view in it: that of sheared column p and row q is at voxel
- * column p - (shear[0] s + translation[0]), row q - (shear[1] s + translation[1]) and slice s. */
-template <typename TPixel>
-struct ExactView
-{
-  SliceStack<TPixel>    slices;
-  BlockExtrema<TPixel>  blocks; // with minima unless the maximum is wanted
-  double                shear[2], translation[2];
-  AffineMap2D           outputToSheared;
-  std::vector<Interval> intervals; // of sheared column, row and slice
-  ShearedFunction       depth;
-  Extremum              extremum;
-  TPixel                background;
-};
-
 /** Writes \a columns x \a rows pixels: on each one's own ray, the extremum of the trilinear interpolant of the voxels,
  * whose coordinates are clamped to the outer voxel centres, within half a voxel of these and within the intervals;
  * rounded once, half upward. Depths are those of the extremum, the nearest of several. A ray that is outside, or meets
@@ -56,6 +37,7 @@ struct ExactView
 template <typename TPixel>
 void
 ProjectExactly(const ExactView<TPixel> &         view,
+               const Kernels<TPixel> &           kernels,
                const IntermediateImage<TPixel> & guess,
                std::ptrdiff_t                    columns,
                std::ptrdiff_t                    rows,

@@ -313,6 +313,65 @@ struct AffineMap2D
   double yx, yy, y0;
 };
 
+/** The maxima of a volume's cubes of BlockLength voxels a side, permuted as its slices are, and the minima if these are
+ * not null; not-a-number is ignored. Strides are in elements. */
+template <typename TPixel>
+struct BlockExtrema
+{
+  const TPixel * maxima;
+  const TPixel * minima;
+  std::ptrdiff_t columns, rows, slices;
+  std::ptrdiff_t columnStride, rowStride, sliceStride;
+};
+
+/** The precision in which the interpolant is evaluated. */
+template <typename TPixel>
+using ExactNumber = std::conditional_t<std::is_integral_v<TPixel> && (sizeof(TPixel) <= 2), float, double>;
+
+/** A volume whose slices are sheared, and the rays of a view in it: that of sheared column p and row q is at voxel
+ * column p - (shear[0] s + translation[0]), row q - (shear[1] s + translation[1]) and slice s. */
+template <typename TPixel>
+struct ExactView
+{
+  SliceStack<TPixel>    slices;
+  BlockExtrema<TPixel>  blocks; // with minima unless the maximum is wanted
+  double                shear[2], translation[2];
+  AffineMap2D           outputToSheared;
+  std::vector<Interval> intervals; // of sheared column, row and slice
+  ShearedFunction       depth;
+  Extremum              extremum;
+  TPixel                background;
+};
+
+/** Rays of a tile of a picture, at most ExactTileSize: of slices [begin, end], with the best value so far and its
+ * slice, and the cells of a CellGrid that they are in. */
+template <typename TPixel>
+struct ExactRays
+{
+  std::ptrdiff_t        count;
+  const double *        p;
+  const double *        q;
+  const double *        begin;
+  const double *        end;
+  const std::int32_t *  cells;
+  ExactNumber<TPixel> * best;
+  double *              place;
+};
+constexpr std::ptrdiff_t ExactTileSize = 512;
+
+/** Cells of the sheared grid from `column` and `row` on, and memory for their bounds: of `rows` x `columns` numbers, of
+ * lines of `stride` voxels of which there are `rows` and CellReach more, and of one such line. A line has `columns` and
+ * CellReach voxels. */
+template <typename TPixel>
+struct CellGrid
+{
+  std::ptrdiff_t        column, row, columns, rows, stride;
+  ExactNumber<TPixel> * bounds;
+  TPixel *              extrema;
+  TPixel *              line;
+};
+constexpr std::ptrdiff_t CellReach = 5;
+
 /** The functions of one instruction set. */
 template <typename TPixel>
 struct Kernels
@@ -368,6 +427,24 @@ struct Kernels
                          std::ptrdiff_t rows,
                          TPixel *       output,
                          bool           isStreamed);
+
+  /** Raises the best values of rays to the maxima of the interpolant between slices sliceBegin to sliceEnd, where those
+   * before the first slice and behind the last one are as these; of several the nearest, if \a hasDepth. Bounds of
+   * cells leave out what cannot be better. */
+  void (*maximizeOnRays)(const ExactView<TPixel> & view,
+                         bool                      hasDepth,
+                         const ExactRays<TPixel> & rays,
+                         const CellGrid<TPixel> &  cells,
+                         std::ptrdiff_t            sliceBegin,
+                         std::ptrdiff_t            sliceEnd);
+
+  /** The same with the sign of all voxels changed. */
+  void (*minimizeOnRays)(const ExactView<TPixel> & view,
+                         bool                      hasDepth,
+                         const ExactRays<TPixel> & rays,
+                         const CellGrid<TPixel> &  cells,
+                         std::ptrdiff_t            sliceBegin,
+                         std::ptrdiff_t            sliceEnd);
 };
 
 /** The columns of a row from the first to the last that has a slice, and whether some between them have none. */

@@ -18,11 +18,15 @@
 #include "itkShearWarpKernels.h"
 #include "itkShearWarpPixelTypes.h"
 
+#include <math.h>
+
 #include <algorithm>
 #include <cmath>
 #include <functional>
 #include <limits>
 #include <type_traits>
+
+#define SHEARWARP_INLINE
 
 namespace itk::ShearWarp
 {
@@ -31,6 +35,37 @@ namespace
 {
 
 #include "itkShearWarpScalarKernels.h"
+
+/** One number. */
+template <typename TNumber>
+struct ExactVector
+{
+  using Type = TNumber;
+  static constexpr int Count = 1;
+
+  static Type
+  Load(const TNumber * p)
+  {
+    return *p;
+  }
+  static void
+  Store(TNumber * p, Type v)
+  {
+    *p = v;
+  }
+  static Type
+  Set(TNumber v)
+  {
+    return v;
+  }
+  static Type
+  SquareRoot(Type v)
+  {
+    return std::sqrt(v);
+  }
+};
+
+#include "itkShearWarpExactKernels.h"
 
 /** The weighted mean of N values, rounded half upward to the pixel type. The weights sum to \a sum <= 2^15. */
 template <typename TPixel, std::size_t N>
@@ -425,9 +460,14 @@ template <typename TPixel>
 const Kernels<TPixel> &
 GetPortableKernels()
 {
-  static constexpr Kernels<TPixel> kernels{ "portable",         ProjectBlock<TPixel>,
-                                            IsAnyBelow<TPixel>, FindBlockExtrema<TPixel>,
-                                            WarpRow<TPixel>,    TransposeSlice<TPixel> };
+  static constexpr Kernels<TPixel> kernels{ "portable",
+                                            ProjectBlock<TPixel>,
+                                            IsAnyBelow<TPixel>,
+                                            FindBlockExtrema<TPixel>,
+                                            WarpRow<TPixel>,
+                                            TransposeSlice<TPixel>,
+                                            MaximizeOnRays<TPixel, false>,
+                                            MaximizeOnRays<TPixel, true> };
   return kernels;
 }
 

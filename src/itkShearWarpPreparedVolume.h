@@ -35,17 +35,6 @@ CountBlocks(std::ptrdiff_t length, std::ptrdiff_t blockLength = BlockLength)
 {
   return (length + blockLength - 1) / blockLength;
 }
-
-/** The maxima of a volume's cubes of BlockLength voxels a side, permuted as its slices are, and the minima if these are
- * not null; not-a-number is ignored. Strides are in elements. */
-template <typename TPixel>
-struct BlockExtrema
-{
-  const TPixel * maxima;
-  const TPixel * minima;
-  std::ptrdiff_t columns, rows, slices;
-  std::ptrdiff_t columnStride, rowStride, sliceStride;
-};
 } // namespace ShearWarp
 
 /** \class ShearWarpPreparedVolume

@@ -93,13 +93,10 @@ template <typename TPixel>
 bool
 ShearWarpProjector<TPixel>::IsFirstSlabFront(const ShearWarpFactorization & factorization)
 {
-  const bool isFirstSliceFront = factorization.GetDepthFunction().perSlice > 0;
-  if (factorization.GetPrincipalAxis() == 2)
-  {
-    return isFirstSliceFront;
-  }
-  // rows are along z, and a ray goes through them against the shear
-  return isFirstSliceFront == (factorization.GetShear()[1] < 0);
+  const bool isFirstSliceNearest = factorization.GetDepthFunction().perSlice > 0;
+  // along other axes rows are along z, and a ray goes through them against the shear
+  return factorization.GetPrincipalAxis() == 2 ? isFirstSliceNearest
+                                               : isFirstSliceNearest == (factorization.GetShear()[1] < 0);
 }
 
 template <typename TPixel>
@@ -260,8 +257,10 @@ ShearWarpProjector<TPixel>::Finish(std::size_t view, const ShearWarp::Paralleliz
         const RankType *     ranks = this->GetRanks(merged[grid], row / oversampling);
         const RankType * ranksOfMinima = isAbsolute ? this->GetRanks(merged[grid + 1], row / oversampling) : nullptr;
         const std::uint8_t * marks = hasRegion ? this->MergeMarks(grid, row / oversampling) : nullptr;
-        const auto *         settled =
-          merged[grid].slices.template GetPointer<std::int32_t>() + row / oversampling * m_RowStride;
+        const std::int32_t * settled =
+          m_Parameters.isOrdered
+                          ? merged[grid].slices.template GetPointer<std::int32_t>() + row / oversampling * m_RowStride
+                          : nullptr;
         for (std::ptrdiff_t p = 0; mayHaveGaps && p < m_RowStride; ++p)
         {
           const bool isEmpty = std::is_floating_point_v<TPixel> && !isMagnitude && phase[p] == this->GetStart(grid) &&

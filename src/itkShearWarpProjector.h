@@ -71,7 +71,7 @@ public:
   };
   using ViewList = std::vector<View>;
 
-  /** Of those whose samples come in any order. */
+  /** More are projected in order. */
   static constexpr std::ptrdiff_t MostRankedSlices = ShearWarp::NoRank<TPixel> - 1;
 
   /** What is wanted of the samples. */
@@ -80,7 +80,7 @@ public:
     ModeEnum mode{ ModeEnum::Maximum };
     /** Whether the intermediate images tell the slices of their pixels. */
     bool hasSlices{ false };
-    /** Whether samples come from the viewer on; then there is one view, it has slices, and so do slabs come. */
+    /** Whether samples come from the viewer on; then there is one view, it has slices, and slabs come so too. */
     bool   isOrdered{ false };
     TPixel background{};
     /** Of the voxels that count in a mask; 0 for all but 0. */
@@ -290,7 +290,7 @@ private:
     return view.factorization->GetDepthFunction().perSlice > 0;
   }
 
-  /** Gives the pixels of ranks from element  cube of m_SliceOrder on their slices. */
+  /** Notes the slices of pixels whose ranks count from element \a cube of m_SliceOrder on. */
   void
   SettleRanks(const Rows & rows, std::ptrdiff_t cube);
 

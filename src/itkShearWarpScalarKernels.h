@@ -18,6 +18,20 @@
 /* Included by each file of kernels, within its anonymous namespace, so that the linker cannot share what is compiled
  * here. For the same reason nothing here may call an inline function or a template of another header at run time. */
 
+template <typename T>
+T
+Smaller(T a, T b)
+{
+  return b < a ? b : a;
+}
+
+template <typename T>
+T
+Larger(T a, T b)
+{
+  return a < b ? b : a;
+}
+
 template <typename TPixel>
 constexpr bool IsFloat = static_cast<TPixel>(0.5) != 0;
 

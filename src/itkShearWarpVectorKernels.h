@@ -29,6 +29,11 @@
 #include "itkShearWarpVectorWarp.h"
 
 template <typename TPixel>
-constexpr Kernels<TPixel> VectorKernels{ Lanes::Name,        ProjectBlock<TPixel>,
-                                         IsAnyBelow<TPixel>, FindBlockExtrema<TPixel>,
-                                         WarpRow<TPixel>,    TransposeSlice<TPixel> };
+constexpr Kernels<TPixel> VectorKernels{ Lanes::Name,
+                                         ProjectBlock<TPixel>,
+                                         IsAnyBelow<TPixel>,
+                                         FindBlockExtrema<TPixel>,
+                                         WarpRow<TPixel>,
+                                         TransposeSlice<TPixel>,
+                                         MaximizeOnRays<TPixel, false>,
+                                         MaximizeOnRays<TPixel, true> };

@@ -207,8 +207,21 @@ TakeRanked(TVector             sample,
   auto       nearest = Lanes::SelectNearest(before, sample, better, rankBefore, rank);
   if (localThreshold)
   {
-    const auto beyond = Better<TRule, TPixel>(before, Lanes::SetPixel(*localThreshold));
-    nearest = Lanes::EndRays(before, beyond, better, sample, Lanes::SetPixel(TRule::Start), nearest);
+    const auto threshold = Lanes::SetPixel(*localThreshold);
+    if constexpr (std::is_same_v<TRule, MagnitudeRule<TPixel>>)
+    {
+      // no magnitude is -1
+      const auto of = Lanes::Magnitude(before);
+      const auto ofSample = Lanes::Magnitude(sample);
+      const auto beyond = Lanes::MaximumMagnitude(of, Lanes::Magnitude(threshold));
+      nearest = Lanes::EndRays(
+        of, beyond, Lanes::MaximumMagnitude(of, ofSample), ofSample, Lanes::SetPixel(static_cast<TPixel>(-1)), nearest);
+    }
+    else
+    {
+      const auto beyond = Better<TRule, TPixel>(before, threshold);
+      nearest = Lanes::EndRays(before, beyond, better, sample, Lanes::SetPixel(TRule::Start), nearest);
+    }
   }
   if constexpr (VAll)
   {
@@ -809,7 +822,7 @@ private:
       return this->ProjectRegion<VRows>(tiles);
     }
     constexpr bool mayBeWide = sizeof(TPixel) == 2;
-    if (tiles.ranks)
+    if (tiles.ranks || std::is_same_v<TRule, MagnitudeRule<TPixel>>)
     {
       return m_IsWide ? ProjectTileRow<TRule, TPixel, mayBeWide, VRows, true>(tiles)
                       : ProjectTileRow<TRule, TPixel, false, VRows, true>(tiles);
@@ -834,7 +847,7 @@ ProjectBlock(const SliceStack<TPixel> &  slices,
              const ShearedView<TPixel> * views,
              std::size_t                 count)
 {
-  if (slices.columns <= LaneCount<TPixel> || views->extremum == Extremum::Magnitude)
+  if (slices.columns <= LaneCount<TPixel>)
   {
     return GetPortableKernels<TPixel>().projectBlock(slices, block, views, count);
   }
@@ -853,6 +866,12 @@ ProjectBlock(const SliceStack<TPixel> &  slices,
       if (views[n].extremum == Extremum::Minimum)
       {
         BlockProjector<MinimumRule<TPixel>, TPixel>(slices, block, views[n], index, total).Project(begin, length);
+      }
+      else if (std::is_signed_v<TPixel> && views[n].extremum == Extremum::Magnitude)
+      {
+        // of unsigned pixels it is the maximum
+        using Rule = std::conditional_t<std::is_signed_v<TPixel>, MagnitudeRule<TPixel>, MaximumRule<TPixel>>;
+        BlockProjector<Rule, TPixel>(slices, block, views[n], index, total).Project(begin, length);
       }
       else
       {

@@ -18,20 +18,6 @@
 /* Vectors of pixels, and the samples of a slice.
  * See itkShearWarpVectorKernels.h for what includes it. */
 
-template <typename T>
-T
-Smaller(T a, T b)
-{
-  return b < a ? b : a;
-}
-
-template <typename T>
-T
-Larger(T a, T b)
-{
-  return a < b ? b : a;
-}
-
 template <typename TPixel>
 constexpr bool IsUnsignedShort = sizeof(TPixel) == 2 && static_cast<TPixel>(-1) > 0;
 
@@ -76,6 +62,10 @@ Better(TVector best, TVector value)
   if constexpr (std::is_same_v<TRule, MinimumRule<TPixel>>)
   {
     return Minimum<TPixel>(best, value);
+  }
+  else if constexpr (std::is_same_v<TRule, MagnitudeRule<TPixel>>)
+  {
+    return Lanes::LargerMagnitude(best, value);
   }
   else
   {

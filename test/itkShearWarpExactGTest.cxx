@@ -626,6 +626,7 @@ TEST(ShearWarpExactGuess, ChangesNoBit)
       pixels.assign(width * height, 0);
       depths.assign(width * height, 0.0f);
       Kernels::ProjectExactly<short>(view,
+                                     kernels,
                                      { nullptr, guessColumns, guessRows, guessColumns, reached.data(), guesses.data() },
                                      width,
                                      height,

@@ -211,8 +211,9 @@ def choose(values: np.ndarray, rule: Rule) -> int:
         threshold = ranks(np.array(rule.local_maximum_threshold), rule.mode)
         for n in range(len(rank) - 1):
             if rank[n] >= threshold and rank[n + 1] < rank[n]:
-                # the first one of equal samples
-                return n - np.argmax(np.append(rank[n::-1] != rank[n], True)) + 1
+                # the first one of equal samples, but of magnitudes the first positive one
+                first = n - np.argmax(np.append(rank[n::-1] != rank[n], True)) + 1
+                return first + np.argmax(values[first : n + 1])
     best = np.flatnonzero(rank == rank.max())
     return best[np.argmax(values[best])]
 
