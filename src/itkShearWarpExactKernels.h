@@ -19,9 +19,6 @@
  * Included by each file of kernels, after itkShearWarpScalarKernels.h, see there, and after ExactVector<float> and
  * ExactVector<double>: as many numbers as are computed together, with operators for each one. */
 
-/** Rays that are evaluated together. */
-constexpr int ExactLanes = 16;
-
 template <typename T>
 T
 Limit(T v, T low, T high)
@@ -62,6 +59,9 @@ class PairOfSlices
 {
 public:
   using Number = ExactNumber<TPixel>;
+
+  /** Rays that are evaluated together. */
+  static constexpr int RaysTogether = 16;
 
   PairOfSlices(const ExactView<TPixel> & view, bool hasDepth, std::ptrdiff_t slice)
     : m_View(view)
@@ -156,7 +156,7 @@ public:
   Take(const ExactRays<TPixel> & rays, const CellGrid<TPixel> & cells) const
   {
     const auto   count = static_cast<std::int32_t>(rays.count);
-    std::int32_t hot[ExactLanes];
+    std::int32_t hot[RaysTogether];
     int          size = 0;
     std::uint8_t isHot[ExactTileSize];
     for (std::int32_t n = 0; n < count; ++n)
@@ -168,14 +168,15 @@ public:
       const auto nearest = static_cast<double>(m_IsBackward ? m_Slice + 1 : m_Slice);
       for (std::int32_t n = 0; n < count; ++n)
       {
-        isHot[n] |= cells.bounds[rays.cells[n]] == rays.best[n] && this->IsNearer(nearest, rays.place[n]) ? 1 : 0;
+        const bool isAsGood = cells.bounds[rays.cells[n]] == rays.best[n];
+        isHot[n] = isHot[n] != 0 || (isAsGood && this->IsNearer(nearest, rays.place[n])) ? 1 : 0;
       }
     }
     for (std::int32_t n = 0; n < count; ++n)
     {
       hot[size] = n;
       size += isHot[n];
-      if (size == ExactLanes)
+      if (size == RaysTogether)
       {
         this->Evaluate(rays, hot, size);
         size = 0;
@@ -201,8 +202,8 @@ private:
   static TPixel
   Better(TPixel a, TPixel b)
   {
-    // not-a-number is ignored
-    return VIsMinimum ? (b < a || a != a ? b : a) : (b > a || a != a ? b : a);
+    const bool isNumber = a <= NoSample<TPixel, Extremum::Minimum>;
+    return !isNumber || (VIsMinimum ? b < a : b > a) ? b : a;
   }
 
   bool
@@ -227,7 +228,7 @@ template <typename TPixel, bool VIsMinimum>
 void
 PairOfSlices<TPixel, VIsMinimum>::Evaluate(const ExactRays<TPixel> & rays, const std::int32_t * chosen, int count) const
 {
-  constexpr int lanes = ExactLanes;
+  constexpr int lanes = RaysTogether;
   double        begin[lanes], end[lanes], p[lanes], q[lanes];
   for (int n = 0; n < lanes; ++n)
   {
@@ -288,11 +289,12 @@ PairOfSlices<TPixel, VIsMinimum>::Evaluate(const ExactRays<TPixel> & rays, const
   for (int n = 0; n < lanes; n += ExactVector<Number>::Count)
   {
     using Vector = typename ExactVector<Number>::Type;
-    const auto   load = [n](const Number * p) SHEARWARP_INLINE { return ExactVector<Number>::Load(p + n); };
+    const auto   load = [n](const Number * numbers) SHEARWARP_INLINE { return ExactVector<Number>::Load(numbers + n); };
     const Number zero = 0;
     const Number one = 1;
     const Vector none = ExactVector<Number>::Set(zero);
     const Vector all = ExactVector<Number>::Set(one);
+    const Vector most = ExactVector<Number>::Set(std::numeric_limits<Number>::max());
     Vector       v[18];
     for (int voxel = 0; voxel < 18; ++voxel)
     {
@@ -314,9 +316,9 @@ PairOfSlices<TPixel, VIsMinimum>::Evaluate(const ExactRays<TPixel> & rays, const
 
     // from cell to cell, where the ray crosses columns and rows
     const auto cross = [=](const Vector * ends) SHEARWARP_INLINE -> Vector {
-      const Vector place = clamp((one - ends[0]) / (ends[1] - ends[0]));
+      const Vector crossing = clamp((one - ends[0]) / (ends[1] - ends[0]));
       const auto   crosses = (ends[0] < all) != (ends[1] < all);
-      return crosses ? place : all;
+      return crosses ? crossing : all;
     };
     const Vector crossX = cross(x);
     const Vector crossY = cross(y);
@@ -377,7 +379,7 @@ PairOfSlices<TPixel, VIsMinimum>::Evaluate(const ExactRays<TPixel> & rays, const
         larger(larger(larger(a[0], b[0]), larger(a[1], b[1])), larger(larger(a[2], b[2]), larger(a[3], b[3])));
       const Vector value = smaller(takesEnd ? atEnd : better, highest);
       const Vector sum = ((a[0] + b[0]) + (a[1] + b[1])) + ((a[2] + b[2]) + (a[3] + b[3]));
-      const auto   counts = (sum - sum == none) & ((from < all) | (part == 0 ? none == none : none < none));
+      const auto   counts = (sum >= -most) & (sum <= most) & (from < all);
       const auto   isTaken = counts & isBetter(value, bestOfAll);
       bestOfAll = isTaken ? value : bestOfAll;
       placeOfBest = isTaken ? from + where * (to - from) : placeOfBest;
