@@ -294,8 +294,9 @@ PairOfSlices<TPixel, VIsMinimum>::Evaluate(const ExactRays<TPixel> & rays, const
     const Number one = 1;
     const Vector none = ExactVector<Number>::Set(zero);
     const Vector all = ExactVector<Number>::Set(one);
-    const Vector most = ExactVector<Number>::Set(std::numeric_limits<Number>::max());
-    Vector       v[18];
+    constexpr Number largest = std::numeric_limits<Number>::max();
+    const Vector     most = ExactVector<Number>::Set(largest);
+    Vector           v[18];
     for (int voxel = 0; voxel < 18; ++voxel)
     {
       v[voxel] = load(voxels[voxel]);
