@@ -38,20 +38,18 @@ FloorOf(double v)
 template <typename TNumber>
 struct LineExpansion
 {
-  using Vector = typename ExactVector<TNumber>::Type;
-
-  SHEARWARP_INLINE
-  LineExpansion(const Vector * v, Vector x0, Vector X, Vector y0, Vector Y)
-  {
-    const Vector a10 = v[1] - v[0];
-    const Vector a01 = v[2] - v[0];
-    const Vector a11 = (v[3] - v[2]) - a10;
-    c0 = (v[0] + a10 * x0) + (a01 + a11 * x0) * y0;
-    c1 = (a10 * X + a01 * Y) + a11 * (x0 * Y + y0 * X);
-    c2 = a11 * (X * Y);
-  }
-  Vector c0, c1, c2;
+  typename ExactVector<TNumber>::Type c0, c1, c2;
 };
+
+template <typename TNumber, typename TVector = typename ExactVector<TNumber>::Type>
+SHEARWARP_INLINE inline LineExpansion<TNumber>
+ExpandAlongLine(const TVector * v, TVector x0, TVector X, TVector y0, TVector Y)
+{
+  const TVector a10 = v[1] - v[0];
+  const TVector a01 = v[2] - v[0];
+  const TVector a11 = (v[3] - v[2]) - a10;
+  return { (v[0] + a10 * x0) + (a01 + a11 * x0) * y0, (a10 * X + a01 * Y) + a11 * (x0 * Y + y0 * X), a11 * (X * Y) };
+}
 
 /** Rays of one tile between one slice and the next. */
 template <typename TPixel, bool VIsMinimum>
@@ -241,7 +239,7 @@ PairOfSlices<TPixel, VIsMinimum>::Evaluate(const ExactRays<TPixel> & rays, const
   // columns and rows from one end of the interval of slices to the other, and the first cell of three
   const auto   first = static_cast<double>(m_Slice);
   Number       fromX[lanes], toX[lanes], fromY[lanes], toY[lanes], fromZ[lanes], toZ[lanes];
-  std::int32_t baseX[lanes], baseY[lanes];
+  std::int32_t baseX[lanes]{}, baseY[lanes]{};
   for (int n = 0; n < lanes; ++n)
   {
     begin[n] = Larger(begin[n], first);
@@ -349,16 +347,16 @@ PairOfSlices<TPixel, VIsMinimum>::Evaluate(const ExactRays<TPixel> & rays, const
       const Vector z1 = at(z, to);
 
       // the cubic f0 + f1 u + f2 u^2 + f3 u^3
-      const LineExpansion<Number> before(a, x0, x1 - x0, y0, y1 - y0);
-      const LineExpansion<Number> behind(b, x0, x1 - x0, y0, y1 - y0);
-      const Vector                d0 = behind.c0 - before.c0;
-      const Vector                d1 = behind.c1 - before.c1;
-      const Vector                d2 = behind.c2 - before.c2;
-      const Vector                Z = z1 - z0;
-      const Vector                f0 = before.c0 + z0 * d0;
-      const Vector                f1 = before.c1 + (z0 * d1 + Z * d0);
-      const Vector                f2 = before.c2 + (z0 * d2 + Z * d1);
-      const Vector                f3 = Z * d2;
+      const auto   before = ExpandAlongLine<Number>(a, x0, Vector(x1 - x0), y0, Vector(y1 - y0));
+      const auto   behind = ExpandAlongLine<Number>(b, x0, Vector(x1 - x0), y0, Vector(y1 - y0));
+      const Vector d0 = behind.c0 - before.c0;
+      const Vector d1 = behind.c1 - before.c1;
+      const Vector d2 = behind.c2 - before.c2;
+      const Vector Z = z1 - z0;
+      const Vector f0 = before.c0 + z0 * d0;
+      const Vector f1 = before.c1 + (z0 * d1 + Z * d0);
+      const Vector f2 = before.c2 + (z0 * d2 + Z * d1);
+      const Vector f3 = Z * d2;
       // where its derivative falls through 0
       const Number three = 3;
       const Vector discriminant = f2 * f2 - three * (f3 * f1);
