@@ -187,6 +187,10 @@ struct Lanes
   using Double = __m256d;
   using Single = __m128;
 
+  static Double Load(const double * p) { return _mm256_loadu_pd(p); }
+  static void Store(double * p, Double v) { _mm256_storeu_pd(p, v); }
+  static Float SquareRoot(Float v) { return _mm256_sqrt_ps(v); }
+  static Double SquareRoot(Double v) { return _mm256_sqrt_pd(v); }
   static Double SetDouble(double v) { return _mm256_set1_pd(v); }
   static Double Count(double first) { return _mm256_add_pd(_mm256_set1_pd(first), _mm256_setr_pd(0, 1, 2, 3)); }
   static Double AddDouble(Double a, Double b) { return _mm256_add_pd(a, b); }
@@ -254,33 +258,6 @@ struct Lanes
 };
 
 #include "itkShearWarpScalarKernels.h"
-
-// clang-format off
-template <typename TNumber>
-struct ExactVector;
-template <>
-struct ExactVector<float>
-{
-  using Type = __m256;
-  static constexpr int Count = 8;
-  static Type Load(const float * p) { return _mm256_loadu_ps(p); }
-  static void Store(float * p, Type v) { _mm256_storeu_ps(p, v); }
-  static Type Set(float v) { return _mm256_set1_ps(v); }
-  static Type SquareRoot(Type v) { return _mm256_sqrt_ps(v); }
-};
-template <>
-struct ExactVector<double>
-{
-  using Type = __m256d;
-  static constexpr int Count = 4;
-  static Type Load(const double * p) { return _mm256_loadu_pd(p); }
-  static void Store(double * p, Type v) { _mm256_storeu_pd(p, v); }
-  static Type Set(double v) { return _mm256_set1_pd(v); }
-  static Type SquareRoot(Type v) { return _mm256_sqrt_pd(v); }
-};
-// clang-format on
-
-#include "itkShearWarpExactKernels.h"
 #include "itkShearWarpVectorKernels.h"
 } // namespace
 

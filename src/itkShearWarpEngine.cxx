@@ -532,7 +532,6 @@ ShearWarpEngine<TPixel>::Implementation::ProjectExactly(const IntermediateImage 
                                                         const Threads &           threads,
                                                         float                     share)
 {
-  using ShearWarp::Extremum;
   const auto                   start = Clock::now();
   const auto &                 factorization = view.factorization;
   const unsigned int           axis = factorization.GetPrincipalAxis();
@@ -548,9 +547,7 @@ ShearWarpEngine<TPixel>::Implementation::ProjectExactly(const IntermediateImage 
   exact.outputToSheared = { map(0, 0), map(0, 1), map(0, 2), map(1, 0), map(1, 1), map(1, 2) };
   exact.intervals = MakeIntervals(view, rule);
   exact.depth = factorization.GetDepthFunction();
-  exact.extremum = rule.mode == ModeEnum::Minimum                                       ? Extremum::Minimum
-                   : rule.mode == ModeEnum::AbsoluteMaximum && std::is_signed_v<TPixel> ? Extremum::Magnitude
-                                                                                        : Extremum::Maximum;
+  exact.extremum = Projector::FindExtremum(rule.mode);
   exact.background = rule.background;
   ShearWarp::ProjectExactly(exact, *kernels, guess, size[0], size[1], picture, threads, share);
   measurements.warpSeconds += SecondsSince(start);

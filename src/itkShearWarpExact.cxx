@@ -271,7 +271,7 @@ ExactTile<TPixel>::ProjectSlabs(bool isMinimum)
     const Number least = *std::min_element(best.begin(), best.end());
     if (highest > least || (m_HasDepth && highest == least))
     {
-      (isMinimum ? m_Kernels.minimizeOnRays : m_Kernels.maximizeOnRays)(m_View, m_HasDepth, rays, cells, first, last);
+      m_Kernels.maximizeOnRays(m_View, isMinimum, m_HasDepth, rays, cells, first, last);
     }
   }
 }

@@ -15,7 +15,7 @@
  *  limitations under the License.
  *
  *=========================================================================*/
-/* The maximum of the interpolant along rays, in plain loops that compilers make vectors of.
+/* The maximum of the interpolant along rays.
  * Included by each file of kernels, after itkShearWarpScalarKernels.h, see there, and after ExactVector<float> and
  * ExactVector<double>: as many numbers as are computed together, with operators for each one. */
 
@@ -399,8 +399,7 @@ PairOfSlices<TPixel, VIsMinimum>::Evaluate(const ExactRays<TPixel> & rays, const
   }
 }
 
-/** See Kernels. */
-template <typename TPixel, bool VIsMinimum>
+template <bool VIsMinimum, typename TPixel>
 void
 MaximizeOnRays(const ExactView<TPixel> & view,
                bool                      hasDepth,
@@ -423,4 +422,19 @@ MaximizeOnRays(const ExactView<TPixel> & view,
       pair.Take(rays, cells);
     }
   }
+}
+
+/** See Kernels. */
+template <typename TPixel>
+void
+MaximizeOnRays(const ExactView<TPixel> & view,
+               bool                      isMinimum,
+               bool                      hasDepth,
+               const ExactRays<TPixel> & rays,
+               const CellGrid<TPixel> &  cells,
+               std::ptrdiff_t            sliceBegin,
+               std::ptrdiff_t            sliceEnd)
+{
+  return isMinimum ? MaximizeOnRays<true>(view, hasDepth, rays, cells, sliceBegin, sliceEnd)
+                   : MaximizeOnRays<false>(view, hasDepth, rays, cells, sliceBegin, sliceEnd);
 }

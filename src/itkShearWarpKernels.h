@@ -429,17 +429,10 @@ struct Kernels
                          bool           isStreamed);
 
   /** Raises the best values of rays to the maxima of the interpolant between slices sliceBegin to sliceEnd, where those
-   * before the first slice and behind the last one are as these; of several the nearest, if \a hasDepth. Bounds of
-   * cells leave out what cannot be better. */
+   * before the first slice and behind the last one are as these; of several the nearest, if \a hasDepth. If
+   * \a isMinimum all voxels have the other sign. Bounds of cells leave out what cannot be better. */
   void (*maximizeOnRays)(const ExactView<TPixel> & view,
-                         bool                      hasDepth,
-                         const ExactRays<TPixel> & rays,
-                         const CellGrid<TPixel> &  cells,
-                         std::ptrdiff_t            sliceBegin,
-                         std::ptrdiff_t            sliceEnd);
-
-  /** The same with the sign of all voxels changed. */
-  void (*minimizeOnRays)(const ExactView<TPixel> & view,
+                         bool                      isMinimum,
                          bool                      hasDepth,
                          const ExactRays<TPixel> & rays,
                          const CellGrid<TPixel> &  cells,

@@ -460,14 +460,10 @@ template <typename TPixel>
 const Kernels<TPixel> &
 GetPortableKernels()
 {
-  static constexpr Kernels<TPixel> kernels{ "portable",
-                                            ProjectBlock<TPixel>,
-                                            IsAnyBelow<TPixel>,
-                                            FindBlockExtrema<TPixel>,
-                                            WarpRow<TPixel>,
-                                            TransposeSlice<TPixel>,
-                                            MaximizeOnRays<TPixel, false>,
-                                            MaximizeOnRays<TPixel, true> };
+  static constexpr Kernels<TPixel> kernels{
+    "portable",      ProjectBlock<TPixel>,   IsAnyBelow<TPixel>,    FindBlockExtrema<TPixel>,
+    WarpRow<TPixel>, TransposeSlice<TPixel>, MaximizeOnRays<TPixel>
+  };
   return kernels;
 }
 

@@ -93,7 +93,7 @@ template <typename TPixel>
 bool
 ShearWarpProjector<TPixel>::IsFirstSlabFront(const ShearWarpFactorization & factorization)
 {
-  const bool isFirstSliceNearest = factorization.GetDepthFunction().perSlice > 0;
+  const bool isFirstSliceNearest = IsFirstSliceNearest(factorization);
   // along other axes rows are along z, and a ray goes through them against the shear
   return factorization.GetPrincipalAxis() == 2 ? isFirstSliceNearest
                                                : isFirstSliceNearest == (factorization.GetShear()[1] < 0);
@@ -312,7 +312,7 @@ auto
 ShearWarpProjector<TPixel>::GetRanking(const View & view, std::ptrdiff_t cube) const -> Ranking
 {
   using ShearWarp::BlockLength;
-  const bool isFirstNearest = IsFirstSliceNearest(view);
+  const bool isFirstNearest = IsFirstSliceNearest(*view.factorization);
   if (m_Parameters.isOrdered)
   {
     const std::ptrdiff_t first = m_SliceOrder[cube / m_RankedCubes * m_RankedCubes];
@@ -439,7 +439,7 @@ ShearWarpProjector<TPixel>::OrderSlices()
       }
     }
   }
-  if (m_Parameters.isOrdered && !IsFirstSliceNearest(m_Views.front()))
+  if (m_Parameters.isOrdered && !IsFirstSliceNearest(*m_Views.front().factorization))
   {
     std::reverse(m_SliceOrder.begin(), m_SliceOrder.end());
   }
@@ -455,7 +455,7 @@ ShearWarpProjector<TPixel>::ProjectRows(Worker & worker, const Rows & rows, std:
   const BlockRows rowsOf = isOrdered         ? BlockRows::OfImage
                            : m_HasCommonRows ? BlockRows::OfMiddleSlices
                                              : BlockRows::OfSlices;
-  const bool      isBackward = isOrdered && !IsFirstSliceNearest(m_Views.front());
+  const bool      isBackward = isOrdered && !IsFirstSliceNearest(*m_Views.front().factorization);
   for (std::ptrdiff_t n = first; n < last;)
   {
     // one cube's slices, or as many as follow each other untested

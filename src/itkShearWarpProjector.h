@@ -98,6 +98,17 @@ public:
         const Parameters &                 parameters,
         SizeValueType                      workers);
 
+  /** What pixels keep. */
+  static ShearWarp::Extremum
+  FindExtremum(ModeEnum mode)
+  {
+    using ShearWarp::Extremum;
+    mode = Simplify(mode);
+    return mode == ModeEnum::Minimum           ? Extremum::Minimum
+           : mode == ModeEnum::AbsoluteMaximum ? Extremum::Magnitude
+                                               : Extremum::Maximum;
+  }
+
   /** Whether the first slice along the volume's z axis is met before the last one: the order of slabs. */
   static bool
   IsFirstSlabFront(const ShearWarpFactorization & factorization);
@@ -285,9 +296,9 @@ private:
   GetRanking(const View & view, std::ptrdiff_t cube) const;
 
   static bool
-  IsFirstSliceNearest(const View & view)
+  IsFirstSliceNearest(const ShearWarpFactorization & factorization)
   {
-    return view.factorization->GetDepthFunction().perSlice > 0;
+    return factorization.GetDepthFunction().perSlice > 0;
   }
 
   /** Notes the slices of pixels whose ranks count from element \a cube of m_SliceOrder on. */
@@ -299,11 +310,9 @@ private:
   GetExtremum(std::size_t grid) const
   {
     using ShearWarp::Extremum;
-    if (m_Parameters.mode == ModeEnum::AbsoluteMaximum)
-    {
-      return m_Parameters.isOrdered ? Extremum::Magnitude : grid % 2 == 1 ? Extremum::Minimum : Extremum::Maximum;
-    }
-    return m_Parameters.mode == ModeEnum::Minimum ? Extremum::Minimum : Extremum::Maximum;
+    const Extremum extremum = FindExtremum(m_Parameters.mode);
+    const bool     isPair = extremum == Extremum::Magnitude && !m_Parameters.isOrdered;
+    return isPair ? (grid % 2 == 1 ? Extremum::Minimum : Extremum::Maximum) : extremum;
   }
 
   TPixel

@@ -22,6 +22,35 @@
  * Lanes has the operations on vectors of 16-bit and 32-bit integers, float and double that are written differently for
  * each instruction set. */
 
+template <typename TNumber>
+struct ExactVector;
+template <>
+struct ExactVector<float> : Lanes
+{
+  using Type = Lanes::Float;
+  static constexpr int Count = Lanes::FloatCount;
+
+  static Type
+  Set(float v)
+  {
+    return SetFloat(v);
+  }
+};
+template <>
+struct ExactVector<double> : Lanes
+{
+  using Type = Lanes::Double;
+  static constexpr int Count = Lanes::FloatCount / 2;
+
+  static Type
+  Set(double v)
+  {
+    return SetDouble(v);
+  }
+};
+
+#include "itkShearWarpExactKernels.h"
+
 #include "itkShearWarpVectorSampling.h"
 
 #include "itkShearWarpVectorPreparation.h"
@@ -29,11 +58,7 @@
 #include "itkShearWarpVectorWarp.h"
 
 template <typename TPixel>
-constexpr Kernels<TPixel> VectorKernels{ Lanes::Name,
-                                         ProjectBlock<TPixel>,
-                                         IsAnyBelow<TPixel>,
-                                         FindBlockExtrema<TPixel>,
-                                         WarpRow<TPixel>,
-                                         TransposeSlice<TPixel>,
-                                         MaximizeOnRays<TPixel, false>,
-                                         MaximizeOnRays<TPixel, true> };
+constexpr Kernels<TPixel> VectorKernels{ Lanes::Name,           ProjectBlock<TPixel>,
+                                         IsAnyBelow<TPixel>,    FindBlockExtrema<TPixel>,
+                                         WarpRow<TPixel>,       TransposeSlice<TPixel>,
+                                         MaximizeOnRays<TPixel> };
