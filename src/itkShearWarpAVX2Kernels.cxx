@@ -24,7 +24,7 @@
 
 #include <type_traits>
 
-#define SHEARWARP_UNROLL _Pragma("GCC unroll 16")
+#define SHEARWARP_UNROLL _Pragma("GCC unroll 18")
 #define SHEARWARP_INLINE __attribute__((always_inline))
 
 namespace itk::ShearWarp
@@ -104,6 +104,9 @@ struct Lanes
   static Int MaximumInt(Int a, Int b) { return _mm256_max_epi32(a, b); }
   static Int MinimumInt(Int a, Int b) { return _mm256_min_epi32(a, b); }
   static Int SetInt(int v) { return _mm256_set1_epi32(v); }
+  static std::uint32_t FindSet(const std::int16_t * p) { return static_cast<std::uint32_t>(_mm256_movemask_epi8(_mm256_permute4x64_epi64(_mm256_packs_epi16(Load(p), Load(p + ShortCount)), 0xD8))); }
+  static std::uint32_t GetSigns(__m256 v) { return static_cast<std::uint32_t>(_mm256_movemask_ps(v)); }
+  static std::uint32_t GetSigns(__m256d v) { return static_cast<std::uint32_t>(_mm256_movemask_pd(v)); }
   static Int AddPairProducts(Int sum, Short a, Short b) { return _mm256_add_epi32(sum, _mm256_madd_epi16(a, b)); }
   static Short PackEvenOdd(Int even, Int odd) { return _mm256_blend_epi16(_mm256_srli_epi32(even, 15), _mm256_slli_epi32(odd, 1), 0xAA); }
   static Short PackInterleaved(Int low, Int high) { return _mm256_packs_epi32(_mm256_srai_epi32(low, 15), _mm256_srai_epi32(high, 15)); }

@@ -24,7 +24,7 @@
 
 #include <type_traits>
 
-#define SHEARWARP_UNROLL _Pragma("GCC unroll 16")
+#define SHEARWARP_UNROLL _Pragma("GCC unroll 18")
 #define SHEARWARP_INLINE __attribute__((always_inline))
 
 namespace itk::ShearWarp
@@ -99,6 +99,9 @@ struct Lanes
   static Int MaximumInt(Int a, Int b) { return _mm512_max_epi32(a, b); }
   static Int MinimumInt(Int a, Int b) { return _mm512_min_epi32(a, b); }
   static Int SetInt(int v) { return _mm512_set1_epi32(v); }
+  static std::uint32_t FindSet(const std::int16_t * p) { return _mm512_movepi16_mask(Load(p)); }
+  static std::uint32_t GetSigns(__m512 v) { return _mm512_movepi32_mask(_mm512_castps_si512(v)); }
+  static std::uint32_t GetSigns(__m512d v) { return _mm512_movepi64_mask(_mm512_castpd_si512(v)); }
   static Int AddPairProducts(Int sum, Short a, Short b) { return _mm512_dpwssd_epi32(sum, a, b); }
   static Short PackEvenOdd(Int even, Int odd) { return _mm512_mask_blend_epi16(0xAAAAAAAA, _mm512_srli_epi32(even, 15), _mm512_slli_epi32(odd, 1)); }
   static Short PackInterleaved(Int low, Int high) { return _mm512_packs_epi32(_mm512_srai_epi32(low, 15), _mm512_srai_epi32(high, 15)); }

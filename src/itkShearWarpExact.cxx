@@ -22,18 +22,12 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 namespace itk::ShearWarp
 {
 namespace
 {
-/** The largest integer that is not above \a v >= -1, but for rounding errors. */
-std::ptrdiff_t
-Floor(double v)
-{
-  return static_cast<std::ptrdiff_t>(v + 2.0) - 2;
-}
-
 /** Narrows [begin, end] to where low <= slope s + offset <= high. */
 inline void
 ClipRay(double slope, double offset, double low, double high, double & begin, double & end)
@@ -46,234 +40,6 @@ ClipRay(double slope, double offset, double low, double high, double & begin, do
   const double ends[] = { (low - offset) / slope, (high - offset) / slope };
   begin = std::max(begin, std::min(ends[0], ends[1]));
   end = std::min(end, std::max(ends[0], ends[1]));
-}
-
-/** The rays of a tile of a picture, and their maxima or, with the sign of all voxels changed, minima. */
-template <typename TPixel>
-class ExactTile
-{
-public:
-  using Number = ExactNumber<TPixel>;
-
-  ExactTile(const ExactView<TPixel> & view, const Kernels<TPixel> & kernels, bool hasDepth)
-    : m_View(view)
-    , m_Kernels(kernels)
-    , m_HasDepth(hasDepth)
-  {}
-
-  /** A ray of sheared column \a p and row \a q, and of slices [begin, end]. */
-  void
-  Add(double p, double q, double begin, double end, std::ptrdiff_t pixel)
-  {
-    m_P.push_back(p);
-    m_Q.push_back(q);
-    m_Begin.push_back(begin);
-    m_End.push_back(end);
-    pixels.push_back(pixel);
-  }
-
-  void
-  Project(bool isMinimum, const IntermediateImage<TPixel> & guess);
-
-  double
-  GetDepth(std::size_t ray) const
-  {
-    return m_View.depth(m_P[ray], m_Q[ray], places[ray]);
-  }
-
-  std::vector<std::ptrdiff_t> pixels;
-  std::vector<Number>         best;   // minus infinity where there is none
-  std::vector<double>         places; // the slices
-
-private:
-  static constexpr double Nowhere = std::numeric_limits<double>::infinity();
-
-  Number
-  SampleAt(std::size_t ray, std::ptrdiff_t slice, bool isMinimum) const;
-
-  Number
-  FindLowerBound(std::size_t ray, bool isMinimum, const IntermediateImage<TPixel> & guess) const;
-
-  void
-  ProjectSlabs(bool isMinimum);
-
-  const ExactView<TPixel> & m_View;
-  const Kernels<TPixel> &   m_Kernels;
-  bool                      m_HasDepth;
-  std::vector<double>       m_P, m_Q, m_Begin, m_End;
-  std::vector<std::int32_t> m_Cells;
-  std::vector<Number>       m_Bounds;
-  std::vector<TPixel>       m_Extrema, m_Line;
-};
-
-/** The interpolant where the ray meets a slice, but for rounding errors not above it. */
-template <typename TPixel>
-auto
-ExactTile<TPixel>::SampleAt(std::size_t ray, std::ptrdiff_t slice, bool isMinimum) const -> Number
-{
-  const SliceStack<TPixel> & slices = m_View.slices;
-  const auto                 s = static_cast<double>(slice);
-  const double               x = m_P[ray] - (m_View.shear[0] * s + m_View.translation[0]);
-  const double               y = m_Q[ray] - (m_View.shear[1] * s + m_View.translation[1]);
-  const std::ptrdiff_t       column = Floor(x);
-  const std::ptrdiff_t       row = Floor(y);
-  const TPixel *             voxels = slices.voxels + slice * slices.sliceStride;
-  Number                     values[4];
-  Number                     magnitude = 0;
-  for (int n = 0; n < 4; ++n)
-  {
-    const TPixel voxel = voxels[std::clamp<std::ptrdiff_t>(row + n / 2, 0, slices.rows - 1) * slices.rowStride +
-                                std::clamp<std::ptrdiff_t>(column + n % 2, 0, slices.columns - 1)];
-    values[n] = isMinimum ? -static_cast<Number>(voxel) : static_cast<Number>(voxel);
-    magnitude = std::max(magnitude, std::abs(values[n]));
-  }
-  const auto mix = [](Number a, Number b, Number u) { return a + u * (b - a); };
-  const auto u = static_cast<Number>(x - static_cast<double>(column));
-  const auto v = static_cast<Number>(y - static_cast<double>(row));
-  return mix(mix(values[0], values[1], u), mix(values[2], values[3], u), v) -
-         64 * std::numeric_limits<Number>::epsilon() * magnitude;
-}
-
-/** The best sample of the ray in the slices that the pixels around it had. */
-template <typename TPixel>
-auto
-ExactTile<TPixel>::FindLowerBound(std::size_t ray, bool isMinimum, const IntermediateImage<TPixel> & guess) const
-  -> Number
-{
-  Number       bound = -std::numeric_limits<Number>::infinity();
-  std::int32_t last = NoSlice;
-  for (int n = 0; n < 4; ++n)
-  {
-    const std::ptrdiff_t column = Floor(m_P[ray]) + n % 2;
-    const std::ptrdiff_t row = Floor(m_Q[ray]) + n / 2;
-    if (row < 0 || row >= guess.rows || column < guess.reached[row].begin || column >= guess.reached[row].end)
-    {
-      continue;
-    }
-    const std::int32_t slice = guess.slices[row * guess.rowStride + column];
-    const auto         position = static_cast<double>(slice);
-    if (slice != NoSlice && slice != last && m_Begin[ray] <= position && position <= m_End[ray])
-    {
-      const Number sample = this->SampleAt(ray, slice, isMinimum);
-      bound = sample > bound ? sample : bound;
-      last = slice;
-    }
-  }
-  return bound;
-}
-
-template <typename TPixel>
-void
-ExactTile<TPixel>::Project(bool isMinimum, const IntermediateImage<TPixel> & guess)
-{
-  const std::size_t count = pixels.size();
-  const double      nowhere = m_View.depth.perSlice < 0 ? -Nowhere : Nowhere;
-  places.assign(count, nowhere);
-  best.resize(count);
-  for (std::size_t ray = 0; ray < count; ++ray)
-  {
-    best[ray] = this->FindLowerBound(ray, isMinimum, guess);
-  }
-  this->ProjectSlabs(isMinimum);
-  // cells that are left out may be around such a sample
-  bool isAnyLeft = false;
-  for (std::size_t ray = 0; ray < count; ++ray)
-  {
-    if (places[ray] == nowhere && best[ray] != -std::numeric_limits<Number>::infinity())
-    {
-      best[ray] = -std::numeric_limits<Number>::infinity();
-      isAnyLeft = true;
-    }
-  }
-  if (isAnyLeft)
-  {
-    this->ProjectSlabs(isMinimum);
-  }
-}
-
-template <typename TPixel>
-void
-ExactTile<TPixel>::ProjectSlabs(bool isMinimum)
-{
-  const std::size_t count = pixels.size();
-  if (count == 0)
-  {
-    return;
-  }
-  const auto [lowP, highP] = std::minmax_element(m_P.begin(), m_P.end());
-  const auto [lowQ, highQ] = std::minmax_element(m_Q.begin(), m_Q.end());
-  const double     low[] = { *lowP, *lowQ };
-  const double     high[] = { *highP, *highQ };
-  CellGrid<TPixel> cells{ Floor(low[0]), Floor(low[1]), 0, 0, 0, nullptr, nullptr, nullptr };
-  cells.columns = Floor(high[0]) - cells.column + 1;
-  cells.rows = Floor(high[1]) - cells.row + 1;
-  cells.stride = cells.columns + CellReach;
-  m_Cells.resize(count);
-  for (std::size_t ray = 0; ray < count; ++ray)
-  {
-    m_Cells[ray] =
-      static_cast<std::int32_t>((Floor(m_Q[ray]) - cells.row) * cells.columns + Floor(m_P[ray]) - cells.column);
-  }
-  m_Bounds.resize(cells.rows * cells.columns);
-  m_Extrema.resize((cells.rows + CellReach) * cells.stride);
-  m_Line.resize(cells.stride);
-  cells.bounds = m_Bounds.data();
-  cells.extrema = m_Extrema.data();
-  cells.line = m_Line.data();
-  const ExactRays<TPixel> rays{ static_cast<std::ptrdiff_t>(count),
-                                m_P.data(),
-                                m_Q.data(),
-                                m_Begin.data(),
-                                m_End.data(),
-                                m_Cells.data(),
-                                best.data(),
-                                places.data() };
-  const double            nearest = *std::min_element(m_Begin.begin(), m_Begin.end());
-  const double            farthest = *std::max_element(m_End.begin(), m_End.end());
-  const auto &            blocks = m_View.blocks;
-  const TPixel * const    extrema = isMinimum ? blocks.minima : blocks.maxima;
-  for (std::ptrdiff_t slab = 0; slab < blocks.slices; ++slab)
-  {
-    // half a voxel before the first slice and behind the last one too
-    const std::ptrdiff_t first = slab == 0 ? -1 : slab * BlockLength;
-    const std::ptrdiff_t last = std::min((slab + 1) * BlockLength, m_View.slices.slices);
-    if (nearest > static_cast<double>(last) || farthest < static_cast<double>(first))
-    {
-      continue;
-    }
-    // blocks that the rays may meet, with a voxel more for what rounding errors do
-    std::ptrdiff_t       begin[2], end[2];
-    const std::ptrdiff_t lengths[] = { m_View.slices.columns, m_View.slices.rows };
-    for (int axis = 0; axis < 2; ++axis)
-    {
-      const double offsets[] = { m_View.shear[axis] * static_cast<double>(first) + m_View.translation[axis],
-                                 m_View.shear[axis] * static_cast<double>(last) + m_View.translation[axis] };
-      const auto   find = [&](double position) {
-        return static_cast<std::ptrdiff_t>(std::clamp(position, 0.0, static_cast<double>(lengths[axis] - 1))) /
-               BlockLength;
-      };
-      begin[axis] = find(low[axis] - std::max(offsets[0], offsets[1]) - 1.0);
-      end[axis] = find(high[axis] - std::min(offsets[0], offsets[1]) + 2.0) + 1;
-    }
-    Number highest = -std::numeric_limits<Number>::infinity();
-    for (std::ptrdiff_t slice = slab; slice < std::min(slab + 2, blocks.slices); ++slice)
-    {
-      for (std::ptrdiff_t row = begin[1]; row < end[1]; ++row)
-      {
-        for (std::ptrdiff_t column = begin[0]; column < end[0]; ++column)
-        {
-          const auto bound = static_cast<Number>(
-            extrema[column * blocks.columnStride + row * blocks.rowStride + slice * blocks.sliceStride]);
-          highest = std::max(highest, isMinimum ? -bound : bound);
-        }
-      }
-    }
-    const Number least = *std::min_element(best.begin(), best.end());
-    if (highest > least || (m_HasDepth && highest == least))
-    {
-      m_Kernels.maximizeOnRays(m_View, isMinimum, m_HasDepth, rays, cells, first, last);
-    }
-  }
 }
 
 template <typename TPixel>
@@ -294,6 +60,387 @@ RoundToPixel(ExactNumber<TPixel> value)
                                                               : static_cast<TPixel>(rounded);
   }
 }
+/** The rays of some tiles beside each other in the sheared grid, and their extrema. */
+template <typename TPixel>
+class RaySearch
+{
+public:
+  using Number = ExactNumber<TPixel>;
+
+  static constexpr std::size_t MostRays = 8192;
+
+  RaySearch(const ExactView<TPixel> &         view,
+            const Kernels<TPixel> &           kernels,
+            const IntermediateImage<TPixel> & guess,
+            const Picture<TPixel> &           picture,
+            std::ptrdiff_t                    column,
+            std::ptrdiff_t                    row,
+            std::ptrdiff_t                    tiles)
+    : m_View(view)
+    , m_Kernels(kernels)
+    , m_Guess(guess)
+    , m_Picture(picture)
+    , m_Column(column)
+    , m_Row(row)
+    , m_Tiles(tiles)
+  {}
+
+  /** Takes the ray of \a pixel if it begins in one of the tiles and meets the volume. */
+  void
+  Add(double p, double q, std::ptrdiff_t pixel);
+
+  /** Sets the pixels of the rays, and forgets these. */
+  void
+  SetPixels();
+
+private:
+  static constexpr double Nowhere = std::numeric_limits<double>::infinity();
+
+  struct Ray
+  {
+    double         p, q, begin, end;
+    std::ptrdiff_t pixel;
+    std::size_t    cell;
+  };
+
+  /** The best values of rays, and their slices. */
+  struct Extrema
+  {
+    std::vector<Number> best;
+    std::vector<double> places;
+  };
+
+  void
+  Sort();
+
+  ExactTile<TPixel>
+  GetTile(std::ptrdiff_t tile, bool isMinimum, Extrema & extrema);
+
+  void
+  FindExtrema(bool isMinimum, Extrema & extrema);
+
+  void
+  AddGuesses(std::size_t ray);
+
+  /** Whether voxels may make a ray of the tile better, from slice \a first to \a last. */
+  bool
+  MayBeBetter(const ExactTile<TPixel> & tile, TPixel least, std::ptrdiff_t first, std::ptrdiff_t last) const;
+
+  const ExactView<TPixel> &         m_View;
+  const Kernels<TPixel> &           m_Kernels;
+  const IntermediateImage<TPixel> & m_Guess;
+  const Picture<TPixel> &           m_Picture;
+  std::ptrdiff_t                    m_Column, m_Row, m_Tiles;
+  std::vector<Ray>                  m_Rays;
+  std::vector<std::int32_t>         m_CellBegins; // of tile by tile
+  std::vector<std::uint16_t>        m_Cells;
+  std::vector<double>               m_P, m_Q, m_Begin, m_End;
+  std::vector<RayPart>              m_Parts;
+  std::vector<TPixel>               m_Least;
+  std::vector<std::int16_t>         m_LeastLevels;
+  Extrema                           m_Maxima, m_Minima;
+};
+
+template <typename TPixel>
+void
+RaySearch<TPixel>::Add(double p, double q, std::ptrdiff_t pixel)
+{
+  const double column = std::floor(p) - static_cast<double>(m_Column);
+  const double row = std::floor(q) - static_cast<double>(m_Row);
+  if (!(column >= 0.0 && column < static_cast<double>(m_Tiles * CellColumns) && row >= 0.0 &&
+        row < static_cast<double>(CellRows)))
+  {
+    return;
+  }
+  const double         position[] = { p, q };
+  const std::ptrdiff_t lengths[] = { m_View.slices.columns, m_View.slices.rows };
+  double               begin = -0.5;
+  double               end = static_cast<double>(m_View.slices.slices) - 0.5;
+  for (int axis = 0; axis < 2; ++axis)
+  {
+    const double offset = position[axis] - m_View.translation[axis];
+    ClipRay(-m_View.shear[axis], offset, -0.5, static_cast<double>(lengths[axis]) - 0.5, begin, end);
+  }
+  for (const auto & [function, low, high] : m_View.intervals)
+  {
+    ClipRay(function.perSlice, function(p, q, 0.0), low, high, begin, end);
+  }
+  if (begin <= end)
+  {
+    const auto tile = static_cast<std::size_t>(column) / CellColumns;
+    const auto cell = (tile * CellRows + static_cast<std::size_t>(row)) * CellColumns +
+                      static_cast<std::size_t>(column) % CellColumns;
+    m_Rays.push_back({ p, q, begin, end, pixel, cell });
+    if (m_Rays.size() == MostRays)
+    {
+      this->SetPixels();
+    }
+  }
+}
+
+template <typename TPixel>
+void
+RaySearch<TPixel>::Sort()
+{
+  const std::size_t         count = m_Rays.size();
+  std::vector<std::int32_t> ends(m_Tiles * CellRows * CellColumns + 1);
+  for (const Ray & ray : m_Rays)
+  {
+    ++ends[ray.cell + 1];
+  }
+  std::partial_sum(ends.begin(), ends.end(), ends.begin());
+  m_CellBegins = ends;
+  std::vector<Ray> sorted(count);
+  m_Cells.resize(count);
+  for (std::vector<double> * const numbers : { &m_P, &m_Q, &m_Begin, &m_End })
+  {
+    numbers->resize(count);
+  }
+  for (const Ray & ray : m_Rays)
+  {
+    const std::int32_t place = ends[ray.cell]++;
+    sorted[place] = ray;
+    m_Cells[place] = static_cast<std::uint16_t>(ray.cell % (CellRows * CellColumns));
+    m_P[place] = ray.p;
+    m_Q[place] = ray.q;
+    m_Begin[place] = ray.begin;
+    m_End[place] = ray.end;
+  }
+  m_Rays.swap(sorted);
+}
+
+template <typename TPixel>
+ExactTile<TPixel>
+RaySearch<TPixel>::GetTile(std::ptrdiff_t tile, bool isMinimum, Extrema & extrema)
+{
+  return { m_Column + tile * CellColumns,
+           m_Row,
+           isMinimum,
+           m_Picture.depths != nullptr,
+           m_CellBegins.data() + tile * CellRows * CellColumns,
+           m_Cells.data(),
+           m_P.data(),
+           m_Q.data(),
+           m_Begin.data(),
+           m_End.data(),
+           extrema.best.data(),
+           extrema.places.data(),
+           m_Least.data() + tile * CellRows * CellColumns,
+           m_LeastLevels.data() + tile * CellRows * CellColumns };
+}
+
+/** Adds the slices that the pixels around the ray had. */
+template <typename TPixel>
+void
+RaySearch<TPixel>::AddGuesses(std::size_t ray)
+{
+  const auto add = [&](double slice) {
+    m_Parts.push_back({ static_cast<std::int32_t>(ray), static_cast<std::int32_t>(slice) });
+  };
+  const std::size_t  before = m_Parts.size();
+  std::int32_t       last = NoSlice;
+  for (int n = 0; n < 4; ++n)
+  {
+    const auto column = static_cast<std::ptrdiff_t>(std::floor(m_P[ray])) + n % 2;
+    const auto row = static_cast<std::ptrdiff_t>(std::floor(m_Q[ray])) + n / 2;
+    if (row < 0 || row >= m_Guess.rows || column < m_Guess.reached[row].begin || column >= m_Guess.reached[row].end)
+    {
+      continue;
+    }
+    const std::int32_t slice = m_Guess.slices[row * m_Guess.rowStride + column];
+    const auto         position = static_cast<double>(slice);
+    if (slice != NoSlice && slice != last && m_Begin[ray] <= position + 1.0 && position <= m_End[ray])
+    {
+      add(position);
+      last = slice;
+    }
+  }
+  if (m_Parts.size() == before)
+  {
+    add(std::floor(m_Begin[ray]));
+  }
+}
+
+template <typename TPixel>
+bool
+RaySearch<TPixel>::MayBeBetter(const ExactTile<TPixel> & tile,
+                               TPixel                    least,
+                               std::ptrdiff_t            first,
+                               std::ptrdiff_t            last) const
+{
+  const auto & blocks = m_View.blocks;
+  // blocks that the rays may meet, with a voxel more for what rounding errors do
+  std::ptrdiff_t       begin[3], end[3];
+  const std::ptrdiff_t lengths[] = { m_View.slices.columns, m_View.slices.rows };
+  const std::ptrdiff_t low[] = { tile.column, tile.row };
+  const std::ptrdiff_t high[] = { tile.column + CellColumns, tile.row + CellRows };
+  for (int axis = 0; axis < 2; ++axis)
+  {
+    const double offsets[] = { m_View.shear[axis] * static_cast<double>(first) + m_View.translation[axis],
+                               m_View.shear[axis] * static_cast<double>(last) + m_View.translation[axis] };
+    const auto   find = [&](double position) {
+      return static_cast<std::ptrdiff_t>(std::clamp(position, 0.0, static_cast<double>(lengths[axis] - 1))) /
+             BlockLength;
+    };
+    begin[axis] = find(static_cast<double>(low[axis]) - std::max(offsets[0], offsets[1]) - 1.0);
+    end[axis] = find(static_cast<double>(high[axis]) - std::min(offsets[0], offsets[1]) + 2.0) + 1;
+  }
+  begin[2] = std::max<std::ptrdiff_t>(first, 0) / BlockLength;
+  end[2] = std::min(begin[2] + 2, blocks.slices);
+  const TPixel * const extrema = tile.isMinimum ? blocks.minima : blocks.maxima;
+  for (std::ptrdiff_t slice = begin[2]; slice < end[2]; ++slice)
+  {
+    for (std::ptrdiff_t row = begin[1]; row < end[1]; ++row)
+    {
+      for (std::ptrdiff_t column = begin[0]; column < end[0]; ++column)
+      {
+        const TPixel voxel =
+          extrema[column * blocks.columnStride + row * blocks.rowStride + slice * blocks.sliceStride];
+        if ((tile.isMinimum ? voxel < least : voxel > least) || (tile.hasDepth && voxel == least))
+        {
+          return true;
+        }
+      }
+    }
+  }
+  return false;
+}
+
+template <typename TPixel>
+void
+RaySearch<TPixel>::FindExtrema(bool isMinimum, Extrema & extrema)
+{
+  const std::size_t count = m_Rays.size();
+  extrema.best.assign(count, -std::numeric_limits<Number>::infinity());
+  extrema.places.assign(count, m_View.depth.perSlice < 0 ? -Nowhere : Nowhere);
+  m_Least.resize(m_Tiles * CellRows * CellColumns);
+  m_LeastLevels.resize(m_Least.size());
+  struct TileState
+  {
+    ExactTile<TPixel> tile;
+    TPixel            least;
+    double            nearest, farthest;
+  };
+  std::vector<TileState> tiles;
+  for (std::ptrdiff_t n = 0; n < m_Tiles; ++n)
+  {
+    const ExactTile<TPixel> tile = this->GetTile(n, isMinimum, extrema);
+    const std::size_t       first = tile.cellBegins[0];
+    const std::size_t       last = tile.cellBegins[CellRows * CellColumns];
+    if (first == last)
+    {
+      continue;
+    }
+    m_Parts.clear();
+    for (std::size_t ray = first; ray < last; ++ray)
+    {
+      this->AddGuesses(ray);
+    }
+    const TPixel least = m_Kernels.evaluateParts(m_View, tile, m_Parts.data(), m_Parts.size());
+    tiles.push_back({ tile,
+                      least,
+                      *std::min_element(m_Begin.begin() + first, m_Begin.begin() + last),
+                      *std::max_element(m_End.begin() + first, m_End.begin() + last) });
+  }
+  for (std::ptrdiff_t slab = 0; slab < m_View.blocks.slices; ++slab)
+  {
+    // half a voxel before the first slice and behind the last one too
+    const std::ptrdiff_t first = slab == 0 ? -1 : slab * BlockLength;
+    const std::ptrdiff_t last = std::min((slab + 1) * BlockLength, m_View.slices.slices);
+    for (auto & [tile, least, nearest, farthest] : tiles)
+    {
+      if (nearest <= static_cast<double>(last) && farthest >= static_cast<double>(first) &&
+          this->MayBeBetter(tile, least, first, last))
+      {
+        least = m_Kernels.searchSlab(m_View, tile, first, last);
+      }
+    }
+  }
+}
+
+template <typename TPixel>
+void
+RaySearch<TPixel>::SetPixels()
+{
+  this->Sort();
+  if (m_View.extremum != Extremum::Minimum)
+  {
+    this->FindExtrema(false, m_Maxima);
+  }
+  if (m_View.extremum != Extremum::Maximum)
+  {
+    this->FindExtrema(true, m_Minima);
+  }
+  for (std::size_t n = 0; n < m_Rays.size(); ++n)
+  {
+    const bool isMinimum =
+      m_View.extremum == Extremum::Minimum ||
+      (m_View.extremum == Extremum::Magnitude && m_Minima.best[n] > m_Maxima.best[n]);
+    const auto & [best, places] = isMinimum ? m_Minima : m_Maxima;
+    if (best[n] == -std::numeric_limits<Number>::infinity())
+    {
+      continue;
+    }
+    const auto & [p, q, begin, end, pixel, cell] = m_Rays[n];
+    m_Picture.pixels[pixel] = RoundToPixel<TPixel>(isMinimum ? -best[n] : best[n]);
+    if (m_Picture.depths)
+    {
+      m_Picture.depths[pixel] = static_cast<float>(m_View.depth(p, q, places[n]));
+    }
+  }
+  m_Rays.clear();
+}
+
+/** A number of rows or columns, of a double that may be anything. */
+std::ptrdiff_t
+LimitTo(double v, std::ptrdiff_t count)
+{
+  return v >= static_cast<double>(count) ? count : v >= 0.0 ? static_cast<std::ptrdiff_t>(v) : 0;
+}
+
+/** The pixels that \a map may take to [low, high), in each of both dimensions: rows, or columns of a row. */
+class PixelsOfCells
+{
+public:
+  PixelsOfCells(const AffineMap2D & map, const double (&low)[2], const double (&high)[2])
+    : m_Map(map)
+    , m_Low{ low[0], low[1] }
+    , m_High{ high[0], high[1] }
+  {}
+
+  std::pair<std::ptrdiff_t, std::ptrdiff_t>
+  FindRows(std::ptrdiff_t rows) const
+  {
+    const double determinant = m_Map.xx * m_Map.yy - m_Map.xy * m_Map.yx;
+    double       least = std::numeric_limits<double>::infinity();
+    double       most = -least;
+    for (const double p : { m_Low[0], m_High[0] })
+    {
+      for (const double q : { m_Low[1], m_High[1] })
+      {
+        const double row = (m_Map.xx * (q - m_Map.y0) - m_Map.yx * (p - m_Map.x0)) / determinant;
+        least = std::min(least, row);
+        most = std::max(most, row);
+      }
+    }
+    return { LimitTo(least - 1.0, rows), LimitTo(most + 2.0, rows) };
+  }
+
+  std::pair<std::ptrdiff_t, std::ptrdiff_t>
+  FindColumns(std::ptrdiff_t row, std::ptrdiff_t columns) const
+  {
+    double     begin = 0.0;
+    auto       end = static_cast<double>(columns);
+    const auto y = static_cast<double>(row);
+    ClipRay(m_Map.xx, m_Map.xy * y + m_Map.x0, m_Low[0], m_High[0], begin, end);
+    ClipRay(m_Map.yx, m_Map.yy * y + m_Map.y0, m_Low[1], m_High[1], begin, end);
+    return { LimitTo(begin - 1.0, columns), LimitTo(end + 2.0, columns) };
+  }
+
+private:
+  AffineMap2D m_Map;
+  double      m_Low[2], m_High[2];
+};
 } // namespace
 
 template <typename TPixel>
@@ -307,77 +454,54 @@ ProjectExactly(const ExactView<TPixel> &         view,
                const Threads &                   threads,
                float                             share)
 {
-  using Number = ExactNumber<TPixel>;
-  constexpr double         infinity = std::numeric_limits<double>::infinity();
-  constexpr std::ptrdiff_t tileColumns = 32;
-  constexpr std::ptrdiff_t tileRows = ExactTileSize / tileColumns;
-  const bool               hasDepth = picture.depths != nullptr;
-  const auto               addRay = [&](ExactTile<TPixel> & tile, std::ptrdiff_t column, std::ptrdiff_t row) {
-    const AffineMap2D &  map = view.outputToSheared;
-    const auto           x = static_cast<double>(column);
-    const auto           y = static_cast<double>(row);
-    const double         position[] = { (map.xx * x + map.xy * y) + map.x0, (map.yx * x + map.yy * y) + map.y0 };
-    const std::ptrdiff_t lengths[] = { view.slices.columns, view.slices.rows };
-    double               begin = -0.5;
-    double               end = static_cast<double>(view.slices.slices) - 0.5;
-    for (int axis = 0; axis < 2; ++axis)
+  threads.run(rows, 1, 0.0f, [&](SizeValueType row, SizeValueType, SizeValueType) {
+    const auto first = static_cast<std::ptrdiff_t>(row) * columns;
+    std::fill_n(picture.pixels + first, columns, view.background);
+    if (picture.depths)
     {
-      const double offset = position[axis] - view.translation[axis];
-      ClipRay(-view.shear[axis], offset, -0.5, static_cast<double>(lengths[axis]) - 0.5, begin, end);
+      std::fill_n(picture.depths + first, columns, std::numeric_limits<float>::quiet_NaN());
     }
-    for (const auto & [function, low, high] : view.intervals)
-    {
-      ClipRay(function.perSlice, function(position[0], position[1], 0.0), low, high, begin, end);
-    }
-    if (begin <= end)
-    {
-      tile.Add(position[0], position[1], begin, end, row * columns + column);
-    }
-  };
-  const auto projectTile = [&](SizeValueType tileRow, SizeValueType tileColumn, SizeValueType) {
-    ExactTile<TPixel> tile(view, kernels, hasDepth);
-    const auto        firstRow = static_cast<std::ptrdiff_t>(tileRow) * tileRows;
-    const auto        firstColumn = static_cast<std::ptrdiff_t>(tileColumn) * tileColumns;
-    for (std::ptrdiff_t row = firstRow; row < std::min(firstRow + tileRows, rows); ++row)
-    {
-      for (std::ptrdiff_t column = firstColumn; column < std::min(firstColumn + tileColumns, columns); ++column)
-      {
-        const std::ptrdiff_t pixel = row * columns + column;
-        picture.pixels[pixel] = view.background;
-        if (hasDepth)
-        {
-          picture.depths[pixel] = std::numeric_limits<float>::quiet_NaN();
-        }
-        addRay(tile, column, row);
-      }
-    }
-    ExactTile<TPixel> minima = tile;
-    if (view.extremum != Extremum::Maximum)
-    {
-      minima.Project(true, guess);
-    }
-    if (view.extremum != Extremum::Minimum)
-    {
-      tile.Project(false, guess);
-    }
-    for (std::size_t n = 0; n < tile.pixels.size(); ++n)
-    {
-      const bool isMinimum =
-        view.extremum == Extremum::Minimum || (view.extremum == Extremum::Magnitude && minima.best[n] > tile.best[n]);
-      const ExactTile<TPixel> & chosen = isMinimum ? minima : tile;
-      const Number              value = isMinimum ? -chosen.best[n] : chosen.best[n];
-      if (chosen.best[n] == -infinity)
-      {
-        continue;
-      }
-      picture.pixels[tile.pixels[n]] = RoundToPixel<TPixel>(value);
-      if (hasDepth)
-      {
-        picture.depths[tile.pixels[n]] = static_cast<float>(chosen.GetDepth(n));
-      }
-    }
-  };
-  threads.run(CountBlocks(rows, tileRows), CountBlocks(columns, tileColumns), share, projectTile);
+  });
+  // cells that rays may be in, with one more for what rounding errors do
+  const std::ptrdiff_t lengths[] = { view.slices.columns, view.slices.rows };
+  std::ptrdiff_t       first[2], counts[2];
+  for (int axis = 0; axis < 2; ++axis)
+  {
+    const double shift = view.shear[axis] * static_cast<double>(view.slices.slices);
+    first[axis] = static_cast<std::ptrdiff_t>(std::floor(view.translation[axis] + std::min(shift, 0.0))) - 2;
+    counts[axis] = lengths[axis] + static_cast<std::ptrdiff_t>(std::ceil(std::abs(shift))) + 4;
+  }
+  // many tiles share what they read, but not too many rays
+  const AffineMap2D &  map = view.outputToSheared;
+  const double         raysInTile = static_cast<double>(CellRows * CellColumns) / std::abs(map.xx * map.yy - map.xy * map.yx);
+  const std::ptrdiff_t tiles = raysInTile > 2048.0 ? 1 : raysInTile > 1024.0 ? 4 : 8;
+  threads.run(CountBlocks(counts[1], CellRows),
+              CountBlocks(counts[0], tiles * CellColumns),
+              share,
+              [&](SizeValueType tileRow, SizeValueType tileColumn, SizeValueType) {
+                const std::ptrdiff_t column =
+                  first[0] + static_cast<std::ptrdiff_t>(tileColumn) * tiles * CellColumns;
+                const std::ptrdiff_t row = first[1] + static_cast<std::ptrdiff_t>(tileRow) * CellRows;
+                RaySearch<TPixel>    search(view, kernels, guess, picture, column, row, tiles);
+                const double         low[] = { static_cast<double>(column), static_cast<double>(row) };
+                const double         high[] = { static_cast<double>(column + tiles * CellColumns),
+                                                static_cast<double>(row + CellRows) };
+                const PixelsOfCells  pixels(map, low, high);
+                const auto [rowBegin, rowEnd] = pixels.FindRows(rows);
+                for (std::ptrdiff_t j = rowBegin; j < rowEnd; ++j)
+                {
+                  const auto [columnBegin, columnEnd] = pixels.FindColumns(j, columns);
+                  for (std::ptrdiff_t i = columnBegin; i < columnEnd; ++i)
+                  {
+                    const auto x = static_cast<double>(i);
+                    const auto y = static_cast<double>(j);
+                    search.Add((map.xx * x + map.xy * y) + map.x0,
+                               (map.yx * x + map.yy * y) + map.y0,
+                               j * columns + i);
+                  }
+                }
+                search.SetPixels();
+              });
 }
 
 #define INSTANTIATE(TPixel)                                       \

@@ -26,183 +26,138 @@ Limit(T v, T low, T high)
   return v < low ? low : v > high ? high : v;
 }
 
-/** The largest integer that is not above \a v >= -1, but for rounding errors. */
-inline std::int32_t
-FloorOf(double v)
+struct NoLevels
 {
-  return static_cast<std::int32_t>(v + 2.0) - 2;
-}
-
-/** The bilinear interpolant of four voxels, columns first, along a line, (x, y) = (x0 + X u, y0 + Y u), as
- * c0 + c1 u + c2 u^2. */
-template <typename TNumber>
-struct LineExpansion
-{
-  typename ExactVector<TNumber>::Type c0, c1, c2;
+  template <typename TPixel>
+  NoLevels(TPixel, TPixel)
+  {}
 };
 
-template <typename TNumber, typename TVector = typename ExactVector<TNumber>::Type>
-SHEARWARP_INLINE inline LineExpansion<TNumber>
-ExpandAlongLine(const TVector * v, TVector x0, TVector X, TVector y0, TVector Y)
+/** Voxels in 15 bits, of which a larger one is better, so that differences of them are in 16 bits: those of the best
+ * value v, with the sign changed for minima, are (v + Zero) * scale. */
+template <typename TPixel, bool VIsMinimum>
+class Levels
 {
-  const TVector a10 = v[1] - v[0];
-  const TVector a01 = v[2] - v[0];
-  const TVector a11 = (v[3] - v[2]) - a10;
-  return { (v[0] + a10 * x0) + (a01 + a11 * x0) * y0, (a10 * X + a01 * Y) + a11 * (x0 * Y + y0 * X), a11 * (X * Y) };
+public:
+  static constexpr int Flip = (sizeof(TPixel) == 2 && !std::is_signed_v<TPixel> ? 0x8000 : 0) ^
+                              (!VIsMinimum                                       ? 0
+                               : sizeof(TPixel) == 2 || std::is_signed_v<TPixel> ? 0xFFFF
+                                                                                 : 0xFF);
+  static constexpr auto Zero = static_cast<std::int16_t>(Flip);
+
+  Levels(TPixel lowest, TPixel highest)
+    : m_Shift(sizeof(TPixel) == 2 && highest - lowest > 32767 ? 1 : 0)
+    , scale(sizeof(TPixel) == 1 ? 64.0
+            : m_Shift == 1      ? 0.5
+                                : 1.0)
+  {}
+
+  std::int16_t
+  operator()(TPixel voxel) const
+  {
+    const auto level = static_cast<std::int16_t>(voxel ^ Flip);
+    return static_cast<std::int16_t>(sizeof(TPixel) == 1 ? level * 64 : level >> m_Shift);
+  }
+
+private:
+  int m_Shift;
+
+public:
+  const double scale;
+};
+
+/** (1 - \a w / 2^15) \a a + \a w / 2^15 \a b, but for half a unit. */
+inline std::int16_t
+Mix(std::int16_t a, std::int16_t b, std::int16_t w)
+{
+  const auto difference = static_cast<std::int16_t>(b - a);
+  return static_cast<std::int16_t>(a + static_cast<std::int16_t>((((difference * w) >> 14) + 1) >> 1));
 }
 
-/** Rays of one tile between one slice and the next. */
+/** Voxels that have weight in a cell of the sheared grid from one slice to the next, along one axis: `reach` from
+ * `first` on, where `first` belongs to the cell 0. Its rays go from Mix(0, 1, left), past the voxels 1 to `last`, to
+ * Mix(last, last + 1, right). */
+struct CellWindow
+{
+  std::ptrdiff_t first, reach, last;
+  std::int16_t   left, right;
+};
+
+/** The same voxels of a slice and the next one. */
+template <typename TPixel>
+struct PairOfRows
+{
+  const TPixel * voxels[2];
+};
+
+/** The place of the lowest bit of \a v. */
+inline int
+FindLowest(std::uint32_t v)
+{
+  return __builtin_ctz(v);
+}
+
+/** Finds the maxima of the rays of a tile. */
 template <typename TPixel, bool VIsMinimum>
-class PairOfSlices
+class TileSearch
 {
 public:
   using Number = ExactNumber<TPixel>;
 
-  /** Rays that are evaluated together. */
-  static constexpr int RaysTogether = 16;
+  /** With \a isNew `least` is not set yet. */
+  TileSearch(const ExactView<TPixel> & view, const ExactTile<TPixel> & tile, bool isNew);
 
-  PairOfSlices(const ExactView<TPixel> & view, bool hasDepth, std::ptrdiff_t slice)
-    : m_View(view)
-    , m_Slices(view.slices)
-    , m_HasDepth(hasDepth)
-    , m_IsBackward(view.depth.perSlice < 0)
-    , m_Slice(slice)
-    , m_Before(slice < 0 ? 0 : slice)
-    , m_Behind(Smaller<std::ptrdiff_t>(slice + 1, view.slices.slices - 1))
-  {}
-
-  /** Bounds of the interpolant for the rays in each cell of the sheared grid; returns the largest. */
-  Number
-  BoundCells(const CellGrid<TPixel> & cells) const
-  {
-    std::ptrdiff_t begin[2], end[2];
-    for (int axis = 0; axis < 2; ++axis)
-    {
-      const double a = this->GetOffset(axis, static_cast<double>(m_Slice));
-      const double b = this->GetOffset(axis, static_cast<double>(m_Slice + 1));
-      // a little more, for what rounding errors do
-      constexpr double slack = 1e-6;
-      begin[axis] = static_cast<std::ptrdiff_t>(floor(-Larger(a, b) - slack));
-      end[axis] = static_cast<std::ptrdiff_t>(floor(1.0 - Smaller(a, b) + slack)) + 2;
-    }
-    // of both slices: the extrema of each row, then of the rows of a cell, then of its columns
-    const std::ptrdiff_t width = cells.columns + (end[0] - begin[0]) - 1;
-    const std::ptrdiff_t firstColumn = cells.column + begin[0];
-    const std::ptrdiff_t from = Limit<std::ptrdiff_t>(-firstColumn, 0, width - 1);
-    const std::ptrdiff_t to = Limit<std::ptrdiff_t>(m_Slices.columns - firstColumn, from + 1, width);
-    const std::ptrdiff_t reach = end[1] - begin[1];
-    Number               highest = NoSample<Number>;
-    for (std::ptrdiff_t row = 0; row < cells.rows + reach - 1; ++row)
-    {
-      TPixel * const       of = cells.extrema + row * cells.stride;
-      const std::ptrdiff_t voxelRow = Limit<std::ptrdiff_t>(cells.row + begin[1] + row, 0, m_Slices.rows - 1);
-      // columns beside the volume are as its outer ones
-      const std::ptrdiff_t shift =
-        Limit<std::ptrdiff_t>(firstColumn + from, 0, m_Slices.columns - 1) - from + voxelRow * m_Slices.rowStride;
-      const TPixel * const a = m_Slices.voxels + (m_Before * m_Slices.sliceStride + shift);
-      const TPixel * const b = m_Slices.voxels + (m_Behind * m_Slices.sliceStride + shift);
-      for (std::ptrdiff_t n = from; n < to; ++n)
-      {
-        of[n] = Better(a[n], b[n]);
-      }
-      for (std::ptrdiff_t n = 0; n < from; ++n)
-      {
-        of[n] = of[from];
-      }
-      for (std::ptrdiff_t n = to; n < width; ++n)
-      {
-        of[n] = of[to - 1];
-      }
-      if (row + 1 < reach)
-      {
-        continue;
-      }
-      TPixel * const line = cells.line;
-      const TPixel * first = of - (reach - 1) * cells.stride;
-      for (std::ptrdiff_t n = 0; n < width; ++n)
-      {
-        line[n] = first[n];
-      }
-      for (const TPixel * each = first + cells.stride; each <= of; each += cells.stride)
-      {
-        for (std::ptrdiff_t n = 0; n < width; ++n)
-        {
-          line[n] = Better(line[n], each[n]);
-        }
-      }
-      Number * const       bounds = cells.bounds + (row + 1 - reach) * cells.columns;
-      const std::ptrdiff_t count = end[0] - begin[0];
-      for (std::ptrdiff_t n = 0; n < cells.columns; ++n)
-      {
-        TPixel best = line[n];
-        for (std::ptrdiff_t next = 1; next < count; ++next)
-        {
-          best = Better(best, line[n + next]);
-        }
-        bounds[n] = Load(best);
-      }
-      for (std::ptrdiff_t n = 0; n < cells.columns; ++n)
-      {
-        highest = Larger(highest, bounds[n]);
-      }
-    }
-    return highest;
-  }
-
-  /** Takes the maxima of those rays whose cells' bounds allow them to change. */
+  /** All rays from a slice to the next one; what bounds by voxels exclude is left out. */
   void
-  Take(const ExactRays<TPixel> & rays, const CellGrid<TPixel> & cells) const
+  SearchPair(std::ptrdiff_t slice);
+
+  /** One ray from a slice to the next one; evaluated together with others, at the latest by Finish(). */
+  void
+  Add(RayPart part)
   {
-    const auto   count = static_cast<std::int32_t>(rays.count);
-    std::int32_t hot[RaysTogether];
-    int          size = 0;
-    std::uint8_t isHot[ExactTileSize];
-    for (std::int32_t n = 0; n < count; ++n)
+    m_Parts[m_Count++] = part;
+    if (m_Count == RaysTogether)
     {
-      isHot[n] = cells.bounds[rays.cells[n]] > rays.best[n] ? 1 : 0;
-    }
-    if (m_HasDepth)
-    {
-      const auto nearest = static_cast<double>(m_IsBackward ? m_Slice + 1 : m_Slice);
-      for (std::int32_t n = 0; n < count; ++n)
-      {
-        const bool isAsGood = cells.bounds[rays.cells[n]] == rays.best[n];
-        isHot[n] = isHot[n] != 0 || (isAsGood && this->IsNearer(nearest, rays.place[n])) ? 1 : 0;
-      }
-    }
-    for (std::int32_t n = 0; n < count; ++n)
-    {
-      hot[size] = n;
-      size += isHot[n];
-      if (size == RaysTogether)
-      {
-        this->Evaluate(rays, hot, size);
-        size = 0;
-      }
-    }
-    if (size > 0)
-    {
-      this->Evaluate(rays, hot, size);
+      this->Evaluate();
     }
   }
 
-  /** Takes the maxima of \a count rays. */
-  void
-  Evaluate(const ExactRays<TPixel> & rays, const std::int32_t * chosen, int count) const;
+  /** Sets `least` of all cells, and returns the least of them. */
+  TPixel
+  Finish();
 
 private:
+  using Vectors = ExactVector<Number>;
+  using Vector = typename Vectors::Type;
+
+  using LevelType = std::conditional_t<(sizeof(TPixel) <= 2), Levels<TPixel, VIsMinimum>, NoLevels>;
+
+  static constexpr int  RaysTogether = 16;
+  static constexpr bool HasLevels = sizeof(TPixel) <= 2;
+
+  /** What rounding may take from a level: half a unit for the voxels, for each weight and for each product. */
+  static constexpr int LevelSlack = 3;
+
+  static constexpr TPixel NoVoxel = VIsMinimum ? NoSample<TPixel, Extremum::Minimum> : NoSample<TPixel>;
+
+  /** The most voxels of a row that have weight in a cell of the sheared grid, from one slice to the next. */
+  static constexpr int CellReach = 5;
+
   static Number
   Load(TPixel voxel)
   {
     return VIsMinimum ? -static_cast<Number>(voxel) : static_cast<Number>(voxel);
   }
 
+  /** Not-a-number as \a voxel is ignored. */
   static TPixel
-  Better(TPixel a, TPixel b)
+  GetBetter(TPixel best, TPixel voxel)
   {
-    const bool isNumber = a <= NoSample<TPixel, Extremum::Minimum>;
-    return !isNumber || (VIsMinimum ? b < a : b > a) ? b : a;
+    return (VIsMinimum ? voxel < best : voxel > best) ? voxel : best;
   }
+
+  static TPixel
+  FindLeast(Number best, bool hasDepth);
 
   bool
   IsNearer(double slice, double other) const
@@ -216,225 +171,703 @@ private:
     return m_View.shear[axis] * slice + m_View.translation[axis];
   }
 
+  const TPixel *
+  GetSlice(std::ptrdiff_t slice) const
+  {
+    return m_Slices.voxels + Limit<std::ptrdiff_t>(slice, 0, m_Slices.slices - 1) * m_Slices.sliceStride;
+  }
+
+  CellWindow
+  FindWindow(int axis, std::ptrdiff_t slice) const;
+
+  void
+  SetLeast(std::ptrdiff_t row);
+
+  /** Columns beside the volume are as its outer ones. */
+  template <std::size_t VCount>
+  void
+  CopyRow(const TPixel * voxels, std::ptrdiff_t first, TPixel (&copy)[VCount]) const
+  {
+    constexpr std::ptrdiff_t count = VCount;
+    const std::ptrdiff_t     begin = Limit<std::ptrdiff_t>(-first, 0, count);
+    const std::ptrdiff_t     end = Limit<std::ptrdiff_t>(m_Slices.columns - first, begin, count);
+    for (std::ptrdiff_t n = 0; n < begin; ++n)
+    {
+      copy[n] = voxels[0];
+    }
+    if (begin < end)
+    {
+      __builtin_memcpy(copy + begin, voxels + (first + begin), (end - begin) * sizeof(TPixel));
+    }
+    for (std::ptrdiff_t n = end; n < count; ++n)
+    {
+      copy[n] = voxels[m_Slices.columns - 1];
+    }
+  }
+
+  /** The better of both slices' voxels in each column of cells. */
+  static void
+  FindExtrema(const PairOfRows<TPixel> & rows, const CellWindow & window, TPixel (&extrema)[CellColumns]);
+
+  /** The highest level of both slices' interpolants in each column of cells. */
+  void
+  FindLevels(const PairOfRows<TPixel> & rows, const CellWindow & window, std::int16_t (&levels)[CellColumns]) const;
+
+  void
+  LoadVoxels(const std::int32_t (&columns)[RaysTogether],
+             const std::int32_t (&rows)[RaysTogether],
+             const TPixel * const (&slices)[2][RaysTogether],
+             Number (&voxels)[18][RaysTogether]) const;
+
+  void
+  Evaluate();
+
   const ExactView<TPixel> &  m_View;
+  const ExactTile<TPixel> &  m_Tile;
   const SliceStack<TPixel> & m_Slices;
-  bool                       m_HasDepth, m_IsBackward;
-  std::ptrdiff_t             m_Slice, m_Before, m_Behind;
+  bool                       m_IsBackward;
+  std::ptrdiff_t             m_Step[2];     // from voxel to voxel, the way that rays go
+  Number                     m_Slope[2];    // columns and rows that a ray passes in a slice
+  Number                     m_PerVoxel[2]; // slices in which a ray passes a column or row
+  LevelType                  m_Levels;
+  bool                       m_IsOld[CellRows];
+  RayPart                    m_Parts[RaysTogether];
+  int                        m_Count{ 0 };
 };
 
 template <typename TPixel, bool VIsMinimum>
-void
-PairOfSlices<TPixel, VIsMinimum>::Evaluate(const ExactRays<TPixel> & rays, const std::int32_t * chosen, int count) const
+TileSearch<TPixel, VIsMinimum>::TileSearch(const ExactView<TPixel> & view, const ExactTile<TPixel> & tile, bool isNew)
+  : m_View(view)
+  , m_Tile(tile)
+  , m_Slices(view.slices)
+  , m_IsBackward(view.depth.perSlice < 0)
+  , m_Levels(view.slices.lowest, view.slices.highest)
 {
-  constexpr int lanes = RaysTogether;
-  double        begin[lanes], end[lanes], p[lanes], q[lanes];
-  for (int n = 0; n < lanes; ++n)
+  constexpr Number most = std::numeric_limits<Number>::max();
+  for (int axis = 0; axis < 2; ++axis)
   {
-    const std::int32_t ray = chosen[n < count ? n : 0];
-    begin[n] = rays.begin[ray];
-    end[n] = rays.end[ray];
-    p[n] = rays.p[ray];
-    q[n] = rays.q[ray];
+    const double slope = view.shear[axis] > 0 ? view.shear[axis] : -view.shear[axis];
+    m_Step[axis] = view.shear[axis] > 0 ? -1 : 1;
+    m_Slope[axis] = static_cast<Number>(slope);
+    m_PerVoxel[axis] = slope > 1 / static_cast<double>(most) ? static_cast<Number>(1 / slope) : most;
   }
-  // columns and rows from one end of the interval of slices to the other, and the first cell of three
-  const auto   first = static_cast<double>(m_Slice);
-  Number       fromX[lanes], toX[lanes], fromY[lanes], toY[lanes], fromZ[lanes], toZ[lanes];
-  std::int32_t baseX[lanes]{}, baseY[lanes]{};
-  for (int n = 0; n < lanes; ++n)
+  for (bool & isOld : m_IsOld)
   {
-    begin[n] = Larger(begin[n], first);
-    end[n] = Smaller(end[n], first + 1.0);
-    const double xa = p[n] - this->GetOffset(0, begin[n]);
-    const double xb = p[n] - this->GetOffset(0, end[n]);
-    const double ya = q[n] - this->GetOffset(1, begin[n]);
-    const double yb = q[n] - this->GetOffset(1, end[n]);
-    baseX[n] = FloorOf(Smaller(xa, xb));
-    baseY[n] = FloorOf(Smaller(ya, yb));
-    fromX[n] = static_cast<Number>(xa - baseX[n]);
-    toX[n] = static_cast<Number>(xb - baseX[n]);
-    fromY[n] = static_cast<Number>(ya - baseY[n]);
-    toY[n] = static_cast<Number>(yb - baseY[n]);
-    fromZ[n] = static_cast<Number>(begin[n] - first);
-    toZ[n] = static_cast<Number>(end[n] - first);
+    isOld = isNew;
   }
-  Number         voxels[18][lanes];
-  const auto     lastColumn = static_cast<std::int32_t>(m_Slices.columns - 1);
-  const auto     lastRow = static_cast<std::int32_t>(m_Slices.rows - 1);
-  const TPixel * slices[] = { m_Slices.voxels + m_Before * m_Slices.sliceStride,
-                              m_Slices.voxels + m_Behind * m_Slices.sliceStride };
-  for (int n = 0; n < count; ++n)
+}
+
+/** The largest voxel that does not exceed a value, or that reaches it. */
+template <typename TPixel, bool VIsMinimum>
+TPixel
+TileSearch<TPixel, VIsMinimum>::FindLeast(Number best, bool hasDepth)
+{
+  using Limits = std::numeric_limits<TPixel>;
+  constexpr TPixel lowest = Limits::lowest();
+  constexpr TPixel highest = Limits::max();
+  const Number     value = VIsMinimum ? -best : best;
+  if constexpr (IsFloat<TPixel>)
   {
-    for (int row = 0; row < 3; ++row)
+    const auto voxel = static_cast<TPixel>(value);
+    const auto rounded = static_cast<Number>(voxel);
+    if (!(VIsMinimum ? rounded < value : rounded > value) || hasDepth)
     {
-      const std::ptrdiff_t offset = Limit(baseY[n] + row, 0, lastRow) * m_Slices.rowStride;
-      for (int column = 0; column < 3; ++column)
+      return voxel;
+    }
+    const auto more = static_cast<TPixel>(rounded < 0 ? -rounded * 2e-7 : rounded * 2e-7) + Limits::min();
+    return VIsMinimum ? voxel + more : voxel - more;
+  }
+  else
+  {
+    Number rounded = hasDepth == VIsMinimum ? floor(value) : ceil(value);
+    if (sizeof(TPixel) == 8)
+    {
+      // some integers are one number
+      const Number spacing = (rounded < 0 ? -rounded : rounded) * std::numeric_limits<Number>::epsilon();
+      rounded = VIsMinimum ? rounded + spacing : rounded - spacing;
+    }
+    return rounded <= static_cast<Number>(lowest)    ? lowest
+           : rounded >= static_cast<Number>(highest) ? highest
+                                                     : static_cast<TPixel>(rounded);
+  }
+}
+
+template <typename TPixel, bool VIsMinimum>
+void
+TileSearch<TPixel, VIsMinimum>::SetLeast(std::ptrdiff_t row)
+{
+  constexpr Number most = std::numeric_limits<Number>::infinity();
+  Number           best[CellColumns];
+  for (std::ptrdiff_t n = 0; n < CellColumns; ++n)
+  {
+    best[n] = most;
+  }
+  for (std::int32_t ray = m_Tile.cellBegins[row * CellColumns]; ray < m_Tile.cellBegins[(row + 1) * CellColumns]; ++ray)
+  {
+    Number & least = best[m_Tile.cells[ray] % CellColumns];
+    least = Smaller(least, m_Tile.best[ray]);
+  }
+  TPixel * const least = m_Tile.least + row * CellColumns;
+  for (std::ptrdiff_t n = 0; n < CellColumns; ++n)
+  {
+    least[n] = FindLeast(best[n], m_Tile.hasDepth);
+  }
+  if constexpr (HasLevels)
+  {
+    std::int16_t * const levels = m_Tile.leastLevels + row * CellColumns;
+    for (std::ptrdiff_t n = 0; n < CellColumns; ++n)
+    {
+      const double level = floor((LevelType::Zero + static_cast<double>(best[n])) * m_Levels.scale);
+      levels[n] = static_cast<std::int16_t>(static_cast<int>(Limit(level, -32766.0, 32767.0)) - (LevelSlack - 1));
+    }
+  }
+  m_IsOld[row] = false;
+}
+
+template <typename TPixel, bool VIsMinimum>
+TPixel
+TileSearch<TPixel, VIsMinimum>::Finish()
+{
+  this->Evaluate();
+  for (std::ptrdiff_t row = 0; row < CellRows; ++row)
+  {
+    if (m_IsOld[row])
+    {
+      this->SetLeast(row);
+    }
+  }
+  TPixel least = m_Tile.least[0];
+  for (std::ptrdiff_t n = 1; n < CellRows * CellColumns; ++n)
+  {
+    least = (VIsMinimum ? m_Tile.least[n] > least : m_Tile.least[n] < least) ? m_Tile.least[n] : least;
+  }
+  return least;
+}
+
+template <typename TPixel, bool VIsMinimum>
+CellWindow
+TileSearch<TPixel, VIsMinimum>::FindWindow(int axis, std::ptrdiff_t slice) const
+{
+  const double a = this->GetOffset(axis, static_cast<double>(slice));
+  const double b = this->GetOffset(axis, static_cast<double>(slice + 1));
+  // a little more, for what rounding errors do
+  constexpr double slack = 1e-6;
+  const double     left = -Larger(a, b) - slack;
+  const double     right = 1.0 - Smaller(a, b) + slack;
+  const double     first = floor(left);
+  const double     last = floor(right);
+  const auto       weight = [](double v) { return static_cast<std::int16_t>(Smaller(v * 32768.0, 32767.0)); };
+  return { static_cast<std::ptrdiff_t>(first) + (axis == 0 ? m_Tile.column : m_Tile.row),
+           static_cast<std::ptrdiff_t>(last - first) + 2,
+           static_cast<std::ptrdiff_t>(last - first),
+           weight(left - first),
+           weight(right - last) };
+}
+
+template <typename TPixel, bool VIsMinimum>
+void
+TileSearch<TPixel, VIsMinimum>::FindExtrema(const PairOfRows<TPixel> & rows,
+                                            const CellWindow &         window,
+                                            TPixel (&extrema)[CellColumns])
+{
+  const TPixel * const a = rows.voxels[0];
+  const TPixel * const b = rows.voxels[1];
+  for (std::ptrdiff_t n = 0; n < CellColumns; ++n)
+  {
+    extrema[n] = GetBetter(GetBetter(NoVoxel, a[n]), b[n]);
+  }
+  for (std::ptrdiff_t next = 1; next < window.reach; ++next)
+  {
+    for (std::ptrdiff_t n = 0; n < CellColumns; ++n)
+    {
+      extrema[n] = GetBetter(GetBetter(extrema[n], a[n + next]), b[n + next]);
+    }
+  }
+}
+
+template <typename TPixel, bool VIsMinimum>
+void
+TileSearch<TPixel, VIsMinimum>::FindLevels(const PairOfRows<TPixel> & rows,
+                                           const CellWindow &         window,
+                                           std::int16_t (&levels)[CellColumns]) const
+{
+  for (std::ptrdiff_t n = 0; n < CellColumns; ++n)
+  {
+    levels[n] = std::numeric_limits<std::int16_t>::lowest();
+  }
+  for (const TPixel * const voxels : rows.voxels)
+  {
+    for (std::ptrdiff_t n = 0; n < CellColumns; ++n)
+    {
+      const std::int16_t v = m_Levels(voxels[n + 1]);
+      levels[n] = Larger(levels[n], Larger(v, Mix(m_Levels(voxels[n]), v, window.left)));
+    }
+    for (std::ptrdiff_t next = 2; next < window.last; ++next)
+    {
+      for (std::ptrdiff_t n = 0; n < CellColumns; ++n)
       {
-        const std::ptrdiff_t place = offset + Limit(baseX[n] + column, 0, lastColumn);
-        voxels[3 * row + column][n] = Load(slices[0][place]);
-        voxels[9 + 3 * row + column][n] = Load(slices[1][place]);
+        levels[n] = Larger(levels[n], m_Levels(voxels[n + next]));
+      }
+    }
+    const TPixel * const end = voxels + window.last;
+    for (std::ptrdiff_t n = 0; n < CellColumns; ++n)
+    {
+      const std::int16_t v = m_Levels(end[n]);
+      levels[n] = Larger(levels[n], Larger(v, Mix(v, m_Levels(end[n + 1]), window.right)));
+    }
+  }
+}
+
+/** The same along columns. */
+inline void
+FindLevelsOfCells(const std::int16_t (*rows)[CellColumns],
+                  const CellWindow & window,
+                  std::int16_t (&levels)[CellColumns])
+{
+  const std::int16_t * const end = rows[window.last];
+  for (std::ptrdiff_t n = 0; n < CellColumns; ++n)
+  {
+    const std::int16_t a = rows[1][n];
+    const std::int16_t b = end[n];
+    const std::int16_t left = Mix(rows[0][n], a, window.left);
+    const std::int16_t right = Mix(b, rows[window.last + 1][n], window.right);
+    levels[n] = Larger(Larger(left, a), Larger(right, b));
+  }
+  for (std::ptrdiff_t next = 2; next < window.last; ++next)
+  {
+    for (std::ptrdiff_t n = 0; n < CellColumns; ++n)
+    {
+      levels[n] = Larger(levels[n], rows[next][n]);
+    }
+  }
+}
+
+template <typename TPixel, bool VIsMinimum>
+void
+TileSearch<TPixel, VIsMinimum>::SearchPair(std::ptrdiff_t slice)
+{
+  const CellWindow         columns = this->FindWindow(0, slice);
+  const CellWindow         rows = this->FindWindow(1, slice);
+  const std::ptrdiff_t     count = CellRows + rows.reach - 1;
+  constexpr std::ptrdiff_t width = CellColumns + CellReach - 1;
+  const bool               isInside = columns.first >= 0 && columns.first + width <= m_Slices.columns;
+  PairOfRows<TPixel>       pairs[CellRows + CellReach - 1];
+  TPixel                   edges[CellRows + CellReach - 1][2][width];
+  TPixel                   extrema[CellRows + CellReach - 1][CellColumns];
+  for (std::ptrdiff_t row = 0; row < count; ++row)
+  {
+    const std::ptrdiff_t begin = Limit<std::ptrdiff_t>(rows.first + row, 0, m_Slices.rows - 1) * m_Slices.rowStride;
+    for (int side = 0; side < 2; ++side)
+    {
+      const TPixel * voxels = this->GetSlice(slice + side) + begin;
+      if (isInside)
+      {
+        voxels += columns.first;
+      }
+      else
+      {
+        this->CopyRow(voxels, columns.first, edges[row][side]);
+        voxels = edges[row][side];
+      }
+      pairs[row].voxels[side] = voxels;
+    }
+    const TPixel * const later =
+      this->GetSlice(slice + 2) + begin + Limit<std::ptrdiff_t>(columns.first, 0, m_Slices.columns - 1);
+    __builtin_prefetch(later);
+    __builtin_prefetch(later + CellColumns);
+    FindExtrema(pairs[row], columns, extrema[row]);
+  }
+  std::int16_t   levels[CellRows + CellReach - 1][CellColumns];
+  std::ptrdiff_t levelled = 0; // rows that have levels
+  const auto     first = static_cast<double>(slice);
+  const double   nearest = m_IsBackward ? first + 1.0 : first;
+  for (std::ptrdiff_t row = 0; row < CellRows; ++row)
+  {
+    if (m_IsOld[row])
+    {
+      this->SetLeast(row);
+    }
+    TPixel bounds[CellColumns];
+    for (std::ptrdiff_t n = 0; n < CellColumns; ++n)
+    {
+      bounds[n] = GetBetter(extrema[row][n], extrema[row + 1][n]);
+    }
+    for (std::ptrdiff_t next = 2; next < rows.reach; ++next)
+    {
+      for (std::ptrdiff_t n = 0; n < CellColumns; ++n)
+      {
+        bounds[n] = GetBetter(bounds[n], extrema[row + next][n]);
+      }
+    }
+    const TPixel * const least = m_Tile.least + row * CellColumns;
+    std::int16_t         flags[CellColumns];
+    for (std::ptrdiff_t n = 0; n < CellColumns; ++n)
+    {
+      flags[n] = (VIsMinimum ? bounds[n] < least[n] : bounds[n] > least[n]) ? -1 : 0;
+    }
+    if (m_Tile.hasDepth)
+    {
+      for (std::ptrdiff_t n = 0; n < CellColumns; ++n)
+      {
+        flags[n] = bounds[n] == least[n] ? -1 : flags[n];
+      }
+    }
+    std::uint32_t bits = FindSet(flags);
+    if constexpr (HasLevels)
+    {
+      if (bits == 0)
+      {
+        continue;
+      }
+      for (levelled = Larger(levelled, row); levelled < row + rows.reach; ++levelled)
+      {
+        this->FindLevels(pairs[levelled], columns, levels[levelled]);
+      }
+      std::int16_t highest[CellColumns];
+      FindLevelsOfCells(levels + row, rows, highest);
+      const std::int16_t * const leastLevels = m_Tile.leastLevels + row * CellColumns;
+      for (std::ptrdiff_t n = 0; n < CellColumns; ++n)
+      {
+        flags[n] = highest[n] >= leastLevels[n] ? -1 : 0;
+      }
+      bits &= FindSet(flags);
+    }
+    for (; bits != 0; bits &= bits - 1)
+    {
+      const std::ptrdiff_t n = FindLowest(bits);
+      const Number         bound = Load(bounds[n]);
+      const std::int32_t * cell = m_Tile.cellBegins + (row * CellColumns + n);
+      for (std::int32_t ray = cell[0]; ray < cell[1]; ++ray)
+      {
+        const bool isReached = (m_Tile.begin[ray] <= first + 1.0) & (m_Tile.end[ray] >= first);
+        bool       isBetter = bound > m_Tile.best[ray];
+        if (m_Tile.hasDepth)
+        {
+          isBetter |= (bound == m_Tile.best[ray]) & this->IsNearer(nearest, m_Tile.places[ray]);
+        }
+        m_Parts[m_Count] = { ray, static_cast<std::int32_t>(slice) };
+        m_Count += (isReached & isBetter) ? 1 : 0;
+        if (m_Count == RaysTogether)
+        {
+          this->Evaluate();
+        }
       }
     }
   }
-  for (int n = count; n < lanes; ++n)
+}
+
+/** The bilinear interpolant of four voxels, columns first, on a line, (x, y) = (x0 + X t, y0 + Y t), as
+ * c0 + c1 t + c2 t^2. */
+template <typename TNumber>
+struct LineExpansion
+{
+  typename ExactVector<TNumber>::Type c0, c1, c2;
+};
+
+template <typename TNumber, typename TVector = typename ExactVector<TNumber>::Type>
+SHEARWARP_INLINE inline LineExpansion<TNumber>
+ExpandOnLine(const TVector * v, TVector x0, TNumber X, TVector y0, TNumber Y)
+{
+  const TVector a10 = v[1] - v[0];
+  const TVector a01 = v[2] - v[0];
+  const TVector a11 = (v[3] - v[2]) - a10;
+  return { (v[0] + a10 * x0) + (a01 + a11 * x0) * y0, (a10 * X + a01 * Y) + a11 * (x0 * Y + y0 * X), a11 * (X * Y) };
+}
+
+/** 3 x 3 x 2 voxels, columns first, the way that the rays go, from the least column and row on. */
+template <typename TPixel, bool VIsMinimum>
+void
+TileSearch<TPixel, VIsMinimum>::LoadVoxels(const std::int32_t (&columns)[RaysTogether],
+                                           const std::int32_t (&rows)[RaysTogether],
+                                           const TPixel * const (&slices)[2][RaysTogether],
+                                           Number (&voxels)[18][RaysTogether]) const
+{
+  const int  firstColumn = m_Step[0] > 0 ? 0 : 2;
+  const int  firstRow = m_Step[1] > 0 ? 0 : 2;
+  const auto stepX = static_cast<int>(m_Step[0]);
+  const auto stepY = static_cast<int>(m_Step[1]);
+  const auto lastColumn = static_cast<std::int32_t>(m_Slices.columns - 1);
+  const auto lastRow = static_cast<std::int32_t>(m_Slices.rows - 1);
+  if constexpr (sizeof(TPixel) <= 2)
   {
-    for (auto & voxel : voxels)
+    // four columns at once
+    constexpr int bits = 8 * sizeof(TPixel);
+    constexpr int voxelsInWord = 32 / bits;
+    constexpr int wordCount = 4 / voxelsInWord;
+    std::uint32_t words[6][wordCount][RaysTogether];
+    for (int n = 0; n < RaysTogether; ++n)
     {
-      voxel[n] = 0;
+      const bool isInside =
+        (columns[n] >= 0) & (columns[n] <= lastColumn - 3) & (rows[n] >= 0) & (rows[n] <= lastRow - 2);
+      for (int line = 0; line < 6; ++line)
+      {
+        const TPixel * from = slices[line / 3][n] + Limit(rows[n] + line % 3, 0, lastRow) * m_Slices.rowStride;
+        TPixel         edge[4];
+        if (isInside)
+        {
+          from += columns[n];
+        }
+        else
+        {
+          for (int column = 0; column < 4; ++column)
+          {
+            edge[column] = from[Limit(columns[n] + column, 0, lastColumn)];
+          }
+          from = edge;
+        }
+        for (int word = 0; word < wordCount; ++word)
+        {
+          __builtin_memcpy(&words[line][word][n], from + word * voxelsInWord, 4);
+        }
+      }
+    }
+    using Word = std::conditional_t<std::is_signed_v<TPixel>, std::int32_t, std::uint32_t>;
+    for (int line = 0; line < 6; ++line)
+    {
+      const auto & from = words[line / 3 * 3 + firstRow + line % 3 * stepY];
+      for (int column = 0; column < 3; ++column)
+      {
+        const int    place = firstColumn + column * stepX;
+        const int    shift = 32 - bits * (place % voxelsInWord + 1);
+        const auto & word = from[place / voxelsInWord];
+        for (int n = 0; n < RaysTogether; ++n)
+        {
+          const auto shifted = static_cast<Word>(word[n] << shift);
+          const auto number = static_cast<Number>(static_cast<std::int32_t>(shifted >> (32 - bits)));
+          voxels[3 * line + column][n] = VIsMinimum ? -number : number;
+        }
+      }
     }
   }
-
-  Number best[lanes], place[lanes];
-  for (int n = 0; n < lanes; n += ExactVector<Number>::Count)
+  else
   {
-    using Vector = typename ExactVector<Number>::Type;
-    const auto   load = [n](const Number * numbers) SHEARWARP_INLINE { return ExactVector<Number>::Load(numbers + n); };
-    const Number zero = 0;
-    const Number one = 1;
-    const Vector none = ExactVector<Number>::Set(zero);
-    const Vector all = ExactVector<Number>::Set(one);
-    constexpr Number largest = std::numeric_limits<Number>::max();
-    const Vector     most = ExactVector<Number>::Set(largest);
-    Vector           v[18];
+    for (int n = 0; n < RaysTogether; ++n)
+    {
+      for (int line = 0; line < 6; ++line)
+      {
+        const std::ptrdiff_t row = Limit(rows[n] + firstRow + line % 3 * stepY, 0, lastRow);
+        const TPixel * const from = slices[line / 3][n] + row * m_Slices.rowStride;
+        for (int column = 0; column < 3; ++column)
+        {
+          voxels[3 * line + column][n] = Load(from[Limit(columns[n] + firstColumn + column * stepX, 0, lastColumn)]);
+        }
+      }
+    }
+  }
+}
+
+template <typename TPixel, bool VIsMinimum>
+void
+TileSearch<TPixel, VIsMinimum>::Evaluate()
+{
+  constexpr int lanes = RaysTogether;
+  const int     count = m_Count;
+  m_Count = 0;
+  if (count == 0)
+  {
+    return;
+  }
+  // columns and rows from the corner where the ray begins, slices from the first one
+  Number         fromX[lanes], fromY[lanes], fromZ[lanes], toZ[lanes], leasts[lanes];
+  double         p[lanes], q[lanes], begin[lanes], end[lanes], first[lanes];
+  std::int32_t   columns[lanes], rows[lanes]; // the least of three
+  const TPixel * slices[2][lanes];
+  for (int n = 0; n < lanes; ++n)
+  {
+    const std::int32_t ray = m_Parts[n < count ? n : 0].ray;
+    const std::int32_t slice = m_Parts[n < count ? n : 0].slice;
+    p[n] = m_Tile.p[ray];
+    q[n] = m_Tile.q[ray];
+    begin[n] = m_Tile.begin[ray];
+    end[n] = m_Tile.end[ray];
+    leasts[n] = m_Tile.best[ray];
+    first[n] = static_cast<double>(slice);
+    slices[0][n] = this->GetSlice(slice);
+    slices[1][n] = this->GetSlice(slice + 1);
+  }
+  const auto   stepX = static_cast<double>(m_Step[0]);
+  const auto   stepY = static_cast<double>(m_Step[1]);
+  const double behindX = m_Step[0] > 0 ? 0.0 : 2.0;
+  const double behindY = m_Step[1] > 0 ? 0.0 : 2.0;
+  for (int n = 0; n < lanes; ++n)
+  {
+    const double x = stepX * (p[n] - this->GetOffset(0, first[n]));
+    const double y = stepY * (q[n] - this->GetOffset(1, first[n]));
+    const double baseX = floor(x);
+    const double baseY = floor(y);
+    columns[n] = static_cast<std::int32_t>(stepX * baseX - behindX);
+    rows[n] = static_cast<std::int32_t>(stepY * baseY - behindY);
+    fromX[n] = static_cast<Number>(x - baseX);
+    fromY[n] = static_cast<Number>(y - baseY);
+    fromZ[n] = static_cast<Number>(Larger(begin[n] - first[n], 0.0));
+    toZ[n] = static_cast<Number>(Smaller(end[n] - first[n], 1.0));
+  }
+  Number voxels[18][lanes];
+  this->LoadVoxels(columns, rows, slices, voxels);
+
+  Number        best[lanes], places[lanes];
+  std::uint32_t betterRays = 0;
+  for (int n = 0; n < lanes; n += Vectors::Count)
+  {
+    const auto   load = [n](const Number * numbers) SHEARWARP_INLINE -> Vector { return Vectors::Load(numbers + n); };
+    const Vector none = Vectors::Set(0);
+    const Vector all = Vectors::Set(1);
+    const Vector nowhere = Vectors::Set(NoSample<Number>);
+    const Vector most = Vectors::Set(std::numeric_limits<Number>::max());
+    const Number three = 3;
+    const Vector least = load(leasts);
+    const Vector x0 = load(fromX);
+    const Vector y0 = load(fromY);
+    const Vector begin = load(fromZ);
+    const Vector end = load(toZ);
+    Vector       v[18];
+    SHEARWARP_UNROLL
     for (int voxel = 0; voxel < 18; ++voxel)
     {
       v[voxel] = load(voxels[voxel]);
     }
-    const Vector x[] = { load(fromX), load(toX) };
-    const Vector y[] = { load(fromY), load(toY) };
-    const Vector z[] = { load(fromZ), load(toZ) };
-    const auto   smaller = [](Vector a, Vector b) SHEARWARP_INLINE -> Vector { return b < a ? b : a; };
-    const auto   larger = [](Vector a, Vector b) SHEARWARP_INLINE -> Vector { return a < b ? b : a; };
-    const auto   clamp = [=](Vector u) SHEARWARP_INLINE -> Vector { return smaller(larger(u, none), all); };
-    const auto   at = [=](const Vector * ends, Vector u) SHEARWARP_INLINE -> Vector {
-      const Vector between = ends[0] + u * (ends[1] - ends[0]);
-      return u == all ? ends[1] : between;
-    };
+    const auto smaller = [](Vector a, Vector b) SHEARWARP_INLINE -> Vector { return b < a ? b : a; };
+    const auto larger = [](Vector a, Vector b) SHEARWARP_INLINE -> Vector { return a < b ? b : a; };
     // what comes later is better only if it is more or, for a viewer behind the last slice, as much
     const auto isBetter = [isBackward = m_IsBackward](Vector a, Vector b)
                             SHEARWARP_INLINE { return isBackward ? a >= b : a > b; };
-
-    // from cell to cell, where the ray crosses columns and rows
-    const auto cross = [=](const Vector * ends) SHEARWARP_INLINE -> Vector {
-      const Vector crossing = clamp((one - ends[0]) / (ends[1] - ends[0]));
-      const auto   crosses = (ends[0] < all) != (ends[1] < all);
-      return crosses ? crossing : all;
-    };
-    const Vector crossX = cross(x);
-    const Vector crossY = cross(y);
-    const Vector ends[] = { none, smaller(crossX, crossY), larger(crossX, crossY), all };
-    Vector       bestOfAll = ExactVector<Number>::Set(NoSample<Number>);
-    Vector       placeOfBest = none;
-    for (int part = 0; part < 3; ++part)
-    {
-      const Vector from = ends[part];
-      const Vector to = ends[part + 1];
-      const auto   isBeyondX = (from < crossX) == (x[0] >= all);
-      const auto   isBeyondY = (from < crossY) == (y[0] >= all);
-      const auto   choose = [&](int corner) SHEARWARP_INLINE -> Vector {
-        const Vector upper = isBeyondX ? v[corner + 1] : v[corner];
-        const Vector lower = isBeyondX ? v[corner + 4] : v[corner + 3];
-        return isBeyondY ? lower : upper;
+    Vector     bestOfAll = nowhere;
+    Vector     placeOfBest = none;
+    const auto takeCell =
+      [&](const Vector(&a)[4], const Vector(&b)[4], Vector x, Vector y, Vector from, Vector to) SHEARWARP_INLINE {
+        const Vector highest =
+          larger(larger(larger(a[0], b[0]), larger(a[1], b[1])), larger(larger(a[2], b[2]), larger(a[3], b[3])));
+        auto isCounted = (from <= to) & (highest >= least);
+        if constexpr (IsFloat<TPixel>)
+        {
+          // what is not finite is left out
+          const Vector sum = ((a[0] + b[0]) + (a[1] + b[1])) + ((a[2] + b[2]) + (a[3] + b[3]));
+          isCounted &= (sum >= -most) & (sum <= most);
+        }
+        if (Vectors::GetBits(isCounted) == 0)
+        {
+          return;
+        }
+        // the cubic f0 + f1 t + f2 t^2 + f3 t^3
+        const auto   before = ExpandOnLine<Number>(a, x, m_Slope[0], y, m_Slope[1]);
+        const auto   behind = ExpandOnLine<Number>(b, x, m_Slope[0], y, m_Slope[1]);
+        const Vector f0 = before.c0;
+        const Vector f1 = before.c1 + (behind.c0 - before.c0);
+        const Vector f2 = before.c2 + (behind.c1 - before.c1);
+        const Vector f3 = behind.c2 - before.c2;
+        const Vector threeF3 = three * f3;
+        const Vector twoF2 = f2 + f2;
+        const auto   evaluate = [&](Vector t) SHEARWARP_INLINE -> Vector { return ((f3 * t + f2) * t + f1) * t + f0; };
+        const auto   derive = [&](Vector t) SHEARWARP_INLINE -> Vector { return (threeF3 * t + twoF2) * t + f1; };
+        const Vector atBegin = smaller(evaluate(from), highest);
+        const Vector atEnd = smaller(evaluate(to), highest);
+        // the cubic is not above its control points (Bernstein)
+        const Number third = Number(1) / three;
+        const Vector step = (to - from) * third;
+        const Vector control = smaller(larger(atBegin + step * derive(from), atEnd - step * derive(to)), highest);
+        const auto   mayBeBetter = isCounted & (control > atBegin) & (control > atEnd) & (control >= least);
+        Vector       value = atBegin;
+        Vector       place = from;
+        if (Vectors::GetBits(mayBeBetter) != 0)
+        {
+          // where its derivative falls through 0
+          const Vector discriminant = f2 * f2 - threeF3 * f1;
+          const Vector root = Vectors::SquareRoot(larger(discriminant, none));
+          const auto   isFalling = f2 <= none;
+          const Vector numerator = isFalling ? f1 : Vector(-(f2 + root));
+          const Vector denominator = isFalling ? Vector(root - f2) : threeF3;
+          const Vector t = numerator / denominator;
+          const Vector atRoot = smaller(evaluate(t), control);
+          const auto takesRoot = mayBeBetter & (discriminant >= none) & (t > from) & (t < to) & isBetter(atRoot, value);
+          value = takesRoot ? atRoot : value;
+          place = takesRoot ? t : place;
+        }
+        const auto takesEnd = isBetter(atEnd, value);
+        value = takesEnd ? atEnd : value;
+        place = takesEnd ? to : place;
+        const auto isTaken = isCounted & isBetter(value, bestOfAll);
+        bestOfAll = isTaken ? value : bestOfAll;
+        placeOfBest = isTaken ? place : placeOfBest;
       };
-      const Vector a[] = { choose(0), choose(1), choose(3), choose(4) };
-      const Vector b[] = { choose(9), choose(10), choose(12), choose(13) };
-      const Vector cellX = isBeyondX ? all : none;
-      const Vector cellY = isBeyondY ? all : none;
-      const Vector x0 = clamp(at(x, from) - cellX);
-      const Vector x1 = clamp(at(x, to) - cellX);
-      const Vector y0 = clamp(at(y, from) - cellY);
-      const Vector y1 = clamp(at(y, to) - cellY);
-      const Vector z0 = at(z, from);
-      const Vector z1 = at(z, to);
-
-      // the cubic f0 + f1 u + f2 u^2 + f3 u^3
-      const auto   before = ExpandAlongLine<Number>(a, x0, Vector(x1 - x0), y0, Vector(y1 - y0));
-      const auto   behind = ExpandAlongLine<Number>(b, x0, Vector(x1 - x0), y0, Vector(y1 - y0));
-      const Vector d0 = behind.c0 - before.c0;
-      const Vector d1 = behind.c1 - before.c1;
-      const Vector d2 = behind.c2 - before.c2;
-      const Vector Z = z1 - z0;
-      const Vector f0 = before.c0 + z0 * d0;
-      const Vector f1 = before.c1 + (z0 * d1 + Z * d0);
-      const Vector f2 = before.c2 + (z0 * d2 + Z * d1);
-      const Vector f3 = Z * d2;
-      // where its derivative falls through 0
-      const Number three = 3;
-      const Vector discriminant = f2 * f2 - three * (f3 * f1);
-      const Vector root = ExactVector<Number>::SquareRoot(larger(discriminant, none));
-      const Vector ifFalling = f1 / (root - f2);
-      const Vector ifRising = -(f2 + root) / (three * f3);
-      const Vector u = f2 <= none ? ifFalling : ifRising;
-      const auto   isWithin = (discriminant >= none) & (u > none) & (u < all);
-      const Vector polynomial = ((f3 * u + f2) * u + f1) * u + f0;
-      const Vector atRoot = isWithin ? polynomial : f0;
-      const Vector atEnd = ((f3 + f2) + f1) + f0;
-      const auto   takesRoot = isWithin & isBetter(atRoot, f0);
-      const Vector better = takesRoot ? atRoot : f0;
-      const Vector betterPlace = takesRoot ? u : none;
-      const auto   takesEnd = isBetter(atEnd, better);
-      const Vector where = takesEnd ? all : betterPlace;
-      // rounding errors lead beyond no voxel; what is not finite is left out
-      const Vector highest =
-        larger(larger(larger(a[0], b[0]), larger(a[1], b[1])), larger(larger(a[2], b[2]), larger(a[3], b[3])));
-      const Vector value = smaller(takesEnd ? atEnd : better, highest);
-      const Vector sum = ((a[0] + b[0]) + (a[1] + b[1])) + ((a[2] + b[2]) + (a[3] + b[3]));
-      const auto   counts = (sum >= -most) & (sum <= most) & (from < all);
-      const auto   isTaken = counts & isBetter(value, bestOfAll);
-      bestOfAll = isTaken ? value : bestOfAll;
-      placeOfBest = isTaken ? from + where * (to - from) : placeOfBest;
-    }
-    ExactVector<Number>::Store(best + n, bestOfAll);
-    ExactVector<Number>::Store(place + n, placeOfBest);
+    // a ray leaves its first column or its first row, then the other one
+    const Vector leavesX = (all - x0) * m_PerVoxel[0];
+    const Vector leavesY = (all - y0) * m_PerVoxel[1];
+    const auto   isXFirst = leavesX <= leavesY;
+    const Vector leavesFirst = smaller(leavesX, leavesY);
+    const Vector leavesLast = larger(leavesX, leavesY);
+    const auto   next = [&](int voxel) SHEARWARP_INLINE -> Vector { return isXFirst ? v[voxel + 1] : v[voxel + 3]; };
+    takeCell({ v[0], v[1], v[3], v[4] }, { v[9], v[10], v[12], v[13] }, x0, y0, begin, smaller(leavesFirst, end));
+    takeCell({ next(0), next(1), next(3), next(4) },
+             { next(9), next(10), next(12), next(13) },
+             isXFirst ? Vector(x0 - all) : x0,
+             isXFirst ? y0 : Vector(y0 - all),
+             larger(leavesFirst, begin),
+             smaller(leavesLast, end));
+    takeCell(
+      { v[4], v[5], v[7], v[8] }, { v[13], v[14], v[16], v[17] }, x0 - all, y0 - all, larger(leavesLast, begin), end);
+    betterRays |= Vectors::GetBits(bestOfAll >= least) << n;
+    Vectors::Store(best + n, bestOfAll);
+    Vectors::Store(places + n, placeOfBest);
   }
-  for (int n = 0; n < count; ++n)
+  for (betterRays &= (std::uint32_t{ 1 } << count) - 1; betterRays != 0; betterRays &= betterRays - 1)
   {
-    const std::int32_t ray = chosen[n];
-    const double       slice = begin[n] + static_cast<double>(place[n]) * (end[n] - begin[n]);
-    if (begin[n] <= end[n] &&
-        (best[n] > rays.best[ray] || (best[n] == rays.best[ray] && this->IsNearer(slice, rays.place[ray]))))
+    const int          n = FindLowest(betterRays);
+    const std::int32_t ray = m_Parts[n].ray;
+    const std::int32_t slice = m_Parts[n].slice;
+    const double       place = static_cast<double>(slice) + static_cast<double>(places[n]);
+    if (best[n] > m_Tile.best[ray] || (best[n] == m_Tile.best[ray] && this->IsNearer(place, m_Tile.places[ray])))
     {
-      rays.best[ray] = best[n];
-      rays.place[ray] = slice;
+      m_Tile.best[ray] = best[n];
+      m_Tile.places[ray] = place;
+      m_IsOld[m_Tile.cells[ray] / CellColumns] = true;
     }
   }
 }
 
 template <bool VIsMinimum, typename TPixel>
-void
-MaximizeOnRays(const ExactView<TPixel> & view,
-               bool                      hasDepth,
-               const ExactRays<TPixel> & rays,
-               const CellGrid<TPixel> &  cells,
-               std::ptrdiff_t            sliceBegin,
-               std::ptrdiff_t            sliceEnd)
+TPixel
+EvaluateParts(const ExactView<TPixel> & view, const ExactTile<TPixel> & tile, const RayPart * parts, std::size_t count)
 {
-  for (std::ptrdiff_t slice = sliceBegin; slice < sliceEnd; ++slice)
+  TileSearch<TPixel, VIsMinimum> search(view, tile, true);
+  for (std::size_t n = 0; n < count; ++n)
   {
-    const PairOfSlices<TPixel, VIsMinimum> pair(view, hasDepth, slice);
-    const auto                             highest = pair.BoundCells(cells);
-    auto                                   least = rays.best[0];
-    for (std::ptrdiff_t n = 0; n < rays.count; ++n)
-    {
-      least = Smaller(least, rays.best[n]);
-    }
-    if (highest > least || (hasDepth && highest == least))
-    {
-      pair.Take(rays, cells);
-    }
+    search.Add(parts[n]);
   }
+  return search.Finish();
 }
 
 /** See Kernels. */
 template <typename TPixel>
-void
-MaximizeOnRays(const ExactView<TPixel> & view,
-               bool                      isMinimum,
-               bool                      hasDepth,
-               const ExactRays<TPixel> & rays,
-               const CellGrid<TPixel> &  cells,
-               std::ptrdiff_t            sliceBegin,
-               std::ptrdiff_t            sliceEnd)
+TPixel
+EvaluateParts(const ExactView<TPixel> & view, const ExactTile<TPixel> & tile, const RayPart * parts, std::size_t count)
 {
-  return isMinimum ? MaximizeOnRays<true>(view, hasDepth, rays, cells, sliceBegin, sliceEnd)
-                   : MaximizeOnRays<false>(view, hasDepth, rays, cells, sliceBegin, sliceEnd);
+  return tile.isMinimum ? EvaluateParts<true>(view, tile, parts, count)
+                        : EvaluateParts<false>(view, tile, parts, count);
+}
+
+template <bool VIsMinimum, typename TPixel>
+TPixel
+SearchSlab(const ExactView<TPixel> & view,
+           const ExactTile<TPixel> & tile,
+           std::ptrdiff_t            sliceBegin,
+           std::ptrdiff_t            sliceEnd)
+{
+  TileSearch<TPixel, VIsMinimum> search(view, tile, false);
+  for (std::ptrdiff_t slice = sliceBegin; slice < sliceEnd; ++slice)
+  {
+    search.SearchPair(slice);
+  }
+  return search.Finish();
+}
+
+/** See Kernels. */
+template <typename TPixel>
+TPixel
+SearchSlab(const ExactView<TPixel> & view,
+           const ExactTile<TPixel> & tile,
+           std::ptrdiff_t            sliceBegin,
+           std::ptrdiff_t            sliceEnd)
+{
+  return tile.isMinimum ? SearchSlab<true>(view, tile, sliceBegin, sliceEnd)
+                        : SearchSlab<false>(view, tile, sliceBegin, sliceEnd);
 }

@@ -343,34 +343,33 @@ struct ExactView
   TPixel                background;
 };
 
-/** Rays of a tile of a picture, at most ExactTileSize: of slices [begin, end], with the best value so far and its
- * slice, and the cells of a CellGrid that they are in. */
+/** The rays of a tile of CellRows x CellColumns cells of the sheared grid, sorted by their cells: those of slices
+ * [begin, end], with the best value so far and its slice. `least` has for each cell what a voxel must exceed, or with
+ * depths reach, to make one of its rays better. With `isMinimum` all voxels have the other sign. */
 template <typename TPixel>
-struct ExactRays
+struct ExactTile
 {
-  std::ptrdiff_t        count;
+  std::ptrdiff_t        column, row; // of the first cell
+  bool                  isMinimum, hasDepth;
+  const std::int32_t *  cellBegins; // the first ray of each cell; the last one's end
+  const std::uint16_t * cells;      // of the rays, in the tile
   const double *        p;
   const double *        q;
   const double *        begin;
   const double *        end;
-  const std::int32_t *  cells;
   ExactNumber<TPixel> * best;
-  double *              place;
+  double *              places;
+  TPixel *              least;
+  std::int16_t *        leastLevels; // the same in the units of interpolated bounds
 };
-constexpr std::ptrdiff_t ExactTileSize = 512;
+constexpr std::ptrdiff_t CellColumns = 32;
+constexpr std::ptrdiff_t CellRows = 16;
 
-/** Cells of the sheared grid from `column` and `row` on, and memory for their bounds: of `rows` x `columns` numbers, of
- * lines of `stride` voxels of which there are `rows` and CellReach more, and of one such line. A line has `columns` and
- * CellReach voxels. */
-template <typename TPixel>
-struct CellGrid
+/** A ray of a tile, from a slice to the next one. */
+struct RayPart
 {
-  std::ptrdiff_t        column, row, columns, rows, stride;
-  ExactNumber<TPixel> * bounds;
-  TPixel *              extrema;
-  TPixel *              line;
+  std::int32_t ray, slice;
 };
-constexpr std::ptrdiff_t CellReach = 5;
 
 /** The functions of one instruction set. */
 template <typename TPixel>
@@ -428,16 +427,19 @@ struct Kernels
                          TPixel *       output,
                          bool           isStreamed);
 
-  /** Raises the best values of rays to the maxima of the interpolant between slices sliceBegin to sliceEnd, where those
-   * before the first slice and behind the last one are as these; of several the nearest, if \a hasDepth. If
-   * \a isMinimum all voxels have the other sign. Bounds of cells leave out what cannot be better. */
-  void (*maximizeOnRays)(const ExactView<TPixel> & view,
-                         bool                      isMinimum,
-                         bool                      hasDepth,
-                         const ExactRays<TPixel> & rays,
-                         const CellGrid<TPixel> &  cells,
-                         std::ptrdiff_t            sliceBegin,
-                         std::ptrdiff_t            sliceEnd);
+  /** Raises the best values of a tile's rays to the maxima of the interpolant in \a count parts, and sets `least` of
+   * all cells. Voxels before the first slice and behind the last one are as these. Returns the least of all cells. */
+  TPixel (*evaluateParts)(const ExactView<TPixel> & view,
+                          const ExactTile<TPixel> & tile,
+                          const RayPart *           parts,
+                          std::size_t               count);
+
+  /** The same for all parts of slices sliceBegin to sliceEnd that bounds by voxels do not exclude, once a part of each
+   * ray was evaluated. */
+  TPixel (*searchSlab)(const ExactView<TPixel> & view,
+                       const ExactTile<TPixel> & tile,
+                       std::ptrdiff_t            sliceBegin,
+                       std::ptrdiff_t            sliceEnd);
 };
 
 /** The columns of a row from the first to the last that has a slice, and whether some between them have none. */

@@ -26,6 +26,7 @@
 #include <limits>
 #include <type_traits>
 
+#define SHEARWARP_UNROLL
 #define SHEARWARP_INLINE
 
 namespace itk::ShearWarp
@@ -58,12 +59,29 @@ struct ExactVector
   {
     return v;
   }
+  static std::uint32_t
+  GetBits(bool lane)
+  {
+    return lane ? 1 : 0;
+  }
   static Type
   SquareRoot(Type v)
   {
     return std::sqrt(v);
   }
 };
+
+/** The bits of those numbers that are not 0 but -1. */
+inline std::uint32_t
+FindSet(const std::int16_t (&flags)[CellColumns])
+{
+  std::uint32_t bits = 0;
+  for (std::ptrdiff_t n = 0; n < CellColumns; ++n)
+  {
+    bits |= flags[n] != 0 ? std::uint32_t{ 1 } << n : 0;
+  }
+  return bits;
+}
 
 #include "itkShearWarpExactKernels.h"
 
@@ -462,7 +480,7 @@ GetPortableKernels()
 {
   static constexpr Kernels<TPixel> kernels{
     "portable",      ProjectBlock<TPixel>,   IsAnyBelow<TPixel>,    FindBlockExtrema<TPixel>,
-    WarpRow<TPixel>, TransposeSlice<TPixel>, MaximizeOnRays<TPixel>
+    WarpRow<TPixel>, TransposeSlice<TPixel>, EvaluateParts<TPixel>, SearchSlab<TPixel>
   };
   return kernels;
 }

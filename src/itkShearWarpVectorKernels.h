@@ -35,6 +35,12 @@ struct ExactVector<float> : Lanes
   {
     return SetFloat(v);
   }
+  template <typename TMask>
+  static std::uint32_t
+  GetBits(TMask lanes)
+  {
+    return GetSigns(reinterpret_cast<Type>(lanes));
+  }
 };
 template <>
 struct ExactVector<double> : Lanes
@@ -47,7 +53,20 @@ struct ExactVector<double> : Lanes
   {
     return SetDouble(v);
   }
+  template <typename TMask>
+  static std::uint32_t
+  GetBits(TMask lanes)
+  {
+    return GetSigns(reinterpret_cast<Type>(lanes));
+  }
 };
+
+/** The bits of those numbers that are not 0 but -1. */
+inline std::uint32_t
+FindSet(const std::int16_t (&flags)[CellColumns])
+{
+  return Lanes::FindSet(flags);
+}
 
 #include "itkShearWarpExactKernels.h"
 
@@ -61,4 +80,4 @@ template <typename TPixel>
 constexpr Kernels<TPixel> VectorKernels{ Lanes::Name,           ProjectBlock<TPixel>,
                                          IsAnyBelow<TPixel>,    FindBlockExtrema<TPixel>,
                                          WarpRow<TPixel>,       TransposeSlice<TPixel>,
-                                         MaximizeOnRays<TPixel> };
+                                         EvaluateParts<TPixel>, SearchSlab<TPixel> };

@@ -576,10 +576,163 @@ TEST(ShearWarpExactClosedForms, ARampEndsWhereSlabAndBoxEnd)
   }
 }
 
+namespace
+{
+namespace Kernels = itk::ShearWarp;
+
+/** Rays of a tile, some in each cell. */
+template <typename TPixel>
+struct RandomTile
+{
+  RandomTile(Random & random, const Kernels::ExactView<TPixel> & view)
+    : column(random.Integer(-40, view.slices.columns + 40))
+    , row(random.Integer(-20, view.slices.rows + 20))
+  {
+    constexpr double fractions[] = { 0.0, 0.5, 0.25, 1.0 - 0x1p-40 };
+    const auto       place = [&](double begin) {
+      const auto choice = random.Integer(0, 7);
+      return begin + (choice < 4 ? fractions[choice] : random.Uniform(0, 1));
+    };
+    for (std::ptrdiff_t cell = 0; cell < Kernels::CellRows * Kernels::CellColumns; ++cell)
+    {
+      cellBegins.push_back(static_cast<std::int32_t>(p.size()));
+      for (auto count = random.Integer(0, 4) / 2; count > 0; --count)
+      {
+        cells.push_back(static_cast<std::uint16_t>(cell));
+        p.push_back(place(static_cast<double>(column + cell % Kernels::CellColumns)));
+        q.push_back(place(static_cast<double>(row + cell / Kernels::CellColumns)));
+        const double last = static_cast<double>(view.slices.slices) - 0.5;
+        const double ends[] = { random.Uniform(-0.5, last), random.Uniform(-0.5, last) };
+        const bool   isWhole = random.Integer(0, 2) > 0;
+        begin.push_back(isWhole ? -0.5 : std::min(ends[0], ends[1]));
+        end.push_back(isWhole ? last : std::max(ends[0], ends[1]));
+      }
+    }
+    cellBegins.push_back(static_cast<std::int32_t>(p.size()));
+    least.resize(Kernels::CellRows * Kernels::CellColumns);
+    leastLevels.resize(least.size());
+  }
+
+  /** Without any value yet. */
+  Kernels::ExactTile<TPixel>
+  Get(bool isMinimum, bool hasDepth, bool isBackward)
+  {
+    constexpr double infinity = std::numeric_limits<double>::infinity();
+    best.assign(p.size(), static_cast<Kernels::ExactNumber<TPixel>>(-infinity));
+    places.assign(p.size(), isBackward ? -infinity : infinity);
+    return { column,   row,          isMinimum,  hasDepth,    cellBegins.data(), cells.data(), p.data(),
+             q.data(), begin.data(), end.data(), best.data(), places.data(),     least.data(), leastLevels.data() };
+  }
+
+  std::ptrdiff_t                            column, row;
+  std::vector<std::int32_t>                 cellBegins;
+  std::vector<std::uint16_t>                cells;
+  std::vector<double>                       p, q, begin, end, places;
+  std::vector<Kernels::ExactNumber<TPixel>> best;
+  std::vector<TPixel>                       least;
+  std::vector<std::int16_t>                 leastLevels;
+};
+
+template <typename TPixel>
+std::vector<TPixel>
+MakeVoxelsForBounds(Random & random, std::size_t count)
+{
+  using Limits = std::numeric_limits<TPixel>;
+  const auto          kind = random.Integer(0, 5);
+  std::vector<TPixel> voxels(count);
+  const auto          rare = random.Integer(2, 60);
+  for (TPixel & voxel : voxels)
+  {
+    const bool isRare = random.Integer(0, rare) == 0;
+    const auto few = static_cast<TPixel>(random.Integer(0, 3));
+    voxel = kind == 0   ? MakeRandomPixel<TPixel>(random)
+            : kind == 1 ? few
+            : kind == 2 ? static_cast<TPixel>(isRare ? 100 : 0)
+            : kind == 3 ? (isRare ? Limits::max() : static_cast<TPixel>(Limits::max() - few))
+            : kind == 4 ? (isRare ? static_cast<TPixel>(Limits::lowest() + few) : Limits::lowest())
+                        : static_cast<TPixel>(random.Integer(0, 127));
+    if (std::is_floating_point_v<TPixel> && (std::abs(static_cast<double>(voxel)) > 1e30 || (isRare && kind == 5)))
+    {
+      voxel = kind == 5 ? Limits::quiet_NaN() : static_cast<TPixel>(few);
+    }
+  }
+  return voxels;
+}
+} // namespace
+
+/** All parts of all rays have the maxima, bit by bit, that are found where bounds leave parts out. */
+TYPED_TEST(ShearWarpExact, BoundsExcludeNothingBetter)
+{
+  using Number = Kernels::ExactNumber<TypeParam>;
+  Random random(2408);
+  for (int repeat = 0; repeat < 60; ++repeat)
+  {
+    SCOPED_TRACE(repeat);
+    const auto                    columns = random.Integer(1, repeat % 2 == 0 ? 90 : 9);
+    const auto                    rows = random.Integer(1, repeat % 2 == 0 ? 40 : 9);
+    const auto                    slices = random.Integer(1, 20);
+    const auto                    voxels = MakeVoxelsForBounds<TypeParam>(random, columns * rows * slices);
+    Kernels::ExactView<TypeParam> view{};
+    constexpr double              shears[] = { 0.0, -0.0, 1.0, -1.0, 0.5, -0.5, 1.0 - 0x1p-30, 1e-9 };
+    view.slices = { voxels.data(), columns, rows, slices, columns, columns * rows };
+    if (random.Integer(0, 1) == 0)
+    {
+      const auto [low, high] = std::minmax_element(voxels.begin(), voxels.end());
+      view.slices.lowest = *low;
+      view.slices.highest = *high;
+    }
+    for (int axis = 0; axis < 2; ++axis)
+    {
+      const auto choice = random.Integer(0, 15);
+      view.shear[axis] = choice < 8 ? shears[choice] : random.Uniform(-1, 1);
+      view.translation[axis] =
+        random.Integer(0, 1) == 0 ? 0.5 * static_cast<double>(random.Integer(0, 40)) : random.Uniform(0, 20);
+    }
+    view.depth = { 0.0, 0.0, repeat % 3 == 0 ? -1.0 : 1.0, 0.0 };
+    RandomTile<TypeParam>         rays(random, view);
+    std::vector<Kernels::RayPart> all, some;
+    for (std::size_t ray = 0; ray < rays.p.size(); ++ray)
+    {
+      for (std::int64_t slice = -1; slice < slices; ++slice)
+      {
+        all.push_back({ static_cast<std::int32_t>(ray), static_cast<std::int32_t>(slice) });
+      }
+      const double begin = std::floor(random.Uniform(rays.begin[ray], rays.end[ray]));
+      some.push_back({ static_cast<std::int32_t>(ray), static_cast<std::int32_t>(begin) });
+    }
+    const bool isMinimum = random.Integer(0, 1) == 0;
+    const bool hasDepth = random.Integer(0, 1) == 0;
+    ForEachInstructionSet([&](const std::string &) {
+      const auto & kernels = Kernels::GetKernels<TypeParam>();
+      const auto   tile = rays.Get(isMinimum, hasDepth, view.depth.perSlice < 0);
+      kernels.evaluateParts(view, tile, all.data(), all.size());
+      const std::vector<Number> best = rays.best;
+      const std::vector<double> places = rays.places;
+
+      const auto again = rays.Get(isMinimum, hasDepth, view.depth.perSlice < 0);
+      kernels.evaluateParts(view, again, some.data(), some.size());
+      for (const std::int64_t begin : { std::int64_t{ 8 }, std::int64_t{ -1 }, std::int64_t{ 16 } })
+      {
+        kernels.searchSlab(view, again, begin, std::min<std::int64_t>(begin < 0 ? 8 : begin + 8, slices));
+      }
+      for (std::size_t ray = 0; ray < best.size(); ++ray)
+      {
+        // but for the sign of zero
+        ASSERT_TRUE(rays.best[ray] == best[ray] &&
+                    (!hasDepth || std::isinf(best[ray]) || rays.places[ray] == places[ray]))
+          << rays.best[ray] << " in " << rays.places[ray] << " instead of " << best[ray] << " in " << places[ray]
+          << " at " << rays.p[ray] << ' ' << rays.q[ray] << ", slices " << rays.begin[ray] << " to " << rays.end[ray]
+          << ", shear " << view.shear[0] << ' ' << view.shear[1] << " from " << view.translation[0] << ' '
+          << view.translation[1] << ", " << columns << " x " << rows << " x " << slices << (isMinimum ? " minimum" : "")
+          << (hasDepth ? " depth" : "");
+      }
+    });
+  }
+}
+
 /** Where nothing is known, and where all is wrong. */
 TEST(ShearWarpExactGuess, ChangesNoBit)
 {
-  namespace Kernels = itk::ShearWarp;
   Random                              random(2405);
   constexpr std::ptrdiff_t            columns = 37, rows = 29, slices = 23;
   std::vector<short>                  voxels(columns * rows * slices);
