@@ -116,6 +116,7 @@ struct Options
   std::vector<double>         window;
   std::optional<double>       background;
   unsigned int                oversampling{ 1 };
+  bool                        isExact{ false };
   unsigned int                frames{ 0 };
   std::optional<unsigned int> pageBits;
   std::vector<std::string>    axis{ "superior" };
@@ -310,13 +311,21 @@ DefineOptions(CLI::App & app, Options & options)
     ->check(Value())
     ->type_name("VALUE")
     ->group("Picture");
-  app
-    .add_option("--oversampling",
-                options.oversampling,
-                "1, or 2 for twice as many samples along both axes of each slice: sharper, up to three times as slow")
-    ->check(CLI::IsMember({ 1, 2 }))
-    ->capture_default_str()
-    ->group("Picture");
+  const auto oversampling =
+    app
+      .add_option("--oversampling",
+                  options.oversampling,
+                  "1, or 2 for twice as many samples along both axes of each slice: sharper, up to three times as slow")
+      ->check(CLI::IsMember({ 1, 2 }))
+      ->capture_default_str()
+      ->group("Picture");
+  const auto exact = app
+                       .add_flag("--exact",
+                                 options.isExact,
+                                 "The maximum of the interpolated image along each pixel's ray, in closed form: "
+                                 "without steps between samples, 10 to 60 times as slow")
+                       ->excludes(oversampling)
+                       ->group("Picture");
   app
     .add_option("--window",
                 options.window,
@@ -362,12 +371,14 @@ DefineOptions(CLI::App & app, Options & options)
                 "Rays end behind their first local maximum of at least this value, so that a near vessel hides a "
                 "brighter one behind it (first local minimum of at most this value with --mode minimum)")
     ->check(Value())
+    ->excludes(exact)
     ->type_name("THRESHOLD")
     ->group("Projection");
   const auto mask = app
                       .add_option("--mask",
                                   options.mask,
                                   "Only voxels where this image is not 0; it has whole numbers and INPUT's grid")
+                      ->excludes(exact)
                       ->type_name("FILE")
                       ->group("Projection");
   app.add_option("--mask-label", options.maskLabel, "Only voxels where the mask is N, at least 1")
@@ -391,6 +402,7 @@ DefineOptions(CLI::App & app, Options & options)
                 "Values fade to the background with depth: at d mm behind the front of the sphere that holds the "
                 "image or, if that is deeper, of the slab, to exp(-RATE d) of their difference; RATE is per mm")
     ->check(Number("a finite number of at least 0", 0.0))
+    ->excludes(exact)
     ->type_name("RATE")
     ->group("Projection");
   app
@@ -916,6 +928,7 @@ Run(const Options & options, Messages & messages)
                           static_cast<itk::SizeValueType>(options.size[1]) } };
   }
   projection.oversampling = options.oversampling;
+  projection.isExact = options.isExact;
   projection.background = options.background;
   projection.mode = modes.at(options.mode);
   projection.localMaximum = options.localMaximum;

@@ -190,6 +190,7 @@ ProjectVolume(const Volume &                                   volume,
     options.background ? ToPixel<TPixel>(*options.background, "--background") : GetMinimumBelowZero<TPixel>(volume);
   filter->SetDefaultPixelValue(background);
   filter->SetOversampling(options.oversampling);
+  filter->SetExact(options.isExact);
   filter->SetMode(options.mode);
   if (options.localMaximum)
   {

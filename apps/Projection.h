@@ -54,6 +54,7 @@ struct ProjectionOptions
   /** 0 if not given, or the volume's minimum where that is less. */
   std::optional<double>                 background;
   unsigned int                          oversampling{ 1 };
+  bool                                  isExact{ false };
   ModeEnum                              mode{ ModeEnum::Maximum };
   std::optional<double>                 localMaximum;
   itk::Image<unsigned char, 3>::Pointer mask;

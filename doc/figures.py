@@ -360,6 +360,54 @@ def draw_memory(path):
     save(figure, path)
 
 
+def draw_exact(path, steps):
+    """A ray between slices, and the interpolant along it."""
+    slices, rows, columns = steps.voxels.shape
+    # the ray of the largest voxel's neighbourhood, between the centres of voxels
+    k, j, i = np.unravel_index(np.argmax(steps.voxels), steps.voxels.shape)
+    p, q = np.array([i, j]) + steps.offset(k) + 0.37
+
+    def interpolate(s):
+        x, y = (np.array([p, q])[:, None] - steps.offset(s[:, None]).T).clip(0, [[columns - 1.001], [rows - 1.001]])
+        base = [np.floor(value).astype(int) for value in (s, y, x)]
+        parts = [value - whole for value, whole in zip((s, y, x), base)]
+        result = 0
+        for corner in np.ndindex(2, 2, 2):
+            weight = np.prod([part if side else 1 - part for part, side in zip(parts, corner)], axis=0)
+            result = result + weight * steps.voxels[tuple(whole + side for whole, side in zip(base, corner))]
+        return result
+
+    first, last = k - 3, k + 4
+    figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.2), width_ratios=(1, 2), layout="constrained")
+    s = np.linspace(first, last, 2001)
+    x = p - (steps.shear[0] * s + steps.translation[0])
+    cut = steps.voxels[first : last + 1, j, int(x.min()) - 2 : int(x.max()) + 4]
+    begin = int(x.min()) - 2
+    left.imshow(cut, extent=(begin - 0.5, begin + cut.shape[1] - 0.5, last + 0.5, first - 0.5), **GREYS)
+    left.vlines(np.arange(begin, begin + cut.shape[1]), first, last, color=BLUE, linewidth=0.5)
+    left.hlines(np.arange(first, last + 1), begin, begin + cut.shape[1] - 1, color=BLUE, linewidth=0.5)
+    left.annotate("", (x[-1], last), (x[0], first), arrowprops={"arrowstyle": "->", "color": ORANGE, "linewidth": 2})
+    left.set(xlabel="column", ylabel="slice", aspect="auto")
+
+    values = interpolate(s)
+    right.plot(s, values, color=ORANGE)
+    crossings = [
+        (p_or_q - offset - whole) / shear
+        for p_or_q, offset, shear in zip((p, q), steps.translation, steps.shear)
+        for whole in range(-1, max(rows, columns))
+        if shear and first < (p_or_q - offset - whole) / shear < last
+    ]
+    right.vlines(crossings, *right.get_ylim(), color=BLUE, linewidth=0.5, linestyle=":")
+    right.vlines(np.arange(first, last + 1), *right.get_ylim(), color=BLUE, linewidth=0.5)
+    at_slices = np.arange(first, last)
+    right.plot(at_slices, interpolate(at_slices.astype(float)), "o", color=BLUE, label="a sample in each slice")
+    best = np.argmax(values)
+    right.plot(s[best], values[best], "*", color=GREEN, markersize=13, label="the exact maximum")
+    right.set(xlabel="slice", ylabel="the interpolant")
+    right.legend()
+    save(figure, path)
+
+
 def main():
     image, folder = itk.imread(sys.argv[1]), Path(sys.argv[2])
     folder.mkdir(parents=True, exist_ok=True)
@@ -372,6 +420,7 @@ def main():
     draw_intermediate(folder / "intermediate.png", steps)
     draw_skipping(folder / "skipping.png", Steps(suppress_tissue(image)), group)
     draw_warp(folder / "warp.png", steps)
+    draw_exact(folder / "exact.png", steps)
     draw_speed(folder / "speed.svg")
     draw_memory(folder / "memory.svg")
 

@@ -86,6 +86,12 @@ public:
     return m_Far - m_Near;
   }
 
+  bool
+  Contains(Number depth) const
+  {
+    return m_Near <= depth && depth <= m_Far;
+  }
+
   Number
   At(Number depth) const
   {
@@ -801,6 +807,170 @@ TEST(ShearWarpExactGuess, ChangesNoBit)
     }
     EXPECT_GT(std::count(pixels.begin(), pixels.end(), 7), 0);
   }
+}
+
+TEST(ShearWarpExactRays, NoSampleIsBetter)
+{
+  Random random(2409);
+  for (int repeat = 0; repeat < 10; ++repeat)
+  {
+    const auto image = MakeRandomImage<unsigned short>(random, MakeRandomSize(random, 2, 40));
+    const auto view = MakeRandomView(random, AllViewKinds[repeat % 3], image);
+    const auto filter = FilterType<unsigned short>::New();
+    filter->SetInput(image);
+    filter->SetTransform(view);
+    filter->ExactOn();
+    filter->Update();
+    const auto * output = filter->GetOutput();
+    const auto & region = output->GetBufferedRegion();
+    PointType    lower, upper;
+    itk::ShearWarpFactorization::ComputeViewBounds(view, image, lower, upper);
+    int samples = 0;
+    while (samples < 1000)
+    {
+      itk::Index<2> index;
+      for (unsigned int axis = 0; axis < 2; ++axis)
+      {
+        index[axis] = random.Integer(0, static_cast<std::int64_t>(region.GetSize(axis)) - 1);
+      }
+      itk::Point<double, 2> place;
+      output->TransformIndexToPhysicalPoint(index, place);
+      const InterpolantOnRay<unsigned short> ray(image, view, place[0], place[1]);
+      const double                           depth = random.Uniform(lower[2], upper[2]);
+      if (ray.Contains(depth))
+      {
+        ASSERT_LE(ray.At(depth), static_cast<long double>(output->GetPixel(index)) + 0.5L + 65535.0L / 16384);
+        ++samples;
+      }
+      // half of the corners of small images' bounds have no ray
+      if (ray.GetLength() <= 0 && region.GetNumberOfPixels() < 4)
+      {
+        break;
+      }
+    }
+  }
+}
+
+TEST(ShearWarpExactRays, OrderOfAxesChangesAtMostOneUnit)
+{
+  using ImageType = itk::Image<short, 3>;
+  Random                            random(2410);
+  std::array<std::array<int, 3>, 6> orders{
+    { { 0, 1, 2 }, { 0, 2, 1 }, { 1, 0, 2 }, { 1, 2, 0 }, { 2, 0, 1 }, { 2, 1, 0 } }
+  };
+  for (int repeat = 0; repeat < 48; ++repeat)
+  {
+    SCOPED_TRACE(repeat);
+    const auto image = MakeRandomImage<short>(random, { { 23, 17, 12 } });
+    const auto view = MakeRandomView(random, AllViewKinds[random.Integer(0, 2)], image);
+    // the same voxels in the same places, by other indices
+    const auto &  order = orders[repeat % 6];
+    const int     flips = repeat / 6;
+    const auto &  region = image->GetBufferedRegion();
+    itk::Size<3>  size;
+    MatrixType    direction;
+    auto          spacing = image->GetSpacing();
+    itk::Index<3> corner = region.GetIndex();
+    for (unsigned int axis = 0; axis < 3; ++axis)
+    {
+      const auto from = static_cast<unsigned int>(order[axis]);
+      const bool isFlipped = (flips >> axis & 1) != 0;
+      size[axis] = region.GetSize(from);
+      spacing[axis] = image->GetSpacing()[from];
+      corner[from] += isFlipped ? static_cast<itk::IndexValueType>(region.GetSize(from)) - 1 : 0;
+      for (unsigned int n = 0; n < 3; ++n)
+      {
+        direction(n, axis) = (isFlipped ? -1.0 : 1.0) * image->GetDirection()(n, from);
+      }
+    }
+    PointType origin;
+    image->TransformIndexToPhysicalPoint(corner, origin);
+    const auto other = ImageType::New();
+    other->SetRegions(size);
+    other->SetSpacing(spacing);
+    other->SetDirection(direction);
+    other->SetOrigin(origin);
+    other->Allocate();
+    for (itk::ImageRegionIteratorWithIndex<ImageType> it(other, other->GetBufferedRegion()); !it.IsAtEnd(); ++it)
+    {
+      itk::Index<3> index = corner;
+      for (unsigned int axis = 0; axis < 3; ++axis)
+      {
+        index[order[axis]] += ((flips >> axis & 1) != 0 ? -1 : 1) * it.GetIndex()[axis];
+      }
+      it.Set(image->GetPixel(index));
+    }
+
+    const auto filter = FilterType<short>::New();
+    filter->SetInput(image);
+    filter->SetTransform(view);
+    filter->SetMode(static_cast<ModeEnum>(repeat % 2));
+    filter->ExactOn();
+    filter->Update();
+    const auto first = Copy(filter->GetOutput());
+    filter->SetSize(first->GetBufferedRegion().GetSize());
+    filter->SetOutputOrigin(first->GetOrigin());
+    filter->SetOutputSpacing(first->GetSpacing());
+    filter->SetInput(other);
+    filter->Update();
+    const short * pixel = filter->GetOutput()->GetBufferPointer();
+    int           beside = 0;
+    for (itk::ImageRegionConstIterator<itk::Image<short, 2>> it(first, first->GetBufferedRegion()); !it.IsAtEnd();
+         ++it, ++pixel)
+    {
+      itk::Point<double, 2> place;
+      first->TransformIndexToPhysicalPoint(it.GetIndex(), place);
+      if (std::abs(InterpolantOnRay<short>(image, view, place[0], place[1]).GetLength()) > 1e-9L)
+      {
+        ASSERT_NEAR(*pixel, it.Get(), 1) << it.GetIndex();
+        ++beside;
+      }
+    }
+    EXPECT_GT(beside, 100);
+  }
+}
+
+/** The principal axis of a cube changes at 45 degrees. */
+TEST(ShearWarpExactRays, PicturesDoNotJumpWhereThePrincipalAxisChanges)
+{
+  using ImageType = itk::Image<float, 3>;
+  Random     random(2411);
+  const auto image = ImageType::New();
+  image->SetRegions(itk::Size<3>{ { 48, 48, 48 } });
+  image->Allocate();
+  FillRandom(random, image.GetPointer());
+  const auto filter = FilterType<float>::New();
+  filter->SetInput(image);
+  filter->SetSize({ { 150, 110 } });
+  filter->SetOutputSpacing(MakeVector2(0.4, 0.4));
+  itk::Point<double, 2> origin;
+  origin[0] = -30.0;
+  origin[1] = -22.0;
+  filter->SetOutputOrigin(origin);
+  const auto project = [&](bool isExact, double azimuth, unsigned int & axis) {
+    using DirectionEnum = itk::ShearWarpMIPView::DirectionEnum;
+    filter->SetTransform(itk::ShearWarpMIPView::MakeTransform(image, DirectionEnum::Anterior, azimuth, 30));
+    filter->SetExact(isExact);
+    filter->Update();
+    axis = filter->GetPrincipalAxis();
+    const auto *  picture = filter->GetOutput();
+    const float * pixels = picture->GetBufferPointer();
+    return std::vector<float>(pixels, pixels + picture->GetBufferedRegion().GetNumberOfPixels());
+  };
+  const auto measure = [&](bool isExact, double azimuth, bool isSwitch) {
+    unsigned int axes[2];
+    const auto   before = project(isExact, azimuth - 0.001, axes[0]);
+    const auto   after = project(isExact, azimuth + 0.001, axes[1]);
+    EXPECT_EQ(axes[0] != axes[1], isSwitch);
+    double change = 0.0;
+    for (std::size_t n = 0; n < before.size(); ++n)
+    {
+      change += std::abs(static_cast<double>(after[n]) - static_cast<double>(before[n]));
+    }
+    return change;
+  };
+  EXPECT_LT(measure(true, 45.0, true), 1.1 * 0.5 * (measure(true, 44.9, false) + measure(true, 45.1, false)));
+  EXPECT_GT(measure(false, 45.0, true), 10.0 * measure(false, 44.9, false));
 }
 
 TEST(ShearWarpExactNumbers, CellsWithAVoxelThatIsNotFiniteAreLeftOut)

@@ -298,7 +298,7 @@ TEST_F(ShearWarpMIPProgram, TellsWhatItDoes)
          "--background",  "--oversampling",  "--window",        "--frames",    "--axis",       "--mode",
          "--slab",        "--sliding-slab",  "--local-maximum", "--mask",      "--mask-label", "--crop",
          "--attenuation", "--depth",         "--depth-colour",  "--in-place",  "--series",     "--threads",
-         "--verbose",     "--write-phantom", "--version",       "Examples" })
+         "--verbose",     "--write-phantom", "--version",       "--exact",     "Examples" })
   {
     EXPECT_NE(help.output.find(option), std::string::npos) << option;
   }

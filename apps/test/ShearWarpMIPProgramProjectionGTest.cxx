@@ -262,6 +262,22 @@ TEST_F(ShearWarpMIPProgramProjection, TakesLocalMaximum)
   this->ExpectFailure("in.nrrd out.png --local-maximum", "--local-maximum");
 }
 
+TEST_F(ShearWarpMIPProgramProjection, IsExact)
+{
+  this->ExpectSame("--exact", [](FilterType & filter) { filter.ExactOn(); });
+  this->ExpectSame("--exact --mode minimum --slab -9 4.5", [](FilterType & filter) {
+    filter.ExactOn();
+    filter.SetMode(FilterType::ModeEnum::Minimum);
+    filter.SetSlabNear(-9);
+    filter.SetSlabFar(4.5);
+  });
+  for (const std::string other :
+       { "--oversampling 2", "--local-maximum 60", "--mask in.nrrd", "--attenuation 0.1", "--exact=maybe" })
+  {
+    this->ExpectFailure("in.nrrd out.png --exact " + other, "--exact");
+  }
+}
+
 TEST_F(ShearWarpMIPProgramProjection, TakesMask)
 {
   const auto bytes = this->MakeMask<unsigned char>();

@@ -47,11 +47,14 @@ MakePicture(const PictureType * grid)
   return picture;
 }
 
+namespace
+{
 PictureType::Pointer
-ProjectByShearWarp(const VolumeType *              volume,
-                   const Transform<double, 3, 3> * viewTransform,
-                   unsigned int                    oversampling,
-                   const PictureType *             grid)
+Project(const VolumeType *              volume,
+        const Transform<double, 3, 3> * viewTransform,
+        unsigned int                    oversampling,
+        bool                            isExact,
+        const PictureType *             grid)
 {
   // threads must not share a filter's input, which the pipeline changes
   const auto input = VolumeType::New();
@@ -61,12 +64,29 @@ ProjectByShearWarp(const VolumeType *              volume,
   filter->SetInput(input);
   filter->SetTransform(viewTransform);
   filter->SetOversampling(oversampling);
+  filter->SetExact(isExact);
   filter->SetSize(grid->GetLargestPossibleRegion().GetSize());
   filter->SetOutputSpacing(grid->GetSpacing());
   filter->SetOutputOrigin(grid->GetOrigin());
   filter->SetNumberOfWorkUnits(1);
   filter->Update();
   return filter->GetOutput();
+}
+} // namespace
+
+PictureType::Pointer
+ProjectByShearWarp(const VolumeType *              volume,
+                   const Transform<double, 3, 3> * viewTransform,
+                   unsigned int                    oversampling,
+                   const PictureType *             grid)
+{
+  return Project(volume, viewTransform, oversampling, false, grid);
+}
+
+PictureType::Pointer
+ProjectExactly(const VolumeType * volume, const Transform<double, 3, 3> * viewTransform, const PictureType * grid)
+{
+  return Project(volume, viewTransform, 1, true, grid);
 }
 
 PictureType::Pointer

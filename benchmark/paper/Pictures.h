@@ -43,6 +43,10 @@ ProjectByShearWarp(const VolumeType *              volume,
                    unsigned int                    oversampling,
                    const PictureType *             grid);
 
+/** The exact maxima by ShearWarpMIPImageFilter, likewise. */
+PictureType::Pointer
+ProjectExactly(const VolumeType * volume, const Transform<double, 3, 3> * viewTransform, const PictureType * grid);
+
 /** The projection by CastRays(), likewise. \a step is in mm. */
 PictureType::Pointer
 ProjectByRayCasting(const VolumeType *              volume,

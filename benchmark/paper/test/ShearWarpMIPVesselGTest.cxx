@@ -358,6 +358,33 @@ TEST(ShearWarpMIPExactRays, MoreSamplesNeverGiveLess)
   EXPECT_LT(error, 5.0);
 }
 
+TEST(ShearWarpMIPExactRays, NoSampleIsAboveTheExactMaximum)
+{
+  std::mt19937 random(4);
+  const auto   volume = MakeVolume([&](auto...) { return random() % 1000; });
+  const auto   grid = MakePicture(40, 0.7);
+  for (const double angle : { 0.0, 20.0, 63.0 })
+  {
+    const auto view = MakeView(25.0, angle);
+    const auto pixels = FindCrossingRays(volume, view, grid);
+    const auto exact = ProjectExactly(volume, view, grid);
+    double     before = 1e30;
+    for (const unsigned int samples : { 2, 16, 128 })
+    {
+      const auto   dense = ProjectExactRays(volume, view, samples, grid);
+      const Errors errors = Compare(dense, exact, pixels);
+      for (const auto pixel : pixels)
+      {
+        // samples are computed in single precision
+        ASSERT_LE(dense->GetBufferPointer()[pixel], exact->GetBufferPointer()[pixel] + 0.01);
+      }
+      EXPECT_LT(errors.meanAbsolute, std::max(before, 0.01));
+      before = errors.meanAbsolute;
+    }
+    EXPECT_LT(before, 0.3);
+  }
+}
+
 TEST(ShearWarpMIPExactRays, FilterDiffersByItsSecondInterpolationOnly)
 {
   // along an axis rays run through the voxels, and there is nothing to interpolate
