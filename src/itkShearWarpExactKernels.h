@@ -26,29 +26,22 @@ Limit(T v, T low, T high)
   return v < low ? low : v > high ? high : v;
 }
 
-struct NoLevels
-{
-  template <typename TPixel>
-  NoLevels(TPixel, TPixel)
-  {}
-};
-
-/** Voxels in 15 bits, of which a larger one is better, so that differences of them are in 16 bits: those of the best
- * value v, with the sign changed for minima, are (v + Zero) * scale. */
+/** Levels are voxels in 15 bits, a larger one a better one, so that their differences are in 16 bits. A number that is
+ * compared, of a voxel or between voxels, has the level (number + Zero) * scale. */
 template <typename TPixel, bool VIsMinimum>
-class Levels
+struct Levels
 {
-public:
   static constexpr int Flip = (sizeof(TPixel) == 2 && !std::is_signed_v<TPixel> ? 0x8000 : 0) ^
                               (!VIsMinimum                                       ? 0
                                : sizeof(TPixel) == 2 || std::is_signed_v<TPixel> ? 0xFFFF
                                                                                  : 0xFF);
   static constexpr auto Zero = static_cast<std::int16_t>(Flip);
 
+  /** Of a volume with voxels from \a lowest to \a highest. */
   Levels(TPixel lowest, TPixel highest)
-    : m_Shift(sizeof(TPixel) == 2 && highest - lowest > 32767 ? 1 : 0)
+    : shift(sizeof(TPixel) == 2 && highest - lowest > 32767 ? 1 : 0)
     , scale(sizeof(TPixel) == 1 ? 64.0
-            : m_Shift == 1      ? 0.5
+            : shift == 1        ? 0.5
                                 : 1.0)
   {}
 
@@ -56,14 +49,19 @@ public:
   operator()(TPixel voxel) const
   {
     const auto level = static_cast<std::int16_t>(voxel ^ Flip);
-    return static_cast<std::int16_t>(sizeof(TPixel) == 1 ? level * 64 : level >> m_Shift);
+    return static_cast<std::int16_t>(sizeof(TPixel) == 1 ? level * 64 : level >> shift);
   }
 
-private:
-  int m_Shift;
+  int    shift;
+  double scale;
+};
 
-public:
-  const double scale;
+/** Of pixels that have no levels. */
+struct NoLevels
+{
+  template <typename TPixel>
+  NoLevels(TPixel, TPixel)
+  {}
 };
 
 /** (1 - \a w / 2^15) \a a + \a w / 2^15 \a b, but for half a unit. */
@@ -230,7 +228,7 @@ private:
   Number                     m_Slope[2];    // columns and rows that a ray passes in a slice
   Number                     m_PerVoxel[2]; // slices in which a ray passes a column or row
   LevelType                  m_Levels;
-  bool                       m_IsOld[CellRows];
+  bool                       m_HasChanged[CellRows];
   RayPart                    m_Parts[RaysTogether];
   int                        m_Count{ 0 };
 };
@@ -251,9 +249,9 @@ TileSearch<TPixel, VIsMinimum>::TileSearch(const ExactView<TPixel> & view, const
     m_Slope[axis] = static_cast<Number>(slope);
     m_PerVoxel[axis] = slope > 1 / static_cast<double>(most) ? static_cast<Number>(1 / slope) : most;
   }
-  for (bool & isOld : m_IsOld)
+  for (bool & hasChanged : m_HasChanged)
   {
-    isOld = isNew;
+    hasChanged = isNew;
   }
 }
 
@@ -263,31 +261,34 @@ TPixel
 TileSearch<TPixel, VIsMinimum>::FindLeast(Number best, bool hasDepth)
 {
   using Limits = std::numeric_limits<TPixel>;
-  constexpr TPixel lowest = Limits::lowest();
-  constexpr TPixel highest = Limits::max();
-  const Number     value = VIsMinimum ? -best : best;
+  const Number value = VIsMinimum ? -best : best;
   if constexpr (IsFloat<TPixel>)
   {
-    const auto voxel = static_cast<TPixel>(value);
-    const auto rounded = static_cast<Number>(voxel);
+    constexpr TPixel smallest = Limits::min();
+    const auto       voxel = static_cast<TPixel>(value);
+    const auto       rounded = static_cast<Number>(voxel);
     if (!(VIsMinimum ? rounded < value : rounded > value) || hasDepth)
     {
       return voxel;
     }
-    const auto more = static_cast<TPixel>(rounded < 0 ? -rounded * 2e-7 : rounded * 2e-7) + Limits::min();
+    const TPixel more = static_cast<TPixel>(rounded < 0 ? -rounded * 2e-7 : rounded * 2e-7) + smallest;
     return VIsMinimum ? voxel + more : voxel - more;
   }
   else
   {
-    Number rounded = hasDepth == VIsMinimum ? floor(value) : ceil(value);
+    constexpr TPixel lowest = Limits::lowest();
+    constexpr TPixel highest = Limits::max();
+    const auto       wide = static_cast<double>(value);
+    double           rounded = hasDepth == VIsMinimum ? floor(wide) : ceil(wide);
     if (sizeof(TPixel) == 8)
     {
       // some integers are one number
-      const Number spacing = (rounded < 0 ? -rounded : rounded) * std::numeric_limits<Number>::epsilon();
+      constexpr double epsilon = std::numeric_limits<double>::epsilon();
+      const double     spacing = (rounded < 0 ? -rounded : rounded) * epsilon;
       rounded = VIsMinimum ? rounded + spacing : rounded - spacing;
     }
-    return rounded <= static_cast<Number>(lowest)    ? lowest
-           : rounded >= static_cast<Number>(highest) ? highest
+    return rounded <= static_cast<double>(lowest)    ? lowest
+           : rounded >= static_cast<double>(highest) ? highest
                                                      : static_cast<TPixel>(rounded);
   }
 }
@@ -321,7 +322,7 @@ TileSearch<TPixel, VIsMinimum>::SetLeast(std::ptrdiff_t row)
       levels[n] = static_cast<std::int16_t>(static_cast<int>(Limit(level, -32766.0, 32767.0)) - (LevelSlack - 1));
     }
   }
-  m_IsOld[row] = false;
+  m_HasChanged[row] = false;
 }
 
 template <typename TPixel, bool VIsMinimum>
@@ -331,7 +332,7 @@ TileSearch<TPixel, VIsMinimum>::Finish()
   this->Evaluate();
   for (std::ptrdiff_t row = 0; row < CellRows; ++row)
   {
-    if (m_IsOld[row])
+    if (m_HasChanged[row])
     {
       this->SetLeast(row);
     }
@@ -393,7 +394,7 @@ TileSearch<TPixel, VIsMinimum>::FindLevels(const PairOfRows<TPixel> & rows,
 {
   for (std::ptrdiff_t n = 0; n < CellColumns; ++n)
   {
-    levels[n] = std::numeric_limits<std::int16_t>::lowest();
+    levels[n] = -32768;
   }
   for (const TPixel * const voxels : rows.voxels)
   {
@@ -483,7 +484,7 @@ TileSearch<TPixel, VIsMinimum>::SearchPair(std::ptrdiff_t slice)
   const double   nearest = m_IsBackward ? first + 1.0 : first;
   for (std::ptrdiff_t row = 0; row < CellRows; ++row)
   {
-    if (m_IsOld[row])
+    if (m_HasChanged[row])
     {
       this->SetLeast(row);
     }
@@ -713,14 +714,15 @@ TileSearch<TPixel, VIsMinimum>::Evaluate()
     const Vector none = Vectors::Set(0);
     const Vector all = Vectors::Set(1);
     const Vector nowhere = Vectors::Set(NoSample<Number>);
-    const Vector most = Vectors::Set(std::numeric_limits<Number>::max());
-    const Number three = 3;
-    const Vector least = load(leasts);
-    const Vector x0 = load(fromX);
-    const Vector y0 = load(fromY);
-    const Vector begin = load(fromZ);
-    const Vector end = load(toZ);
-    Vector       v[18];
+    constexpr Number largest = std::numeric_limits<Number>::max();
+    const Vector     most = Vectors::Set(largest);
+    const Number     three = 3;
+    const Vector     least = load(leasts);
+    const Vector     x0 = load(fromX);
+    const Vector     y0 = load(fromY);
+    const Vector     begin = load(fromZ);
+    const Vector     end = load(toZ);
+    Vector           v[18];
     SHEARWARP_UNROLL
     for (int voxel = 0; voxel < 18; ++voxel)
     {
@@ -819,7 +821,7 @@ TileSearch<TPixel, VIsMinimum>::Evaluate()
     {
       m_Tile.best[ray] = best[n];
       m_Tile.places[ray] = place;
-      m_IsOld[m_Tile.cells[ray] / CellColumns] = true;
+      m_HasChanged[m_Tile.cells[ray] / CellColumns] = true;
     }
   }
 }
