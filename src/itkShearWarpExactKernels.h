@@ -670,7 +670,7 @@ TileSearch<TPixel, VIsMinimum>::Evaluate()
   }
   // columns and rows from the corner where the ray begins, slices from the first one
   Number         fromX[lanes], fromY[lanes], fromZ[lanes], toZ[lanes], leasts[lanes];
-  double         p[lanes], q[lanes], begin[lanes], end[lanes], first[lanes];
+  double         p[lanes], q[lanes], begins[lanes], ends[lanes], first[lanes];
   std::int32_t   columns[lanes], rows[lanes]; // the least of three
   const TPixel * slices[2][lanes];
   for (int n = 0; n < lanes; ++n)
@@ -679,8 +679,8 @@ TileSearch<TPixel, VIsMinimum>::Evaluate()
     const std::int32_t slice = m_Parts[n < count ? n : 0].slice;
     p[n] = m_Tile.p[ray];
     q[n] = m_Tile.q[ray];
-    begin[n] = m_Tile.begin[ray];
-    end[n] = m_Tile.end[ray];
+    begins[n] = m_Tile.begin[ray];
+    ends[n] = m_Tile.end[ray];
     leasts[n] = m_Tile.best[ray];
     first[n] = static_cast<double>(slice);
     slices[0][n] = this->GetSlice(slice);
@@ -700,8 +700,8 @@ TileSearch<TPixel, VIsMinimum>::Evaluate()
     rows[n] = static_cast<std::int32_t>(stepY * baseY - behindY);
     fromX[n] = static_cast<Number>(x - baseX);
     fromY[n] = static_cast<Number>(y - baseY);
-    fromZ[n] = static_cast<Number>(Larger(begin[n] - first[n], 0.0));
-    toZ[n] = static_cast<Number>(Smaller(end[n] - first[n], 1.0));
+    fromZ[n] = static_cast<Number>(Larger(begins[n] - first[n], 0.0));
+    toZ[n] = static_cast<Number>(Smaller(ends[n] - first[n], 1.0));
   }
   Number voxels[18][lanes];
   this->LoadVoxels(columns, rows, slices, voxels);

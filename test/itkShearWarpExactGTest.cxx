@@ -595,9 +595,9 @@ struct RandomTile
     , row(random.Integer(-20, view.slices.rows + 20))
   {
     constexpr double fractions[] = { 0.0, 0.5, 0.25, 1.0 - 0x1p-40 };
-    const auto       place = [&](double begin) {
+    const auto       place = [&](double low) {
       const auto choice = random.Integer(0, 7);
-      return begin + (choice < 4 ? fractions[choice] : random.Uniform(0, 1));
+      return low + (choice < 4 ? fractions[choice] : random.Uniform(0, 1));
     };
     for (std::ptrdiff_t cell = 0; cell < Kernels::CellRows * Kernels::CellColumns; ++cell)
     {
