@@ -54,7 +54,8 @@ RoundToPixel(ExactNumber<TPixel> value)
   {
     using Limits = std::numeric_limits<TPixel>;
     using Number = ExactNumber<TPixel>;
-    const Number rounded = std::floor(value + Number(0.5));
+    const Number whole = std::floor(value);
+    const Number rounded = value - whole >= Number(0.5) ? whole + 1 : whole;
     return rounded >= static_cast<Number>(Limits::max())      ? Limits::max()
            : rounded <= static_cast<Number>(Limits::lowest()) ? Limits::lowest()
                                                               : static_cast<TPixel>(rounded);
@@ -168,8 +169,8 @@ RaySearch<TPixel>::Add(double p, double q, std::ptrdiff_t pixel)
   if (begin <= end)
   {
     const auto tile = static_cast<std::size_t>(column) / CellColumns;
-    const auto cell = (tile * CellRows + static_cast<std::size_t>(row)) * CellColumns +
-                      static_cast<std::size_t>(column) % CellColumns;
+    const auto cell =
+      (tile * CellRows + static_cast<std::size_t>(row)) * CellColumns + static_cast<std::size_t>(column) % CellColumns;
     m_Rays.push_back({ p, q, begin, end, pixel, cell });
     if (m_Rays.size() == MostRays)
     {
@@ -237,8 +238,8 @@ RaySearch<TPixel>::AddGuesses(std::size_t ray)
   const auto add = [&](double slice) {
     m_Parts.push_back({ static_cast<std::int32_t>(ray), static_cast<std::int32_t>(slice) });
   };
-  const std::size_t  before = m_Parts.size();
-  std::int32_t       last = NoSlice;
+  const std::size_t before = m_Parts.size();
+  std::int32_t      last = NoSlice;
   for (int n = 0; n < 4; ++n)
   {
     const auto column = static_cast<std::ptrdiff_t>(std::floor(m_P[ray])) + n % 2;
@@ -373,9 +374,8 @@ RaySearch<TPixel>::SetPixels()
   }
   for (std::size_t n = 0; n < m_Rays.size(); ++n)
   {
-    const bool isMinimum =
-      m_View.extremum == Extremum::Minimum ||
-      (m_View.extremum == Extremum::Magnitude && m_Minima.best[n] > m_Maxima.best[n]);
+    const bool isMinimum = m_View.extremum == Extremum::Minimum ||
+                           (m_View.extremum == Extremum::Magnitude && m_Minima.best[n] > m_Maxima.best[n]);
     const auto & [best, places] = isMinimum ? m_Minima : m_Maxima;
     if (best[n] == -std::numeric_limits<Number>::infinity())
     {
@@ -391,6 +391,9 @@ RaySearch<TPixel>::SetPixels()
   m_Rays.clear();
 }
 
+/** The most tasks of one tile. */
+constexpr std::ptrdiff_t MostParts = 256;
+
 /** A number of rows or columns, of a double that may be anything. */
 std::ptrdiff_t
 LimitTo(double v, std::ptrdiff_t count)
@@ -404,8 +407,8 @@ class PixelsOfCells
 public:
   PixelsOfCells(const AffineMap2D & map, const double (&low)[2], const double (&high)[2])
     : m_Map(map)
-    , m_Low{ low[0], low[1] }
-    , m_High{ high[0], high[1] }
+    , m_Low{ low[0] - Slack, low[1] - Slack }
+    , m_High{ high[0] + Slack, high[1] + Slack }
   {}
 
   std::pair<std::ptrdiff_t, std::ptrdiff_t>
@@ -438,6 +441,9 @@ public:
   }
 
 private:
+  /** A pixel whose place is on a border, but for rounding errors, is a pixel of both sides. */
+  static constexpr double Slack = 0.01;
+
   AffineMap2D m_Map;
   double      m_Low[2], m_High[2];
 };
@@ -471,37 +477,35 @@ ProjectExactly(const ExactView<TPixel> &         view,
     first[axis] = static_cast<std::ptrdiff_t>(std::floor(view.translation[axis] + std::min(shift, 0.0))) - 2;
     counts[axis] = lengths[axis] + static_cast<std::ptrdiff_t>(std::ceil(std::abs(shift))) + 4;
   }
-  // many tiles share what they read, but not too many rays
+  // tiles share what they read; where they have many rays, tasks have some rows of pixels
   const AffineMap2D &  map = view.outputToSheared;
-  const double         raysInTile = static_cast<double>(CellRows * CellColumns) / std::abs(map.xx * map.yy - map.xy * map.yx);
+  const double         raysInTile = CellRows * CellColumns / std::abs(map.xx * map.yy - map.xy * map.yx);
   const std::ptrdiff_t tiles = raysInTile > 2048.0 ? 1 : raysInTile > 1024.0 ? 4 : 8;
-  threads.run(CountBlocks(counts[1], CellRows),
-              CountBlocks(counts[0], tiles * CellColumns),
-              share,
-              [&](SizeValueType tileRow, SizeValueType tileColumn, SizeValueType) {
-                const std::ptrdiff_t column =
-                  first[0] + static_cast<std::ptrdiff_t>(tileColumn) * tiles * CellColumns;
-                const std::ptrdiff_t row = first[1] + static_cast<std::ptrdiff_t>(tileRow) * CellRows;
-                RaySearch<TPixel>    search(view, kernels, guess, picture, column, row, tiles);
-                const double         low[] = { static_cast<double>(column), static_cast<double>(row) };
-                const double         high[] = { static_cast<double>(column + tiles * CellColumns),
-                                                static_cast<double>(row + CellRows) };
-                const PixelsOfCells  pixels(map, low, high);
-                const auto [rowBegin, rowEnd] = pixels.FindRows(rows);
-                for (std::ptrdiff_t j = rowBegin; j < rowEnd; ++j)
-                {
-                  const auto [columnBegin, columnEnd] = pixels.FindColumns(j, columns);
-                  for (std::ptrdiff_t i = columnBegin; i < columnEnd; ++i)
-                  {
-                    const auto x = static_cast<double>(i);
-                    const auto y = static_cast<double>(j);
-                    search.Add((map.xx * x + map.xy * y) + map.x0,
-                               (map.yx * x + map.yy * y) + map.y0,
-                               j * columns + i);
-                  }
-                }
-                search.SetPixels();
-              });
+  const std::ptrdiff_t parts = raysInTile < 16384.0 ? 1 : LimitTo(raysInTile / 8192.0, std::min(rows, MostParts));
+  const auto           projectPart = [&](SizeValueType tileRow, SizeValueType tileColumn, SizeValueType) {
+    const auto           part = static_cast<std::ptrdiff_t>(tileRow) % parts;
+    const std::ptrdiff_t column = first[0] + static_cast<std::ptrdiff_t>(tileColumn) * tiles * CellColumns;
+    const std::ptrdiff_t row = first[1] + static_cast<std::ptrdiff_t>(tileRow) / parts * CellRows;
+    RaySearch<TPixel>    search(view, kernels, guess, picture, column, row, tiles);
+    const double         low[] = { static_cast<double>(column), static_cast<double>(row) };
+    const double high[] = { static_cast<double>(column + tiles * CellColumns), static_cast<double>(row + CellRows) };
+    const PixelsOfCells pixels(map, low, high);
+    const auto [rowBegin, rowEnd] = pixels.FindRows(rows);
+    const std::ptrdiff_t count = rowEnd - rowBegin;
+    for (std::ptrdiff_t j = rowBegin + count * part / parts; j < rowBegin + count * (part + 1) / parts; ++j)
+    {
+      const auto [columnBegin, columnEnd] = pixels.FindColumns(j, columns);
+      for (std::ptrdiff_t i = columnBegin; i < columnEnd; ++i)
+      {
+        const auto x = static_cast<double>(i);
+        const auto y = static_cast<double>(j);
+        search.Add((map.xx * x + map.xy * y) + map.x0, (map.yx * x + map.yy * y) + map.y0, j * columns + i);
+      }
+    }
+    search.SetPixels();
+  };
+  threads.run(
+    CountBlocks(counts[1], CellRows) * parts, CountBlocks(counts[0], tiles * CellColumns), share, projectPart);
 }
 
 #define INSTANTIATE(TPixel)                                       \

@@ -19,6 +19,12 @@
  * Included by each file of kernels, after itkShearWarpScalarKernels.h, see there, and after ExactVector<float> and
  * ExactVector<double>: as many numbers as are computed together, with operators for each one. */
 
+#if defined(__BYTE_ORDER__) && __BYTE_ORDER__ == __ORDER_BIG_ENDIAN__
+constexpr bool IsBigEndian = true;
+#else
+constexpr bool IsBigEndian = false;
+#endif
+
 template <typename T>
 T
 Limit(T v, T low, T high)
@@ -31,10 +37,10 @@ Limit(T v, T low, T high)
 template <typename TPixel, bool VIsMinimum>
 struct Levels
 {
-  static constexpr int Flip = (sizeof(TPixel) == 2 && !std::is_signed_v<TPixel> ? 0x8000 : 0) ^
-                              (!VIsMinimum                                       ? 0
-                               : sizeof(TPixel) == 2 || std::is_signed_v<TPixel> ? 0xFFFF
-                                                                                 : 0xFF);
+  static constexpr bool IsSigned = static_cast<TPixel>(-1) < 0;
+  static constexpr int  Sign = sizeof(TPixel) == 2 && !IsSigned ? 0x8000 : 0;
+  static constexpr int  All = sizeof(TPixel) == 2 || IsSigned ? 0xFFFF : 0xFF;
+  static constexpr int  Flip = VIsMinimum ? Sign ^ All : Sign;
   static constexpr auto Zero = static_cast<std::int16_t>(Flip);
 
   /** Of a volume with voxels from \a lowest to \a highest. */
@@ -88,13 +94,6 @@ struct PairOfRows
   const TPixel * voxels[2];
 };
 
-/** The place of the lowest bit of \a v. */
-inline int
-FindLowest(std::uint32_t v)
-{
-  return __builtin_ctz(v);
-}
-
 /** Finds the maxima of the rays of a tile. */
 template <typename TPixel, bool VIsMinimum>
 class TileSearch
@@ -133,8 +132,9 @@ private:
   static constexpr int  RaysTogether = 16;
   static constexpr bool HasLevels = sizeof(TPixel) <= 2;
 
-  /** What rounding may take from a level: half a unit for the voxels, for each weight and for each product. */
-  static constexpr int LevelSlack = 3;
+  /** What rounding may take from a level: half a unit for a halved voxel, and along each axis one for the weight and
+   * half a one for the product. */
+  static constexpr int LevelSlack = 4;
 
   static constexpr TPixel NoVoxel = VIsMinimum ? NoSample<TPixel, Extremum::Minimum> : NoSample<TPixel>;
 
@@ -195,7 +195,7 @@ private:
     }
     if (begin < end)
     {
-      __builtin_memcpy(copy + begin, voxels + (first + begin), (end - begin) * sizeof(TPixel));
+      CopyBytes(copy + begin, voxels + (first + begin), (end - begin) * sizeof(TPixel));
     }
     for (std::ptrdiff_t n = end; n < count; ++n)
     {
@@ -319,7 +319,7 @@ TileSearch<TPixel, VIsMinimum>::SetLeast(std::ptrdiff_t row)
     for (std::ptrdiff_t n = 0; n < CellColumns; ++n)
     {
       const double level = floor((LevelType::Zero + static_cast<double>(best[n])) * m_Levels.scale);
-      levels[n] = static_cast<std::int16_t>(static_cast<int>(Limit(level, -32766.0, 32767.0)) - (LevelSlack - 1));
+      levels[n] = static_cast<std::int16_t>(static_cast<int>(Limit(level, -32765.0, 32767.0)) - (LevelSlack - 1));
     }
   }
   m_HasChanged[row] = false;
@@ -472,10 +472,9 @@ TileSearch<TPixel, VIsMinimum>::SearchPair(std::ptrdiff_t slice)
       }
       pairs[row].voxels[side] = voxels;
     }
-    const TPixel * const later =
-      this->GetSlice(slice + 2) + begin + Limit<std::ptrdiff_t>(columns.first, 0, m_Slices.columns - 1);
-    __builtin_prefetch(later);
-    __builtin_prefetch(later + CellColumns);
+    const TPixel * const later = this->GetSlice(slice + 2) + begin;
+    PrefetchVoxel(later + Limit<std::ptrdiff_t>(columns.first, 0, m_Slices.columns - 1));
+    PrefetchVoxel(later + Limit<std::ptrdiff_t>(columns.first + CellColumns, 0, m_Slices.columns - 1));
     FindExtrema(pairs[row], columns, extrema[row]);
   }
   std::int16_t   levels[CellRows + CellReach - 1][CellColumns];
@@ -618,7 +617,7 @@ TileSearch<TPixel, VIsMinimum>::LoadVoxels(const std::int32_t (&columns)[RaysTog
         }
         for (int word = 0; word < wordCount; ++word)
         {
-          __builtin_memcpy(&words[line][word][n], from + word * voxelsInWord, 4);
+          CopyBytes(&words[line][word][n], from + word * voxelsInWord, 4);
         }
       }
     }
@@ -629,7 +628,8 @@ TileSearch<TPixel, VIsMinimum>::LoadVoxels(const std::int32_t (&columns)[RaysTog
       for (int column = 0; column < 3; ++column)
       {
         const int    place = firstColumn + column * stepX;
-        const int    shift = 32 - bits * (place % voxelsInWord + 1);
+        const int    inWord = IsBigEndian ? voxelsInWord - 1 - place % voxelsInWord : place % voxelsInWord;
+        const int    shift = 32 - bits * (inWord + 1);
         const auto & word = from[place / voxelsInWord];
         for (int n = 0; n < RaysTogether; ++n)
         {

@@ -22,6 +22,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <functional>
 #include <limits>
 #include <type_traits>
@@ -82,6 +83,28 @@ FindSet(const std::int16_t (&flags)[CellColumns])
   }
   return bits;
 }
+
+/** The place of the lowest bit of \a v. */
+inline int
+FindLowest(std::uint32_t v)
+{
+  int place = 0;
+  for (; (v & 1) == 0; v >>= 1)
+  {
+    ++place;
+  }
+  return place;
+}
+
+inline void
+CopyBytes(void * to, const void * from, std::size_t bytes)
+{
+  std::memcpy(to, from, bytes);
+}
+
+inline void
+PrefetchVoxel(const void *)
+{}
 
 #include "itkShearWarpExactKernels.h"
 

@@ -68,6 +68,25 @@ FindSet(const std::int16_t (&flags)[CellColumns])
   return Lanes::FindSet(flags);
 }
 
+/** The place of the lowest bit of \a v. */
+inline int
+FindLowest(std::uint32_t v)
+{
+  return __builtin_ctz(v);
+}
+
+inline void
+CopyBytes(void * to, const void * from, std::size_t bytes)
+{
+  __builtin_memcpy(to, from, bytes);
+}
+
+inline void
+PrefetchVoxel(const void * p)
+{
+  __builtin_prefetch(p);
+}
+
 #include "itkShearWarpExactKernels.h"
 
 #include "itkShearWarpVectorSampling.h"

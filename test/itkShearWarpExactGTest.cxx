@@ -15,6 +15,7 @@
  *  limitations under the License.
  *
  *=========================================================================*/
+#include "itkEuler3DTransform.h"
 #include "itkImageRegionIteratorWithIndex.h"
 #include "itkShearWarpExact.h"
 #include "itkShearWarpMIPCineImageFilter.h"
@@ -364,10 +365,13 @@ TYPED_TEST(ShearWarpExact, IsTheExtremumOfTheInterpolant)
 TYPED_TEST(ShearWarpExact, ConstantsStay)
 {
   Random random(2402);
+  // odd numbers that double just holds
+  const auto large = static_cast<TypeParam>(sizeof(TypeParam) == 8 ? 4503599627370497 : 77);
   for (const TypeParam value : { std::numeric_limits<TypeParam>::lowest(),
                                  std::numeric_limits<TypeParam>::max(),
                                  TypeParam{ 0 },
-                                 TypeParam{ 77 } })
+                                 large,
+                                 static_cast<TypeParam>(std::is_signed_v<TypeParam> ? -large : 78) })
   {
     for (int repeat = 0; repeat < 12; ++repeat)
     {
@@ -847,6 +851,84 @@ TEST(ShearWarpExactRays, NoSampleIsBetter)
       {
         break;
       }
+    }
+  }
+}
+
+/** Sines and cosines of right angles are not exactly 0: rays are on the borders of tiles but for rounding errors. */
+TEST(ShearWarpExactRays, TurnsByRightAnglesHaveNoHoles)
+{
+  using ImageType = itk::Image<unsigned short, 3>;
+  Random random(2412);
+  for (int repeat = 0; repeat < 200; ++repeat)
+  {
+    SCOPED_TRACE(repeat);
+    const auto image = ImageType::New();
+    const auto edge = static_cast<itk::SizeValueType>(random.Integer(1, 70));
+    image->SetRegions(itk::Size<3>{ { edge, edge, edge } });
+    image->Allocate();
+    image->FillBuffer(1000);
+    if (repeat % 2 == 0)
+    {
+      image->SetSpacing(MakeVector3(random.Uniform(0.5, 2), random.Uniform(0.5, 2), random.Uniform(0.5, 2)));
+      image->SetOrigin(MakePoint3(random.Uniform(-90, 90), random.Uniform(-90, 90), random.Uniform(-90, 90)));
+    }
+    const auto view = itk::Euler3DTransform<double>::New();
+    const auto angle = [&random] { return static_cast<double>(random.Integer(-3, 3)) * 0.5 * itk::Math::pi; };
+    view->SetRotation(angle(), angle(), angle());
+    const auto viewOfImage = MakeView(view->GetMatrix(), PointType(0.0));
+    const auto filter = FilterType<unsigned short>::New();
+    filter->SetInput(image);
+    filter->SetTransform(viewOfImage);
+    filter->ExactOn();
+    filter->Update();
+    const auto * output = filter->GetOutput();
+    for (itk::ImageRegionConstIterator<itk::Image<unsigned short, 2>> it(output, output->GetBufferedRegion());
+         !it.IsAtEnd();
+         ++it)
+    {
+      itk::Point<double, 2> place;
+      output->TransformIndexToPhysicalPoint(it.GetIndex(), place);
+      const auto length =
+        InterpolantOnRay<unsigned short>(image.GetPointer(), viewOfImage, place[0], place[1]).GetLength();
+      if (std::abs(length) > 1e-9L)
+      {
+        ASSERT_EQ(it.Get(), length > 0 ? 1000 : 0) << it.GetIndex();
+      }
+    }
+  }
+}
+
+/** Many rays in a cell, in parts. */
+TEST(ShearWarpExactRays, AnyZoomHasTheSameBits)
+{
+  Random     random(2413);
+  const auto image = MakeRandomImage<short>(random, { { 30, 25, 20 } });
+  const auto view = MakeRandomView(random, ViewKind::Rigid, image.GetPointer());
+  const auto filter = FilterType<short>::New();
+  const auto centre = view->GetInverseTransform()->TransformPoint(GetCentre(image.GetPointer()));
+  filter->SetInput(image);
+  filter->SetTransform(view);
+  filter->ExactOn();
+  filter->SetOutputSpacing(MakeVector2(0.01, 0.01));
+  itk::Point<double, 2> origin;
+  origin[0] = centre[0] - 1.5;
+  origin[1] = centre[1] - 1.5;
+  filter->SetOutputOrigin(origin);
+  filter->SetSize({ { 300, 300 } });
+  filter->SetNumberOfWorkUnits(3);
+  filter->Update();
+  const auto whole = Copy(filter->GetOutput());
+  // every hundredth one
+  filter->SetOutputSpacing(MakeVector2(1.0, 1.0));
+  filter->SetSize({ { 3, 3 } });
+  filter->Update();
+  for (itk::IndexValueType row = 0; row < 3; ++row)
+  {
+    for (itk::IndexValueType column = 0; column < 3; ++column)
+    {
+      EXPECT_NEAR(
+        whole->GetPixel({ { 100 * column, 100 * row } }), filter->GetOutput()->GetPixel({ { column, row } }), 1);
     }
   }
 }
