@@ -34,17 +34,20 @@ ComputeRobustWindow(const TPixel * pixels, std::size_t count, TPixel background)
     return value != background && std::isfinite(static_cast<double>(value));
   });
   WindowType window;
-  window[1] = std::isfinite(static_cast<double>(background)) ? static_cast<double>(background) : 0.0;
-  if (!values.empty())
+  if (values.empty())
   {
-    const auto percentile = [&values](double fraction) {
-      const auto nth = values.begin() + std::lround(fraction * static_cast<double>(values.size() - 1));
-      std::nth_element(values.begin(), nth, values.end());
-      return static_cast<double>(*nth);
-    };
-    window[0] = percentile(0.01);
-    window[1] = percentile(0.998);
+    // the background is black
+    window[0] = std::isfinite(static_cast<double>(background)) ? static_cast<double>(background) : 0.0;
+    window[1] = window[0] + 1.0;
+    return window;
   }
+  const auto percentile = [&values](double fraction) {
+    const auto nth = values.begin() + std::lround(fraction * static_cast<double>(values.size() - 1));
+    std::nth_element(values.begin(), nth, values.end());
+    return static_cast<double>(*nth);
+  };
+  window[0] = percentile(0.01);
+  window[1] = percentile(0.998);
   if (!(window[0] < window[1]))
   {
     window[0] = window[1] - 1.0;

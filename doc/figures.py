@@ -365,9 +365,9 @@ def draw_exact(path, steps):
     slices, rows, columns = steps.voxels.shape
     # the ray of the largest voxel's neighbourhood, between the centres of voxels
     k, j, i = np.unravel_index(np.argmax(steps.voxels), steps.voxels.shape)
-    p, q = np.array([i, j]) + steps.offset(k) + 0.37
+    peak = np.array([i, j]) + steps.offset(k)
 
-    def interpolate(s):
+    def interpolate(s, p, q):
         x, y = (np.array([p, q])[:, None] - steps.offset(s[:, None]).T).clip(0, [[columns - 1.001], [rows - 1.001]])
         base = [np.floor(value).astype(int) for value in (s, y, x)]
         parts = [value - whole for value, whole in zip((s, y, x), base)]
@@ -378,8 +378,15 @@ def draw_exact(path, steps):
         return result
 
     first, last = k - 3, k + 4
-    figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.2), width_ratios=(1, 2), layout="constrained")
     s = np.linspace(first, last, 2001)
+    at_slices = np.arange(first, last + 1).astype(float)
+
+    def find_missed(ray):
+        return interpolate(s, *ray).max() - interpolate(at_slices, *ray).max()
+
+    # of the rays beside it that whose samples miss most
+    p, q = max((peak + (dp, dq) for dp in np.arange(-1, 1, 0.1) for dq in np.arange(-1, 1, 0.1)), key=find_missed)
+    figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.2), width_ratios=(1, 2), layout="constrained")
     x = p - (steps.shear[0] * s + steps.translation[0])
     cut = steps.voxels[first : last + 1, j, int(x.min()) - 2 : int(x.max()) + 4]
     begin = int(x.min()) - 2
@@ -389,7 +396,7 @@ def draw_exact(path, steps):
     left.annotate("", (x[-1], last), (x[0], first), arrowprops={"arrowstyle": "->", "color": ORANGE, "linewidth": 2})
     left.set(xlabel="column", ylabel="slice", aspect="auto")
 
-    values = interpolate(s)
+    values = interpolate(s, p, q)
     right.plot(s, values, color=ORANGE)
     crossings = [
         (p_or_q - offset - whole) / shear
@@ -399,8 +406,7 @@ def draw_exact(path, steps):
     ]
     right.vlines(crossings, *right.get_ylim(), color=BLUE, linewidth=0.5, linestyle=":")
     right.vlines(np.arange(first, last + 1), *right.get_ylim(), color=BLUE, linewidth=0.5)
-    at_slices = np.arange(first, last)
-    right.plot(at_slices, interpolate(at_slices.astype(float)), "o", color=BLUE, label="a sample in each slice")
+    right.plot(at_slices, interpolate(at_slices, p, q), "o", color=BLUE, label="a sample in each slice")
     best = np.argmax(values)
     right.plot(s[best], values[best], "*", color=GREEN, markersize=13, label="the exact maximum")
     right.set(xlabel="slice", ylabel="the interpolant")

@@ -406,6 +406,8 @@ TEST_F(ShearWarpMIPProgram, AnswersWrongCalls)
     EXPECT_EQ(blank.messages,
               "shear-warp-mip: warning: there is only background in the picture: is the image within " +
                 part.substr(0, 6) + "?\n");
+    const auto pixels = GetPixels(this->Read("blank.png").GetPointer());
+    EXPECT_EQ(std::count(pixels.begin(), pixels.end(), 0), static_cast<std::ptrdiff_t>(pixels.size()));
   }
 }
 
