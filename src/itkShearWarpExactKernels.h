@@ -228,8 +228,8 @@ private:
   Number                     m_Slope[2];    // columns and rows that a ray passes in a slice
   Number                     m_PerVoxel[2]; // slices in which a ray passes a column or row
   LevelType                  m_Levels;
-  bool                       m_HasChanged[CellRows];
-  RayPart                    m_Parts[RaysTogether];
+  bool                       m_HasChanged[CellRows]{};
+  RayPart                    m_Parts[RaysTogether]{};
   int                        m_Count{ 0 };
 };
 
