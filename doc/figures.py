@@ -362,7 +362,7 @@ def draw_memory(path):
 
 def draw_exact(path, steps):
     """A ray between slices, and the interpolant along it."""
-    slices, rows, columns = steps.voxels.shape
+    _, rows, columns = steps.voxels.shape
     # the ray of the largest voxel's neighbourhood, between the centres of voxels
     k, j, i = np.unravel_index(np.argmax(steps.voxels), steps.voxels.shape)
     peak = np.array([i, j]) + steps.offset(k)
@@ -385,7 +385,7 @@ def draw_exact(path, steps):
         return interpolate(s, *ray).max() - interpolate(at_slices, *ray).max()
 
     # of the rays beside it that whose samples miss most
-    p, q = max((peak + (dp, dq) for dp in np.arange(-1, 1, 0.1) for dq in np.arange(-1, 1, 0.1)), key=find_missed)
+    p, q = max(((*peak, dp, dq) for dp in np.arange(-1, 1, 0.1) for dq in np.arange(-1, 1, 0.1)), key=find_missed)
     figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.2), width_ratios=(1, 2), layout="constrained")
     x = p - (steps.shear[0] * s + steps.translation[0])
     cut = steps.voxels[first : last + 1, j, int(x.min()) - 2 : int(x.max()) + 4]

@@ -391,11 +391,14 @@ class Report:
         for name, lines in errors.items():
             for method, measured in group(lines, "method").items():
                 values = {
-                    key: mean(measured, key) for key in ("mean_absolute", "percentile99", "largest", "mean", "underestimated")
+                    key: mean(measured, key)
+                    for key in ("mean_absolute", "percentile99", "largest", "mean", "underestimated")
                 }
                 values["largest"] = max(line["largest"] for line in measured)
                 rows.append([VOLUMES[name], ERROR_METHODS[method], *(f"{value:.3g}" for value in values.values())])
-        self.add(table(["data", "method", "mean magnitude", "99th percentile", "largest", "mean", "underestimated, %"], rows))
+        self.add(
+            table(["data", "method", "mean magnitude", "99th percentile", "largest", "mean", "underestimated, %"], rows)
+        )
 
         shown = ["ray-casting", "one-sample", "shear-warp", "shear-warp-oversampled"]
         for name, lines in errors.items():
