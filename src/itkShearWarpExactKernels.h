@@ -19,12 +19,6 @@
  * Included by each file of kernels, after itkShearWarpScalarKernels.h, see there, and after ExactVector<float> and
  * ExactVector<double>: as many numbers as are computed together, with operators for each one. */
 
-#if defined(__BYTE_ORDER__) && __BYTE_ORDER__ == __ORDER_BIG_ENDIAN__
-constexpr bool IsBigEndian = true;
-#else
-constexpr bool IsBigEndian = false;
-#endif
-
 template <typename T>
 T
 Limit(T v, T low, T high)
@@ -128,6 +122,12 @@ private:
   using Vector = typename Vectors::Type;
 
   using LevelType = std::conditional_t<(sizeof(TPixel) <= 2), Levels<TPixel, VIsMinimum>, NoLevels>;
+
+#if defined(__BYTE_ORDER__) && __BYTE_ORDER__ == __ORDER_BIG_ENDIAN__
+  static constexpr bool IsBigEndian = true;
+#else
+  static constexpr bool IsBigEndian = false;
+#endif
 
   static constexpr int  RaysTogether = 16;
   static constexpr bool HasLevels = sizeof(TPixel) <= 2;

@@ -610,7 +610,8 @@ struct RandomTile
       {
         cells.push_back(static_cast<std::uint16_t>(cell));
         p.push_back(place(static_cast<double>(column + cell % Kernels::CellColumns)));
-        q.push_back(place(static_cast<double>(row + cell / Kernels::CellColumns)));
+        const std::ptrdiff_t cellRow = cell / Kernels::CellColumns;
+        q.push_back(place(static_cast<double>(row + cellRow)));
         const double last = static_cast<double>(view.slices.slices) - 0.5;
         const double ends[] = { random.Uniform(-0.5, last), random.Uniform(-0.5, last) };
         const bool   isWhole = random.Integer(0, 2) > 0;
