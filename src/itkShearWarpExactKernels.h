@@ -39,9 +39,9 @@ struct Levels
 
   /** Of a volume with voxels from \a lowest to \a highest. */
   Levels(TPixel lowest, TPixel highest)
-    : shift(sizeof(TPixel) == 2 && highest - lowest > 32767 ? 1 : 0)
+    : isHalved(sizeof(TPixel) == 2 && highest - lowest > 32767)
     , scale(sizeof(TPixel) == 1 ? 64.0
-            : shift == 1        ? 0.5
+            : isHalved          ? 0.5
                                 : 1.0)
   {}
 
@@ -49,10 +49,10 @@ struct Levels
   operator()(TPixel voxel) const
   {
     const auto level = static_cast<std::int16_t>(voxel ^ Flip);
-    return static_cast<std::int16_t>(sizeof(TPixel) == 1 ? level * 64 : level >> shift);
+    return static_cast<std::int16_t>(sizeof(TPixel) == 1 ? level * 64 : isHalved ? level >> 1 : level);
   }
 
-  int    shift;
+  bool   isHalved;
   double scale;
 };
 
