@@ -31,11 +31,14 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <cstdint>
+#include <cstdlib>
 #include <cstring>
 #include <limits>
 #include <random>
+#include <string>
 #include <type_traits>
 #include <vector>
 
@@ -47,6 +50,28 @@ using MatrixType = Matrix<double, 3, 3>;
 using PointType = Point<double, 3>;
 using ViewBaseType = MatrixOffsetTransformBase<double, 3, 3>;
 using ViewType = AffineTransform<double, 3>;
+
+/** Calls \a check with the seeds of \a count cases, up to the first failure. SHEARWARPMIP_TEST_SEED=N gives the case of
+ * that seed alone, SHEARWARPMIP_TEST_SECONDS=N new ones for a part of so long. */
+template <typename TCheck>
+void
+ForEachSeed(std::uint64_t count, int parts, TCheck check)
+{
+  using Clock = std::chrono::steady_clock;
+  const char * const seconds = std::getenv("SHEARWARPMIP_TEST_SECONDS");
+  const char * const seed = std::getenv("SHEARWARPMIP_TEST_SEED");
+  const auto         end = Clock::now() + std::chrono::seconds(seconds ? std::stoll(seconds) / parts : 0);
+  const auto         first = seed ? std::stoull(seed) : seconds ? std::random_device{}() : 0;
+  for (std::uint64_t n = 0; seed ? n < 1 : seconds ? Clock::now() < end : n < count; ++n)
+  {
+    SCOPED_TRACE("SHEARWARPMIP_TEST_SEED=" + std::to_string(first + n));
+    check(first + n);
+    if (testing::Test::HasFailure())
+    {
+      return;
+    }
+  }
+}
 
 /** The same numbers with every standard library. */
 class Random

@@ -23,7 +23,7 @@ export CTEST_OUTPUT_ON_FAILURE=1 CTEST_PARALLEL_LEVEL=$jobs
 
 if [ "$*" = --long ]; then
   export SHEARWARPMIP_TEST_SECONDS=1800 SHEARWARPMIP_TEST_LARGE=1
-  test_filter=(--tests-regex '^ShearWarpMIP(Properties|Large)' --timeout 3600 --verbose)
+  test_filter=(--tests-regex '^ShearWarp(MIPProperties|MIPLarge|Exact[.]IsTheExtremum)' --timeout 3600 --verbose)
   set -- installed
 fi
 stages=("${@/#--sanitize/sanitize}")
