@@ -1,15 +1,18 @@
-"""Maximum intensity projection (MIP) of volumes that are larger than one memory: chunk by chunk, with Dask.
+"""Maximum intensity projection (MIP) of 3D images from any direction.
 
-The filters for volumes in memory are in the package itk: itk.ShearWarpMIPImageFilter, itk.ShearWarpMIPCineImageFilter.
+mip() gives a picture and turn() a series that turns, of whatever holds a volume: a file, an image or an array in memory by
+the filters itk.ShearWarpMIPImageFilter and itk.ShearWarpMIPCineImageFilter; a volume in chunks by Dask, where its chunks are.
 """
 
 from typing import TYPE_CHECKING, Any
 
+from itk_shearwarpmip._front import Turn, mip, turn
+from itk_shearwarpmip._inputs import open_image
+
 if TYPE_CHECKING:
-    from itk_shearwarpmip._projection import mip, mip_cine
     from itk_shearwarpmip._volume import Volume, open_volume
 
-__all__ = ["Volume", "mip", "mip_cine", "open_volume"]
+__all__ = ["Turn", "Volume", "mip", "open_image", "open_volume", "turn"]
 
 
 def __getattr__(name: str) -> Any:
@@ -20,6 +23,6 @@ def __getattr__(name: str) -> Any:
         import dask.array  # noqa: F401
     except ImportError as error:
         raise ImportError("itk_shearwarpmip needs Dask: pip install itk-shearwarpmip[distributed]") from error
-    from itk_shearwarpmip import _projection
+    from itk_shearwarpmip import _volume
 
-    return getattr(_projection, name)
+    return getattr(_volume, name)

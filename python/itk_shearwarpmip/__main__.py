@@ -2,7 +2,6 @@
 
 import argparse
 import os
-import re
 import stat
 import sys
 from contextlib import ExitStack
@@ -11,6 +10,7 @@ import itk
 import numpy as np
 
 import itk_shearwarpmip
+from itk_shearwarpmip._inputs import describe
 
 
 def _make_parser() -> argparse.ArgumentParser:
@@ -75,12 +75,6 @@ def _is_read(path: str, source: str) -> bool:
     return False
 
 
-def _describe(error: Exception) -> str:
-    """In one line, without the places in ITK's sources."""
-    text = re.sub(r"(?s)^.*ITK ERROR: (\w+\(0x\w+\): )?|^\S+:\d+:\s*", "", str(error))
-    return " ".join(text.split()) or type(error).__name__
-
-
 _FLAT = {"BMPImageIO", "JPEGImageIO", "JPEG2000ImageIO", "PNGImageIO"}
 """Writers of one picture for each file."""
 
@@ -104,6 +98,7 @@ def _project(options: argparse.Namespace) -> itk.Image:
         time=options.time,
         channel=options.channel,
     )
+    outline = volume.make_image()
     shared = {"output_spacing": options.spacing, "oversampling": options.oversampling}
     with ExitStack() as stack:
         if options.scheduler:
@@ -115,11 +110,11 @@ def _project(options: argparse.Namespace) -> itk.Image:
 
             stack.enter_context(ProgressBar())
         if options.frames is not None:
-            return itk_shearwarpmip.mip_cine(
-                volume, number_of_frames=options.frames, rotation_axis=(0.0, 1.0, 0.0), **shared
-            )
+            axis = (0.0, 1.0, 0.0)
+            upright = itk.ShearWarpMIPView.MakeUprightTransform(outline, axis)
+            return itk_shearwarpmip.turn(volume, upright, frames=options.frames, rotation_axis=axis, **shared).frames
         view = itk.CenteredEuler3DTransform[itk.D].New()
-        view.SetCenter(itk.ShearWarpMIPView.GetCentre(volume.make_image()))
+        view.SetCenter(itk.ShearWarpMIPView.GetCentre(outline))
         view.SetRotation(*np.radians(options.angles))
         return itk_shearwarpmip.mip(volume, view, **shared)
 
@@ -133,7 +128,7 @@ def main(arguments: list[str] | None = None) -> int:
         picture = _project(options)
         itk.imwrite(picture, options.output)
     except Exception as error:
-        print(f"itk_shearwarpmip: {_describe(error)}", file=sys.stderr)
+        print(f"itk_shearwarpmip: {describe(error)}", file=sys.stderr)
         return 1
     return 0
 

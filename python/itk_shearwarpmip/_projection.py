@@ -1,10 +1,10 @@
 """The projection of a chunked volume: chunks to pieces of the intermediate image, these to one, and that to the picture."""
 
 from collections import ChainMap, defaultdict
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from itertools import count, product
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 from uuid import uuid4
 
 import dask
@@ -14,7 +14,8 @@ import numpy as np
 from dask.delayed import Delayed
 from dask.highlevelgraph import HighLevelGraph, MaterializedLayer
 
-from itk_shearwarpmip._volume import Volume, open_volume
+from itk_shearwarpmip._front import Parameters, find_lowest, set_background, set_grid, show_itself, update
+from itk_shearwarpmip._volume import Volume
 
 _Place = tuple[int, ...]
 """Numbers of a chunk along z, y, x."""
@@ -40,142 +41,66 @@ _EndsOf = dict[_Place, _Ends]
 
 class _Pieces(NamedTuple):
     """Of some chunks: one piece for each view; the bytes of all pieces that were sent to make them, and of themselves;
-    the ends of chunks that were projected, along the axes with seams."""
+    the value beside the volume, as far as they tell; the ends of chunks that were projected, along the axes with seams."""
 
     views: list[_Piece]
     bytes_sent: int
+    background: float = 0
     ends: _EndsOf | None = None
 
 
-def mip(
-    volume: Any,
-    transform: Any = None,
-    *,
-    size: Sequence[int] | None = None,
-    output_spacing: float | Sequence[float] | None = None,
-    output_origin: Sequence[float] | None = None,
-    default_pixel_value: float = 0,
-    oversampling: int = 1,
-    **place: Any,
-) -> itk.Image:
-    """Maximum intensity projection (MIP) of a volume in chunks, by Dask's current scheduler: threads, processes or the
-    workers of a distributed.Client. Threads project chunks side by side.
-
-    Each chunk is projected where it is, to its piece of the intermediate image of the whole; pieces are merged in a tree,
-    and the last one is warped to the picture here. The picture has the bits that itk.ShearWarpMIPImageFilter gives for
-    the whole volume.
-
-    volume: an array with the axes z, y, x, an image or an OME-Zarr: see open_volume().
-    transform: an itk.Transform, linear, from view space to the volume's physical space; the identity by default. See
-        itk.ShearWarpMIPView, whose functions take open_volume(...).make_image().
-    size: columns and rows; output_spacing and output_origin: of the picture, in the units of view space (for a rigid
-        transform those of spacing). What is not given is fitted to the view. One number is a spacing of both.
-    default_pixel_value: where rays miss the volume; whole, if the voxels are.
-    oversampling: pixels of the intermediate image per voxel, 1 or 2.
-    place: spacing, origin, direction, level, time and channel: see open_volume().
-
-    Returns a 2D itk.Image. Its entry "BytesSent" is the number of bytes of all pieces: the most that can have moved
-    between workers, but for the faces of chunks.
-
-    Raises what open_volume() does; OSError for a chunk that cannot be read, with its voxels; TypeError, ValueError and
-    RuntimeError for parameters that are none, and for a transform that is not linear and invertible.
-    """
-    grid = (size, _make_pair(output_spacing), output_origin)
-    opened = open_volume(volume, output_spacing=output_spacing, **place)
-    picture = _make_filter(itk.ShearWarpMIPMergePartsImageFilter, opened, oversampling, default_pixel_value, grid)
-    view = itk.IdentityTransform[itk.D, 3].New() if transform is None else transform
+def project(volume: Volume, view: Any, parameters: Parameters) -> Any:
+    """The picture of a volume in chunks, by Dask's current scheduler. Each chunk is projected where it is, to its piece of
+    the intermediate image of the whole; pieces are merged in a tree, and the last one is warped to the picture here. The
+    picture has the bits that itk.ShearWarpMIPImageFilter gives for the whole volume. Its entry "BytesSent" is the number
+    of bytes of all pieces: the most that can have moved between workers, but for the faces of chunks."""
+    picture = _make_filter(itk.ShearWarpMIPMergePartsImageFilter, volume, parameters)
     picture.SetTransform(view)
-    picture.UpdateOutputInformation()
-    pieces = _project(opened, [view], oversampling)
-    image = _warp(picture, pieces.views[0])
+    update(picture, information=True)
+    pieces = _project(volume, [view], parameters)
+    image = _warp(picture, pieces.views[0], pieces.background)
     image["BytesSent"] = pieces.bytes_sent
-    return image
+    return show_itself(image, pieces.background)
 
 
-def mip_cine(
-    volume: Any,
-    transforms: Sequence[Any] | None = None,
-    *,
-    number_of_frames: int = 36,
-    rotation_axis: Sequence[float] = (0.0, 0.0, 1.0),
-    angular_range: float = 360.0,
-    start_angle: float = 0.0,
-    rocking: bool = False,
-    size: Sequence[int] | None = None,
-    output_spacing: float | Sequence[float] | None = None,
-    output_origin: Sequence[float] | None = None,
-    default_pixel_value: float = 0,
-    oversampling: int = 1,
-    **place: Any,
-) -> itk.Image:
-    """Maximum intensity projections of a volume in chunks from many directions, each chunk being read once for all.
-
-    transforms: the view of each frame. Without them the frames turn about the centre of the volume:
-    number_of_frames, rotation_axis (x, y, z), angular_range and start_angle (degrees), rocking: as of
-        itk.ShearWarpMIPCineImageFilter, whose frames these are.
-    All else: see mip(); the frames have one grid.
-
-    Returns a 3D itk.Image, its third axis the frames, with the entries of that filter's output and "BytesSent"; raises
-    what mip() does.
-    """
-    opened = open_volume(volume, output_spacing=output_spacing, **place)
-    grid = (size, _make_pair(output_spacing), output_origin)
-    cine = _make_filter(itk.ShearWarpMIPCineImageFilter, opened, oversampling, default_pixel_value, grid)
-    _set(cine, "NumberOfFrames", number_of_frames)
-    cine.SetRotationAxis(rotation_axis)
-    cine.SetAngularRange(angular_range)
-    cine.SetStartAngle(start_angle)
-    cine.SetRocking(rocking)
-    cine.SetTransforms(transforms or [])
-    cine.UpdateOutputInformation()
+def project_turn(volume: Volume, set_turn: Callable[[Any, Any], None], parameters: Parameters) -> tuple[Any, list[Any]]:
+    """The frames that a itk.ShearWarpMIPCineImageFilter gives after `set_turn` of it and an image of the volume's
+    geometry, and their views; each chunk is read once for all of them."""
+    cine = _make_filter(itk.ShearWarpMIPCineImageFilter, volume, parameters)
+    set_turn(cine, volume.make_image())
+    update(cine, information=True)
     stack = cine.GetOutput()
     columns, rows, frames = stack.GetLargestPossibleRegion().GetSize()
     views = [cine.GetFrameTransform(frame) for frame in range(frames)]
-    pieces = _project(opened, views, oversampling)
+    pieces = _project(volume, views, parameters)
 
-    grid = ([columns, rows], list(stack.GetSpacing())[:2], list(stack.GetOrigin())[:2])
-    pixels = np.empty((frames, rows, columns), opened.array.dtype.newbyteorder("="))
+    grid = replace(
+        parameters,
+        size=[columns, rows],
+        output_spacing=list(stack.GetSpacing())[:2],
+        output_origin=list(stack.GetOrigin())[:2],
+    )
+    pixels = np.empty((frames, rows, columns), volume.array.dtype.newbyteorder("="))
     for frame, (view, piece) in enumerate(zip(views, pieces.views, strict=True)):
-        picture = _make_filter(itk.ShearWarpMIPMergePartsImageFilter, opened, oversampling, default_pixel_value, grid)
+        picture = _make_filter(itk.ShearWarpMIPMergePartsImageFilter, volume, grid)
         picture.SetTransform(view)
-        pixels[frame] = itk.array_view_from_image(_warp(picture, piece))
+        pixels[frame] = itk.array_view_from_image(_warp(picture, piece, pieces.background))
     image = itk.image_from_array(pixels)
     image.CopyInformation(stack)
     image.SetMetaDataDictionary(stack.GetMetaDataDictionary())
     image["BytesSent"] = pieces.bytes_sent
-    return image
+    return show_itself(image, pieces.background), views
 
 
-def _make_pair(spacing: float | Sequence[float] | None) -> Sequence[float] | None:
-    return None if spacing is None else np.broadcast_to(spacing, 2)
-
-
-def _make_filter(template: Any, volume: Volume, oversampling: int, default_pixel_value: float, grid: tuple) -> Any:
-    """A filter for the volume; `grid` is size, spacing and origin of the output, or None."""
+def _make_filter(template: Any, volume: Volume, parameters: Parameters) -> Any:
     made = template.New(volume.make_image())
-    is_whole = np.issubdtype(volume.array.dtype, np.integer)
-    if is_whole and not float(default_pixel_value).is_integer():
-        raise ValueError(f"DefaultPixelValue must be whole, as the voxels are, but it is {default_pixel_value}")
-    _set(made, "DefaultPixelValue", (int if is_whole else float)(default_pixel_value))
-    _set(made, "Oversampling", oversampling)
-    size, spacing, origin = grid
-    if size is not None:
-        made.SetSize([int(length) for length in size])
-    if spacing is not None:
-        made.SetOutputSpacing([float(step) for step in spacing])
-    if origin is not None:
-        made.SetOutputOrigin([float(position) for position in origin])
+    set_grid(made, parameters)
+    if parameters.background != "auto":
+        set_background(made, parameters.background)
     return made
 
 
-def _set(made: Any, name: str, value: float) -> None:
-    try:
-        getattr(made, f"Set{name}")(value)
-    except OverflowError as error:
-        raise ValueError(f"{name} cannot be {value}") from error
-
-
-def _warp(picture: Any, piece: _Piece) -> itk.Image:
+def _warp(picture: Any, piece: _Piece, background: Any) -> Any:
     part = itk.image_view_from_array(piece.pixels)
     # ITK takes one column for one row
     region = itk.ImageRegion[2]()
@@ -183,6 +108,7 @@ def _warp(picture: Any, piece: _Piece) -> itk.Image:
     region.SetSize(list(piece.pixels.shape[::-1]))
     part.SetRegions(region)
     picture.SetPart(0, part)
+    set_background(picture, background)
     picture.Update()
     image = picture.GetOutput()
     image.DisconnectPipeline()
@@ -200,6 +126,10 @@ class _View:
     """The axes along which there are seams (0 is z)."""
     transforms: Sequence[Any]
     oversampling: int
+    background: float | Literal["auto"]
+
+    def find_background(self, voxels: np.ndarray) -> float:
+        return find_lowest(voxels) if self.background == "auto" else self.background
 
     def find_first(self, place: _Place) -> list[int]:
         return [firsts[n] for firsts, n in zip(self.firsts, place, strict=True)]
@@ -212,7 +142,7 @@ class _Shape(NamedTuple):
     dtype: np.dtype
 
 
-def _project(volume: Volume, transforms: Sequence[Any], oversampling: int) -> _Pieces:
+def _project(volume: Volume, transforms: Sequence[Any], parameters: Parameters) -> _Pieces:
     """The intermediate images of all views."""
     array = volume.array
     token = uuid4().hex
@@ -221,7 +151,7 @@ def _project(volume: Volume, transforms: Sequence[Any], oversampling: int) -> _P
     # samples lie between voxels: there are seams between chunks, but for those that follow each other along the rays
     sliced = _find_principal_axes(volume, transforms)
     seams = [axis for axis in range(3) if array.numblocks[axis] > 1 and sliced != {axis}]
-    view = _View(outline, firsts, seams, transforms, oversampling)
+    view = _View(outline, firsts, seams, transforms, int(parameters.oversampling), parameters.background)
     owners = _find_owners(array)
     if owners:
         edge = 4
@@ -367,8 +297,8 @@ def project_chunks(chunks: Sequence[np.ndarray], places: Sequence[_Place], view:
     parts = ((chunk, view.find_first(place)) for chunk, place in zip(chunks, places, strict=True))
     pieces, ends = [], {}
     for chunk, place, projected in zip(chunks, places, _project_parts(parts, view), strict=True):
-        pieces.append(_Pieces(projected, 0))
         # while the cache has the chunk
+        pieces.append(_Pieces(projected, 0, view.find_background(chunk)))
         ends[place] = _copy_ends(chunk, view)
     return merge_pieces(pieces)._replace(ends=ends)
 
@@ -426,7 +356,8 @@ def merge_chunks(projected: list[_Pieces], before: list[_EndsOf], low: _Place, h
         for axis in view.seams
         for number in range(max(low[axis], 1), high[axis])
     )
-    return merge_pieces(projected + [_Pieces(pieces, 0) for pieces in _project_parts(seams, view)])
+    background = projected[0].background
+    return merge_pieces(projected + [_Pieces(pieces, 0, background) for pieces in _project_parts(seams, view)])
 
 
 def _project_parts(parts: Iterable[tuple[np.ndarray, Sequence[int]]], view: _View) -> Iterator[list[_Piece]]:
@@ -454,7 +385,8 @@ def _project_parts(parts: Iterable[tuple[np.ndarray, Sequence[int]]], view: _Vie
 def merge_pieces(pieces: list[_Pieces]) -> _Pieces:
     """The maximum of pieces, as large as they are together."""
     merged = [_merge(of_view) for of_view in zip(*(each.views for each in pieces), strict=True)]
-    return _Pieces(merged, sum(each.bytes_sent for each in pieces) + sum(piece.pixels.nbytes for piece in merged))
+    bytes_sent = sum(each.bytes_sent for each in pieces) + sum(piece.pixels.nbytes for piece in merged)
+    return _Pieces(merged, bytes_sent, min(each.background for each in pieces))
 
 
 def _merge(pieces: Sequence[_Piece]) -> _Piece:

@@ -11,8 +11,7 @@ import dask.array
 import itk
 import numpy as np
 
-_WRAPPED = [itk.template(image) for (image,) in itk.ShearWarpMIPPartImageFilter.keys()]
-_PIXEL_TYPES = {np.dtype(pixel_type.dtype): pixel_type for _, (pixel_type, _) in _WRAPPED}
+from itk_shearwarpmip._inputs import Placed, find_pixel_types, is_of, place, take
 
 _METRIC = (
     ("yocto", -24), ("zepto", -21), ("atto", -18), ("femto", -15), ("pico", -12), ("nano", -9), ("micro", -6),
@@ -62,9 +61,7 @@ class Volume:
         return self._place(image)
 
     def _place(self, image: itk.Image) -> itk.Image:
-        image.SetSpacing(self.spacing)
-        image.SetOrigin(self.origin)
-        image.SetDirection(itk.matrix_from_array(self.direction))
+        place(image, Placed(None, self.spacing, self.origin, self.direction))
         return image
 
 
@@ -81,8 +78,8 @@ def open_volume(
 ) -> Volume:
     """Opens a volume; its voxels are not read yet.
 
-    volume: a dask.array.Array or numpy.ndarray with the axes z, y, x; an itk.Image; an xarray.DataArray with the dimensions
-        z, y, x; an OME-Zarr image of version 0.4 or 0.5: its path, its URL or a zarr.Group; or a Volume.
+    volume: a dask.array.Array with the axes z, y, x; an OME-Zarr image of version 0.4 or 0.5: its path, its URL or a
+        zarr.Group; a Volume; or an array or image in memory, but no path of one: see open_image().
     spacing, origin: x, y, z, instead of the volume's own, which are 1 and 0 of an array.
     direction: 3 x 3, instead of the volume's own, which is the identity of an array and an OME-Zarr.
     level: of an OME-Zarr's resolutions, 0 is the finest. By default the coarsest one that is not coarser than
@@ -92,16 +89,14 @@ def open_volume(
     Raises ValueError for what is no such volume, TypeError for objects and voxels of other types; ImportError for a URL
     whose kind needs another package; OSError for a file that cannot be read.
     """
-    if isinstance(volume, str | os.PathLike) or _is_of(volume, "zarr", "Group"):
+    if isinstance(volume, str | os.PathLike) or is_of(volume, "zarr", "Group"):
         image = _OmeZarr(volume)
         own = image.read_level(image.choose_level(output_spacing) if level is None else level, time, channel)
     else:
         if level is not None or time != 0 or channel != 0:
             raise ValueError("an array has no levels, times and channels: only an OME-Zarr has")
-        own = _take(volume)
+        own = volume if isinstance(volume, Volume) else _chunk(take(volume))
     array = own.array
-    if isinstance(array._meta, np.ma.MaskedArray):
-        raise TypeError("a masked array loses its mask: fill it, with dask.array.ma.filled() or its method filled()")
     if array.ndim != 3:
         raise ValueError(f"a volume has the axes z, y, x, but this one has the shape {array.shape}")
     if np.isnan(array.shape).any():
@@ -110,78 +105,19 @@ def open_volume(
         raise ValueError(f"a volume must not be empty, but this one has the shape {array.shape}")
     _find_pixel_type(array.dtype)
     filled = tuple(tuple(length for length in lengths if length) for lengths in array.chunks)
+    placed = Placed(None, own.spacing, own.origin, own.direction).replace(spacing, origin, direction)
     return Volume(
         array.rechunk(filled) if filled != array.chunks else array,
-        _make_tuple("spacing", own.spacing if spacing is None else spacing),
-        _make_tuple("origin", own.origin if origin is None else origin),
-        own.direction if direction is None else np.asarray(direction, dtype=float).reshape(3, 3),
+        tuple(placed.spacing),
+        tuple(placed.origin),
+        placed.direction,
         own.unit,
     )
 
 
-def _is_of(instance: Any, package: str, name: str) -> bool:
-    """Whether it is of a class of a package, which need not be there."""
-    return any(
-        each.__name__ == name and each.__module__.partition(".")[0] == package for each in type(instance).__mro__
-    )
-
-
-class _Voxels:
-    """The voxels of an image, which lives as long as arrays of them."""
-
-    def __init__(self, image: Any):
-        self._image = image
-        self.__array_interface__ = itk.array_view_from_image(image).__array_interface__
-
-
-def _take(volume: Any) -> Volume:
-    """What is no OME-Zarr, with its own place in space."""
-    if isinstance(volume, Volume):
-        return volume
-    if isinstance(volume, dask.array.Array | np.ndarray):
-        return _place_array(volume)
-    if _is_of(volume, "xarray", "DataArray"):
-        return _take_data_array(volume)
-    if isinstance(volume, itk.ImageBase[3]):
-        array = np.asarray(_Voxels(volume))
-        first = volume.TransformIndexToPhysicalPoint(volume.GetBufferedRegion().GetIndex())
-        return _place_array(array, volume.GetSpacing(), first, itk.array_from_matrix(volume.GetDirection()))
-    raise TypeError(
-        "a volume is an array of Dask or NumPy, an itk.Image, an xarray.DataArray or an OME-Zarr, but this is a "
-        f"{type(volume).__module__}.{type(volume).__qualname__}: give an array of its voxels, with spacing, origin and direction"
-    )
-
-
-def _place_array(array: Any, spacing: Any = (1.0,) * 3, origin: Any = (0.0,) * 3, direction: Any = None) -> Volume:
-    return Volume(
-        dask.array.asarray(array), tuple(spacing), tuple(origin), np.eye(3) if direction is None else direction
-    )
-
-
-def _take_data_array(volume: Any) -> Volume:
-    if set(volume.dims) != set("xyz"):
-        raise ValueError(f"a DataArray must have the dimensions z, y, x, but this one has {volume.dims}")
-    if len({volume.coords[name].attrs.get("units") for name in "xyz" if name in volume.coords}) > 1:
-        raise ValueError("the coordinates of a DataArray must have the same units")
-    spacing, origin = [], []
-    for name in "xyz":
-        places = np.asarray(volume.coords[name] if name in volume.coords else range(volume.sizes[name]), dtype=float)
-        step = (places[-1] - places[0]) / (places.size - 1) if places.size > 1 else 1.0
-        # a hundredth of a voxel is rounding
-        if not (step > 0 and np.allclose(places, places[0] + step * np.arange(places.size), 0, step / 100)):
-            raise ValueError(f"the coordinates of a DataArray must ascend in equal steps, but those of {name} do not")
-        spacing.append(step)
-        origin.append(places[0])
-    # ITK's conversion keeps the direction for z, y, x
-    direction = volume.attrs.get("direction")
-    ordered = volume.transpose(*"zyx").data
-    return _place_array(ordered, spacing, origin, None if direction is None else np.flip(np.asarray(direction, float)))
-
-
-def _make_tuple(name: str, values: Sequence[float]) -> tuple[float, ...]:
-    if len(values) != 3:
-        raise ValueError(f"{name} must be three numbers, x, y, z, but it is {values}")
-    return tuple(float(value) for value in values)
+def _chunk(placed: Placed) -> Volume:
+    direction = np.eye(3) if placed.direction is None else placed.direction
+    return Volume(dask.array.asarray(placed.array), tuple(placed.spacing), tuple(placed.origin), direction)
 
 
 def _make_region(first: Sequence[int], shape: Sequence[int]) -> Any:
@@ -193,17 +129,20 @@ def _make_region(first: Sequence[int], shape: Sequence[int]) -> Any:
 
 def _find_pixel_type(dtype: np.dtype) -> Any:
     native = dtype.newbyteorder("=")
-    if native not in _PIXEL_TYPES:
-        names = ", ".join(sorted(map(str, _PIXEL_TYPES)))
+    if native not in find_pixel_types():
+        names = ", ".join(sorted(map(str, find_pixel_types())))
         raise TypeError(f"voxels must be one of {names}, but they are {dtype}; use astype()")
-    return _PIXEL_TYPES[native]
+    return find_pixel_types()[native]
 
 
 class _OmeZarr:
     """A multiscale image: https://ngff.openmicroscopy.org, versions 0.4 and 0.5."""
 
     def __init__(self, source: Any) -> None:
-        import zarr
+        try:
+            import zarr
+        except ImportError as error:
+            raise ImportError("an OME-Zarr needs zarr: pip install itk-shearwarpmip[distributed]") from error
 
         self._name = str(source)
         try:

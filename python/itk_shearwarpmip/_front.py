@@ -1,0 +1,589 @@
+"""mip() and turn(): projections of whatever people have as a volume."""
+
+import os
+import re
+import sys
+import threading
+import weakref
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any, Literal, TypedDict, Unpack
+
+import itk
+import numpy as np
+from numpy.typing import NDArray
+
+from itk_shearwarpmip import _save
+from itk_shearwarpmip._inputs import describe, is_of, make_numbers, make_view, open_image, place, take
+from itk_shearwarpmip._views import make_transform
+
+Mode = Literal["maximum", "minimum", "absolute"]
+_MODES = {"maximum": "Mode_Maximum", "minimum": "Mode_Minimum", "absolute": "Mode_AbsoluteMaximum"}
+_PHOTOMETRIC = "0028|0004"
+
+
+class Place(TypedDict, total=False):
+    """Where the voxels of the source lie, and which ones: see open_image(); the last three are of open_volume()."""
+
+    spacing: Sequence[float] | None
+    origin: Sequence[float] | None
+    direction: Any
+    series: str | None
+    level: int | None
+    time: int
+    channel: int
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """Those of a projection that filters have, in their words."""
+
+    mode: Mode = "maximum"
+    slab: Sequence[float] | None = None
+    crop: Sequence[Sequence[float]] | None = None
+    mask: Any = None
+    mask_label: int | None = None
+    depth: bool = False
+    attenuation: float = 0.0
+    local_maximum: float | None = None
+    background: float | Literal["auto"] = "auto"
+    exact: bool = False
+    oversampling: int = 1
+    output_spacing: float | Sequence[float] | None = None
+    size: Sequence[int] | None = None
+    output_origin: Sequence[float] | None = None
+    number_of_threads: int | None = None
+
+
+def mip(
+    source: Any,
+    view: Any = "anterior",
+    *,
+    azimuth: float = 0.0,
+    elevation: float = 0.0,
+    mode: Mode = "maximum",
+    slab: Sequence[float] | None = None,
+    crop: Sequence[Sequence[float]] | None = None,
+    mask: Any = None,
+    mask_label: int | None = None,
+    depth: bool = False,
+    attenuation: float = 0.0,
+    local_maximum: float | None = None,
+    background: float | Literal["auto"] = "auto",
+    exact: bool = False,
+    oversampling: int = 1,
+    output_spacing: float | Sequence[float] | None = None,
+    size: Sequence[int] | None = None,
+    output_origin: Sequence[float] | None = None,
+    number_of_threads: int | None = None,
+    **where: Unpack[Place],
+) -> Any:
+    """The maximum intensity projection (MIP) of a volume from any direction.
+
+    source: the volume: see open_image(), or, in chunks, a Dask array, an xarray.DataArray of one, an OME-Zarr: see
+        open_volume(). Arrays have the axes z, y, x.
+    view: the side from which the viewer looks, "anterior", "posterior", "left", "right", "superior" or "inferior"; or a
+        linear itk.Transform or a 4 x 4 matrix from view space (u right, v down, w away) to physical space (LPS, mm).
+    azimuth, elevation: degrees that the viewer then moves towards the right of the picture, and towards its top.
+    mode: "maximum", "minimum", or "absolute" for the value of the largest magnitude, with its sign.
+    slab: (near, far): only depths between these count, in mm behind the volume's centre for a view by its name.
+    crop: (lower, upper), two corners x, y, z: only what lies in this box counts, in mm (LPS); infinity is no limit.
+    mask: a volume of whole numbers on the source's grid, as whatever source can be; an array lies where the source does.
+        Only voxels where it is `mask_label` or, without one, not 0 take part.
+    depth: gives the depths too, in mm: float32, not-a-number where nothing is.
+    attenuation: how fast values fade to the background with depth, per mm.
+    local_maximum: rays end behind their first local maximum of at least this value.
+    background: the value beside the volume; "auto" is 0, or the volume's least value if that is negative.
+    exact: the maximum of the interpolated volume itself, 10 to 60 times as slow.
+    oversampling: 1, or 2 for pixels of twice the density before the last step.
+    output_spacing: of the pixels, in mm: one number, or (u, v). By default the volume's smallest.
+    size: columns and rows; output_origin: (u, v) of the first pixel in the view plane, in mm. By default all of the
+        volume is in the picture.
+    number_of_threads: by default that of ITK.
+    where: spacing, origin, direction and series of open_image(); level, time and channel of open_volume().
+
+    All but the view, background, oversampling and the grid is for volumes in memory.
+
+    Returns a 2D itk.Image whose spacing and origin lie in the view plane, in mm, and which a notebook shows; its entry
+    "Background" is that value. For an array an array of its package, for a SimpleITK.Image or an xarray.DataArray one of
+    these. With `depth` a tuple: the picture and its depths.
+
+    What is prepared for an itk.Image is kept while it lives: further views of the same one are faster. Where its voxels
+    are changed in memory, call its method Modified(). Arrays are always read anew.
+
+    Raises ValueError for what cannot be projected so, TypeError for other types, OSError for files that cannot be read,
+    ImportError with the name of a package that is missing.
+
+    >>> import numpy as np
+    >>> volume = np.zeros((10, 20, 30), np.uint8)
+    >>> volume[5, 3, 7] = 200
+    >>> mip(volume, view="superior").shape
+    (20, 30)
+    >>> image = open_image(volume, spacing=(0.5, 0.5, 1.0))
+    >>> picture, depths = mip(image, "left", azimuth=30, slab=(-5, 5), depth=True)
+    >>> list(picture.GetSpacing()), depths.shape == picture.shape
+    ([0.5, 0.5], True)
+    """
+    parameters = Parameters(
+        mode, slab, crop, mask, mask_label, depth, attenuation, local_maximum, background, exact, oversampling,
+        output_spacing, size, output_origin, number_of_threads,
+    )  # fmt: skip
+    if is_chunked(source):
+        return give_back(source, _project_chunks(source, view, azimuth, elevation, parameters, where))
+    image = open_image(source, **where)  # type: ignore[misc]
+    transform = make_transform(image, view, azimuth, elevation)
+    with _get_filters(image) as filters:
+        made = filters.get(itk.ShearWarpMIPImageFilter)
+        made.SetTransform(transform)
+        picture, depths = filters.project(made, parameters)
+    picture = give_back(source, picture)
+    return (picture, give_back(source, depths)) if depth else picture
+
+
+@dataclass(eq=False)
+class Turn:
+    """Projections of a volume from many directions, as turn() gives them; a notebook shows them as a page."""
+
+    frames: Any
+    """3D itk.Image, its third axis the frames; its entries "FrameAngles" and "FrameTransforms" are those of
+    itk.ShearWarpMIPCineImageFilter."""
+    transforms: list[Any]
+    """The itk.Transform of each frame's view, from view space to physical space."""
+    window: tuple[float, float]
+    """The values that are shown black and white."""
+    source_metadata: dict[str, Any] = field(default_factory=dict)
+    """The meta data dictionary of the source."""
+    depths: Any = None
+    """3D itk.Image of float32, in mm, if depths were asked for."""
+
+    def save(self, path: str | os.PathLike[str], **options: Any) -> None:
+        """Writes the frames: see save_turn()."""
+        _save.save_turn(self, path, **options)
+
+    def _repr_html_(self) -> str:
+        return _save.make_page(self)
+
+
+def turn(
+    source: Any,
+    view: Any = "anterior",
+    *,
+    azimuth: float = 0.0,
+    elevation: float = 0.0,
+    frames: int = 36,
+    rotation_axis: str | Sequence[float] = "superior",
+    center: Sequence[float] | None = None,
+    start_angle: float = 0.0,
+    angular_range: float = 360.0,
+    rocking: bool = False,
+    transforms: Sequence[Any] | None = None,
+    mode: Mode = "maximum",
+    slab: Sequence[float] | None = None,
+    crop: Sequence[Sequence[float]] | None = None,
+    mask: Any = None,
+    mask_label: int | None = None,
+    depth: bool = False,
+    attenuation: float = 0.0,
+    local_maximum: float | None = None,
+    background: float | Literal["auto"] = "auto",
+    exact: bool = False,
+    oversampling: int = 1,
+    output_spacing: float | Sequence[float] | None = None,
+    size: Sequence[int] | None = None,
+    output_origin: Sequence[float] | None = None,
+    number_of_threads: int | None = None,
+    **where: Unpack[Place],
+) -> Turn:
+    """Projections of a volume from many directions, on one grid: a series that turns. The volume is read once for all.
+
+    view, azimuth, elevation: the view at angle 0.
+    frames: how many there are, 1 to 65535.
+    rotation_axis: that the viewer moves about: the patient's "left", "posterior" or "superior", the volume's "i", "j" or
+        "k", or a direction x, y, z (LPS). About "superior" the viewer moves towards the patient's left from anterior.
+    center: a point of the axis, x, y, z in mm; by default the volume's centre.
+    start_angle, angular_range: degrees: frame n of N is at start_angle + angular_range n / N.
+    rocking: to and fro over the range instead, half of it to either side; both ends are frames.
+    transforms: the view of each frame, each as view can be; instead of all above.
+    All else: see mip().
+
+    Raises what mip() does.
+
+    >>> import numpy as np
+    >>> series = turn(np.ones((10, 20, 30), np.uint8), frames=8, spacing=(0.5, 0.5, 1.0))
+    >>> series.frames.shape[0], len(series.transforms), series.frames["FrameAngles"][1]
+    (8, 8, 45.0)
+    """
+    parameters = Parameters(
+        mode, slab, crop, mask, mask_label, depth, attenuation, local_maximum, background, exact, oversampling,
+        output_spacing, size, output_origin, number_of_threads,
+    )  # fmt: skip
+
+    def set_turn(made: Any, image: Any) -> None:
+        made.ClearTransforms()
+        made.SetTransform(make_transform(image, view, azimuth, elevation))
+        for each in [] if transforms is None else transforms:
+            made.AddTransform(make_transform(image, each))
+        if transforms is not None and len(transforms) == 0:
+            raise ValueError("transforms must not be empty")
+        _set(made, "NumberOfFrames", "frames", frames)
+        made.SetRotationAxis(_find_axis(rotation_axis, image))
+        made.UseImageCenter()
+        if center is not None:
+            made.SetCenter(make_numbers("center", center, 3))
+        _set(made, "StartAngle", "start_angle", start_angle)
+        _set(made, "AngularRange", "angular_range", angular_range)
+        made.SetRocking(bool(rocking))
+
+    if is_chunked(source):
+        stack, views = _project_chunks_turning(source, set_turn, parameters, where)
+        return Turn(stack, views, _save.find_window(stack))
+    image = open_image(source, **where)  # type: ignore[misc]
+    with _get_filters(image) as filters:
+        made = filters.get(itk.ShearWarpMIPCineImageFilter)
+        set_turn(made, image)
+        stack, depths = filters.project(made, parameters)
+        views = [made.GetFrameTransform(frame) for frame in range(stack.shape[0])]
+    return Turn(
+        stack,
+        views,
+        _save.find_window(stack),
+        {key: image[key] for key in image.GetMetaDataDictionary().GetKeys()},
+        depths,
+    )
+
+
+class _Filters:
+    """The filters of one image, which keep what they prepare."""
+
+    def __init__(self, image: Any) -> None:
+        # the filters hold its voxels
+        self._image = weakref.ref(image)
+        self._made: dict[Any, Any] = {}
+        self._threads = 0
+        self._lowest: tuple[int, float] | None = None
+        self._lock = threading.RLock()
+
+    def __enter__(self) -> "_Filters":
+        self._lock.acquire()
+        image = self._image()
+        if image is not None and (source := image.GetSource()):
+            source.UpdateLargestPossibleRegion()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._lock.release()
+
+    def get(self, template: Any) -> Any:
+        if template not in self._made:
+            self._made[template] = template.New(self._image())
+            self._threads = self._made[template].GetNumberOfWorkUnits()
+        return self._made[template]
+
+    def project(self, made: Any, parameters: Parameters) -> tuple[Any, Any]:
+        """The picture of a filter, and its depths or None."""
+        image = self._image()
+        background = parameters.background
+        set_parameters(made, parameters, self._find_lowest() if background == "auto" else background)
+        threads = parameters.number_of_threads
+        if threads is not None and not (threads == int(threads) and threads >= 1):
+            raise ValueError(f"number_of_threads must be a whole number of at least 1, but it is {threads}")
+        made.SetNumberOfWorkUnits(self._threads if threads is None else int(threads))
+        made.SetMaskImage(
+            None if parameters.mask is None else _open_mask(parameters.mask, parameters.mask_label, image)
+        )
+        try:
+            update(made)
+        finally:
+            made.SetMaskImage(None)
+        picture = made.GetOutput()
+        depths = made.GetDepthOutput() if parameters.depth else None
+        for each in (picture, depths):
+            if each is not None:
+                each.DisconnectPipeline()
+        metadata = image.GetMetaDataDictionary()
+        return show_itself(picture, made.GetDefaultPixelValue(), metadata), depths
+
+    def _find_lowest(self) -> float:
+        """The least voxel, if it is negative, or 0."""
+        image = self._image()
+        time = image.GetMTime()
+        if self._lowest is None or self._lowest[0] != time:
+            self._lowest = time, find_lowest(itk.array_view_from_image(image))
+        return self._lowest[1]
+
+
+_FILTERS: dict[int, _Filters] = {}
+"""By the id of an itk.Image, which lives."""
+_FILTERS_LOCK = threading.Lock()
+
+
+def _get_filters(image: Any) -> _Filters:
+    with _FILTERS_LOCK:
+        if id(image) not in _FILTERS:
+            _FILTERS[id(image)] = _Filters(image)
+            weakref.finalize(image, _FILTERS.pop, id(image), None).atexit = False
+        return _FILTERS[id(image)]
+
+
+def find_lowest(voxels: NDArray[Any]) -> Any:
+    """The least of these voxels, if it is negative, or 0."""
+    return 0 if voxels.dtype.kind == "u" else min(np.fmin.reduce(voxels, axis=None).item(), 0) or 0
+
+
+def set_parameters(made: Any, parameters: Parameters, background: Any) -> None:
+    """Sets all that a filter has, but its views and its mask."""
+    is_whole = isinstance(made.GetDefaultPixelValue(), int)
+    set_background(made, background)
+    if parameters.mode not in _MODES:
+        raise ValueError(f"mode must be one of {', '.join(_MODES)}, but it is {parameters.mode!r}")
+    made.SetMode(getattr(itk.ShearWarpMIPImageFilterEnums, _MODES[parameters.mode]))
+    near, far = (-np.inf, np.inf) if parameters.slab is None else make_numbers("slab", parameters.slab, 2)
+    made.SetSlabNear(near)
+    made.SetSlabFar(far)
+    lower, upper = (-np.inf,) * 3, (np.inf,) * 3
+    if parameters.crop is not None:
+        try:
+            lower, upper = (make_numbers("crop", corner, 3) for corner in parameters.crop)
+        except (TypeError, ValueError) as error:
+            raise ValueError(f"crop must be two corners, each x, y, z, but it is {parameters.crop!r}") from error
+    made.SetCropLower(lower)
+    made.SetCropUpper(upper)
+    if parameters.mask_label is not None and parameters.mask is None:
+        raise ValueError("mask_label is for a mask")
+    made.SetLocalMaximum(parameters.local_maximum is not None)
+    threshold = 0 if parameters.local_maximum is None else parameters.local_maximum
+    _set_pixel(made, "LocalMaximumThreshold", "local_maximum", threshold, is_whole)
+    _set(made, "DepthAttenuation", "attenuation", parameters.attenuation)
+    made.SetComputeDepth(bool(parameters.depth))
+    made.SetExact(bool(parameters.exact))
+    set_grid(made, parameters)
+
+
+def set_background(made: Any, background: Any) -> None:
+    _set_pixel(made, "DefaultPixelValue", "background", background, isinstance(made.GetDefaultPixelValue(), int))
+
+
+def set_grid(made: Any, parameters: Parameters) -> None:
+    """What the filters of chunks have too."""
+    _set(made, "Oversampling", "oversampling", parameters.oversampling)
+    made.FitOutputGrid()
+    spacing = parameters.output_spacing
+    if spacing is not None:
+        made.SetOutputSpacing(make_numbers("output_spacing", (spacing,) * 2 if np.ndim(spacing) == 0 else spacing, 2))
+    if parameters.size is not None:
+        size = make_numbers("size", parameters.size, 2, is_whole=True)
+        if min(size) < 1:
+            raise ValueError(f"size must be positive, but it is {size}")
+        made.SetSize(size)
+    if parameters.output_origin is not None:
+        made.SetOutputOrigin(make_numbers("output_origin", parameters.output_origin, 2))
+
+
+def _set(made: Any, name: str, keyword: str, value: Any) -> None:
+    """Sets a number, of the type that the filter has."""
+    kind = type(getattr(made, f"Get{name}")())
+    try:
+        if kind(value) != value and value == value:
+            raise ValueError
+        getattr(made, f"Set{name}")(kind(value))
+    except (OverflowError, TypeError, ValueError) as error:
+        raise ValueError(f"{keyword} cannot be {value!r}") from error
+
+
+def _set_pixel(made: Any, name: str, keyword: str, value: Any, is_whole: bool) -> None:
+    try:
+        if is_whole and not float(value).is_integer():
+            raise ValueError
+        getattr(made, f"Set{name}")(int(value) if is_whole else float(value))
+    except (OverflowError, TypeError, ValueError) as error:
+        of = "whole, and a value of the voxels' type" if is_whole else "a number"
+        raise ValueError(f"{keyword} must be {of}, but it is {value!r}") from error
+
+
+def update(made: Any, information: bool = False) -> None:
+    """Updates a filter, or what it says of its output. What it refuses is an error of the one who called."""
+    try:
+        made.UpdateOutputInformation() if information else made.UpdateLargestPossibleRegion()
+    except RuntimeError as error:
+        if re.search(r"ITK ERROR: ShearWarp\w+\(", str(error)):
+            raise ValueError(_reword(describe(error))) from error
+        raise
+
+
+_WORDS = {
+    "DefaultPixelValue": "background", "DepthAttenuation": "attenuation", "NumberOfFrames": "frames",
+    "LocalMaximumThreshold": "local_maximum", "SlabNear": "slab's near", "SlabFar": "slab's far",
+    "CropLower": "crop's lower", "CropUpper": "crop's upper", "MaskImage": "mask", "Transform": "view",
+}  # fmt: skip
+
+
+def _reword(text: str) -> str:
+    """With the names of keywords."""
+
+    def name(match: re.Match[str]) -> str:
+        word = match[0]
+        return _WORDS.get(word) or re.sub(r"(?<=.)([A-Z])", r"_\1", word).lower()
+
+    names = (
+        "OutputSpacing|OutputOrigin|Size|Oversampling|RotationAxis|Center|StartAngle|AngularRange|Exact|LocalMaximum"
+    )
+    return re.sub(rf"\b({'|'.join(_WORDS)}|{names})\b", name, text)
+
+
+def _find_axis(axis: str | Sequence[float], image: Any) -> list[float]:
+    patient, volume = ("left", "posterior", "superior"), ("i", "j", "k")
+    if not isinstance(axis, str):
+        return make_numbers("rotation_axis", axis, 3)
+    if axis in patient:
+        return [float(name == axis) for name in patient]
+    if axis in volume:
+        direction: list[float] = itk.array_from_matrix(image.GetDirection())[:, volume.index(axis)].tolist()
+        return direction
+    names = ", ".join(patient + volume)
+    raise ValueError(f"rotation_axis must be one of {names} or a direction x, y, z, but it is {axis!r}")
+
+
+def _open_mask(mask: Any, label: int | None, image: Any) -> Any:
+    """A mask of 0 and 1 on the grid of an image."""
+    is_path = isinstance(mask, str | os.PathLike)
+    placed = take(open_image(mask) if is_path else mask)
+    voxels = np.asarray(placed.array)
+    if voxels.dtype.kind not in "biu":
+        raise TypeError(f"a mask must have whole numbers, but its voxels are {voxels.dtype}")
+    if voxels.shape != image.shape:
+        raise ValueError(
+            f"a mask must be on the volume's grid: it has the shape {voxels.shape} instead of {image.shape}"
+        )
+    if label is not None and not (label == int(label) and label >= 1):
+        raise ValueError(f"mask_label must be a whole number of at least 1, but it is {label}")
+    binary = make_view((voxels != 0 if label is None else voxels == label).astype(np.uint8))
+    if is_path or not _is_plain_array(mask):
+        place(binary, placed.replace(None, None, None))
+        _require_grid(binary, image)
+    binary.SetRegions(image.GetLargestPossibleRegion())
+    binary.CopyInformation(image)
+    return binary
+
+
+def _require_grid(mask: Any, image: Any) -> None:
+    start, size = (np.array(list(each)) for each in (_get_start(image), image.GetLargestPossibleRegion().GetSize()))
+    distance = 0.0
+    for corner in np.ndindex(2, 2, 2):
+        index = np.array(corner) * (size - 1)
+        points = [
+            np.array(list(each.TransformIndexToPhysicalPoint((index + first).tolist())))
+            for each, first in ((mask, 0), (image, start))
+        ]
+        distance = max(distance, float(np.linalg.norm(points[0] - points[1])))
+    # file formats round positions
+    if not distance <= 0.01 * min(image.GetSpacing()):
+        raise ValueError(
+            f"a mask must be on the volume's grid: a corner is {distance:g} mm away from where it should be"
+        )
+
+
+def _get_start(image: Any) -> Any:
+    return image.GetLargestPossibleRegion().GetIndex()
+
+
+def is_chunked(source: Any) -> bool:
+    """Whether a source is for Dask."""
+    if isinstance(source, str | os.PathLike):
+        path = Path(source)
+        names = (".zgroup", ".zattrs", "zarr.json")
+        return "://" in str(source) or path.suffix == ".zarr" or any((path / name).exists() for name in names)
+    if is_of(source, "xarray", "DataArray"):
+        source = source.variable._data
+    return (
+        is_of(source, "dask", "Array") or is_of(source, "zarr", "Group") or is_of(source, "itk_shearwarpmip", "Volume")
+    )
+
+
+def _open_chunks(source: Any, parameters: Parameters, where: Any) -> Any:
+    from itk_shearwarpmip import open_volume
+
+    if where.pop("series", None) is not None:
+        raise ValueError("series is for a DICOM folder")
+    possible = {"background", "oversampling", "output_spacing", "size", "output_origin"}
+    default = Parameters()
+    wrong = [
+        each.name
+        for each in fields(parameters)
+        if each.name not in possible and getattr(parameters, each.name) is not getattr(default, each.name)
+    ]
+    wrong = [name for name in wrong if getattr(parameters, name) != getattr(default, name)]
+    if wrong:
+        raise ValueError(
+            f"{', '.join(wrong)} cannot be given for a volume in chunks: give an array in memory, or an image"
+        )
+    spacing = parameters.output_spacing
+    return open_volume(source, output_spacing=spacing, **where)
+
+
+def _project_chunks(
+    source: Any, view: Any, azimuth: float, elevation: float, parameters: Parameters, where: Any
+) -> Any:
+    volume = _open_chunks(source, parameters, where)
+    from itk_shearwarpmip import _projection
+
+    transform = make_transform(volume.make_image(), view, azimuth, elevation)
+    return _projection.project(volume, transform, parameters)
+
+
+def _project_chunks_turning(source: Any, set_turn: Any, parameters: Parameters, where: Any) -> tuple[Any, list[Any]]:
+    volume = _open_chunks(source, parameters, where)
+    from itk_shearwarpmip import _projection
+
+    return _projection.project_turn(volume, set_turn, parameters)
+
+
+def show_itself(picture: Any, background: float, metadata: Any = None) -> Any:
+    """The same itk.Image, with what a notebook asks for."""
+    picture["Background"] = float(background)
+    if metadata is not None and metadata.HasKey(_PHOTOMETRIC):
+        picture[_PHOTOMETRIC] = metadata[_PHOTOMETRIC]
+    if picture.GetImageDimension() == 2:
+        weak = weakref.ref(picture)
+        picture._repr_png_ = lambda: _make_png(weak())
+    return picture
+
+
+def _make_png(picture: Any) -> bytes:
+    low, high = _save.find_window(picture)
+    values = np.clip(np.nan_to_num(itk.array_view_from_image(picture).astype(float), nan=low), low, high)
+    grey = np.floor(255.0 * (values - low) / (high - low) + 0.5).astype(np.uint8)
+    # low values are to be displayed white
+    metadata = picture.GetMetaDataDictionary()
+    is_inverted = metadata.HasKey(_PHOTOMETRIC) and metadata[_PHOTOMETRIC].strip() == "MONOCHROME1"
+    return _save.encode_png(255 - grey if is_inverted else grey)
+
+
+def _is_plain_array(source: Any) -> bool:
+    """Whether it has no place in space."""
+    return not (
+        isinstance(source, itk.Object)
+        or is_of(source, "xarray", "DataArray")
+        or is_of(source, "SimpleITK", "Image")
+        or is_of(source, "nibabel", "SpatialImage")
+    )
+
+
+def give_back(source: Any, picture: Any) -> Any:
+    """A picture as the kind that came in."""
+    if isinstance(source, str | os.PathLike | itk.Object) or is_of(source, "nibabel", "SpatialImage"):
+        return picture
+    if is_of(source, "xarray", "DataArray"):
+        return itk.xarray_from_image(picture)
+    if is_chunked(source):
+        return picture
+    pixels = itk.array_from_image(picture)
+    if is_of(source, "SimpleITK", "Image"):
+        simple = sys.modules["SimpleITK"].GetImageFromArray(pixels)
+        simple.SetSpacing(list(picture.GetSpacing()))
+        simple.SetOrigin(list(picture.GetOrigin()))
+        return simple
+    if is_of(source, "torch", "Tensor"):
+        return sys.modules["torch"].from_numpy(pixels)
+    get_namespace = getattr(source, "__array_namespace__", None)
+    return pixels if isinstance(source, np.ndarray) or get_namespace is None else get_namespace().asarray(pixels)

@@ -1,0 +1,326 @@
+"""What people have as a volume, as a 3D itk.Image: files, images of other packages and arrays, with their place in space."""
+
+import os
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import itk
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """Voxels, axes z, y, x, and where they lie: spacing and origin are in the order x, y, z."""
+
+    array: Any
+    spacing: Sequence[float] = (1.0, 1.0, 1.0)
+    origin: Sequence[float] = (0.0, 0.0, 0.0)
+    direction: Any = None
+    """3 x 3: its columns are the directions of the axes x, y, z in physical space; the identity by default."""
+
+    def replace(self, spacing: Any, origin: Any, direction: Any) -> "Placed":
+        """The same elsewhere: where what is given says so."""
+        return Placed(
+            self.array,
+            make_numbers("spacing", self.spacing if spacing is None else spacing, 3),
+            make_numbers("origin", self.origin if origin is None else origin, 3),
+            _make_direction(self.direction if direction is None else direction),
+        )
+
+
+def open_image(
+    source: Any,
+    *,
+    spacing: Sequence[float] | None = None,
+    origin: Sequence[float] | None = None,
+    direction: Any = None,
+    series: str | None = None,
+) -> Any:
+    """A volume as a 3D itk.Image, with its place in physical space (LPS, mm).
+
+    source: one of
+        - a path: an image file that ITK reads, or a folder with one DICOM series, or with several and `series`
+        - an itk.Image, which is given back if it needs no change
+        - a SimpleITK.Image, or an image of nibabel, whose space (RAS) is turned to LPS
+        - an xarray.DataArray with the dimensions z, y, x, and coordinates in equal ascending steps
+        - an array of NumPy, PyTorch or another package with `__array__` or `__dlpack__`, in the computer's memory, with
+          the axes z, y, x
+    spacing, origin: x, y, z, in mm; instead of the source's own, which are 1 and 0 of an array.
+    direction: 3 x 3, its columns are the directions of x, y, z; instead of the source's own, the identity of an array.
+    series: Series Instance UID, for a DICOM folder.
+
+    The image has voxels of uint8, int16, uint16, float32 or float64. Those of bool, float16 and of other integers are
+    converted if each value fits. Voxels are shared with the source, not copied, where that can be.
+
+    Raises TypeError for objects and voxels of other types, ValueError for what is no such volume or leaves a choice,
+    OSError for files that cannot be read.
+
+    >>> import numpy as np
+    >>> image = open_image(np.zeros((3, 4, 5), np.int16), spacing=(0.4, 0.4, 0.8))
+    >>> image.shape, list(image.GetSpacing())
+    ((3, 4, 5), [0.4, 0.4, 0.8])
+    """
+    if series is not None and not (isinstance(source, str | os.PathLike) and os.path.isdir(source)):
+        raise ValueError("series is for a DICOM folder")
+    if isinstance(source, str | os.PathLike):
+        source = _read(Path(source), series)
+    if type(source) in _find_image_types() and spacing is None and origin is None and direction is None:
+        return source
+    placed = take(source)
+    array = np.asarray(placed.array)
+    if array.ndim != 3:
+        raise ValueError(f"a volume has the axes z, y, x, but this one has the shape {array.shape}: give a part of it")
+    if not array.size:
+        raise ValueError(f"a volume must not be empty, but this one has the shape {array.shape}")
+    image = make_view(np.ascontiguousarray(narrow(array)))
+    place(image, placed.replace(spacing, origin, direction))
+    if isinstance(source, itk.Object):
+        image.SetMetaDataDictionary(source.GetMetaDataDictionary())
+    return image
+
+
+def make_view(array: NDArray[Any]) -> Any:
+    """An itk.Image that shares the memory of an array, which it keeps."""
+    image = itk.image_view_from_array(array)
+    # ITK takes one column for one row
+    region = itk.ImageRegion[array.ndim]()
+    region.SetSize([int(length) for length in reversed(array.shape)])
+    image.SetRegions(region)
+    return image
+
+
+def place(image: Any, placed: Placed) -> None:
+    """Gives an image its place in space."""
+    try:
+        image.SetSpacing(placed.spacing)
+        image.SetDirection(itk.matrix_from_array(placed.direction))
+    except RuntimeError as error:
+        raise ValueError(describe(error)) from error
+    image.SetOrigin(placed.origin)
+
+
+def take(source: Any) -> Placed:
+    """The voxels of what is no path, with its own place in space: an array of Dask, or one that NumPy can share."""
+    if is_of(source, "xarray", "DataArray"):
+        return _take_data_array(source)
+    if isinstance(source, itk.ImageBase[3]):
+        first = source.TransformIndexToPhysicalPoint(source.GetBufferedRegion().GetIndex())
+        direction = itk.array_from_matrix(source.GetDirection())
+        return Placed(_share(source, _view_image(source)), source.GetSpacing(), first, direction)
+    if is_of(source, "SimpleITK", "Image"):
+        return _take_simple_itk(source)
+    if is_of(source, "nibabel", "SpatialImage"):
+        return _take_nibabel(source)
+    if isinstance(getattr(source, "_meta", source), np.ma.MaskedArray):
+        raise TypeError(
+            "a masked array loses its mask: fill it, with its method filled() or dask.array.ma.filled(), or give its "
+            "data, and mask=~np.ma.getmaskarray(array)"
+        )
+    if isinstance(source, np.ndarray) or is_of(source, "dask", "Array"):
+        return Placed(source)
+    # an image of ITK of another dimension, or of vectors, has an array too
+    is_array = hasattr(source, "__array__") or hasattr(source, "__dlpack__")
+    if isinstance(source, itk.Object) or is_of(source, "zarr", "Array") or isinstance(source, type) or not is_array:
+        raise TypeError(
+            "a volume is the path of an image, a 3D itk.Image of scalars, a SimpleITK.Image, an image of nibabel, an "
+            "xarray.DataArray, an array of Dask, NumPy or PyTorch, or an OME-Zarr, but this is a "
+            f"{type(source).__module__}.{type(source).__qualname__}: give an array of its voxels, with spacing, origin and direction"
+        )
+    try:
+        return Placed(np.asarray(source) if hasattr(source, "__array__") else np.from_dlpack(source))
+    except (TypeError, RuntimeError, BufferError, ValueError) as error:
+        raise TypeError(f"NumPy cannot share this array: copy it to the computer's memory first; {error}") from error
+
+
+def is_of(instance: Any, package: str, name: str) -> bool:
+    """Whether it is of a class of a package, which need not be there."""
+    return any(
+        each.__name__ == name and each.__module__.partition(".")[0] == package for each in type(instance).__mro__
+    )
+
+
+def describe(error: Exception) -> str:
+    """In one line, without the places in ITK's sources."""
+    text = str(error).rpartition("ITK ERROR: ")[2]
+    words = text.split()
+    if words and words[0].endswith("):"):
+        del words[0]
+    return " ".join(words) or type(error).__name__
+
+
+def make_numbers(name: str, values: Any, count: int, is_whole: bool = False) -> list[Any]:
+    """That many numbers of x, y and z."""
+    try:
+        numbers = [] if isinstance(values, str) else [float(value) for value in values]
+    except (TypeError, ValueError):
+        numbers = []
+    if len(numbers) != count or (is_whole and not all(number.is_integer() for number in numbers)):
+        axes = "two numbers" if count == 2 else "three numbers, x, y, z"
+        raise ValueError(f"{name} must be {'whole: ' if is_whole else ''}{axes}, but it is {values!r}")
+    return [int(number) for number in numbers] if is_whole else numbers
+
+
+def _make_direction(values: Any) -> NDArray[np.float64]:
+    direction = np.eye(3) if values is None else np.asarray(values, dtype=float)
+    if direction.size != 9:
+        raise ValueError(f"direction must be 3 x 3, but it is {values!r}")
+    return direction.reshape(3, 3)
+
+
+@cache
+def _find_image_types() -> frozenset[Any]:
+    return frozenset(image for (image,) in itk.ShearWarpMIPPartImageFilter.keys())
+
+
+@cache
+def find_pixel_types() -> dict[np.dtype[Any], Any]:
+    """ITK's types of the voxels that the filters take."""
+    pixel_types = [itk.template(image)[1][0] for image in _find_image_types()]
+    return {np.dtype(pixel_type.dtype): pixel_type for pixel_type in pixel_types}
+
+
+def narrow(array: NDArray[Any]) -> NDArray[Any]:
+    """The same values in one of the types that the filters take."""
+    native = array.dtype.newbyteorder("=")
+    if native in find_pixel_types():
+        return array.astype(native, copy=False)
+    if native == np.float16:
+        return array.astype(np.float32)
+    if native.kind in "biu":
+        low, high = int(array.min()), int(array.max())
+        for dtype in (np.uint8, np.int16, np.uint16) if native.itemsize == 1 else (np.int16, np.uint16):
+            if np.iinfo(dtype).min <= low and high <= np.iinfo(dtype).max:
+                return array.astype(dtype)
+    names = ", ".join(sorted(map(str, find_pixel_types())))
+    raise TypeError(
+        f"voxels must be one of {names}, or have values of int16 or uint16, but they are {native}; use astype()"
+    )
+
+
+class _Voxels:
+    """The voxels of an image, which lives as long as arrays of them."""
+
+    def __init__(self, owner: Any, array: NDArray[Any]):
+        self._owner = owner
+        self.__array_interface__ = array.__array_interface__
+
+
+def _share(owner: Any, array: NDArray[Any]) -> NDArray[Any]:
+    return np.asarray(_Voxels(owner, array))
+
+
+def _view_image(image: Any) -> NDArray[Any]:
+    try:
+        array: NDArray[Any] = itk.array_view_from_image(image)
+    except (RuntimeError, TypeError, KeyError) as error:
+        raise TypeError(
+            f"voxels must be scalars, but this is a {type(image).__name__}: give one of its components"
+        ) from error
+    return array
+
+
+def _take_data_array(source: Any) -> Placed:
+    if set(source.dims) != set("xyz"):
+        raise ValueError(f"a DataArray must have the dimensions z, y, x, but this one has {source.dims}")
+    if len({source.coords[name].attrs.get("units") for name in "xyz" if name in source.coords}) > 1:
+        raise ValueError("the coordinates of a DataArray must have the same units")
+    spacing, origin = [], []
+    for name in "xyz":
+        places = np.asarray(source.coords[name] if name in source.coords else range(source.sizes[name]), dtype=float)
+        if not places.size:
+            raise ValueError(f"a volume must not be empty, but this one has the shape {source.shape}")
+        step = (places[-1] - places[0]) / (places.size - 1) if places.size > 1 else 1.0
+        # a hundredth of a voxel is rounding
+        if not (step > 0 and np.allclose(places, places[0] + step * np.arange(places.size), 0, step / 100)):
+            raise ValueError(f"the coordinates of a DataArray must ascend in equal steps, but those of {name} do not")
+        spacing.append(step)
+        origin.append(places[0])
+    # ITK's conversion keeps the direction for z, y, x
+    direction = source.attrs.get("direction")
+    placed = take(source.transpose(*"zyx").data)
+    return Placed(placed.array, spacing, origin, None if direction is None else np.flip(np.asarray(direction, float)))
+
+
+def _take_simple_itk(source: Any) -> Placed:
+    if source.GetDimension() != 3 or source.GetNumberOfComponentsPerPixel() != 1:
+        raise ValueError(
+            f"a SimpleITK.Image must have 3 dimensions and 1 component, but this one has {source.GetDimension()} and "
+            f"{source.GetNumberOfComponentsPerPixel()}"
+        )
+    array = sys.modules["SimpleITK"].GetArrayViewFromImage(source)
+    return Placed(_share(source, array), source.GetSpacing(), source.GetOrigin(), source.GetDirection())
+
+
+_MILLIMETRES = {"meter": 1000.0, "micron": 0.001}
+
+
+def _take_nibabel(source: Any) -> Placed:
+    shape = source.shape
+    while len(shape) > 3 and shape[-1] == 1:
+        shape = shape[:-1]
+    if len(shape) != 3:
+        raise ValueError(
+            f"an image of nibabel must have 3 dimensions, but this one has the shape {source.shape}: see slicer"
+        )
+    if source.affine is None:
+        raise ValueError("this image of nibabel has no affine: give its array, with spacing, origin and direction")
+    get_units = getattr(source.header, "get_xyzt_units", None)
+    scale = _MILLIMETRES.get(get_units()[0], 1.0) if get_units else 1.0
+    # RAS to LPS
+    affine = np.diag([-scale, -scale, scale, 1.0]) @ np.asarray(source.affine, dtype=float)
+    spacing = np.linalg.norm(affine[:3, :3], axis=0)
+    with np.errstate(invalid="ignore"):
+        # what is sheared remains so
+        direction = affine[:3, :3] / spacing
+    array = np.asanyarray(source.dataobj).reshape(shape).T
+    return Placed(array, spacing.tolist(), affine[:3, 3].tolist(), direction)
+
+
+def _read(path: Path, series: str | None) -> Any:
+    """An image file or a DICOM folder."""
+    if not path.exists():
+        raise FileNotFoundError(f"'{path}' does not exist")
+    if path.is_dir():
+        from itk_shearwarpmip import _dicom
+
+        return _dicom.read_folder(path, series)
+    # ITK would wait for a pipe
+    io = itk.ImageIOFactory.CreateImageIO(str(path), itk.CommonEnums.IOFileMode_ReadMode) if path.is_file() else None
+    if not io:
+        raise OSError(f"'{path}' is not an image that ITK can read")
+    try:
+        io.SetFileName(str(path))
+        io.ReadImageInformation()
+        dimension = io.GetNumberOfDimensions()
+        lengths = [io.GetDimensions(axis) for axis in range(dimension)]
+        components = io.GetNumberOfComponents()
+        if len(lengths) < 3 or any(length != 1 for length in lengths[3:]):
+            raise ValueError(
+                f"'{path}' has the size {lengths}, but a volume has 3 dimensions: read it, and give a part of it"
+            )
+        if components != 1 or io.GetPixelType() == itk.CommonEnums.IOPixel_COMPLEX:
+            raise ValueError(f"'{path}' has {components} components, but a volume has 1: read it, and give one of them")
+        if io.GetNameOfClass() == "GDCMImageIO":
+            from itk_shearwarpmip import _dicom
+
+            return _dicom.read_file(path)
+        # the reader drops axes of length 1
+        reader = itk.ImageFileReader[itk.Image[_find_type_in_memory(io), 3]].New(FileName=str(path), ImageIO=io)
+        reader.Update()
+    except RuntimeError as error:
+        raise OSError(f"'{path}' cannot be read: {describe(error)}") from error
+    image = reader.GetOutput()
+    image.DisconnectPipeline()
+    return image
+
+
+def _find_type_in_memory(io: Any) -> Any:
+    """The type that ITK's Python has for all values of a file that open_image() can take."""
+    name = io.GetComponentTypeAsString(io.GetComponentType())
+    types = {"char": itk.SS, "unsigned_char": itk.UC, "short": itk.SS, "unsigned_short": itk.US, "float": itk.F}
+    return (types | {"int": itk.SI, "unsigned_int": itk.UI}).get(name, itk.D)

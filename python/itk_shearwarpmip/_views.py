@@ -1,0 +1,58 @@
+"""Views by their names, and what else says where the viewer looks from."""
+
+import math
+from typing import Any
+
+import itk
+import numpy as np
+
+SIDES = ("anterior", "posterior", "left", "right", "superior", "inferior")
+
+
+def make_transform(image: Any, view: Any = "anterior", azimuth: float = 0.0, elevation: float = 0.0) -> Any:
+    """The itk.Transform, from view space to physical space (LPS, mm), of a view of a 3D itk.Image.
+
+    view: the side of the patient from which the viewer looks, one of SIDES; or a linear itk.Transform of 3D in double
+        precision; or a 4 x 4 matrix. View space has u to the right of the picture, v down, and w away from the viewer.
+    azimuth, elevation: degrees that the viewer then moves towards the right of the picture, and towards its top.
+        Only with a side.
+
+    Raises ValueError for another name, a matrix that is none and angles that are not finite; TypeError for other types.
+
+    >>> import numpy as np
+    >>> image = itk.image_from_array(np.zeros((3, 4, 5), np.int16))
+    >>> turned = make_transform(image, "anterior", azimuth=90.0)
+    >>> turned.GetMatrix() == make_transform(image, "left").GetMatrix()
+    True
+    """
+    if isinstance(view, str):
+        if view not in SIDES:
+            raise ValueError(
+                f"view must be one of {', '.join(SIDES)}, an itk.Transform or a 4 x 4 matrix, not {view!r}"
+            )
+        if not (math.isfinite(azimuth) and math.isfinite(elevation)):
+            raise ValueError(f"azimuth and elevation must be finite, but they are {azimuth} and {elevation}")
+        side = getattr(itk.ShearWarpMIPViewEnums, f"Direction_{view.capitalize()}")
+        return itk.ShearWarpMIPView.MakeTransform(image, side, float(azimuth), float(elevation))
+    if azimuth != 0.0 or elevation != 0.0:
+        raise ValueError("azimuth and elevation are for a view that is a name")
+    if isinstance(view, itk.Transform[itk.D, 3, 3]):
+        return view
+    if isinstance(view, itk.Object) or (isinstance(view, list | tuple) and view and isinstance(view[0], itk.Object)):
+        raise TypeError(
+            "view must be one itk.Transform of 3 dimensions in double precision; several go to turn(transforms=)"
+        )
+    try:
+        matrix = np.asarray(view, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise TypeError(
+            f"view must be one of {', '.join(SIDES)}, an itk.Transform or a 4 x 4 matrix, not a {type(view).__name__}"
+        ) from error
+    if matrix.shape != (4, 4) or not np.isfinite(matrix).all() or (matrix[3] != [0, 0, 0, 1]).any():
+        raise ValueError(
+            f"a matrix as view must be 4 x 4 and finite, its last row 0, 0, 0, 1, but it is {matrix.tolist()}"
+        )
+    transform = itk.AffineTransform[itk.D, 3].New()
+    transform.SetMatrix(itk.matrix_from_array(matrix[:3, :3]))
+    transform.SetTranslation(matrix[:3, 3].tolist())
+    return transform
