@@ -406,7 +406,7 @@ def update(made: Any, information: bool = False) -> None:
     try:
         made.UpdateOutputInformation() if information else made.UpdateLargestPossibleRegion()
     except RuntimeError as error:
-        if re.search(r"ITK ERROR: ShearWarp\w+\(", str(error)):
+        if re.match(r"\S*itkShearWarp\w+\.\w+:\d+:", str(error)):
             raise ValueError(_reword(describe(error))) from error
         raise
 

@@ -23,7 +23,7 @@ import xarray
 import zarr
 from dask.utils import key_split
 from distributed import Client, LocalCluster, get_task_stream, wait
-from itk_shearwarpmip import mip, mip_cine, open_volume
+from itk_shearwarpmip import mip, open_volume, turn
 from itk_shearwarpmip.__main__ import main
 
 DTYPES = [np.uint8, np.int16, np.uint16, np.float32, np.float64]
@@ -84,6 +84,19 @@ def make_image(array, spacing=(1, 1, 1), origin=(0, 0, 0), direction=((1, 0, 0),
     return image
 
 
+def project(volume, view=np.eye(4), background=0, **options):
+    """By default what the filter does: along z, on 0."""
+    return mip(volume, view, background=background, **options)
+
+
+def project_turn(volume, transforms=None, background=0, number_of_frames=36, rotation_axis=(0, 0, 1), **options):
+    """By default what the filter does: upright, on 0."""
+    outline = open_volume(volume, **{key: options[key] for key in GEOMETRY if key in options}).make_image()
+    upright = itk.ShearWarpMIPView.MakeUprightTransform(outline, rotation_axis)
+    options |= {"background": background, "rotation_axis": rotation_axis, "frames": number_of_frames}
+    return turn(volume, upright, transforms=transforms, **options).frames
+
+
 def assert_same(picture, expected):
     assert np.asarray(picture).tobytes() == np.asarray(expected).tobytes()
     assert picture.GetLargestPossibleRegion() == expected.GetLargestPossibleRegion()
@@ -100,7 +113,7 @@ def test_random_chunks_give_the_bits_of_the_whole(dtype):
         view = make_view(generator)
         oversampling = 1 + repeat % 2
         chunked = dask.array.from_array(array, make_chunks(generator, array.shape, 2 if thin else 20))
-        picture = mip(chunked, view, oversampling=oversampling, default_pixel_value=9, output_spacing=0.6, **GEOMETRY)
+        picture = project(chunked, view, oversampling=oversampling, background=9, output_spacing=0.6, **GEOMETRY)
         whole = itk.shear_warp_mip_image_filter(
             make_image(array, **GEOMETRY),
             transform=view,
@@ -116,8 +129,8 @@ def test_the_grid_is_as_the_filters():
     array = make_array(np.random.default_rng(2), (20, 30, 40))
     grid = {"size": [33, 22], "output_spacing": [0.9, 1.3], "output_origin": [2.0, -3.0]}
     whole = itk.shear_warp_mip_image_filter(make_image(array), **grid)
-    assert_same(mip(dask.array.from_array(array, 16), **grid), whole)
-    assert_same(mip(array, **grid), whole)
+    assert_same(project(dask.array.from_array(array, 16), **grid), whole)
+    assert_same(project(open_volume(array), **grid), whole)
 
 
 @pytest.mark.parametrize("scheduler", ["threads", "processes"])
@@ -126,7 +139,7 @@ def test_schedulers_of_one_computer(scheduler):
     view = make_view(np.random.default_rng(3))
     with dask.config.set(scheduler=scheduler):
         assert_same(
-            mip(dask.array.from_array(array, 16), view),
+            project(dask.array.from_array(array, 16), view),
             itk.shear_warp_mip_image_filter(make_image(array), transform=view),
         )
 
@@ -136,21 +149,21 @@ def test_cine_is_as_the_filters():
     chunked = dask.array.from_array(array, 12)
     turn = {"number_of_frames": 7, "rotation_axis": [0.0, 0.6, 0.8], "angular_range": 3.0, "start_angle": 0.3}
     whole = itk.shear_warp_mip_cine_image_filter(make_image(array, **GEOMETRY), rocking=True, **turn)
-    assert_same(mip_cine(chunked, rocking=True, **turn, **GEOMETRY), whole)
-    frames = mip_cine(chunked)
+    assert_same(project_turn(chunked, rocking=True, **turn, **GEOMETRY), whole)
+    frames = project_turn(chunked)
     whole = itk.shear_warp_mip_cine_image_filter(make_image(array))
     assert_same(frames, whole)
     assert frames["FrameAngles"] == whole["FrameAngles"]
     assert frames["BytesSent"] > 0
     views = [make_view(np.random.default_rng(n)) for n in range(3)]
     whole = itk.shear_warp_mip_cine_image_filter(make_image(array), transforms=views)
-    assert_same(mip_cine(chunked, views), whole)
+    assert_same(project_turn(chunked, views), whole)
 
 
 def test_voxels_of_the_other_byte_order():
     array = make_array(np.random.default_rng(5), (9, 10, 11))
     swapped = dask.array.from_array(array.astype(">u2"), 6)
-    assert_same(mip(swapped), itk.shear_warp_mip_image_filter(make_image(array)))
+    assert_same(project(swapped), itk.shear_warp_mip_image_filter(make_image(array)))
 
 
 def test_empty_chunks_take_no_part():
@@ -158,13 +171,13 @@ def test_empty_chunks_take_no_part():
     chosen = np.arange(9) > 6
     holed = dask.array.from_array(array, 3)[dask.array.from_array(chosen, 3)].compute_chunk_sizes()
     assert 0 in holed.chunks[0]
-    assert_same(mip(holed), itk.shear_warp_mip_image_filter(make_image(array[chosen])))
+    assert_same(project(holed), itk.shear_warp_mip_image_filter(make_image(array[chosen])))
 
 
 def test_only_what_was_touched_is_sent():
     volume = dask.array.zeros((64, 64, 64), dtype=np.uint8, chunks=16)
     # each chunk; boxes of 2 x 2 x 2, with the seams to those before; then all
-    assert mip(volume)["BytesSent"] == 64 * 16 * 16 + 2 * (32 + 33) ** 2 + 64 * 64
+    assert project(volume)["BytesSent"] == 64 * 16 * 16 + 2 * (32 + 33) ** 2 + 64 * 64
 
 
 def label(array=None, **coordinates):
@@ -178,9 +191,9 @@ def label(array=None, **coordinates):
 @pytest.mark.parametrize("arrange", [np.asarray, np.asfortranarray])
 def test_thin_pictures_and_orders_in_memory(shape, arrange):
     array = make_array(np.random.default_rng(16), shape)
-    for each in (mip(dask.array.from_array(arrange(array), 2)), mip(arrange(array))):
-        assert np.array_equal(np.asarray(each), array.max(axis=0))
-    frames = mip_cine(arrange(array), [itk.IdentityTransform[itk.D, 3].New()])
+    for chunked in (dask.array.from_array(arrange(array), 2), open_volume(arrange(array))):
+        assert np.array_equal(np.asarray(project(chunked)), array.max(axis=0))
+    frames = project_turn(dask.array.from_array(arrange(array), 2), [itk.IdentityTransform[itk.D, 3].New()])
     assert np.array_equal(np.asarray(frames), array.max(axis=0)[np.newaxis])
 
 
@@ -196,7 +209,7 @@ def test_images_keep_their_geometry():
         assert np.allclose(volume.spacing, GEOMETRY["spacing"], rtol=1e-14)
         assert np.allclose(volume.origin, GEOMETRY["origin"], rtol=1e-14)
         assert np.array_equal(volume.direction, GEOMETRY["direction"])
-    assert_same(mip(image, view), expected)
+    assert_same(project(open_volume(image), view), expected)
     # a region that does not begin at 0
     region = image.GetLargestPossibleRegion()
     region.SetIndex([3, -2, 5])
@@ -209,11 +222,9 @@ def test_images_keep_their_geometry():
 
 
 def test_voxels_keep_their_image():
-    from itk_shearwarpmip import _volume
-
-    array = np.asarray(_volume._Voxels(make_image(np.full((64, 256, 256), 7, np.int16), **GEOMETRY)))
+    array = open_volume(make_image(np.full((64, 256, 256), 7, np.int16), **GEOMETRY)).array
     others = [np.full((64, 256, 256), n, np.int16) for n in range(4)]
-    assert (array == 7).all() and len(others) == 4
+    assert (array == 7).all().compute() and len(others) == 4
 
 
 def test_volumes_can_be_compared():
@@ -226,42 +237,40 @@ def test_volumes_can_be_compared():
 def test_bad_input_is_named():
     array = dask.array.zeros((8, 8, 8), dtype=np.uint8)
     for wrong, kind, text in (
-        (lambda: mip(array.astype(np.int64)), TypeError, "voxels must be one of .* but they are int64"),
-        (lambda: mip(array[0]), ValueError, "has the shape"),
-        (lambda: mip(array[:0]), ValueError, "must not be empty"),
-        (lambda: mip(array, spacing=(1, 2)), ValueError, "spacing must be three numbers"),
-        (lambda: mip(array, spacing=(1, 2, 0)), RuntimeError, "spacing is not supported"),
-        (lambda: mip(array, level=1), ValueError, "no levels"),
-        (lambda: mip(array, time=1), ValueError, "no levels, times and channels"),
-        (lambda: mip(open_volume(array), channel=1), ValueError, "no levels, times and channels"),
-        (lambda: mip(array, oversampling=3), RuntimeError, "Oversampling must be 1 or 2"),
-        (lambda: mip(array, oversampling=-1), ValueError, "Oversampling cannot be -1"),
-        (lambda: mip(array, default_pixel_value=1.5), ValueError, "DefaultPixelValue must be whole, .* but it is 1.5"),
+        (lambda: project(array.astype(np.int64)), TypeError, "voxels must be one of .* but they are int64"),
+        (lambda: project(array[0]), ValueError, "has the shape"),
+        (lambda: project(array[:0]), ValueError, "must not be empty"),
+        (lambda: project(array, spacing=(1, 2)), ValueError, "spacing must be three numbers"),
+        (lambda: project(array, spacing=(1, 2, 0)), ValueError, "spacing is not supported"),
+        (lambda: project(array, level=1), ValueError, "no levels"),
+        (lambda: project(array, time=1), ValueError, "no levels, times and channels"),
+        (lambda: project(open_volume(array), channel=1), ValueError, "no levels, times and channels"),
+        (lambda: project(array, oversampling=3), ValueError, "oversampling must be 1 or 2"),
+        (lambda: project(array, oversampling=-1), ValueError, "oversampling cannot be -1"),
+        (lambda: project(array, background=1.5), ValueError, "background must be whole, .* but it is 1.5"),
+        (lambda: project(array, background=np.nan), ValueError, "background must be whole, .* but it is nan"),
+        (lambda: project(array, background=256), ValueError, "background must be whole, .* but it is 256"),
+        (lambda: project_turn(array, number_of_frames=-1), ValueError, "frames cannot be -1"),
+        (lambda: project(np.ma.masked_less(array.compute(), 1)), TypeError, "loses its mask"),
+        (lambda: project(dask.array.ma.masked_less(array, 1)), TypeError, "loses its mask"),
+        (lambda: project([[[1]]]), TypeError, "this is a builtins.list: give an array .* with spacing"),
+        (lambda: project(zarr.create_array({}, data=array.compute())), TypeError, "this is a zarr.*Array: give an array"),
         (
-            lambda: mip(array, default_pixel_value=np.nan),
-            ValueError,
-            "DefaultPixelValue must be whole, .* but it is nan",
-        ),
-        (lambda: mip(array, default_pixel_value=256), ValueError, "DefaultPixelValue cannot be 256"),
-        (lambda: mip_cine(array, number_of_frames=-1), ValueError, "NumberOfFrames cannot be -1"),
-        (lambda: mip(np.ma.masked_less(array.compute(), 1)), TypeError, "loses its mask"),
-        (lambda: mip(dask.array.ma.masked_less(array, 1)), TypeError, "loses its mask"),
-        (lambda: mip([[[1]]]), TypeError, "this is a builtins.list: give an array .* with spacing"),
-        (lambda: mip(zarr.create_array({}, data=array.compute())), TypeError, "this is a zarr.*Array: give an array"),
-        (
-            lambda: mip(itk.image_from_array(np.ones((2, 2), np.uint8))),
+            lambda: project(itk.image_from_array(np.ones((2, 2), np.uint8))),
             TypeError,
             "this is a itk.*US?C?2: give an array",
         ),
-        (lambda: mip(xarray.DataArray(array)), ValueError, "must have the dimensions z, y, x"),
-        (lambda: mip(label(x=[0, 1, 3])), ValueError, "ascend in equal steps, but those of x"),
-        (lambda: mip(label(y=[4, 3, 2])), ValueError, "ascend in equal steps, but those of y"),
-        (lambda: mip(label(z=("z", [4, 5, 6], {"units": "m"}))), ValueError, "the same units"),
-        (lambda: mip(array, output_spacing=-1), RuntimeError, "OutputSpacing must be positive"),
-        (lambda: mip(array, size=(0, 4)), RuntimeError, "Size must not be zero"),
-        (lambda: mip(array[array[:, 0, 0] == 0]), ValueError, "must be known"),
-        (lambda: mip(array, colour=1), TypeError, "colour"),
-        (lambda: mip("nowhere.zarr"), ValueError, "nowhere.zarr is no OME-Zarr"),
+        (lambda: project(xarray.DataArray(array)), ValueError, "must have the dimensions z, y, x"),
+        (lambda: project(label(x=[0, 1, 3])), ValueError, "ascend in equal steps, but those of x"),
+        (lambda: project(label(y=[4, 3, 2])), ValueError, "ascend in equal steps, but those of y"),
+        (lambda: project(label(z=("z", [4, 5, 6], {"units": "m"}))), ValueError, "the same units"),
+        (lambda: project(array, output_spacing=-1), ValueError, "output_spacing must be positive"),
+        (lambda: project(array, size=(0, 4)), ValueError, "size must be positive"),
+        (lambda: mip(array, mode="minimum", exact=True), ValueError, "mode, exact cannot be given for .* in chunks"),
+        (lambda: turn(array, series="1.2"), ValueError, "series is for a DICOM folder"),
+        (lambda: project(array[array[:, 0, 0] == 0]), ValueError, "must be known"),
+        (lambda: project(array, colour=1), TypeError, "colour"),
+        (lambda: project("nowhere.zarr"), ValueError, "nowhere.zarr is no OME-Zarr"),
     ):
         with pytest.raises(kind, match=text):
             wrong()
@@ -296,15 +305,15 @@ def test_ome_zarr(ome_zarr):
         volume = open_volume(source, channel=1)
         assert volume.unit == "micrometer"
         with dask.config.set({"array.chunk-size": "30kB"}):
-            picture = mip(source, view, channel=1)
+            picture = project(source, view, channel=1)
         whole = make_image(array[1], (2, 2, 4), (7, -50, 100))
         assert_same(picture, itk.shear_warp_mip_image_filter(whole, transform=view))
     with pytest.raises(ValueError, match="has 2 along the axis c, but not number 2"):
-        mip(path, channel=2)
+        project(path, channel=2)
     with pytest.raises(ValueError, match="has no axis t"):
-        mip(path, time=1)
+        project(path, time=1)
     with pytest.raises(ValueError, match="levels 0 to 2, but not 3"):
-        mip(path, level=3)
+        project(path, level=3)
 
 
 def test_an_opened_volume_keeps_its_place(ome_zarr):
@@ -316,11 +325,11 @@ def test_an_opened_volume_keeps_its_place(ome_zarr):
     assert persisted.unit == "micrometer"
     whole = make_image(array[1], (2, 2, 4), (7, -50, 100), GEOMETRY["direction"])
     for each in (volume, persisted):
-        assert_same(mip(each, view), itk.shear_warp_mip_image_filter(whole, transform=view))
+        assert_same(project(each, view), itk.shear_warp_mip_image_filter(whole, transform=view))
     whole.SetSpacing((3, 4, 5))
-    assert_same(mip(persisted, view, spacing=(3, 4, 5)), itk.shear_warp_mip_image_filter(whole, transform=view))
+    assert_same(project(persisted, view, spacing=(3, 4, 5)), itk.shear_warp_mip_image_filter(whole, transform=view))
     with pytest.raises(ValueError, match="no levels"):
-        mip(volume, level=1)
+        project(volume, level=1)
 
 
 def test_the_level_is_the_coarsest_that_is_fine_enough(ome_zarr):
@@ -432,14 +441,14 @@ def test_a_corrupt_chunk_is_named_and_a_missing_one_is_empty(ome_zarr):
     chunk = find_chunks(path / name)[0]
     chunk.write_bytes(b"no chunk")
     with pytest.raises(OSError, match=r"voxels \[0, 0:.*\] of .*image\.ome\.zarr.* cannot be read"):
-        mip(path, level=0)
+        project(path, level=0)
     chunk.unlink()
     expected = array[0].copy()
     stored = zarr.open_group(path, mode="r")[name]
     lengths = stored.chunks[1:]
     expected[: lengths[0], : lengths[1], : lengths[2]] = 0
     whole = make_image(expected, (2, 2, 4), (7, -50, 100))
-    assert_same(mip(path, level=0), itk.shear_warp_mip_image_filter(whole))
+    assert_same(project(path, level=0), itk.shear_warp_mip_image_filter(whole))
 
 
 def test_program(ome_zarr, tmp_path, capsys):
@@ -471,9 +480,9 @@ def test_program(ome_zarr, tmp_path, capsys):
 @pytest.mark.parametrize(
     "arguments, text",
     [
-        (["--frames", -1], "NumberOfFrames cannot be -1"),
-        (["--frames", 0], "NumberOfFrames must be from 1 to 65535, but it is 0."),
-        (["--spacing", -1], "OutputSpacing must be positive and finite, but it is"),
+        (["--frames", -1], "frames cannot be -1"),
+        (["--frames", 0], "frames must be from 1 to 65535, but it is 0."),
+        (["--spacing", -1], "output_spacing must be positive and finite, but it is"),
         (["--time", 1], "has no axis t"),
         (["--scheduler", "nonsense:"], ""),
     ],
@@ -578,9 +587,9 @@ def test_url(ome_zarr):
         threading.Thread(target=server.serve_forever).start()
         try:
             url = f"http://127.0.0.1:{server.server_port}"
-            assert np.array_equal(np.asarray(mip(f"{url}/{path.name}", channel=1)), array[1].max(axis=0))
+            assert np.array_equal(np.asarray(project(f"{url}/{path.name}", channel=1)), array[1].max(axis=0))
             with pytest.raises(ValueError, match="is no OME-Zarr"):
-                mip(f"{url}/none")
+                project(f"{url}/none")
         finally:
             server.shutdown()
 
@@ -592,7 +601,7 @@ def test_views_at_once_on_a_cluster(client):
     pictures = [None, None]
 
     def project(n):
-        pictures[n] = mip(chunked, views[n])
+        pictures[n] = project(chunked, views[n])
 
     threads = [threading.Thread(target=project, args=(n,)) for n in range(2)]
     for thread in threads:
@@ -620,7 +629,7 @@ def test_chunks_that_workers_have_are_projected_together(client):
     wait(persisted)
     for view in (*views, None):
         with get_task_stream(client) as stream:
-            picture = mip(persisted, view, **GEOMETRY)
+            picture = project(persisted, view, **GEOMETRY)
         whole = make_image(array, **GEOMETRY)
         assert_same(picture, itk.shear_warp_mip_image_filter(whole, **({"transform": view} if view else {})))
         # of each box two for each worker, at most
@@ -628,19 +637,19 @@ def test_chunks_that_workers_have_are_projected_together(client):
         assert count_tasks(stream, "merge_chunks") == 4
         # the last box has none after it
         assert count_tasks(stream, "get_ends") <= 3
-    frames = mip_cine(persisted, views)
+    frames = project_turn(persisted, views)
     assert_same(frames, itk.shear_warp_mip_cine_image_filter(make_image(array), transforms=views))
 
 
 def test_boxes_of_chunks_follow_each_other(client):
     volume = make_wave_volume(((8,) * 4, (8,) * 6, (8,) * 6))
     # a worker that still imports what it needs is slow
-    mip(volume)
+    project(volume)
     # a slow worker has few tasks that others overtake; on a busy computer it has many
     overtaken = []
     while len(overtaken) < 3 and min(overtaken, default=9) > 8:
         with get_task_stream(client) as stream:
-            mip(volume)
+            project(volume)
         started = sorted(
             (task["startstops"][0]["start"], task["key"])
             for task in stream.data
@@ -655,14 +664,14 @@ def test_boxes_of_chunks_follow_each_other(client):
 def test_chunks_that_tasks_share(client):
     array = make_array(np.random.default_rng(15), (32, 48, 40))
     view = make_view(np.random.default_rng(15))
-    picture = mip(dask.array.from_array(array, 12).rechunk(8), view)
+    picture = project(dask.array.from_array(array, 12).rechunk(8), view)
     assert_same(picture, itk.shear_warp_mip_image_filter(make_image(array), transform=view))
 
 
 def test_chunks_that_are_still_computed(client):
     array = make_array(np.random.default_rng(13), (20, 20, 20))
     chunks = dask.array.from_array(array, 10).map_blocks(slow, dtype=array.dtype, meta=array[:0, :0, :0])
-    assert_same(mip(chunks.persist()), itk.shear_warp_mip_image_filter(make_image(array)))
+    assert_same(project(chunks.persist()), itk.shear_warp_mip_image_filter(make_image(array)))
 
 
 def slow(chunk):
@@ -677,7 +686,7 @@ def test_one_worker_is_enough():
         LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=":0") as local,
         Client(local),
     ):
-        picture = mip(dask.array.from_array(array, 16))
+        picture = project(dask.array.from_array(array, 16))
     assert_same(picture, itk.shear_warp_mip_image_filter(make_image(array)))
 
 
@@ -695,7 +704,7 @@ def make_wave_volume(chunks):
 def test_a_volume_larger_than_a_workers_memory(client):
     # 2.1 GB; a worker has 1 GB
     volume = make_wave_volume(((128,) * 8,) * 3)
-    picture = mip(volume)
+    picture = project(volume)
     plane = make_waves({None: {"array-location": [(0, 1), (0, 1024), (0, 1024)]}})[0]
     expected = np.zeros_like(plane)
     for z in range(1024):
@@ -720,7 +729,7 @@ def test_a_killed_worker_changes_nothing(client, tmp_path):
     )
     workers = set(client.run(os.getpid).values())
     view = make_view(np.random.default_rng(10))
-    picture = mip(fragile, view)
+    picture = project(fragile, view)
     assert marker.exists()
     client.wait_for_workers(2)
     assert set(client.run(os.getpid).values()) != workers
