@@ -39,14 +39,14 @@ def read_folder(folder: Path, series: str | None) -> Any:
             found.setdefault(_get(io, _SERIES), []).append((path, io))
         elif not _has_preamble(path):
             others.append(path)
+    if not found:
+        raise ValueError(f"no DICOM series in the folder '{folder}'")
     extensions = {".dcm"} | {path.suffix for files in found.values() for path, _ in files}
     for path in others:
         if path.suffix in extensions and not _is_text(path):
             raise OSError(f"'{path}' is damaged or incomplete: it does not begin as DICOM does")
         if not _is_text(path):
             warnings.warn(f"'{path}' is not DICOM and left out", stacklevel=4)
-    if not found:
-        raise ValueError(f"no DICOM series in the folder '{folder}'")
     present = ", ".join(f"{uid} ({len(files)} files)" for uid, files in sorted(found.items()))
     if series is None and len(found) > 1:
         raise ValueError(f"'{folder}' has several DICOM series, choose one by series=: {present}")

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itk_shearwarpmip import _save
-from itk_shearwarpmip._inputs import describe, is_of, make_numbers, make_view, open_image, place, take
+from itk_shearwarpmip._inputs import describe, is_of, make_count, make_numbers, make_view, open_image, place, take
 from itk_shearwarpmip._views import make_transform
 
 Mode = Literal["maximum", "minimum", "absolute"]
@@ -131,7 +131,7 @@ def mip(
     )  # fmt: skip
     if is_chunked(source):
         return give_back(source, _project_chunks(source, view, azimuth, elevation, parameters, where))
-    image = open_image(source, **where)  # type: ignore[misc]
+    image = _open_image(source, where)
     transform = make_transform(image, view, azimuth, elevation)
     with _get_filters(image) as filters:
         made = filters.get(itk.ShearWarpMIPImageFilter)
@@ -222,10 +222,10 @@ def turn(
     def set_turn(made: Any, image: Any) -> None:
         made.ClearTransforms()
         made.SetTransform(make_transform(image, view, azimuth, elevation))
+        if transforms is not None and not (isinstance(transforms, Sequence | np.ndarray) and len(transforms)):
+            raise ValueError(f"transforms must be a list of views, but it is {transforms!r}")
         for each in [] if transforms is None else transforms:
             made.AddTransform(make_transform(image, each))
-        if transforms is not None and len(transforms) == 0:
-            raise ValueError("transforms must not be empty")
         _set(made, "NumberOfFrames", "frames", frames)
         made.SetRotationAxis(_find_axis(rotation_axis, image))
         made.UseImageCenter()
@@ -238,7 +238,7 @@ def turn(
     if is_chunked(source):
         stack, views = _project_chunks_turning(source, set_turn, parameters, where)
         return Turn(stack, views, _save.find_window(stack))
-    image = open_image(source, **where)  # type: ignore[misc]
+    image = _open_image(source, where)
     with _get_filters(image) as filters:
         made = filters.get(itk.ShearWarpMIPCineImageFilter)
         set_turn(made, image)
@@ -251,6 +251,15 @@ def turn(
         {key: image[key] for key in image.GetMetaDataDictionary().GetKeys()},
         depths,
     )
+
+
+def _open_image(source: Any, where: Any) -> Any:
+    chunked = {"level", "time", "channel"}
+    if chunked & where.keys():
+        raise ValueError(
+            f"{', '.join(sorted(chunked & where.keys()))}: only an OME-Zarr has levels, times and channels"
+        )
+    return open_image(source, **where)
 
 
 class _Filters:
@@ -286,12 +295,10 @@ class _Filters:
         background = parameters.background
         set_parameters(made, parameters, self._find_lowest() if background == "auto" else background)
         threads = parameters.number_of_threads
-        if threads is not None and not (threads == int(threads) and threads >= 1):
-            raise ValueError(f"number_of_threads must be a whole number of at least 1, but it is {threads}")
-        made.SetNumberOfWorkUnits(self._threads if threads is None else int(threads))
-        made.SetMaskImage(
-            None if parameters.mask is None else _open_mask(parameters.mask, parameters.mask_label, image)
-        )
+        made.SetNumberOfWorkUnits(self._threads if threads is None else make_count("number_of_threads", threads))
+        # its voxels live while this does
+        mask = None if parameters.mask is None else _open_mask(parameters.mask, parameters.mask_label, image)
+        made.SetMaskImage(mask)
         try:
             update(made)
         finally:
@@ -309,7 +316,9 @@ class _Filters:
         image = self._image()
         time = image.GetMTime()
         if self._lowest is None or self._lowest[0] != time:
-            self._lowest = time, find_lowest(itk.array_view_from_image(image))
+            voxels = itk.array_view_from_image(image)
+            # the filter says that there are none
+            self._lowest = time, 0 if voxels is None else find_lowest(voxels)
         return self._lowest[1]
 
 
@@ -335,16 +344,18 @@ def set_parameters(made: Any, parameters: Parameters, background: Any) -> None:
     """Sets all that a filter has, but its views and its mask."""
     is_whole = isinstance(made.GetDefaultPixelValue(), int)
     set_background(made, background)
-    if parameters.mode not in _MODES:
+    if not isinstance(parameters.mode, str) or parameters.mode not in _MODES:
         raise ValueError(f"mode must be one of {', '.join(_MODES)}, but it is {parameters.mode!r}")
     made.SetMode(getattr(itk.ShearWarpMIPImageFilterEnums, _MODES[parameters.mode]))
-    near, far = (-np.inf, np.inf) if parameters.slab is None else make_numbers("slab", parameters.slab, 2)
+    near, far = (
+        (-np.inf, np.inf) if parameters.slab is None else make_numbers("slab", parameters.slab, 2, is_finite=False)
+    )
     made.SetSlabNear(near)
     made.SetSlabFar(far)
     lower, upper = (-np.inf,) * 3, (np.inf,) * 3
     if parameters.crop is not None:
         try:
-            lower, upper = (make_numbers("crop", corner, 3) for corner in parameters.crop)
+            lower, upper = (make_numbers("crop", corner, 3, is_finite=False) for corner in parameters.crop)
         except (TypeError, ValueError) as error:
             raise ValueError(f"crop must be two corners, each x, y, z, but it is {parameters.crop!r}") from error
     made.SetCropLower(lower)
@@ -455,9 +466,7 @@ def _open_mask(mask: Any, label: int | None, image: Any) -> Any:
         raise ValueError(
             f"a mask must be on the volume's grid: it has the shape {voxels.shape} instead of {image.shape}"
         )
-    if label is not None and not (label == int(label) and label >= 1):
-        raise ValueError(f"mask_label must be a whole number of at least 1, but it is {label}")
-    binary = make_view((voxels != 0 if label is None else voxels == label).astype(np.uint8))
+    binary = make_view((voxels != 0 if label is None else voxels == make_count("mask_label", label)).astype(np.uint8))
     if is_path or not _is_plain_array(mask):
         place(binary, placed.replace(None, None, None))
         _require_grid(binary, image)

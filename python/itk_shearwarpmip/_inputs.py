@@ -5,6 +5,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -153,22 +154,34 @@ def describe(error: Exception) -> str:
     return " ".join(words) or type(error).__name__
 
 
-def make_numbers(name: str, values: Any, count: int, is_whole: bool = False) -> list[Any]:
+def make_numbers(name: str, values: Any, count: int, is_whole: bool = False, is_finite: bool = True) -> list[Any]:
     """That many numbers of x, y and z."""
     try:
         numbers = [] if isinstance(values, str) else [float(value) for value in values]
     except (TypeError, ValueError):
         numbers = []
-    if len(numbers) != count or (is_whole and not all(number.is_integer() for number in numbers)):
-        axes = "two numbers" if count == 2 else "three numbers, x, y, z"
-        raise ValueError(f"{name} must be {'whole: ' if is_whole else ''}{axes}, but it is {values!r}")
+    is_right = all(number.is_integer() if is_whole else not is_finite or isfinite(number) for number in numbers)
+    if len(numbers) != count or not is_right:
+        kind = "whole" if is_whole else "finite" if is_finite else ""
+        axes = ["two", kind, "numbers"] if count == 2 else ["three", kind, "numbers, x, y, z"]
+        raise ValueError(f"{name} must be {' '.join(filter(None, axes))}, but it is {values!r}")
     return [int(number) for number in numbers] if is_whole else numbers
 
 
+def make_count(name: str, value: Any) -> int:
+    (count,) = np.ravel(value)[:1].tolist() or [None]
+    if not isinstance(count, int) or count < 1:
+        raise ValueError(f"{name} must be a whole number of at least 1, but it is {value!r}")
+    return count
+
+
 def _make_direction(values: Any) -> NDArray[np.float64]:
-    direction = np.eye(3) if values is None else np.asarray(values, dtype=float)
-    if direction.size != 9:
-        raise ValueError(f"direction must be 3 x 3, but it is {values!r}")
+    try:
+        direction = np.eye(3) if values is None else np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        direction = np.empty(0)
+    if direction.size != 9 or not np.isfinite(direction).all():
+        raise ValueError(f"direction must be 3 x 3 finite numbers, but it is {values!r}")
     return direction.reshape(3, 3)
 
 

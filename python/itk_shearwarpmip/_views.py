@@ -1,7 +1,7 @@
 """Views by their names, and what else says where the viewer looks from."""
 
 import math
-from typing import Any
+from typing import Any, SupportsFloat
 
 import itk
 import numpy as np
@@ -25,13 +25,14 @@ def make_transform(image: Any, view: Any = "anterior", azimuth: float = 0.0, ele
     >>> turned.GetMatrix() == make_transform(image, "left").GetMatrix()
     True
     """
+    choices = f"view must be one of {', '.join(SIDES)}, an itk.Transform or a 4 x 4 matrix, but it is {view!r}"
     if isinstance(view, str):
         if view not in SIDES:
+            raise ValueError(choices)
+        if not all(isinstance(angle, SupportsFloat) and math.isfinite(angle) for angle in (azimuth, elevation)):
             raise ValueError(
-                f"view must be one of {', '.join(SIDES)}, an itk.Transform or a 4 x 4 matrix, not {view!r}"
+                f"azimuth and elevation must be finite numbers, but they are {azimuth!r} and {elevation!r}"
             )
-        if not (math.isfinite(azimuth) and math.isfinite(elevation)):
-            raise ValueError(f"azimuth and elevation must be finite, but they are {azimuth} and {elevation}")
         side = getattr(itk.ShearWarpMIPViewEnums, f"Direction_{view.capitalize()}")
         return itk.ShearWarpMIPView.MakeTransform(image, side, float(azimuth), float(elevation))
     if azimuth != 0.0 or elevation != 0.0:
@@ -45,9 +46,9 @@ def make_transform(image: Any, view: Any = "anterior", azimuth: float = 0.0, ele
     try:
         matrix = np.asarray(view, dtype=float)
     except (TypeError, ValueError) as error:
-        raise TypeError(
-            f"view must be one of {', '.join(SIDES)}, an itk.Transform or a 4 x 4 matrix, not a {type(view).__name__}"
-        ) from error
+        raise TypeError(choices) from error
+    if matrix.ndim == 0:
+        raise TypeError(choices)
     if matrix.shape != (4, 4) or not np.isfinite(matrix).all() or (matrix[3] != [0, 0, 0, 1]).any():
         raise ValueError(
             f"a matrix as view must be 4 x 4 and finite, its last row 0, 0, 0, 1, but it is {matrix.tolist()}"
