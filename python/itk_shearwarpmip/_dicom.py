@@ -39,6 +39,8 @@ def read_folder(folder: Path, series: str | None) -> Any:
             found.setdefault(_get(io, _SERIES), []).append((path, io))
         elif not _has_preamble(path):
             others.append(path)
+        elif path.name != "DICOMDIR":
+            warnings.warn(f"'{path}' has no image and is left out", stacklevel=6)
     if not found:
         raise ValueError(f"no DICOM series in the folder '{folder}'")
     extensions = {".dcm"} | {path.suffix for files in found.values() for path, _ in files}
@@ -46,7 +48,7 @@ def read_folder(folder: Path, series: str | None) -> Any:
         if path.suffix in extensions and not _is_text(path):
             raise OSError(f"'{path}' is damaged or incomplete: it does not begin as DICOM does")
         if not _is_text(path):
-            warnings.warn(f"'{path}' is not DICOM and left out", stacklevel=4)
+            warnings.warn(f"'{path}' is not DICOM and left out", stacklevel=6)
     present = ", ".join(f"{uid} ({len(files)} files)" for uid, files in sorted(found.items()))
     if series is None and len(found) > 1:
         raise ValueError(f"'{folder}' has several DICOM series, choose one by series=: {present}")
@@ -66,17 +68,18 @@ def read_file(path: Path) -> Any:
 def _open(path: Path) -> Any:
     """The reader of a DICOM image, with its header; None for what is no image."""
     io = itk.GDCMImageIO.New()
-    if not io.CanReadFile(str(path)):
-        return None
-    io.SetFileName(str(path))
-    try:
-        io.ReadImageInformation()
-    except RuntimeError as error:
-        # a directory or a report has no pixels
-        if _has_preamble(path) and "0028|0010" not in dict(io.GetMetaDataDictionary()):
-            return None
-        raise OSError(f"'{path}' cannot be read: {describe(error)}") from error
-    return io
+    reason = "it is damaged or incomplete"
+    if io.CanReadFile(str(path)):
+        io.SetFileName(str(path))
+        try:
+            io.ReadImageInformation()
+            return io
+        except RuntimeError as error:
+            reason = describe(error)
+    # a directory or a report has no rows
+    if _has_preamble(path) and b"\x28\x00\x10\x00" in path.read_bytes():
+        raise OSError(f"'{path}' cannot be read: {reason}")
+    return None
 
 
 def _has_preamble(path: Path) -> bool:
@@ -118,6 +121,8 @@ def _make_slice(path: Path, io: Any) -> _Slice:
         )
     if io.GetNumberOfComponents() != 1:
         raise ValueError(f"'{path}' has {io.GetNumberOfComponents()} components, but a volume has 1")
+    if _get(io, _PHOTOMETRIC) == "MONOCHROME1":
+        raise ValueError(f"'{path}' is MONOCHROME1, whose values ITK inverts: give an image of its values")
     orientation = require(_ORIENTATION, 6, "orientation")
     position = require(_POSITION, 3, "position")
     spacing = require(_SPACING, 2, "pixel spacing")
@@ -145,7 +150,6 @@ def _require_likeness(each: _Slice, first: _Slice) -> None:
     are_like("orientation", (np.linalg.norm(each.directions - first.directions, axis=1) < 1e-3).all())
     are_like("size", [each.io.GetDimensions(n) for n in range(2)] == [first.io.GetDimensions(n) for n in range(2)])
     are_like("pixel spacing", (np.abs(each.spacing - first.spacing) < 1e-3 * first.spacing).all())
-    are_like("photometric interpretation", _get(each.io, _PHOTOMETRIC) == _get(first.io, _PHOTOMETRIC))
 
 
 def _find_step(slices: list[_Slice]) -> NDArray[np.float64]:

@@ -20,7 +20,6 @@ from itk_shearwarpmip._views import make_transform
 
 Mode = Literal["maximum", "minimum", "absolute"]
 _MODES = {"maximum": "Mode_Maximum", "minimum": "Mode_Minimum", "absolute": "Mode_AbsoluteMaximum"}
-_PHOTOMETRIC = "0028|0004"
 
 
 class Place(TypedDict, total=False):
@@ -308,8 +307,7 @@ class _Filters:
         for each in (picture, depths):
             if each is not None:
                 each.DisconnectPipeline()
-        metadata = image.GetMetaDataDictionary()
-        return show_itself(picture, made.GetDefaultPixelValue(), metadata), depths
+        return show_itself(picture, made.GetDefaultPixelValue()), depths
 
     def _find_lowest(self) -> float:
         """The least voxel, if it is negative, or 0."""
@@ -547,11 +545,9 @@ def _project_chunks_turning(source: Any, set_turn: Any, parameters: Parameters, 
     return _projection.project_turn(volume, set_turn, parameters)
 
 
-def show_itself(picture: Any, background: float, metadata: Any = None) -> Any:
+def show_itself(picture: Any, background: float) -> Any:
     """The same itk.Image, with what a notebook asks for."""
     picture["Background"] = float(background)
-    if metadata is not None and metadata.HasKey(_PHOTOMETRIC):
-        picture[_PHOTOMETRIC] = metadata[_PHOTOMETRIC]
     if picture.GetImageDimension() == 2:
         weak = weakref.ref(picture)
         picture._repr_png_ = lambda: _make_png(weak())
@@ -562,10 +558,7 @@ def _make_png(picture: Any) -> bytes:
     low, high = _save.find_window(picture)
     values = np.clip(np.nan_to_num(itk.array_view_from_image(picture).astype(float), nan=low), low, high)
     grey = np.floor(255.0 * (values - low) / (high - low) + 0.5).astype(np.uint8)
-    # low values are to be displayed white
-    metadata = picture.GetMetaDataDictionary()
-    is_inverted = metadata.HasKey(_PHOTOMETRIC) and metadata[_PHOTOMETRIC].strip() == "MONOCHROME1"
-    return _save.encode_png(255 - grey if is_inverted else grey)
+    return _save.encode_png(grey)
 
 
 def _is_plain_array(source: Any) -> bool:

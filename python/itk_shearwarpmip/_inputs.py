@@ -228,12 +228,11 @@ def _share(owner: Any, array: NDArray[Any]) -> NDArray[Any]:
 
 
 def _view_image(image: Any) -> NDArray[Any]:
-    try:
-        array: NDArray[Any] = itk.array_view_from_image(image)
-    except (RuntimeError, TypeError, KeyError) as error:
-        raise TypeError(
-            f"voxels must be scalars, but this is a {type(image).__name__}: give one of its components"
-        ) from error
+    if image.GetNumberOfComponentsPerPixel() != 1:
+        raise TypeError(f"voxels must be scalars, but this is a {type(image).__name__}: give one of its components")
+    array: NDArray[Any] | None = itk.array_view_from_image(image)
+    if array is None:
+        raise ValueError("a volume must not be empty, but this itk.Image has no voxels in memory")
     return array
 
 

@@ -84,7 +84,10 @@ def make_image(array, spacing=(1, 1, 1), origin=(0, 0, 0), direction=((1, 0, 0),
     return image
 
 
-def project(volume, view=np.eye(4), background=0, **options):
+ALONG_Z = np.eye(4)
+
+
+def project(volume, view=ALONG_Z, background=0, **options):
     """By default what the filter does: along z, on 0."""
     return mip(volume, view, background=background, **options)
 
@@ -254,7 +257,11 @@ def test_bad_input_is_named():
         (lambda: project(np.ma.masked_less(array.compute(), 1)), TypeError, "loses its mask"),
         (lambda: project(dask.array.ma.masked_less(array, 1)), TypeError, "loses its mask"),
         (lambda: project([[[1]]]), TypeError, "this is a builtins.list: give an array .* with spacing"),
-        (lambda: project(zarr.create_array({}, data=array.compute())), TypeError, "this is a zarr.*Array: give an array"),
+        (
+            lambda: project(zarr.create_array({}, data=array.compute())),
+            TypeError,
+            "this is a zarr.*Array: give an array",
+        ),
         (
             lambda: project(itk.image_from_array(np.ones((2, 2), np.uint8))),
             TypeError,

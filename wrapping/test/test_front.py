@@ -1,0 +1,643 @@
+"""mip() and turn(): every kind of input, every parameter, what is kept, and what is refused."""
+
+import doctest
+import importlib
+import inspect
+import os
+import shutil
+import subprocess
+import sys
+import threading
+import weakref
+from pathlib import Path
+
+import itk
+import itk_shearwarpmip
+import nibabel
+import numpy as np
+import pytest
+import SimpleITK
+import xarray
+from itk_shearwarpmip import Turn, mip, open_image, turn
+from itk_shearwarpmip._front import _FILTERS
+
+Enums = itk.ShearWarpMIPImageFilterEnums
+
+
+def get_geometry(image):
+    direction = itk.array_from_matrix(image.GetDirection())
+    return {"spacing": list(image.GetSpacing()), "origin": list(image.GetOrigin()), "direction": direction}
+
+
+def make_view(image, azimuth=30.0, elevation=0.0):
+    return itk.ShearWarpMIPView.MakeTransform(image, itk.ShearWarpMIPViewEnums.Direction_Anterior, azimuth, elevation)
+
+
+def project(image, **parameters):
+    """What the filter gives, on the program's background."""
+    lowest = min(0, itk.array_view_from_image(image).min().item())
+    return itk.shear_warp_mip_image_filter(
+        image, **{"transform": make_view(image), "default_pixel_value": lowest, **parameters}
+    )
+
+
+def make_nibabel(image):
+    geometry = get_geometry(image)
+    affine = np.eye(4)
+    affine[:3, :3] = geometry["direction"] * geometry["spacing"]
+    affine[:3, 3] = geometry["origin"]
+    return nibabel.Nifti1Image(itk.array_from_image(image).T, np.diag([-1, -1, 1, 1]) @ affine)
+
+
+def make_simple_itk(image):
+    simple = SimpleITK.GetImageFromArray(itk.array_from_image(image))
+    geometry = get_geometry(image)
+    simple.SetSpacing(geometry["spacing"])
+    simple.SetOrigin(geometry["origin"])
+    simple.SetDirection(geometry["direction"].ravel().tolist())
+    return simple
+
+
+class ArrayLike:
+    """Of a package that NumPy does not know."""
+
+    def __init__(self, array):
+        self._array = array
+
+    def __array__(self, dtype=None, copy=None):
+        return np.asarray(self._array, dtype)
+
+
+class Exchanged:
+    """Has DLPack only."""
+
+    def __init__(self, array):
+        self._array = array
+
+    def __dlpack__(self, **options):
+        return self._array.__dlpack__(**options)
+
+    def __dlpack_device__(self):
+        return self._array.__dlpack_device__()
+
+
+def write(image, path):
+    itk.imwrite(image, str(path))
+    return path
+
+
+# each gives a source and keywords
+KINDS = {
+    "itk": lambda image, folder: (image, {}),
+    "file": lambda image, folder: (str(write(image, folder / "image.nrrd")), {}),
+    "path": lambda image, folder: (write(image, folder / "image.mha"), {}),
+    "xarray": lambda image, folder: (itk.xarray_from_image(image), {}),
+    "SimpleITK": lambda image, folder: (make_simple_itk(image), {}),
+    "nibabel": lambda image, folder: (make_nibabel(image), {}),
+    "NumPy": lambda image, folder: (itk.array_from_image(image), get_geometry(image)),
+    "Fortran": lambda image, folder: (np.asfortranarray(itk.array_from_image(image)), get_geometry(image)),
+    "swapped": lambda image, folder: (itk.array_from_image(image).astype(">i2"), get_geometry(image)),
+    "strided": lambda image, folder: (np.repeat(itk.array_from_image(image), 2, axis=2)[..., ::2], get_geometry(image)),
+    "int64": lambda image, folder: (itk.array_from_image(image).astype(np.int64), get_geometry(image)),
+    "__array__": lambda image, folder: (ArrayLike(itk.array_from_image(image)), get_geometry(image)),
+    "DLPack": lambda image, folder: (Exchanged(itk.array_from_image(image)), get_geometry(image)),
+}
+
+
+def get_pixels(picture):
+    return SimpleITK.GetArrayFromImage(picture) if isinstance(picture, SimpleITK.Image) else np.asarray(picture)
+
+
+def check_kind(kind, image, folder):
+    source, where = KINDS[kind](image, folder)
+    expected = project(image)
+    picture = mip(source, view="anterior", azimuth=30, **where)
+    assert get_pixels(picture).dtype == np.int16
+    assert get_pixels(picture).tobytes() == itk.array_from_image(expected).tobytes()
+    if isinstance(picture, SimpleITK.Image | itk.Image[itk.SS, 2]):
+        assert list(picture.GetSpacing()) == pytest.approx(list(expected.GetSpacing()), rel=1e-14)
+        assert list(picture.GetOrigin()) == pytest.approx(list(expected.GetOrigin()), rel=1e-12)
+    frames = turn(source, azimuth=30, frames=1, **where).frames
+    np.testing.assert_array_equal(np.asarray(frames)[0], itk.array_from_image(expected))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_each_kind_gives_the_same_bits(kind, image, tmp_path):
+    check_kind(kind, image, tmp_path)
+
+
+def test_chunks_give_the_same_bits(image):
+    dask_array = pytest.importorskip("dask.array")
+    chunked = dask_array.from_array(itk.array_from_image(image), 5)
+    expected = project(image)
+    for source, where in ((chunked, get_geometry(image)), (itk.xarray_from_image(image).chunk(5), {})):
+        picture = mip(source, azimuth=30, **where)
+        np.testing.assert_array_equal(np.asarray(picture), itk.array_from_image(expected))
+    assert picture.dims == ("y", "x")
+    series = turn(chunked, azimuth=30, elevation=10, frames=5, **get_geometry(image))
+    np.testing.assert_array_equal(
+        np.asarray(series.frames), np.asarray(turn(image, azimuth=30, elevation=10, frames=5).frames)
+    )
+    assert len(series.transforms) == 5
+    # of signed voxels each chunk may have the least
+    assert series.frames["Background"] == itk.array_view_from_image(image).min()
+
+
+def test_tensors(image):
+    torch = pytest.importorskip("torch", reason="PyTorch is too large for the tests' environment")
+    tensor = torch.from_numpy(itk.array_from_image(image))
+    picture = mip(tensor, azimuth=30, **get_geometry(image))
+    assert isinstance(picture, torch.Tensor)
+    np.testing.assert_array_equal(picture.numpy(), itk.array_from_image(project(image)))
+    with pytest.raises(TypeError, match="copy it to the computer's memory first"):
+        mip(torch.ones((3, 4, 5), requires_grad=True))
+
+
+def test_without_dask(tmp_path):
+    code = f"""
+import sys
+sys.modules["dask"] = sys.modules["zarr"] = None
+sys.path.insert(0, {os.path.dirname(__file__)!r})
+import pathlib, itk, numpy as np, itk_shearwarpmip
+assert hasattr(itk_shearwarpmip, "mip") and "dask.array" not in sys.modules
+from test_front import KINDS, check_kind
+image = itk.image_from_array(np.random.default_rng(1).integers(-1000, 1000, (9, 11, 14), np.int16))
+image.SetSpacing([0.7, 0.9, 2.1])
+rotation = itk.Euler3DTransform[itk.D].New()
+rotation.SetRotation(0.2, -0.3, 0.4)
+image.SetDirection(rotation.GetMatrix())
+for kind in KINDS:
+    check_kind(kind, image, pathlib.Path({str(tmp_path)!r}))
+try:
+    itk_shearwarpmip.mip("light-sheet.ome.zarr")
+except ImportError as error:
+    print(error)
+"""
+    done = subprocess.run([sys.executable, "-c", code], check=False, capture_output=True, text=True)
+    assert done.stdout == "itk_shearwarpmip needs Dask: pip install itk-shearwarpmip[distributed]\n", done.stderr
+
+
+def test_nothing_is_imported_for_others():
+    code = """
+import sys, itk, numpy as np
+# ITK itself imports some of them
+itk.shear_warp_mip_image_filter(np.ones((3, 4, 5), np.uint8))
+before = set(sys.modules)
+from itk_shearwarpmip import mip, turn
+mip(np.ones((3, 4, 5), np.uint8))
+turn(np.ones((3, 4, 5), np.uint8), frames=2)
+print(sorted({name.partition(".")[0] for name in set(sys.modules) - before} - set(sys.stdlib_module_names)))
+"""
+    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    assert done.stdout == "['itk_shearwarpmip']\n"
+
+
+# as of the program: shear-warp-mip --help
+DEFAULTS = {
+    "view": "anterior",
+    "azimuth": 0.0,
+    "elevation": 0.0,
+    "mode": "maximum",
+    "slab": None,
+    "crop": None,
+    "mask": None,
+    "mask_label": None,
+    "depth": False,
+    "attenuation": 0.0,
+    "local_maximum": None,
+    "background": "auto",
+    "exact": False,
+    "oversampling": 1,
+    "output_spacing": None,
+    "size": None,
+    "output_origin": None,
+    "number_of_threads": None,
+}
+DEFAULTS_OF_TURN = {
+    "frames": 36,
+    "rotation_axis": "superior",
+    "center": None,
+    "start_angle": 0.0,
+    "angular_range": 360.0,
+    "rocking": False,
+    "transforms": None,
+}
+
+
+def test_defaults_are_the_programs():
+    for function, expected in ((mip, DEFAULTS), (turn, DEFAULTS | DEFAULTS_OF_TURN)):
+        parameters = inspect.signature(function).parameters.values()
+        assert {each.name: each.default for each in parameters if each.default is not each.empty} == expected
+
+
+PROGRAM = os.environ.get("SHEARWARPMIP_PROGRAM") or shutil.which("shear-warp-mip")
+with_program = pytest.mark.skipif(not PROGRAM, reason="needs the program shear-warp-mip: SHEARWARPMIP_PROGRAM=path")
+
+# keywords, the program's options
+SAME = {
+    "nothing": ({}, []),
+    "view": ({"view": "left", "azimuth": -20, "elevation": 15}, ["--view=left", "--azimuth=-20", "--elevation=15"]),
+    "mode": ({"mode": "absolute"}, ["--mode=absolute-maximum"]),
+    "slab": ({"slab": (-2, np.inf)}, ["--slab=-2,inf"]),
+    "crop": ({"crop": ((12, -30, 5), (16, -26, np.inf))}, ["--crop=12,16,-30,-26,5,inf"]),
+    "fading": ({"attenuation": 0.05}, ["--attenuation=0.05"]),
+    "local maximum": ({"local_maximum": 300}, ["--local-maximum=300"]),
+    "background": ({"background": 5}, ["--background=5"]),
+    "exact": ({"exact": True}, ["--exact"]),
+    "oversampling": ({"oversampling": 2}, ["--oversampling=2"]),
+    "grid": ({"output_spacing": (0.5, 0.8), "size": (20, 30)}, ["--spacing=0.5,0.8", "--size=20,30"]),
+}
+
+
+@with_program
+@pytest.mark.parametrize("parameters, options", SAME.values(), ids=SAME)
+def test_pictures_are_the_programs(parameters, options, image, tmp_path):
+    path = write(image, tmp_path / "image.nrrd")
+    done = subprocess.run([PROGRAM, path, tmp_path / "mip.mha", *options], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    expected = itk.imread(str(tmp_path / "mip.mha"))
+    picture = mip(path, **parameters)
+    assert np.asarray(picture).tobytes() == np.asarray(expected).tobytes()
+    assert list(picture.GetSpacing()) == pytest.approx(list(expected.GetSpacing())[:2])
+    assert list(picture.GetOrigin()) == pytest.approx(list(expected.GetOrigin())[:2])
+    subprocess.run([PROGRAM, path, tmp_path / "mip.png", *options], check=True)
+    (tmp_path / "shown.png").write_bytes(picture._repr_png_())
+    shown, expected = (np.asarray(itk.imread(str(tmp_path / f"{name}.png"))) for name in ("shown", "mip"))
+    np.testing.assert_array_equal(shown, expected)
+
+
+@with_program
+@pytest.mark.parametrize(
+    "parameters, options",
+    [
+        ({}, []),
+        (
+            {"elevation": 20, "rotation_axis": "i", "center": (1, 2, 3)},
+            ["--elevation=20", "--axis=i", "--centre=1,2,3"],
+        ),
+        ({"angular_range": 60, "rocking": True, "view": "right"}, ["--rocking=60", "--view=right"]),
+        ({"angular_range": -90, "rotation_axis": (1, 2, 3)}, ["--range=-90", "--axis=1,2,3"]),
+    ],
+)
+def test_turns_are_the_programs(parameters, options, image, tmp_path):
+    path = write(image, tmp_path / "image.nrrd")
+    subprocess.run([PROGRAM, path, tmp_path / "turn.nrrd", "--frames=7", *options], check=True)
+    series = turn(path, frames=7, **parameters)
+    assert np.asarray(series.frames).tobytes() == np.asarray(itk.imread(str(tmp_path / "turn.nrrd"))).tobytes()
+
+
+MASK = np.random.default_rng(3).integers(0, 3, (9, 11, 14))
+
+# keywords, parameters of the filter
+FILTERS = {
+    "minimum": ({"mode": "minimum"}, {"mode": Enums.Mode_Minimum}),
+    "absolute": ({"mode": "absolute"}, {"mode": Enums.Mode_AbsoluteMaximum}),
+    "slab": ({"slab": (-2, 3)}, {"slab_near": -2.0, "slab_far": 3.0}),
+    "crop": (
+        {"crop": ((12, -30, 5), (16, -26, np.inf))},
+        {"crop_lower": [12.0, -30.0, 5.0], "crop_upper": [16.0, -26.0, np.inf]},
+    ),
+    "mask": ({"mask": MASK}, {"mask_image": (MASK != 0).astype(np.uint8)}),
+    "label": ({"mask": MASK, "mask_label": 2}, {"mask_image": (MASK == 2).astype(np.uint8)}),
+    "fading": ({"attenuation": 0.05, "background": 0}, {"depth_attenuation": 0.05, "default_pixel_value": 0}),
+    "local maximum": ({"local_maximum": 300}, {"local_maximum": True, "local_maximum_threshold": 300}),
+    "exact": ({"exact": True}, {"exact": True}),
+    "oversampling": ({"oversampling": 2}, {"oversampling": 2}),
+    "spacing": ({"output_spacing": 0.4}, {"output_spacing": 0.4}),
+    "grid": (
+        {"output_spacing": (0.4, 0.5), "size": (20, 30), "output_origin": (-3, -4)},
+        {"output_spacing": [0.4, 0.5], "size": [20, 30], "output_origin": [-3.0, -4.0]},
+    ),
+    "threads": ({"number_of_threads": 1}, {}),
+}
+
+
+@pytest.mark.parametrize("keywords, parameters", FILTERS.values(), ids=FILTERS)
+def test_parameters_are_the_filters(keywords, parameters, image):
+    parameters = parameters.copy()
+    if "mask_image" in parameters:
+        parameters["mask_image"] = itk.image_from_array(parameters["mask_image"])
+        parameters["mask_image"].CopyInformation(image)
+    expected = project(image, **parameters)
+    before = mip(image, azimuth=30)
+    for source, where in ((image, {}), (itk.array_from_image(image), get_geometry(image))):
+        picture, depths = mip(source, azimuth=30, depth=True, **where, **keywords)
+        np.testing.assert_array_equal(np.asarray(picture), itk.array_from_image(expected))
+        assert np.asarray(depths).dtype == np.float32 and np.isfinite(depths).any()
+        np.testing.assert_array_equal(np.asarray(mip(source, azimuth=30, **where, **keywords)), np.asarray(picture))
+    # nothing of it stays
+    np.testing.assert_array_equal(np.asarray(mip(image, azimuth=30)), np.asarray(before))
+
+
+def test_views(image):
+    matrix = np.eye(4)
+    view = make_view(image, 25.0, 10.0)
+    matrix[:3, :3] = itk.array_from_matrix(view.GetMatrix())
+    matrix[:3, 3] = list(view.GetTranslation())
+    expected = itk.array_from_image(project(image, transform=view))
+    for each in (view, matrix, matrix.tolist()):
+        np.testing.assert_array_equal(np.asarray(mip(image, each)), expected)
+    frames = np.asarray(turn(image, transforms=["left", matrix], size=(20, 20)).frames)
+    np.testing.assert_array_equal(frames[0], np.asarray(mip(image, "left", size=(20, 20))))
+
+
+@pytest.mark.parametrize("kind", ["itk", "xarray", "SimpleITK", "nibabel", "path", "bool"])
+def test_masks_with_a_place_of_their_own(kind, image, tmp_path):
+    mask = itk.image_from_array(MASK.astype(np.uint8))
+    mask.CopyInformation(image)
+    source = MASK != 0 if kind == "bool" else KINDS[kind](mask, tmp_path)[0]
+    expected = mip(image, mask=MASK)
+    np.testing.assert_array_equal(np.asarray(mip(image, mask=source)), np.asarray(expected))
+    if kind != "bool":
+        mask.SetOrigin([12.0, -30.0, 5.6])
+        with pytest.raises(ValueError, match=r"a corner is 0\.1 mm away"):
+            mip(image, mask=KINDS[kind](mask, tmp_path)[0])
+
+
+def test_regions_that_do_not_begin_at_0(image):
+    region = image.GetLargestPossibleRegion()
+    region.SetIndex([3, -2, 5])
+    image.SetRegions(region)
+    expected = project(image)
+    np.testing.assert_array_equal(np.asarray(mip(image, azimuth=30)), np.asarray(expected))
+    voxels = itk.array_from_image(image)
+    geometry = get_geometry(image) | {"origin": list(image.TransformIndexToPhysicalPoint([3, -2, 5]))}
+    np.testing.assert_array_equal(np.asarray(mip(voxels, azimuth=30, **geometry)), np.asarray(expected))
+    assert np.isfinite(np.asarray(mip(image, mask=MASK))).all()
+
+
+def test_what_is_given_goes_before(image):
+    picture = mip(image, "superior", spacing=(2, 2, 3), origin=(0, 0, 0), direction=np.eye(3))
+    assert list(picture.GetSpacing()) == [2, 2]
+    np.testing.assert_array_equal(np.asarray(picture)[:, ::-1], itk.array_from_image(image).max(axis=0))
+    assert list(image.GetSpacing()) == [0.7, 0.9, 2.1]
+
+
+def test_a_sheared_affine_stays_sheared():
+    voxels = np.random.default_rng(4).integers(0, 999, (14, 11, 9), np.int16)
+    affine = np.array([[-1.0, 0, 0.5, 3], [0, -2.0, 0, 4], [0, 0, 3.0, 5], [0, 0, 0, 1]])
+    image = open_image(nibabel.Nifti1Image(voxels, affine))
+    for index in ((0, 0, 0), (13, 10, 8), (3, 7, 2)):
+        point = image.TransformIndexToPhysicalPoint(list(index))
+        assert np.allclose(np.diag([-1, -1, 1]) @ list(point), (affine @ [*index, 1])[:3])
+    assert mip(image).shape
+
+
+def test_units_of_nibabel_are_millimetres(image):
+    expected = open_image(make_nibabel(image))
+    source = make_nibabel(image)
+    source.header.set_xyzt_units("micron")
+    assert list(open_image(source).GetSpacing()) == pytest.approx([each / 1000 for each in expected.GetSpacing()])
+
+
+def test_a_written_array_is_read_anew(image):
+    for source in (itk.array_from_image(image), make_simple_itk(image)):
+        before = get_pixels(mip(source))
+        if isinstance(source, np.ndarray):
+            source[:] = 7
+        else:
+            source[3, 4, 5] = 30000
+        assert (get_pixels(mip(source)) != before).any()
+
+
+def get_filter(image, template=itk.ShearWarpMIPImageFilter):
+    return _FILTERS[id(image)]._made[template]
+
+
+def test_a_volume_is_prepared_once():
+    voxels = np.random.default_rng(5).integers(-99, 999, (64, 64, 64), np.int16)
+    image = itk.image_from_array(voxels)
+    preparations = []
+    for azimuth in (0, 10, 20, 30):
+        mip(image, "superior", azimuth=azimuth)
+        preparations.append(get_filter(image).GetPreparationSeconds() > 0)
+    assert preparations == [False, True, False, False]
+    assert get_filter(image) is get_filter(image)
+    # a change is seen
+    itk.array_view_from_image(image)[:] = -200
+    image.Modified()
+    picture = mip(image, "superior")
+    assert (np.asarray(picture) == -200).all() and picture["Background"] == -200
+    image.SetSpacing([2.0, 2.0, 2.0])
+    assert list(mip(image).GetSpacing()) == [2.0, 2.0]
+
+
+def test_a_pipeline_is_updated(image):
+    median = itk.MedianImageFilter.New(image, Radius=1)
+    output = median.GetOutput()
+    first = np.array(mip(output))
+    median.SetRadius(0)
+    np.testing.assert_array_equal(np.asarray(mip(output)), np.asarray(mip(image)))
+    assert (np.asarray(mip(output)) != first).any()
+
+
+def test_nothing_is_kept_alive():
+    image = itk.image_from_array(np.ones((9, 9, 9), np.int16))
+    deleted = []
+    image.AddObserver(itk.DeleteEvent(), lambda: deleted.append(True))
+    mask = itk.image_from_array(np.ones((9, 9, 9), np.uint8))
+    picture = mip(image, mask=mask)
+    series = turn(image, frames=2)
+    alive = [weakref.ref(each) for each in (image, mask, picture, series.frames)]
+    assert id(image) in _FILTERS
+    del image, mask, picture, series
+    # at once, without the garbage collector
+    assert [each() for each in alive] == [None] * 4
+    assert deleted and not _FILTERS
+
+
+def test_threads_share_an_image():
+    image = itk.image_from_array(np.random.default_rng(6).integers(-99, 999, (32, 32, 32), np.int16))
+    expected = [np.array(mip(itk.image_duplicator(image), azimuth=n)) for n in range(8)]
+    found = [None] * 8
+
+    def work(n):
+        found[n] = np.array(mip(image, azimuth=n))
+
+    threads = [threading.Thread(target=work, args=(n,)) for n in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    for one, other in zip(found, expected):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_a_picture_is_an_image(image, tmp_path):
+    picture = mip(image)
+    assert type(picture) is itk.Image[itk.SS, 2]
+    assert itk.median_image_filter(picture).shape == picture.shape
+    itk.imwrite(picture, str(tmp_path / "mip.nrrd"))
+    np.testing.assert_array_equal(
+        itk.array_view_from_image(itk.imread(str(tmp_path / "mip.nrrd"))), np.asarray(picture)
+    )
+    (tmp_path / "mip.png").write_bytes(picture._repr_png_())
+    grey = np.asarray(itk.imread(str(tmp_path / "mip.png")))
+    assert grey.shape == picture.shape and grey.max() == 255 and grey.min() == 0
+    # not-a-number and infinity
+    voxels = itk.array_from_image(image).astype(np.float32)
+    voxels[3], voxels[4], voxels[5] = np.nan, np.inf, -np.inf
+    assert mip(itk.image_from_array(voxels))._repr_png_()
+    assert mip(itk.image_from_array(voxels), background=np.nan)._repr_png_()
+
+
+def test_results_are_of_the_kind_that_came_in(image, tmp_path):
+    expected = {"NumPy": np.ndarray, "xarray": xarray.DataArray, "SimpleITK": SimpleITK.Image}
+    for kind in ("NumPy", "xarray", "SimpleITK", "nibabel", "itk", "path"):
+        source, where = KINDS[kind](image, tmp_path)
+        picture, depths = mip(source, depth=True, **where)
+        assert type(picture) is expected.get(kind, itk.Image[itk.SS, 2])
+        assert type(depths) is expected.get(kind, itk.Image[itk.F, 2])
+    assert mip(itk.xarray_from_image(image)).coords["x"].values == pytest.approx(
+        np.array([mip(image).TransformIndexToPhysicalPoint([n, 0])[0] for n in range(mip(image).shape[1])])
+    )
+
+
+def test_turns(image):
+    image["0010|0020"] = "patient"
+    series = turn(image, elevation=20, frames=5, depth=True)
+    assert isinstance(series, Turn) and series.source_metadata["0010|0020"] == "patient"
+    frames = np.asarray(series.frames)
+    grid = {"size": frames.shape[:0:-1], "output_origin": list(series.frames.GetOrigin())[:2]}
+    assert series.frames["FrameAngles"] == (0, 72, 144, 216, 288)
+    assert series.window[0] < series.window[1]
+    for frame, transform in enumerate(series.transforms):
+        picture, depths = mip(image, transform, depth=True, **grid)
+        np.testing.assert_array_equal(frames[frame], np.asarray(picture))
+        np.testing.assert_array_equal(np.asarray(series.depths)[frame], np.asarray(depths))
+
+
+SHORTS = np.ones((3, 4, 5), np.int16)
+IMAGE = itk.image_from_array(SHORTS)
+
+
+def make_affine(pixel_type):
+    return itk.AffineTransform[pixel_type, 3].New()
+
+
+# of mip() and turn()
+BAD = {
+    "2D array": (lambda call: call(SHORTS[0]), ValueError, r"the axes z, y, x, but this one has the shape \(4, 5\)"),
+    "colours": (lambda call: call(np.ones((3, 4, 5, 3), np.uint8)), ValueError, "has the shape"),
+    "2D image": (lambda call: call(itk.image_from_array(SHORTS[0])), TypeError, "3D itk.Image of scalars"),
+    "colour image": (lambda call: call(itk.Image[itk.RGBPixel[itk.UC], 3].New()), TypeError, "must be scalars"),
+    "masked array": (lambda call: call(np.ma.masked_less(SHORTS, 3)), TypeError, "loses its mask: fill it"),
+    "empty array": (lambda call: call(SHORTS[:0]), ValueError, "must not be empty"),
+    "empty image": (lambda call: call(itk.Image[itk.SS, 3].New()), ValueError, "must not be empty"),
+    "large integers": (lambda call: call(SHORTS.astype(int) * 10**6), TypeError, r"they are int64; use astype\(\)"),
+    "complex": (lambda call: call(SHORTS.astype(complex)), TypeError, "they are complex128"),
+    "None": (lambda call: call(None), TypeError, "but this is a builtins.NoneType"),
+    "list": (lambda call: call(SHORTS.tolist()), TypeError, "this is a builtins.list: give an array"),
+    "class": (lambda call: call(np.ndarray), TypeError, "this is a builtins.type"),
+    "4D nibabel": (lambda call: call(nibabel.Nifti1Image(np.ones((2, 3, 4, 5)), np.eye(4))), ValueError, "see slicer"),
+    "no affine": (lambda call: call(nibabel.Nifti1Image(SHORTS, None)), ValueError, "has no affine"),
+    "2D SimpleITK": (lambda call: call(SimpleITK.Image(3, 4, SimpleITK.sitkInt16)), ValueError, "this one has 2 and 1"),
+    "names of axes": (lambda call: call(xarray.DataArray(SHORTS)), ValueError, "the dimensions z, y, x"),
+    "uneven coordinates": (
+        lambda call: call(xarray.DataArray(SHORTS, dims=list("zyx"), coords={"z": [0, 1, 3]})),
+        ValueError,
+        "ascend in equal steps, but those of z",
+    ),
+    "no such file": (lambda call: call("nowhere.nrrd"), FileNotFoundError, "'nowhere.nrrd' does not exist"),
+    "no image": (lambda call: call(__file__), OSError, "is not an image that ITK can read"),
+    "no DICOM": (lambda call: call(Path(__file__).parent), ValueError, "no DICOM series"),
+    "no OME-Zarr": (lambda call: call("nowhere.zarr"), ValueError, "is no OME-Zarr"),
+    "series": (lambda call: call(IMAGE, series="1.2"), ValueError, "series is for a DICOM folder"),
+    "level": (lambda call: call(IMAGE, level=1), ValueError, "only an OME-Zarr has levels"),
+    "unknown keyword": (lambda call: call(IMAGE, colour=1), TypeError, "unexpected keyword argument 'colour'"),
+    "two spacings": (lambda call: call(SHORTS, spacing=(1, 2)), ValueError, "spacing must be three finite numbers"),
+    "zero spacing": (lambda call: call(SHORTS, spacing=(1, 2, 0)), ValueError, "Zero-valued spacing"),
+    "infinite origin": (lambda call: call(SHORTS, origin=(1, 2, np.inf)), ValueError, "origin must be three finite"),
+    "singular direction": (lambda call: call(SHORTS, direction=np.zeros((3, 3))), ValueError, "determinant is 0"),
+    "words as direction": (lambda call: call(SHORTS, direction="RAS"), ValueError, "direction must be 3 x 3"),
+    "view": (lambda call: call(IMAGE, "front"), ValueError, "one of anterior, posterior, .* but it is 'front'"),
+    "enumerator": (lambda call: call(IMAGE, 0), TypeError, "view must be one of"),
+    "3 x 3": (lambda call: call(IMAGE, np.eye(3)), ValueError, "a matrix as view must be 4 x 4"),
+    "singular": (lambda call: call(IMAGE, np.diag([1, 0, 1, 1])), ValueError, "view must be invertible"),
+    "single precision": (lambda call: call(IMAGE, make_affine(itk.F)), TypeError, "in double precision"),
+    "list of views": (lambda call: call(IMAGE, [make_affine(itk.D)]), TypeError, "one itk.Transform"),
+    "angle": (lambda call: call(IMAGE, azimuth=np.nan), ValueError, "azimuth and elevation must be finite"),
+    "angle of a matrix": (lambda call: call(IMAGE, np.eye(4), azimuth=3), ValueError, "for a view that is a name"),
+    "mode": (lambda call: call(IMAGE, mode="mean"), ValueError, "mode must be one of maximum, minimum, absolute"),
+    "slab": (lambda call: call(IMAGE, slab=5), ValueError, "slab must be two numbers"),
+    "slab's order": (lambda call: call(IMAGE, slab=(5, 1)), ValueError, "slab's near must"),
+    "crop": (lambda call: call(IMAGE, crop=(1, 2, 3, 4, 5, 6)), ValueError, "crop must be two corners"),
+    "mask's shape": (lambda call: call(IMAGE, mask=SHORTS[1:]), ValueError, "on the volume's grid: it has the shape"),
+    "mask's type": (lambda call: call(IMAGE, mask=SHORTS * 0.5), TypeError, "whole numbers"),
+    "label alone": (lambda call: call(IMAGE, mask_label=1), ValueError, "mask_label is for a mask"),
+    "label": (lambda call: call(IMAGE, mask=SHORTS, mask_label=0), ValueError, "mask_label must be a whole"),
+    "exact mask": (lambda call: call(IMAGE, mask=SHORTS, exact=True), ValueError, "exact pictures have no mask"),
+    "fading": (lambda call: call(IMAGE, attenuation=-1), ValueError, "attenuation must be finite and not negative"),
+    "local maximum": (lambda call: call(IMAGE, local_maximum=1.5), ValueError, "local_maximum must be whole"),
+    "background": (lambda call: call(IMAGE, background=70000), ValueError, "background must be whole"),
+    "oversampling": (lambda call: call(IMAGE, oversampling=3), ValueError, "oversampling must be 1 or 2"),
+    "output spacing": (lambda call: call(IMAGE, output_spacing=0), ValueError, "output_spacing must be positive"),
+    "size": (lambda call: call(IMAGE, size=5), ValueError, "size must be two whole numbers"),
+    "huge size": (lambda call: call(IMAGE, size=(10**7, 10**7)), ValueError, "size must fit in memory"),
+    "output origin": (
+        lambda call: call(IMAGE, output_origin=(0, np.nan)),
+        ValueError,
+        "output_origin must be two finite",
+    ),
+    "threads": (lambda call: call(IMAGE, number_of_threads=0), ValueError, "number_of_threads must be a whole"),
+}
+BAD_TURN = {
+    "frames": ({"frames": 0}, "frames must be from 1 to 65535"),
+    "half a frame": ({"frames": 1.5}, "frames cannot be 1.5"),
+    "axis": ({"rotation_axis": "z"}, "one of left, posterior, superior, i, j, k or a direction"),
+    "zero axis": ({"rotation_axis": (0, 0, 0)}, "rotation_axis must be finite and not zero"),
+    "center": ({"center": (1, 2)}, "center must be three finite numbers"),
+    "range": ({"angular_range": np.inf}, "angular_range must be finite"),
+    "start": ({"start_angle": "a"}, "start_angle cannot be 'a'"),
+    "transforms": ({"transforms": []}, "transforms must be a list of views"),
+}
+
+
+@pytest.mark.parametrize("function", [mip, turn])
+@pytest.mark.parametrize("spoil, kind, text", BAD.values(), ids=BAD)
+def test_bad_input_is_one_clear_error(function, spoil, kind, text):
+    with pytest.raises(kind, match=text) as caught:
+        spoil(function)
+    assert str(caught.value).count("\n") <= 2
+    assert "ITK ERROR" not in str(caught.value)
+    # the next call is as good as ever
+    assert (np.asarray(mip(IMAGE)) == 1).all()
+
+
+@pytest.mark.parametrize("keywords, text", BAD_TURN.values(), ids=BAD_TURN)
+def test_bad_turns_are_one_clear_error(keywords, text):
+    with pytest.raises(ValueError, match=text):
+        turn(IMAGE, **keywords)
+
+
+@pytest.mark.parametrize(
+    "shape, text",
+    [((3, 4), "has the size"), ((2, 3, 4, 5), "has the size"), ((3, 4, 5, 2), "has 2 components")],
+    ids=["2D", "4D", "vectors"],
+)
+def test_files_that_are_no_volume(shape, text, tmp_path):
+    path = tmp_path / "image.nrrd"
+    itk.imwrite(
+        itk.image_from_array(np.ones(shape, np.float32), is_vector="vectors" in text or "comp" in text), str(path)
+    )
+    with pytest.raises(ValueError, match=text):
+        mip(path)
+
+
+def test_files_of_other_types(tmp_path):
+    path = tmp_path / "image.mha"
+    itk.imwrite(itk.image_from_array(SHORTS.astype(np.int32) * 40000), str(path))
+    assert np.asarray(open_image(path)).dtype == np.uint16
+    # of one point in time
+    itk.imwrite(itk.image_from_array(SHORTS[np.newaxis]), str(path))
+    assert mip(path).shape == (3, 5)
+
+
+def test_docstrings():
+    names = ("_front", "_inputs", "_views")
+    for name in names:
+        module = importlib.import_module(f"itk_shearwarpmip.{name}")
+        result = doctest.testmod(module, verbose=False)
+        assert result.attempted and not result.failed
+    for function in (mip, turn, open_image, itk_shearwarpmip.open_volume):
+        assert "Raises" in function.__doc__
