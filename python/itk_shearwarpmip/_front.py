@@ -290,7 +290,7 @@ class _Filters:
 
     def project(self, made: Any, parameters: Parameters) -> tuple[Any, Any]:
         """The picture of a filter, and its depths or None."""
-        image = self._image()
+        image: Any = self._image()
         background = parameters.background
         set_parameters(made, parameters, self._find_lowest() if background == "auto" else background)
         threads = parameters.number_of_threads
@@ -311,7 +311,7 @@ class _Filters:
 
     def _find_lowest(self) -> float:
         """The least voxel, if it is negative, or 0."""
-        image = self._image()
+        image: Any = self._image()
         time = image.GetMTime()
         if self._lowest is None or self._lowest[0] != time:
             voxels = itk.array_view_from_image(image)
@@ -350,7 +350,7 @@ def set_parameters(made: Any, parameters: Parameters, background: Any) -> None:
     )
     made.SetSlabNear(near)
     made.SetSlabFar(far)
-    lower, upper = (-np.inf,) * 3, (np.inf,) * 3
+    lower, upper = [-np.inf] * 3, [np.inf] * 3
     if parameters.crop is not None:
         try:
             lower, upper = (make_numbers("crop", corner, 3, is_finite=False) for corner in parameters.crop)

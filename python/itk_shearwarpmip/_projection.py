@@ -48,6 +48,9 @@ class _Pieces(NamedTuple):
     background: float = 0
     ends: _EndsOf | None = None
 
+    def get_ends(self) -> _EndsOf:
+        return self.ends or {}
+
 
 def project(volume: Volume, view: Any, parameters: Parameters) -> Any:
     """The picture of a volume in chunks, by Dask's current scheduler. Each chunk is projected where it is, to its piece of
@@ -131,7 +134,7 @@ class _View:
     def find_background(self, voxels: np.ndarray) -> float:
         return find_lowest(voxels) if self.background == "auto" else self.background
 
-    def find_first(self, place: _Place) -> list[int]:
+    def find_first(self, place: Sequence[int]) -> list[int]:
         return [firsts[n] for firsts, n in zip(self.firsts, place, strict=True)]
 
 
@@ -162,7 +165,9 @@ def _project(volume: Volume, transforms: Sequence[Any], parameters: Parameters) 
     pieces, priorities = _add_boxes(graph, tasks, edge, view, array.numblocks, token)
     last = _add_tree(graph, pieces, f"merge_pieces-{token}")
     layer = MaterializedLayer(graph, {"priority": priorities})
-    return dask.compute(Delayed(last, HighLevelGraph({token: layer}, {token: set()}), layer=token))[0]
+    pieces_of_all: _Pieces
+    (pieces_of_all,) = dask.compute(Delayed(last, HighLevelGraph({token: layer}, {token: set()}), layer=token))
+    return pieces_of_all
 
 
 def _add_boxes(
@@ -170,7 +175,9 @@ def _add_boxes(
 ) -> tuple[list[Any], "_Priorities"]:
     """Adds the tasks that merge boxes of `edge` chunks a side, with the seams between them and those before, and returns
     them. `tasks` are those that project the chunks."""
-    pieces, ends, priorities = [], {}, _Priorities()
+    pieces: list[Any] = []
+    ends: dict[_Place, Any] = {}
+    priorities = _Priorities()
     shared = f"view-{token}"
     of_view = shared if shared in graph else view
     for low in product(*(range(0, length, edge) for length in numblocks)):
@@ -257,13 +264,13 @@ def _find_owners(array: dask.array.Array) -> dict[_Place, tuple[str, int]]:
     if not isinstance(layer, MaterializedLayer):
         return {}
     chunks = {place: layer[array.name, *place] for place in np.ndindex(array.numblocks)}
-    clients = {getattr(chunk, "client", None) for chunk in chunks.values()}
+    clients: set[Any] = {getattr(chunk, "client", None) for chunk in chunks.values()}
     if len(clients) > 1 or None in clients:
         return {}
     (client,) = clients
     workers = client.who_has(list(chunks.values()))
     threads = client.nthreads()
-    owners = {place: next(iter(workers.get(chunk.key, ())), None) for place, chunk in chunks.items()}
+    owners = {place: next(iter(workers.get(chunk.key, ())), "") for place, chunk in chunks.items()}
     if not all(owners.values()):
         return {}
     return {place: (worker, threads.get(worker, 1)) for place, worker in owners.items()}
@@ -318,7 +325,7 @@ def get_ends(projected: list[_Pieces], high: _Place, axes: Sequence[int]) -> _En
     return {
         place: _Ends({}, {axis: ends.last[axis] for axis in axes if place[axis] == high[axis] - 1})
         for of_chunks in projected
-        for place, ends in of_chunks.ends.items()
+        for place, ends in of_chunks.get_ends().items()
     }
 
 
@@ -350,7 +357,7 @@ def make_seam(
 def merge_chunks(projected: list[_Pieces], before: list[_EndsOf], low: _Place, high: _Place, view: _View) -> _Pieces:
     """Merges the pieces of a box of chunks, from `low` to before `high`, and, projected here, of the seams between them
     and those before them, whose ends are `before`."""
-    ends = dict(ChainMap(*before, *(of_chunks.ends for of_chunks in projected)))
+    ends = dict(ChainMap(*before, *(of_chunks.get_ends() for of_chunks in projected)))
     seams = (
         make_seam(ends, low, high, axis, number, view)
         for axis in view.seams
@@ -392,7 +399,7 @@ def merge_pieces(pieces: list[_Pieces]) -> _Pieces:
 def _merge(pieces: Sequence[_Piece]) -> _Piece:
     if len(pieces) == 1:
         return pieces[0]
-    row, column = (min(piece[axis] for piece in pieces) for axis in range(2))
+    row, column = min(piece.row for piece in pieces), min(piece.column for piece in pieces)
     rows = max(piece.row + piece.pixels.shape[0] for piece in pieces) - row
     columns = max(piece.column + piece.pixels.shape[1] for piece in pieces) - column
     dtype = pieces[0].pixels.dtype

@@ -157,7 +157,7 @@ class _OmeZarr:
             attributes = self._group.attrs.asdict()
             images = attributes.get("ome", attributes).get("multiscales", [])
             axes = images[0].get("axes", []) if images else []
-            self._axes = [axis["name"] if isinstance(axis, dict) else None for axis in axes]
+            self._axes: list[Any] = [axis["name"] if isinstance(axis, dict) else None for axis in axes]
         if not set("xyz") <= set(self._axes):
             raise ValueError(f"{self._name} is no OME-Zarr 0.4 or 0.5 image with the axes z, y, x")
         self._space = [self._axes.index(name) for name in "xyz"]
@@ -204,16 +204,16 @@ class _OmeZarr:
         if not 0 <= level < levels:
             raise ValueError(f"{self._name} has the levels 0 to {levels - 1}, but not {level}")
         others = {"t": time, "c": channel}
-        for name, chosen in others.items():
-            if chosen != 0 and name not in self._axes:
-                raise ValueError(f"{self._name} has no axis {name}, and number {chosen} of it was asked for")
+        for name, number in others.items():
+            if number != 0 and name not in self._axes:
+                raise ValueError(f"{self._name} has no axis {name}, and number {number} of it was asked for")
         path, scale, offset = self._datasets[level]
         with self._parsing():
             array = self._group[path]
             lengths = dict(zip(self._axes, array.shape, strict=True))
-        index = []
+        index: list[int | slice] = []
         for name, length in lengths.items():
-            chosen = slice(None) if name in "xyz" else others.get(name, 0)
+            chosen: int | slice = slice(None) if name in "xyz" else others.get(name, 0)
             if not isinstance(chosen, slice) and not 0 <= chosen < length:
                 raise ValueError(f"{self._name} has {length} along the axis {name}, but not number {chosen}")
             index.append(chosen)

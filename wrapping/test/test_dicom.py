@@ -95,7 +95,7 @@ def test_each_slice_has_its_own_rescaling(tmp_path):
     folder = write_series(tmp_path / "series", t00281053="2", t00281052="0")
     np.testing.assert_array_equal(np.asarray(open_image(folder)), VOXELS)
     # the first slice
-    replace_bytes(folder / "0-.dcm", b"\x28\x00\x53\x10DS\x02\x002 ", b"\x28\x00\x53\x10DS\x02\x00.5")
+    replace_bytes(folder / "0-.dcm", b"\x53\x10\x02\x00\x00\x002 ", b"\x53\x10\x02\x00\x00\x00.5")
     voxels = np.asarray(open_image(folder))
     assert voxels.dtype == np.float64
     np.testing.assert_array_equal(voxels, [0.25 * VOXELS[0], *VOXELS[1:]])
