@@ -18,7 +18,7 @@ import itk
 import numpy as np
 import zarr
 from distributed import Client, LocalCluster
-from itk_shearwarpmip import mip, mip_cine, open_volume
+from itk_shearwarpmip import mip, open_volume, turn
 from PIL import Image
 
 SPACING = (0.8, 0.4, 0.4)  # micrometres along z, y, x
@@ -130,7 +130,7 @@ def main() -> None:
         mip(path, view, level=1)  # imports ITK on the workers
 
         start = time.perf_counter()
-        picture = mip(path, view, default_pixel_value=BACKGROUND)
+        picture = mip(path, view, background=BACKGROUND)
         seconds = time.perf_counter() - start
         rows, columns = np.asarray(picture).shape
         print(
@@ -140,17 +140,19 @@ def main() -> None:
         Image.fromarray(to_grey(np.asarray(picture))).save(arguments.folder / "mip.png")
 
         # the coarser resolution is enough
-        turn = mip_cine(
+        axis = (0.0, 1.0, 0.0)
+        series = turn(
             path,
-            number_of_frames=arguments.frames,
-            rotation_axis=(0.0, 1.0, 0.0),
-            angular_range=360.0,
+            itk.ShearWarpMIPView.MakeUprightTransform(open_volume(path).make_image(), axis),
+            frames=arguments.frames,
+            rotation_axis=axis,
             output_spacing=2 * SPACING[2],
-            default_pixel_value=BACKGROUND,
+            background=BACKGROUND,
         )
-        first, *others = (Image.fromarray(grey) for grey in to_grey(np.asarray(turn)))
+        frames = np.asarray(series.frames)
+        first, *others = (Image.fromarray(grey) for grey in to_grey(frames))
         first.save(arguments.folder / "turn.gif", save_all=True, append_images=others, duration=100, loop=0)
-        print(f"{arguments.frames} frames of {turn.shape[2]} x {turn.shape[1]} pixels")
+        print(f"{arguments.frames} frames of {frames.shape[2]} x {frames.shape[1]} pixels")
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ from itk_shearwarpmip import open_volume
 from PIL import Image
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
-PROGRAMS = ["channels_mip.py", "rotating_mip.py", "mip_pipeline.py"]
+PROGRAMS = ["channels_mip.py", "mip_pipeline.py"]
 
 
 def run(program: str, *arguments) -> subprocess.CompletedProcess:
@@ -31,57 +31,6 @@ def volume(tmp_path_factory) -> Path:
     path = tmp_path_factory.mktemp("volume") / "tube.nrrd"
     itk.imwrite(image, path)
     return path
-
-
-def test_rotating_mip(volume, tmp_path):
-    outcome = run("rotating_mip.py", volume, tmp_path / "tube.gif", "--frames", 8)
-    assert outcome.returncode == 0, outcome.stderr
-    assert outcome.stdout.startswith("8 frames of 50 x 60 pixels of 1 mm: ")
-    assert "ms per frame" in outcome.stdout
-
-    columns = []
-    with Image.open(tmp_path / "tube.gif") as animation:
-        assert (animation.n_frames, animation.size) == (8, (50, 60))
-        assert animation.info["loop"] == 0
-        for frame in range(8):
-            animation.seek(frame)
-            grey = np.asarray(animation.convert("L"))
-            bright = np.argwhere(grey > 200)
-            assert np.ptp(bright[:, 0]) == 59  # 20 slices of 3 mm
-            columns.append(bright[:, 1].mean() - 24.5)
-    turn = np.radians(np.arange(8) * 45.0)
-    assert columns == pytest.approx(list(12.0 * np.cos(turn)), abs=0.8)
-
-
-def test_rotating_mip_as_webp_from_above(volume, tmp_path):
-    outcome = run("rotating_mip.py", volume, tmp_path / "tube.webp", "--frames", 3, "--elevation", 20)
-    assert outcome.returncode == 0, outcome.stderr
-    with Image.open(tmp_path / "tube.webp") as animation:
-        assert (animation.format, animation.n_frames) == ("WEBP", 3)
-
-
-def test_rotating_mip_of_a_dicom_folder(tmp_path):
-    voxels = np.zeros((6, 16, 16), np.int16)
-    voxels[:, 6:10, 6:10] = 500
-    folder = tmp_path / "series"
-    folder.mkdir()
-    dictionary = {"0020|000e": "1.2.3.4", "0020|000d": "1.2.3", "0008|0060": "CT"}
-    for z, voxel_slice in enumerate(voxels):
-        image = itk.image_from_array(voxel_slice[np.newaxis])
-        image.SetOrigin([0.0, 0.0, 2.5 * z])
-        image.SetSpacing([1.0, 1.0, 2.5])
-        meta = itk.MetaDataDictionary()
-        position = {"0020|0032": f"0\\0\\{2.5 * z}", "0020|0013": str(z)}
-        for key, value in (dictionary | position).items():
-            meta[key] = value
-        image.SetMetaDataDictionary(meta)
-        writer = itk.ImageFileWriter.New(image, FileName=str(folder / f"{z}.dcm"))
-        dicom = itk.GDCMImageIO.New(KeepOriginalUID=True)
-        writer.SetImageIO(dicom)
-        writer.Update()
-    outcome = run("rotating_mip.py", folder, tmp_path / "series.gif", "--frames", 2)
-    assert outcome.returncode == 0, outcome.stderr
-    assert outcome.stdout.startswith("2 frames of 16 x 15 pixels of 1 mm")
 
 
 def test_mip_pipeline(volume, tmp_path):
@@ -207,12 +156,6 @@ def test_errors_are_one_line(program, name, text, tmp_path):
     assert outcome.stderr.startswith(f"error: {tmp_path / name} ")
     assert text in outcome.stderr
     assert outcome.stderr.count("\n") == 1
-
-
-def test_rotating_mip_refuses_an_unknown_format(volume, tmp_path):
-    outcome = run("rotating_mip.py", volume, tmp_path / "tube.avi")
-    assert outcome.returncode == 1
-    assert outcome.stderr == "error: the output must end in .gif, .webp, .png, not tube.avi\n"
 
 
 @pytest.mark.filterwarnings("ignore")

@@ -141,10 +141,19 @@ def test_types_of_the_package_are_its_own(files):
     [
         (
             "dask",
-            "import itk_shearwarpmip; assert 'mip' in itk_shearwarpmip.__all__; itk_shearwarpmip.mipp",
+            "import itk_shearwarpmip; assert hasattr(itk_shearwarpmip, 'mip'); itk_shearwarpmip.mipp",
             "AttributeError",
         ),
-        ("dask", "from itk_shearwarpmip import mip", "ImportError: itk_shearwarpmip needs Dask: pip install"),
+        (
+            "dask",
+            "from itk_shearwarpmip import open_volume",
+            "ImportError: itk_shearwarpmip needs Dask: pip install",
+        ),
+        (
+            "zarr",
+            "from itk_shearwarpmip import mip; mip('a.zarr')",
+            "ImportError: an OME-Zarr needs zarr: pip install",
+        ),
         (
             "dask",
             "from itk_shearwarpmip.__main__ import main; main(['a', 'b.mha'])",
@@ -156,7 +165,7 @@ def test_types_of_the_package_are_its_own(files):
             "itk_shearwarpmip: .*aiohttp",
         ),
     ],
-    ids=["package", "function", "program", "URL"],
+    ids=["package", "function", "Zarr", "program", "URL"],
 )
 def test_what_is_missing_is_named_where_it_is_needed(missing, code, text):
     code = f"import sys; sys.modules['{missing}'] = None; {code}"
