@@ -7,6 +7,7 @@ import threading
 import weakref
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, TypedDict, Unpack
 
@@ -149,12 +150,15 @@ class Turn:
     itk.ShearWarpMIPCineImageFilter."""
     transforms: list[Any]
     """The itk.Transform of each frame's view, from view space to physical space."""
-    window: tuple[float, float]
-    """The values that are shown black and white."""
     source_metadata: dict[str, Any] = field(default_factory=dict)
     """The meta data dictionary of the source."""
     depths: Any = None
     """3D itk.Image of float32, in mm, if depths were asked for."""
+
+    @cached_property
+    def window(self) -> tuple[float, float]:
+        """The values that are shown black and white. It can be set."""
+        return _save.find_window(self.frames)
 
     def save(self, path: str | os.PathLike[str], **options: Any) -> None:
         """Writes the frames: see save_turn()."""
@@ -236,7 +240,7 @@ def turn(
 
     if is_chunked(source):
         stack, views = _project_chunks_turning(source, set_turn, parameters, where)
-        return Turn(stack, views, _save.find_window(stack))
+        return Turn(stack, views)
     image = _open_image(source, where)
     with _get_filters(image) as filters:
         made = filters.get(itk.ShearWarpMIPCineImageFilter)
@@ -246,7 +250,6 @@ def turn(
     return Turn(
         stack,
         views,
-        _save.find_window(stack),
         {key: image[key] for key in image.GetMetaDataDictionary().GetKeys()},
         depths,
     )
@@ -499,7 +502,12 @@ def is_chunked(source: Any) -> bool:
     if isinstance(source, str | os.PathLike):
         path = Path(source)
         names = (".zgroup", ".zattrs", "zarr.json")
-        return "://" in str(source) or path.suffix == ".zarr" or any((path / name).exists() for name in names)
+        return (
+            "://" in str(source)
+            or ".zarr" in path.suffixes
+            or path.suffix == ".zip"
+            or any((path / name).exists() for name in names)
+        )
     if is_of(source, "xarray", "DataArray"):
         source = source.variable._data
     return (
