@@ -135,7 +135,7 @@ def take(source: Any) -> Placed:
     try:
         return Placed(np.asarray(source) if hasattr(source, "__array__") else np.from_dlpack(source))
     except (TypeError, RuntimeError, BufferError, ValueError) as error:
-        raise TypeError(f"NumPy cannot share this array: copy it to the computer's memory first; {error}") from error
+        raise TypeError(f"NumPy cannot take this array, which must be in the computer's memory: {error}") from error
 
 
 def is_of(instance: Any, package: str, name: str) -> bool:

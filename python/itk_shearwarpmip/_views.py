@@ -37,6 +37,9 @@ def make_transform(image: Any, view: Any = "anterior", azimuth: float = 0.0, ele
         return itk.ShearWarpMIPView.MakeTransform(image, side, float(azimuth), float(elevation))
     if azimuth != 0.0 or elevation != 0.0:
         raise ValueError("azimuth and elevation are for a view that is a name")
+    # as itk.transformread() gives one
+    if isinstance(view, list | tuple) and len(view) == 1:
+        (view,) = view
     if isinstance(view, itk.Transform[itk.D, 3, 3]):
         return view
     if isinstance(view, itk.Object) or (isinstance(view, list | tuple) and view and isinstance(view[0], itk.Object)):
