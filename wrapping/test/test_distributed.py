@@ -607,10 +607,10 @@ def test_views_at_once_on_a_cluster(client):
     views = [make_view(np.random.default_rng(n)) for n in range(2)]
     pictures = [None, None]
 
-    def project(n):
+    def work(n):
         pictures[n] = project(chunked, views[n])
 
-    threads = [threading.Thread(target=project, args=(n,)) for n in range(2)]
+    threads = [threading.Thread(target=work, args=(n,)) for n in range(2)]
     for thread in threads:
         thread.start()
     for thread in threads:
