@@ -243,7 +243,7 @@ def test_bad_input_is_named():
         (lambda: project(array.astype(np.int64)), TypeError, "voxels must be one of .* but they are int64"),
         (lambda: project(array[0]), ValueError, "has the shape"),
         (lambda: project(array[:0]), ValueError, "must not be empty"),
-        (lambda: project(array, spacing=(1, 2)), ValueError, "spacing must be three numbers"),
+        (lambda: project(array, spacing=(1, 2)), ValueError, "spacing must be three finite numbers"),
         (lambda: project(array, spacing=(1, 2, 0)), ValueError, "spacing is not supported"),
         (lambda: project(array, level=1), ValueError, "no levels"),
         (lambda: project(array, time=1), ValueError, "no levels, times and channels"),
