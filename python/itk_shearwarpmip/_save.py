@@ -1,43 +1,385 @@
-"""Pictures of 8 bits for a notebook."""
+"""Files and pages of a turn: the same as those of the program shear-warp-mip."""
 
-import struct
-import zlib
-from typing import Any
+import base64
+import html
+import json
+import math
+import os
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from importlib import resources
+from pathlib import Path
+from typing import Any, Protocol
 
 import itk
 import numpy as np
 from numpy.typing import NDArray
 
+Window = tuple[float, float]
 
-def find_window(image: Any) -> tuple[float, float]:
-    """The values that become black and white: percentiles 1 and 99.8 of what is not background."""
+_VALUES = (".mha", ".nrrd", ".nii", ".nii.gz")
+_ANIMATIONS = (".gif", ".apng", ".mp4")
+_SUFFIXES = (".html", *_ANIMATIONS, ".png", *_VALUES)
+
+
+class Turn(Protocol):
+    """What is saved. It may also have, as far as they are not those of a turn by default:
+
+    mode: "maximum", "minimum" or "absolute".
+    slab: near and far in mm behind the origin of view space; None.
+    centre: of the volume in physical space (LPS, mm); the origin of view space.
+    title: of the page.
+    source_files: paths of the files that were read, which are never written; of DICOM they are referenced.
+    """
+
+    frames: Any
+    """3D itk.Image, its third axis the frames. Its dictionary may have "FrameAngles" and "Background"."""
+    transforms: Sequence[Any]
+    window: Window | None
+    source_metadata: Mapping[str, Any]
+
+
+def find_window(image: Any) -> Window:
+    """The window that the program shear-warp-mip chooses: percentiles 1 and 99.8 of the pixels that are finite and not
+    background.
+
+    image: an itk.Image of any dimension, of one or several components. The entry "Background" of its dictionary is the
+        value beside the volume; without it that is 0, or the least pixel if that is negative.
+
+    Returns the values that become black and white, low < high.
+
+    >>> image = itk.image_from_array(np.arange(1001, dtype=np.uint16).reshape(7, 143))
+    >>> find_window(image)
+    (11.0, 998.0)
+    """
     pixels = itk.array_view_from_image(image)
-    background = image["Background"] if image.GetMetaDataDictionary().HasKey("Background") else 0.0
-    values = np.sort(pixels[np.isfinite(pixels) & (pixels != background)])
-    if not values.size:
-        low = background if np.isfinite(background) else 0.0
+    background = _find_background(image)
+    values = _select_values(pixels, background)
+    if values.size == 0:
+        low = background if math.isfinite(background) else 0.0
         return low, low + 1.0
-    low, high = (float(values[int(fraction * (values.size - 1) + 0.5)]) for fraction in (0.01, 0.998))
-    return (low if low < high else high - 1.0), high
+    ranks = [math.floor(fraction * (values.size - 1) + 0.5) for fraction in (0.01, 0.998)]
+    low, high = (float(value) for value in np.partition(values, ranks)[ranks])
+    return (low, high) if low < high else (high - 1.0, high)
 
 
-def encode_png(pixels: NDArray[Any]) -> bytes:
-    """A grey PNG of uint8 or uint16."""
-    rows, columns = pixels.shape
-    lines = np.zeros((rows, 1 + columns * pixels.itemsize), np.uint8)
-    lines[:, 1:] = np.ascontiguousarray(pixels, pixels.dtype.newbyteorder(">")).view(np.uint8).reshape(rows, -1)
-
-    def chunk(kind: bytes, data: bytes) -> bytes:
-        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-
-    header = struct.pack(">IIBBBBB", columns, rows, 8 * pixels.itemsize, 0, 0, 0, 0)
-    data = zlib.compress(lines.tobytes())
-    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", data) + chunk(b"IEND", b"")
+def make_grey(pixels: NDArray[Any], window: Window, *, inverted: bool = False) -> NDArray[np.uint8]:
+    """Pixels of 8 bits, of the shape of `pixels`: the window becomes 0 to 255, or if `inverted` 255 to 0."""
+    low, high = window
+    values = np.asarray(pixels, np.float64)
+    values = np.where(values > low, np.minimum(values, high), low)
+    grey = _round(255.0 * (values - low) / (high - low)).astype(np.uint8)
+    return grey ^ np.uint8(255) if inverted else grey
 
 
-def make_page(turn: Any, *, window: tuple[float, float] | None = None) -> str:
-    raise NotImplementedError
+def encode_png(pixels: NDArray[Any], spacing: Sequence[float] = (1.0, 1.0)) -> bytes:
+    """The bytes of a grey PNG.
+
+    pixels: uint8 or uint16, of shape (rows, columns).
+    spacing: of columns and rows, in mm.
+
+    Raises TypeError for other pixels, OSError if there is no room for a temporary file.
+
+    >>> encode_png(np.zeros((4, 6), np.uint16))[:4]
+    b'\\x89PNG'
+    """
+    if pixels.ndim != 2 or pixels.dtype not in (np.uint8, np.uint16):
+        raise TypeError(f"a PNG has pixels of uint8 or uint16 in rows and columns, not {pixels.dtype} {pixels.shape}")
+    with tempfile.TemporaryDirectory(prefix="shear-warp-mip-") as folder:
+        path = Path(folder, "picture.png")
+        _write_image(_make_image(pixels, spacing), path)
+        return path.read_bytes()
 
 
-def save_turn(turn: Any, path: Any, *, rate: float | None = None, window: tuple[float, float] | None = None) -> None:
-    raise NotImplementedError
+def make_page(turn: Turn, *, rate: float | None = None, window: Window | None = None) -> str:
+    """The text of a web page that shows a turn, to turn and play, with window and level; it needs nothing but itself.
+
+    rate: frames per second, from 0.1 to 100; by default the turn in four seconds, from 5 to 25.
+    window: low and high value, black and white at first; by default that of the turn.
+
+    The page holds the frames with 8 bits, one grey level for a 254th of twice the window.
+
+    Raises ValueError and TypeError as save_turn() does.
+    """
+    pixels = _get_pixels(turn)
+    rate = _get_rate(rate, len(pixels))
+    low, high = _get_window(turn, window)
+    background = _find_background(turn.frames)
+    values = _select_values(pixels, background)
+    blank = background if math.isfinite(background) else 0.0
+    margin = 0.5 * (high - low)
+    least = max(float(values.min()) if values.size else blank, low - margin)
+    most = max(least, min(float(values.max()) if values.size else blank, high + margin))
+    is_exact = pixels.dtype.kind in "iu" and most - least <= 254.0
+    slope = 1.0 if is_exact or least == most else (most - least) / 254.0
+    intercept = least - slope
+
+    spacing, origin = (list(each)[:2] for each in (turn.frames.GetSpacing(), turn.frames.GetOrigin()))
+    angles = _get_angles(turn)
+    series: dict[str, Any] = {
+        "title": getattr(turn, "title", None) or "Maximum intensity projection",
+        "width": pixels.shape[2],
+        "height": pixels.shape[1],
+        "spacing": spacing,
+        "origin": origin,
+        "bits": 8,
+        "slope": slope,
+        "intercept": intercept,
+        "background": 0,
+        "inverted": _is_inverted(turn),
+        "window": [low, high],
+        "rate": rate,
+        "loop": _find_loop(angles),
+        "frames": [],
+    }
+    if angles:
+        series["angles"] = angles
+    for frame in pixels:
+        stored = _round((np.clip(frame.astype(np.float64), least, most) - intercept) / slope)
+        stored[_is_background(frame, background)] = 0
+        series["frames"].append(base64.b64encode(encode_png(stored.astype(np.uint8), spacing)).decode())
+    template = resources.files("itk_shearwarpmip").joinpath("cine.html").read_text(encoding="utf-8")
+    return template.replace("@SERIES@", json.dumps(series).replace("<", "\\u003c"), 1)
+
+
+def make_frame(turn: Turn, *, height: int = 480) -> str:
+    """The page of make_page() in an element of HTML, as a notebook shows it; `height` in pixels."""
+    page = html.escape(make_page(turn))
+    return f'<iframe srcdoc="{page}" style="width: 100%; height: {height}px; border: 0" allowfullscreen></iframe>'
+
+
+def save_turn(
+    turn: Turn, path: str | os.PathLike[str], *, rate: float | None = None, window: Window | None = None
+) -> None:
+    """Writes the frames of a turn as the program shear-warp-mip does.
+
+    path: its ending says what is written. A file appears when it is complete; if there is an error, what was there
+        before stays.
+        .html: a page that turns, see make_page().
+        .gif, .apng, .mp4: an animation, by the program ffmpeg.
+        .png: a picture of 8 bits for each frame: turn-000.png, turn-001.png and so on.
+        .nrrd, .nii, .nii.gz, .mha: the values, a stack of the frames with spacing and origin in mm.
+        none: a DICOM series, one file for each frame, in a folder that is new or empty; needs pydicom.
+    rate: frames per second of pages and animations, from 0.1 to 100; by default the turn in four seconds, from 5 to 25.
+    window: low and high value, black and white in pages, pictures, animations and DICOM; by default that of the turn,
+        in DICOM that of the source or all values.
+
+    Raises ValueError for another ending, a rate or window that is none, and a path that is not to be written;
+    TypeError for frames of several components; OSError for a folder that does not exist or cannot be written;
+    RuntimeError without ffmpeg; ImportError without pydicom.
+
+    >>> turn.save("turn.gif", rate=20)  # doctest: +SKIP
+    """
+    given = Path(path)
+    suffix = _get_suffix(given)
+    pixels = _get_pixels(turn)
+    rate = _get_rate(rate, len(pixels))
+    if window is not None:
+        _get_window(turn, window)
+    target = Path(os.path.realpath(given))
+    if not target.parent.is_dir():
+        raise FileNotFoundError(f"'{target.parent}' is no folder to write '{given.name}' into: make it first")
+    names = [target.name]
+    if suffix == ".png":
+        width = max(3, len(str(len(pixels) - 1)))
+        names = [f"{target.stem}-{frame:0{width}}.png" for frame in range(len(pixels))]
+    for name in names:
+        _require_writable(turn, target.parent / name, is_folder=not suffix)
+    if suffix in _ANIMATIONS:
+        _find_ffmpeg()
+
+    with tempfile.TemporaryDirectory(prefix=".shear-warp-mip-", dir=target.parent) as folder:
+        files = {Path(folder, name): target.parent / name for name in names}
+        made = next(iter(files))
+        if not suffix:
+            _write_dicom(turn, made, window)
+        elif suffix == ".html":
+            made.write_text(make_page(turn, rate=rate, window=window), encoding="utf-8")
+        elif suffix in _VALUES:
+            stack = itk.image_view_from_array(pixels)
+            stack.CopyInformation(turn.frames)
+            _write_image(stack, made)
+        else:
+            chosen = _get_window(turn, window)
+            pictures = np.stack([make_grey(frame, chosen, inverted=_is_inverted(turn)) for frame in pixels])
+            if suffix == ".png":
+                for place, picture in zip(files, pictures, strict=True):
+                    _write_image(_make_image(picture, list(turn.frames.GetSpacing())[:2]), place)
+            else:
+                _write_animation(pictures, rate, made)
+        _publish(files, Path(folder))
+
+
+def _round(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """To whole numbers, halves up: as std::lround does for what is not negative."""
+    whole = np.floor(values)
+    return whole + (values - whole >= 0.5)
+
+
+def _find_background(image: Any) -> float:
+    if image.GetMetaDataDictionary().HasKey("Background"):
+        return float(image["Background"])
+    return min(0.0, float(np.fmin.reduce(itk.array_view_from_image(image), axis=None)))
+
+
+def _is_background(pixels: NDArray[Any], background: float) -> NDArray[np.bool_]:
+    """Also what is not a number."""
+    found: NDArray[np.bool_] = (pixels == background) | np.isnan(pixels)
+    return found
+
+
+def _select_values(pixels: NDArray[Any], background: float) -> NDArray[Any]:
+    values: NDArray[Any] = pixels[~_is_background(pixels, background) & np.isfinite(pixels)]
+    return values
+
+
+def _get_pixels(turn: Turn) -> NDArray[Any]:
+    """Of shape (frames, rows, columns), not copied."""
+    frames = turn.frames
+    components = frames.GetNumberOfComponentsPerPixel()
+    if components != 1:
+        raise TypeError(f"frames must have one value for each pixel, but they have {components}: save the components")
+    pixels: NDArray[Any] = itk.array_view_from_image(frames)
+    if pixels.ndim != 3:
+        raise TypeError(f"frames must be a 3D image, their third axis the frames, but it has {pixels.ndim} dimensions")
+    return pixels
+
+
+def _get_rate(rate: float | None, frames: int) -> float:
+    if rate is None:
+        return min(max(math.floor(frames / 4 + 0.5), 5), 25)
+    if not 0.1 <= rate <= 100.0:
+        raise ValueError(f"rate must be from 0.1 to 100 frames per second, but it is {rate}")
+    return rate
+
+
+def _get_window(turn: Turn, window: Window | None) -> Window:
+    given = turn.window if window is None else window
+    if given is None:
+        return find_window(turn.frames)
+    if len(given) != 2 or not all(map(math.isfinite, given)) or not given[0] < given[1]:
+        raise ValueError(f"window must be two finite numbers, the lower one first, but it is {given}")
+    return float(given[0]), float(given[1])
+
+
+def _get_angles(turn: Turn) -> list[float]:
+    return list(dict(turn.frames).get("FrameAngles", []))
+
+
+def _find_loop(angles: list[float]) -> str:
+    """How a turn goes on behind its last frame: "turn" on and on, "swing" to and fro, or "none"."""
+    if len(angles) == 1:
+        return "turn"
+    steps = np.diff(angles)
+    if steps.size and steps.min() < 0.0 < steps.max():
+        return "swing"
+    return "turn" if steps.size and math.isclose(abs(steps[0]) * len(angles), 360.0) else "none"
+
+
+def _is_inverted(turn: Turn) -> bool:
+    """Whether low values of the source are white."""
+    return str(turn.source_metadata.get("0028|0004", "")).strip() == "MONOCHROME1"
+
+
+def _get_suffix(path: Path) -> str:
+    if not path.suffix:
+        return ""
+    for suffix in _SUFFIXES:
+        if path.name.endswith(suffix):
+            return suffix
+    raise ValueError(f"'{path}' must end in one of {' '.join(_SUFFIXES)}, or be a folder for DICOM, without a suffix")
+
+
+def _require_writable(turn: Turn, path: Path, *, is_folder: bool) -> None:
+    if not path.exists():
+        return
+    if is_folder and not (path.is_dir() and not any(path.iterdir())):
+        raise FileExistsError(f"'{path}' is there already: a DICOM series needs a folder that is new or empty")
+    if not is_folder and not path.is_file():
+        raise ValueError(f"'{path}' is a folder or a device: only files can be written")
+    if not os.access(path, os.W_OK):
+        raise PermissionError(f"'{path}' is write-protected")
+    for source in getattr(turn, "source_files", None) or ():
+        if os.path.exists(source) and path.samefile(source):
+            raise ValueError(f"'{path}' was read to make this turn: give another name")
+
+
+def _make_image(pixels: NDArray[Any], spacing: Sequence[float]) -> Any:
+    image = itk.image_view_from_array(np.ascontiguousarray(pixels))
+    image.SetSpacing([float(step) for step in spacing])
+    return image
+
+
+def _write_image(image: Any, path: Path) -> None:
+    """Not all of ITK's writers notice a full disk."""
+    pixels = itk.array_view_from_image(image)
+    full = OSError(f"cannot write all of '{path.name}'; is the disk full?")
+    try:
+        itk.imwrite(image, str(path))
+        is_complete = np.array_equal(itk.imread(str(path)), pixels, equal_nan=True)
+    except (RuntimeError, OSError) as error:
+        raise full from error
+    if not is_complete:
+        raise full
+
+
+def _find_ffmpeg() -> str:
+    found = shutil.which("ffmpeg")
+    if not found:
+        raise RuntimeError("an animation needs the program ffmpeg: install it, as by apt install ffmpeg")
+    return found
+
+
+def _write_animation(pictures: NDArray[np.uint8], rate: float, path: Path) -> None:
+    """The arguments are those of apps/Animation.cxx."""
+    encoding = {
+        # sizes must be even
+        ".mp4": "-vf pad=ceil(iw/2)*2:ceil(ih/2)*2 -c:v libx264 -crf 18 -pix_fmt yuv420p -movflags +faststart -f mp4",
+        ".apng": "-pix_fmt gray -pred mixed -plays 0 -f apng",
+        ".gif": "-pix_fmt gray -f gif",
+    }[path.suffix].split()
+    size = f"{pictures.shape[2]}x{pictures.shape[1]}"
+    source = f"-f rawvideo -pixel_format gray -video_size {size} -framerate {rate:g} -i pipe:".split()
+    start = [_find_ffmpeg(), "-nostdin", "-v", "error"]
+    for command, data in (
+        ([*start, "-y", *source, *encoding, "-bitexact", f"file:{path}"], pictures.tobytes()),
+        # it does not notice each full disk
+        ([*start, "-i", f"file:{path}", "-f", "null", "-"], b""),
+    ):
+        done = subprocess.run(command, input=data, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False)
+        if done.returncode != 0 or done.stdout:
+            raise RuntimeError(f"ffmpeg failed: {done.stdout.decode(errors='replace').strip()}")
+
+
+def _write_dicom(turn: Turn, folder: Path, window: Window | None) -> None:
+    try:
+        from itk_shearwarpmip import _dicom_series
+    except ImportError as error:
+        raise ImportError("a DICOM series needs pydicom: pip install itk-shearwarpmip[dicom]") from error
+    _dicom_series.write_series(turn, folder, window)
+
+
+def _publish(files: Mapping[Path, Path], folder: Path) -> None:
+    """Gives all files, the keys, their names, the values; or none. What was there is kept in `folder` meanwhile."""
+    with ExitStack() as undo:
+        for number, (made, target) in enumerate(files.items()):
+            if not target.exists():
+                os.replace(made, target)
+                undo.callback(os.replace, target, made)
+                continue
+            shutil.copymode(target, made)
+            former = folder / f"former-{number}"
+            if target.is_file():
+                try:
+                    os.link(target, former)
+                except OSError:
+                    shutil.copy2(target, former)
+                undo.callback(os.replace, former, target)
+            elif os.name == "nt":
+                target.rmdir()
+                undo.callback(target.mkdir)
+            os.replace(made, target)
+        undo.pop_all()

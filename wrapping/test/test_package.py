@@ -114,7 +114,8 @@ def test_needs_runtime_libraries_only(files):
     readelf = shutil.which("readelf")
     if not readelf:
         pytest.skip("readelf is not installed")
-    libraries = [file for file in files if ".so" in file.name]
+    # others are those of the program, put in by auditwheel
+    libraries = [file for file in files if ".so" in file.name and file.parent.name == "itk"]
     assert libraries
     for library in libraries:
         dynamic = subprocess.run([readelf, "-d", library], check=True, capture_output=True, text=True).stdout
@@ -130,6 +131,16 @@ def test_needs_runtime_libraries_only(files):
             "ld-linux-x86-64",
             "ld-linux-aarch64",
         }
+
+
+def test_program(files, tmp_path):
+    program = next((file for file in files if file.parent.name == "bin" and file.name == "shear-warp-mip"), None)
+    if not program:
+        pytest.skip("this wheel was built without CLI11, and so without the program")
+    version = subprocess.run([program, "--version"], check=True, capture_output=True, text=True).stdout
+    assert version.startswith(f"shear-warp-mip {metadata.version('itk-shearwarpmip')}, ITK 5.4.")
+    subprocess.run([program, "--write-phantom", tmp_path / "head.nrrd"], check=True)
+    assert itk.imread(tmp_path / "head.nrrd").GetImageDimension() == 3
 
 
 def test_types_of_the_package_are_its_own(files):
