@@ -202,4 +202,5 @@ def _read(files: list[tuple[Path, Any]], source: Path) -> Any:
     direction = np.column_stack([*first.directions[:2], step / distance])
     place(image, Placed(voxels, [*first.spacing.tolist(), distance], slices[0].origin.tolist(), direction))
     image.SetMetaDataDictionary(slices[0].io.GetMetaDataDictionary())
+    image.source_files = [each.path for each in slices]
     return image

@@ -154,6 +154,12 @@ class Turn:
     """The meta data dictionary of the source."""
     depths: Any = None
     """3D itk.Image of float32, in mm, if depths were asked for."""
+    mode: Mode = "maximum"
+    slab: Sequence[float] | None = None
+    centre: Sequence[float] | None = None
+    """Of the volume, in mm (LPS)."""
+    source_files: Sequence[Path] = ()
+    """What was read, and is never written."""
 
     @cached_property
     def window(self) -> tuple[float, float]:
@@ -161,11 +167,27 @@ class Turn:
         return _save.find_window(self.frames)
 
     def save(self, path: str | os.PathLike[str], **options: Any) -> None:
-        """Writes the frames: see save_turn()."""
+        """Writes the frames as the program shear-warp-mip does.
+
+        path: its ending says what is written. A file appears when it is complete; after an error, what was there before
+            is still there.
+            .html: a page that turns, and needs nothing but itself.
+            .gif, .apng, .mp4: an animation, by the program ffmpeg.
+            .png: a picture of 8 bits for each frame: turn-000.png, turn-001.png and so on.
+            .nrrd, .nii, .nii.gz, .mha: the values, a stack of the frames with spacing and origin in mm.
+            none: a DICOM series, one file for each frame, in a folder that is new or empty; needs pydicom.
+        options:
+            rate: frames per second of pages and animations, from 0.1 to 100; by default the turn in four seconds.
+            window: values that become black and white, (low, high); by default `window`, in DICOM the source's.
+
+        Raises ValueError for another ending, a rate or window that is none, and a path that is not to be written;
+        OSError for a folder that does not exist or cannot be written; RuntimeError without ffmpeg; ImportError without
+        pydicom.
+        """
         _save.save_turn(self, path, **options)
 
     def _repr_html_(self) -> str:
-        return _save.make_page(self)
+        return _save.make_frame(self)
 
 
 def turn(
@@ -240,7 +262,7 @@ def turn(
 
     if is_chunked(source):
         stack, views = _project_chunks_turning(source, set_turn, parameters, where)
-        return Turn(stack, views)
+        return Turn(stack, views, mode=mode)
     image = _open_image(source, where)
     with _get_filters(image) as filters:
         made = filters.get(itk.ShearWarpMIPCineImageFilter)
@@ -252,6 +274,10 @@ def turn(
         views,
         {key: image[key] for key in image.GetMetaDataDictionary().GetKeys()},
         depths,
+        mode,
+        slab,
+        list(itk.ShearWarpMIPView.GetCentre(image)),
+        getattr(image, "source_files", ()),
     )
 
 
@@ -563,10 +589,7 @@ def show_itself(picture: Any, background: float) -> Any:
 
 
 def _make_png(picture: Any) -> bytes:
-    low, high = _save.find_window(picture)
-    values = np.clip(np.nan_to_num(itk.array_view_from_image(picture).astype(float), nan=low), low, high)
-    grey = np.floor(255.0 * (values - low) / (high - low) + 0.5).astype(np.uint8)
-    return _save.encode_png(grey)
+    return _save.encode_png(_save.make_grey(itk.array_view_from_image(picture), _save.find_window(picture)))
 
 
 def _is_plain_array(source: Any) -> bool:

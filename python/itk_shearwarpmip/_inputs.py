@@ -328,6 +328,7 @@ def _read(path: Path, series: str | None) -> Any:
         raise OSError(f"'{path}' cannot be read: {describe(error)}") from error
     image = reader.GetOutput()
     image.DisconnectPipeline()
+    image.source_files = [path]
     return image
 
 

@@ -154,25 +154,7 @@ def make_frame(turn: Turn, *, height: int = 480) -> str:
 def save_turn(
     turn: Turn, path: str | os.PathLike[str], *, rate: float | None = None, window: Window | None = None
 ) -> None:
-    """Writes the frames of a turn as the program shear-warp-mip does.
-
-    path: its ending says what is written. A file appears when it is complete; if there is an error, what was there
-        before stays.
-        .html: a page that turns, see make_page().
-        .gif, .apng, .mp4: an animation, by the program ffmpeg.
-        .png: a picture of 8 bits for each frame: turn-000.png, turn-001.png and so on.
-        .nrrd, .nii, .nii.gz, .mha: the values, a stack of the frames with spacing and origin in mm.
-        none: a DICOM series, one file for each frame, in a folder that is new or empty; needs pydicom.
-    rate: frames per second of pages and animations, from 0.1 to 100; by default the turn in four seconds, from 5 to 25.
-    window: low and high value, black and white in pages, pictures, animations and DICOM; by default that of the turn,
-        in DICOM that of the source or all values.
-
-    Raises ValueError for another ending, a rate or window that is none, and a path that is not to be written;
-    TypeError for frames of several components; OSError for a folder that does not exist or cannot be written;
-    RuntimeError without ffmpeg; ImportError without pydicom.
-
-    >>> turn.save("turn.gif", rate=20)  # doctest: +SKIP
-    """
+    """See Turn.save(), and TypeError for frames of several components."""
     given = Path(path)
     suffix = _get_suffix(given)
     pixels = _get_pixels(turn)
