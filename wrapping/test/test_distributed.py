@@ -84,12 +84,9 @@ def make_image(array, spacing=(1, 1, 1), origin=(0, 0, 0), direction=((1, 0, 0),
     return image
 
 
-ALONG_Z = np.eye(4)
-
-
-def project(volume, view=ALONG_Z, background=0, **options):
+def project(volume, view=None, background=0, **options):
     """By default what the filter does: along z, on 0."""
-    return mip(volume, view, background=background, **options)
+    return mip(volume, np.eye(4) if view is None else view, background=background, **options)
 
 
 def project_turn(volume, transforms=None, background=0, number_of_frames=36, rotation_axis=(0, 0, 1), **options):

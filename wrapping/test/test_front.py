@@ -150,7 +150,7 @@ def test_tensors(image):
     picture = mip(tensor, azimuth=30, **get_geometry(image))
     assert isinstance(picture, torch.Tensor)
     np.testing.assert_array_equal(picture.numpy(), itk.array_from_image(project(image)))
-    with pytest.raises(TypeError, match="must be in the computer's memory: .*grad"):
+    with pytest.raises(TypeError, match=r"must be in the computer's memory: .*grad"):
         mip(torch.ones((3, 4, 5), requires_grad=True))
 
 
