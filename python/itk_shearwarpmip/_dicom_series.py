@@ -113,7 +113,7 @@ class _Rescale:
 
 
 def _read_sources(turn: Any) -> Iterator[Dataset]:
-    for path in getattr(turn, "source_files", None) or ():
+    for path in turn.source_files:
         if Path(path).is_file() and is_dicom(path):
             yield pydicom.dcmread(path, stop_before_pixels=True)
 
@@ -169,8 +169,7 @@ def _make_header(turn: Any, rescale: _Rescale, window: tuple[float, float] | Non
         setattr(header, f"{name}Date", f"{now:%Y%m%d}")
         setattr(header, f"{name}Time", f"{now:%H%M%S.%f}")
 
-    mode = getattr(turn, "mode", None) or "maximum"
-    is_minimum = mode == "minimum"
+    is_minimum = turn.mode == "minimum"
     short, what = ("MinIP", "Minimum intensity projection") if is_minimum else ("MIP", "Maximum intensity projection")
     description = f"{short} {source.get('SeriesDescription') or ''}".strip()
     header.SeriesDescription = description if len(description) <= 64 else short
@@ -186,7 +185,7 @@ def _make_header(turn: Any, rescale: _Rescale, window: tuple[float, float] | Non
         item.PurposeOfReferenceCodeSequence = [_make_code("109101", "Acquisition Equipment")]
         header.ContributingEquipmentSequence = [item]
     header.ImageType = ["DERIVED", "SECONDARY", "PROJECTION IMAGE", "MIN_IP" if is_minimum else "MAX_IP"]
-    header.DerivationDescription = what + (" of absolute values" if mode == "absolute" else "")
+    header.DerivationDescription = what + (" of absolute values" if turn.mode == "absolute" else "")
     header.DerivationCodeSequence = [_make_code("113079" if is_minimum else "113078", what)]
     if sources:
         header.SourceImageSequence = [_make_reference(each) for each in sources]
@@ -205,9 +204,8 @@ def _make_header(turn: Any, rescale: _Rescale, window: tuple[float, float] | Non
         header.RescaleType = "HU" if unit == "US" and header.Modality == "CT" else unit
     _set_window(header, source, rescale, window)
 
-    header.PhotometricInterpretation = (
-        "MONOCHROME1" if source.get("PhotometricInterpretation") == "MONOCHROME1" else "MONOCHROME2"
-    )
+    # ITK has inverted the other
+    header.PhotometricInterpretation = "MONOCHROME2"
     header.Columns, header.Rows, _ = (int(length) for length in turn.frames.GetLargestPossibleRegion().GetSize())
     header.SamplesPerPixel = 1
     header.BitsAllocated = header.BitsStored = 16
@@ -241,12 +239,11 @@ def _make_plane(turn: Any, transform: Any, number: int) -> Dataset:
     """Where a frame lies: in the middle of the slab, or through the image's centre."""
     start = np.array(transform.TransformPoint([0.0, 0.0, 0.0]))
     axes = np.array([transform.TransformPoint(list(axis)) for axis in np.eye(3)]) - start
-    near, far = getattr(turn, "slab", None) or (-np.inf, np.inf)
-    centre = getattr(turn, "centre", None)
+    near, far = turn.slab or (-np.inf, np.inf)
     if np.isfinite(far - near):
         depth = 0.5 * (near + far)
     else:
-        depth = 0.0 if centre is None else np.linalg.solve(axes.T, np.array(centre) - start)[2]
+        depth = 0.0 if turn.center is None else np.linalg.solve(axes.T, np.array(turn.center) - start)[2]
     lengths = np.linalg.norm(axes[:2], axis=1)
     right, down = axes[:2] / lengths[:, np.newaxis]
     if abs(right @ down) >= 1e-5:

@@ -156,7 +156,7 @@ class Turn:
     """3D itk.Image of float32, in mm, if depths were asked for."""
     mode: Mode = "maximum"
     slab: Sequence[float] | None = None
-    centre: Sequence[float] | None = None
+    center: Sequence[float] | None = None
     """Of the volume, in mm (LPS)."""
     source_files: Sequence[Path] = ()
     """What was read, and is never written."""

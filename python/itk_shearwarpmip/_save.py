@@ -12,34 +12,20 @@ from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from importlib import resources
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import itk
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from itk_shearwarpmip._front import Turn
 
 Window = tuple[float, float]
 
 _VALUES = (".mha", ".nrrd", ".nii", ".nii.gz")
 _ANIMATIONS = (".gif", ".apng", ".mp4")
 _SUFFIXES = (".html", *_ANIMATIONS, ".png", *_VALUES)
-
-
-class Turn(Protocol):
-    """What is saved. It may also have, as far as they are not those of a turn by default:
-
-    mode: "maximum", "minimum" or "absolute".
-    slab: near and far in mm behind the origin of view space; None.
-    centre: of the volume in physical space (LPS, mm); the origin of view space.
-    title: of the page.
-    source_files: paths of the files that were read, which are never written; of DICOM they are referenced.
-    """
-
-    frames: Any
-    """3D itk.Image, its third axis the frames. Its dictionary may have "FrameAngles" and "Background"."""
-    transforms: Sequence[Any]
-    window: Window | None
-    source_metadata: Mapping[str, Any]
 
 
 def find_window(image: Any) -> Window:
@@ -66,13 +52,12 @@ def find_window(image: Any) -> Window:
     return (low, high) if low < high else (high - 1.0, high)
 
 
-def make_grey(pixels: NDArray[Any], window: Window, *, inverted: bool = False) -> NDArray[np.uint8]:
-    """Pixels of 8 bits, of the shape of `pixels`: the window becomes 0 to 255, or if `inverted` 255 to 0."""
+def make_grey(pixels: NDArray[Any], window: Window) -> NDArray[np.uint8]:
+    """Pixels of 8 bits, of the shape of `pixels`: the window becomes 0 to 255."""
     low, high = window
     values = np.asarray(pixels, np.float64)
     values = np.where(values > low, np.minimum(values, high), low)
-    grey = _round(255.0 * (values - low) / (high - low)).astype(np.uint8)
-    return grey ^ np.uint8(255) if inverted else grey
+    return _round(255.0 * (values - low) / (high - low)).astype(np.uint8)
 
 
 def encode_png(pixels: NDArray[Any], spacing: Sequence[float] = (1.0, 1.0)) -> bytes:
@@ -94,7 +79,7 @@ def encode_png(pixels: NDArray[Any], spacing: Sequence[float] = (1.0, 1.0)) -> b
         return path.read_bytes()
 
 
-def make_page(turn: Turn, *, rate: float | None = None, window: Window | None = None) -> str:
+def make_page(turn: "Turn", *, rate: float | None = None, window: Window | None = None) -> str:
     """The text of a web page that shows a turn, to turn and play, with window and level; it needs nothing but itself.
 
     rate: frames per second, from 0.1 to 100; by default the turn in four seconds, from 5 to 25.
@@ -120,7 +105,7 @@ def make_page(turn: Turn, *, rate: float | None = None, window: Window | None = 
     spacing, origin = (list(each)[:2] for each in (turn.frames.GetSpacing(), turn.frames.GetOrigin()))
     angles = _get_angles(turn)
     series: dict[str, Any] = {
-        "title": getattr(turn, "title", None) or "Maximum intensity projection",
+        "title": _find_title(turn),
         "width": pixels.shape[2],
         "height": pixels.shape[1],
         "spacing": spacing,
@@ -129,7 +114,8 @@ def make_page(turn: Turn, *, rate: float | None = None, window: Window | None = 
         "slope": slope,
         "intercept": intercept,
         "background": 0,
-        "inverted": _is_inverted(turn),
+        # ITK has inverted what DICOM stores inverted
+        "inverted": False,
         "window": [low, high],
         "rate": rate,
         "loop": _find_loop(angles),
@@ -145,14 +131,14 @@ def make_page(turn: Turn, *, rate: float | None = None, window: Window | None = 
     return template.replace("@SERIES@", json.dumps(series).replace("<", "\\u003c"), 1)
 
 
-def make_frame(turn: Turn, *, height: int = 480) -> str:
+def make_frame(turn: "Turn", *, height: int = 480) -> str:
     """The page of make_page() in an element of HTML, as a notebook shows it; `height` in pixels."""
     page = html.escape(make_page(turn))
     return f'<iframe srcdoc="{page}" style="width: 100%; height: {height}px; border: 0" allowfullscreen></iframe>'
 
 
 def save_turn(
-    turn: Turn, path: str | os.PathLike[str], *, rate: float | None = None, window: Window | None = None
+    turn: "Turn", path: str | os.PathLike[str], *, rate: float | None = None, window: Window | None = None
 ) -> None:
     """See Turn.save(), and TypeError for frames of several components."""
     given = Path(path)
@@ -186,7 +172,7 @@ def save_turn(
             _write_image(stack, made)
         else:
             chosen = _get_window(turn, window)
-            pictures = np.stack([make_grey(frame, chosen, inverted=_is_inverted(turn)) for frame in pixels])
+            pictures = np.stack([make_grey(frame, chosen) for frame in pixels])
             if suffix == ".png":
                 for place, picture in zip(files, pictures, strict=True):
                     _write_image(_make_image(picture, list(turn.frames.GetSpacing())[:2]), place)
@@ -218,7 +204,7 @@ def _select_values(pixels: NDArray[Any], background: float) -> NDArray[Any]:
     return values
 
 
-def _get_pixels(turn: Turn) -> NDArray[Any]:
+def _get_pixels(turn: "Turn") -> NDArray[Any]:
     """Of shape (frames, rows, columns), not copied."""
     frames = turn.frames
     components = frames.GetNumberOfComponentsPerPixel()
@@ -238,7 +224,7 @@ def _get_rate(rate: float | None, frames: int) -> float:
     return rate
 
 
-def _get_window(turn: Turn, window: Window | None) -> Window:
+def _get_window(turn: "Turn", window: Window | None) -> Window:
     given = turn.window if window is None else window
     if given is None:
         return find_window(turn.frames)
@@ -247,7 +233,7 @@ def _get_window(turn: Turn, window: Window | None) -> Window:
     return float(given[0]), float(given[1])
 
 
-def _get_angles(turn: Turn) -> list[float]:
+def _get_angles(turn: "Turn") -> list[float]:
     return list(dict(turn.frames).get("FrameAngles", []))
 
 
@@ -261,9 +247,12 @@ def _find_loop(angles: list[float]) -> str:
     return "turn" if steps.size and math.isclose(abs(steps[0]) * len(angles), 360.0) else "none"
 
 
-def _is_inverted(turn: Turn) -> bool:
-    """Whether low values of the source are white."""
-    return str(turn.source_metadata.get("0028|0004", "")).strip() == "MONOCHROME1"
+def _find_title(turn: "Turn") -> str:
+    """The name of the file, or of the folder of several."""
+    paths = [Path(path) for path in turn.source_files]
+    if not paths:
+        return "Maximum intensity projection"
+    return paths[0].name if len(paths) == 1 else paths[0].parent.name
 
 
 def _get_suffix(path: Path) -> str:
@@ -275,7 +264,7 @@ def _get_suffix(path: Path) -> str:
     raise ValueError(f"'{path}' must end in one of {' '.join(_SUFFIXES)}, or be a folder for DICOM, without a suffix")
 
 
-def _require_writable(turn: Turn, path: Path, *, is_folder: bool) -> None:
+def _require_writable(turn: "Turn", path: Path, *, is_folder: bool) -> None:
     if not path.exists():
         return
     if is_folder and not (path.is_dir() and not any(path.iterdir())):
@@ -284,7 +273,7 @@ def _require_writable(turn: Turn, path: Path, *, is_folder: bool) -> None:
         raise ValueError(f"'{path}' is a folder or a device: only files can be written")
     if not os.access(path, os.W_OK):
         raise PermissionError(f"'{path}' is write-protected")
-    for source in getattr(turn, "source_files", None) or ():
+    for source in turn.source_files:
         if os.path.exists(source) and path.samefile(source):
             raise ValueError(f"'{path}' was read to make this turn: give another name")
 
@@ -336,7 +325,7 @@ def _write_animation(pictures: NDArray[np.uint8], rate: float, path: Path) -> No
             raise RuntimeError(f"ffmpeg failed: {done.stdout.decode(errors='replace').strip()}")
 
 
-def _write_dicom(turn: Turn, folder: Path, window: Window | None) -> None:
+def _write_dicom(turn: "Turn", folder: Path, window: Window | None) -> None:
     try:
         from itk_shearwarpmip import _dicom_series
     except ImportError as error:

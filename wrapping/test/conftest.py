@@ -1,13 +1,20 @@
 import json
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import NamedTuple
 
 import itk
 import numpy as np
 import pytest
+
+# The program that the wheel brings, or another one
+PROGRAM = os.environ.get("SHEARWARPMIP_PROGRAM") or shutil.which(
+    "shear-warp-mip", path=str(Path(sys.executable).parent)
+)
 
 # Runs each snippet of code in a forked child: a crash ends only the child, and itk is imported once.
 _FORK_SERVER = """

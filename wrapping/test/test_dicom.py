@@ -1,15 +1,13 @@
 """DICOM folders in Python, by the rules of the program."""
 
-import os
-import shutil
 import subprocess
 
 import itk
 import numpy as np
 import pytest
+from conftest import PROGRAM
 from itk_shearwarpmip import mip, open_image
 
-PROGRAM = os.environ.get("SHEARWARPMIP_PROGRAM") or shutil.which("shear-warp-mip")
 ROW, COLUMN = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.8, 0.6])
 NORMAL = np.cross(ROW, COLUMN)
 VOXELS = 2 * np.random.default_rng(7).integers(-250, 450, (6, 10, 12), np.int16)

@@ -4,7 +4,6 @@ import doctest
 import importlib
 import inspect
 import os
-import shutil
 import subprocess
 import sys
 import threading
@@ -18,6 +17,7 @@ import numpy as np
 import pytest
 import SimpleITK
 import xarray
+from conftest import PROGRAM
 from IPython.core.formatters import DisplayFormatter
 from itk_shearwarpmip import Turn, mip, open_image, turn
 from itk_shearwarpmip._front import _FILTERS
@@ -231,7 +231,6 @@ def test_defaults_are_the_programs():
         assert {each.name: each.default for each in parameters if each.default is not each.empty} == expected
 
 
-PROGRAM = os.environ.get("SHEARWARPMIP_PROGRAM") or shutil.which("shear-warp-mip")
 with_program = pytest.mark.skipif(not PROGRAM, reason="needs the program shear-warp-mip: SHEARWARPMIP_PROGRAM=path")
 
 # keywords, the program's options

@@ -9,18 +9,17 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 
 import itk
 import numpy as np
 import pydicom
 import pytest
-from itk_shearwarpmip import _save
+from conftest import PROGRAM
+from itk_shearwarpmip import Turn, _save
 from PIL import Image, ImageSequence
 from pydicom.data import get_testdata_file
 
 FRAMES = 6
-PROGRAM = shutil.which("shear-warp-mip", path=str(Path(sys.executable).parent))
 
 
 def make_turn(image, **parameters):
@@ -30,7 +29,7 @@ def make_turn(image, **parameters):
     cine.Update()
     frames = cine.GetOutput()
     transforms = [cine.GetFrameTransform(frame) for frame in range(itk.size(frames)[2])]
-    return SimpleNamespace(frames=frames, transforms=transforms, window=None, source_metadata={})
+    return Turn(frames, transforms)
 
 
 @pytest.fixture
@@ -98,7 +97,6 @@ def test_grey_levels():
     for low, high in ((0, 255), (0, 510), (-2, 1000), (7, 8)):
         grey = _save.make_grey(values, (low, high))
         np.testing.assert_array_equal(grey, expected_grey(values, low, high))
-        np.testing.assert_array_equal(_save.make_grey(values, (low, high), inverted=True), 255 - grey)
     assert list(_save.make_grey(np.array([0, 99, 255], np.uint8), (-1, 400))) == [1, 64, 163]
     special = np.array([np.nan, -np.inf, np.inf, 0.5], np.float32)
     assert list(_save.make_grey(special, (0.0, 1.0))) == [0, 0, 255, 128]
@@ -185,13 +183,14 @@ def test_rate_by_default_is_the_turn_in_four_seconds(rng, frames, rate):
     assert read_series(_save.make_page(turn))["rate"] == rate
 
 
-def test_page_of_inverted_frames_with_a_title(turn):
-    turn.title = "a</script><b>"
-    turn.source_metadata = {"0028|0004": "MONOCHROME1 "}
+def test_title_of_a_page(turn, tmp_path):
+    assert read_series(_save.make_page(turn))["title"] == "Maximum intensity projection"
+    turn.source_files = [tmp_path / "a<b>.nrrd"]
     page = _save.make_page(turn)
-    assert read_series(page)["inverted"] is True
-    assert read_series(page)["title"] == turn.title
-    assert turn.title not in page
+    assert read_series(page)["title"] == "a<b>.nrrd"
+    assert "a<b>.nrrd" not in page
+    turn.source_files = [tmp_path / "series" / name for name in "ab"]
+    assert read_series(_save.make_page(turn))["title"] == "series"
     assert 'srcdoc="&lt;!DOCTYPE html&gt;' in _save.make_frame(turn)
 
 
@@ -217,10 +216,9 @@ def test_pictures(turn, tmp_path):
     for n, expected in enumerate(expected_grey(turn.frames, -500, 800)):
         np.testing.assert_array_equal(decode_png((tmp_path / f"turn-00{n}.png").read_bytes()), expected)
     turn.window = (-100, 100)
-    turn.source_metadata = {"0028|0004": "MONOCHROME1"}
     _save.save_turn(turn, tmp_path / "turn.png")
     for n, expected in enumerate(expected_grey(turn.frames, -100, 100)):
-        np.testing.assert_array_equal(decode_png((tmp_path / f"turn-00{n}.png").read_bytes()), 255 - expected)
+        np.testing.assert_array_equal(decode_png((tmp_path / f"turn-00{n}.png").read_bytes()), expected)
 
 
 @pytest.mark.skipif(not shutil.which("ffmpeg"), reason="ffmpeg is not installed")
@@ -288,14 +286,12 @@ def test_full_disk(isolated, tmp_path, suffix):
     before = sorted(os.listdir(tmp_path))
     outcome = isolated(f"""
 import resource, signal
-from types import SimpleNamespace
-from itk_shearwarpmip import _save
+from itk_shearwarpmip import Turn, _save
 voxels = np.random.default_rng(1).integers(0, 60000, (40, 40, 40), np.uint16)
 cine = itk.ShearWarpMIPCineImageFilter.New(itk.image_from_array(voxels), NumberOfFrames=4)
 cine.Update()
 frames = cine.GetOutput()
-turn = SimpleNamespace(frames=frames, transforms=[cine.GetFrameTransform(n) for n in range(4)], window=None,
-                       source_metadata={{}})
+turn = Turn(frames, [cine.GetFrameTransform(n) for n in range(4)])
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (1500, resource.RLIM_INFINITY))
 try:
@@ -320,9 +316,9 @@ def test_program_writes_the_same(image, turn, tmp_path, suffix, window):
         pytest.skip("ffmpeg is not installed")
     source = tmp_path / "volume.nrrd"
     itk.imwrite(image, source)
-    turn.title = source.name
+    turn.source_files = [source]
     turn.frames["Background"] = float(np.min(image))
-    turn.centre = itk.ShearWarpMIPView.GetCentre(image)
+    turn.center = itk.ShearWarpMIPView.GetCentre(image)
     folders = tmp_path / "program", tmp_path / "package"
     for folder in folders:
         folder.mkdir()
@@ -419,11 +415,11 @@ def test_dicom_of_a_slab_and_a_minimum(image, tmp_path):
 
 def test_dicom_plane_is_through_the_centre(image, tmp_path):
     turn = make_turn(image, Center=[40.0, -10.0, 3.0])
-    turn.centre = itk.ShearWarpMIPView.GetCentre(image)
+    turn.center = itk.ShearWarpMIPView.GetCentre(image)
     _save.save_turn(turn, tmp_path / "turn")
     for dataset in read_dicom(tmp_path / "turn"):
         right, down = np.reshape(dataset.ImageOrientationPatient, (2, 3)).astype(float)
-        away = np.array(list(turn.centre)) - np.array(dataset.ImagePositionPatient, float)
+        away = np.array(list(turn.center)) - np.array(dataset.ImagePositionPatient, float)
         assert abs(away @ np.cross(right, down)) < 1e-9
 
 
