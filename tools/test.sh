@@ -141,6 +141,8 @@ test_module() {
 
 test_python() {
   need_packages binutils dicom3tools doxygen ffmpeg libcli11-dev python3-venv
+  # Ubuntu has no such packages: the viewer is not tested in a browser there
+  grep -q '^ID=ubuntu' /etc/os-release || need_packages chromium chromium-driver
   use_tree
   local dir=$build/python python=${PYTHON:-/usr/bin/python3} version wheel
   version=$(sed -n 's/^ *set(PACKAGE_VERSION "\(.*\)").*/\1/p' "$tree/ITKConfigVersion.cmake" | head -n 1)

@@ -10,15 +10,21 @@ from itk_shearwarpmip._front import Turn, mip, turn
 from itk_shearwarpmip._inputs import open_image
 
 if TYPE_CHECKING:
+    from itk_shearwarpmip._scene import Point
+    from itk_shearwarpmip._viewer import Viewer, show
     from itk_shearwarpmip._volume import Volume, open_volume
 
-__all__ = ["Turn", "Volume", "mip", "open_image", "open_volume", "turn"]
+__all__ = ["Point", "Turn", "Viewer", "Volume", "mip", "open_image", "open_volume", "show", "turn"]
 
 
 def __getattr__(name: str) -> Any:
-    """What needs Dask, when it is asked for."""
+    """What needs Dask or the viewer's packages, when it is asked for."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    if name in ("Point", "Viewer", "show"):
+        from itk_shearwarpmip import _viewer
+
+        return getattr(_viewer, name)
     try:
         import dask.array  # noqa: F401
     except ImportError as error:

@@ -1,4 +1,7 @@
-"""python -m itk_shearwarpmip: the projection of an OME-Zarr to a picture or a series of frames."""
+"""python -m itk_shearwarpmip: the projection of an OME-Zarr to a picture or a series of frames.
+
+python -m itk_shearwarpmip view, and shear-warp-mip-view: a picture in the browser that turns under the hand.
+"""
 
 import argparse
 import os
@@ -16,7 +19,8 @@ from itk_shearwarpmip._inputs import describe
 def _make_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m itk_shearwarpmip",
-        description="Maximum intensity projection (MIP) of an OME-Zarr volume of any size, chunk by chunk.",
+        description="Maximum intensity projection (MIP) of an OME-Zarr volume of any size, chunk by chunk. "
+        "With `view` as its first word: see python -m itk_shearwarpmip view --help.",
     )
     parser.add_argument("input", metavar="INPUT", help="path or URL of an OME-Zarr image, version 0.4 or 0.5")
     parser.add_argument(
@@ -119,7 +123,49 @@ def _project(options: argparse.Namespace) -> itk.Image:
         return itk_shearwarpmip.mip(volume, view, **shared)
 
 
+def _make_view_parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="shear-warp-mip-view",
+        description="Maximum intensity projection (MIP) that turns under the hand, in a page that the browser opens. "
+        "? in the page lists gestures and keys. Ctrl-C ends it.",
+        epilog="The page is served on this computer only, and its address has a token in it that nobody can guess. "
+        "With --host everyone who has the address can see and turn the picture, and reads it on the way: there is no "
+        "encryption.",
+    )
+    parser.add_argument("input", metavar="FILE", help="an image that ITK reads")
+    parser.add_argument(
+        "--overlay", metavar="FILE", help="a second image of the same patient, in colours over the first"
+    )
+    parser.add_argument("--view", metavar="SIDE", default="anterior", help="anterior, posterior, left, ...")
+    parser.add_argument("--azimuth", metavar="DEGREES", type=float, default=0.0)
+    parser.add_argument("--elevation", metavar="DEGREES", type=float, default=0.0)
+    for name in ("window", "overlay-window"):
+        parser.add_argument(f"--{name}", metavar=("LOW", "HIGH"), nargs=2, type=float, help="values of black and white")
+    parser.add_argument("--mode", default="maximum", help="maximum, minimum or absolute")
+    parser.add_argument("--slab", metavar=("NEAR", "FAR"), nargs=2, type=float, help="depths that take part, in mm")
+    parser.add_argument("--exact", action="store_true", help="exact maxima while the picture is at rest")
+    parser.add_argument("--host", default="127.0.0.1", help="address to serve at; by default this computer only")
+    parser.add_argument("--port", type=int, default=0, help="by default a free one")
+    parser.add_argument("--no-browser", action="store_true", help="only prints the page's address")
+    return parser
+
+
+def view(arguments: list[str] | None = None) -> int:
+    """shear-warp-mip-view."""
+    options = vars(_make_view_parser().parse_args(arguments))
+    page = {name: options.pop(name) for name in ("host", "port", "no_browser")}
+    try:
+        itk_shearwarpmip.show(options.pop("input"), page=page, block=True, **options)
+    except Exception as error:
+        print(f"shear-warp-mip-view: {_describe(error)}", file=sys.stderr)
+        return 1
+    return 0
+
+
 def main(arguments: list[str] | None = None) -> int:
+    arguments = sys.argv[1:] if arguments is None else arguments
+    if arguments[:1] == ["view"]:
+        return view(arguments[1:])
     options = _make_parser().parse_args(arguments)
     try:
         if _is_read(options.output, options.input):

@@ -1,0 +1,265 @@
+#!/usr/bin/env python3
+"""The viewer under the hand: from the event in the browser to the picture in it.
+
+A headless Chromium without GPU shows the viewer's page of a volume of uint16, and drags it. Each movement has the time at
+which the browser made its event; each picture has the number of the last movement that it shows and the time at which the
+browser has loaded it. What is measured is, for every movement, the time until the first picture that shows it or a later
+one. After each drag the picture at rest is compared with the viewer's, pixel by pixel.
+
+    pip install "$(echo dist/itk_shearwarpmip-*.whl)[viewer]" selenium       # and Debian's chromium, chromium-driver
+    viewer.py                                  # 100 drags, 512x512x512, a window of 1280x800
+    viewer.py --volume angiogram.nrrd --output viewer.json
+    viewer.py --smoke                          # only whether it works
+
+A movement is lost if no picture shows it or a later one. Nothing is judged by its time.
+"""
+
+from __future__ import annotations
+
+import argparse
+import base64
+import io
+import json
+import os
+import platform
+import shutil
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import itk
+import numpy as np
+from itk_shearwarpmip import show
+from PIL import Image
+from selenium import webdriver
+from selenium.webdriver.chrome.service import Service
+from selenium.webdriver.common.actions.action_builder import ActionBuilder
+from selenium.webdriver.common.by import By
+
+SEED = 20020547
+MOVE_MILLISECONDS = 16
+
+# before the page's own scripts: movements are numbered, pictures say when they are there
+WATCH = """
+  window.moves = []
+  window.pictures = []
+  let current = 0
+  const send = WebSocket.prototype.send
+  WebSocket.prototype.send = function (text) {
+    const message = JSON.parse(text)
+    if (message.type === 'pointer_move') {
+      message.timestamp = window.event.timeStamp / 1000
+      window.moves.push(message.timestamp)
+      text = JSON.stringify(message)
+    } else if (message.type === '_framefeedback') {
+      current = message.index
+    }
+    send.call(this, text)
+  }
+  document.addEventListener('load', (event) => {
+    if (event.target.tagName === 'IMG') {
+      window.pictures.push([current, performance.now() / 1000])
+    }
+  }, true)
+"""
+
+
+def make_volume(edge: int) -> Any:
+    """Winding vessels in noise."""
+    generator = np.random.default_rng(SEED)
+    voxels = generator.integers(80, 160, (edge,) * 3, np.uint16)
+    ball = np.stack(np.nonzero(np.ones((7, 7, 7)))) - 3
+    for _ in range(80):
+        steps = np.linspace(0, 1, 3 * edge)
+        turns, phases = generator.uniform(0.3, 2, 3), generator.uniform(0, 2 * np.pi, 3)
+        line = edge / 2 + edge * 0.45 * np.sin(2 * np.pi * np.outer(turns, steps) + phases[:, None])
+        radius = generator.uniform(1, 3.5)
+        tube = ball[:, (ball**2).sum(0) <= radius**2]
+        places = line.round().astype(int)[:, :, None] + tube[:, None]
+        voxels[tuple(np.clip(places, 0, edge - 1))] = generator.integers(300, 1000)
+    image = itk.image_from_array(voxels)
+    image.SetSpacing([0.4, 0.4, 0.4])
+    return image
+
+
+class Record:
+    """Which movement each picture shows that is sent."""
+
+    def __init__(self, viewer: Any) -> None:
+        self.shown: dict[int, float] = {}
+        """Number of a picture: time of the last movement in it."""
+        self.made: dict[int, float] = {}
+        self.paint_seconds: list[float] = []
+        self.factors: list[int] = []
+        self._moved_at = -np.inf
+        handle, paint, send = viewer._handle, viewer._scene.paint, viewer.canvas._encode_frame
+        states: dict[int, tuple[Any, float]] = {}
+
+        def handle_and_note(event: dict[str, Any]) -> None:
+            handle(event)
+            if event["event_type"] == "pointer_move":
+                self._moved_at = event["time_stamp"]
+            states[id(viewer._state)] = viewer._state, self._moved_at
+
+        def paint_and_note(state: Any, size: Any, **how: Any) -> Any:
+            start = time.perf_counter()
+            rgba = paint(state, size, **how)
+            self.paint_seconds.append(time.perf_counter() - start)
+            self.factors.append(how.get("factor", 1))
+            self.made[id(rgba)] = states[id(state)][1] if id(state) in states else -np.inf
+            self._kept = rgba
+            frames.append(rgba)
+            return rgba
+
+        def send_and_note(array: Any, *arguments: Any) -> None:
+            # a picture is sent to the client that has answered, with its next number
+            before = {key: info["sent"] for key, info in viewer.canvas._frame_info_per_client.items()}
+            moved_at = next(
+                (self.made[id(each)] for each in reversed(frames) if np.shares_memory(each, array)), -np.inf
+            )
+            self._last = moved_at
+            send(array, *arguments)
+            for key, info in viewer.canvas._frame_info_per_client.items():
+                if info["sent"] != before.get(key):
+                    self.shown[info["sent"]] = moved_at
+            del frames[:-4]
+
+        frames: list[Any] = []
+        viewer._handle = handle_and_note
+        viewer.canvas.remove_event_handler(handle, "*")
+        viewer.canvas.add_event_handler(handle_and_note, "*")
+        viewer._scene.paint = paint_and_note
+        viewer.canvas._encode_frame = send_and_note
+
+
+def start_browser(width: int, height: int) -> Any:
+    options = webdriver.ChromeOptions()
+    options.binary_location = shutil.which("chromium") or sys.exit("chromium is not installed")
+    for argument in (
+        "--headless=new",
+        f"--window-size={width},{height}",
+        "--force-device-scale-factor=1",
+        "--force-color-profile=srgb",
+        "--hide-scrollbars",
+        "--disable-gpu",
+        "--disable-dev-shm-usage",
+        *(["--no-sandbox"] if os.geteuid() == 0 else []),
+    ):
+        options.add_argument(argument)
+    return webdriver.Chrome(service=Service(shutil.which("chromedriver")), options=options)
+
+
+def read_picture(driver: Any) -> np.ndarray:
+    """The bytes that the browser shows, decoded here."""
+    text = driver.execute_async_script("""
+      const done = arguments[0]
+      fetch(document.querySelector('#canvas img').src).then((answer) => answer.blob()).then((blob) => {
+        const reader = new FileReader()
+        reader.onload = () => done(reader.result.split(',')[1])
+        reader.readAsDataURL(blob)
+      }, () => done(''))
+    """)
+    return np.asarray(Image.open(io.BytesIO(base64.b64decode(text)))) if text else np.zeros(0)
+
+
+def drag(driver: Any, picture: Any, generator: np.random.Generator, steps: int) -> None:
+    actions = ActionBuilder(driver, duration=MOVE_MILLISECONDS)
+    mouse = actions.pointer_action
+    x, y = generator.integers(-150, 150, 2)
+    mouse.move_to(picture, int(x), int(y))
+    mouse.pointer_down()
+    right, down = generator.uniform(-12, 12), generator.uniform(-6, 6)
+    for n in range(1, steps + 1):
+        mouse.move_to(picture, round(x + n * right), round(y + n * down))
+    mouse.pointer_up()
+    actions.perform()
+
+
+def measure(options: argparse.Namespace) -> dict[str, Any]:
+    volume = itk.imread(options.volume) if options.volume else make_volume(options.edge)
+    viewer = show(volume, page={"no_browser": True}, block=False)
+    record = Record(viewer)
+    driver = start_browser(*options.window)
+    generator = np.random.default_rng(SEED)
+    latencies: list[float] = []
+    rates: list[float] = []
+    lost = different = 0
+    loads = [os.getloadavg()[0]]
+    try:
+        # fetch() of the picture is not the page's own
+        driver.execute_cdp_cmd("Page.setBypassCSP", {"enabled": True})
+        driver.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": WATCH})
+        driver.get(viewer.url)
+        time.sleep(3)
+        picture = driver.find_element(By.CSS_SELECTOR, "#canvas img")
+        # views of all three axes prepare the volume
+        for _ in range(3 if options.smoke else 10):
+            drag(driver, picture, generator, 20)
+        time.sleep(1)
+        record.paint_seconds.clear()
+        record.factors.clear()
+        for _ in range(options.drags):
+            driver.execute_script("window.moves = []; window.pictures = []")
+            drag(driver, picture, generator, 20)
+            viewer._settle()
+            end = time.monotonic() + 10
+            wanted = viewer.snapshot()[..., :3]
+            while not np.array_equal(read_picture(driver), wanted) and time.monotonic() < end:
+                time.sleep(0.05)
+            different += time.monotonic() >= end
+            moves, pictures = driver.execute_script("return [window.moves, window.pictures]")
+            shown = [(record.shown.get(index, -np.inf), loaded) for index, loaded in pictures]
+            for moved in moves[1:]:
+                loaded = next((loaded for last, loaded in shown if last >= moved), None)
+                if loaded is None:
+                    lost += 1
+                else:
+                    latencies.append(loaded - moved)
+            moving = [loaded for last, loaded in shown if loaded <= moves[-1]]
+            if len(moving) > 2:
+                rates.append((len(moving) - 1) / (moving[-1] - moving[0]))
+            loads.append(os.getloadavg()[0])
+    finally:
+        driver.quit()
+        viewer.close()
+    milliseconds = 1e3 * np.array(latencies)
+    return {
+        "volume": list(itk.size(volume)),
+        "canvas": list(wanted.shape[1::-1]),
+        "machine": f"{platform.machine()}, {os.cpu_count()} cores",
+        "drags": options.drags,
+        "movements": len(latencies) + lost,
+        "lost": lost,
+        "drags whose last picture differs": different,
+        "milliseconds from the event to the picture": {
+            "median": round(float(np.median(milliseconds)), 1),
+            "95th percentile": round(float(np.percentile(milliseconds, 95)), 1),
+            "most": round(float(milliseconds.max()), 1),
+        },
+        "pictures per second in motion, median": round(float(np.median(rates)), 1) if rates else None,
+        "milliseconds to paint, median": round(1e3 * float(np.median(record.paint_seconds)), 1),
+        "lower resolution": f"{sum(factor > 1 for factor in record.factors)} of {len(record.factors)}",
+        "load": [round(float(each), 1) for each in (min(loads), max(loads))],
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--volume", help="image file; by default winding vessels in noise")
+    parser.add_argument("--edge", type=int, default=512, help="voxels along each side of these")
+    parser.add_argument("--drags", type=int, default=100)
+    parser.add_argument("--window", type=int, nargs=2, default=(1280, 800), help="of the browser, in pixels")
+    parser.add_argument("--output", type=Path, help="JSON file")
+    parser.add_argument("--smoke", action="store_true", help="3 drags of 64 x 64 x 64 voxels")
+    options = parser.parse_args()
+    if options.smoke:
+        options.edge, options.drags = 64, 3
+    results = json.dumps(measure(options), indent=2)
+    print(results)
+    if options.output:
+        options.output.write_text(results + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,17 @@
+"""The canvas of the viewer in notebooks."""
+
+from importlib.resources import files
+from typing import Any
+
+try:
+    from rendercanvas import anywidget
+except ImportError as error:
+    raise ImportError("the viewer in a notebook needs anywidget: pip install itk-shearwarpmip[viewer]") from error
+
+
+class _Canvas(anywidget.RenderCanvas):  # type: ignore[misc]
+    _esm = anywidget.JS + files(__package__).joinpath("_viewer.js").read_text("utf-8")
+
+
+def make_canvas(size: tuple[int, int]) -> Any:
+    return _Canvas(size=size, max_fps=200)

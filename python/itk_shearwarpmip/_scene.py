@@ -1,0 +1,575 @@
+"""What the viewer shows, without any canvas: volumes, the state of their display, and the picture of it."""
+
+import threading
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import Any
+
+import itk
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+MODES = {"maximum": "Maximum", "minimum": "Minimum", "absolute": "AbsoluteMaximum"}
+VIEWS = ("anterior", "posterior", "left", "right", "superior", "inferior")
+COLOURS = {
+    name.partition("_")[2].lower(): getattr(itk.ScalarToRGBColormapImageFilterEnums, name)
+    for name in dir(itk.ScalarToRGBColormapImageFilterEnums)
+    if name.startswith("RGBColormapFilter_")
+}
+"""ITK's colour maps."""
+
+Array = np.ndarray[Any, Any]
+Window = tuple[float, float]
+Pair = tuple[float, float]
+
+_TEXT, _QUIET, _ACCENT = "#d5dae0", "#8f99a5", "#7cb3e8"
+_LETTERS = ("LR", "PA", "HF")
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """All that a picture depends on but the volumes and the size of the canvas. States are never changed."""
+
+    transform: Any
+    """An itk.Transform, from view space to the patient."""
+    zoom: float = 1.0
+    pan: Pair = (0.0, 0.0)
+    """The point of the view plane in the middle of the picture, in mm."""
+    mode: str = "maximum"
+    slab: Pair | None = None
+    """Nearest and farthest depth, in mm."""
+    windows: dict[tuple[int, str], Window] = field(default_factory=dict)
+    """Of a volume in a mode; where there is none, it is found."""
+    point: "Point | None" = None
+    message: str = ""
+    has_text: bool = True
+    has_help: bool = False
+
+
+@dataclass(frozen=True)
+class Point:
+    """Where a ray has its value.
+
+    position: x, y, z in the patient's space, LPS, in mm.
+    index: of the nearest voxel, i, j, k.
+    value: of the picture there.
+    overlay: the same of the second volume, or None if the ray meets none.
+    """
+
+    position: tuple[float, float, float]
+    index: tuple[int, int, int]
+    value: float
+    overlay: "Point | None" = None
+
+
+@dataclass(frozen=True)
+class Grid:
+    """The pixels of a picture: columns and rows; mm per pixel; u, v of the first one's centre."""
+
+    size: tuple[int, int]
+    spacing: float
+    origin: Pair
+
+    def coarsen(self, factor: int) -> "Grid":
+        """Pixels of factor x factor of these, which cover them."""
+        columns, rows = (-(-length // factor) for length in self.size)
+        u, v = (first + (factor - 1) / 2 * self.spacing for first in self.origin)
+        return Grid((columns, rows), self.spacing * factor, (u, v))
+
+
+def find_window(pixels: Array, background: float) -> Window:
+    """Percentiles 1 and 99.8 of the pixels that are not background, as the program's."""
+    values = pixels[np.isfinite(pixels) & (pixels != background)]
+    if not values.size:
+        low = float(background) if np.isfinite(background) else 0.0
+        return low, low + 1.0
+    places = [int(fraction * (values.size - 1) + 0.5) for fraction in (0.01, 0.998)]
+    low, high = (float(value) for value in np.partition(values, places)[places])
+    return (low if low < high else high - 1.0), high
+
+
+class Layer:
+    """A volume, the one filter that projects it, and its colours."""
+
+    def __init__(self, image: Any, *, colours: str = "grey", background: Any = "auto", **parameters: Any) -> None:
+        if colours not in COLOURS:
+            raise ValueError(f"colours must be one of {', '.join(COLOURS)}, but they are {colours!r}")
+        self.image = image
+        self.colours = _make_colours(colours)
+        self.filter = itk.ShearWarpMIPImageFilter.New(image)
+        voxels = itk.array_view_from_image(image)
+        is_whole = np.issubdtype(voxels.dtype, np.integer)
+        if background == "auto":
+            background = min(0, np.fmin.reduce(voxels, axis=None)) if voxels.dtype.kind in "if" else 0
+        self.background = (int if is_whole else float)(background)
+        self.filter.SetDefaultPixelValue(self.background)
+        _set_parameters(self.filter, **parameters)
+        self.windows: dict[str, Window] = {}
+        self._table: tuple[Window, Array] | None = None
+
+    def project(self, state: State, grid: Grid | None, exact: bool = False, depth: bool = False) -> Array:
+        """Values, until the next call; on a grid fitted to the image if none is given."""
+        mip = self.filter
+        mip.SetTransform(state.transform)
+        if grid is None:
+            mip.FitOutputGrid()
+        else:
+            mip.SetSize(list(grid.size))
+            mip.SetOutputSpacing([grid.spacing] * 2)
+            mip.SetOutputOrigin(list(grid.origin))
+        mip.SetMode(getattr(itk.ShearWarpMIPImageFilterEnums, f"Mode_{MODES[state.mode]}"))
+        near, far = state.slab or (-np.inf, np.inf)
+        mip.SetSlabNear(near)
+        mip.SetSlabFar(far)
+        mip.SetExact(exact)
+        mip.SetComputeDepth(depth)
+        mip.Update()
+        result: Array = itk.array_view_from_image(mip.GetOutput())
+        return result
+
+    def find_window(self, state: State) -> Window:
+        """Of the picture that is fitted to the image, in the state's mode; kept."""
+        if state.mode not in self.windows:
+            self.windows[state.mode] = find_window(self.project(state, None), self.background)
+        return self.windows[state.mode]
+
+    def make_grey(self, pixels: Array, window: Window) -> Array:
+        """Values in a window, as 0 to 255: rounded as the program's."""
+        if pixels.dtype.kind == "f" or pixels.itemsize > 2:
+            return _make_grey(pixels, window)
+        unsigned = np.dtype(f"u{pixels.itemsize}")
+        if self._table is None or self._table[0] != window:
+            every = np.arange(1 << (8 * pixels.itemsize)).astype(unsigned).view(pixels.dtype)
+            self._table = window, _make_grey(every, window)
+        grey: Array = self._table[1].take(pixels.view(unsigned))
+        return grey
+
+    def find_point(self, state: State, u: float, v: float, exact: bool) -> Point | None:
+        """Where the ray at u, v has its value; None if it meets nothing."""
+        value = self.project(state, Grid((1, 1), 1.0, (u, v)), exact, depth=True)[0, 0]
+        if np.isnan(itk.array_view_from_image(self.filter.GetDepthOutput())[0, 0]):
+            return None
+        position = self.filter.GetPhysicalPoint([0, 0])
+        index = self.image.TransformPhysicalPointToIndex(position)
+        return Point(
+            (position[0], position[1], position[2]), (int(index[0]), int(index[1]), int(index[2])), value.item()
+        )
+
+
+def _make_grey(pixels: Array, window: Window) -> Array:
+    low, high = window
+    values = pixels.astype(np.float64)
+    values = np.where(values > low, np.minimum(values, high), low)
+    return np.floor(255.0 * (values - low) / (high - low) + 0.5).astype(np.uint8)
+
+
+def _make_colours(name: str) -> Array:
+    """256 colours, by ITK."""
+    values = itk.image_view_from_array(np.arange(256, dtype=np.uint8)[None])
+    colours: Array = itk.array_from_image(itk.scalar_to_rgb_colormap_image_filter(values, colormap=COLOURS[name]))[0]
+    return colours
+
+
+def _set_parameters(
+    mip: Any,
+    *,
+    crop: Sequence[Sequence[float]] | None = None,
+    mask: Any = None,
+    mask_label: int | None = None,
+    attenuation: float = 0.0,
+    local_maximum: float | None = None,
+    oversampling: int = 1,
+) -> None:
+    if crop is not None:
+        if np.shape(crop) != (2, 3):
+            raise ValueError(f"crop must be two corners, each x, y, z, but it is {crop!r}")
+        mip.SetCropLower([float(each) for each in crop[0]])
+        mip.SetCropUpper([float(each) for each in crop[1]])
+    if mask is not None:
+        mip.SetMaskImage(mask)
+    mip.SetMaskLabel(mask_label or 0)
+    mip.SetDepthAttenuation(float(attenuation))
+    if local_maximum is not None:
+        mip.LocalMaximumOn()
+        mip.SetLocalMaximumThreshold(local_maximum)
+    mip.SetOversampling(oversampling)
+
+
+# ---- Views
+
+
+def make_view(image: Any, view: Any = "anterior", azimuth: float = 0.0, elevation: float = 0.0) -> Any:
+    if isinstance(view, str):
+        if view not in VIEWS:
+            raise ValueError(f"view must be one of {', '.join(VIEWS)}, or a transform, but it is {view!r}")
+        side = getattr(itk.ShearWarpMIPViewEnums, f"Direction_{view.capitalize()}")
+        return itk.ShearWarpMIPView.MakeTransform(image, side, float(azimuth), float(elevation))
+    if azimuth or elevation:
+        raise ValueError("azimuth and elevation go with the name of a view, not with a transform")
+    if isinstance(view, itk.LightObject):
+        if not view.IsLinear():
+            raise ValueError(f"view must be a linear transform, but it is a {view.GetNameOfClass()}")
+        made = itk.AffineTransform[itk.D, 3].New()
+        made.SetMatrix(view.GetMatrix() if hasattr(view, "GetMatrix") else itk.matrix_from_array(np.eye(3)))
+        made.SetOffset([float(each) for each in view.TransformPoint([0.0, 0.0, 0.0])])
+        return made
+    matrix = np.asarray(view, dtype=float)
+    if matrix.shape != (4, 4) or not np.array_equal(matrix[3], [0, 0, 0, 1]):
+        raise ValueError(
+            "view must be the name of a side, a linear itk transform, or a 4 x 4 matrix that ends in 0 0 0 1"
+        )
+    made = itk.AffineTransform[itk.D, 3].New()
+    made.SetMatrix(itk.matrix_from_array(np.ascontiguousarray(matrix[:3, :3])))
+    made.SetTranslation(matrix[:3, 3].tolist())
+    return made
+
+
+def get_matrix(transform: Any) -> Array:
+    """The 4 x 4 matrix of a linear transform."""
+    matrix = np.eye(4)
+    matrix[:3, 3] = list(transform.TransformPoint([0.0] * 3))
+    matrix[:3, :3] = itk.array_from_matrix(transform.GetMatrix())
+    return matrix
+
+
+def get_axes(transform: Any) -> Array:
+    """Columns of length 1: where u (right), v (down) and w (away) point in the patient."""
+    axes = get_matrix(transform)[:3, :3]
+    result: Array = axes / np.linalg.norm(axes, axis=0)
+    return result
+
+
+def find_angles(transform: Any) -> tuple[float, float, float]:
+    """Azimuth and elevation from anterior, and the roll of the picture, clockwise; in degrees."""
+    u, _, w = get_axes(transform).T
+    elevation = np.arcsin(np.clip(-w[2], -1, 1))
+    # seen along the long axis, what is up says where the front is
+    azimuth = np.arctan2(u[1], u[0]) if np.hypot(w[0], w[1]) < 1e-6 else np.arctan2(-w[0], w[1])
+    level = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+    roll = np.arctan2(np.dot(u, np.cross(w, level)), np.dot(u, level))
+    return tuple(round(float(angle), 6) + 0.0 for angle in np.degrees([azimuth, elevation, roll]))  # type: ignore[return-value]
+
+
+def find_letters(direction: Array) -> str:
+    """The sides of the patient to which a direction points, the nearest first, those of a quarter of it or more."""
+    order = np.argsort(-np.abs(direction), kind="stable")
+    return "".join(_LETTERS[axis][int(direction[axis] < 0)] for axis in order if abs(direction[axis]) >= 0.25)
+
+
+# ---- The picture
+
+
+class Scene:
+    """One volume or two in one physical space, and their pictures. One thread at a time.
+
+    first: the state in which windows are found.
+    """
+
+    def __init__(
+        self, layers: Sequence[Layer], first: State, *, title: str = "", opacity: float = 1.0, exact: bool = False
+    ) -> None:
+        self.layers = tuple(layers)
+        self.first = first
+        # of other letters Pillow's own font has none
+        self.title = title.encode("ascii", "replace").decode()
+        self.exact = exact
+        self.paint_seconds = 0.0
+        image = self.layers[0].image
+        self.centre = np.array(list(itk.ShearWarpMIPView.GetCentre(image)))
+        self.extent = _find_corners(image) - self.centre
+        colours = self.layers[0].colours[:, None, :].astype(float)
+        if len(self.layers) > 1:
+            part = opacity * np.arange(256)[None, :, None] / 255
+            colours = np.floor(colours + (self.layers[1].colours[None].astype(float) - colours) * part + 0.5)
+        rgba = np.full((*colours.shape[:2], 4), 255, np.uint8)
+        rgba[..., :3] = colours
+        self._colours = rgba.view(np.uint32).ravel()
+        self._lock = threading.Lock()
+
+    def make_grid(self, state: State, size: tuple[int, int]) -> Grid:
+        """Of a canvas of these columns and rows, on which the whole image can be turned."""
+        x, y, z = np.abs(self.extent).max(axis=0)
+        across, along = np.hypot(*self.extent[:, :2].T).max(), max(x, y, z)
+        spacing = float(max(2 * across / size[0], 2 * along / size[1]) / 0.94 / state.zoom)
+        u, v = (middle - (length - 1) / 2 * spacing for middle, length in zip(state.pan, size))
+        return Grid(size, spacing, (u, v))
+
+    def get_window(self, state: State, layer: int = 0) -> Window:
+        if state.mode in self.layers[layer].windows:
+            return self._get_window(state, layer)
+        with self._lock:
+            return self._get_window(state, layer)
+
+    def _get_window(self, state: State, layer: int) -> Window:
+        return state.windows.get((layer, state.mode)) or self.layers[layer].find_window(
+            replace(self.first, mode=state.mode)
+        )
+
+    def find_point(self, state: State, u: float, v: float) -> Point | None:
+        """Of the first volume, with that of the second one; None if the first has none."""
+        with self._lock:
+            found = [layer.find_point(state, u, v, self.exact) for layer in self.layers]
+        if found[0] is None or len(found) == 1:
+            return found[0]
+        return Point(found[0].position, found[0].index, found[0].value, found[1])
+
+    def abort(self) -> None:
+        """Ends a picture that is being made, in any thread: paint() raises RuntimeError."""
+        for layer in self.layers:
+            layer.filter.AbortGenerateDataOn()
+
+    def project(self, state: State, grid: Grid) -> list[Any]:
+        """The pictures' values, each an itk.Image."""
+        with self._lock:
+            pictures = []
+            for layer in self.layers:
+                layer.project(state, grid, self.exact)
+                picture = layer.filter.GetOutput()
+                picture.DisconnectPipeline()
+                pictures.append(picture)
+        return pictures
+
+    def paint(self, state: State, size: tuple[int, int], *, factor: int = 1, ratio: float = 1.0) -> Array:
+        """RGBA, rows x columns x 4.
+
+        factor: one pixel in so many along both axes, for pictures in motion; 1 is the full picture.
+        ratio: pixels of the canvas per unit of text.
+        """
+        grid = self.make_grid(state, size)
+        with self._lock:
+            start = time.perf_counter()
+            index: Array = np.zeros(0)
+            fine = grid if factor == 1 else grid.coarsen(factor)
+            for n, layer in enumerate(self.layers):
+                window = self._get_window(state, n)
+                grey = layer.make_grey(layer.project(state, fine, self.exact and factor == 1), window)
+                index = grey if n == 0 else index.astype(np.uint16) << 8 | grey
+            pixels = self._colours.take(index)
+            # what a lower resolution can save
+            self.paint_seconds = (
+                time.perf_counter() - start - sum(layer.filter.GetProjectionSeconds() for layer in self.layers)
+            )
+        if factor > 1:
+            pixels = pixels.repeat(factor, 0).repeat(factor, 1)[: size[1], : size[0]]
+        rgba = np.ascontiguousarray(pixels).view(np.uint8).reshape(size[1], size[0], 4)
+        if state.has_text:
+            self._annotate(rgba, state, grid, ratio)
+        return rgba
+
+    def _annotate(self, rgba: Array, state: State, grid: Grid, ratio: float) -> None:
+        height, width = rgba.shape[:2]
+        scale = ratio * float(np.clip(min(width, height) / ratio / 480, 0.7, 1.0))
+        edge, line = 10 * scale, 19 * scale
+        axes = get_axes(state.transform)
+        if state.point is not None:
+            self._mark(rgba, state, grid, scale)
+        corners = {
+            (0.0, 0.0): [(self.title, _TEXT), *self._describe_point(state)],
+            (1.0, 0.0): self._describe_view(state),
+            (0.0, 1.0): [
+                (f"W {_format(high - low, high - low)}  L {_format((high + low) / 2, high - low)}{name}", _TEXT)
+                for name, (low, high) in zip(
+                    ("  overlay", "") if len(self.layers) > 1 else ("",),
+                    [self._get_window(state, n) for n in reversed(range(len(self.layers)))],
+                )
+            ],
+        }
+        for (right, bottom), texts in corners.items():
+            shown = [each for each in texts if each[0]]
+            for n, (text, colour) in enumerate(reversed(shown) if bottom else shown):
+                x = width - edge if right else edge
+                y = height - edge - n * line if bottom else edge + n * line
+                _put(rgba, _make_stamp(text, 14 * scale, colour), x, y, right, bottom)
+        for side, (x, y, right, bottom) in {
+            "right": (width - edge, height / 2, 1.0, 0.5),
+            "left": (edge, height / 2, 0.0, 0.5),
+            "bottom": (width / 2, height - edge, 0.5, 1.0),
+            "top": (width / 2, edge, 0.5, 0.0),
+        }.items():
+            direction = axes[:, int(side in ("bottom", "top"))] * (-1 if side in ("left", "top") else 1)
+            _put(rgba, _make_stamp(find_letters(direction), 17 * scale, _TEXT), x, y, right, bottom)
+        length = _round_length(grid.spacing * width / 5)
+        bar = _make_bar(round(length / grid.spacing), scale)
+        _put(rgba, bar, width - edge, height - edge, 1.0, 1.0)
+        _put(rgba, _make_stamp(f"{length:g} mm", 13 * scale, _TEXT), width - edge, height - edge - 9 * scale, 1.0, 1.0)
+        if state.message:
+            _put(rgba, _make_stamp(state.message, 14 * scale, _ACCENT), width / 2, height - edge - 2 * line, 0.5, 1.0)
+        if state.has_help:
+            _put(rgba, _make_help(min(scale, height / 590, width / 560)), width / 2, height / 2, 0.5, 0.5)
+
+    def _describe_view(self, state: State) -> list[tuple[str, str]]:
+        azimuth, elevation, roll = find_angles(state.transform)
+        parts = [
+            f"{'LAO' if azimuth > 0 else 'RAO'} {abs(azimuth):.1f}°" if abs(azimuth) >= 0.05 else "",
+            f"{'CRAN' if elevation > 0 else 'CAUD'} {abs(elevation):.1f}°" if abs(elevation) >= 0.05 else "",
+            f"roll {roll:.1f}°" if abs(roll) >= 0.05 else "",
+        ]
+        axes = get_axes(state.transform)
+        name = next(
+            (
+                view.capitalize()
+                for view in VIEWS
+                if np.allclose(axes, get_axes(make_view(self.layers[0].image, view)), rtol=0, atol=1e-6)
+            ),
+            "  ".join(part.replace(".0°", "°") for part in parts if part),
+        )
+        mode = {"maximum": "", "minimum": "Minimum", "absolute": "Absolute maximum"}[state.mode]
+        slab = ""
+        if state.slab:
+            near, far = state.slab
+            slab = f"Slab {far - near:.1f} mm at {(near + far) / 2:.1f} mm"
+        return [(name, _TEXT), (mode, _QUIET), (slab, _QUIET)]
+
+    def _describe_point(self, state: State) -> list[tuple[str, str]]:
+        if state.point is None:
+            return []
+        position = "  ".join(
+            f"{letters[int(each < 0)]} {abs(each):.1f}" for letters, each in zip(_LETTERS, state.point.position)
+        )
+        overlay = f"  overlay {state.point.overlay.value:.4g}" if state.point.overlay else ""
+        return [
+            (f"{state.point.value:g}{overlay}", _ACCENT),
+            (f"{position} mm", _ACCENT),
+            ("voxel {}, {}, {}".format(*state.point.index), _QUIET),
+        ]
+
+    def _mark(self, rgba: Array, state: State, grid: Grid, scale: float) -> None:
+        assert state.point is not None
+        u, v, _ = state.transform.GetInverseTransform().TransformPoint(list(state.point.position))
+        x, y = ((each - first) / grid.spacing + 0.5 for each, first in zip((u, v), grid.origin))
+        _put(rgba, _make_cross(scale), x, y, 0.5, 0.5)
+
+
+def _find_corners(image: Any) -> Array:
+    region = image.GetLargestPossibleRegion()
+    first, size = np.array(list(region.GetIndex())), np.array(list(region.GetSize()))
+    ends = [first - 0.5, first + size - 0.5]
+    corners = np.array([[ends[n >> axis & 1][axis] for axis in range(3)] for n in range(8)])
+    directions: Array = itk.array_from_matrix(image.GetDirection())
+    places: Array = corners * list(image.GetSpacing()) @ directions.T + list(image.GetOrigin())
+    return places
+
+
+def _round_length(most: float) -> float:
+    power = 10.0 ** np.floor(np.log10(most))
+    return float(max(digit * power for digit in (1, 2, 5) if digit * power <= most))
+
+
+def _format(number: float, width: float) -> str:
+    """With a hundredth of the window's width, but whole from 100 on."""
+    decimals = max(0, int(np.ceil(2 - np.log10(max(width, 1e-300)) - 1e-9)))
+    return f"{number:.{decimals}f}" if decimals <= 6 else f"{number:.3e}"
+
+
+# ---- Stamps: small pictures with opacity, kept
+
+
+@dataclass(frozen=True, eq=False)
+class _Stamp:
+    colours: Array
+    """Times opacity."""
+    transparency: Array
+
+
+def _finish(image: Image.Image) -> _Stamp:
+    rgba = np.asarray(image).astype(np.uint16)
+    opacity = rgba[..., 3:]
+    colours = rgba[..., :3] * opacity // 255
+    return _Stamp(np.concatenate([colours, opacity], 2).astype(np.uint8), 255 - opacity)
+
+
+def _put(rgba: Array, stamp: _Stamp, x: float, y: float, right: float, bottom: float) -> None:
+    """Where x, y is this part of the stamp from its left and its top; what is outside is cut off."""
+    height, width = stamp.colours.shape[:2]
+    left, top = round(x - right * width), round(y - bottom * height)
+    rows = slice(max(top, 0), max(min(top + height, rgba.shape[0]), 0))
+    columns = slice(max(left, 0), max(min(left + width, rgba.shape[1]), 0))
+    here = (slice(rows.start - top, rows.stop - top), slice(columns.start - left, columns.stop - left))
+    if rows.start < rows.stop and columns.start < columns.stop:
+        part = rgba[rows, columns]
+        part[...] = part * stamp.transparency[here] // 255 + stamp.colours[here]
+
+
+@lru_cache(maxsize=64)
+def _get_font(size: float) -> Any:
+    return ImageFont.load_default(size)
+
+
+@lru_cache(maxsize=256)
+def _make_stamp(text: str, size: float, colour: str) -> _Stamp:
+    font, rim = _get_font(size), max(1, round(size / 10))
+    ascent, descent = font.getmetrics()
+    image = Image.new("RGBA", (round(font.getlength(text)) + 2 * rim, ascent + descent))
+    draw = ImageDraw.Draw(image)
+    draw.text((rim, 0), text, font=font, fill=colour, stroke_width=rim, stroke_fill="#000000")
+    return _finish(image)
+
+
+@lru_cache(maxsize=16)
+def _make_bar(length: int, scale: float) -> _Stamp:
+    rim, height = max(1, round(1.5 * scale)), round(6 * scale)
+    image = Image.new("RGBA", (length + 2 * rim, height + 2 * rim))
+    draw = ImageDraw.Draw(image)
+    right, bottom = length + rim - 1, height + rim - 1
+    for width, colour in ((3 * rim, "#000000"), (rim, _TEXT)):
+        draw.line([(rim, rim), (rim, bottom), (right, bottom), (right, rim)], colour, width)
+    return _finish(image)
+
+
+@lru_cache(maxsize=8)
+def _make_cross(scale: float) -> _Stamp:
+    gap, arm = round(4 * scale), round(14 * scale)
+    size = 2 * arm + 3
+    image = Image.new("RGBA", (size, size))
+    draw = ImageDraw.Draw(image)
+    middle = arm + 1
+    for width, colour in ((3, "#000000"), (1, _ACCENT)):
+        for sign in (-1, 1):
+            draw.line([(middle + sign * gap, middle), (middle + sign * arm, middle)], colour, width)
+            draw.line([(middle, middle + sign * gap), (middle, middle + sign * arm)], colour, width)
+    return _finish(image)
+
+
+HELP = (
+    ("Drag", "turn"),
+    ("Right button, drag", "window: right is wider, up is brighter"),
+    ("Middle button or Shift, drag", "move the picture"),
+    ("Wheel", "zoom"),
+    ("One finger, two fingers", "turn; zoom and move"),
+    ("Click", "point in the patient"),
+    ("Double click", "reset"),
+    ("", ""),
+    ("A P L R S I", "view from anterior, posterior, ..."),
+    ("Arrow keys", "turn by 5 degrees"),
+    ("Space", "play a turn"),
+    ("T", "trackball, or about the long axis"),
+    ("M", "maximum, minimum, absolute maximum"),
+    ("+  -", "thickness of the slab"),
+    ("[  ]", "slab nearer, farther"),
+    ("O", "window of the overlay, or of the volume"),
+    ("V", "letters and text on or off"),
+    ("C", "copy the line of Python of this picture"),
+    ("Shift+C", "copy the command of this picture"),
+    ("?", "this help"),
+)
+
+
+@lru_cache(maxsize=4)
+def _make_help(scale: float) -> _Stamp:
+    line, pad = 24 * scale, round(22 * scale)
+    font = _get_font(14 * scale)
+    height = sum(line if keys else line / 2 for keys, _ in HELP)
+    column = max(font.getlength(keys) for keys, _ in HELP) + pad
+    width = column + max(font.getlength(text) for _, text in HELP)
+    image = Image.new("RGBA", (round(width) + 2 * pad, round(height) + 2 * pad))
+    draw = ImageDraw.Draw(image)
+    box = (0, 0, image.width - 1, image.height - 1)
+    draw.rounded_rectangle(box, round(10 * scale), fill=(20, 23, 27, 235), outline="#2a2f36")
+    y = float(pad)
+    for keys, text in HELP:
+        draw.text((pad, y), keys, font=font, fill=_TEXT)
+        draw.text((pad + column, y), text, font=font, fill=_QUIET)
+        y += line if keys else line / 2
+    return _finish(image)

@@ -1,0 +1,173 @@
+"""The viewer's page: on this computer only unless asked for, behind a token."""
+
+import asyncio
+import base64
+import contextlib
+import hashlib
+import secrets
+import socket
+import tempfile
+import threading
+import webbrowser
+from collections.abc import Callable
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+try:
+    import uvicorn
+    from rendercanvas import http
+except ImportError as error:
+    raise ImportError("the viewer's page needs uvicorn: pip install itk-shearwarpmip[viewer]") from error
+
+from itk_shearwarpmip._viewer import Viewer
+
+_PAGE = """<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta name="color-scheme" content="dark">
+<link rel="icon" href="data:,">
+<title>Maximum intensity projection</title>
+<link rel="stylesheet" href="renderview.css">
+<script type="module" src="renderview.js"></script>
+<script type="module" src="viewer.js"></script>
+<script type="module" src="renderview-client.js"></script>
+<style>
+  html, body { height: 100%; margin: 0; overflow: hidden; background: #000; }
+  #canvas.renderview-wrapper { display: block; width: 100%; height: 100%; border: 0; }
+  #status { display: none; }
+  #note {
+    position: fixed; bottom: 15%; left: 50%; max-width: 80%; padding: 8px 16px; transform: translateX(-50%);
+    border: 1px solid #2a2f36; border-radius: 8px; background: #14171b; color: #d5dae0;
+    font: 14px/1.45 system-ui, sans-serif; pointer-events: none;
+  }
+</style>
+</head>
+<body>
+<div id="canvas" class="renderview-wrapper" style="width: 100vw; height: 100vh"></div>
+<div id="status"></div>
+<p id="note" role="status" hidden></p>
+</body>
+</html>
+"""
+
+_RESOURCES = {
+    **http.resources,
+    "index.html": ("text/html; charset=utf-8", _PAGE),
+    "viewer.js": ("text/javascript", files(__package__).joinpath("_viewer.js").read_text("utf-8")),
+}
+
+# of the button that rendercanvas offers to connect again
+_HANDLER = base64.b64encode(hashlib.sha256(b"openWebsocketConnection()").digest())
+
+_HEADERS = [
+    (b"cache-control", b"no-store"),
+    (b"referrer-policy", b"no-referrer"),
+    (b"x-content-type-options", b"nosniff"),
+    (
+        b"content-security-policy",
+        b"default-src 'none'; script-src 'self' 'unsafe-hashes' 'sha256-" + _HANDLER + b"'; "
+        b"style-src 'self' 'unsafe-inline'; img-src blob: data:; connect-src 'self'; frame-ancestors 'none'",
+    ),
+]
+
+_shown: list[Viewer] = []
+
+
+class Gate:
+    """An ASGI application before another: lets in what has the token as the first part of its path and comes from no
+    other origin."""
+
+    def __init__(self, application: Any, token: str) -> None:
+        self._application = application
+        self._token = token
+
+    async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
+        if scope["type"] == "lifespan":
+            await self._application(scope, receive, send)
+            return
+        problem = self._find_problem(scope)
+        if problem is None:
+
+            async def send_with_headers(message: Any) -> None:
+                if message["type"] == "http.response.start":
+                    message = {**message, "headers": [*message["headers"], *_HEADERS]}
+                await send(message)
+
+            await self._application(scope, receive, send_with_headers)
+        elif scope["type"] == "websocket":
+            await receive()
+            await send({"type": "websocket.close", "code": 1008, "reason": problem})
+        else:
+            headers = [(b"content-type", b"text/plain; charset=utf-8"), *_HEADERS]
+            await send({"type": "http.response.start", "status": 403, "headers": headers})
+            await send({"type": "http.response.body", "body": f"{problem}\n".encode()})
+
+    def _find_problem(self, scope: Any) -> str | None:
+        headers = {name.lower(): value for name, value in scope["headers"]}
+        host, origin = headers.get(b"host", b""), headers.get(b"origin")
+        if origin is not None and origin not in (b"http://" + host, b"https://" + host):
+            return "The request comes from another page."
+        parts = scope["path"].encode().split(b"/")
+        if len(parts) != 3 or not secrets.compare_digest(parts[1], self._token.encode()):
+            return "The token is missing or wrong. Open the address that the viewer has printed."
+        return None
+
+
+def serve(
+    make_viewer: Callable[[Any], Viewer],
+    *,
+    block: bool,
+    host: str = "127.0.0.1",
+    port: int = 0,
+    no_browser: bool = False,
+) -> Viewer:
+    """Shows a viewer in the browser; one at a time in a process. RuntimeError if there is one already, OSError if the page
+    cannot be served."""
+    if _shown:
+        raise RuntimeError(f"this process shows {_shown[0]!r} already: close() that first")
+    token = secrets.token_urlsafe(32)
+    http.asgi._resources = _RESOURCES
+    config = uvicorn.Config(Gate(http.asgi, token), log_level="warning", access_log=False, timeout_graceful_shutdown=2)
+    server = uvicorn.Server(config)
+    try:
+        listener = socket.create_server((host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET)
+    except OSError as error:
+        raise OSError(f"the page cannot be served at {host}, port {port}: {error.strerror}") from error
+    viewer = make_viewer(http.RenderCanvas(max_fps=200))
+    _shown.append(viewer)
+    shown = "127.0.0.1" if host in ("0.0.0.0", "") else f"[{host}]" if ":" in host else host
+    viewer.url = f"http://{shown}:{listener.getsockname()[1]}/{token}/"
+
+    async def run() -> None:
+        await server.serve([listener])
+        viewer.canvas.close()
+        http.loop.stop(force=True)
+        viewer.close()
+
+    # signals stay with the main thread
+    thread = threading.Thread(target=lambda: asyncio.run(run()), name="viewer's page", daemon=True)
+
+    def end() -> None:
+        server.should_exit = True
+        if threading.current_thread() is not thread:
+            thread.join(5)
+        _shown.clear()
+
+    viewer._end = end
+    thread.start()
+    print(f"The picture is at {viewer.url}", flush=True)
+    with contextlib.ExitStack() as stack:
+        if not no_browser:
+            # the arguments of a process can be seen by other users of the computer, such a file cannot
+            page = stack.enter_context(tempfile.NamedTemporaryFile("w", suffix=".html", delete=block))
+            page.write(f'<meta http-equiv="refresh" content="0; url={viewer.url}">\n')
+            page.flush()
+            webbrowser.open(Path(page.name).as_uri())
+        if block:
+            with contextlib.suppress(KeyboardInterrupt):
+                thread.join()
+            viewer.close()
+    return viewer

@@ -1,0 +1,155 @@
+"""The viewer in a notebook of JupyterLab, in Chromium.
+
+VIEWER_SCREENSHOTS    folder that keeps what was seen
+"""
+
+import base64
+import io
+import os
+import pathlib
+import shutil
+import socket
+import subprocess
+import sys
+import time
+import urllib.request
+
+import itk
+import nbformat
+import numpy as np
+import pytest
+from PIL import Image
+from selenium import webdriver
+from selenium.common.exceptions import WebDriverException
+from selenium.webdriver.chrome.service import Service
+from selenium.webdriver.common.action_chains import ActionChains
+from selenium.webdriver.common.by import By
+from selenium.webdriver.common.keys import Keys
+
+CHROMIUM = shutil.which("chromium")
+CELLS = (
+    "from itk_shearwarpmip import show\nviewer = show('volume.nrrd', size=(600, 400))\nviewer",
+    "viewer.snapshot('picture.png')\nprint(viewer.code)",
+)
+
+
+def wait(find, seconds=60):
+    """Until it finds something."""
+    end = time.monotonic() + seconds
+    while True:
+        try:
+            found = find()
+        except (OSError, WebDriverException):
+            found = None
+        if found or time.monotonic() > end:
+            assert found
+            return found
+        time.sleep(0.1)
+
+
+@pytest.fixture
+def lab(tmp_path, rng):
+    """The address of a notebook, in a JupyterLab that knows no other settings."""
+    image = itk.image_from_array(rng.integers(0, 1000, (20, 30, 40), np.uint16))
+    itk.imwrite(image, tmp_path / "volume.nrrd")
+    kernel = {"display_name": "Python 3", "language": "python", "name": "python3"}
+    cells = [nbformat.v4.new_code_cell(source) for source in CELLS]
+    nbformat.write(nbformat.v4.new_notebook(cells=cells, metadata={"kernelspec": kernel}), tmp_path / "notebook.ipynb")
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    command = [sys.executable, "-m", "jupyterlab", "--no-browser", "--allow-root", f"--port={port}"]
+    command += [f"--ServerApp.root_dir={tmp_path}", "--IdentityProvider.token=token"]
+    folders = {name: str(tmp_path / name) for name in ("JUPYTER_CONFIG_DIR", "JUPYTER_DATA_DIR", "JUPYTER_RUNTIME_DIR")}
+    with (tmp_path / "log").open("w") as log:
+        server = subprocess.Popen(
+            command, env={**os.environ, **folders, "HOME": str(tmp_path)}, stdout=log, stderr=subprocess.STDOUT
+        )
+    try:
+
+        def ask():
+            with urllib.request.urlopen(f"http://127.0.0.1:{port}/api/status?token=token") as answer:
+                return answer.read()
+
+        wait(ask)
+        yield f"http://127.0.0.1:{port}/lab/tree/notebook.ipynb?token=token"
+    finally:
+        server.terminate()
+        server.wait(30)
+
+
+@pytest.fixture
+def driver():
+    if CHROMIUM is None:
+        pytest.skip("chromium is not installed")
+    options = webdriver.ChromeOptions()
+    options.binary_location = CHROMIUM
+    for argument in ("--headless=new", "--window-size=1000,900", "--disable-gpu", "--disable-dev-shm-usage"):
+        options.add_argument(argument)
+    options.add_argument("--force-device-scale-factor=1")
+    if os.geteuid() == 0:
+        options.add_argument("--no-sandbox")
+    driver = webdriver.Chrome(service=Service(shutil.which("chromedriver")), options=options)
+    yield driver
+    driver.quit()
+
+
+def run_cell(driver, number):
+    """Again, if the kernel did not listen yet."""
+
+    def is_running():
+        return driver.find_elements(By.CSS_SELECTOR, ".jp-InputArea-prompt")[number].text.strip() not in ("", "[ ]:")
+
+    def run():
+        driver.find_elements(By.CSS_SELECTOR, ".jp-CodeCell .cm-content")[number].click()
+        ActionChains(driver).key_down(Keys.SHIFT).send_keys(Keys.ENTER).key_up(Keys.SHIFT).perform()
+        time.sleep(1)
+        return is_running()
+
+    wait(run)
+
+
+def screenshot(driver, name):
+    if "VIEWER_SCREENSHOTS" in os.environ:
+        driver.get_screenshot_as_file(str(pathlib.Path(os.environ["VIEWER_SCREENSHOTS"]) / f"{name}.png"))
+
+
+def read_picture(driver):
+    text = driver.execute_async_script("""
+      const done = arguments[0]
+      fetch(document.querySelector('.renderview-wrapper img').src).then((answer) => answer.blob()).then((blob) => {
+        const reader = new FileReader()
+        reader.onload = () => done([blob.type, reader.result.split(',')[1]])
+        reader.readAsDataURL(blob)
+      })
+    """)
+    return text[0], np.asarray(Image.open(io.BytesIO(base64.b64decode(text[1]))))
+
+
+def test_notebook(driver, lab, tmp_path):
+    driver.get(lab)
+    wait(lambda: driver.find_element(By.XPATH, "//*[contains(text(), '| Idle')]"))
+    run_cell(driver, 0)
+    picture = wait(lambda: driver.find_element(By.CSS_SELECTOR, ".renderview-wrapper img"), 30)
+    wait(lambda: picture.get_property("naturalWidth") == 600 and picture.get_property("naturalHeight") == 400)
+    drag = ActionChains(driver, duration=10).move_to_element(picture).click_and_hold()
+    for _ in range(10):
+        drag.move_by_offset(-5, 2)
+    drag.release().perform()
+    # a key, and the line of Python
+    ActionChains(driver).send_keys("-").perform()
+    time.sleep(1)
+    wait(lambda: read_picture(driver)[0] == "image/png")
+    seen = read_picture(driver)[1]
+    screenshot(driver, "notebook")
+    run_cell(driver, 1)
+    wait((tmp_path / "picture.png").exists)
+    code = wait(
+        lambda: next(
+            each.text
+            for each in driver.find_elements(By.CSS_SELECTOR, ".jp-OutputArea-output pre")
+            if "mip(" in each.text
+        )
+    )
+    assert "azimuth=22.5, elevation=9.0" in code and "slab=" in code and "size=(600, 400)" in code
+    np.testing.assert_array_equal(seen, np.asarray(Image.open(tmp_path / "picture.png")))
