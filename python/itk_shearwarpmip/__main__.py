@@ -157,7 +157,7 @@ def view(arguments: list[str] | None = None) -> int:
     try:
         itk_shearwarpmip.show(options.pop("input"), page=page, block=True, **options)
     except Exception as error:
-        print(f"shear-warp-mip-view: {_describe(error)}", file=sys.stderr)
+        print(f"shear-warp-mip-view: {describe(error)}", file=sys.stderr)
         return 1
     return 0
 

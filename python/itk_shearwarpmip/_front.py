@@ -20,7 +20,7 @@ from itk_shearwarpmip._inputs import describe, is_of, make_count, make_numbers, 
 from itk_shearwarpmip._views import make_transform
 
 Mode = Literal["maximum", "minimum", "absolute"]
-_MODES = {"maximum": "Mode_Maximum", "minimum": "Mode_Minimum", "absolute": "Mode_AbsoluteMaximum"}
+MODES = {"maximum": "Mode_Maximum", "minimum": "Mode_Minimum", "absolute": "Mode_AbsoluteMaximum"}
 
 
 class Place(TypedDict, total=False):
@@ -325,7 +325,7 @@ class _Filters:
         threads = parameters.number_of_threads
         made.SetNumberOfWorkUnits(self._threads if threads is None else make_count("number_of_threads", threads))
         # its voxels live while this does
-        mask = None if parameters.mask is None else _open_mask(parameters.mask, parameters.mask_label, image)
+        mask = None if parameters.mask is None else open_mask(parameters.mask, parameters.mask_label, image)
         made.SetMaskImage(mask)
         try:
             update(made)
@@ -371,9 +371,9 @@ def set_parameters(made: Any, parameters: Parameters, background: Any) -> None:
     """Sets all that a filter has, but its views and its mask."""
     is_whole = isinstance(made.GetDefaultPixelValue(), int)
     set_background(made, background)
-    if not isinstance(parameters.mode, str) or parameters.mode not in _MODES:
-        raise ValueError(f"mode must be one of {', '.join(_MODES)}, but it is {parameters.mode!r}")
-    made.SetMode(getattr(itk.ShearWarpMIPImageFilterEnums, _MODES[parameters.mode]))
+    if not isinstance(parameters.mode, str) or parameters.mode not in MODES:
+        raise ValueError(f"mode must be one of {', '.join(MODES)}, but it is {parameters.mode!r}")
+    made.SetMode(getattr(itk.ShearWarpMIPImageFilterEnums, MODES[parameters.mode]))
     near, far = (
         (-np.inf, np.inf) if parameters.slab is None else make_numbers("slab", parameters.slab, 2, is_finite=False)
     )
@@ -482,7 +482,7 @@ def _find_axis(axis: str | Sequence[float], image: Any) -> list[float]:
     raise ValueError(f"rotation_axis must be one of {names} or a direction x, y, z, but it is {axis!r}")
 
 
-def _open_mask(mask: Any, label: int | None, image: Any) -> Any:
+def open_mask(mask: Any, label: int | None, image: Any) -> Any:
     """A mask of 0 and 1 on the grid of an image."""
     is_path = isinstance(mask, str | os.PathLike)
     placed = take(open_image(mask) if is_path else mask)

@@ -41,11 +41,14 @@ def find_window(image: Any) -> Window:
     >>> find_window(image)
     (11.0, 998.0)
     """
-    pixels = itk.array_view_from_image(image)
-    background = _find_background(image)
+    return find_window_of(itk.array_view_from_image(image), _find_background(image))
+
+
+def find_window_of(pixels: NDArray[Any], background: float) -> Window:
+    """The same of pixels."""
     values = _select_values(pixels, background)
     if values.size == 0:
-        low = background if math.isfinite(background) else 0.0
+        low = float(background) if math.isfinite(background) else 0.0
         return low, low + 1.0
     ranks = [math.floor(fraction * (values.size - 1) + 0.5) for fraction in (0.01, 0.998)]
     low, high = (float(value) for value in np.partition(values, ranks)[ranks])

@@ -11,8 +11,10 @@ import itk
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-MODES = {"maximum": "Maximum", "minimum": "Minimum", "absolute": "AbsoluteMaximum"}
-VIEWS = ("anterior", "posterior", "left", "right", "superior", "inferior")
+from itk_shearwarpmip._front import MODES, Parameters, find_lowest, open_mask, set_parameters
+from itk_shearwarpmip._save import find_window_of, make_grey
+from itk_shearwarpmip._views import SIDES, make_transform
+
 COLOURS = {
     name.partition("_")[2].lower(): getattr(itk.ScalarToRGBColormapImageFilterEnums, name)
     for name in dir(itk.ScalarToRGBColormapImageFilterEnums)
@@ -79,17 +81,6 @@ class Grid:
         return Grid((columns, rows), self.spacing * factor, (u, v))
 
 
-def find_window(pixels: Array, background: float) -> Window:
-    """Percentiles 1 and 99.8 of the pixels that are not background, as the program's."""
-    values = pixels[np.isfinite(pixels) & (pixels != background)]
-    if not values.size:
-        low = float(background) if np.isfinite(background) else 0.0
-        return low, low + 1.0
-    places = [int(fraction * (values.size - 1) + 0.5) for fraction in (0.01, 0.998)]
-    low, high = (float(value) for value in np.partition(values, places)[places])
-    return (low if low < high else high - 1.0), high
-
-
 class Layer:
     """A volume, the one filter that projects it, and its colours."""
 
@@ -99,13 +90,12 @@ class Layer:
         self.image = image
         self.colours = _make_colours(colours)
         self.filter = itk.ShearWarpMIPImageFilter.New(image)
-        voxels = itk.array_view_from_image(image)
-        is_whole = np.issubdtype(voxels.dtype, np.integer)
-        if background == "auto":
-            background = min(0, np.fmin.reduce(voxels, axis=None)) if voxels.dtype.kind in "if" else 0
-        self.background = (int if is_whole else float)(background)
-        self.filter.SetDefaultPixelValue(self.background)
-        _set_parameters(self.filter, **parameters)
+        given = Parameters(**parameters)
+        automatic = find_lowest(itk.array_view_from_image(image))
+        set_parameters(self.filter, given, automatic if background == "auto" else background)
+        self.background = self.filter.GetDefaultPixelValue()
+        self._mask = None if given.mask is None else open_mask(given.mask, given.mask_label, image)
+        self.filter.SetMaskImage(self._mask)
         self.windows: dict[str, Window] = {}
         self._table: tuple[Window, Array] | None = None
 
@@ -119,7 +109,7 @@ class Layer:
             mip.SetSize(list(grid.size))
             mip.SetOutputSpacing([grid.spacing] * 2)
             mip.SetOutputOrigin(list(grid.origin))
-        mip.SetMode(getattr(itk.ShearWarpMIPImageFilterEnums, f"Mode_{MODES[state.mode]}"))
+        mip.SetMode(getattr(itk.ShearWarpMIPImageFilterEnums, MODES[state.mode]))
         near, far = state.slab or (-np.inf, np.inf)
         mip.SetSlabNear(near)
         mip.SetSlabFar(far)
@@ -132,17 +122,17 @@ class Layer:
     def find_window(self, state: State) -> Window:
         """Of the picture that is fitted to the image, in the state's mode; kept."""
         if state.mode not in self.windows:
-            self.windows[state.mode] = find_window(self.project(state, None), self.background)
+            self.windows[state.mode] = find_window_of(self.project(state, None), self.background)
         return self.windows[state.mode]
 
     def make_grey(self, pixels: Array, window: Window) -> Array:
         """Values in a window, as 0 to 255: rounded as the program's."""
         if pixels.dtype.kind == "f" or pixels.itemsize > 2:
-            return _make_grey(pixels, window)
+            return make_grey(pixels, window)
         unsigned = np.dtype(f"u{pixels.itemsize}")
         if self._table is None or self._table[0] != window:
             every = np.arange(1 << (8 * pixels.itemsize)).astype(unsigned).view(pixels.dtype)
-            self._table = window, _make_grey(every, window)
+            self._table = window, make_grey(every, window)
         grey: Array = self._table[1].take(pixels.view(unsigned))
         return grey
 
@@ -158,13 +148,6 @@ class Layer:
         )
 
 
-def _make_grey(pixels: Array, window: Window) -> Array:
-    low, high = window
-    values = pixels.astype(np.float64)
-    values = np.where(values > low, np.minimum(values, high), low)
-    return np.floor(255.0 * (values - low) / (high - low) + 0.5).astype(np.uint8)
-
-
 def _make_colours(name: str) -> Array:
     """256 colours, by ITK."""
     values = itk.image_view_from_array(np.arange(256, dtype=np.uint8)[None])
@@ -172,57 +155,21 @@ def _make_colours(name: str) -> Array:
     return colours
 
 
-def _set_parameters(
-    mip: Any,
-    *,
-    crop: Sequence[Sequence[float]] | None = None,
-    mask: Any = None,
-    mask_label: int | None = None,
-    attenuation: float = 0.0,
-    local_maximum: float | None = None,
-    oversampling: int = 1,
-) -> None:
-    if crop is not None:
-        if np.shape(crop) != (2, 3):
-            raise ValueError(f"crop must be two corners, each x, y, z, but it is {crop!r}")
-        mip.SetCropLower([float(each) for each in crop[0]])
-        mip.SetCropUpper([float(each) for each in crop[1]])
-    if mask is not None:
-        mip.SetMaskImage(mask)
-    mip.SetMaskLabel(mask_label or 0)
-    mip.SetDepthAttenuation(float(attenuation))
-    if local_maximum is not None:
-        mip.LocalMaximumOn()
-        mip.SetLocalMaximumThreshold(local_maximum)
-    mip.SetOversampling(oversampling)
-
-
 # ---- Views
 
 
 def make_view(image: Any, view: Any = "anterior", azimuth: float = 0.0, elevation: float = 0.0) -> Any:
-    if isinstance(view, str):
-        if view not in VIEWS:
-            raise ValueError(f"view must be one of {', '.join(VIEWS)}, or a transform, but it is {view!r}")
-        side = getattr(itk.ShearWarpMIPViewEnums, f"Direction_{view.capitalize()}")
-        return itk.ShearWarpMIPView.MakeTransform(image, side, float(azimuth), float(elevation))
-    if azimuth or elevation:
-        raise ValueError("azimuth and elevation go with the name of a view, not with a transform")
-    if isinstance(view, itk.LightObject):
-        if not view.IsLinear():
-            raise ValueError(f"view must be a linear transform, but it is a {view.GetNameOfClass()}")
-        made = itk.AffineTransform[itk.D, 3].New()
-        made.SetMatrix(view.GetMatrix() if hasattr(view, "GetMatrix") else itk.matrix_from_array(np.eye(3)))
-        made.SetOffset([float(each) for each in view.TransformPoint([0.0, 0.0, 0.0])])
-        return made
-    matrix = np.asarray(view, dtype=float)
-    if matrix.shape != (4, 4) or not np.array_equal(matrix[3], [0, 0, 0, 1]):
-        raise ValueError(
-            "view must be the name of a side, a linear itk transform, or a 4 x 4 matrix that ends in 0 0 0 1"
-        )
+    """An itk.AffineTransform: see make_transform()."""
+    found = make_transform(image, view, azimuth, elevation)
+    if not found.IsLinear():
+        raise ValueError(f"view must be a linear transform, but it is a {found.GetNameOfClass()}")
+    start = np.array(found.TransformPoint([0.0] * 3))
+    # exact, where the transform has one
+    axes = [np.array(found.TransformPoint(axis.tolist())) - start for axis in np.eye(3)]
+    matrix = found.GetMatrix() if hasattr(found, "GetMatrix") else itk.matrix_from_array(np.column_stack(axes))
     made = itk.AffineTransform[itk.D, 3].New()
-    made.SetMatrix(itk.matrix_from_array(np.ascontiguousarray(matrix[:3, :3])))
-    made.SetTranslation(matrix[:3, 3].tolist())
+    made.SetMatrix(matrix)
+    made.SetOffset(start.tolist())
     return made
 
 
@@ -410,7 +357,7 @@ class Scene:
         name = next(
             (
                 view.capitalize()
-                for view in VIEWS
+                for view in SIDES
                 if np.allclose(axes, get_axes(make_view(self.layers[0].image, view)), rtol=0, atol=1e-6)
             ),
             "  ".join(part.replace(".0°", "°") for part in parts if part),

@@ -23,7 +23,10 @@ try:
 except ImportError as error:
     raise ImportError("the viewer needs rendercanvas and Pillow: pip install itk-shearwarpmip[viewer]") from error
 
-from itk_shearwarpmip._scene import MODES, VIEWS, Layer, Point, Scene, State, Window
+from itk_shearwarpmip._front import MODES
+from itk_shearwarpmip._inputs import open_image
+from itk_shearwarpmip._scene import Layer, Point, Scene, State, Window
+from itk_shearwarpmip._views import SIDES
 
 _LOGGER = logging.getLogger(__name__)
 
@@ -420,7 +423,7 @@ class Viewer:
             return
         key = event["key"]
         lower = key.lower()
-        views = {view[0]: view for view in VIEWS}
+        views = {view[0]: view for view in SIDES}
         steps = {"ArrowLeft": (-5, 0), "ArrowRight": (5, 0), "ArrowUp": (0, -5), "ArrowDown": (0, 5)}
         actions: dict[str, Callable[[], None]] = {
             " ": self._toggle_play,
@@ -554,7 +557,7 @@ class Viewer:
     def _name_view(self, form: str, fallback: Any) -> Any:
         """Arguments for the view: a side and angles if they make the same bits, or else its matrix."""
         transform = self._state.transform
-        for view in VIEWS:
+        for view in SIDES:
             if _is_same(transform, _scene.make_view(self._image, view), 0):
                 return [form.format("view", view)]
         azimuth, elevation, _ = _scene.find_angles(transform)
@@ -625,7 +628,7 @@ def show(
     In a notebook the Viewer that is returned shows itself. Elsewhere a page opens in the browser, served on this
     computer only.
 
-    source: what mip() takes: a path, an itk.Image, ...
+    source: a volume in memory or a path: see open_image().
     overlay: a second volume in the same physical space, on any grid, in colours over the first.
     view, azimuth, elevation: the first view: a side's name and degrees, a linear itk transform from view space to the
         patient, or a 4 x 4 matrix.
@@ -641,7 +644,8 @@ def show(
     block: whether to return only when the viewer is closed or interrupted; by default in scripts only, not in
         notebooks and interactive shells.
     page: host, port and no_browser of the page, as of the command shear-warp-mip-view.
-    parameters: crop, mask, mask_label, attenuation, local_maximum, oversampling and background, as in mip().
+    parameters: crop, mask, mask_label, attenuation, local_maximum, oversampling and background, as in mip(); spacing,
+        origin, direction and series of the source, as in open_image().
 
     Raises ImportError if rendercanvas or a part of it is missing, ValueError and TypeError for what is no parameter, and
     what reading the source raises.
@@ -659,7 +663,11 @@ def show(
     }
     if exact and refused:
         raise ValueError(f"exact goes without {', '.join(sorted(refused))}")
-    image = _open_image(source)
+    place = {key: parameters.pop(key) for key in ("spacing", "origin", "direction", "series") if key in parameters}
+    known = {"crop", "mask", "mask_label", "attenuation", "local_maximum", "oversampling", "background"}
+    if unknown := parameters.keys() - known:
+        raise TypeError(f"show() has no parameter {', '.join(sorted(unknown))}")
+    image = open_image(source, **place)
     layers = [Layer(image, colours=colours, **parameters)]
     if overlay is not None:
         shared = {
@@ -667,7 +675,7 @@ def show(
             for key, each in parameters.items()
             if key not in ("mask", "mask_label", "background", "local_maximum")
         }
-        layers.append(Layer(_open_image(overlay), colours=overlay_colours, **shared))
+        layers.append(Layer(open_image(overlay), colours=overlay_colours, **shared))
     name = os.fspath(source) if isinstance(source, str | os.PathLike) else "image"
     windows = {(n, mode): _make_window(each) for n, each in enumerate((window, overlay_window)) if each is not None}
     state = State(_scene.make_view(image, view, azimuth, elevation), mode=mode, slab=_make_slab(slab), windows=windows)
@@ -698,16 +706,3 @@ def _is_notebook() -> bool:
         return True
     shell = sys.modules["IPython"].get_ipython() if "IPython" in sys.modules else None
     return shell is not None and getattr(shell, "kernel", None) is not None
-
-
-def _open_image(source: Any) -> Any:
-    """Until there is a function for all kinds of input."""
-    if isinstance(source, str | os.PathLike):
-        source = itk.imread(os.fspath(source))
-    if not isinstance(source, itk.ImageBase[3]):
-        raise TypeError(
-            f"a volume is a path or an itk.Image of three dimensions, but this is a {type(source).__name__}"
-        )
-    if (type(source), itk.Image[itk.template(source)[1][0], 2]) not in itk.ShearWarpMIPImageFilter.keys():
-        source = itk.cast_image_filter(source, ttype=(type(source), itk.Image[itk.F, 3]))
-    return source

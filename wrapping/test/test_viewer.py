@@ -11,7 +11,7 @@ import weakref
 import itk
 import numpy as np
 import pytest
-from itk_shearwarpmip import Point, Viewer, _scene, show
+from itk_shearwarpmip import Point, Viewer, _save, _scene, show
 from PIL import Image
 from rendercanvas.offscreen import RenderCanvas
 
@@ -212,7 +212,7 @@ def test_window_is_that_of_the_program(image, viewer):
     ids=["background only", "one value", "not finite"],
 )
 def test_window_of_special_pictures(pixels, window):
-    assert _scene.find_window(np.array(pixels, float), 5) == window
+    assert _save.find_window_of(np.array(pixels, float), 5) == window
 
 
 def test_lower_resolution(image, viewer):
