@@ -30,7 +30,7 @@ while [ $# -gt 0 ]; do
   shift
 done
 
-program=$cache/benchmark-build/benchmark/shear-warp-mip-benchmark
+program=$root/build/benchmark-program/benchmark/shear-warp-mip-benchmark
 
 # A small image of a pixel type without kernels of its own, anisotropic, its axes exchanged.
 write_image() {
@@ -62,7 +62,7 @@ measure() {
 
 timed "installed what building needs" need_packages build-essential cmake ninja-build libinsighttoolkit5-dev \
   libbenchmark-dev libcli11-dev python3
-timed "built the program" build_release benchmark shear-warp-mip-benchmark -DShearWarpMIP_BUILD_APPS=OFF \
+timed "built the program" build_release benchmark-program shear-warp-mip-benchmark -DShearWarpMIP_BUILD_APPS=OFF \
   -DShearWarpMIP_BUILD_BENCHMARKS=ON
 mkdir -p "$output"
 if [ -n "$smoke" ]; then

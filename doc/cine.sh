@@ -13,7 +13,7 @@ set -euo pipefail
 
 [[ ${1:-} != -* ]] || exit_with_usage "$1"
 picture=${1:-$root/doc/heart.gif}
-program=$cache/demo-build/apps/shear-warp-mip
+program=$root/build/demo/apps/shear-warp-mip
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 

@@ -35,6 +35,13 @@ need_packages() {
   as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}" >&2
 }
 
+# share_compilations: what is compiled from now on is kept in the cache, for other folders and runs too.
+share_compilations() {
+  need_packages ccache
+  export CCACHE_DIR=$cache/ccache CCACHE_BASEDIR=$root CCACHE_NOHASHDIR=1 CCACHE_MAXSIZE=5G
+  export CMAKE_C_COMPILER_LAUNCHER=ccache CMAKE_CXX_COMPILER_LAUNCHER=ccache
+}
+
 # find_itk_image CID_FILE: the path of an image of ITK's test data, whose files are named by their content.
 find_itk_image() {
   local source file
@@ -57,12 +64,13 @@ run_itk_python() {
 }
 
 # build_release NAME TARGET OPTION...: builds the target against Debian's ITK, not one that happens to be in the
-# environment, with the flags that its users have by default, in the cache's folder NAME-build. A broken or moved folder
-# is made anew. Needs build-essential cmake ninja-build libinsighttoolkit5-dev.
+# environment, with the flags that its users have by default, in build/NAME. A broken or moved folder is made anew. Needs
+# build-essential cmake ninja-build libinsighttoolkit5-dev.
 build_release() {
-  local build=$cache/$1-build target=$2
+  local build=$root/build/$1 target=$2
   shift 2
-  mkdir -p "$cache"
+  mkdir -p "$root/build"
+  share_compilations
   configure_and_build() {
     env -u ITK_DIR -u CXXFLAGS cmake -S "$root" -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=Release -DBUILD_TESTING=OFF \
       "$@" && ninja -C "$build" -j "$jobs" "$target"

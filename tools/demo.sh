@@ -18,7 +18,7 @@ image=${1:-}
 folder=${2:-demo-output}
 [ -z "$image" ] || [ -e "$image" ] || die "'$image' does not exist"
 
-program=$cache/demo-build/apps/shear-warp-mip
+program=$root/build/demo/apps/shear-warp-mip
 
 render_views() {
   local view

@@ -14,7 +14,7 @@ set -euo pipefail
 . "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 draw_figures() {
-  local program=$cache/demo-build/apps/shear-warp-mip python=${PYTHON:-$root/build/python/env/bin/python}
+  local program=$root/build/demo/apps/shear-warp-mip python=${PYTHON:-$root/build/python/env/bin/python}
   [ -x "$python" ] || die "$python is missing: tools/test.sh python makes it, or give another as PYTHON"
   need_packages build-essential cmake ninja-build libinsighttoolkit5-dev libcli11-dev
   timed "built the program" build_release demo shear-warp-mip -DShearWarpMIP_BUILD_APPS=ON

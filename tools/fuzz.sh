@@ -5,7 +5,7 @@
 #   Program     shear-warp-mip, as arguments and transform file
 #
 # and fails if one of them crashes, hangs, takes too much memory or gives a wrong result. The input that did it is kept:
-# give its path to the fuzzer, in itk-shearwarpmip/fuzz-build/bin/ of the cache, to see it again.
+# give its path to the fuzzer, in build/fuzz/bin/, to see it again.
 #
 #   JOBS=<n>              parallel compile jobs                   [all cores]
 #   XDG_CACHE_HOME=<dir>  the cache is itk-shearwarpmip/ inside   [~/.cache]
@@ -28,7 +28,7 @@ need_packages build-essential clang cmake libcli11-dev libgtest-dev libinsightto
 build_release fuzz fuzzers -DShearWarpMIP_BUILD_FUZZERS=ON -DShearWarpMIP_BUILD_APPS=ON \
   -DCMAKE_C_COMPILER=clang -DCMAKE_CXX_COMPILER=clang++ \
   '-DCMAKE_CXX_FLAGS=-DITK_COMPILER_DETECTION_H -DITK_NOEXCEPT=noexcept' \
-  -DCMAKE_RUNTIME_OUTPUT_DIRECTORY="$cache/fuzz-build/bin"
+  -DCMAKE_RUNTIME_OUTPUT_DIRECTORY="$root/build/fuzz/bin"
 
 # the program's fuzzer changes to a folder of its own
 mkdir -p "$corpus"
@@ -40,7 +40,7 @@ for name in Projection Program; do
   [ $name = Projection ] || folders+=("$root/apps/test/fuzz/seeds")
   mkdir -p "${folders[0]}"
   say "== $name: $seconds s; log in $log"
-  "$cache/fuzz-build/bin/ShearWarpMIP${name}Fuzzer" -max_total_time="$seconds" -timeout=10 -rss_limit_mb=2048 \
+  "$root/build/fuzz/bin/ShearWarpMIP${name}Fuzzer" -max_total_time="$seconds" -timeout=10 -rss_limit_mb=2048 \
     -malloc_limit_mb=256 -max_len=1024 -len_control=0 -print_final_stats=1 -artifact_prefix="$corpus/$name-" \
     "${folders[@]}" > "$log" 2>&1 || {
     tail -n 40 "$log" >&2

@@ -39,8 +39,7 @@ done
 configure_build_test() {
   local dir=$1
   shift
-  cmake -S "$root" -B "$dir" -G Ninja -DCMAKE_BUILD_TYPE=Release -DBUILD_TESTING=ON \
-    '-DCMAKE_CXX_FLAGS=-Wall -Wextra' "$@"
+  cmake -S "$root" -B "$dir" -G Ninja -DCMAKE_BUILD_TYPE=Release -DBUILD_TESTING=ON "$@"
   cmake --build "$dir" --parallel "$jobs"
   ctest --test-dir "$dir" --no-tests=error "${test_filter[@]}" ${skip:+--exclude-regex "$skip"}
 }
@@ -189,6 +188,7 @@ test_sanitize() (
   done
 )
 
+share_compilations
 for stage in "${stages[@]}"; do
   say "== $stage"
   timed "$stage" "test_$stage"

@@ -31,7 +31,7 @@ while [ $# -gt 0 ]; do
   shift
 done
 
-program=$cache/benchmark-build/benchmark/paper/shear-warp-mip-paper
+program=$root/build/benchmark-program/benchmark/paper/shear-warp-mip-paper
 
 find_image() { image=$(find_head); }
 
@@ -47,7 +47,7 @@ measure() {
 
 timed "installed what building needs" need_packages build-essential cmake ninja-build libinsighttoolkit5-dev \
   libbenchmark-dev libcli11-dev python3-matplotlib python3-pil
-timed "built the program" build_release benchmark shear-warp-mip-paper -DShearWarpMIP_BUILD_APPS=OFF \
+timed "built the program" build_release benchmark-program shear-warp-mip-paper -DShearWarpMIP_BUILD_APPS=OFF \
   -DShearWarpMIP_BUILD_BENCHMARKS=ON
 [ -n "$image" ] || timed "found the image" find_image
 mkdir -p "$output"
