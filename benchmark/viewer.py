@@ -7,7 +7,7 @@ browser has loaded it. What is measured is, for every movement, the time until t
 one. After each drag the picture at rest is compared with the viewer's, pixel by pixel.
 
     pip install "$(echo dist/itk_shearwarpmip-*.whl)[viewer]" selenium       # and Debian's chromium, chromium-driver
-    viewer.py                                  # 100 drags, 512x512x512, a window of 1280x800
+    viewer.py                                  # 100 drags, 512x512x512, a window of 1000x720
     viewer.py --volume angiogram.nrrd --output viewer.json
     viewer.py --smoke                          # only whether it works
 
@@ -108,7 +108,6 @@ class Record:
             self.paint_seconds.append(time.perf_counter() - start)
             self.factors.append(how.get("factor", 1))
             self.made[id(rgba)] = states[id(state)][1] if id(state) in states else -np.inf
-            self._kept = rgba
             frames.append(rgba)
             return rgba
 
@@ -118,7 +117,6 @@ class Record:
             moved_at = next(
                 (self.made[id(each)] for each in reversed(frames) if np.shares_memory(each, array)), -np.inf
             )
-            self._last = moved_at
             send(array, *arguments)
             for key, info in viewer.canvas._frame_info_per_client.items():
                 if info["sent"] != before.get(key):
@@ -249,7 +247,7 @@ def main() -> None:
     parser.add_argument("--volume", help="image file; by default winding vessels in noise")
     parser.add_argument("--edge", type=int, default=512, help="voxels along each side of these")
     parser.add_argument("--drags", type=int, default=100)
-    parser.add_argument("--window", type=int, nargs=2, default=(1280, 800), help="of the browser, in pixels")
+    parser.add_argument("--window", type=int, nargs=2, default=(1000, 720), help="of the browser, in pixels")
     parser.add_argument("--output", type=Path, help="JSON file")
     parser.add_argument("--smoke", action="store_true", help="3 drags of 64 x 64 x 64 voxels")
     options = parser.parse_args()

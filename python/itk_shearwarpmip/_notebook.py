@@ -8,8 +8,10 @@ try:
 except ImportError as error:
     raise ImportError("the viewer in a notebook needs anywidget: pip install itk-shearwarpmip[viewer]") from error
 
+from itk_shearwarpmip._viewer import AtOnce
 
-class _Canvas(anywidget.RenderCanvas):  # type: ignore[misc]
+
+class _Canvas(AtOnce, anywidget.RenderCanvas):  # type: ignore[misc]
     _esm = anywidget.JS + files(__package__).joinpath("_viewer.js").read_text("utf-8")
 
 

@@ -20,7 +20,7 @@ try:
 except ImportError as error:
     raise ImportError("the viewer's page needs uvicorn: pip install itk-shearwarpmip[viewer]") from error
 
-from itk_shearwarpmip._viewer import Viewer
+from itk_shearwarpmip._viewer import AtOnce, Viewer
 
 _PAGE = """<!DOCTYPE html>
 <html lang="en">
@@ -74,6 +74,10 @@ _HEADERS = [
 ]
 
 _shown: list[Viewer] = []
+
+
+class _Canvas(AtOnce, http.RenderCanvas):  # type: ignore[misc]
+    pass
 
 
 class Gate:
@@ -136,13 +140,15 @@ def serve(
         listener = socket.create_server((host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET)
     except OSError as error:
         raise OSError(f"the page cannot be served at {host}, port {port}: {error.strerror}") from error
-    viewer = make_viewer(http.RenderCanvas(max_fps=200))
+    viewer = make_viewer(_Canvas(max_fps=200))
     _shown.append(viewer)
     shown = "127.0.0.1" if host in ("0.0.0.0", "") else f"[{host}]" if ":" in host else host
     viewer.url = f"http://{shown}:{listener.getsockname()[1]}/{token}/"
 
     async def run() -> None:
         await server.serve([listener])
+        # the server has closed them, rendercanvas would not
+        http.asgi._websockets.clear()
         viewer.canvas.close()
         http.loop.stop(force=True)
         viewer.close()

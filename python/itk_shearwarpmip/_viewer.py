@@ -599,6 +599,13 @@ def _send(canvas: Any, message: dict[str, str]) -> None:
         canvas.send(message)
 
 
+class AtOnce:
+    """For a canvas of rendercanvas: events are handled when they come, not with the next picture."""
+
+    def submit_event(self, event: dict[str, Any]) -> None:
+        self._events.emit(event)  # type: ignore[attr-defined]
+
+
 # ---- show()
 
 

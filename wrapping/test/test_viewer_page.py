@@ -328,10 +328,8 @@ class Page:
 
     def check_at_rest(self):
         """What Chromium shows in the end is the picture, bit by bit."""
-        self.viewer._settle()
-        wanted = self.viewer.snapshot()
-        self.wait(lambda: np.array_equal(self.pixels(), wanted), 15)
-        return wanted
+        self.wait(lambda: np.array_equal(self.pixels(), self.viewer.snapshot()))
+        return self.viewer.snapshot()
 
     def actions(self):
         actions = ActionBuilder(self.driver, duration=10)
