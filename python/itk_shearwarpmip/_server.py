@@ -77,7 +77,9 @@ _shown: list[Viewer] = []
 
 
 class _Canvas(AtOnce, http.RenderCanvas):  # type: ignore[misc]
-    pass
+    def _rc_close(self) -> None:
+        """Leaves the clients to the server: they may be those of a later canvas."""
+        self._is_closed = True
 
 
 class Gate:
@@ -147,8 +149,6 @@ def serve(
 
     async def run() -> None:
         await server.serve([listener])
-        # the server has closed them, rendercanvas would not
-        http.asgi._websockets.clear()
         viewer.canvas.close()
         http.loop.stop(force=True)
         viewer.close()
