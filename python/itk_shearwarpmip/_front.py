@@ -159,7 +159,9 @@ class Turn:
     center: Sequence[float] | None = None
     """Of the volume, in mm (LPS)."""
     source_files: Sequence[Path] = ()
-    """What was read, and is never written."""
+    """The files of the volume."""
+    mask_files: Sequence[Path] = ()
+    """The file of the mask. None of these is ever written."""
 
     @cached_property
     def window(self) -> tuple[float, float]:
@@ -278,6 +280,7 @@ def turn(
         slab,
         list(itk.ShearWarpMIPView.GetCentre(image)),
         getattr(image, "source_files", ()),
+        [Path(mask)] if isinstance(mask, str | os.PathLike) else [],
     )
 
 
@@ -303,9 +306,6 @@ class _Filters:
 
     def __enter__(self) -> "_Filters":
         self._lock.acquire()
-        image = self._image()
-        if image is not None and (source := image.GetSource()):
-            source.UpdateLargestPossibleRegion()
         return self
 
     def __exit__(self, *error: object) -> None:

@@ -2,6 +2,7 @@
 
 import os
 import sys
+import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -70,6 +71,7 @@ def open_image(
         raise ValueError("series is for a DICOM folder")
     if isinstance(source, str | os.PathLike):
         source = _read(Path(source), series)
+    _bring_up_to_date(source)
     if type(source) in _find_image_types() and spacing is None and origin is None and direction is None:
         return source
     placed = take(source)
@@ -82,7 +84,31 @@ def open_image(
     place(image, placed.replace(spacing, origin, direction))
     if isinstance(source, itk.Object):
         image.SetMetaDataDictionary(source.GetMetaDataDictionary())
+    image.source_files = _find_files(source)
     return image
+
+
+def _find_files(source: Any) -> Sequence[Path]:
+    """What it was read from, as far as that is known."""
+    if is_of(source, "nibabel", "SpatialImage"):
+        name = source.get_filename()
+        return [Path(name)] if name else []
+    files: Sequence[Path] = getattr(source, "source_files", ())
+    return files
+
+
+def _bring_up_to_date(source: Any) -> None:
+    """An image that a filter makes."""
+    if isinstance(source, itk.DataObject) and (made_by := source.GetSource()):
+        # one at a time: pipelines may share filters
+        with _UPDATES:
+            try:
+                made_by.UpdateLargestPossibleRegion()
+            except RuntimeError as error:
+                raise ValueError(f"the pipeline that makes this image fails: {describe(error)}") from error
+
+
+_UPDATES = threading.RLock()
 
 
 def make_view(array: NDArray[Any]) -> Any:
@@ -110,6 +136,7 @@ def take(source: Any) -> Placed:
     if is_of(source, "xarray", "DataArray"):
         return _take_data_array(source)
     if isinstance(source, itk.ImageBase[3]):
+        _bring_up_to_date(source)
         first = source.TransformIndexToPhysicalPoint(source.GetBufferedRegion().GetIndex())
         direction = itk.array_from_matrix(source.GetDirection())
         return Placed(_share(source, _view_image(source)), source.GetSpacing(), first, direction)
@@ -169,7 +196,7 @@ def make_numbers(name: str, values: Any, count: int, is_whole: bool = False, is_
 
 
 def make_count(name: str, value: Any) -> int:
-    (count,) = np.ravel(value)[:1].tolist() or [None]
+    count = np.asarray(value).tolist()
     if not isinstance(count, int) or count < 1:
         raise ValueError(f"{name} must be a whole number of at least 1, but it is {value!r}")
     return count
@@ -264,7 +291,11 @@ def _take_simple_itk(source: Any) -> Placed:
             f"a SimpleITK.Image must have 3 dimensions and 1 component, but this one has {source.GetDimension()} and "
             f"{source.GetNumberOfComponentsPerPixel()}"
         )
-    array = sys.modules["SimpleITK"].GetArrayViewFromImage(source)
+    simple = sys.modules["SimpleITK"]
+    # it would end the process
+    if source.GetPixelIDValue() >= simple.sitkLabelUInt8:
+        raise TypeError("a SimpleITK.Image must have voxels of numbers, but this is a label map: convert it")
+    array = simple.GetArrayViewFromImage(source)
     return Placed(_share(source, array), source.GetSpacing(), source.GetOrigin(), source.GetDirection())
 
 

@@ -18,6 +18,8 @@ import itk
 import numpy as np
 from numpy.typing import NDArray
 
+from itk_shearwarpmip._inputs import make_view
+
 if TYPE_CHECKING:
     from itk_shearwarpmip._front import Turn
 
@@ -52,7 +54,7 @@ def find_window_of(pixels: NDArray[Any], background: float) -> Window:
         return low, low + 1.0
     ranks = [math.floor(fraction * (values.size - 1) + 0.5) for fraction in (0.01, 0.998)]
     low, high = (float(value) for value in np.partition(values, ranks)[ranks])
-    return (low, high) if low < high else (high - 1.0, high)
+    return (low, high) if low < high else (min(high - 1.0, math.nextafter(high, -math.inf)), high)
 
 
 def make_grey(pixels: NDArray[Any], window: Window) -> NDArray[np.uint8]:
@@ -170,7 +172,7 @@ def save_turn(
         elif suffix == ".html":
             made.write_text(make_page(turn, rate=rate, window=window), encoding="utf-8")
         elif suffix in _VALUES:
-            stack = itk.image_view_from_array(pixels)
+            stack = make_view(pixels)
             stack.CopyInformation(turn.frames)
             _write_image(stack, made)
         else:
@@ -276,13 +278,13 @@ def _require_writable(turn: "Turn", path: Path, *, is_folder: bool) -> None:
         raise ValueError(f"'{path}' is a folder or a device: only files can be written")
     if not os.access(path, os.W_OK):
         raise PermissionError(f"'{path}' is write-protected")
-    for source in turn.source_files:
+    for source in (*turn.source_files, *turn.mask_files):
         if os.path.exists(source) and path.samefile(source):
             raise ValueError(f"'{path}' was read to make this turn: give another name")
 
 
 def _make_image(pixels: NDArray[Any], spacing: Sequence[float]) -> Any:
-    image = itk.image_view_from_array(np.ascontiguousarray(pixels))
+    image = make_view(np.ascontiguousarray(pixels))
     image.SetSpacing([float(step) for step in spacing])
     return image
 

@@ -167,6 +167,8 @@ def make_view(image: Any, view: Any = "anterior", azimuth: float = 0.0, elevatio
     # exact, where the transform has one
     axes = [np.array(found.TransformPoint(axis.tolist())) - start for axis in np.eye(3)]
     matrix = found.GetMatrix() if hasattr(found, "GetMatrix") else itk.matrix_from_array(np.column_stack(axes))
+    if not abs(np.linalg.det(itk.array_from_matrix(matrix))) > 0:
+        raise ValueError("view must be a transform that can be inverted")
     made = itk.AffineTransform[itk.D, 3].New()
     made.SetMatrix(matrix)
     made.SetOffset(start.tolist())
@@ -234,6 +236,8 @@ class Scene:
         rgba[..., :3] = colours
         self._colours = rgba.view(np.uint32).ravel()
         self._lock = threading.Lock()
+        self._abort_lock = threading.Lock()
+        self._may_abort = False
 
     def make_grid(self, state: State, size: tuple[int, int]) -> Grid:
         """Of a canvas of these columns and rows, on which the whole image can be turned."""
@@ -263,9 +267,10 @@ class Scene:
         return Point(found[0].position, found[0].index, found[0].value, found[1])
 
     def abort(self) -> None:
-        """Ends a picture that is being made, in any thread: paint() raises RuntimeError."""
-        for layer in self.layers:
-            layer.filter.AbortGenerateDataOn()
+        """Ends paint(), in any thread, if that may be: it raises RuntimeError."""
+        with self._abort_lock:
+            for layer in self.layers if self._may_abort else ():
+                layer.filter.AbortGenerateDataOn()
 
     def project(self, state: State, grid: Grid) -> list[Any]:
         """The pictures' values, each an itk.Image."""
@@ -278,7 +283,9 @@ class Scene:
                 pictures.append(picture)
         return pictures
 
-    def paint(self, state: State, size: tuple[int, int], *, factor: int = 1, ratio: float = 1.0) -> Array:
+    def paint(
+        self, state: State, size: tuple[int, int], *, factor: int = 1, ratio: float = 1.0, may_abort: bool = False
+    ) -> Array:
         """RGBA, rows x columns x 4.
 
         factor: one pixel in so many along both axes, for pictures in motion; 1 is the full picture.
@@ -289,10 +296,14 @@ class Scene:
             start = time.perf_counter()
             index: Array = np.zeros(0)
             fine = grid if factor == 1 else grid.coarsen(factor)
-            for n, layer in enumerate(self.layers):
-                window = self._get_window(state, n)
-                grey = layer.make_grey(layer.project(state, fine, self.exact and factor == 1), window)
-                index = grey if n == 0 else index.astype(np.uint16) << 8 | grey
+            self._set_abort(may_abort)
+            try:
+                for n, layer in enumerate(self.layers):
+                    window = self._get_window(state, n)
+                    grey = layer.make_grey(layer.project(state, fine, self.exact and factor == 1), window)
+                    index = grey if n == 0 else index.astype(np.uint16) << 8 | grey
+            finally:
+                self._set_abort(False)
             pixels = self._colours.take(index)
             # what a lower resolution can save
             self.paint_seconds = (
@@ -304,6 +315,10 @@ class Scene:
         if state.has_text:
             self._annotate(rgba, state, grid, ratio)
         return rgba
+
+    def _set_abort(self, may_abort: bool) -> None:
+        with self._abort_lock:
+            self._may_abort = may_abort
 
     def _annotate(self, rgba: Array, state: State, grid: Grid, ratio: float) -> None:
         height, width = rgba.shape[:2]
@@ -441,7 +456,7 @@ def _put(rgba: Array, stamp: _Stamp, x: float, y: float, right: float, bottom: f
 
 @lru_cache(maxsize=64)
 def _get_font(size: float) -> Any:
-    return ImageFont.load_default(size)
+    return ImageFont.load_default(max(1.0, size))
 
 
 @lru_cache(maxsize=256)

@@ -140,24 +140,30 @@ def serve(
     server = uvicorn.Server(config)
     try:
         listener = socket.create_server((host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET)
-    except OSError as error:
-        raise OSError(f"the page cannot be served at {host}, port {port}: {error.strerror}") from error
+    except (OSError, OverflowError) as error:
+        raise OSError(f"the page cannot be served at {host}, port {port}: {error}") from error
     viewer = make_viewer(_Canvas(max_fps=200))
     _shown.append(viewer)
     shown = "127.0.0.1" if host in ("0.0.0.0", "") else f"[{host}]" if ":" in host else host
     viewer.url = f"http://{shown}:{listener.getsockname()[1]}/{token}/"
 
     async def run() -> None:
-        await server.serve([listener])
-        viewer.canvas.close()
-        http.loop.stop(force=True)
-        viewer.close()
+        try:
+            await server.serve([listener])
+            viewer.canvas.close()
+            http.loop.stop(force=True)
+        finally:
+            viewer.close()
 
     # signals stay with the main thread
     thread = threading.Thread(target=lambda: asyncio.run(run()), name="viewer's page", daemon=True)
 
+    # the arguments of a process can be seen by other users of the computer, such a file cannot
+    folder = tempfile.TemporaryDirectory(prefix="shear-warp-mip-")
+
     def end() -> None:
         server.should_exit = True
+        folder.cleanup()
         if threading.current_thread() is not thread:
             thread.join(5)
         _shown.clear()
@@ -165,15 +171,12 @@ def serve(
     viewer._end = end
     thread.start()
     print(f"The picture is at {viewer.url}", flush=True)
-    with contextlib.ExitStack() as stack:
-        if not no_browser:
-            # the arguments of a process can be seen by other users of the computer, such a file cannot
-            page = stack.enter_context(tempfile.NamedTemporaryFile("w", suffix=".html", delete=block))
-            page.write(f'<meta http-equiv="refresh" content="0; url={viewer.url}">\n')
-            page.flush()
-            webbrowser.open(Path(page.name).as_uri())
-        if block:
-            with contextlib.suppress(KeyboardInterrupt):
-                thread.join()
-            viewer.close()
+    if not no_browser:
+        page = Path(folder.name, "viewer.html")
+        page.write_text(f'<meta http-equiv="refresh" content="0; url={viewer.url}">\n')
+        webbrowser.open(page.as_uri())
+    if block:
+        with contextlib.suppress(KeyboardInterrupt):
+            thread.join()
+        viewer.close()
     return viewer

@@ -93,7 +93,9 @@ class Viewer:
 
     @transform.setter
     def transform(self, view: Any) -> None:
-        self._change(transform=_scene.make_view(self._image, view))
+        made = _scene.make_view(self._image, view)
+        self._stop()
+        self._change(transform=made)
 
     @property
     def window(self) -> Window:
@@ -153,7 +155,8 @@ class Viewer:
 
     def snapshot(self, path: str | os.PathLike[str] | None = None, *, text: bool = True) -> np.ndarray[Any, Any]:
         """The picture at rest, as the canvas shows it: uint8, rows x columns x 4, RGBA. Written to an image file, such as
-        "x.png", if path is given; without letters and numbers if text is false. OSError if it cannot be written."""
+        "x.png", if path is given; without letters and numbers if text is false. OSError if it cannot be written, ValueError
+        for another ending."""
         state = replace(self._state, has_text=text and self._state.has_text, has_help=False, message="")
         rgba = self._scene.paint(state, self._size, ratio=self._ratio)
         if path is not None:
@@ -176,7 +179,7 @@ class Viewer:
         if self._state.mode != "maximum":
             arguments.append(f"mode={self._state.mode!r}")
         if self._state.slab:
-            arguments.append(f"slab={self._state.slab}")
+            arguments.append(f"slab={_write(self._state.slab)}")
         arguments += [self._code] if self._code else []
         arguments += [f"size={grid.size}", f"output_spacing={grid.spacing!r}", f"output_origin={grid.origin}"]
         return f"mip({', '.join(arguments)})  # window {' to '.join(f'{each:g}' for each in self.window)}"
@@ -193,7 +196,7 @@ class Viewer:
         if self._state.mode != "maximum":
             words.append(f"--mode {self._state.mode.replace('absolute', 'absolute-maximum')}")
         if self._state.slab:
-            words.append("--slab {:g} {:g}".format(*self._state.slab))
+            words.append("--slab {!r} {!r}".format(*self._state.slab))
         words.append("--size {} {}".format(*grid.size))
         words.append(f"--spacing {grid.spacing!r}")
         words.append("--window {!r} {!r}".format(*self.window))
@@ -276,7 +279,10 @@ class Viewer:
                     # or else it was ended for a newer one
                     if self._state is state and not self._closed:
                         _LOGGER.exception("the picture cannot be made")
+                        # no older picture stands for it
+                        self._frame, self._is_shown = None, False
                         self._made = (state, self._size, True)
+                        self.canvas.request_draw()
 
     def _find_task(self) -> Callable[[], None] | None:
         """Waits, with the lock, for what to do next; None if there is nothing any more."""
@@ -315,7 +321,7 @@ class Viewer:
     def _make(self, state: State, size: tuple[int, int], is_full: bool) -> None:
         start = time.perf_counter()
         factor = 1 if is_full else self._factor
-        frame = self._scene.paint(state, size, factor=factor, ratio=self._ratio)
+        frame = self._scene.paint(state, size, factor=factor, ratio=self._ratio, may_abort=True)
         seconds = time.perf_counter() - start
         if not is_full:
             if seconds > _FRAME_SECONDS and self._scene.paint_seconds > seconds / 3:
@@ -409,7 +415,7 @@ class Viewer:
     def _on_wheel(self, event: dict[str, Any]) -> None:
         """Keeps the point under the pointer where it is."""
         state = self._state
-        factor = float(2.0 ** (-event["dy"] / 300))
+        factor = float(2.0 ** np.clip(-np.nan_to_num(event["dy"]) / 300, -10, 10))
         zoom = float(np.clip(state.zoom * factor, 0.1, 100))
         before, after = (self._scene.make_grid(replace(state, zoom=each), self._size) for each in (state.zoom, zoom))
         pan = [
@@ -478,7 +484,7 @@ class Viewer:
     def _move_window(self, right: float, down: float) -> None:
         low, high = self._scene.get_window(self._state, self._windowed)
         level = (low + high) / 2 + down / 300 * (high - low)
-        width = max((high - low) * 2 ** (right / 150), 1e-6 * max(abs(low), abs(high), 1e-300))
+        width = max((high - low) * 2.0 ** float(np.clip(right / 150, -10, 10)), 1e-6 * max(abs(low), abs(high), 1e-300))
         self._set_window(self._windowed, (level - width / 2, level + width / 2))
 
     def _resize_slab(self, factor: float) -> None:
@@ -575,18 +581,36 @@ def _is_same(one: Any, other: Any, tolerance: float) -> bool:
 
 
 def _make_window(window: Sequence[float]) -> Window:
-    low, high = (float(each) for each in window)
-    if not (low < high and np.isfinite([low, high]).all()):
-        raise ValueError(f"a window must be (low, high) with low < high, but it is {tuple(window)}")
+    try:
+        low, high = (float(each) for each in window)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"a window must be (low, high), but it is {window!r}") from error
+    if not (low < high and np.isfinite([low, high, high - low]).all()):
+        raise ValueError(f"a window must be (low, high) with low < high, but it is {window!r}")
     return low, high
+
+
+def _write(value: Any) -> str:
+    """Python of numbers, texts and what holds them; nothing of other objects."""
+    if isinstance(value, float) and not np.isfinite(value):
+        return f"float('{value}')"
+    if isinstance(value, str | int | float):
+        return repr(value)
+    if isinstance(value, np.ndarray | np.generic) and value.size <= 16:
+        return _write(value.tolist())
+    parts = [_write(each) for each in value] if isinstance(value, list | tuple) else []
+    return f"[{', '.join(parts)}]" if parts and all(parts) else ""
 
 
 def _make_slab(slab: Sequence[float] | None) -> tuple[float, float] | None:
     if slab is None:
         return None
-    near, far = (float(each) for each in slab)
+    try:
+        near, far = (float(each) for each in slab)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"slab must be (near, far), but it is {slab!r}") from error
     if not near <= far:
-        raise ValueError(f"slab must be (near, far) in mm with near <= far, but it is {tuple(slab)}")
+        raise ValueError(f"slab must be (near, far) in mm with near <= far, but it is {slab!r}")
     return near, far
 
 
@@ -607,6 +631,8 @@ class AtOnce:
 
 
 # ---- show()
+
+_PLAIN = {"attenuation": 0, "oversampling": 1}
 
 
 def show(
@@ -663,14 +689,20 @@ def show(
     """
     if mode not in MODES:
         raise ValueError(f"mode must be one of {', '.join(MODES)}, but it is {mode!r}")
+    if overlay is None and overlay_window is not None:
+        raise ValueError("overlay_window is for an overlay")
     if not 0 <= opacity <= 1:
         raise ValueError(f"opacity must be 0 to 1, but it is {opacity}")
     refused = {"mask", "attenuation", "local_maximum", "oversampling"} & {
-        key for key, each in parameters.items() if each
+        key
+        for key, each in parameters.items()
+        if each is not None and not (np.isscalar(each) and each == _PLAIN.get(key))
     }
     if exact and refused:
         raise ValueError(f"exact goes without {', '.join(sorted(refused))}")
-    place = {key: parameters.pop(key) for key in ("spacing", "origin", "direction", "series") if key in parameters}
+    place: dict[str, Any] = {
+        key: parameters.pop(key) for key in ("spacing", "origin", "direction", "series") if key in parameters
+    }
     known = {"crop", "mask", "mask_label", "attenuation", "local_maximum", "oversampling", "background"}
     if unknown := parameters.keys() - known:
         raise TypeError(f"show() has no parameter {', '.join(sorted(unknown))}")
@@ -687,10 +719,8 @@ def show(
     windows = {(n, mode): _make_window(each) for n, each in enumerate((window, overlay_window)) if each is not None}
     state = State(_scene.make_view(image, view, azimuth, elevation), mode=mode, slab=_make_slab(slab), windows=windows)
     scene = Scene(layers, state, title=Path(name).name if name != "image" else "", opacity=opacity, exact=exact)
-    code = ", ".join(
-        f"{key}={each!r}" if isinstance(each, int | float | str) else f"{key}={key}"
-        for key, each in {**parameters, **({"exact": True} if exact else {})}.items()
-    )
+    written: dict[str, Any] = {**place, **parameters, **({"exact": True} if exact else {})}
+    code = ", ".join(f"{key}={_write(each) or key}" for key, each in written.items() if each is not None)
 
     if canvas is not None:
         return Viewer(scene, canvas, source=name, code=code)

@@ -643,3 +643,96 @@ def test_docstrings():
         assert result.attempted and not result.failed
     for function in (mip, turn, open_image, itk_shearwarpmip.open_volume):
         assert "Raises" in function.__doc__
+
+
+# ---- Images that a pipeline makes
+
+
+def make_pipeline(voxels, origin):
+    image = open_image(voxels, origin=origin)
+    made = itk.ShiftScaleImageFilter[type(image), type(image)].New(Input=image, Scale=1.0, Shift=0.0)
+    made.image = image
+    return made
+
+
+def test_image_that_is_not_made_yet():
+    voxels = np.random.default_rng(5).integers(0, 900, (9, 11, 14), np.int16)
+    options = {"azimuth": 30, "slab": (-3, 3)}
+    expected = mip(open_image(voxels, origin=(500, 300, -200)), **options)
+    made = make_pipeline(voxels, (500, 300, -200))
+    picture = mip(made.GetOutput(), **options)
+    np.testing.assert_array_equal(np.asarray(picture), np.asarray(expected))
+    assert picture.GetOrigin() == expected.GetOrigin()
+    made = make_pipeline(voxels, (7, 7, 7))
+    placed = open_image(made.GetOutput(), spacing=(1, 1, 2))
+    assert list(placed.GetOrigin()) == [7, 7, 7]
+
+
+def test_pipeline_that_fails_is_an_error_each_time():
+    reader = itk.ImageFileReader[itk.Image[itk.SS, 3]].New(FileName="/nonexistent.nrrd")
+    broken = reader.GetOutput()
+    outcomes = []
+
+    def project():
+        with pytest.raises(ValueError, match="pipeline"):
+            mip(broken)
+        outcomes.append(True)
+
+    for _ in range(2):
+        thread = threading.Thread(target=project, daemon=True)
+        thread.start()
+        thread.join(20)
+    assert outcomes == [True, True]
+
+
+@pytest.mark.parametrize("dtype, options", [(np.int32, {}), (np.int16, {"spacing": (1, 1, 2)}), (np.int16, {})])
+def test_what_was_read_is_never_written(tmp_path, dtype, options):
+    voxels = np.random.default_rng(5).integers(0, 900, (5, 6, 7)).astype(dtype)
+    volume, mask = tmp_path / "volume.nrrd", tmp_path / "mask.nrrd"
+    itk.imwrite(itk.image_from_array(voxels), volume)
+    itk.imwrite(itk.image_from_array(np.ones(voxels.shape, np.uint8)), mask)
+    series = turn(volume, frames=2, mask=None if options else mask, **options)
+    for path in (volume,) if options else (volume, mask):
+        before = path.read_bytes()
+        with pytest.raises(ValueError, match="was read to make this turn"):
+            series.save(path)
+        assert path.read_bytes() == before
+
+
+def test_what_nibabel_has_read_is_never_written(tmp_path):
+    path = tmp_path / "volume.nii"
+    nibabel.save(nibabel.Nifti1Image(np.ones((5, 6, 7), np.int16), np.eye(4)), path)
+    with pytest.raises(ValueError, match="was read to make this turn"):
+        turn(nibabel.load(path), frames=2).save(path)
+
+
+@pytest.mark.parametrize("size", [(1, 9), (9, 1), (1, 1)])
+def test_pictures_of_one_column(tmp_path, size):
+    voxels = np.random.default_rng(5).integers(0, 900, (5, 6, 7), np.int16)
+    series = turn(voxels, frames=3, size=size)
+    series.save(tmp_path / "turn.nrrd")
+    np.testing.assert_array_equal(itk.imread(tmp_path / "turn.nrrd"), np.asarray(series.frames))
+    series.save(tmp_path / "turn.png")
+    assert np.asarray(itk.imread(tmp_path / "turn-000.png")).reshape(size[::-1]).shape == size[::-1]
+    picture = mip(open_image(voxels), size=size)
+    (tmp_path / "picture.png").write_bytes(picture._repr_png_())
+    image = itk.ImageIOFactory.CreateImageIO(str(tmp_path / "picture.png"), itk.CommonEnums.IOFileMode_ReadMode)
+    image.SetFileName(str(tmp_path / "picture.png"))
+    image.ReadImageInformation()
+    assert (image.GetDimensions(0), image.GetDimensions(1)) == size
+
+
+def test_labels_are_one_number():
+    voxels = np.ones((5, 6, 7), np.int16)
+    with pytest.raises(ValueError, match="mask_label must be a whole number"):
+        mip(voxels, mask=voxels, mask_label=[1, 7])
+
+
+def test_label_map_of_simpleitk_is_refused():
+    with pytest.raises(TypeError, match="label map"):
+        mip(SimpleITK.Image([3, 4, 5], SimpleITK.sitkLabelUInt8))
+
+
+def test_window_of_large_constants():
+    low, high = turn(np.full((3, 4, 5), 1e20), frames=2).window
+    assert low < high == 1e20

@@ -11,7 +11,7 @@ import weakref
 import itk
 import numpy as np
 import pytest
-from itk_shearwarpmip import Point, Viewer, _save, _scene, show
+from itk_shearwarpmip import Point, Viewer, _save, _scene, mip, show
 from PIL import Image
 from rendercanvas.offscreen import RenderCanvas
 
@@ -173,7 +173,7 @@ def test_command_says_what_the_code_says(image, tmp_path, open_viewer):
     viewer = open_viewer(tmp_path / "an image.nrrd", azimuth=12.5, window=(0, 50), mode="minimum", slab=(-1, 2))
     words = viewer.command
     assert words.startswith(
-        f"shear-warp-mip '{tmp_path}/an image.nrrd' mip.png --azimuth 12.5 --mode minimum --slab -1 2 "
+        f"shear-warp-mip '{tmp_path}/an image.nrrd' mip.png --azimuth 12.5 --mode minimum --slab -1.0 2.0 "
     )
     assert "--size 120 90" in words and words.endswith("--window 0.0 50.0")
     press(viewer, "p")
@@ -698,9 +698,9 @@ def test_stale_requests_are_dropped(viewer, monkeypatch):
 def test_resolution_falls_when_pictures_are_slow(viewer, monkeypatch):
     paint = viewer._scene.paint
 
-    def paint_slowly(state, size, *, factor, ratio):
+    def paint_slowly(state, size, *, factor, **options):
         time.sleep(slow / factor**2)
-        rgba = paint(state, size, factor=factor, ratio=ratio)
+        rgba = paint(state, size, factor=factor, **options)
         viewer._scene.paint_seconds = slow / factor**2
         factors.append(factor)
         return rgba
@@ -825,7 +825,7 @@ def test_parameters_of_the_filter(image, open_viewer):
         open_viewer(image, azimuth=10, window=(0, 900)),
     )
     assert (drawn(viewer) != drawn(whole)).any()
-    assert "crop=crop" in viewer.code
+    assert evaluate_code(viewer, image).tobytes() == np.asarray(viewer.project()).tobytes()
     mask = itk.image_from_array(np.zeros((9, 11, 14), np.uint8))
     mask.CopyInformation(image)
     masked = open_viewer(image, mask=mask, window=(0, 900), background=0)
@@ -878,6 +878,64 @@ def test_what_the_filter_refuses_is_told_once(image, open_viewer, caplog):
     viewer.canvas.draw()
     viewer._settle()
     assert caplog.text.count("the picture cannot be made") == 1 and "DepthAttenuation" in caplog.text
+
+
+def evaluate_code(viewer, image):
+    return np.asarray(eval(viewer.code, {"mip": mip, "image": image}))
+
+
+def test_code_of_an_array(open_viewer):
+    """Its place, a mask and ends at infinity."""
+    voxels = np.random.default_rng(3).integers(0, 900, (9, 11, 14), np.int16)
+    viewer = open_viewer(
+        voxels, spacing=(2, 2.5, 5), slab=(-np.inf, 2.0), mask=np.ones(voxels.shape, bool), mask_label=None
+    )
+    code = viewer.code.replace("mask=mask", "mask=None")
+    assert "spacing=[2, 2.5, 5]" in code and "slab=[float('-inf'), 2.0]" in code
+    found = eval(code, {"mip": mip, "image": voxels})
+    np.testing.assert_array_equal(found, np.asarray(viewer.project()))
+    with pytest.raises(ValueError, match="no command"):
+        _ = viewer.command
+
+
+def test_what_cannot_be_painted_is_refused(viewer):
+    for wrong in (np.diag([1, 1, 0, 1.0]), np.zeros((4, 4))):
+        with pytest.raises(ValueError, match=r"(view|matrix)"):
+            viewer.transform = wrong
+    for wrong in ((-1.7e308, 1.7e308), 5, (1, 2, 3), "ab"):
+        with pytest.raises(ValueError, match="window"):
+            viewer.window = wrong
+    send(viewer, "wheel", 20, 70, dy=-1e6)
+    send(viewer, "wheel", 20, 70, dy=float("nan"))
+    assert 0.1 <= viewer._state.zoom <= 100
+
+
+def test_a_setter_ends_a_turn_that_plays(image, viewer):
+    press(viewer, " ")
+    viewer.transform = "superior"
+    viewer._settle()
+    np.testing.assert_array_equal(
+        _scene.get_matrix(viewer.transform), _scene.get_matrix(_scene.make_view(image, "superior"))
+    )
+
+
+def test_hands_do_not_end_the_pictures_of_scripts(image, open_viewer):
+    viewer = open_viewer(image, exact=True)
+    expected = viewer.snapshot()
+    is_over = threading.Event()
+
+    def move():
+        while not is_over.is_set():
+            viewer._scene.abort()
+
+    hand = threading.Thread(target=move)
+    hand.start()
+    try:
+        for _ in range(20):
+            np.testing.assert_array_equal(viewer.snapshot(), expected)
+    finally:
+        is_over.set()
+        hand.join()
 
 
 def test_nothing_is_kept_alive(image):

@@ -135,10 +135,10 @@ def test_browser_is_opened_without_the_token_in_its_arguments(volume, monkeypatc
     try:
         assert viewer.url.split("/")[3] not in opened[0]
         path = pathlib.Path(urllib.parse.urlsplit(opened[0]).path)
-        assert viewer.url in path.read_text() and path.stat().st_mode & 0o777 == 0o600
+        assert viewer.url in path.read_text() and path.parent.stat().st_mode & 0o777 == 0o700
     finally:
         viewer.close()
-        path.unlink()
+    assert not path.exists()
 
 
 def test_one_viewer_in_a_process(volume, viewer):
