@@ -232,6 +232,15 @@ IsDeflated(const fs::path & path)
          GetInflatedSize(path, file.tellg(), rawDeflate) > 0;
 }
 
+/** Of pixels that are missing GDCM would make any values. */
+bool
+HasAllPixels(const gdcm::Image & image)
+{
+  // colours may be stored with fewer samples, and what is compressed has no length of its own
+  const gdcm::ByteValue * const bytes = image.GetDataElement().GetByteValue();
+  return image.GetPixelFormat().GetSamplesPerPixel() != 1 || !bytes || bytes->GetLength() >= image.GetBufferLength();
+}
+
 bool
 IsIntactDICOM(const std::string & path)
 try
@@ -245,7 +254,7 @@ try
   const bool isWhole = isDeflated || !file.IsTooShort();
   if (isImage || !LooksLikeDICOM(path))
   {
-    return !isImage || isWhole;
+    return !isImage || (isWhole && HasAllPixels(reader.GetImage()));
   }
   gdcm::MediaStorage storage;
   storage.SetFromFile(reader.GetFile());

@@ -283,6 +283,11 @@ TEST_F(ShearWarpMIPProgram, RefusesDamagedDICOM)
       SCOPED_TRACE(kept);
       expectRefused([kept](const std::string & bytes) { return bytes.substr(0, kept); });
     }
+    // half of the pixels, and a length that says so
+    expectRefused([size, pixels](std::string bytes) {
+      bytes[size - pixels - 4] = static_cast<char>(pixels / 2);
+      return bytes.substr(0, size - pixels / 2);
+    });
     expectRefused([](std::string bytes) { return bytes.replace(128, 4, "????"); });
     expectRefused([](std::string bytes) { return bytes.replace(200, 40, 40, '\xff'); });
   }
