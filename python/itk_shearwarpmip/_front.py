@@ -129,6 +129,7 @@ def mip(
         mode, slab, crop, mask, mask_label, depth, attenuation, local_maximum, background, exact, oversampling,
         output_spacing, size, output_origin, number_of_threads,
     )  # fmt: skip
+    _require_known("mip", where)
     if is_chunked(source):
         return give_back(source, _project_chunks(source, view, azimuth, elevation, parameters, where))
     image = _open_image(source, where)
@@ -141,7 +142,7 @@ def mip(
     return (picture, give_back(source, depths)) if depth else picture
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class Turn:
     """Projections of a volume from many directions, as turn() gives them; a notebook shows them as a page."""
 
@@ -151,7 +152,7 @@ class Turn:
     transforms: list[Any]
     """The itk.Transform of each frame's view, from view space to physical space."""
     source_metadata: dict[str, Any] = field(default_factory=dict)
-    """The meta data dictionary of the source."""
+    """Texts and numbers of the source's meta data dictionary, such as DICOM attributes."""
     depths: Any = None
     """3D itk.Image of float32, in mm, if depths were asked for."""
     mode: Mode = "maximum"
@@ -187,6 +188,10 @@ class Turn:
         pydicom.
         """
         _save.save_turn(self, path, **options)
+
+    def __repr__(self) -> str:
+        frames, rows, columns = self.frames.shape
+        return f"<Turn of {frames} frames, {columns} x {rows} pixels>"
 
     def _repr_html_(self) -> str:
         return _save.make_frame(self)
@@ -246,6 +251,8 @@ def turn(
         output_spacing, size, output_origin, number_of_threads,
     )  # fmt: skip
 
+    _require_known("turn", where)
+
     def set_turn(made: Any, image: Any) -> None:
         made.ClearTransforms()
         made.SetTransform(make_transform(image, view, azimuth, elevation))
@@ -274,7 +281,7 @@ def turn(
     return Turn(
         stack,
         views,
-        {key: image[key] for key in image.GetMetaDataDictionary().GetKeys()},
+        _copy_metadata(image),
         depths,
         mode,
         slab,
@@ -282,6 +289,17 @@ def turn(
         getattr(image, "source_files", ()),
         [Path(mask)] if isinstance(mask, str | os.PathLike) else [],
     )
+
+
+def _copy_metadata(image: Any) -> dict[str, Any]:
+    """Texts and numbers; other values end with the image."""
+    entries = {key: image[key] for key in image.GetMetaDataDictionary().GetKeys()}
+    return {key: value for key, value in entries.items() if isinstance(value, str | int | float)}
+
+
+def _require_known(function: str, where: Any) -> None:
+    if unknown := where.keys() - Place.__annotations__.keys():
+        raise TypeError(f"{function}() has no parameter {', '.join(sorted(unknown))}")
 
 
 def _open_image(source: Any, where: Any) -> Any:

@@ -142,6 +142,30 @@ def make_frame(turn: "Turn", *, height: int = 480) -> str:
     return f'<iframe srcdoc="{page}" style="width: 100%; height: {height}px; border: 0" allowfullscreen></iframe>'
 
 
+def save_png(picture: Any, path: str | os.PathLike[str], *, window: Window | None = None) -> None:
+    """Writes a picture of mip() as a grey PNG of 8 bits, as the program shear-warp-mip does.
+
+    picture: a 2D itk.Image; for its values give it to itk.imwrite() instead.
+    window: the values that become black and white, (low, high); by default the one that the program chooses.
+
+    Raises ValueError for another ending than .png and for a window that is none; OSError if it cannot be written.
+    """
+    target = Path(path)
+    if target.suffix != ".png":
+        raise ValueError(f"'{target}' must end in .png: itk.imwrite() writes the values")
+    pixels = itk.array_view_from_image(picture)
+    if pixels.ndim != 2:
+        raise ValueError(f"a picture has 2 dimensions, but this one has {pixels.ndim}: see Turn.save()")
+    grey = make_grey(pixels, find_window(picture) if window is None else check_window(window))
+    data = encode_png(grey, list(picture.GetSpacing()))
+    if not target.parent.is_dir():
+        raise FileNotFoundError(f"'{target.parent}' is no folder to write '{target.name}' into: make it first")
+    with tempfile.TemporaryDirectory(prefix=".shear-warp-mip-", dir=target.parent) as folder:
+        made = Path(folder, target.name)
+        made.write_bytes(data)
+        os.replace(made, target)
+
+
 def save_turn(
     turn: "Turn", path: str | os.PathLike[str], *, rate: float | None = None, window: Window | None = None
 ) -> None:
@@ -233,9 +257,18 @@ def _get_window(turn: "Turn", window: Window | None) -> Window:
     given = turn.window if window is None else window
     if given is None:
         return find_window(turn.frames)
-    if len(given) != 2 or not all(map(math.isfinite, given)) or not given[0] < given[1]:
-        raise ValueError(f"window must be two finite numbers, the lower one first, but it is {given}")
-    return float(given[0]), float(given[1])
+    return check_window(given)
+
+
+def check_window(window: Any) -> Window:
+    message = f"window must be two finite numbers, the lower one first, but it is {window!r}"
+    try:
+        low, high = (float(value) for value in window)
+    except (TypeError, ValueError) as error:
+        raise ValueError(message) from error
+    if not low < high or not math.isfinite(high - low):
+        raise ValueError(message)
+    return low, high
 
 
 def _get_angles(turn: "Turn") -> list[float]:

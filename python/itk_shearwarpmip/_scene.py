@@ -258,6 +258,12 @@ class Scene:
             replace(self.first, mode=state.mode)
         )
 
+    def find_window(self, state: State, layer: int) -> Window:
+        """Of the picture of this state, fitted to the image."""
+        with self._lock:
+            each = self.layers[layer]
+            return find_window_of(each.project(state, None), each.background)
+
     def find_point(self, state: State, u: float, v: float) -> Point | None:
         """Of the first volume, with that of the second one; None if the first has none."""
         with self._lock:

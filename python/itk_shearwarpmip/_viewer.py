@@ -25,6 +25,7 @@ except ImportError as error:
 
 from itk_shearwarpmip._front import MODES
 from itk_shearwarpmip._inputs import open_image
+from itk_shearwarpmip._save import check_window
 from itk_shearwarpmip._scene import Layer, Point, Scene, State, Window
 from itk_shearwarpmip._views import SIDES
 
@@ -99,7 +100,8 @@ class Viewer:
 
     @property
     def window(self) -> Window:
-        """The values that are black and white, (low, high). Set it to None for the one that is found."""
+        """The values that are black and white, (low, high). Set it to None for that of the picture as it
+        is now: its view, mode and slab."""
         return self._scene.get_window(self._state, 0)
 
     @window.setter
@@ -241,8 +243,8 @@ class Viewer:
 
     def _set_window(self, layer: int, window: Sequence[float] | None) -> None:
         windows = {key: each for key, each in self._state.windows.items() if key != (layer, self._state.mode)}
-        if window is not None:
-            windows[layer, self._state.mode] = _make_window(window)
+        found = self._scene.find_window(self._state, layer) if window is None else check_window(window)
+        windows[layer, self._state.mode] = found
         self._change(windows=windows)
 
     def _change(self, at_rest: bool = False, **changes: Any) -> None:
@@ -580,16 +582,6 @@ def _is_same(one: Any, other: Any, tolerance: float) -> bool:
     return bool(np.abs(_scene.get_matrix(one) - _scene.get_matrix(other)).max() <= tolerance)
 
 
-def _make_window(window: Sequence[float]) -> Window:
-    try:
-        low, high = (float(each) for each in window)
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"a window must be (low, high), but it is {window!r}") from error
-    if not (low < high and np.isfinite([low, high, high - low]).all()):
-        raise ValueError(f"a window must be (low, high) with low < high, but it is {window!r}")
-    return low, high
-
-
 def _write(value: Any) -> str:
     """Python of numbers, texts and what holds them; nothing of other objects."""
     if isinstance(value, float) and not np.isfinite(value):
@@ -716,7 +708,7 @@ def show(
         }
         layers.append(Layer(open_image(overlay), colours=overlay_colours, **shared))
     name = os.fspath(source) if isinstance(source, str | os.PathLike) else "image"
-    windows = {(n, mode): _make_window(each) for n, each in enumerate((window, overlay_window)) if each is not None}
+    windows = {(n, mode): check_window(each) for n, each in enumerate((window, overlay_window)) if each is not None}
     state = State(_scene.make_view(image, view, azimuth, elevation), mode=mode, slab=_make_slab(slab), windows=windows)
     scene = Scene(layers, state, title=Path(name).name if name != "image" else "", opacity=opacity, exact=exact)
     written: dict[str, Any] = {**place, **parameters, **({"exact": True} if exact else {})}

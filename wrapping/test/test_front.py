@@ -19,7 +19,7 @@ import SimpleITK
 import xarray
 from conftest import PROGRAM
 from IPython.core.formatters import DisplayFormatter
-from itk_shearwarpmip import Turn, mip, open_image, turn
+from itk_shearwarpmip import Turn, mip, open_image, save_png, turn
 from itk_shearwarpmip._front import _FILTERS
 
 Enums = itk.ShearWarpMIPImageFilterEnums
@@ -546,7 +546,7 @@ BAD = {
     "no OME-Zarr": (lambda call: call("nowhere.zarr"), ValueError, "is no OME-Zarr"),
     "series": (lambda call: call(IMAGE, series="1.2"), ValueError, "series is for a DICOM folder"),
     "level": (lambda call: call(IMAGE, level=1), ValueError, "only an OME-Zarr has levels"),
-    "unknown keyword": (lambda call: call(IMAGE, colour=1), TypeError, "unexpected keyword argument 'colour'"),
+    "unknown keyword": (lambda call: call(IMAGE, colour=1), TypeError, "has no parameter colour"),
     "two spacings": (lambda call: call(SHORTS, spacing=(1, 2)), ValueError, "spacing must be three finite numbers"),
     "zero spacing": (lambda call: call(SHORTS, spacing=(1, 2, 0)), ValueError, "Zero-valued spacing"),
     "infinite origin": (lambda call: call(SHORTS, origin=(1, 2, np.inf)), ValueError, "origin must be three finite"),
@@ -736,3 +736,36 @@ def test_label_map_of_simpleitk_is_refused():
 def test_window_of_large_constants():
     low, high = turn(np.full((3, 4, 5), 1e20), frames=2).window
     assert low < high == 1e20
+
+
+def test_metadata_lives_without_the_source(tmp_path):
+    image = itk.image_from_array(np.ones((3, 4, 5), np.int16))
+    image["name"] = "head"
+    itk.imwrite(image, tmp_path / "volume.nrrd")
+    series = turn(tmp_path / "volume.nrrd", frames=2)
+    assert series.source_metadata["name"] == "head"
+    assert all(isinstance(value, str | int | float) for value in series.source_metadata.values())
+    assert repr(series) == "<Turn of 2 frames, 5 x 3 pixels>"
+
+
+@pytest.mark.parametrize("function", [mip, turn])
+def test_unknown_parameters_are_those_of_the_function(function):
+    with pytest.raises(TypeError, match=rf"^{function.__name__}\(\) has no parameter angle$"):
+        function(np.ones((3, 4, 5), np.int16), angle=3)
+
+
+def test_picture_as_png(tmp_path):
+    picture = mip(open_image(np.arange(60, dtype=np.int16).reshape(3, 4, 5)), "superior")
+    path = tmp_path / "picture.png"
+    save_png(picture, path)
+    assert path.read_bytes() == picture._repr_png_()
+    save_png(picture, path, window=(40, 59))
+    np.testing.assert_array_equal(
+        np.asarray(itk.imread(path)), np.floor(255 * (np.asarray(picture).clip(40, 59) - 40) / 19 + 0.5)
+    )
+    for wrong, text in ((tmp_path / "x.jpg", "must end in .png"), (tmp_path / "none" / "x.png", "make it first")):
+        with pytest.raises((OSError, ValueError), match=text):
+            save_png(picture, wrong)
+    for window in ((3, 3), 5, (1, 2, 3), (0, np.inf)):
+        with pytest.raises(ValueError, match="window must be two"):
+            save_png(picture, path, window=window)

@@ -843,8 +843,8 @@ def test_parameters_of_the_filter(image, open_viewer):
         ({"view": np.eye(4), "azimuth": 3}, ValueError, "are for a view that is a name"),
         ({"view": itk.BSplineTransform[itk.D, 3, 3].New()}, ValueError, "must be a linear transform"),
         ({"mode": "mean"}, ValueError, "mode must be one of maximum, minimum"),
-        ({"window": (3, 3)}, ValueError, "low < high"),
-        ({"window": (3, np.inf)}, ValueError, "low < high"),
+        ({"window": (3, 3)}, ValueError, "the lower one first"),
+        ({"window": (3, np.inf)}, ValueError, "the lower one first"),
         ({"slab": (3, 2)}, ValueError, "near <= far"),
         ({"colours": "grayish"}, ValueError, "colours must be one of"),
         ({"opacity": 2}, ValueError, "opacity must be 0 to 1"),
@@ -908,6 +908,15 @@ def test_what_cannot_be_painted_is_refused(viewer):
     send(viewer, "wheel", 20, 70, dy=-1e6)
     send(viewer, "wheel", 20, 70, dy=float("nan"))
     assert 0.1 <= viewer._state.zoom <= 100
+
+
+def test_window_is_found_again_for_the_picture(image, open_viewer):
+    parameters = {"view": "left", "slab": (-2, 2), "mode": "minimum"}
+    expected = open_viewer(image, **parameters).window
+    viewer = open_viewer(image)
+    viewer.transform, viewer.slab, viewer.mode = parameters.values()
+    viewer.window = None
+    assert viewer.window == expected
 
 
 def test_a_setter_ends_a_turn_that_plays(image, viewer):
