@@ -284,7 +284,7 @@ TEST_F(ShearWarpMIPProgram, RefusesDamagedDICOM)
       expectRefused([kept](const std::string & bytes) { return bytes.substr(0, kept); });
     }
     // half of the pixels, and a length that says so
-    expectRefused([size, pixels](std::string bytes) {
+    expectRefused([size](std::string bytes) {
       bytes[size - pixels - 4] = static_cast<char>(pixels / 2);
       return bytes.substr(0, size - pixels / 2);
     });
