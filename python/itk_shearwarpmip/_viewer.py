@@ -210,8 +210,12 @@ class Viewer:
             if self._closed:
                 return
             self._closed = True
+            worker = self._worker
             self._changed.notify_all()
         self._scene.abort()
+        # Python must not end while it is in the filter
+        if worker is not None and worker is not threading.current_thread():
+            worker.join(10)
         self._end()
 
     def _repr_mimebundle_(self, **options: Any) -> Any:
