@@ -150,20 +150,18 @@ def save_png(picture: Any, path: str | os.PathLike[str], *, window: Window | Non
 
     Raises ValueError for another ending than .png and for a window that is none; OSError if it cannot be written.
     """
-    target = Path(path)
-    if target.suffix != ".png":
-        raise ValueError(f"'{target}' must end in .png: itk.imwrite() writes the values")
+    if Path(path).suffix != ".png":
+        raise ValueError(f"'{path}' must end in .png: itk.imwrite() writes the values")
     pixels = itk.array_view_from_image(picture)
     if pixels.ndim != 2:
         raise ValueError(f"a picture has 2 dimensions, but this one has {pixels.ndim}: see Turn.save()")
     grey = make_grey(pixels, find_window(picture) if window is None else check_window(window))
-    data = encode_png(grey, list(picture.GetSpacing()))
-    if not target.parent.is_dir():
-        raise FileNotFoundError(f"'{target.parent}' is no folder to write '{target.name}' into: make it first")
+    target = _find_target(Path(path))
+    _require_writable(target)
     with tempfile.TemporaryDirectory(prefix=".shear-warp-mip-", dir=target.parent) as folder:
         made = Path(folder, target.name)
-        made.write_bytes(data)
-        os.replace(made, target)
+        _write_image(_make_image(grey, list(picture.GetSpacing())), made)
+        _publish({made: target}, Path(folder))
 
 
 def save_turn(
@@ -176,15 +174,13 @@ def save_turn(
     rate = _get_rate(rate, len(pixels))
     if window is not None:
         _get_window(turn, window)
-    target = Path(os.path.realpath(given))
-    if not target.parent.is_dir():
-        raise FileNotFoundError(f"'{target.parent}' is no folder to write '{given.name}' into: make it first")
+    target = _find_target(given)
     names = [target.name]
     if suffix == ".png":
         width = max(3, len(str(len(pixels) - 1)))
         names = [f"{target.stem}-{frame:0{width}}.png" for frame in range(len(pixels))]
     for name in names:
-        _require_writable(turn, target.parent / name, is_folder=not suffix)
+        _require_writable(target.parent / name, (*turn.source_files, *turn.mask_files), is_folder=not suffix)
     if suffix in _ANIMATIONS:
         _find_ffmpeg()
 
@@ -302,7 +298,15 @@ def _get_suffix(path: Path) -> str:
     raise ValueError(f"'{path}' must end in one of {' '.join(_SUFFIXES)}, or be a folder for DICOM, without a suffix")
 
 
-def _require_writable(turn: "Turn", path: Path, *, is_folder: bool) -> None:
+def _find_target(given: Path) -> Path:
+    """Where a link leads, in a folder that is there."""
+    target = Path(os.path.realpath(given))
+    if not target.parent.is_dir():
+        raise FileNotFoundError(f"'{target.parent}' is no folder to write '{given.name}' into: make it first")
+    return target
+
+
+def _require_writable(path: Path, sources: Sequence[Path] = (), *, is_folder: bool = False) -> None:
     if not path.exists():
         return
     if is_folder and not (path.is_dir() and not any(path.iterdir())):
@@ -311,7 +315,7 @@ def _require_writable(turn: "Turn", path: Path, *, is_folder: bool) -> None:
         raise ValueError(f"'{path}' is a folder or a device: only files can be written")
     if not os.access(path, os.W_OK):
         raise PermissionError(f"'{path}' is write-protected")
-    for source in (*turn.source_files, *turn.mask_files):
+    for source in sources:
         if os.path.exists(source) and path.samefile(source):
             raise ValueError(f"'{path}' was read to make this turn: give another name")
 

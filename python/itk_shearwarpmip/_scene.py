@@ -91,8 +91,9 @@ class Layer:
         self.colours = _make_colours(colours)
         self.filter = itk.ShearWarpMIPImageFilter.New(image)
         given = Parameters(**parameters)
-        automatic = find_lowest(itk.array_view_from_image(image))
-        set_parameters(self.filter, given, automatic if background == "auto" else background)
+        if isinstance(background, str) and background == "auto":
+            background = find_lowest(itk.array_view_from_image(image))
+        set_parameters(self.filter, given, background)
         self.background = self.filter.GetDefaultPixelValue()
         self._mask = None if given.mask is None else open_mask(given.mask, given.mask_label, image)
         self.filter.SetMaskImage(self._mask)
@@ -120,10 +121,14 @@ class Layer:
         return result
 
     def find_window(self, state: State) -> Window:
-        """Of the picture that is fitted to the image, in the state's mode; kept."""
-        if state.mode not in self.windows:
-            self.windows[state.mode] = find_window_of(self.project(state, None), self.background)
-        return self.windows[state.mode]
+        """Of the picture of a state, fitted to the image."""
+        return find_window_of(self.project(state, None), self.background)
+
+    def get_window(self, first: State) -> Window:
+        """The window found in the first state that asks for its mode."""
+        if first.mode not in self.windows:
+            self.windows[first.mode] = self.find_window(first)
+        return self.windows[first.mode]
 
     def make_grey(self, pixels: Array, window: Window) -> Array:
         """Values in a window, as 0 to 255: rounded as the program's."""
@@ -254,15 +259,14 @@ class Scene:
             return self._get_window(state, layer)
 
     def _get_window(self, state: State, layer: int) -> Window:
-        return state.windows.get((layer, state.mode)) or self.layers[layer].find_window(
+        return state.windows.get((layer, state.mode)) or self.layers[layer].get_window(
             replace(self.first, mode=state.mode)
         )
 
     def find_window(self, state: State, layer: int) -> Window:
         """Of the picture of this state, fitted to the image."""
         with self._lock:
-            each = self.layers[layer]
-            return find_window_of(each.project(state, None), each.background)
+            return self.layers[layer].find_window(state)
 
     def find_point(self, state: State, u: float, v: float) -> Point | None:
         """Of the first volume, with that of the second one; None if the first has none."""

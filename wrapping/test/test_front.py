@@ -763,6 +763,10 @@ def test_picture_as_png(tmp_path):
     np.testing.assert_array_equal(
         np.asarray(itk.imread(path)), np.floor(255 * (np.asarray(picture).clip(40, 59) - 40) / 19 + 0.5)
     )
+    link = tmp_path / "link.png"
+    link.symlink_to(path)
+    save_png(picture, link)
+    assert link.is_symlink() and path.read_bytes() == picture._repr_png_()
     for wrong, text in ((tmp_path / "x.jpg", "must end in .png"), (tmp_path / "none" / "x.png", "make it first")):
         with pytest.raises((OSError, ValueError), match=text):
             save_png(picture, wrong)
