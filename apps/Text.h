@@ -18,7 +18,11 @@
 #ifndef Text_h
 #define Text_h
 
+#include <cstddef>
 #include <string>
+
+/** Of a message. A regular expression takes as much of the stack as there are characters. */
+constexpr std::size_t MostCharacters = 4000;
 
 /** \a text without the spaces, tabs and line ends around it. */
 inline std::string

@@ -1,0 +1,188 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#include "Frames.h"
+
+#include "itkShearWarpFactorization.h"
+
+#include <algorithm>
+#include <cmath>
+#include <sstream>
+
+namespace
+{
+using TransformPointer = itk::Transform<double, 3, 3>::Pointer;
+// only for its geometry
+using TurnType = itk::ShearWarpMIPCineImageFilter<itk::Image<unsigned char, 3>>;
+
+// LPS: x to the left, y to posterior, z to superior
+const std::map<std::string, unsigned int> patientAxes = { { "left", 0 }, { "posterior", 1 }, { "superior", 2 } };
+const std::map<std::string, unsigned int> imageAxes = { { "i", 0 }, { "j", 1 }, { "k", 2 } };
+
+/** X,Y,Z, if it is three finite numbers. */
+std::optional<itk::Vector<double, 3>>
+ReadDirection(const std::vector<std::string> & axis)
+{
+  if (axis.size() != 3)
+  {
+    return std::nullopt;
+  }
+  itk::Vector<double, 3> direction;
+  for (unsigned int n = 0; n < 3; ++n)
+  {
+    if (!CLI::detail::lexical_cast(axis[n], direction[n]) || !std::isfinite(direction[n]))
+    {
+      return std::nullopt;
+    }
+  }
+  return direction;
+}
+
+itk::Vector<double, 3>
+MakeAxis(const std::vector<std::string> & axis, const itk::ImageBase<3> * grid)
+{
+  if (const auto given = ReadDirection(axis))
+  {
+    return *given;
+  }
+  itk::Vector<double, 3> direction(0.0);
+  if (const auto found = imageAxes.find(axis.front()); found != imageAxes.end())
+  {
+    for (unsigned int row = 0; row < 3; ++row)
+    {
+      direction[row] = grid->GetDirection()(row, found->second);
+    }
+  }
+  else
+  {
+    direction[patientAxes.at(axis.front())] = 1.0;
+  }
+  return direction;
+}
+
+std::vector<Frame>
+MakeTurn(const Options & options, const Frame & still, const itk::ImageBase<3> * grid)
+{
+  const auto image = TurnType::InputImageType::New();
+  image->CopyInformation(grid);
+  const auto turn = TurnType::New();
+  turn->SetInput(image);
+  turn->SetTransform(still.transform);
+  turn->SetNumberOfFrames(options.frames);
+  turn->SetRotationAxis(MakeAxis(options.axis, grid));
+  if (!options.centre.empty())
+  {
+    turn->SetCenter(itk::Point<double, 3>(options.centre.data()));
+  }
+  turn->SetRocking(options.rocking.has_value());
+  turn->SetAngularRange(options.rocking.value_or(options.range));
+
+  const auto         angles = turn->GetFrameAngles();
+  std::vector<Frame> frames(options.frames, still);
+  for (unsigned int n = 0; n < options.frames; ++n)
+  {
+    frames[n].transform = turn->GetFrameTransform(n);
+    frames[n].angle = angles[n];
+  }
+  return frames;
+}
+
+void
+SetSlidingSlabs(ProjectionOptions & projection, const Options & options, Frame frame, const itk::ImageBase<3> * grid)
+{
+  const double          thickness = options.slidingSlab[0];
+  const double          step = options.slidingSlab[1];
+  itk::Point<double, 3> lower;
+  itk::Point<double, 3> upper;
+  itk::ShearWarpFactorization::VerifyViewTransform(frame.transform);
+  itk::ShearWarpFactorization::ComputeViewBounds(frame.transform, grid, lower, upper);
+  // up to the one that reaches the back, or begins before it
+  const double more = std::max(0.0, std::ceil((upper[2] - lower[2] - std::max(thickness, step)) / step - 1e-6));
+  if (!(more < MostFrames))
+  {
+    std::ostringstream message;
+    message << "--sliding-slab: " << more + 1.0 << " slabs are too many; at most " << MostFrames << " are possible";
+    throw std::runtime_error(message.str());
+  }
+  for (unsigned int n = 0; n <= static_cast<unsigned int>(more); ++n)
+  {
+    frame.slabNear = lower[2] + n * step;
+    frame.slabFar = frame.slabNear + thickness;
+    projection.frames.push_back(frame);
+  }
+  projection.frameSpacing = step;
+  projection.frameOrigin = lower[2] + 0.5 * thickness;
+}
+} // namespace
+
+bool
+IsAxis(const std::vector<std::string> & axis)
+{
+  const bool isName = axis.size() == 1 && (patientAxes.count(axis.front()) > 0 || imageAxes.count(axis.front()) > 0);
+  return isName || ReadDirection(axis);
+}
+
+void
+SetFrames(ProjectionOptions &                   projection,
+          const Options &                       options,
+          const std::vector<TransformPointer> & given,
+          const Volume &                        volume)
+{
+  const itk::ImageBase<3> * grid = volume.times.front().image;
+  Frame                     still;
+  if (given.empty())
+  {
+    still.transform =
+      itk::ShearWarpMIPView::MakeTransform(grid, directions.at(options.view), options.azimuth, options.elevation);
+  }
+  else
+  {
+    still.transform = given.front();
+  }
+  if (!options.slab.empty())
+  {
+    still.slabNear = options.slab[0];
+    still.slabFar = options.slab[1];
+  }
+
+  if (options.frames > 0)
+  {
+    projection.frames = MakeTurn(options, still, grid);
+  }
+  else if (!options.slidingSlab.empty())
+  {
+    SetSlidingSlabs(projection, options, still, grid);
+  }
+  else if (given.size() > 1)
+  {
+    projection.frames.resize(given.size(), still);
+    for (std::size_t n = 0; n < given.size(); ++n)
+    {
+      projection.frames[n].transform = given[n];
+    }
+  }
+  else
+  {
+    projection.frames.resize(volume.times.size(), still);
+    for (std::size_t time = 0; time < volume.times.size(); ++time)
+    {
+      projection.frames[time].time = time;
+    }
+    projection.frameSpacing = volume.timeSpacing;
+    projection.frameOrigin = volume.timeOrigin;
+  }
+}

@@ -1,0 +1,446 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#include "Options.h"
+
+#include "Frames.h"
+#include "Output.h"
+#include "Text.h"
+
+#include "itkVersion.h"
+
+#include <cctype>
+#include <cmath>
+#include <functional>
+#include <regex>
+
+namespace
+{
+constexpr auto description =
+  "Maximum intensity projection (MIP) of a 3D image from any direction.\n\n"
+  "INPUT is an image that ITK reads (NIfTI, NRRD, MetaImage, DICOM, ...) or a folder of DICOM files. Each\n"
+  "component of its pixels is projected by itself, and so is each point in time of a 4D image: a series of frames.\n"
+  "OUTPUT's extension gives its format: .mha, .nrrd, .nii and .nii.gz keep the image's values and pixel type, a\n"
+  "series as a 3D stack; .png has 8 bits, see --window, a series as numbered files; .gif, .apng and .mp4 are\n"
+  "animations, made by the program ffmpeg; .html is a page to turn and play a series in any browser. Sizes and\n"
+  "positions of the output are in mm in the view plane.";
+
+constexpr auto examples = "Examples:\n"
+                          "  shear-warp-mip tof.nii.gz mip.png --view superior\n"
+                          "      seen from above, as a picture\n"
+                          "  shear-warp-mip dicom-folder/ mip.nrrd --azimuth 30 --elevation 15\n"
+                          "      left anterior oblique 30 degrees, cranial 15 degrees, with the image's values\n"
+                          "  shear-warp-mip tof.nrrd cine.png --frames 36\n"
+                          "      a full turn around the patient, cine-000.png to cine-035.png\n"
+                          "  shear-warp-mip tof.nrrd turn.html --frames 72\n"
+                          "      a page that turns, for any browser\n"
+                          "  shear-warp-mip tof.nrrd rocking.mp4 --frames 48 --rocking 60 --elevation 15\n"
+                          "      an animation, 30 degrees to either side and back, from somewhat above\n"
+                          "  shear-warp-mip dicom-folder/ turn.html --frames 72 --dicom-out turn/\n"
+                          "      the same and a DICOM series for the archive\n"
+                          "  shear-warp-mip ct.nrrd slabs.nrrd --view superior --sliding-slab 10 5\n"
+                          "      slabs of 10 mm from top to bottom, one every 5 mm\n"
+                          "  shear-warp-mip tof.nrrd mip.png --depth-colour depth.png\n"
+                          "      a picture, and one with near vessels red and far ones blue\n"
+                          "  shear-warp-mip --write-phantom head.nrrd\n"
+                          "      an image to try";
+
+template <typename TValue>
+std::vector<std::string>
+GetKeys(const std::map<std::string, TValue> & map)
+{
+  std::vector<std::string> keys;
+  keys.reserve(map.size());
+  for (const auto & entry : map)
+  {
+    keys.push_back(entry.first);
+  }
+  return keys;
+}
+
+/** Accepts the numbers that are \a good. */
+CLI::Validator
+MakeCheck(const std::string & name, const std::function<bool(double)> & good)
+{
+  const auto check = [=](const std::string & text) {
+    double value = 0.0;
+    return CLI::detail::lexical_cast(text, value) && good(value) ? std::string()
+                                                                 : '\'' + Trim(text) + "' is not " + name;
+  };
+  return CLI::Validator(check, "");
+}
+
+/** Accepts finite numbers from \a lowest on. */
+CLI::Validator
+Number(const std::string & name, double lowest, bool whole = false)
+{
+  return MakeCheck(name, [=](double value) {
+    return std::isfinite(value) && value >= lowest && (!whole || (value == std::trunc(value) && value <= 0x1p53));
+  });
+}
+
+/** Accepts numbers, infinite ones too. */
+CLI::Validator
+Bound()
+{
+  return MakeCheck("a number", [](double value) { return !std::isnan(value); });
+}
+
+/** Accepts numbers, and what is not a number. */
+CLI::Validator
+Value()
+{
+  return MakeCheck("a number", [](double) { return true; });
+}
+
+std::string
+GetVersionText()
+{
+  return std::string("shear-warp-mip " ShearWarpMIP_VERSION ", ITK ") + itk::Version::GetITKVersion();
+}
+
+} // namespace
+
+void
+DefineOptions(CLI::App & app, Options & options)
+{
+  app.description(description);
+  app.footer(examples);
+
+  constexpr double tiny = std::numeric_limits<double>::min();
+  const auto       angle = Number("a finite angle", std::numeric_limits<double>::lowest());
+  const auto       count = Number("a whole number of at least 1", 1.0, true);
+
+  const auto input = app.add_option("INPUT", options.input, "Image file, or DICOM folder")->required();
+  const auto output = app.add_option("OUTPUT", options.output, "File to write")->required();
+  app.add_option("--series", options.series, "Instance UID of the DICOM series, if the folder has several")
+    ->type_name("UID");
+
+  const auto view = app.add_option("--view", options.view, "Side from which the patient is seen")
+                      ->check(CLI::IsMember(GetKeys(directions)))
+                      ->capture_default_str()
+                      ->group("View");
+  const auto azimuth =
+    app.add_option("--azimuth", options.azimuth, "Degrees to go on, towards the right of the picture (LAO positive)")
+      ->check(angle)
+      ->type_name("DEGREES")
+      ->group("View");
+  const auto elevation =
+    app.add_option("--elevation", options.elevation, "Degrees to rise then, towards its top (cranial positive)")
+      ->check(angle)
+      ->type_name("DEGREES")
+      ->group("View");
+  app
+    .add_option("--transform",
+                options.transform,
+                "Linear ITK transform from view space (right, down, away; mm) to the image's space; depths are then "
+                "from its origin. Several are a series of frames")
+    ->excludes(view)
+    ->excludes(azimuth)
+    ->excludes(elevation)
+    ->type_name("FILE")
+    ->group("View");
+
+  const auto frames = app.add_option("--frames", options.frames, "A turn in N frames: a series")
+                        ->check(CLI::Range(1u, MostFrames))
+                        ->type_name("N")
+                        ->group("Turning series");
+  app
+    .add_option("--axis",
+                options.axis,
+                "To turn about, right-handed: the patient's left, posterior or superior, the image's i, j or k, or a "
+                "direction X,Y,Z (LPS); default: superior, towards the patient's left from anterior")
+    ->delimiter(',')
+    ->expected(1)
+    ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
+    ->needs(frames)
+    ->type_name("NAME or X,Y,Z")
+    ->group("Turning series");
+  app
+    .add_option("--centre",
+                options.centre,
+                "X,Y,Z in the patient's space (LPS): a point of the axis; default: the image's centre")
+    ->check(Number("a finite number", std::numeric_limits<double>::lowest()))
+    ->delimiter(',')
+    ->expected(3)
+    ->needs(frames)
+    ->type_name("MM")
+    ->group("Turning series");
+  const auto range =
+    app.add_option("--range", options.range, "How far to turn, negative to the other side; default: 360")
+      ->check(angle)
+      ->needs(frames)
+      ->type_name("DEGREES")
+      ->group("Turning series");
+  app
+    .add_option(
+      "--rocking",
+      options.rocking,
+      "Turn to and fro instead, over so many degrees in all: from the view half of them to one side, then to the "
+      "other, and back, as a sine whose ends are frames; two frames are the ends. Fit to be repeated")
+    ->check(angle)
+    ->needs(frames)
+    ->excludes(range)
+    ->type_name("DEGREES")
+    ->group("Turning series");
+  app
+    .add_option("--rate",
+                options.rate,
+                "Frames per second of an animation or page; default: the series in four seconds, from 5 to 25")
+    ->check(CLI::Range(0.1, 100.0))
+    ->type_name("FPS")
+    ->group("Turning series");
+  app
+    .add_option("--page-bits",
+                options.pageBits,
+                "Bits of a page's pixels: 8 for twice the window's range, or 16 for all values, two to four times as "
+                "large")
+    ->check(CLI::IsMember({ 8, 16 }))
+    ->default_str("8")
+    ->group("Turning series");
+
+  app
+    .add_option(
+      "--spacing", options.spacing, "Distance of pixels: one value, or two as 0.5,0.8; default: the image's smallest")
+    ->check(Number("a positive number; decimals have a point", tiny))
+    ->delimiter(',')
+    ->expected(1)
+    ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
+    ->type_name("MM")
+    ->group("Picture");
+  app.add_option("--size", options.size, "Width and height in pixels; default: all of the image is in the picture")
+    ->check(count)
+    ->delimiter(',')
+    ->expected(2)
+    ->type_name("PIXELS")
+    ->group("Picture");
+  app
+    .add_option("--background",
+                options.background,
+                "Value beside the image; default: 0, or the image's minimum if that is negative")
+    ->check(Value())
+    ->type_name("VALUE")
+    ->group("Picture");
+  const auto oversampling =
+    app
+      .add_option("--oversampling",
+                  options.oversampling,
+                  "1, or 2 for twice as many samples along both axes of each slice: sharper, up to three times as slow")
+      ->check(CLI::IsMember({ 1, 2 }))
+      ->capture_default_str()
+      ->group("Picture");
+  const auto exact = app
+                       .add_flag("--exact",
+                                 options.isExact,
+                                 "The maximum of the interpolated image along each pixel's ray, in closed form: "
+                                 "without steps between samples, 10 to 60 times as slow")
+                       ->excludes(oversampling)
+                       ->group("Picture");
+  app
+    .add_option("--window",
+                options.window,
+                "LOW and HIGH values that become black and white in pictures and animations, and at first in a page "
+                "(white and black if DICOM is MONOCHROME1); default: percentiles 1 and 99.8 of the pixels that are not "
+                "background")
+    ->check(Number("a finite number", std::numeric_limits<double>::lowest()))
+    ->delimiter(',')
+    ->expected(2)
+    ->type_name("VALUE")
+    ->group("Picture");
+
+  const auto slab = app
+                      .add_option("--slab",
+                                  options.slab,
+                                  "NEAR and FAR: only what lies between these depths behind the image's centre along "
+                                  "the view (negative: nearer to the viewer; -inf and inf: no limit)")
+                      ->check(Bound())
+                      ->delimiter(',')
+                      ->expected(2)
+                      ->type_name("MM")
+                      ->group("Projection");
+  const auto slidingSlab = app
+                             .add_option("--sliding-slab",
+                                         options.slidingSlab,
+                                         "THICKNESS and STEP: slabs from the image's front to its back, one every "
+                                         "STEP: a 3D stack by depth of the slabs' middles, or numbered PNGs")
+                             ->check(Number("a positive number", tiny))
+                             ->delimiter(',')
+                             ->expected(2)
+                             ->excludes(slab)
+                             ->excludes(frames)
+                             ->type_name("MM")
+                             ->group("Projection");
+  app
+    .add_option("--mode", options.mode, "What a ray shows of the values along it; the absolute maximum keeps its sign")
+    ->check(CLI::IsMember(GetKeys(modes)))
+    ->capture_default_str()
+    ->group("Projection");
+  app
+    .add_option("--local-maximum",
+                options.localMaximum,
+                "Rays end behind their first local maximum of at least this value, so that a near vessel hides a "
+                "brighter one behind it (first local minimum of at most this value with --mode minimum)")
+    ->check(Value())
+    ->excludes(exact)
+    ->type_name("THRESHOLD")
+    ->group("Projection");
+  const auto mask = app
+                      .add_option("--mask",
+                                  options.mask,
+                                  "Only voxels where this image is not 0; it has whole numbers and INPUT's grid")
+                      ->excludes(exact)
+                      ->type_name("FILE")
+                      ->group("Projection");
+  app.add_option("--mask-label", options.maskLabel, "Only voxels where the mask is N, at least 1")
+    ->check(count)
+    ->needs(mask)
+    ->type_name("N")
+    ->group("Projection");
+  app
+    .add_option("--crop",
+                options.crop,
+                "X0 X1 Y0 Y1 Z0 Z1, or with commas: only what lies in this box of the patient's space (LPS: x to the "
+                "left, y to posterior, z to superior; -inf and inf: no limit)")
+    ->check(Bound())
+    ->delimiter(',')
+    ->expected(6)
+    ->type_name("MM")
+    ->group("Projection");
+  app
+    .add_option("--attenuation",
+                options.attenuation,
+                "Values fade to the background with depth: at d mm behind the front of the sphere that holds the "
+                "image or, if that is deeper, of the slab, to exp(-RATE d) of their difference; RATE is per mm")
+    ->check(Number("a finite number of at least 0", 0.0))
+    ->excludes(exact)
+    ->type_name("RATE")
+    ->group("Projection");
+  app
+    .add_option("--depth",
+                options.depth,
+                "Also writes the depth of each pixel's value, in mm behind the image's centre along the view: floats "
+                "in .mha, .nrrd, .nii or .nii.gz, not-a-number where nothing is, which ITK reads as 0 from NIfTI")
+    ->type_name("FILE")
+    ->group("Projection");
+  app
+    .add_option("--depth-colour",
+                options.depthColour,
+                "Also writes a .png, or numbered ones or an animation of a series: coloured by depth from red, the "
+                "nearest of what is bright, to blue, the farthest; as bright as OUTPUT with --window; black where "
+                "nothing is")
+    ->type_name("FILE")
+    ->group("Projection");
+  app
+    .add_option("--dicom-out",
+                options.dicomOut,
+                "Also writes a DICOM series, one file for each picture, into this folder, which must be new or empty; "
+                "patient, study and frame of reference are those of INPUT if that is DICOM")
+    ->type_name("DIR")
+    ->group("Turning series");
+
+  app
+    .add_flag("--in-place",
+              options.isInPlace,
+              "OUTPUT is a slice in the patient's space, as thick as what is projected, which viewers show with INPUT; "
+              "only .mha, .nrrd, .nii and .nii.gz")
+    ->excludes(frames)
+    ->excludes(slidingSlab)
+    ->group("Projection");
+
+  app.add_option("--threads", options.threads, "Threads to use; default: all processors")
+    ->check(count)
+    ->type_name("N")
+    ->group("Program");
+  app.add_flag("--verbose", options.verbose, "Tells what is done and how long it takes")->group("Program");
+  app
+    .add_option_function<std::string>(
+      "--write-phantom",
+      [&options, input, output](const std::string & path) {
+        options.phantom = path;
+        input->required(false);
+        output->required(false);
+      },
+      "Writes a synthetic MR angiogram of a head, instead of INPUT and OUTPUT")
+    ->excludes(input)
+    ->type_name("FILE")
+    ->group("Program");
+  app.set_version_flag("--version", GetVersionText(), "Prints the version")->group("Program");
+  app.set_help_flag("-h,--help", "Prints this text")->group("Program");
+}
+
+void
+Verify(const Options & options)
+{
+  if (options.window.size() == 2 && !(options.window[0] < options.window[1]))
+  {
+    throw std::runtime_error("--window: LOW must be less than HIGH");
+  }
+  if (options.spacing.size() > 2)
+  {
+    throw std::runtime_error("--spacing: one or two values are needed");
+  }
+  if (!IsAxis(options.axis))
+  {
+    throw std::runtime_error("--axis: it must be left, posterior, superior, i, j, k or a direction X,Y,Z");
+  }
+  if (options.slab.size() == 2 && options.slab[0] > options.slab[1])
+  {
+    throw std::runtime_error("--slab: NEAR must not be greater than FAR");
+  }
+  if (options.pageBits && !OutputFiles::IsPage(options.output))
+  {
+    throw std::runtime_error("--page-bits requires a page: .html");
+  }
+  for (std::size_t n = 0; n < options.crop.size(); n += 2)
+  {
+    if (options.crop[n] > options.crop[n + 1])
+    {
+      throw std::runtime_error("--crop: X0, Y0 and Z0 must not be greater than X1, Y1 and Z1");
+    }
+  }
+}
+
+// the parser takes -inf and -.5 for options unless a space is before them
+std::vector<std::string>
+CollectArguments(int argc, const char * const * argv)
+{
+  std::vector<std::string> arguments;
+  for (int n = argc - 1; n > 0; --n)
+  {
+    double            number = 0.0;
+    const std::string argument = argv[n];
+    const bool        looksLikeOption = argument.size() > 1 && argument[0] == '-' && std::isdigit(argument[1]) == 0;
+    arguments.push_back(looksLikeOption && CLI::detail::lexical_cast(argument, number) ? ' ' + argument : argument);
+  }
+  return arguments;
+}
+
+std::string
+Reword(const CLI::App & app, const CLI::ParseError & error)
+{
+  if (dynamic_cast<const CLI::ExtrasError *>(&error))
+  {
+    return CLI::detail::join(app.remaining(), " ") + " is not expected; see --help";
+  }
+  std::string text = std::string(error.what()).substr(0, MostCharacters);
+  text = std::regex_replace(
+    text, std::regex("At [Ll]east (\\d+) required but received (\\d+)"), "$1 values are needed, not $2");
+  text = std::regex_replace(
+    text, std::regex("At [Mm]ost (\\d+) required but received (\\d+)"), "at most $1 can be given, not $2");
+  text = std::regex_replace(text, std::regex("1 required (.*) missing"), "a value is needed, $1");
+  return dynamic_cast<const CLI::RequiredError *>(&error) ? text + "; see --help" : text;
+}

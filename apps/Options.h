@@ -1,0 +1,103 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#ifndef Options_h
+#define Options_h
+
+#include "itkShearWarpEngine.h"
+#include "itkShearWarpMIPView.h"
+
+#include <CLI/CLI.hpp>
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+/** What the command line says, as it is documented by --help. */
+struct Options
+{
+  std::string                 input;
+  std::string                 output;
+  std::string                 phantom;
+  std::string                 series;
+  std::string                 view{ "anterior" };
+  double                      azimuth{ 0.0 };
+  double                      elevation{ 0.0 };
+  std::string                 transform;
+  std::vector<double>         spacing;
+  std::vector<double>         size;
+  std::vector<double>         window;
+  std::optional<double>       background;
+  unsigned int                oversampling{ 1 };
+  bool                        isExact{ false };
+  unsigned int                frames{ 0 };
+  std::optional<unsigned int> pageBits;
+  std::vector<std::string>    axis{ "superior" };
+  std::vector<double>         centre;
+  double                      range{ 360.0 };
+  std::optional<double>       rocking;
+  std::optional<double>       rate;
+  std::string                 mode{ "maximum" };
+  std::vector<double>         slab;
+  std::vector<double>         slidingSlab;
+  std::vector<double>         crop;
+  std::string                 mask;
+  std::optional<std::int64_t> maskLabel;
+  std::optional<double>       localMaximum;
+  double                      attenuation{ 0.0 };
+  std::string                 depth;
+  std::string                 depthColour;
+  std::string                 dicomOut;
+  bool                        isInPlace{ false };
+  unsigned int                threads{ 0 };
+  bool                        verbose{ false };
+};
+
+inline const std::map<std::string, itk::ShearWarpMIPViewEnums::Direction> directions = {
+  { "anterior", itk::ShearWarpMIPViewEnums::Direction::Anterior },
+  { "posterior", itk::ShearWarpMIPViewEnums::Direction::Posterior },
+  { "left", itk::ShearWarpMIPViewEnums::Direction::Left },
+  { "right", itk::ShearWarpMIPViewEnums::Direction::Right },
+  { "superior", itk::ShearWarpMIPViewEnums::Direction::Superior },
+  { "inferior", itk::ShearWarpMIPViewEnums::Direction::Inferior }
+};
+
+inline const std::map<std::string, itk::ShearWarpMIPImageFilterEnums::Mode> modes = {
+  { "maximum", itk::ShearWarpMIPImageFilterEnums::Mode::Maximum },
+  { "minimum", itk::ShearWarpMIPImageFilterEnums::Mode::Minimum },
+  { "absolute-maximum", itk::ShearWarpMIPImageFilterEnums::Mode::AbsoluteMaximum }
+};
+
+/** Sets up \a app so that it fills \a options, which must live as long. */
+void
+DefineOptions(CLI::App & app, Options & options);
+
+/** The arguments, the last first, as CLI::App::parse() takes them. */
+std::vector<std::string>
+CollectArguments(int argc, const char * const * argv);
+
+/** Throws std::runtime_error if the options contradict each other. */
+void
+Verify(const Options & options);
+
+/** What the parser says, in the words of the help. */
+std::string
+Reword(const CLI::App & app, const CLI::ParseError & error);
+
+#endif
