@@ -1,0 +1,58 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#include "Orientation.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace
+{
+std::string
+FindLetters(const itk::Vector<double, 3> & direction)
+{
+  constexpr std::array<const char *, 3> sides{ { "LR", "PA", "HF" } };
+  constexpr double                      sin22 = 0.38268343236508977;
+
+  std::array<unsigned int, 3> axes{ { 0, 1, 2 } };
+  std::stable_sort(axes.begin(), axes.end(), [&](unsigned int a, unsigned int b) {
+    return std::abs(direction[a]) > std::abs(direction[b]);
+  });
+  std::string letters;
+  for (const unsigned int axis : { axes[0], axes[1] })
+  {
+    if (letters.empty() || std::abs(direction[axis]) >= sin22 * direction.GetNorm())
+    {
+      letters += sides[axis][direction[axis] < 0.0 ? 1 : 0];
+    }
+  }
+  return letters;
+}
+} // namespace
+
+EdgeLetters
+ComputeEdgeLetters(const itk::Transform<double, 3, 3> * transform)
+{
+  const auto origin = transform->TransformPoint(itk::Point<double, 3>(0.0));
+  const auto find = [&](unsigned int axis, double sign) {
+    itk::Point<double, 3> point(0.0);
+    point[axis] = 1.0;
+    return FindLetters(sign * (transform->TransformPoint(point) - origin));
+  };
+  return { find(0, -1.0), find(0, 1.0), find(1, -1.0), find(1, 1.0) };
+}
