@@ -17,6 +17,8 @@
  *=========================================================================*/
 #include "Frames.h"
 
+#include "Text.h"
+
 #include "itkShearWarpFactorization.h"
 
 #include <algorithm>
@@ -60,7 +62,7 @@ MakeAxis(const std::vector<std::string> & axis, const itk::ImageBase<3> * grid)
     return *given;
   }
   itk::Vector<double, 3> direction(0.0);
-  if (const auto found = imageAxes.find(axis.front()); found != imageAxes.end())
+  if (const auto found = imageAxes.find(ToLower(axis.front())); found != imageAxes.end())
   {
     for (unsigned int row = 0; row < 3; ++row)
     {
@@ -69,7 +71,7 @@ MakeAxis(const std::vector<std::string> & axis, const itk::ImageBase<3> * grid)
   }
   else
   {
-    direction[patientAxes.at(axis.front())] = 1.0;
+    direction[patientAxes.at(ToLower(axis.front()))] = 1.0;
   }
   return direction;
 }
@@ -132,7 +134,8 @@ SetSlidingSlabs(ProjectionOptions & projection, const Options & options, Frame f
 bool
 IsAxis(const std::vector<std::string> & axis)
 {
-  const bool isName = axis.size() == 1 && (patientAxes.count(axis.front()) > 0 || imageAxes.count(axis.front()) > 0);
+  const bool isName =
+    axis.size() == 1 && (patientAxes.count(ToLower(axis.front())) > 0 || imageAxes.count(ToLower(axis.front())) > 0);
   return isName || ReadDirection(axis);
 }
 

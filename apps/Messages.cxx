@@ -37,6 +37,9 @@ IsTerminal()
 #endif
 }
 
+// to the line's begin, and no text behind
+constexpr auto clearLine = "\r\033[K";
+
 std::string
 Milliseconds(double seconds)
 {
@@ -55,7 +58,22 @@ Messages::Messages(std::ostream & stream, bool verbose)
 void
 Messages::Warn(const std::string & text) const
 {
-  m_Stream << "shear-warp-mip: warning: " << text << std::endl;
+  m_Stream << (IsTerminal() ? clearLine : "") << "shear-warp-mip: warning: " << text << std::endl;
+}
+
+void
+Messages::Note(const std::string & text) const
+{
+  m_Stream << (IsTerminal() ? clearLine : "") << "shear-warp-mip: note: " << text << std::endl;
+}
+
+void
+Messages::StepBegins(const std::string & text) const
+{
+  if (!m_IsVerbose && IsTerminal())
+  {
+    m_Stream << clearLine << text << std::flush;
+  }
 }
 
 void
@@ -66,6 +84,7 @@ Messages::StepDone(const std::string & text)
   {
     m_Stream << text << ": " << Milliseconds(std::chrono::duration<double>(now - m_Start).count()) << std::endl;
   }
+  StepBegins("");
   m_Start = now;
 }
 
@@ -90,10 +109,7 @@ Messages::FramesDone(const FrameReport & report) const
 void
 Messages::Progress(std::size_t done, std::size_t all) const
 {
-  if (!m_IsVerbose && all > 1 && IsTerminal())
-  {
-    m_Stream << "\rframe " << done << " of " << all << (done == all ? "\n" : "") << std::flush;
-  }
+  StepBegins("projected " + std::to_string(done) + " of " + std::to_string(all));
 }
 
 std::string

@@ -33,6 +33,14 @@ public:
   void
   Warn(const std::string & text) const;
 
+  /** What has no effect. */
+  void
+  Note(const std::string & text) const;
+
+  /** Says on a terminal what is under way. */
+  void
+  StepBegins(const std::string & text) const;
+
   /** Says what was done since the last call, and how long it took. */
   void
   StepDone(const std::string & text);

@@ -18,34 +18,36 @@
 #include "Options.h"
 
 #include "Frames.h"
+#include "Help.h"
 #include "Output.h"
 #include "Text.h"
 
 #include "itkVersion.h"
 
+#include <algorithm>
 #include <cctype>
 #include <cmath>
 #include <functional>
 #include <regex>
+#include <sstream>
 
 namespace
 {
 constexpr auto description =
-  "Maximum intensity projection (MIP) of a 3D image from any direction.\n\n"
-  "INPUT is an image that ITK reads (NIfTI, NRRD, MetaImage, DICOM, ...) or a folder of DICOM files. Each\n"
-  "component of its pixels is projected by itself, and so is each point in time of a 4D image: a series of frames.\n"
-  "OUTPUT's extension gives its format: .mha, .nrrd, .nii and .nii.gz keep the image's values and pixel type, a\n"
-  "series as a 3D stack; .png has 8 bits, see --window, a series as numbered files; .gif, .apng and .mp4 are\n"
-  "animations, made by the program ffmpeg; .html is a page to turn and play a series in any browser. Sizes and\n"
-  "positions of the output are in mm in the view plane.";
+  "Maximum intensity projection (MIP) of a 3D image from any direction.\n"
+  "INPUT is an image that ITK reads (NIfTI, NRRD, MetaImage, DICOM, ...) or a folder of DICOM files. The program "
+  "projects each component of its pixels by itself. A 4D image gives one frame for each point in time.\n"
+  "The extension of OUTPUT is its format: .mha, .nrrd, .nii and .nii.gz keep the image's values and pixel type, a "
+  "series as a 3D stack; .png has 8 bits, see --window, a series as numbered files; .gif, .apng and .mp4 are "
+  "animations, made by the program ffmpeg; .html is a page that turns and plays a series in any browser.\n"
+  "Sizes and positions of the output are in mm in the view plane. Names of values may be in capitals, and as short as "
+  "they are clear. Several numbers have commas or spaces between them.";
 
 constexpr auto examples = "Examples:\n"
                           "  shear-warp-mip tof.nii.gz mip.png --view superior\n"
                           "      seen from above, as a picture\n"
                           "  shear-warp-mip dicom-folder/ mip.nrrd --azimuth 30 --elevation 15\n"
                           "      left anterior oblique 30 degrees, cranial 15 degrees, with the image's values\n"
-                          "  shear-warp-mip tof.nrrd cine.png --frames 36\n"
-                          "      a full turn around the patient, cine-000.png to cine-035.png\n"
                           "  shear-warp-mip tof.nrrd turn.html --frames 72\n"
                           "      a page that turns, for any browser\n"
                           "  shear-warp-mip tof.nrrd rocking.mp4 --frames 48 --rocking 60 --elevation 15\n"
@@ -54,10 +56,17 @@ constexpr auto examples = "Examples:\n"
                           "      the same and a DICOM series for the archive\n"
                           "  shear-warp-mip ct.nrrd slabs.nrrd --view superior --sliding-slab 10 5\n"
                           "      slabs of 10 mm from top to bottom, one every 5 mm\n"
-                          "  shear-warp-mip tof.nrrd mip.png --depth-colour depth.png\n"
-                          "      a picture, and one with near vessels red and far ones blue\n"
+                          "  shear-warp-mip ct.nrrd bones.png --window bone\n"
+                          "      a CT in the usual window of bones\n"
                           "  shear-warp-mip --write-phantom head.nrrd\n"
                           "      an image to try";
+
+// in Hounsfield units, but the last in SUV
+const std::map<std::string, std::array<double, 2>> windows = { { "lung", { { -1350.0, 150.0 } } },
+                                                               { "bone", { { -450.0, 1050.0 } } },
+                                                               { "angio", { { 0.0, 600.0 } } },
+                                                               { "brain", { { 0.0, 80.0 } } },
+                                                               { "pet", { { 0.0, 10.0 } } } };
 
 template <typename TValue>
 std::vector<std::string>
@@ -70,6 +79,31 @@ GetKeys(const std::map<std::string, TValue> & map)
     keys.push_back(entry.first);
   }
   return keys;
+}
+
+/** Accepts one of \a names, in capitals too, or a beginning that only one has, or one of \a synonyms. */
+CLI::Validator
+Choice(const std::vector<std::string> & names, const std::map<std::string, std::string> & synonyms = {})
+{
+  const auto choose = [=](std::string & text) {
+    const std::string word = ToLower(text);
+    if (const auto synonym = synonyms.find(word); synonym != synonyms.end())
+    {
+      text = synonym->second;
+      return std::string();
+    }
+    std::vector<std::string> found;
+    std::copy_if(names.begin(), names.end(), std::back_inserter(found), [&word](const std::string & name) {
+      return !word.empty() && name.compare(0, word.size(), word) == 0;
+    });
+    if (found.size() != 1)
+    {
+      return '\'' + text + "' is not one of " + CLI::detail::join(names, ", ") + Suggest(word, names);
+    }
+    text = found.front();
+    return std::string();
+  };
+  return CLI::Validator(choose, '{' + CLI::detail::join(names, ",") + '}');
 }
 
 /** Accepts the numbers that are \a good. */
@@ -108,6 +142,18 @@ Value()
 }
 
 std::string
+DescribeWindows()
+{
+  std::ostringstream text;
+  for (const auto & [name, window] : windows)
+  {
+    text << (text.tellp() > 0 ? ", " : "") << name << " (" << window[0] << " to " << window[1]
+         << (name == "pet" ? " SUV)" : " HU)");
+  }
+  return text.str();
+}
+
+std::string
 GetVersionText()
 {
   return std::string("shear-warp-mip " ShearWarpMIP_VERSION ", ITK ") + itk::Version::GetITKVersion();
@@ -126,12 +172,12 @@ DefineOptions(CLI::App & app, Options & options)
   const auto       count = Number("a whole number of at least 1", 1.0, true);
 
   const auto input = app.add_option("INPUT", options.input, "Image file, or DICOM folder")->required();
-  const auto output = app.add_option("OUTPUT", options.output, "File to write")->required();
+  const auto output = app.add_option("OUTPUT,-o,--output", options.output, "File to write")->required();
   app.add_option("--series", options.series, "Instance UID of the DICOM series, if the folder has several")
     ->type_name("UID");
 
   const auto view = app.add_option("--view", options.view, "Side from which the patient is seen")
-                      ->check(CLI::IsMember(GetKeys(directions)))
+                      ->transform(Choice(GetKeys(directions)))
                       ->capture_default_str()
                       ->group("View");
   const auto azimuth =
@@ -163,22 +209,22 @@ DefineOptions(CLI::App & app, Options & options)
     .add_option("--axis",
                 options.axis,
                 "To turn about, right-handed: the patient's left, posterior or superior, the image's i, j or k, or a "
-                "direction X,Y,Z (LPS); default: superior, towards the patient's left from anterior")
+                "direction X Y Z (LPS); default: superior, towards the patient's left from anterior")
     ->delimiter(',')
     ->expected(1)
     ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
     ->needs(frames)
-    ->type_name("NAME or X,Y,Z")
+    ->type_name("NAME or X Y Z")
     ->group("Turning series");
   app
-    .add_option("--centre",
+    .add_option("--center,--centre",
                 options.centre,
-                "X,Y,Z in the patient's space (LPS): a point of the axis; default: the image's centre")
+                "A point of the axis in the patient's space (LPS), in mm; default: the image's centre")
     ->check(Number("a finite number", std::numeric_limits<double>::lowest()))
     ->delimiter(',')
     ->expected(3)
     ->needs(frames)
-    ->type_name("MM")
+    ->type_name("X Y Z")
     ->group("Turning series");
   const auto range =
     app.add_option("--range", options.range, "How far to turn, negative to the other side; default: 360")
@@ -215,18 +261,18 @@ DefineOptions(CLI::App & app, Options & options)
 
   app
     .add_option(
-      "--spacing", options.spacing, "Distance of pixels: one value, or two as 0.5,0.8; default: the image's smallest")
+      "--spacing", options.spacing, "Distance of pixels: one value, or two for x and y; default: the image's smallest")
     ->check(Number("a positive number; decimals have a point", tiny))
     ->delimiter(',')
     ->expected(1)
     ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
     ->type_name("MM")
     ->group("Picture");
-  app.add_option("--size", options.size, "Width and height in pixels; default: all of the image is in the picture")
+  app.add_option("--size", options.size, "In pixels; default: all of the image is in the picture")
     ->check(count)
     ->delimiter(',')
     ->expected(2)
-    ->type_name("PIXELS")
+    ->type_name("WIDTH HEIGHT")
     ->group("Picture");
   app
     .add_option("--background",
@@ -250,43 +296,52 @@ DefineOptions(CLI::App & app, Options & options)
                                  "without steps between samples, 10 to 60 times as slow")
                        ->excludes(oversampling)
                        ->group("Picture");
-  app
-    .add_option("--window",
-                options.window,
-                "LOW and HIGH values that become black and white in pictures and animations, and at first in a page "
-                "(white and black if DICOM is MONOCHROME1); default: percentiles 1 and 99.8 of the pixels that are not "
-                "background")
+  const auto window =
+    app
+      .add_option("--window",
+                  options.window,
+                  "Values that become black and white in pictures and animations, and at first in a page "
+                  "(white and black if DICOM is MONOCHROME1), or the name of a usual window: " +
+                    DescribeWindows() + "; default: percentiles 1 and 99.8 of the pixels that are not background")
+      ->delimiter(',')
+      ->expected(1)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
+      ->type_name("LOW HIGH or NAME")
+      ->group("Picture");
+  app.add_option("--wl", options.levelAndWidth, "The middle of the window and its width, instead of --window")
     ->check(Number("a finite number", std::numeric_limits<double>::lowest()))
     ->delimiter(',')
     ->expected(2)
-    ->type_name("VALUE")
+    ->excludes(window)
+    ->type_name("LEVEL WIDTH")
     ->group("Picture");
 
   const auto slab = app
                       .add_option("--slab",
                                   options.slab,
-                                  "NEAR and FAR: only what lies between these depths behind the image's centre along "
-                                  "the view (negative: nearer to the viewer; -inf and inf: no limit)")
+                                  "Only what lies between these depths in mm behind the image's centre along the view "
+                                  "(negative: nearer to the viewer; -inf and inf: no limit)")
                       ->check(Bound())
                       ->delimiter(',')
                       ->expected(2)
-                      ->type_name("MM")
+                      ->type_name("NEAR FAR")
                       ->group("Projection");
-  const auto slidingSlab = app
-                             .add_option("--sliding-slab",
-                                         options.slidingSlab,
-                                         "THICKNESS and STEP: slabs from the image's front to its back, one every "
-                                         "STEP: a 3D stack by depth of the slabs' middles, or numbered PNGs")
-                             ->check(Number("a positive number", tiny))
-                             ->delimiter(',')
-                             ->expected(2)
-                             ->excludes(slab)
-                             ->excludes(frames)
-                             ->type_name("MM")
-                             ->group("Projection");
+  const auto slidingSlab =
+    app
+      .add_option("--sliding-slab",
+                  options.slidingSlab,
+                  "Slabs from the image's front to its back, one every STEP mm: a 3D stack by depth "
+                  "of the slabs' middles, or numbered PNGs")
+      ->check(Number("a positive number", tiny))
+      ->delimiter(',')
+      ->expected(2)
+      ->excludes(slab)
+      ->excludes(frames)
+      ->type_name("THICKNESS STEP")
+      ->group("Projection");
   app
     .add_option("--mode", options.mode, "What a ray shows of the values along it; the absolute maximum keeps its sign")
-    ->check(CLI::IsMember(GetKeys(modes)))
+    ->transform(Choice(GetKeys(modes), { { "mip", "maximum" }, { "minip", "minimum" } }))
     ->capture_default_str()
     ->group("Projection");
   app
@@ -313,12 +368,12 @@ DefineOptions(CLI::App & app, Options & options)
   app
     .add_option("--crop",
                 options.crop,
-                "X0 X1 Y0 Y1 Z0 Z1, or with commas: only what lies in this box of the patient's space (LPS: x to the "
-                "left, y to posterior, z to superior; -inf and inf: no limit)")
+                "Only what lies in this box of the patient's space, in mm (LPS: x to the left, y to posterior, z to "
+                "superior; -inf and inf: no limit)")
     ->check(Bound())
     ->delimiter(',')
     ->expected(6)
-    ->type_name("MM")
+    ->type_name("X0 X1 Y0 Y1 Z0 Z1")
     ->group("Projection");
   app
     .add_option("--attenuation",
@@ -337,7 +392,7 @@ DefineOptions(CLI::App & app, Options & options)
     ->type_name("FILE")
     ->group("Projection");
   app
-    .add_option("--depth-colour",
+    .add_option("--depth-color,--depth-colour",
                 options.depthColour,
                 "Also writes a .png, or numbered ones or an animation of a series: coloured by depth from red, the "
                 "nearest of what is bright, to blue, the farthest; as bright as OUTPUT with --window; black where "
@@ -365,7 +420,7 @@ DefineOptions(CLI::App & app, Options & options)
     ->check(count)
     ->type_name("N")
     ->group("Program");
-  app.add_flag("--verbose", options.verbose, "Tells what is done and how long it takes")->group("Program");
+  app.add_flag("-v,--verbose", options.verbose, "Says what is done and how long it takes")->group("Program");
   app
     .add_option_function<std::string>(
       "--write-phantom",
@@ -379,16 +434,65 @@ DefineOptions(CLI::App & app, Options & options)
     ->type_name("FILE")
     ->group("Program");
   app.set_version_flag("--version", GetVersionText(), "Prints the version")->group("Program");
-  app.set_help_flag("-h,--help", "Prints this text")->group("Program");
+  app.set_help_flag("-h,--help", "Prints the usual options")->group("Program");
+  app.set_help_all_flag("--help-all", "Prints all options")->group("Program");
+  app.formatter(std::make_shared<HelpFormatter>());
+
+  // what follows the values of an option is INPUT or OUTPUT
+  for (CLI::Option * const option : app.get_options([](const CLI::Option *) { return true; }))
+  {
+    option->allow_extra_args(false);
+  }
+}
+
+std::optional<std::array<double, 2>>
+GetWindow(const Options & options)
+{
+  std::array<double, 2> window{};
+  if (!options.levelAndWidth.empty())
+  {
+    const double level = options.levelAndWidth[0];
+    const double width = options.levelAndWidth[1];
+    if (!(width > 0.0))
+    {
+      throw std::runtime_error("--wl: WIDTH must be positive");
+    }
+    window = { { level - 0.5 * width, level + 0.5 * width } };
+  }
+  else if (options.window.empty())
+  {
+    return std::nullopt;
+  }
+  else if (const auto named = windows.find(ToLower(options.window.front()));
+           options.window.size() == 1 && named != windows.end())
+  {
+    window = named->second;
+  }
+  else
+  {
+    bool isGood = options.window.size() == 2;
+    for (std::size_t n = 0; n < 2 && isGood; ++n)
+    {
+      isGood = CLI::detail::lexical_cast(options.window[n], window[n]) && std::isfinite(window[n]);
+    }
+    if (!isGood)
+    {
+      throw std::runtime_error("--window: '" + CLI::detail::join(options.window, " ") +
+                               "' is not two finite numbers LOW HIGH, nor one of " +
+                               CLI::detail::join(GetKeys(windows), ", "));
+    }
+  }
+  if (!(window[0] < window[1]))
+  {
+    throw std::runtime_error("--window: LOW must be less than HIGH");
+  }
+  return window;
 }
 
 void
 Verify(const Options & options)
 {
-  if (options.window.size() == 2 && !(options.window[0] < options.window[1]))
-  {
-    throw std::runtime_error("--window: LOW must be less than HIGH");
-  }
+  GetWindow(options);
   if (options.spacing.size() > 2)
   {
     throw std::runtime_error("--spacing: one or two values are needed");
@@ -414,18 +518,41 @@ Verify(const Options & options)
   }
 }
 
-// the parser takes -inf and -.5 for options unless a space is before them
 std::vector<std::string>
 CollectArguments(int argc, const char * const * argv)
 {
+  // options that take one to so many numbers, which the parser would take from what follows them
+  const std::map<std::string, std::size_t> most = { { "--axis", 3 }, { "--spacing", 2 }, { "--window", 2 } };
+
+  const auto isNumber = [](const std::string & text) {
+    double number = 0.0;
+    return CLI::detail::lexical_cast(text, number);
+  };
   std::vector<std::string> arguments;
-  for (int n = argc - 1; n > 0; --n)
+  for (int n = 1; n < argc; ++n)
   {
-    double            number = 0.0;
     const std::string argument = argv[n];
-    const bool        looksLikeOption = argument.size() > 1 && argument[0] == '-' && std::isdigit(argument[1]) == 0;
-    arguments.push_back(looksLikeOption && CLI::detail::lexical_cast(argument, number) ? ' ' + argument : argument);
+    if (const auto option = most.find(argument); option != most.end())
+    {
+      std::string numbers;
+      for (std::size_t count = 0; count < option->second && n + 1 < argc && isNumber(argv[n + 1]); ++count)
+      {
+        numbers += (count > 0 ? "," : "") + std::string(argv[++n]);
+      }
+      arguments.push_back(argument);
+      if (!numbers.empty())
+      {
+        arguments.push_back(numbers);
+      }
+    }
+    else
+    {
+      // the parser takes -inf and -.5 for options unless a space is before them
+      const bool looksLikeOption = argument.size() > 1 && argument[0] == '-' && std::isdigit(argument[1]) == 0;
+      arguments.push_back(looksLikeOption && isNumber(argument) ? ' ' + argument : argument);
+    }
   }
+  std::reverse(arguments.begin(), arguments.end());
   return arguments;
 }
 
@@ -434,7 +561,18 @@ Reword(const CLI::App & app, const CLI::ParseError & error)
 {
   if (dynamic_cast<const CLI::ExtrasError *>(&error))
   {
-    return CLI::detail::join(app.remaining(), " ") + " is not expected; see --help";
+    std::vector<std::string> names;
+    for (const CLI::Option * const option : app.get_options())
+    {
+      for (const std::string & name : option->get_lnames())
+      {
+        names.push_back("--" + name);
+      }
+    }
+    const auto        extra = app.remaining();
+    const std::string first = extra.front().substr(0, extra.front().find('='));
+    const std::string hint = first[0] == '-' ? Suggest(first, names) : "";
+    return CLI::detail::join(extra, " ") + " is not expected" + (hint.empty() ? "; see --help" : hint);
   }
   std::string text = std::string(error.what()).substr(0, MostCharacters);
   text = std::regex_replace(
@@ -442,5 +580,7 @@ Reword(const CLI::App & app, const CLI::ParseError & error)
   text = std::regex_replace(
     text, std::regex("At [Mm]ost (\\d+) required but received (\\d+)"), "at most $1 can be given, not $2");
   text = std::regex_replace(text, std::regex("1 required (.*) missing"), "a value is needed, $1");
+  text = std::regex_replace(text, std::regex("^--output"), "OUTPUT");
+  text = std::regex_replace(text, std::regex("a value is needed, TEXT"), "a value is needed");
   return dynamic_cast<const CLI::RequiredError *>(&error) ? text + "; see --help" : text;
 }

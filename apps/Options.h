@@ -23,6 +23,7 @@
 
 #include <CLI/CLI.hpp>
 
+#include <array>
 #include <cstdint>
 #include <map>
 #include <optional>
@@ -42,7 +43,8 @@ struct Options
   std::string                 transform;
   std::vector<double>         spacing;
   std::vector<double>         size;
-  std::vector<double>         window;
+  std::vector<std::string>    window;
+  std::vector<double>         levelAndWidth;
   std::optional<double>       background;
   unsigned int                oversampling{ 1 };
   bool                        isExact{ false };
@@ -91,6 +93,10 @@ DefineOptions(CLI::App & app, Options & options);
 /** The arguments, the last first, as CLI::App::parse() takes them. */
 std::vector<std::string>
 CollectArguments(int argc, const char * const * argv);
+
+/** LOW and HIGH of --window or --wl, if one is given. Throws std::runtime_error if they are not numbers in order. */
+std::optional<std::array<double, 2>>
+GetWindow(const Options & options);
 
 /** Throws std::runtime_error if the options contradict each other. */
 void

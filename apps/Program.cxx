@@ -161,6 +161,25 @@ MakePageOptions(const Options &                   options,
   return page;
 }
 
+/** Says which options change nothing of what is written. */
+void
+NoteUnused(const Options & options, const Messages & messages)
+{
+  const std::string & output = options.output;
+  const bool          isMoving =
+    OutputFiles::IsAnimation(output) || OutputFiles::IsPage(output) || OutputFiles::IsAnimation(options.depthColour);
+  const bool isSeen = isMoving || OutputFiles::IsPicture(output) || !options.depthColour.empty();
+  if (!isSeen && options.dicomOut.empty() && GetWindow(options))
+  {
+    messages.Note((options.window.empty() ? "--wl" : "--window") + std::string(" has no effect: '") + output +
+                  "' keeps the image's values");
+  }
+  if (!isMoving && options.rate)
+  {
+    messages.Note("--rate has no effect: '" + output + "' does not play");
+  }
+}
+
 void
 Run(const Options & options, Messages & messages)
 {
@@ -201,6 +220,7 @@ Run(const Options & options, Messages & messages)
     given = ReadLinearTransforms(options.transform);
   }
 
+  messages.StepBegins("reading " + options.input);
   const auto   warn = [&](const std::string & text) { messages.Warn(text); };
   const Volume volume = ReadVolume(options.input, options.series, warn);
   files.Protect(volume.dicomFiles);
@@ -246,6 +266,7 @@ Run(const Options & options, Messages & messages)
   }
   projection.attenuation = options.attenuation;
   projection.computeDepth = !options.depth.empty() || !options.depthColour.empty();
+  messages.StepBegins("projecting");
   const Projections projections = ProjectFrames(
     volume,
     projection,
@@ -258,14 +279,16 @@ Run(const Options & options, Messages & messages)
          std::string(options.slab.empty() ? "--crop?" : "--slab?"));
   }
 
+  NoteUnused(options, messages);
+  messages.StepBegins("writing " + options.output);
   const double rate = options.rate.value_or(std::clamp(std::round(static_cast<double>(frames) / 4.0), 5.0, 25.0));
   const auto   layout = options.isInPlace ? OutputFiles::Layout::Volume
                         : isSeries        ? OutputFiles::Layout::Series
                                           : OutputFiles::Layout::Still;
   std::optional<WindowType> window;
-  if (!options.window.empty())
+  if (const auto given = GetWindow(options))
   {
-    window = WindowType(options.window.data());
+    window = WindowType(given->data());
   }
   const auto writePictures = [&](const std::string & path, const AnyImage & pictures) {
     if (OutputFiles::IsAnimation(path))

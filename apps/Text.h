@@ -20,17 +20,21 @@
 
 #include <cstddef>
 #include <string>
+#include <vector>
 
 /** Of a message. A regular expression takes as much of the stack as there are characters. */
 constexpr std::size_t MostCharacters = 4000;
 
 /** \a text without the spaces, tabs and line ends around it. */
-inline std::string
-Trim(const std::string & text)
-{
-  constexpr auto blank = " \t\r\n";
-  const auto     begin = text.find_first_not_of(blank);
-  return begin == std::string::npos ? "" : text.substr(begin, text.find_last_not_of(blank) + 1 - begin);
-}
+std::string
+Trim(const std::string & text);
+
+/** \a text in small letters (ASCII). */
+std::string
+ToLower(std::string text);
+
+/** "; did you mean 'x'?" for the word that is nearest to \a text, or nothing if none is near. */
+std::string
+Suggest(const std::string & text, const std::vector<std::string> & words);
 
 #endif

@@ -295,14 +295,29 @@ TEST_F(ShearWarpMIPProgram, RefusesDamagedDICOM)
 
 TEST_F(ShearWarpMIPProgram, TellsWhatItDoes)
 {
-  const Result help = this->Run("--help");
+  const Result usual = this->Run("--help");
+  EXPECT_EQ(usual.status, 0);
+  EXPECT_EQ(usual.messages, "");
+  EXPECT_LT(usual.output.find("Examples"), usual.output.find("Options"));
+  EXPECT_NE(usual.output.find("--view"), std::string::npos);
+  EXPECT_EQ(usual.output.find("--page-bits"), std::string::npos);
+
+  const Result help = this->Run("--help-all");
   EXPECT_EQ(help.status, 0);
   EXPECT_EQ(help.messages, "");
+  for (const std::string & text : { usual.output, help.output })
+  {
+    std::istringstream lines(text);
+    for (std::string line; std::getline(lines, line);)
+    {
+      EXPECT_LE(line.size(), 100u) << line;
+    }
+  }
   for (const std::string option :
        { "--view",        "--azimuth",       "--elevation",     "--transform", "--spacing",    "--size",
          "--background",  "--oversampling",  "--window",        "--frames",    "--axis",       "--mode",
          "--slab",        "--sliding-slab",  "--local-maximum", "--mask",      "--mask-label", "--crop",
-         "--attenuation", "--depth",         "--depth-colour",  "--in-place",  "--series",     "--threads",
+         "--attenuation", "--depth",         "--depth-color",   "--in-place",  "--series",     "--threads",
          "--verbose",     "--write-phantom", "--version",       "--exact",     "Examples" })
   {
     EXPECT_NE(help.output.find(option), std::string::npos) << option;
@@ -359,21 +374,94 @@ TEST_F(ShearWarpMIPProgram, RefusesWrongOptions)
   this->ExpectFailure("in.nrrd out.png --transform a.tfm --azimuth 3", "--transform");
 }
 
+TEST_F(ShearWarpMIPProgram, TakesWhatPeopleWrite)
+{
+  const std::pair<std::string, std::string> calls[] = {
+    { "--view right --mode minimum in.nrrd a.png", "--view Right --mode MINIP in.nrrd b.png" },
+    { "--view superior --mode absolute-maximum in.nrrd a.png", "--view s --mode abs in.nrrd b.png" },
+    { "--mode maximum in.nrrd a.png", "--mode mip -o b.png in.nrrd" },
+    { "in.nrrd a.png", "--output b.png in.nrrd" },
+    { "--spacing 0.5,0.8 in.nrrd a.png", "--spacing 0.5 0.8 in.nrrd b.png" },
+    { "--spacing .5 in.nrrd a.png", "--spacing=.5 in.nrrd b.png" },
+    { "--size 40,30 in.nrrd a.png", "in.nrrd b.png --size 40 30" },
+    { "--window -20,100 in.nrrd a.png", "--window -20 100 in.nrrd b.png" },
+    { "--window -2e1 1e2 in.nrrd a.png", "--wl 40 120 in.nrrd b.png" },
+    { "--window -1350 150 in.nrrd a.png", "--window Lung in.nrrd b.png" },
+    { "--window -450 1050 in.nrrd a.png", "in.nrrd b.png --window bone" },
+    { "--window 0 600 in.nrrd a.png --azimuth 3", "--window=angio --azimuth 3 in.nrrd b.png" },
+    { "--window 0 600 --spacing 0.5 --slab 0 3 in.nrrd a.png --threads 1",
+      "--spacing 0.5 in.nrrd b.png --window 0 600 --slab 0 3" },
+    { "--window 0 80 in.nrrd a.png", "--window BRAIN in.nrrd b.png" },
+    { "--window 0 10 in.nrrd a.png", "--window pet in.nrrd b.png" },
+    { "--slab -inf,-.5 in.nrrd a.png", "--slab -inf -.5 in.nrrd b.png" },
+    { "--depth-colour a.png in.nrrd c.png", "--depth-color b.png in.nrrd d.png" },
+    { "--frames 3 --centre 1,2,3 --axis left in.nrrd a.nrrd", "--frames 3 --center 1 2 3 --axis Left in.nrrd b.nrrd" },
+    { "--frames 3 --axis 0,-.5,1 in.nrrd a.nrrd", "--frames 3 --axis 0 -.5 1 in.nrrd b.nrrd" },
+  };
+  for (const auto & [plain, other] : calls)
+  {
+    this->ExpectSuccess(plain);
+    this->ExpectSuccess(other);
+    const std::string suffix = plain.find("a.nrrd") == std::string::npos ? ".png" : ".nrrd";
+    EXPECT_TRUE(ReadText(m_Folder / ("a" + suffix)) == ReadText(m_Folder / ("b" + suffix))) << other;
+    fs::remove(m_Folder / ("a" + suffix));
+    fs::remove(m_Folder / ("b" + suffix));
+  }
+}
+
+TEST_F(ShearWarpMIPProgram, SaysWhatHasNoEffect)
+{
+  const auto expectNote = [this](const std::string & arguments, const std::string & note) {
+    const Result result = this->Run(arguments);
+    EXPECT_EQ(result.status, 0) << arguments;
+    EXPECT_EQ(result.messages, note.empty() ? "" : "shear-warp-mip: note: " + note + '\n') << arguments;
+  };
+  const std::string values = "--window has no effect: 'a.nrrd' keeps the image's values";
+  expectNote("in.nrrd a.nrrd --window 3 4", values);
+  expectNote("in.nrrd a.nrrd --wl 3 4", "--wl" + values.substr(8));
+  expectNote("in.nrrd a.nrrd --window 3 4 --depth-color depth.png", "");
+  expectNote("in.nrrd a.nrrd --window 3 4 --dicom-out out", "");
+  expectNote("in.nrrd a.png --frames 2 --rate 5", "--rate has no effect: 'a.png' does not play");
+  expectNote("in.nrrd a.html --frames 2 --rate 5", "");
+}
+
 TEST_F(ShearWarpMIPProgram, AnswersWrongCalls)
 {
   const std::pair<std::string, std::string> calls[] = {
     { "", "INPUT is required; see --help" },
     { "in.nrrd", "OUTPUT is required; see --help" },
     { "help", "OUTPUT is required; see --help" },
-    { "out.png in.nrrd -v left", "-v left is not expected; see --help" },
-    { "in.nrrd out.png --azimut 30", "--azimut 30 is not expected; see --help" },
+    { "out.png in.nrrd -v left", "left is not expected; see --help" },
+    { "in.nrrd out.png -o more.png", "OUTPUT: at most 1 can be given, not 2" },
+    { "in.nrrd --output", "OUTPUT: a value is needed" },
+    { "in.nrrd out.png --azimut 30", "--azimut 30 is not expected; did you mean '--azimuth'?" },
+    { "in.nrrd out.png --WINDOW 3 4", "--WINDOW 3 4 is not expected; did you mean '--window'?" },
+    { "in.nrrd out.png --oversampl=2", "--oversampl=2 is not expected; did you mean '--oversampling'?" },
+    { "in.nrrd out.png --gpu", "--gpu is not expected; see --help" },
     { "in.nrrd out.png -30 -.5", "-30 -.5 is not expected; see --help" },
     { "in.nrrd out.png --$(printf %0120000d 30)", "--0000" },
     { "in.nrrd out.png --azimuth", "--azimuth: a value is needed, DEGREES" },
     { "in.nrrd out.png --azimuth $(printf %0120000d 30)x", "--azimuth: '0000" },
     { "in.nrrd out.png --azimuth 30deg", "--azimuth: '30deg' is not a finite angle" },
     { "in.nrrd out.png --azimuth -inf", "--azimuth: '-inf' is not a finite angle" },
-    { "in.nrrd out.png --view front", "--view: front not in {anterior,inferior,left,posterior,right,superior}" },
+    { "in.nrrd out.png --view front",
+      "--view: 'front' is not one of anterior, inferior, left, posterior, right, superior" },
+    { "in.nrrd out.png --view anteroir",
+      "--view: 'anteroir' is not one of anterior, inferior, left, posterior, right, superior; did you mean "
+      "'anterior'?" },
+    { "in.nrrd out.png --view ''", "--view: '' is not one of" },
+    { "in.nrrd out.png --mode m", "--mode: 'm' is not one of absolute-maximum, maximum, minimum" },
+    { "in.nrrd out.png --axis upwards --frames 2", "--axis: it must be left, posterior" },
+    { "in.nrrd out.png --axis 0 0 0 --frames 2", "The axis must be finite and not zero" },
+    { "in.nrrd out.png --window 7", "--window: '7' is not two finite numbers LOW HIGH, nor one of angio, bone" },
+    { "in.nrrd out.png --window 7 8 9", "9 is not expected; see --help" },
+    { "in.nrrd out.png --window bones", "--window: 'bones' is not two finite numbers" },
+    { "in.nrrd out.png --window bone,lung", "--window: 'bone lung' is not two finite numbers" },
+    { "in.nrrd out.png --window 0 inf", "--window: '0 inf' is not two finite numbers" },
+    { "in.nrrd out.png --window bone --wl 40 80", "--w" },
+    { "in.nrrd out.png --wl 40", "--wl: 2 values are needed, not 1" },
+    { "in.nrrd out.png --wl 40 0", "--wl: WIDTH must be positive" },
+    { "in.nrrd out.png --wl 40 -80", "--wl: WIDTH must be positive" },
     { "in.nrrd out.png --view left --view right", "--view: at most 1 can be given, not 2" },
     { "in.nrrd out.png --slab 30", "--slab: 2 values are needed, not 1" },
     { "in.nrrd out.png --crop 0 10 0 10", "--crop: 6 values are needed, not 4" },
@@ -391,7 +479,7 @@ TEST_F(ShearWarpMIPProgram, AnswersWrongCalls)
     { "in.nrrd out.png --page-bits 8 --frames 3", "--page-bits requires a page: .html" },
     { "--write-phantom new.nrrd more.nrrd", "INPUT excludes --write-phantom" },
     { "in.nrrd out.png --write-phantom new.nrrd", "INPUT excludes --write-phantom" },
-    { "--write-phantom new.nrrd --azimut=30", "--azimut=30 is not expected; see --help" },
+    { "--write-phantom new.nrrd --azimut=30", "--azimut=30 is not expected; did you mean '--azimuth'?" },
     { "in.nrrd out.png --dicom-out in.nrrd", "'in.nrrd' is there already; a DICOM series needs an empty folder" },
     { "in.nrrd out.png --transform in.nrrd", "'in.nrrd' is not a transform that ITK can read" },
     { "in.nrrd out.png --depth out.jpg", "--depth: 'out.jpg' must have one of the extensions .mha .nrrd .nii .nii.gz" },

@@ -626,7 +626,7 @@ TEST_F(ShearWarpMIPProgramProjection, ProjectsEachPointInTime)
       EXPECT_TRUE(std::equal(expected.begin(), expected.end(), frame)) << time;
     }
   }
-  this->ExpectSuccess("times.nrrd cine.png --rate 2");
+  this->ExpectSuccess("times.nrrd cine.png");
   EXPECT_TRUE(fs::exists(m_Folder / "cine-003.png"));
   EXPECT_FALSE(fs::exists(m_Folder / "cine.png"));
   this->ExpectFailure("times.nrrd out.png --frames 3", "--frames is not possible: 'times.nrrd' has 4 points in time");

@@ -87,7 +87,7 @@ TEST_F(ShearWarpMIPProgramSeries, TurnsAsTheFilter)
 {
   const double oblique[] = { -1.0, 0.5, 2.0 };
   const double centre[] = { -30.0, 15.0, 7.5 };
-  this->ExpectFrames("--frames 7 --axis -1,0.5,2 --centre -30,15,7.5", [&](CineType & cine) {
+  this->ExpectFrames("--frames 7 --axis -1,0.5,2 --center -30,15,7.5", [&](CineType & cine) {
     cine.SetNumberOfFrames(7);
     cine.SetRotationAxis(oblique);
     cine.SetCenter(centre);
@@ -216,12 +216,12 @@ TEST_F(ShearWarpMIPProgramSeries, AnimatesExactGreys)
   {
     GTEST_SKIP() << "no ffmpeg";
   }
-  const std::string input = "--frames 5 --rocking 40 --window 0 100 --rate 12.5 in.nrrd ";
+  const std::string input = "--frames 5 --rocking 40 --window 0 100 in.nrrd ";
   this->ExpectSuccess(input + "out.png");
   const std::string expected = this->ReadPictures<unsigned char>(5);
   for (const std::string name : { "turn.gif", "turn.apng" })
   {
-    this->ExpectSuccess(input + name);
+    this->ExpectSuccess(input + name + " --rate 12.5");
     EXPECT_TRUE(this->Decode(name, "gray") == expected) << name;
   }
   const std::string gif = ReadText(m_Folder / "turn.gif");
@@ -326,12 +326,12 @@ TEST_F(ShearWarpMIPProgramSeries, RefusesWrongOptions)
     this->ExpectFailure("in.nrrd out.png --frames 2 --axis " + axis, "--axis: it must be");
   }
   this->ExpectFailure("in.nrrd out.png --frames 2 --axis 0,0,0", "axis must be finite and not zero");
-  for (const std::string option : { "--axis left", "--centre 1,2,3", "--range 90", "--rocking 90" })
+  for (const std::string option : { "--axis left", "--center 1,2,3", "--range 90", "--rocking 90" })
   {
     this->ExpectFailure("in.nrrd out.png " + option, "requires --frames");
   }
-  this->ExpectFailure("in.nrrd out.png --frames 2 --centre 1,2", "--centre");
-  this->ExpectFailure("in.nrrd out.png --frames 2 --centre 1,2,inf", "--centre");
+  this->ExpectFailure("in.nrrd out.png --frames 2 --center 1,2", "--center");
+  this->ExpectFailure("in.nrrd out.png --frames 2 --center 1,2,inf", "--center");
   this->ExpectFailure("in.nrrd out.png --frames 2 --range nan", "--range");
   this->ExpectFailure("in.nrrd out.png --frames 2 --range 90 --rocking 90", "excludes");
   this->ExpectFailure("in.nrrd out.png --rate 0", "--rate");

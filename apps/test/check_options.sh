@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Checks that the completion and the manual page, if there is one, have all options that --help has, and no others.
+# Checks that the completion and the manual page, if there is one, have all options that --help-all has, and no others.
 # Usage: check_options.sh PROGRAM COMPLETION [MANUAL_PAGE]
 set -euo pipefail
 program=$1
@@ -14,8 +14,8 @@ complete_words() {
   printf '%s\n' "${COMPREPLY[@]}"
 }
 
-options=$("$program" --help | grep -oE '^ +(-[a-z], *)?--[^ ]+' | tr -s ', ' '\n' | sed '/^$/d' | sort)
-[ "$(wc -l <<< "$options")" -gt 20 ] || fail "--help lists too few options: $options"
+options=$("$program" --help-all | grep -oE '^  (OUTPUT, )?(--?[a-z-]+(, )?)+' | grep -oE -e '--?[a-z][a-z-]*' | sort)
+[ "$(wc -l <<< "$options")" -gt 20 ] || fail "--help-all lists too few options: $options"
 
 # shellcheck source=../shear-warp-mip.bash
 . "$2"
@@ -25,5 +25,6 @@ diff <(echo "$options") <(complete_words - | sort) || fail "the completion's opt
 [ -z "$(complete_words --window a)" ] || fail "--window takes no names"
 
 [ $# -lt 3 ] || diff <(echo "$options") \
-  <(sed 's/\\-/-/g; s/\\f[BR]//g' "$3" | grep -A 1 '^\.TP' | grep -oE '^(-[a-z], )?--[^ ]+' | tr -s ', ' '\n' | sort) ||
+  <(sed 's/\\-/-/g; s/\\f[BR]//g' "$3" | grep -A 1 '^\.TP' | grep -oE '^(OUTPUT, )?(--?[a-z-]+(, )?)+' |
+    grep -oE -e '--?[a-z][a-z-]*' | sort) ||
   fail "the manual page's options differ"

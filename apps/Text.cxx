@@ -1,0 +1,75 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#include "Text.h"
+
+#include <algorithm>
+#include <numeric>
+
+namespace
+{
+/** Letters that are changed, left out or added between two words (Levenshtein 1966). */
+std::size_t
+CountEdits(const std::string & a, const std::string & b)
+{
+  std::vector<std::size_t> row(b.size() + 1);
+  std::iota(row.begin(), row.end(), 0);
+  for (std::size_t i = 0; i < a.size(); ++i)
+  {
+    std::size_t diagonal = row[0]++;
+    for (std::size_t j = 0; j < b.size(); ++j)
+    {
+      const std::size_t changed = diagonal + (a[i] == b[j] ? 0 : 1);
+      diagonal = row[j + 1];
+      row[j + 1] = std::min({ changed, row[j] + 1, diagonal + 1 });
+    }
+  }
+  return row.back();
+}
+} // namespace
+
+std::string
+Trim(const std::string & text)
+{
+  constexpr auto blank = " \t\r\n";
+  const auto     begin = text.find_first_not_of(blank);
+  return begin == std::string::npos ? "" : text.substr(begin, text.find_last_not_of(blank) + 1 - begin);
+}
+
+std::string
+ToLower(std::string text)
+{
+  std::transform(text.begin(), text.end(), text.begin(), [](char letter) {
+    return 'A' <= letter && letter <= 'Z' ? static_cast<char>(letter - 'A' + 'a') : letter;
+  });
+  return text;
+}
+
+std::string
+Suggest(const std::string & text, const std::vector<std::string> & words)
+{
+  const std::string word = ToLower(text.substr(0, 100));
+  const auto        count = [&word](const std::string & other) {
+    return other.size() > word.size() && word.size() > 3 && other.compare(0, word.size(), word) == 0
+                    ? std::size_t{ 1 }
+                    : CountEdits(word, ToLower(other));
+  };
+  const auto nearest = std::min_element(
+    words.begin(), words.end(), [&](const std::string & a, const std::string & b) { return count(a) < count(b); });
+  const bool isNear = nearest != words.end() && 3 * count(*nearest) <= std::max(word.size(), std::size_t{ 3 });
+  return isNear ? "; did you mean '" + *nearest + "'?" : "";
+}
