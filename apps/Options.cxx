@@ -38,7 +38,8 @@ constexpr auto description =
   "INPUT is an image that ITK reads (NIfTI, NRRD, MetaImage, DICOM, ...) or a folder of DICOM files. The program "
   "projects each component of its pixels by itself. A 4D image gives one frame for each point in time.\n"
   "The extension of OUTPUT is its format: .mha, .nrrd, .nii and .nii.gz keep the image's values and pixel type, a "
-  "series as a 3D stack; .png has 8 bits, see --window, a series as numbered files; .gif, .apng and .mp4 are "
+  "series as a 3D stack; .png, .jpg and .tif have 8 bits, see --window, a series as numbered files; .gif, .apng and "
+  ".mp4 are "
   "animations, made by the program ffmpeg; .html is a page that turns and plays a series in any browser.\n"
   "Sizes and positions of the output are in mm in the view plane. Names of values may be in capitals, and as short as "
   "they are clear. Several numbers have commas or spaces between them.";
@@ -176,10 +177,15 @@ DefineOptions(CLI::App & app, Options & options)
   app.add_option("--series", options.series, "Instance UID of the DICOM series, if the folder has several")
     ->type_name("UID");
 
-  const auto view = app.add_option("--view", options.view, "Side from which the patient is seen")
-                      ->transform(Choice(GetKeys(directions)))
-                      ->capture_default_str()
-                      ->group("View");
+  const auto view =
+    app
+      .add_option("--view",
+                  options.view,
+                  "Side from which the patient is seen; superior: from above, the patient's left at the "
+                  "left; inferior: from the feet, as axial slices are read")
+      ->transform(Choice(GetKeys(directions)))
+      ->capture_default_str()
+      ->group("View");
   const auto azimuth =
     app.add_option("--azimuth", options.azimuth, "Degrees to go on, towards the right of the picture (LAO positive)")
       ->check(angle)
@@ -314,6 +320,16 @@ DefineOptions(CLI::App & app, Options & options)
     ->expected(2)
     ->excludes(window)
     ->type_name("LEVEL WIDTH")
+    ->group("Picture");
+  app
+    .add_flag("--no-labels",
+              options.isUnlabelled,
+              "No letters of the patient's sides (L, R, A, P, H, F) at the edges of pictures and animations")
+    ->group("Picture");
+  app
+    .add_flag("--annotate",
+              options.isAnnotated,
+              "A scale bar, and where each frame is seen from (LAO 30 CRA 15), in pictures and animations")
     ->group("Picture");
 
   const auto slab = app

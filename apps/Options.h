@@ -67,6 +67,8 @@ struct Options
   std::string                 depthColour;
   std::string                 dicomOut;
   bool                        isInPlace{ false };
+  bool                        isUnlabelled{ false };
+  bool                        isAnnotated{ false };
   unsigned int                threads{ 0 };
   bool                        verbose{ false };
 };

@@ -17,6 +17,8 @@
  *=========================================================================*/
 #include "Orientation.h"
 
+#include "itkMath.h"
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -45,14 +47,30 @@ FindLetters(const itk::Vector<double, 3> & direction)
 }
 } // namespace
 
+itk::Vector<double, 3>
+ComputeAxis(const itk::Transform<double, 3, 3> * transform, unsigned int axis)
+{
+  itk::Point<double, 3> point(0.0);
+  const auto            origin = transform->TransformPoint(point);
+  point[axis] = 1.0;
+  return transform->TransformPoint(point) - origin;
+}
+
 EdgeLetters
 ComputeEdgeLetters(const itk::Transform<double, 3, 3> * transform)
 {
-  const auto origin = transform->TransformPoint(itk::Point<double, 3>(0.0));
-  const auto find = [&](unsigned int axis, double sign) {
-    itk::Point<double, 3> point(0.0);
-    point[axis] = 1.0;
-    return FindLetters(sign * (transform->TransformPoint(point) - origin));
-  };
-  return { find(0, -1.0), find(0, 1.0), find(1, -1.0), find(1, 1.0) };
+  const auto right = ComputeAxis(transform, 0);
+  const auto down = ComputeAxis(transform, 1);
+  return { FindLetters(-right), FindLetters(right), FindLetters(-down), FindLetters(down) };
+}
+
+ViewAngles
+ComputeViewAngles(const itk::Transform<double, 3, 3> * transform)
+{
+  constexpr double degrees = 180.0 / itk::Math::pi;
+  const auto       direction = -ComputeAxis(transform, 2);
+  const double     equatorial = std::hypot(direction[0], direction[1]);
+  const bool       isPole = equatorial < 1e-9 * direction.GetNorm();
+  const double     primary = isPole ? 0.0 : degrees * std::atan2(direction[0], -direction[1]);
+  return { primary > -180.0 ? primary : 180.0, degrees * std::atan2(direction[2], equatorial) };
 }

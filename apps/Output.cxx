@@ -239,7 +239,9 @@ OutputFiles::~OutputFiles()
 bool
 OutputFiles::IsPicture(const fs::path & path)
 {
-  return path.extension() == ".png";
+  const auto extension = path.extension();
+  return extension == ".png" || extension == ".jpg" || extension == ".jpeg" || extension == ".tif" ||
+         extension == ".tiff";
 }
 
 bool
@@ -279,7 +281,7 @@ OutputFiles::Reserve(const fs::path & path, Format format, const std::string & o
   }
   if (format != Format::Values)
   {
-    extensions.insert(extensions.end(), { ".png", ".gif", ".apng", ".mp4" });
+    extensions.insert(extensions.end(), { ".png", ".jpg", ".jpeg", ".tif", ".tiff", ".gif", ".apng", ".mp4" });
   }
   if (format == Format::Any)
   {
@@ -292,7 +294,8 @@ OutputFiles::Reserve(const fs::path & path, Format format, const std::string & o
     {
       good += ' ' + extension;
     }
-    throw std::runtime_error(option + ": '" + path.string() + "' must have one of the extensions" + good);
+    throw std::runtime_error(option + ": '" + path.string() + "' must have one of the extensions" + good +
+                             (format == Format::Any && path.extension() == ".dcm" ? "; --dicom-out writes DICOM" : ""));
   }
   if (EndsWith(name, ".nii") || EndsWith(name, ".nii.gz"))
   {
@@ -637,7 +640,7 @@ OutputFiles::WriteFile(const fs::path &    path,
   io->SetIORegion(region);
   io->SetFileName(temporaryName);
 
-  // ITK's PNG writer does not survive a full disk
+  // some of ITK's writers do not survive a full disk
   if (IsPicture(temporaryName) &&
       !HasRoom(temporaryName, 2 * static_cast<std::size_t>(io->GetImageSizeInBytes()) + 4096))
   {

@@ -22,6 +22,7 @@
 #include "Frames.h"
 #include "Input.h"
 #include "InputFiles.h"
+#include "Labels.h"
 #include "Messages.h"
 #include "Options.h"
 #include "Output.h"
@@ -291,6 +292,7 @@ Run(const Options & options, Messages & messages)
     window = WindowType(given->data());
   }
   const auto writePictures = [&](const std::string & path, const AnyImage & pictures) {
+    DrawLabels(pictures, projection.frames, { !options.isUnlabelled, options.isAnnotated });
     if (OutputFiles::IsAnimation(path))
     {
       files.WriteAnimation(path, pictures, rate);

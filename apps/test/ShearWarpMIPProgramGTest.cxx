@@ -318,7 +318,8 @@ TEST_F(ShearWarpMIPProgram, TellsWhatItDoes)
          "--background",  "--oversampling",  "--window",        "--frames",    "--axis",       "--mode",
          "--slab",        "--sliding-slab",  "--local-maximum", "--mask",      "--mask-label", "--crop",
          "--attenuation", "--depth",         "--depth-color",   "--in-place",  "--series",     "--threads",
-         "--verbose",     "--write-phantom", "--version",       "--exact",     "Examples" })
+         "--verbose",     "--write-phantom", "--version",       "--exact",     "--no-labels",  "--annotate",
+         "Examples" })
   {
     EXPECT_NE(help.output.find(option), std::string::npos) << option;
   }
@@ -600,7 +601,7 @@ TEST_F(ShearWarpMIPProgram, RefusesDamagedFiles)
 
 TEST_F(ShearWarpMIPProgram, RefusesWrongOutput)
 {
-  this->ExpectFailure("in.nrrd out.jpg", ".mha .nrrd .nii .nii.gz .png");
+  this->ExpectFailure("in.nrrd out.bmp", ".mha .nrrd .nii .nii.gz .png .jpg .jpeg .tif .tiff");
   this->ExpectFailure("in.nrrd out", ".png");
   this->ExpectFailure("in.nrrd .png", ".png");
   this->ExpectFailure("in.nrrd nowhere/out.png", "nowhere/out.png");
@@ -612,7 +613,7 @@ TEST_F(ShearWarpMIPProgram, RefusesWrongOutput)
 
 TEST_F(ShearWarpMIPProgram, LeavesFilesAsTheyWereIfDiskIsFull)
 {
-  for (const std::string name : { "out.mha", "out.nrrd", "out.nii", "out.nii.gz", "out.png" })
+  for (const std::string name : { "out.mha", "out.nrrd", "out.nii", "out.nii.gz", "out.png", "out.jpg", "out.tif" })
   {
     std::ofstream(m_Folder / name) << "kept";
     // the first fails in a write, the second in a close
@@ -630,7 +631,13 @@ TEST_F(ShearWarpMIPProgram, LeavesNothingOnAFullDisk)
   {
     GTEST_SKIP() << "no right to mount a small disk";
   }
-  for (const std::string name : { "disk/out.mha", "disk/out.nrrd", "disk/out.nii", "disk/out.nii.gz", "disk/out.png" })
+  for (const std::string name : { "disk/out.mha",
+                                  "disk/out.nrrd",
+                                  "disk/out.nii",
+                                  "disk/out.nii.gz",
+                                  "disk/out.png",
+                                  "disk/out.jpg",
+                                  "disk/out.tif" })
   {
     this->ExpectFailure("in.nrrd " + name + " --spacing 0.01", name);
   }

@@ -324,7 +324,7 @@ def test_program_writes_the_same(image, turn, tmp_path, suffix, window):
         folder.mkdir()
     paths = [folder / f"turn{suffix}" for folder in folders]
     outputs = [paths[0]] if suffix else [folders[0] / "turn.nrrd", "--dicom-out", paths[0]]
-    given = ["--window", "{},{}".format(*window)] if window else []
+    given = ["--no-labels", *(["--window", "{},{}".format(*window)] if window else [])]
     subprocess.run([PROGRAM, source, *outputs, "--frames", str(FRAMES), *given], check=True)
     _save.save_turn(turn, paths[1], window=window)
     if suffix == ".png":
