@@ -22,6 +22,7 @@
 
 #include <gdcmDataSet.h>
 
+#include <filesystem>
 #include <string>
 
 /** The value of an attribute of text, without what fills it up to an even length. */
@@ -36,5 +37,30 @@ GetText(const gdcm::DataSet & dataSet, const gdcm::Tag & tag)
   const std::string text(value->GetPointer(), value->GetLength());
   return Trim(text.substr(0, text.find('\0')));
 }
+
+/** Name and tag, as Units (0054,1001). */
+std::string
+Describe(const gdcm::Tag & tag);
+
+/** The attributes of a DICOM file up to \a last. Throws if it is none. */
+gdcm::DataSet
+ReadHeader(const std::filesystem::path & path, const gdcm::Tag & last);
+
+/** Sets an attribute of text; its VR is that of the dictionary. */
+void
+SetText(gdcm::DataSet & dataSet, const gdcm::Tag & tag, std::string text);
+
+/** Copies an attribute by the dictionary's VR, as an element of a file without VRs would lose its own: text, or a sequence
+ * of such. It is empty if \a from has none. */
+void
+CopyAttribute(const gdcm::DataSet & from, gdcm::DataSet & to, const gdcm::Tag & tag);
+
+/** Adds an item to a sequence, which is made if it is not there. */
+void
+AddItem(gdcm::DataSet & dataSet, const gdcm::Tag & tag, const gdcm::DataSet & nested);
+
+/** \a number as a decimal string, which has at most 16 characters (PS3.5 6.2). */
+std::string
+FormatDecimal(double number);
 
 #endif

@@ -17,6 +17,8 @@
  *=========================================================================*/
 #include "DicomSeries.h"
 #include "DicomAttribute.h"
+#include "DicomPet.h"
+#include "Orientation.h"
 #include "Output.h"
 
 #include "itkByteSwapper.h"
@@ -26,11 +28,6 @@
 #include "itkShearWarpMIPView.h"
 
 #include <gdcmAttribute.h>
-#include <gdcmDict.h>
-#include <gdcmDicts.h>
-#include <gdcmGlobal.h>
-#include <gdcmReader.h>
-#include <gdcmSequenceOfItems.h>
 #include <gdcmSystem.h>
 #include <gdcmUIDGenerator.h>
 #include <gdcmWriter.h>
@@ -38,7 +35,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <cstdio>
 #include <fstream>
 #include <iomanip>
 #include <random>
@@ -58,15 +54,17 @@ using Path = std::filesystem::path;
 const std::string ctImageStorage = "1.2.840.10008.5.1.4.1.1.2";
 const std::string mrImageStorage = "1.2.840.10008.5.1.4.1.1.4";
 const std::string secondaryCaptureImageStorage = "1.2.840.10008.5.1.4.1.1.7";
+const std::string multiFrameByteStorage = "1.2.840.10008.5.1.4.1.1.7.2";
+const std::string multiFrameWordStorage = "1.2.840.10008.5.1.4.1.1.7.3";
 
-/** Attributes of text, group and element in one number. */
+/** Attributes, group and element in one number. */
 using Attributes = std::vector<std::uint32_t>;
 
 // PS3.3 C.7.1.1, C.7.2.1, C.7.2.2
 const Attributes patientAndStudy = { 0x00080005, 0x00080020, 0x00080030, 0x00080050, 0x00080090, 0x00081030, 0x00081080,
                                      0x00100010, 0x00100020, 0x00100021, 0x00100030, 0x00100032, 0x00100040, 0x00101000,
                                      0x00101001, 0x00101010, 0x00101020, 0x00101030, 0x00102160, 0x00102180, 0x001021b0,
-                                     0x00104000, 0x00120062, 0x00120063, 0x0020000d, 0x00200010 };
+                                     0x00104000, 0x00120062, 0x00120063, 0x00120064, 0x0020000d, 0x00200010 };
 // PS3.3 C.7.3.1, C.7.4.1, C.7.10.1, and lossy compression of C.7.6.1
 const Attributes seriesAndAcquisition = { 0x00080022, 0x0008002a, 0x00080032, 0x00180015, 0x00181030,
                                           0x00185100, 0x00200012, 0x00200052, 0x00200060, 0x00201040,
@@ -89,24 +87,11 @@ const std::set<std::uint32_t> type2 = { 0x00080020, 0x00080030, 0x00080050, 0x00
                                         0x00100030, 0x00100040, 0x00180022, 0x00180023, 0x00180060, 0x00180081,
                                         0x00180091, 0x00200010, 0x00200012, 0x00201040 };
 
+template <std::uint16_t VElement, std::uint16_t VGroup = 0x0028>
 void
-SetText(DataSet & dataSet, const Tag & tag, std::string text)
+SetNumber(DataSet & dataSet, std::size_t value)
 {
-  const gdcm::VR    vr = gdcm::Global::GetInstance().GetDicts().GetDictEntry(tag).GetVR();
-  gdcm::DataElement element(tag, 0, vr);
-  if (text.size() % 2 == 1)
-  {
-    text += vr == gdcm::VR::UI ? '\0' : ' ';
-  }
-  element.SetByteValue(text.data(), static_cast<std::uint32_t>(text.size()));
-  dataSet.Replace(element);
-}
-
-template <std::uint16_t VElement>
-void
-SetPixelAttribute(DataSet & dataSet, std::size_t value)
-{
-  gdcm::Attribute<0x0028, VElement> attribute;
+  gdcm::Attribute<VGroup, VElement> attribute;
   attribute.SetValue(static_cast<std::uint16_t>(value));
   dataSet.Replace(attribute.GetAsDataElement());
 }
@@ -119,32 +104,9 @@ Copy(const DataSet & from, DataSet & to, const Attributes & attributes)
     const Tag tag(attribute);
     if (from.FindDataElement(tag) || type2.count(attribute) > 0)
     {
-      SetText(to, tag, GetText(from, tag));
+      CopyAttribute(from, to, tag);
     }
   }
-}
-
-void
-AddItem(DataSet & dataSet, const Tag & tag, const DataSet & nested)
-{
-  gdcm::SmartPointer<gdcm::SequenceOfItems> sequence;
-  if (dataSet.FindDataElement(tag))
-  {
-    sequence = dataSet.GetDataElement(tag).GetValueAsSQ();
-  }
-  else
-  {
-    sequence = new gdcm::SequenceOfItems;
-    sequence->SetLengthToUndefined();
-    gdcm::DataElement element(tag, 0, gdcm::VR::SQ);
-    element.SetValue(*sequence);
-    element.SetVLToUndefined();
-    dataSet.Insert(element);
-  }
-  gdcm::Item item;
-  item.SetVLToUndefined();
-  item.SetNestedDataSet(nested);
-  sequence->AddItem(item);
 }
 
 /** A code of PS3.16. */
@@ -156,34 +118,6 @@ AddCode(DataSet & dataSet, const Tag & tag, const std::string & code, const std:
   SetText(item, { 0x0008, 0x0102 }, "DCM");
   SetText(item, { 0x0008, 0x0104 }, meaning);
   AddItem(dataSet, tag, item);
-}
-
-/** Code by code: an element of a file without VRs would lose its own. */
-void
-CopyCodes(const DataSet & from, DataSet & to, const Tag & tag)
-{
-  const auto sequence = from.GetDataElement(tag).GetValueAsSQ();
-  for (std::size_t item = 1; sequence && item <= sequence->GetNumberOfItems(); ++item)
-  {
-    DataSet code;
-    Copy(sequence->GetItem(item).GetNestedDataSet(), code, { 0x00080100, 0x00080102, 0x00080103, 0x00080104 });
-    AddItem(to, tag, code);
-  }
-}
-
-/** \a number as a decimal string, which has at most 16 characters (PS3.5 6.2). */
-std::string
-FormatDecimal(double number)
-{
-  char text[32];
-  for (int digits = 15; digits > 0; --digits)
-  {
-    if (std::snprintf(text, sizeof(text), "%.*g", digits, number + 0.0) <= 16)
-    {
-      break;
-    }
-  }
-  return text;
 }
 
 std::string
@@ -222,6 +156,7 @@ struct Rescale
   bool   isSigned{ false };
   double lowest{ 0.0 };
   double highest{ 0.0 };
+  bool   areWhole{ true };
 
   bool
   IsIdentity() const
@@ -241,11 +176,10 @@ struct Rescale
 
 template <typename TPixel>
 Rescale
-ChooseRescale(const TPixel * begin, const TPixel * end)
+ChooseRescale(const TPixel * begin, const TPixel * end, bool canBeSigned)
 {
   Rescale rescale;
   rescale.lowest = rescale.highest = static_cast<double>(*begin);
-  bool areWhole = true;
   for (const TPixel * pixel = begin; pixel != end; ++pixel)
   {
     const double value = static_cast<double>(*pixel);
@@ -253,22 +187,35 @@ ChooseRescale(const TPixel * begin, const TPixel * end)
     {
       throw std::runtime_error("a pixel is " + std::to_string(value) + ", which DICOM cannot hold");
     }
-    areWhole = areWhole && value == std::round(value);
+    rescale.areWhole = rescale.areWhole && value == std::round(value);
     rescale.lowest = std::min(rescale.lowest, value);
     rescale.highest = std::max(rescale.highest, value);
   }
-  if (areWhole && rescale.lowest >= -32768.0 && rescale.highest <= 32767.0)
+  if (canBeSigned && rescale.areWhole && rescale.lowest >= -32768.0 && rescale.highest <= 32767.0)
   {
     rescale.isSigned = rescale.lowest < 0.0;
   }
-  else if (!areWhole || rescale.lowest < 0.0 || rescale.highest > 65535.0)
+  else if (!rescale.areWhole || rescale.lowest < 0.0 || rescale.highest > 65535.0)
   {
     // as a reader finds them
     rescale.intercept = std::stod(FormatDecimal(rescale.lowest));
     const double range = rescale.highest - rescale.intercept;
-    const bool   isExact = areWhole && range <= 65535.0 && rescale.intercept == rescale.lowest;
+    const bool   isExact = rescale.areWhole && range <= 65535.0 && rescale.intercept == rescale.lowest;
     rescale.slope = isExact || !(range > 0.0) ? 1.0 : std::stod(FormatDecimal(range / 65535.0));
   }
+  return rescale;
+}
+
+/** Without an intercept. */
+Rescale
+ChoosePetRescale(Rescale rescale)
+{
+  const double largest = rescale.lowest < 0.0
+                           ? std::max(rescale.lowest / -32768.0, rescale.highest / 32767.0)
+                           : rescale.highest / 65535.0;
+  rescale.isSigned = rescale.lowest < 0.0;
+  rescale.intercept = 0.0;
+  rescale.slope = rescale.areWhole && largest <= 1.0 ? 1.0 : std::stod(FormatDecimal(largest));
   return rescale;
 }
 
@@ -310,36 +257,35 @@ ComputeGeometry(const itk::ImageBase<3> & frames, const DicomView & view, std::s
   return geometry;
 }
 
-/** The letters of the sides that \a direction points to, the nearest first (PS3.3 C.7.6.1.1.1). */
+/** Why the pictures of a PET source are none of PET, empty if they are. */
 std::string
-NameDirection(const VectorType & direction)
+FindPetObstacle(const itk::ImageBase<3> &      frames,
+                const DataSet &                source,
+                const std::vector<Geometry> &  geometries,
+                const std::vector<DicomView> & views,
+                const DicomSeriesOptions &     options)
 {
-  const std::string         names[] = { "RL", "AP", "FH" };
-  std::vector<unsigned int> axes = { 0, 1, 2 };
-  std::stable_sort(axes.begin(), axes.end(), [&direction](unsigned int a, unsigned int b) {
-    return std::abs(direction[a]) > std::abs(direction[b]);
-  });
-  std::string letters;
-  for (const unsigned int axis : axes)
+  std::string missing = FindMissingPetAttribute(source);
+  if (!missing.empty() || !options.noReprojection.empty() || options.isMinimum)
   {
-    if (std::abs(direction[axis]) > 0.01)
-    {
-      letters += names[axis][direction[axis] > 0.0];
-    }
+    return !missing.empty()    ? "the source has no " + missing
+           : options.isMinimum ? "they are minima"
+                               : options.noReprojection;
   }
-  return letters;
-}
-
-DataSet
-ReadHeader(const Path & path, const Tag & last)
-{
-  gdcm::Reader reader;
-  reader.SetFileName(path.string().c_str());
-  if (!reader.ReadUpToTag(last) || GetText(reader.GetFile().GetDataSet(), { 0x0008, 0x0018 }).empty())
+  const auto                size = frames.GetLargestPossibleRegion().GetSize();
+  const Geometry &          first = geometries.front();
+  std::vector<PicturePlane> planes;
+  for (std::size_t frame = 0; frame < views.size(); ++frame)
   {
-    throw std::runtime_error("'" + path.string() + "' is not a DICOM file");
+    const Geometry & plane = geometries[frame];
+    const double     width = plane.columnSpacing * (static_cast<double>(size[0]) - 1.0);
+    const double     height = plane.rowSpacing * (static_cast<double>(size[1]) - 1.0);
+    planes.push_back({ plane.origin + (plane.right * width + plane.down * height) * 0.5,
+                       plane.right,
+                       plane.down,
+                       views[frame].angle });
   }
-  return reader.GetFile().GetDataSet();
+  return FindReprojectionObstacle(planes, 0.5 * std::min(first.columnSpacing, first.rowSpacing));
 }
 
 std::string
@@ -356,7 +302,7 @@ ChooseClass(const DataSet & source, const Rescale & rescale)
 void
 SetWindow(DataSet & dataSet, const DataSet & source, const DicomSeriesOptions & options, const Rescale & rescale)
 {
-  if (!options.window && !GetText(source, { 0x0028, 0x1050 }).empty() && !GetText(source, { 0x0028, 0x1051 }).empty())
+  if (!options.window && !options.isSuv && !GetText(source, { 0x0028, 0x1050 }).empty() && !GetText(source, { 0x0028, 0x1051 }).empty())
   {
     Copy(source, dataSet, window);
     return;
@@ -372,19 +318,59 @@ SetWindow(DataSet & dataSet, const DataSet & source, const DicomSeriesOptions & 
   }
 }
 
+void
+SetPetModules(DataSet & header, const DataSet & source, std::size_t frames, bool isSuv)
+{
+  Copy(source, header, petAttributes);
+  for (const std::uint32_t attribute : petType2)
+  {
+    if (!header.FindDataElement(Tag(attribute)))
+    {
+      CopyAttribute(source, header, Tag(attribute));
+    }
+  }
+  const bool isWholeBody = GetText(source, { 0x0054, 0x1000 }).find("WHOLE BODY") == 0;
+  SetText(header, { 0x0054, 0x1000 }, std::string(isWholeBody ? "WHOLE BODY" : "STATIC") + "\\REPROJECTION");
+  SetText(header, { 0x0054, 0x1004 }, "MAX PIXEL");
+  SetNumber<0x0081, 0x0054>(header, frames);
+  if (isSuv)
+  {
+    SetText(header, { 0x0054, 0x1001 }, "GML");
+    SetText(header, { 0x0054, 0x1006 }, "BW");
+  }
+}
+
+/** PS3.3 C.7.6.5, C.7.6.6, C.8.6.3 */
+void
+SetMultiFrame(DataSet & header, std::size_t frames, double frameTime)
+{
+  gdcm::Attribute<0x0028, 0x0009> increment;
+  increment.SetNumberOfValues(1);
+  increment.SetValue(0, Tag(0x0018, 0x1063));
+  header.Replace(increment.GetAsDataElement());
+  SetText(header, { 0x0018, 0x1063 }, FormatDecimal(frameTime));
+  SetText(header, { 0x0008, 0x2144 }, std::to_string(std::max(1L, std::lround(1000.0 / frameTime))));
+  SetText(header, { 0x0018, 0x0040 }, GetText(header, { 0x0008, 0x2144 }));
+  SetText(header, { 0x0028, 0x0008 }, std::to_string(frames));
+  SetText(header, { 0x2050, 0x0020 }, "IDENTITY");
+  // without planes there is no frame of reference
+  header.Remove(Tag(0x0020, 0x0052));
+  header.Remove(Tag(0x0020, 0x1040));
+}
+
 /** What all frames have. */
 DataSet
 MakeHeader(const AnyImage &           frames,
            const std::vector<Path> &  files,
+           const DataSet &            source,
            const DicomSeriesOptions & options,
+           const std::string &        sopClass,
            const Rescale &            rescale)
 {
-  const DataSet     source = files.empty() ? DataSet() : ReadHeader(files.front(), { 0x0040, 0xffff });
-  const std::string sopClass = ChooseClass(source, rescale);
-  DataSet           header;
+  const auto size = frames.image->GetLargestPossibleRegion().GetSize();
+  DataSet    header;
 
   Copy(source, header, patientAndStudy);
-  CopyCodes(source, header, { 0x0012, 0x0064 });
   Copy(source, header, seriesAndAcquisition);
   for (const Tag & uid : { Tag(0x0020, 0x000d), Tag(0x0020, 0x0052) })
   {
@@ -441,7 +427,8 @@ MakeHeader(const AnyImage &           frames,
 
   SetText(header,
           { 0x0008, 0x0008 },
-          std::string("DERIVED\\SECONDARY\\PROJECTION IMAGE\\") + (options.isMinimum ? "MIN_IP" : "MAX_IP"));
+          std::string("DERIVED\\") + (sopClass == petImageStorage ? "PRIMARY" : "SECONDARY") + "\\PROJECTION IMAGE\\" +
+            (options.isMinimum ? "MIN_IP" : "MAX_IP"));
   SetText(header, { 0x0008, 0x2111 }, options.derivation);
   AddCode(header,
           { 0x0008, 0x9215 },
@@ -465,19 +452,29 @@ MakeHeader(const AnyImage &           frames,
                                : sourceModality.empty()     ? "OT"
                                                             : sourceModality;
   SetText(header, { 0x0008, 0x0060 }, modality);
-  if (sopClass == secondaryCaptureImageStorage)
+  if (sopClass.find(secondaryCaptureImageStorage) == 0)
   {
     SetText(header, { 0x0008, 0x0064 }, "WSD");
+    if (options.frameTime)
+    {
+      SetMultiFrame(header, size[2], *options.frameTime);
+    }
+  }
+  else if (sopClass == petImageStorage)
+  {
+    SetPetModules(header, source, size[2], options.isSuv);
+    SetText(header, { 0x0028, 0x1052 }, "0");
+    SetText(header, { 0x0028, 0x1053 }, FormatDecimal(rescale.slope));
   }
   else
   {
     Copy(source, header, contrast);
     Copy(source, header, sopClass == ctImageStorage ? ctImage : mrImage);
   }
-  if (sopClass != mrImageStorage)
+  if (sopClass != mrImageStorage && sopClass != petImageStorage)
   {
     std::string unit = GetText(source, { 0x0028, 0x1054 });
-    if (unit.empty() || unit == "US")
+    if (unit.empty() || unit == "US" || options.isSuv)
     {
       unit = modality == "CT" ? "HU" : "US";
     }
@@ -487,16 +484,16 @@ MakeHeader(const AnyImage &           frames,
   }
   SetWindow(header, source, options, rescale);
 
-  const auto size = frames.image->GetLargestPossibleRegion().GetSize();
-  const bool isInverted = GetText(source, { 0x0028, 0x0004 }) == "MONOCHROME1";
+  const bool isInverted = sopClass != petImageStorage && GetText(source, { 0x0028, 0x0004 }) == "MONOCHROME1";
   SetText(header, { 0x0028, 0x0004 }, isInverted ? "MONOCHROME1" : "MONOCHROME2");
-  SetPixelAttribute<0x0002>(header, 1);
-  SetPixelAttribute<0x0010>(header, size[1]);
-  SetPixelAttribute<0x0011>(header, size[0]);
-  SetPixelAttribute<0x0100>(header, 16);
-  SetPixelAttribute<0x0101>(header, 16);
-  SetPixelAttribute<0x0102>(header, 15);
-  SetPixelAttribute<0x0103>(header, rescale.isSigned ? 1 : 0);
+  SetNumber<0x0002>(header, 1);
+  SetNumber<0x0010>(header, size[1]);
+  SetNumber<0x0011>(header, size[0]);
+  const std::size_t bits = sopClass == multiFrameByteStorage ? 8 : 16;
+  SetNumber<0x0100>(header, bits);
+  SetNumber<0x0101>(header, bits);
+  SetNumber<0x0102>(header, bits - 1);
+  SetNumber<0x0103>(header, rescale.isSigned ? 1 : 0);
   return header;
 }
 
@@ -506,8 +503,14 @@ MakeFrame(const DataSet & header, const Geometry & geometry, const DicomView & v
   DataSet dataSet = header;
   SetText(dataSet, { 0x0008, 0x0018 }, MakeUID());
   SetText(dataSet, { 0x0020, 0x0013 }, std::to_string(frame + 1));
-  SetText(dataSet, { 0x0018, 0x0050 }, std::isfinite(geometry.thickness) ? FormatDecimal(geometry.thickness) : "");
   SetText(dataSet, { 0x0028, 0x0030 }, Join({ geometry.rowSpacing, geometry.columnSpacing }));
+  const EdgeLetters letters = ComputeEdgeLetters(view.transform);
+  SetText(dataSet, { 0x0020, 0x0020 }, letters.right + '\\' + letters.bottom);
+  if (header.FindDataElement(Tag(0x0018, 0x1063)))
+  {
+    return dataSet;
+  }
+  SetText(dataSet, { 0x0018, 0x0050 }, std::isfinite(geometry.thickness) ? FormatDecimal(geometry.thickness) : "");
   SetText(dataSet, { 0x0020, 0x0032 }, Join({ geometry.origin[0], geometry.origin[1], geometry.origin[2] }));
   SetText(dataSet,
           { 0x0020, 0x0037 },
@@ -517,7 +520,10 @@ MakeFrame(const DataSet & header, const Geometry & geometry, const DicomView & v
                  geometry.down[0],
                  geometry.down[1],
                  geometry.down[2] }));
-  SetText(dataSet, { 0x0020, 0x0020 }, NameDirection(geometry.right) + '\\' + NameDirection(geometry.down));
+  if (GetText(header, { 0x0008, 0x0016 }) == petImageStorage)
+  {
+    SetNumber<0x1330, 0x0054>(dataSet, frame + 1);
+  }
   if (!std::isnan(view.angle))
   {
     SetText(dataSet, { 0x0020, 0x4000 }, "Turned by " + FormatDecimal(view.angle) + " degrees");
@@ -526,12 +532,22 @@ MakeFrame(const DataSet & header, const Geometry & geometry, const DicomView & v
 }
 
 void
-SetPixels(DataSet & dataSet, std::vector<std::uint16_t> & pixels)
+SetPixels(DataSet & dataSet, std::vector<std::uint16_t> & pixels, bool areBytes)
 {
-  itk::ByteSwapper<std::uint16_t>::SwapRangeFromSystemToLittleEndian(pixels.data(), pixels.size());
-  gdcm::DataElement element(Tag(0x7fe0, 0x0010), 0, gdcm::VR::OW);
-  element.SetByteValue(reinterpret_cast<const char *>(pixels.data()),
-                       static_cast<std::uint32_t>(pixels.size() * sizeof(std::uint16_t)));
+  std::vector<char> bytes;
+  if (areBytes)
+  {
+    bytes.assign(pixels.begin(), pixels.end());
+    bytes.resize((bytes.size() + 1) / 2 * 2);
+  }
+  else
+  {
+    itk::ByteSwapper<std::uint16_t>::SwapRangeFromSystemToLittleEndian(pixels.data(), pixels.size());
+    const auto * const begin = reinterpret_cast<const char *>(pixels.data());
+    bytes.assign(begin, begin + pixels.size() * sizeof(std::uint16_t));
+  }
+  gdcm::DataElement element(Tag(0x7fe0, 0x0010), 0, areBytes ? gdcm::VR::OB : gdcm::VR::OW);
+  element.SetByteValue(bytes.data(), static_cast<std::uint32_t>(bytes.size()));
   dataSet.Replace(element);
 }
 
@@ -582,6 +598,22 @@ RequireFrames(const AnyImage & frames, const std::vector<DicomView> & views, con
   RequireText(options.description, 64);
   RequireText(options.program, 64);
   RequireText(options.version, 64);
+}
+
+/** Throws if a source, or frames of \a size, are impossible in a multi-frame Secondary Capture. */
+void
+RequireMultiFrame(const DataSet & source, const itk::Size<3> & size)
+{
+  if (GetText(source, { 0x0028, 0x0004 }) == "MONOCHROME1")
+  {
+    throw std::runtime_error("low values of the source are white (MONOCHROME1), which a multi-frame DICOM file cannot "
+                             "say; single frames can");
+  }
+  if (size[0] * size[1] > 0x7ffffffe / size[2])
+  {
+    throw std::runtime_error(std::to_string(size[2]) + " frames of " + std::to_string(size[0]) + " x " +
+                             std::to_string(size[1]) + " pixels are too large for one DICOM file");
+  }
 }
 
 Path
@@ -636,20 +668,59 @@ WriteDicomSeries(OutputFiles &                              files,
     using PixelType = typename decltype(tag)::Type;
     const PixelType * const begin = CastImage<PixelType>(frames).GetBufferPointer();
     const std::size_t       length = size[0] * size[1];
-    const Rescale           rescale = ChooseRescale(begin, begin + length * size[2]);
-    const DataSet           header = MakeHeader(frames, source, options, rescale);
+    Rescale                 rescale = ChooseRescale(begin, begin + length * size[2], !options.frameTime);
+    DataSet                 header = source.empty() ? DataSet() : ReadHeader(source.front(), { 0x0054, 0xffff });
+    std::string             sopClass = ChooseClass(header, rescale);
+    if (options.frameTime)
+    {
+      sopClass = frames.componentType == itk::IOComponentEnum::UCHAR ? multiFrameByteStorage : multiFrameWordStorage;
+      RequireMultiFrame(header, size);
+    }
+    else if (GetText(header, { 0x0008, 0x0016 }) == petImageStorage)
+    {
+      const DataSet     first = ReadFirstAcquired(source);
+      const std::string obstacle = FindPetObstacle(*frames.image, first, geometries, views, options);
+      if (obstacle.empty())
+      {
+        header = first;
+        sopClass = petImageStorage;
+        rescale = ChoosePetRescale(rescale);
+        // it must not vary (C.8.9.1.1.1), not even by a rounding error
+        for (Geometry & geometry : geometries)
+        {
+          geometry.columnSpacing = geometries.front().columnSpacing;
+          geometry.rowSpacing = geometries.front().rowSpacing;
+        }
+      }
+      else if (options.warn)
+      {
+        options.warn("'" + directory.string() + "' has Secondary Capture, not PET images: " + obstacle);
+      }
+    }
+    header = MakeHeader(frames, source, header, options, sopClass, rescale);
 
-    std::vector<std::uint16_t> pixels(length);
-    for (std::size_t frame = 0; frame < views.size(); ++frame)
+    const std::size_t          together = options.frameTime ? views.size() : 1;
+    std::vector<std::uint16_t> pixels(length * together);
+    for (std::size_t frame = 0; frame < views.size(); frame += together)
     {
       HeldSignals::RequireNone();
       const PixelType * const first = begin + frame * length;
-      std::transform(first, first + length, pixels.begin(), [&rescale](PixelType value) {
+      std::transform(first, first + pixels.size(), pixels.begin(), [&rescale](PixelType value) {
         return rescale.Apply(static_cast<double>(value));
       });
       DataSet dataSet = MakeFrame(header, geometries[frame], views[frame], frame);
-      SetPixels(dataSet, pixels);
-      const Path name = GetFrameName(frame, views.size());
+      for (std::size_t n = 1; n < together; ++n)
+      {
+        // that of all frames, or none
+        const DataSet other = MakeFrame(header, geometries[n], views[n], n);
+        if (GetText(other, { 0x0020, 0x0020 }) != GetText(dataSet, { 0x0020, 0x0020 }))
+        {
+          SetText(dataSet, { 0x0020, 0x0020 }, "");
+          break;
+        }
+      }
+      SetPixels(dataSet, pixels, sopClass == multiFrameByteStorage);
+      const Path name = options.frameTime ? Path("frames.dcm") : GetFrameName(frame, views.size());
       WriteFile(dataSet, temporary / name, directory / name);
     }
   });

@@ -22,6 +22,7 @@
 #include "itkTransform.h"
 
 #include <filesystem>
+#include <functional>
 #include <limits>
 #include <optional>
 #include <string>
@@ -47,6 +48,14 @@ struct DicomSeriesOptions
   /** In DerivationDescription: printable ASCII, at most 1024 characters. */
   std::string derivation{ "Maximum intensity projection" };
   bool        isMinimum{ false };
+  /** Why the pictures of a PET series are no reprojection by maximum, if there is a reason beside their geometry. */
+  std::string noReprojection;
+  /** Whether values are SUV by body weight, from Bq/ml. */
+  bool isSuv{ false };
+  /** If given, all frames are in one file, to be played at this time from one to the next, in ms. */
+  std::optional<double> frameTime;
+  /** Is told why the pictures of a PET series are Secondary Capture. */
+  std::function<void(const std::string &)> warn;
   /** SeriesDescription, printable ASCII, at most 64 characters. If empty, MIP (or MinIP) and the source's. */
   std::string description;
   /** If not given, the source's and 1000 more. */
@@ -76,20 +85,28 @@ ComputeDepthOfCentre(const itk::Transform<double, 3, 3> * transform, const itk::
  * - CT and MR Image Storage for such sources: in these, values, position and orientation are understood everywhere.
  *   What they want to know of the acquisition (C.8.2.1, C.8.3.1) the source has; an MR source without is none. An MR
  *   image may be a "PROJECTION IMAGE" (C.8.3.1.1.1). The standard's editor advises so: pydicom's issue 1186.
+ * - PET Image Storage for a turn of a PET source, as a reprojection (C.8.9.1), of maxima about one axis: see
+ *   FindReprojectionObstacle() and FindMissingPetAttribute(). Values keep their unit, so that SUV can be computed from the
+ *   attributes, which are those of the image that was acquired first. ImageType has PRIMARY (C.8.9.4.1.1).
  * - Secondary Capture Image Storage for all others, enhanced images among them. It is for computed pictures of any
  *   modality (A.8), may have an Image Plane, which ties it to a frame of reference (Table A.8-1 since CP 2330; older
  *   readers, as GDCM 3.0, ignore that), and any pixels.
  * - not Enhanced CT or MR, though they know MAX_IP (C.8.16.2.1.3): not every archive takes them.
- * - not a multi-frame Secondary Capture: few viewers look for planes in its functional groups (A.8.4.5).
+ * - Multi-frame Grayscale Byte or Word Secondary Capture (A.8.3, A.8.4) if a frame time is asked for, for archives that
+ *   play it: with the Cine module, but without planes, for few viewers look for them in its functional groups (A.8.4.5).
  *
  * ImageType is DERIVED, SECONDARY (C.7.6.1.1.2), PROJECTION IMAGE (of MR; for CT, C.8.2.1.1.1 has terms for
  * cross-sections and localizers alone, but no closed list) and MAX_IP or MIN_IP.
  *
  * Pixels have 16 bits. Whole numbers are exact if the lowest and the highest are at most 65535 apart; all others are
  * rounded to 65536 levels from the lowest to the highest, one RescaleSlope and RescaleIntercept for all frames. As an
- * MR image has none (A.4.3), MR becomes Secondary Capture where one is needed.
+ * MR image has none (A.4.3), MR becomes Secondary Capture where one is needed. PET has no intercept (C.8.9.4): its
+ * values are rounded to multiples of one slope, signed ones if a value is negative, which holds whole numbers that fit.
  *
- * Low values are displayed white (MONOCHROME1) if those of the first source are, and values stay as they are.
+ * Low values are displayed white (MONOCHROME1) if those of the first source are, and values stay as they are. PET is
+ * always MONOCHROME2 (C.8.9.4.1.2).
+ *
+ * Patient Orientation has the letters of ComputeEdgeLetters().
  *
  * Throws std::runtime_error, and leaves nothing, if \a directory is not as above or not writable, if a source is not
  * DICOM, if a picture is too large, if a pixel is not finite, if the plane of a view is sheared, or if a text does not

@@ -415,6 +415,7 @@ DefineOptions(CLI::App & app, Options & options)
                 "nothing is")
     ->type_name("FILE")
     ->group("Projection");
+  const auto dicomOut =
   app
     .add_option("--dicom-out",
                 options.dicomOut,
@@ -422,6 +423,18 @@ DefineOptions(CLI::App & app, Options & options)
                 "patient, study and frame of reference are those of INPUT if that is DICOM")
     ->type_name("DIR")
     ->group("Turning series");
+
+  app
+    .add_flag("--multi-frame",
+              options.isMultiFrame,
+              "The DICOM series is one multi-frame file of Secondary Capture, which archives play at --rate")
+    ->needs(dicomOut)
+    ->group("Turning series");
+  app
+    .add_flag("--suv",
+              options.isSuv,
+              "Values of a DICOM PET series are SUV by body weight (float), in all options and outputs")
+    ->group("Picture");
 
   app
     .add_flag("--in-place",

@@ -66,6 +66,8 @@ struct Options
   std::string                 depth;
   std::string                 depthColour;
   std::string                 dicomOut;
+  bool                        isMultiFrame{ false };
+  bool                        isSuv{ false };
   bool                        isInPlace{ false };
   bool                        isUnlabelled{ false };
   bool                        isAnnotated{ false };

@@ -28,6 +28,7 @@
 #include "Output.h"
 #include "Phantom.h"
 #include "Picture.h"
+#include "Suv.h"
 #include "Text.h"
 #include "TransformFile.h"
 
@@ -142,6 +143,20 @@ MakeDicomViews(const ProjectionOptions & projection, const itk::ImageBase<3> * g
   return views;
 }
 
+/** Why pictures of PET are no reprojection by maximum, empty if they may be one. */
+std::string
+FindNoReprojection(const Options & options)
+{
+  const bool isSlabOff = !options.slab.empty() && !(options.slab[0] <= 0.0 && options.slab[1] >= 0.0);
+  return options.frames == 0         ? "they are no turn, see --frames"
+         : options.rocking           ? "--rocking turns to and fro"
+         : options.mode != "maximum" ? "--mode is not maximum"
+         : options.localMaximum      ? "--local-maximum shows other values"
+         : options.attenuation > 0.0 ? "--attenuation changes values"
+         : isSlabOff                 ? "the slab is beside the axis"
+                                     : "";
+}
+
 CinePageOptions
 MakePageOptions(const Options &                   options,
                 const ProjectionOptions &         projection,
@@ -223,8 +238,12 @@ Run(const Options & options, Messages & messages)
 
   messages.StepBegins("reading " + options.input);
   const auto   warn = [&](const std::string & text) { messages.Warn(text); };
-  const Volume volume = ReadVolume(options.input, options.series, warn);
+  Volume volume = ReadVolume(options.input, options.series, warn);
   files.Protect(volume.dicomFiles);
+  if (options.isSuv)
+  {
+    ConvertToSuv(volume);
+  }
   const AnyImage &  first = volume.times.front();
   const std::string times = volume.times.size() > 1 ? std::to_string(volume.times.size()) + " x " : "";
   messages.StepDone("read " + options.input + ", " + times + Describe(first));
@@ -333,6 +352,14 @@ Run(const Options & options, Messages & messages)
     dicom.derivation = projection.mode == ModeEnum::Maximum   ? "Maximum intensity projection"
                        : projection.mode == ModeEnum::Minimum ? "Minimum intensity projection"
                                                               : "Maximum intensity projection of absolute values";
+    dicom.noReprojection = FindNoReprojection(options);
+    dicom.warn = warn;
+    dicom.isSuv = options.isSuv;
+    dicom.derivation += options.isSuv ? " of SUV by body weight" : "";
+    if (options.isMultiFrame)
+    {
+      dicom.frameTime = 1000.0 / rate;
+    }
     dicom.version = ShearWarpMIP_VERSION;
     if (window)
     {

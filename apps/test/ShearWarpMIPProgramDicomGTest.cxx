@@ -15,6 +15,7 @@
  *  limitations under the License.
  *
  *=========================================================================*/
+#include "DicomPet.h"
 #include "DicomSeries.h"
 #include "Output.h"
 
@@ -663,5 +664,59 @@ TEST_F(ShearWarpMIPProgramDicom, RefusesWhatIsNotPossible)
   this->ExpectError(frames, views, {}, m_Series, "at most 64", options);
   options.description = "a\\b";
   this->ExpectError(frames, views, {}, m_Series, "no backslash", options);
+}
+
+/** Turned about z by \a angles, seen from above by \a elevation, all in degrees; middles are \a offset away from the
+ * axis. */
+std::vector<PicturePlane>
+MakePlanes(const std::vector<double> & angles, double elevation = 0.0, double offset = 0.0)
+{
+  std::vector<PicturePlane> planes;
+  for (const double angle : angles)
+  {
+    constexpr double degree = itk::Math::pi / 180.0;
+    const double     cosine = std::cos(angle * degree);
+    const double     sine = std::sin(angle * degree);
+    const double     up = std::sin(elevation * degree);
+    PicturePlane     plane;
+    plane.right[0] = cosine;
+    plane.right[1] = sine;
+    plane.right[2] = 0.0;
+    plane.down[0] = -sine * up;
+    plane.down[1] = cosine * up;
+    plane.down[2] = -std::cos(elevation * degree);
+    plane.center.Fill(40.0);
+    plane.center += offset * plane.right + 7.0 * itk::CrossProduct(plane.right, plane.down);
+    plane.angle = angle;
+    planes.push_back(plane);
+  }
+  return planes;
+}
+
+TEST(ShearWarpMIPProgramPet, FindsWhatIsNoReprojection)
+{
+  for (const auto & angles : std::vector<std::vector<double>>{
+         { 0 }, { 0, 180 }, { 0, 90, 180, 270 }, { 10, -20, -300 }, { 0, 1e-3 }, { 5, 95, 185 } })
+  {
+    EXPECT_EQ(FindReprojectionObstacle(MakePlanes(angles), 1e-6), "") << angles.size();
+  }
+  const auto find = [](const std::vector<PicturePlane> & planes) { return FindReprojectionObstacle(planes, 0.1); };
+  const std::string twice = "the views do not turn one way, once at most";
+  EXPECT_EQ(find(MakePlanes({ 0, 0 })), twice);
+  EXPECT_EQ(find(MakePlanes({ 0, 180, 360 })), twice);
+  EXPECT_EQ(find(MakePlanes({ 0, 20, 10 })), twice);
+  EXPECT_EQ(find(MakePlanes({ 0, std::nan("") })), "the views are no turn");
+  EXPECT_EQ(find(MakePlanes({ 0, 120, 240 }, 1.0)), "the views are not at right angles to the axis");
+  EXPECT_EQ(find(MakePlanes({ 0, 120, 240 }, 0.0, 0.2)), "the pictures' middles are not on the axis");
+  EXPECT_EQ(find(MakePlanes({ 0, 120, 240 }, 0.0, 0.03)), "");
+  // two opposite views of one line; a third is beside it
+  EXPECT_EQ(find(MakePlanes({ 0, 180 }, 0.0, 0.04)), "");
+  auto planes = MakePlanes({ 0, 90, 180 });
+  planes[1].center[2] += 1.0;
+  EXPECT_EQ(find(planes), "the pictures' middles are not on the axis");
+  planes = MakePlanes({ 0, 90, 180 });
+  std::swap(planes[1].right, planes[1].down);
+  planes[1].right *= -1.0;
+  EXPECT_EQ(find(planes), "the views do not turn about one axis");
 }
 } // namespace

@@ -266,6 +266,7 @@ def _format(numbers: Iterable[float]) -> list[str]:
 
 
 def _name_direction(direction: NDArray[np.float64]) -> str:
-    """The letters of the sides that it points to, the nearest first (PS3.3 C.7.6.1.1.1)."""
-    nearest = np.argsort(-abs(direction), kind="stable")
-    return "".join(("RL", "AP", "FH")[n][int(direction[n] > 0.0)] for n in nearest if abs(direction[n]) > 0.01)
+    """One or two letters, as of ComputeEdgeLetters() in apps/Orientation.h."""
+    first, second = np.argsort(-abs(direction), kind="stable")[:2]
+    axes = [first, second] if abs(direction[second]) >= np.sin(np.pi / 8) else [first]
+    return "".join(("RL", "AP", "FH")[axis][int(direction[axis] > 0.0)] for axis in axes)

@@ -1,0 +1,141 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#include "DicomAttribute.h"
+
+#include <gdcmDict.h>
+#include <gdcmDicts.h>
+#include <gdcmGlobal.h>
+#include <gdcmReader.h>
+#include <gdcmSequenceOfItems.h>
+
+#include <cstdio>
+#include <sstream>
+#include <stdexcept>
+
+using gdcm::DataSet;
+using gdcm::Tag;
+
+namespace
+{
+gdcm::VR
+GetVR(const Tag & tag)
+{
+  return tag.IsPublic() ? gdcm::Global::GetInstance().GetDicts().GetDictEntry(tag).GetVR() : gdcm::VR();
+}
+
+/** It is made if it is not there. */
+gdcm::SmartPointer<gdcm::SequenceOfItems>
+GetSequence(DataSet & dataSet, const Tag & tag)
+{
+  if (dataSet.FindDataElement(tag))
+  {
+    return dataSet.GetDataElement(tag).GetValueAsSQ();
+  }
+  const gdcm::SmartPointer<gdcm::SequenceOfItems> sequence = new gdcm::SequenceOfItems;
+  sequence->SetLengthToUndefined();
+  gdcm::DataElement element(tag, 0, gdcm::VR::SQ);
+  element.SetValue(*sequence);
+  element.SetVLToUndefined();
+  dataSet.Insert(element);
+  return sequence;
+}
+} // namespace
+
+std::string
+Describe(const Tag & tag)
+{
+  std::ostringstream text;
+  if (tag.IsPublic())
+  {
+    text << gdcm::Global::GetInstance().GetDicts().GetDictEntry(tag).GetName() << ' ';
+  }
+  text << tag;
+  return text.str();
+}
+
+DataSet
+ReadHeader(const std::filesystem::path & path, const Tag & last)
+{
+  gdcm::Reader reader;
+  reader.SetFileName(path.string().c_str());
+  if (!reader.ReadUpToTag(last) || GetText(reader.GetFile().GetDataSet(), { 0x0008, 0x0018 }).empty())
+  {
+    throw std::runtime_error("'" + path.string() + "' is not a DICOM file");
+  }
+  return reader.GetFile().GetDataSet();
+}
+
+void
+SetText(DataSet & dataSet, const Tag & tag, std::string text)
+{
+  const gdcm::VR    vr = GetVR(tag);
+  gdcm::DataElement element(tag, 0, vr);
+  if (text.size() % 2 == 1)
+  {
+    text += vr == gdcm::VR::UI ? '\0' : ' ';
+  }
+  element.SetByteValue(text.data(), static_cast<std::uint32_t>(text.size()));
+  dataSet.Replace(element);
+}
+
+void
+CopyAttribute(const DataSet & from, DataSet & to, const Tag & tag)
+{
+  if (GetVR(tag) & gdcm::VR::VRASCII)
+  {
+    SetText(to, tag, GetText(from, tag));
+  }
+  else if (GetVR(tag) == gdcm::VR::SQ)
+  {
+    GetSequence(to, tag);
+    const auto sequence = from.GetDataElement(tag).GetValueAsSQ();
+    for (std::size_t item = 1; sequence && item <= sequence->GetNumberOfItems(); ++item)
+    {
+      const DataSet & nested = sequence->GetItem(item).GetNestedDataSet();
+      DataSet         copy;
+      for (const gdcm::DataElement & element : nested.GetDES())
+      {
+        CopyAttribute(nested, copy, element.GetTag());
+      }
+      AddItem(to, tag, copy);
+    }
+  }
+}
+
+void
+AddItem(DataSet & dataSet, const Tag & tag, const DataSet & nested)
+{
+  gdcm::Item item;
+  item.SetVLToUndefined();
+  item.SetNestedDataSet(nested);
+  GetSequence(dataSet, tag)->AddItem(item);
+}
+
+std::string
+FormatDecimal(double number)
+{
+  char text[32];
+  for (int digits = 15; digits > 0; --digits)
+  {
+    if (std::snprintf(text, sizeof(text), "%.*g", digits, number + 0.0) <= 16)
+    {
+      break;
+    }
+  }
+  return text;
+}

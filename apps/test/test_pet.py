@@ -1,0 +1,395 @@
+# Copyright NumFOCUS
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#         https://www.apache.org/licenses/LICENSE-2.0.txt
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""PET series that the program SHEAR_WARP_MIP reads and writes, read by pydicom and dciodvfy (of Debian's dicom3tools)."""
+
+import os
+import shutil
+import subprocess
+from datetime import datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import pydicom
+import pytest
+from pydicom.dataset import Dataset, FileMetaDataset
+from pydicom.uid import ExplicitVRLittleEndian, ImplicitVRLittleEndian, generate_uid
+
+PROGRAM = os.environ["SHEAR_WARP_MIP"]
+PET = "1.2.840.10008.5.1.4.1.1.128"
+SECONDARY_CAPTURE = "1.2.840.10008.5.1.4.1.1.7"
+SIZE, SLICES = (20, 16), 12
+SPACING = np.array([4.0, 4.0, 5.0])
+ORIGIN = np.array([-30.0, -50.0, 100.0])
+HOT = np.array([13, 4, 9])
+SCAN = datetime(2024, 1, 2, 10, 30)
+COPIED = """PatientName PatientID PatientWeight StudyInstanceUID FrameOfReferenceUID SeriesDate SeriesTime Units CountsSource
+    CorrectedImage DecayCorrection AttenuationCorrectionMethod CollimatorType RadiopharmaceuticalInformationSequence
+    PatientOrientationCodeSequence PatientGantryRelationshipCodeSequence AcquisitionDate AcquisitionTime
+    FrameReferenceTime DecayFactor ActualFrameDuration""".split()
+
+
+def make_volume():
+    """In Bq/ml, by slice, row, column: uptake everywhere, and one hot voxel."""
+    volume = 900.0 + 37.25 * np.arange(SLICES)[:, None, None] + np.arange(SIZE[0]) % 3 * np.ones((SIZE[1], 1))
+    volume[tuple(HOT[::-1])] = 64321.5
+    return volume
+
+
+def make_code(value, scheme, meaning):
+    code = Dataset()
+    code.CodeValue, code.CodingSchemeDesignator, code.CodeMeaning = value, scheme, meaning
+    return code
+
+
+def write_pet(folder, volume=None, change=lambda dataset, n: None, implicit=False):
+    """A whole-body series of one slope for each slice, as some scanners write; later slices are acquired earlier."""
+    volume = make_volume() if volume is None else volume
+    folder.mkdir()
+    study, series, frame_of_reference = (generate_uid() for _ in range(3))
+    for n, values in enumerate(volume):
+        dataset = Dataset()
+        dataset.SOPClassUID, dataset.SOPInstanceUID = PET, generate_uid()
+        dataset.StudyInstanceUID, dataset.SeriesInstanceUID = study, series
+        dataset.FrameOfReferenceUID, dataset.PositionReferenceIndicator = frame_of_reference, ""
+        dataset.PatientName, dataset.PatientID = "Phantom^Pet", "P1"
+        dataset.PatientBirthDate, dataset.PatientSex, dataset.PatientWeight = "19600101", "F", "70"
+        dataset.StudyDate, dataset.StudyTime, dataset.StudyID = "20240102", "100000", "1"
+        dataset.AccessionNumber, dataset.ReferringPhysicianName = "A1", ""
+        dataset.Modality, dataset.SeriesNumber, dataset.Manufacturer, dataset.Laterality = "PT", 3, "Maker", ""
+        dataset.ImageType = ["ORIGINAL", "PRIMARY"]
+        dataset.SeriesDate, dataset.SeriesTime = f"{SCAN:%Y%m%d}", f"{SCAN:%H%M%S}"
+        bed = 2 - n // 4
+        acquired = SCAN + timedelta(minutes=3 * bed)
+        dataset.AcquisitionDate, dataset.AcquisitionTime = f"{acquired:%Y%m%d}", f"{acquired:%H%M%S}"
+        dataset.ContentDate, dataset.ContentTime = dataset.SeriesDate, dataset.SeriesTime
+        dataset.InstanceNumber, dataset.ImageIndex, dataset.NumberOfSlices = n + 1, n + 1, SLICES
+        dataset.SeriesType, dataset.Units, dataset.CountsSource = ["WHOLE BODY", "IMAGE"], "BQML", "EMISSION"
+        dataset.CorrectedImage, dataset.DecayCorrection = ["DECY", "ATTN", "SCAT"], "START"
+        dataset.AttenuationCorrectionMethod, dataset.CollimatorType = "CT", "NONE"
+        dataset.FrameReferenceTime, dataset.ActualFrameDuration = 180000 * bed + 90000, 180000
+        dataset.DecayFactor = "1.009"
+        drug = Dataset()
+        drug.Radiopharmaceutical, drug.RadionuclideTotalDose = "FDG", "370000000"
+        drug.RadionuclideHalfLife, drug.RadionuclidePositronFraction = "6586.2", "0.967"
+        drug.RadiopharmaceuticalStartTime = "093000.00"
+        drug.RadionuclideCodeSequence = [make_code("77004003", "SCT", "^18^Fluorine")]
+        dataset.RadiopharmaceuticalInformationSequence = [drug]
+        dataset.PatientOrientationCodeSequence = [make_code("102538003", "SCT", "recumbent")]
+        dataset.PatientOrientationCodeSequence[0].PatientOrientationModifierCodeSequence = [
+            make_code("40199007", "SCT", "supine")
+        ]
+        dataset.PatientGantryRelationshipCodeSequence = [make_code("102540008", "SCT", "headfirst")]
+        dataset.ImagePositionPatient = [*ORIGIN[:2], ORIGIN[2] + n * SPACING[2]]
+        dataset.ImageOrientationPatient, dataset.PixelSpacing = [1, 0, 0, 0, 1, 0], list(SPACING[1::-1])
+        dataset.SliceThickness = SPACING[2]
+        slope = float(f"{np.abs(values).max() / 32767:.9g}")
+        dataset.RescaleIntercept, dataset.RescaleSlope = 0, slope
+        dataset.SamplesPerPixel, dataset.PhotometricInterpretation = 1, "MONOCHROME2"
+        dataset.Rows, dataset.Columns = values.shape
+        dataset.BitsAllocated = dataset.BitsStored = 16
+        dataset.HighBit, dataset.PixelRepresentation = 15, 1
+        dataset.PixelData = np.rint(values / slope).astype("<i2").tobytes()
+        change(dataset, n)
+        dataset.file_meta = FileMetaDataset()
+        dataset.file_meta.TransferSyntaxUID = ImplicitVRLittleEndian if implicit else ExplicitVRLittleEndian
+        dataset.is_little_endian, dataset.is_implicit_VR = True, implicit
+        dataset.save_as(folder / f"slice-{n:02}.dcm", write_like_original=False)
+    return folder
+
+
+def run(*arguments):
+    """What the program says."""
+    return subprocess.run([PROGRAM, *map(str, arguments)], capture_output=True, check=True).stderr.decode()
+
+
+def fail(*arguments):
+    result = subprocess.run([PROGRAM, *map(str, arguments)], capture_output=True, check=False)
+    message = result.stderr.decode()
+    assert result.returncode == 1 and message.count("\n") == 1, message
+    return message
+
+
+def read_values(path):
+    """Of an uncompressed .mha."""
+    header, data = path.read_bytes().split(b"ElementDataFile = LOCAL\n", 1)
+    fields = dict(line.split(" = ") for line in header.decode().splitlines())
+    kind = {"MET_FLOAT": "<f4", "MET_DOUBLE": "<f8", "MET_SHORT": "<i2", "MET_USHORT": "<u2"}[fields["ElementType"]]
+    return np.frombuffer(data, kind).reshape([int(n) for n in fields["DimSize"].split()][::-1])
+
+
+def read_dicom(folder):
+    files = sorted(Path(folder).iterdir())
+    if shutil.which("dciodvfy"):
+        for file in files:
+            result = subprocess.run(["dciodvfy", file], capture_output=True, check=False)
+            lines = (result.stdout + result.stderr).decode("ascii", "replace").splitlines()
+            assert result.returncode == 0 and not [line for line in lines if "Error" in line], lines
+    return [pydicom.dcmread(file) for file in files]
+
+
+def test_source_is_valid(tmp_path):
+    read_dicom(write_pet(tmp_path / "pet"))
+
+
+@pytest.mark.parametrize("turn", [[], ["--range", "-180"], ["--axis", "left", "--view", "superior"]])
+@pytest.mark.parametrize("kind", ["positive", "negative", "implicit"])
+def test_reprojection(tmp_path, kind, turn):
+    volume = make_volume() - (2e6 if kind == "negative" else 0.0)
+    pet = write_pet(tmp_path / "pet", volume, implicit=kind == "implicit")
+    assert run(pet, tmp_path / "mip.mha", "--frames", 8, "--dicom-out", tmp_path / "turn", *turn) == ""
+    values = read_values(tmp_path / "mip.mha")
+    series = read_dicom(tmp_path / "turn")
+    source = pydicom.dcmread(pet / f"slice-{SLICES - 1}.dcm")
+    hot = ORIGIN + HOT * SPACING
+    slope = float(series[0].RescaleSlope)
+    assert len(series) == len(values) == 8
+    assert slope == pytest.approx(np.abs(values).max() / (32768 if kind == "negative" else 65535), rel=1e-5)
+    normals = []
+    for n, (dataset, expected) in enumerate(zip(series, values)):
+        assert dataset.SOPClassUID == PET and dataset.Modality == "PT"
+        assert list(dataset.SeriesType) == ["WHOLE BODY", "REPROJECTION"]
+        assert dataset.ReprojectionMethod == "MAX PIXEL"
+        assert list(dataset.ImageType) == ["DERIVED", "PRIMARY", "PROJECTION IMAGE", "MAX_IP"]
+        assert (dataset.NumberOfSlices, dataset.ImageIndex, dataset.InstanceNumber) == (8, n + 1, n + 1)
+        assert (dataset.RescaleIntercept, dataset.RescaleSlope, dataset.BitsStored) == (0, series[0].RescaleSlope, 16)
+        assert dataset.PixelSpacing == series[0].PixelSpacing
+        for name in COPIED:
+            assert dataset[name].value == source[name].value, name
+        np.testing.assert_allclose(dataset.pixel_array * slope, expected, atol=0.5001 * slope, rtol=1e-7)
+        right, down = np.array(dataset.ImageOrientationPatient, float).reshape(2, 3)
+        row, column = np.unravel_index(np.argmax(dataset.pixel_array), dataset.pixel_array.shape)
+        corner, spacing = np.array(dataset.ImagePositionPatient, float), np.array(dataset.PixelSpacing, float)
+        pixel = corner + column * spacing[1] * right + row * spacing[0] * down
+        normals.append(np.cross(right, down))
+        # the hot voxel is where its pixel is seen
+        assert np.linalg.norm(np.cross(hot - pixel, normals[-1])) < 0.8 * max(spacing)
+        # normals through the middles meet at the image's centre
+        middle = corner + 0.5 * ((dataset.Columns - 1) * spacing[1] * right + (dataset.Rows - 1) * spacing[0] * down)
+        centre = ORIGIN + 0.5 * (np.array([*SIZE, SLICES]) - 1) * SPACING
+        assert np.linalg.norm(np.cross(centre - middle, normals[-1])) < 1e-6
+        if not turn:
+            assert set(dataset.PatientOrientation[0]) == set(("L", "LP", "P", "PR", "R", "RA", "A", "AL")[n])
+            assert dataset.PatientOrientation[1] == "F"
+    assert np.linalg.matrix_rank(normals, tol=1e-6) == 2
+
+
+@pytest.mark.parametrize(
+    "options, reason",
+    [
+        ([], "no turn"),
+        (["--sliding-slab", "20,10"], "no turn"),
+        (["--frames", 6, "--mode", "minimum"], "minima"),
+        (["--frames", 6, "--mode", "absolute-maximum"], "--mode"),
+        (["--frames", 6, "--rocking", 60], "--rocking"),
+        (["--frames", 6, "--attenuation", 0.01], "--attenuation"),
+        (["--frames", 6, "--local-maximum", 1000], "--local-maximum"),
+        (["--frames", 6, "--slab", "10,20"], "slab"),
+        (["--frames", 6, "--elevation", 20], "right angles"),
+        (["--frames", 3, "--range", 90, "--centre", "20,30,100"], "middles"),
+        (["--frames", 6, "--range", 720], "one way, once at most"),
+        (["--frames", 6, "--range", 0], "one way, once at most"),
+    ],
+)
+def test_no_reprojection(tmp_path, options, reason):
+    said = run(write_pet(tmp_path / "pet"), tmp_path / "mip.mha", "--dicom-out", tmp_path / "turn", *options)
+    assert reason in said and said.count("\n") == 1, said
+    for dataset in read_dicom(tmp_path / "turn"):
+        assert dataset.SOPClassUID == SECONDARY_CAPTURE and "SeriesType" not in dataset
+
+
+@pytest.mark.parametrize("name", ["Units", "CountsSource", "DecayCorrection", "FrameReferenceTime", "DecayFactor"])
+def test_incomplete_source(tmp_path, name):
+    pet = write_pet(tmp_path / "pet", change=lambda dataset, n: delattr(dataset, name))
+    said = run(pet, tmp_path / "mip.mha", "--frames", 4, "--dicom-out", tmp_path / "turn")
+    tag = pydicom.tag.Tag(name)
+    assert f"({tag.group:04x},{tag.elem:04x})" in said
+    assert {dataset.SOPClassUID for dataset in read_dicom(tmp_path / "turn")} == {SECONDARY_CAPTURE}
+
+
+# ---- SUV
+
+def set_drug(**values):
+    def change(dataset, n):
+        for name, value in values.items():
+            setattr(dataset.RadiopharmaceuticalInformationSequence[0], name, value)
+
+    return change
+
+
+def set_image(**values):
+    def change(dataset, n):
+        for name, value in values.items():
+            setattr(dataset, name, value)
+
+    return change
+
+
+def join(*changes):
+    return lambda dataset, n: [change(dataset, n) for change in changes]
+
+
+def remove(name, in_drug=False):
+    return lambda dataset, n: delattr(dataset.RadiopharmaceuticalInformationSequence[0] if in_drug else dataset, name)
+
+
+def set_ge_scan_time(dataset, n):
+    dataset.private_block(0x0009, "GEMS_PETD_01", create=True).add_new(0x0D, "DT", "20240102102800.00")
+
+
+def find_factor(tmp_path, change):
+    """What SUV has been multiplied by, the same in all pixels."""
+    pet = write_pet(tmp_path / "pet", change=change)
+    for options, name in (([], "plain"), (["--suv"], "suv")):
+        assert run(pet, tmp_path / f"{name}.mha", *options) == ""
+    plain, suv = (read_values(tmp_path / f"{name}.mha") for name in ("plain", "suv"))
+    assert suv.dtype == np.float32
+    ratios = suv.astype(float) / plain
+    np.testing.assert_allclose(ratios, np.median(ratios), rtol=3e-7)
+    return np.median(ratios)
+
+
+HALF_LIFE, DOSE, GRAMS = 6586.2, 370e6, 70e3
+MARCH = set_image(SeriesDate="20240301", AcquisitionDate="20240301")
+ONE_HOUR_EAST = set_image(TimezoneOffsetFromUTC="+0100")
+PROCESSED = set_image(SeriesTime="120000")
+
+
+@pytest.mark.parametrize(
+    "change, seconds",
+    [
+        (lambda dataset, n: None, 3600),
+        (set_drug(RadiopharmaceuticalStartTime="1029"), 60),
+        (set_drug(RadiopharmaceuticalStartTime="103000"), 0),
+        # over midnight
+        (set_drug(RadiopharmaceuticalStartTime="233000"), 11 * 3600),
+        (set_drug(RadiopharmaceuticalStartDateTime="20240102101500.5"), 899.5),
+        (set_drug(RadiopharmaceuticalStartDateTime="20231231103000"), 2 * 86400),
+        (join(ONE_HOUR_EAST, set_drug(RadiopharmaceuticalStartDateTime="20240102083000+0000")), 3600),
+        (set_drug(RadiopharmaceuticalStartDateTime="20240102093000+0900"), 3600),
+        (join(MARCH, set_drug(RadiopharmaceuticalStartDateTime="20240229103000")), 86400),
+        (set_image(DecayCorrection="ADMIN"), None),
+        (join(PROCESSED, set_ge_scan_time), 3480),
+    ],
+)
+def test_suv(tmp_path, change, seconds):
+    decayed = DOSE * (1.0 if seconds is None else 0.5 ** (seconds / HALF_LIFE))
+    assert find_factor(tmp_path, change) == pytest.approx(GRAMS / decayed, rel=1e-6)
+
+
+def test_suv_of_a_processed_series(tmp_path):
+    """The activity has its mean at Frame Reference Time, so the scan began that much earlier."""
+    times = np.linspace(0.0, 180.0, 200001)
+    activity = 0.5 ** (times / HALF_LIFE)
+    mean = np.trapezoid(activity, times) / 180.0 if hasattr(np, "trapezoid") else np.trapz(activity, times) / 180.0
+    begin = 3600.0 - 90.0 - HALF_LIFE * np.log2(mean)
+    assert find_factor(tmp_path, PROCESSED) == pytest.approx(GRAMS / (DOSE * 0.5 ** (begin / HALF_LIFE)), rel=1e-6)
+
+
+def test_suv_of_suv(tmp_path):
+    assert find_factor(tmp_path, set_image(Units="GML")) == pytest.approx(1.0, rel=3e-7)
+
+
+@pytest.mark.parametrize(
+    "change, mention",
+    [
+        (remove("PatientWeight"), "Patient's Weight (0010,1030) is missing"),
+        (set_image(PatientWeight="0"), "Patient's Weight (0010,1030) is '0'"),
+        (remove("RadionuclideTotalDose", True), "Radionuclide Total Dose (0018,1074) is missing"),
+        (set_drug(RadionuclideTotalDose="-1"), "(0018,1074) is '-1'"),
+        (remove("RadionuclideHalfLife", True), "Radionuclide Half Life (0018,1075)"),
+        (remove("RadiopharmaceuticalStartTime", True), "Radiopharmaceutical Start Time (0018,1072)"),
+        (set_drug(RadiopharmaceuticalStartTime="250000"), "(0018,1072)"),
+        (set_drug(RadiopharmaceuticalStartDateTime="20240102113000"), "(0018,1078) is of no use"),
+        (remove("RadiopharmaceuticalInformationSequence"), "(0054,0016) is missing"),
+        (remove("SeriesTime"), "Series Time (0008,0031)"),
+        (remove("AcquisitionDate"), "Acquisition Date (0008,0022)"),
+        (remove("DecayCorrection"), "Decay Correction (0054,1102) is missing"),
+        (set_image(DecayCorrection="NONE"), "Decay Correction (0054,1102) is NONE"),
+        (set_image(CorrectedImage=["DECY"]), "Corrected Image (0028,0051)"),
+        (set_image(Units="CNTS"), "Units (0054,1001) is CNTS"),
+        (join(set_image(Units="GML"), set_image(SUVType="LBM")), "(0054,1006) is LBM"),
+        (join(PROCESSED, remove("FrameReferenceTime")), "Frame Reference Time (0054,1300)"),
+        (set_image(SOPClassUID=SECONDARY_CAPTURE), "PET Image Storage"),
+    ],
+)
+def test_no_suv(tmp_path, change, mention):
+    pet = write_pet(tmp_path / "pet", change=change)
+    assert mention in fail(pet, tmp_path / "mip.mha", "--suv")
+    assert not (tmp_path / "mip.mha").exists()
+
+
+def test_suv_needs_dicom(tmp_path):
+    run("--write-phantom", tmp_path / "head.nrrd")
+    assert "PET Image Storage" in fail(tmp_path / "head.nrrd", tmp_path / "mip.mha", "--suv")
+
+
+def test_dicom_of_suv(tmp_path):
+    pet = write_pet(tmp_path / "pet", change=set_image(WindowCenter="5000", WindowWidth="10000"))
+    run(pet, tmp_path / "mip.mha", "--frames", 4, "--suv", "--dicom-out", tmp_path / "turn")
+    for dataset, expected in zip(read_dicom(tmp_path / "turn"), read_values(tmp_path / "mip.mha")):
+        assert (dataset.SOPClassUID, dataset.Units, dataset.SUVType) == (PET, "GML", "BW")
+        slope = float(dataset.RescaleSlope)
+        np.testing.assert_allclose(dataset.pixel_array * slope, expected, atol=0.5001 * slope)
+        assert float(dataset.WindowWidth) < 100.0
+    # as it is, it is SUV
+    said = run(pet, tmp_path / "still.mha", "--suv", "--dicom-out", tmp_path / "still")
+    assert "Secondary Capture" in said
+    (still,) = read_dicom(tmp_path / "still")
+    assert still.DerivationDescription == "Maximum intensity projection of SUV by body weight"
+    assert still.RescaleType == "US"
+
+
+# ---- multi-frame
+
+@pytest.mark.parametrize("kind, sop_class", [("u1", "2"), ("i2", "3"), ("u2", "3"), ("f4", "3")])
+def test_multi_frame(tmp_path, kind, sop_class):
+    volume = np.arange(5 * 6 * 7).reshape(5, 6, 7).astype(kind) * np.array(1 if kind == "u1" else 3).astype(kind)
+    volume = volume - np.array(300).astype(kind) if kind == "i2" else volume / 7 if kind == "f4" else volume
+    names = {"u1": "uchar", "i2": "short", "u2": "ushort", "f4": "float"}
+    header = f"NRRD0004\ntype: {names[kind]}\ndimension: 3\nsizes: 7 6 5\nencoding: raw\nendian: little\n\n"
+    (tmp_path / "in.nrrd").write_bytes(header.encode() + volume.astype(f"<{kind}").tobytes())
+    options = ["--frames", 4, "--rate", 8, "--dicom-out", tmp_path / "turn", "--multi-frame"]
+    assert run(tmp_path / "in.nrrd", tmp_path / "mip.nrrd", *options) == ""
+    data = (tmp_path / "mip.nrrd").read_bytes().split(b"\n\n", 1)
+    assert b"encoding: raw" in data[0]
+    (dataset,) = read_dicom(tmp_path / "turn")
+    expected = np.frombuffer(data[1], f"<{kind}").reshape(4, dataset.Rows, dataset.Columns)
+    slope, intercept = float(dataset.RescaleSlope), float(dataset.RescaleIntercept)
+    values = dataset.pixel_array * slope + intercept
+    np.testing.assert_allclose(values, expected, atol=0.5001 * slope if kind == "f4" else 0.0)
+    assert dataset.SOPClassUID == f"{SECONDARY_CAPTURE}.{sop_class}"
+    assert dataset.NumberOfFrames == 4 and dataset.FrameIncrementPointer == 0x00181063
+    assert (dataset.FrameTime, dataset.CineRate, dataset.RecommendedDisplayFrameRate) == (125, 8, 8)
+    # rows go to other sides as it turns
+    assert not dataset.PatientOrientation and "ImageOrientationPatient" not in dataset
+
+
+def test_multi_frame_of_slabs_and_ct(tmp_path):
+    def make_ct(dataset, n):
+        dataset.SOPClassUID, dataset.Modality = "1.2.840.10008.5.1.4.1.1.2", "CT"
+        dataset.KVP, dataset.AcquisitionNumber = "120", ""
+
+    ct = write_pet(tmp_path / "ct", make_volume() - 1000.0, change=make_ct)
+    run(ct, tmp_path / "slabs.mha", "--sliding-slab", "20,10", "--dicom-out", tmp_path / "slabs", "--multi-frame")
+    (dataset,) = read_dicom(tmp_path / "slabs")
+    assert list(dataset.PatientOrientation) == ["L", "F"]
+    assert dataset.Modality == "CT" and dataset.RescaleType == "HU" and len(dataset.SourceImageSequence) == SLICES
+
+
+def test_multi_frame_refusals(tmp_path):
+    pet = write_pet(tmp_path / "pet", change=set_image(PhotometricInterpretation="MONOCHROME1"))
+    options = ["--dicom-out", tmp_path / "turn", "--multi-frame"]
+    assert "MONOCHROME1" in fail(pet, tmp_path / "mip.mha", "--frames", 4, *options)
+    assert "--dicom-out" in fail(pet, tmp_path / "mip.mha", "--frames", 4, "--multi-frame")
+    assert not (tmp_path / "turn").exists() and not (tmp_path / "mip.mha").exists()
