@@ -54,8 +54,8 @@ test_installed() (
   unset ITK_DIR
   need_packages build-essential cmake file help2man ninja-build libinsighttoolkit5-dev libbenchmark-dev libcli11-dev \
     libgtest-dev dicom3tools ffmpeg python3-numpy python3-pil python3-pydicom python3-pytest python3-selenium
-  # Ubuntu has no such packages: the page is not tested in a browser there
-  grep -q '^ID=ubuntu' /etc/os-release || need_packages chromium chromium-driver
+  # Ubuntu has no such packages: the page is not tested in a browser there; its orthanc would be started as a service
+  grep -q '^ID=ubuntu' /etc/os-release || need_packages chromium chromium-driver orthanc orthanc-dicomweb
   local package images=$build/tree/ExternalData/test/Input
   [ -d "$images" ] || images=
   configure_build_test "$build/installed" -DShearWarpMIP_TEST_IMAGES="$images" -DShearWarpMIP_BUILD_BENCHMARKS=ON
