@@ -50,8 +50,8 @@ ReadHeader(const std::filesystem::path & path, const gdcm::Tag & last);
 void
 SetText(gdcm::DataSet & dataSet, const gdcm::Tag & tag, std::string text);
 
-/** Copies an attribute by the dictionary's VR, as an element of a file without VRs would lose its own: text, or a sequence
- * of such. It is empty if \a from has none. */
+/** Copies an attribute by the dictionary's VR, as an element of a file without VRs would lose its own: text, or a
+ * sequence of such. It is empty if \a from has none. */
 void
 CopyAttribute(const gdcm::DataSet & from, gdcm::DataSet & to, const gdcm::Tag & tag);
 

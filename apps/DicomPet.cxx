@@ -29,14 +29,50 @@ using MatrixType = itk::Matrix<double, 3, 3>;
 
 const std::vector<std::uint32_t> petAttributes = {
   // series
-  0x00080021, 0x00080031, 0x00180071, 0x00180073, 0x00180074, 0x00180075, 0x00181100, 0x00181120, 0x00181121,
-  0x00181147, 0x00181149, 0x00181180, 0x00181181, 0x00181210, 0x00280051, 0x00540013, 0x00540202, 0x00541001,
-  0x00541002, 0x00541006, 0x00541100, 0x00541101, 0x00541102, 0x00541103, 0x00541104, 0x00541105, 0x00541200,
-  0x00541201, 0x00541202, 0x00541203, 0x00541210, 0x00541220,
+  0x00080021,
+  0x00080031,
+  0x00180071,
+  0x00180073,
+  0x00180074,
+  0x00180075,
+  0x00181100,
+  0x00181120,
+  0x00181121,
+  0x00181147,
+  0x00181149,
+  0x00181180,
+  0x00181181,
+  0x00181210,
+  0x00280051,
+  0x00540013,
+  0x00540202,
+  0x00541001,
+  0x00541002,
+  0x00541006,
+  0x00541100,
+  0x00541101,
+  0x00541102,
+  0x00541103,
+  0x00541104,
+  0x00541105,
+  0x00541200,
+  0x00541201,
+  0x00541202,
+  0x00541203,
+  0x00541210,
+  0x00541220,
   // isotope and orientation
-  0x00180026, 0x00540016, 0x00540410, 0x00540414,
+  0x00180026,
+  0x00540016,
+  0x00540410,
+  0x00540414,
   // image
-  0x00080022, 0x00080032, 0x00181242, 0x00541300, 0x00541321, 0x00541322
+  0x00080022,
+  0x00080032,
+  0x00181242,
+  0x00541300,
+  0x00541321,
+  0x00541322
 };
 
 const std::vector<std::uint32_t> petType2 = { 0x00080022, 0x00080032, 0x00181181, 0x00181242,
@@ -122,9 +158,8 @@ std::string
 FindMissingPetAttribute(const gdcm::DataSet & source)
 {
   // the last one only where decay is corrected
-  std::vector<std::uint32_t> type1 = {
-    0x00080021, 0x00080031, 0x00541001, 0x00541002, 0x00541102, 0x00541300, 0x00541321
-  };
+  std::vector<std::uint32_t> type1 = { 0x00080021, 0x00080031, 0x00541001, 0x00541002,
+                                       0x00541102, 0x00541300, 0x00541321 };
   if (GetText(source, { 0x0054, 0x1102 }) == "NONE")
   {
     type1.pop_back();
@@ -154,10 +189,11 @@ FindReprojectionObstacle(const std::vector<PicturePlane> & planes, double tolera
 
   const VectorType     axis = FindAxis(planes);
   const VectorType     axisInView = MatrixType(GetAxes(first).GetTranspose()) * axis;
-  const PicturePlane & across = *std::max_element(planes.begin(), planes.end(), [&](const auto & one, const auto & two) {
-    return std::abs(GetNormal(one) * GetNormal(first)) > std::abs(GetNormal(two) * GetNormal(first));
-  });
-  const auto           point = FindMeetingPoint(first, across);
+  const PicturePlane & across =
+    *std::max_element(planes.begin(), planes.end(), [&](const auto & one, const auto & two) {
+      return std::abs(GetNormal(one) * GetNormal(first)) > std::abs(GetNormal(two) * GetNormal(first));
+    });
+  const auto point = FindMeetingPoint(first, across);
   for (const PicturePlane & plane : planes)
   {
     if (!((MatrixType(GetAxes(plane).GetTranspose()) * axis - axisInView).GetNorm() < 1e-6))

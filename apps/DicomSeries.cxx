@@ -210,9 +210,8 @@ ChooseRescale(const TPixel * begin, const TPixel * end, bool canBeSigned)
 Rescale
 ChoosePetRescale(Rescale rescale)
 {
-  const double largest = rescale.lowest < 0.0
-                           ? std::max(rescale.lowest / -32768.0, rescale.highest / 32767.0)
-                           : rescale.highest / 65535.0;
+  const double largest =
+    rescale.lowest < 0.0 ? std::max(rescale.lowest / -32768.0, rescale.highest / 32767.0) : rescale.highest / 65535.0;
   rescale.isSigned = rescale.lowest < 0.0;
   rescale.intercept = 0.0;
   rescale.slope = rescale.areWhole && largest <= 1.0 ? 1.0 : std::stod(FormatDecimal(largest));
@@ -302,7 +301,8 @@ ChooseClass(const DataSet & source, const Rescale & rescale)
 void
 SetWindow(DataSet & dataSet, const DataSet & source, const DicomSeriesOptions & options, const Rescale & rescale)
 {
-  if (!options.window && !options.isSuv && !GetText(source, { 0x0028, 0x1050 }).empty() && !GetText(source, { 0x0028, 0x1051 }).empty())
+  if (!options.window && !options.isSuv && !GetText(source, { 0x0028, 0x1050 }).empty() &&
+      !GetText(source, { 0x0028, 0x1051 }).empty())
   {
     Copy(source, dataSet, window);
     return;

@@ -86,14 +86,15 @@ ComputeDepthOfCentre(const itk::Transform<double, 3, 3> * transform, const itk::
  *   What they want to know of the acquisition (C.8.2.1, C.8.3.1) the source has; an MR source without is none. An MR
  *   image may be a "PROJECTION IMAGE" (C.8.3.1.1.1). The standard's editor advises so: pydicom's issue 1186.
  * - PET Image Storage for a turn of a PET source, as a reprojection (C.8.9.1), of maxima about one axis: see
- *   FindReprojectionObstacle() and FindMissingPetAttribute(). Values keep their unit, so that SUV can be computed from the
- *   attributes, which are those of the image that was acquired first. ImageType has PRIMARY (C.8.9.4.1.1).
+ *   FindReprojectionObstacle() and FindMissingPetAttribute(). Values keep their unit, so that SUV can be computed from
+ * the attributes, which are those of the image that was acquired first. ImageType has PRIMARY (C.8.9.4.1.1).
  * - Secondary Capture Image Storage for all others, enhanced images among them. It is for computed pictures of any
  *   modality (A.8), may have an Image Plane, which ties it to a frame of reference (Table A.8-1 since CP 2330; older
  *   readers, as GDCM 3.0, ignore that), and any pixels.
  * - not Enhanced CT or MR, though they know MAX_IP (C.8.16.2.1.3): not every archive takes them.
  * - Multi-frame Grayscale Byte or Word Secondary Capture (A.8.3, A.8.4) if a frame time is asked for, for archives that
- *   play it: with the Cine module, but without planes, for few viewers look for them in its functional groups (A.8.4.5).
+ *   play it: with the Cine module, but without planes, for few viewers look for them in its functional groups
+ * (A.8.4.5).
  *
  * ImageType is DERIVED, SECONDARY (C.7.6.1.1.2), PROJECTION IMAGE (of MR; for CT, C.8.2.1.1.1 has terms for
  * cross-sections and localizers alone, but no closed list) and MAX_IP or MIN_IP.

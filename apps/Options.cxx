@@ -416,13 +416,14 @@ DefineOptions(CLI::App & app, Options & options)
     ->type_name("FILE")
     ->group("Projection");
   const auto dicomOut =
-  app
-    .add_option("--dicom-out",
-                options.dicomOut,
-                "Also writes a DICOM series, one file for each picture, into this folder, which must be new or empty; "
-                "patient, study and frame of reference are those of INPUT if that is DICOM")
-    ->type_name("DIR")
-    ->group("Turning series");
+    app
+      .add_option(
+        "--dicom-out",
+        options.dicomOut,
+        "Also writes a DICOM series, one file for each picture, into this folder, which must be new or empty; "
+        "patient, study and frame of reference are those of INPUT if that is DICOM")
+      ->type_name("DIR")
+      ->group("Turning series");
 
   app
     .add_flag("--multi-frame",
@@ -431,9 +432,8 @@ DefineOptions(CLI::App & app, Options & options)
     ->needs(dicomOut)
     ->group("Turning series");
   app
-    .add_flag("--suv",
-              options.isSuv,
-              "Values of a DICOM PET series are SUV by body weight (float), in all options and outputs")
+    .add_flag(
+      "--suv", options.isSuv, "Values of a DICOM PET series are SUV by body weight (float), in all options and outputs")
     ->group("Picture");
 
   app

@@ -190,7 +190,7 @@ NoteUnused(const Options & options, const Messages & messages)
     messages.Note((options.window.empty() ? "--wl" : "--window") + std::string(" has no effect: '") + output +
                   "' keeps the image's values");
   }
-  if (!isMoving && options.rate)
+  if (!isMoving && !options.isMultiFrame && options.rate)
   {
     messages.Note("--rate has no effect: '" + output + "' does not play");
   }
@@ -237,8 +237,8 @@ Run(const Options & options, Messages & messages)
   }
 
   messages.StepBegins("reading " + options.input);
-  const auto   warn = [&](const std::string & text) { messages.Warn(text); };
-  Volume volume = ReadVolume(options.input, options.series, warn);
+  const auto warn = [&](const std::string & text) { messages.Warn(text); };
+  Volume     volume = ReadVolume(options.input, options.series, warn);
   files.Protect(volume.dicomFiles);
   if (options.isSuv)
   {

@@ -33,6 +33,7 @@ from pydicom.pixel_data_handlers.util import apply_modality_lut
 
 CT = "1.2.840.10008.5.1.4.1.1.2"
 MR = "1.2.840.10008.5.1.4.1.1.4"
+PET = "1.2.840.10008.5.1.4.1.1.128"
 SECONDARY_CAPTURE = "1.2.840.10008.5.1.4.1.1.7"
 PATIENT_AND_STUDY = """PatientName PatientID PatientBirthDate PatientSex StudyInstanceUID StudyDate StudyTime StudyID
     AccessionNumber ReferringPhysicianName StudyDescription SpecificCharacterSet""".split()
@@ -69,7 +70,8 @@ def check_folder(folder, name=None):
     for number, dataset in enumerate(series, 1):
         require(dataset.InstanceNumber == number, f"{folder}: names do not sort as InstanceNumber")
         image_type = list(dataset.ImageType)
-        require(image_type[:3] == ["DERIVED", "SECONDARY", "PROJECTION IMAGE"], f"{folder}: ImageType {image_type}")
+        made = "PRIMARY" if dataset.SOPClassUID == PET else "SECONDARY"
+        require(image_type[:3] == ["DERIVED", made, "PROJECTION IMAGE"], f"{folder}: ImageType {image_type}")
         require(image_type[3] in ("MAX_IP", "MIN_IP"), f"{folder}: ImageType {image_type}")
         axes = numpy.array(dataset.ImageOrientationPatient, float).reshape(2, 3)
         require(numpy.allclose(axes @ axes.T, numpy.eye(2), atol=1e-9), f"{folder}: axes are not orthonormal")

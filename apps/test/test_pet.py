@@ -93,7 +93,7 @@ def write_pet(folder, volume=None, change=lambda dataset, n: None, implicit=Fals
         dataset.ImagePositionPatient = [*ORIGIN[:2], ORIGIN[2] + n * SPACING[2]]
         dataset.ImageOrientationPatient, dataset.PixelSpacing = [1, 0, 0, 0, 1, 0], list(SPACING[1::-1])
         dataset.SliceThickness = SPACING[2]
-        slope = float(f"{np.abs(values).max() / 32767:.9g}")
+        slope = float(f"{np.abs(values).max() / 32767:.9g}") or 1.0
         dataset.RescaleIntercept, dataset.RescaleSlope = 0, slope
         dataset.SamplesPerPixel, dataset.PhotometricInterpretation = 1, "MONOCHROME2"
         dataset.Rows, dataset.Columns = values.shape
@@ -184,6 +184,21 @@ def test_reprojection(tmp_path, kind, turn):
     assert np.linalg.matrix_rank(normals, tol=1e-6) == 2
 
 
+@pytest.mark.parametrize("lowest", [-1000, 0])
+@pytest.mark.parametrize("highest", [0, 32767])
+def test_whole_numbers_are_exact(tmp_path, lowest, highest):
+    volume = np.full((SLICES, *SIZE[::-1]), float(lowest))
+    volume[:, 5:8, 3:9] = highest
+    run(write_pet(tmp_path / "pet", volume), tmp_path / "mip.mha", "--frames", 4, "--dicom-out", tmp_path / "turn")
+    values = read_values(tmp_path / "mip.mha")
+    is_whole = values.dtype == np.int16
+    assert is_whole == (highest > 0 or lowest == 0)
+    for dataset, expected in zip(read_dicom(tmp_path / "turn"), values):
+        slope = float(dataset.RescaleSlope)
+        assert slope == 1.0 or not is_whole
+        np.testing.assert_allclose(dataset.pixel_array * slope, expected, atol=0.0 if is_whole else 0.5001 * slope)
+
+
 @pytest.mark.parametrize(
     "options, reason",
     [
@@ -218,6 +233,7 @@ def test_incomplete_source(tmp_path, name):
 
 
 # ---- SUV
+
 
 def set_drug(**values):
     def change(dataset, n):
@@ -351,6 +367,7 @@ def test_dicom_of_suv(tmp_path):
 
 
 # ---- multi-frame
+
 
 @pytest.mark.parametrize("kind, sop_class", [("u1", "2"), ("i2", "3"), ("u2", "3"), ("f4", "3")])
 def test_multi_frame(tmp_path, kind, sop_class):
