@@ -25,6 +25,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <map>
 #include <new>
 #include <sstream>
 #include <stdexcept>
@@ -195,6 +196,7 @@ ReadVolume(const std::filesystem::path & path, const std::string & series, const
 itk::Image<unsigned char, 3>::Pointer
 ReadMask(const std::filesystem::path &       path,
          const std::optional<std::int64_t> & label,
+         const std::vector<std::int64_t> &   removed,
          const itk::ImageBase<3> *           grid,
          const WarningFunction &             warn)
 {
@@ -206,6 +208,11 @@ ReadMask(const std::filesystem::path &       path,
   }
   RequireGrid(labels.image, grid, path);
 
+  std::map<std::uint64_t, bool> isFound;
+  for (const std::int64_t each : removed)
+  {
+    isFound[static_cast<std::uint64_t>(each)] = false;
+  }
   const auto mask = itk::Image<unsigned char, 3>::New();
   mask->CopyInformation(grid);
   mask->SetRegions(grid->GetLargestPossibleRegion());
@@ -218,8 +225,19 @@ ReadMask(const std::filesystem::path &       path,
       const PixelType * value = CastImage<PixelType>(labels).GetBufferPointer();
       for (unsigned char * pixel = mask->GetBufferPointer(); pixel != end; ++pixel, ++value)
       {
-        *pixel =
-          label ? *value > 0 && static_cast<std::uint64_t>(*value) == static_cast<std::uint64_t>(*label) : *value != 0;
+        const bool isLabel = *value > 0;
+        const auto number = static_cast<std::uint64_t>(*value);
+        if (removed.empty())
+        {
+          *pixel = label ? isLabel && number == static_cast<std::uint64_t>(*label) : *value != 0;
+          continue;
+        }
+        const auto found = isLabel ? isFound.find(number) : isFound.end();
+        *pixel = found == isFound.end();
+        if (*pixel == 0)
+        {
+          found->second = true;
+        }
       }
     }
     else
@@ -228,6 +246,13 @@ ReadMask(const std::filesystem::path &       path,
                                itk::ImageIOBase::GetComponentTypeAsString(labels.componentType));
     }
   });
+  for (const auto & [number, isThere] : isFound)
+  {
+    if (!isThere)
+    {
+      warn("no voxel of the mask '" + path.string() + "' has the label " + std::to_string(number));
+    }
+  }
   if (std::find(mask->GetBufferPointer(), const_cast<unsigned char *>(end), 1) == end)
   {
     warn("no voxel is in the mask '" + path.string() + "'");

@@ -36,10 +36,11 @@ Volume
 ReadVolume(const std::filesystem::path & path, const std::string & series, const WarningFunction & warn);
 
 /** Reads an image of whole numbers that must lie on \a grid. The mask is 1 where that is \a label or, without one, not
- * 0. */
+ * 0; or, if there are \a removed labels, where it is none of these. */
 itk::Image<unsigned char, 3>::Pointer
 ReadMask(const std::filesystem::path &       path,
          const std::optional<std::int64_t> & label,
+         const std::vector<std::int64_t> &   removed,
          const itk::ImageBase<3> *           grid,
          const WarningFunction &             warn);
 

@@ -376,10 +376,22 @@ DefineOptions(CLI::App & app, Options & options)
                       ->excludes(exact)
                       ->type_name("FILE")
                       ->group("Projection");
-  app.add_option("--mask-label", options.maskLabel, "Only voxels where the mask is N, at least 1")
+  const auto maskLabel =
+    app.add_option("--mask-label", options.maskLabel, "Only voxels where the mask is N, at least 1")
+      ->check(count)
+      ->needs(mask)
+      ->type_name("N")
+      ->group("Projection");
+  app
+    .add_option("--remove-label",
+                options.removedLabels,
+                "All voxels but those where the mask is one of these labels, each at least 1: takes bone or the table "
+                "out")
     ->check(count)
+    ->delimiter(',')
     ->needs(mask)
-    ->type_name("N")
+    ->excludes(maskLabel)
+    ->type_name("N...")
     ->group("Projection");
   app
     .add_option("--crop",

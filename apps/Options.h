@@ -61,6 +61,7 @@ struct Options
   std::vector<double>         crop;
   std::string                 mask;
   std::optional<std::int64_t> maskLabel;
+  std::vector<std::int64_t>   removedLabels;
   std::optional<double>       localMaximum;
   double                      attenuation{ 0.0 };
   std::string                 depth;

@@ -276,7 +276,7 @@ Run(const Options & options, Messages & messages)
   projection.localMaximum = options.localMaximum;
   if (!options.mask.empty())
   {
-    projection.mask = ReadMask(options.mask, options.maskLabel, first.image, warn);
+    projection.mask = ReadMask(options.mask, options.maskLabel, options.removedLabels, first.image, warn);
     messages.StepDone("read " + options.mask);
   }
   for (std::size_t axis = 0; axis < 3 && !options.crop.empty(); ++axis)

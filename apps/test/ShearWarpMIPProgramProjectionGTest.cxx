@@ -307,6 +307,52 @@ TEST_F(ShearWarpMIPProgramProjection, TakesMask)
   EXPECT_EQ(std::count(pixels.begin(), pixels.end(), 0), static_cast<std::ptrdiff_t>(pixels.size()));
 }
 
+TEST_F(ShearWarpMIPProgramProjection, RemovesLabels)
+{
+  // labels 0 to 3; what remains, at 1
+  const auto write = [&](auto scale, const std::string & name) {
+    using LabelType = decltype(scale);
+    const auto labels = this->MakeMask<LabelType>(scale);
+    labels->SetPixel({ { 0, 0, 0 } }, static_cast<LabelType>(3 * scale));
+    this->WriteImage<itk::Image<LabelType, 3>>(labels, name);
+  };
+  const auto remaining = [&](const std::vector<unsigned char> & values) {
+    const auto mask = this->MakeMask<unsigned char>();
+    mask->SetPixel({ { 0, 0, 0 } }, 3);
+    std::for_each(mask->GetBufferPointer(),
+                  mask->GetBufferPointer() + GetPixels(mask.GetPointer()).size(),
+                  [&](auto & pixel) { pixel = std::count(values.begin(), values.end(), pixel) > 0 ? 1 : 0; });
+    return [mask](FilterType & filter) { filter.SetMaskImage(mask); };
+  };
+  write(static_cast<unsigned char>(1), "mask.nrrd");
+  write(static_cast<int>(256), "large.nrrd");
+  write(static_cast<short>(-1), "negative.nrrd");
+  this->ExpectSame("--mask mask.nrrd --remove-label 2", remaining({ 0, 1, 3 }));
+  this->ExpectSame("--mask mask.nrrd --remove-label 1 2", remaining({ 0, 3 }));
+  this->ExpectSame("--remove-label 1,2 3 --mask mask.nrrd", remaining({ 0 }));
+  this->ExpectSame("--mask large.nrrd --remove-label 256 --remove-label 512", remaining({ 0, 3 }));
+  // one that is listed before INPUT and OUTPUT, twice
+  this->ExpectSuccess("--mask mask.nrrd --remove-label 3 3 in.nrrd out.nrrd");
+
+  const Result warned = this->Run("in.nrrd out.nrrd --mask mask.nrrd --remove-label 7 2 5");
+  EXPECT_EQ(warned.status, 0);
+  EXPECT_EQ(warned.messages,
+            "shear-warp-mip: warning: no voxel of the mask 'mask.nrrd' has the label 5\n"
+            "shear-warp-mip: warning: no voxel of the mask 'mask.nrrd' has the label 7\n");
+  // negative ones are no labels, nor do they become such
+  const Result negative = this->Run("in.nrrd all.nrrd --mask negative.nrrd --remove-label 255 1");
+  EXPECT_EQ(std::count(negative.messages.begin(), negative.messages.end(), '\n'), 2) << negative.messages;
+  this->ExpectPicture("all.nrrd", this->Project(this->MakeTransform(Direction::Anterior)));
+
+  this->ExpectFailure("in.nrrd out.png --remove-label 3", "--mask");
+  this->ExpectFailure("in.nrrd out.png --mask mask.nrrd --mask-label 1 --remove-label 3", "--mask-label");
+  this->ExpectFailure("in.nrrd out.png --mask mask.nrrd --remove-label", "--remove-label");
+  for (const std::string label : { "0", "-1", "1.5", "one", "nan", "1 0", "99999999999999999999" })
+  {
+    this->ExpectFailure("in.nrrd out.png --mask mask.nrrd --remove-label " + label, "--remove-label");
+  }
+}
+
 TEST_F(ShearWarpMIPProgramProjection, RefusesWrongMask)
 {
   const auto mask = this->MakeMask<unsigned char>();
