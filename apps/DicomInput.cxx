@@ -636,6 +636,13 @@ ReadDicom(const fs::path & path, const std::string & series, const WarningFuncti
     throw std::runtime_error("'" + path.string() + "' is not a DICOM image");
   }
 
+  // Segmentation Storage, PS3.6 table A-1
+  if (GetText(sources.front().header, { 0x0008, 0x0016 }) == "1.2.840.10008.5.1.4.1.1.66.4")
+  {
+    throw std::runtime_error("'" + path.string() +
+                             "' is a DICOM segmentation: convert it to an image of labels, .nrrd, by dcmqi's "
+                             "segimage2itkimage, highdicom or pydicom-seg");
+  }
   std::vector<Slice> slices;
   for (const Source & source : sources)
   {

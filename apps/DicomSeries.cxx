@@ -287,6 +287,12 @@ FindPetObstacle(const itk::ImageBase<3> &      frames,
   return FindReprojectionObstacle(planes, 0.5 * std::min(first.columnSpacing, first.rowSpacing));
 }
 
+bool
+AreColoured(const AnyImage & frames)
+{
+  return frames.image->GetNumberOfComponentsPerPixel() == 3 && frames.componentType == itk::IOComponentEnum::UCHAR;
+}
+
 std::string
 ChooseClass(const DataSet & source, const Rescale & rescale)
 {
@@ -368,6 +374,7 @@ MakeHeader(const AnyImage &           frames,
            const Rescale &            rescale)
 {
   const auto size = frames.image->GetLargestPossibleRegion().GetSize();
+  const bool isColoured = AreColoured(frames);
   DataSet    header;
 
   Copy(source, header, patientAndStudy);
@@ -471,7 +478,7 @@ MakeHeader(const AnyImage &           frames,
     Copy(source, header, contrast);
     Copy(source, header, sopClass == ctImageStorage ? ctImage : mrImage);
   }
-  if (sopClass != mrImageStorage && sopClass != petImageStorage)
+  if (sopClass != mrImageStorage && sopClass != petImageStorage && !isColoured)
   {
     std::string unit = GetText(source, { 0x0028, 0x1054 });
     if (unit.empty() || unit == "US" || options.isSuv)
@@ -482,14 +489,21 @@ MakeHeader(const AnyImage &           frames,
     SetText(header, { 0x0028, 0x1053 }, FormatDecimal(rescale.slope));
     SetText(header, { 0x0028, 0x1054 }, unit);
   }
-  SetWindow(header, source, options, rescale);
+  if (!isColoured)
+  {
+    SetWindow(header, source, options, rescale);
+  }
 
   const bool isInverted = sopClass != petImageStorage && GetText(source, { 0x0028, 0x0004 }) == "MONOCHROME1";
-  SetText(header, { 0x0028, 0x0004 }, isInverted ? "MONOCHROME1" : "MONOCHROME2");
-  SetNumber<0x0002>(header, 1);
+  SetText(header, { 0x0028, 0x0004 }, isColoured ? "RGB" : isInverted ? "MONOCHROME1" : "MONOCHROME2");
+  SetNumber<0x0002>(header, isColoured ? 3 : 1);
   SetNumber<0x0010>(header, size[1]);
   SetNumber<0x0011>(header, size[0]);
-  const std::size_t bits = sopClass == multiFrameByteStorage ? 8 : 16;
+  if (isColoured)
+  {
+    SetNumber<0x0006>(header, 0);
+  }
+  const std::size_t bits = isColoured || sopClass == multiFrameByteStorage ? 8 : 16;
   SetNumber<0x0100>(header, bits);
   SetNumber<0x0101>(header, bits);
   SetNumber<0x0102>(header, bits - 1);
@@ -531,23 +545,16 @@ MakeFrame(const DataSet & header, const Geometry & geometry, const DicomView & v
   return dataSet;
 }
 
+template <typename TStored>
 void
-SetPixels(DataSet & dataSet, std::vector<std::uint16_t> & pixels, bool areBytes)
+SetPixels(DataSet & dataSet, std::vector<TStored> & pixels)
 {
-  std::vector<char> bytes;
-  if (areBytes)
-  {
-    bytes.assign(pixels.begin(), pixels.end());
-    bytes.resize((bytes.size() + 1) / 2 * 2);
-  }
-  else
-  {
-    itk::ByteSwapper<std::uint16_t>::SwapRangeFromSystemToLittleEndian(pixels.data(), pixels.size());
-    const auto * const begin = reinterpret_cast<const char *>(pixels.data());
-    bytes.assign(begin, begin + pixels.size() * sizeof(std::uint16_t));
-  }
-  gdcm::DataElement element(Tag(0x7fe0, 0x0010), 0, areBytes ? gdcm::VR::OB : gdcm::VR::OW);
-  element.SetByteValue(bytes.data(), static_cast<std::uint32_t>(bytes.size()));
+  constexpr bool isByte = sizeof(TStored) == 1;
+  pixels.resize(pixels.size() + (isByte ? pixels.size() % 2 : 0));
+  itk::ByteSwapper<TStored>::SwapRangeFromSystemToLittleEndian(pixels.data(), pixels.size());
+  gdcm::DataElement element(Tag(0x7fe0, 0x0010), 0, isByte ? gdcm::VR::OB : gdcm::VR::OW);
+  element.SetByteValue(reinterpret_cast<const char *>(pixels.data()),
+                       static_cast<std::uint32_t>(pixels.size() * sizeof(TStored)));
   dataSet.Replace(element);
 }
 
@@ -575,9 +582,9 @@ void
 RequireFrames(const AnyImage & frames, const std::vector<DicomView> & views, const DicomSeriesOptions & options)
 {
   const auto size = frames.image->GetLargestPossibleRegion().GetSize();
-  if (frames.image->GetNumberOfComponentsPerPixel() != 1)
+  if (frames.image->GetNumberOfComponentsPerPixel() != 1 && !AreColoured(frames))
   {
-    throw std::runtime_error("a DICOM series needs pixels of one component");
+    throw std::runtime_error("a DICOM series needs pixels of one component, or of three bytes");
   }
   if (size[2] == 0 || views.size() != size[2])
   {
@@ -585,7 +592,8 @@ RequireFrames(const AnyImage & frames, const std::vector<DicomView> & views, con
                              " views");
   }
   // PixelData has less than 2^32 bytes
-  if (std::min(size[0], size[1]) == 0 || std::max(size[0], size[1]) > 65535 || size[0] * size[1] > 0x7ffffffe)
+  if (std::min(size[0], size[1]) == 0 || std::max(size[0], size[1]) > 65535 ||
+      size[0] * size[1] * (AreColoured(frames) ? 3 : 2) > 0xfffffffc)
   {
     throw std::runtime_error("a picture of " + std::to_string(size[0]) + " x " + std::to_string(size[1]) +
                              " pixels is not possible in DICOM");
@@ -667,11 +675,16 @@ WriteDicomSeries(OutputFiles &                              files,
   DispatchPixelType(frames.componentType, [&](auto tag) {
     using PixelType = typename decltype(tag)::Type;
     const PixelType * const begin = CastImage<PixelType>(frames).GetBufferPointer();
-    const std::size_t       length = size[0] * size[1];
+    const std::size_t       length = size[0] * size[1] * frames.image->GetNumberOfComponentsPerPixel();
     Rescale                 rescale = ChooseRescale(begin, begin + length * size[2], !options.frameTime);
     DataSet                 header = source.empty() ? DataSet() : ReadHeader(source.front(), { 0x0054, 0xffff });
     std::string             sopClass = ChooseClass(header, rescale);
-    if (options.frameTime)
+    const bool              isColoured = AreColoured(frames);
+    if (isColoured)
+    {
+      sopClass = secondaryCaptureImageStorage;
+    }
+    else if (options.frameTime)
     {
       sopClass = frames.componentType == itk::IOComponentEnum::UCHAR ? multiFrameByteStorage : multiFrameWordStorage;
       RequireMultiFrame(header, size);
@@ -699,16 +712,12 @@ WriteDicomSeries(OutputFiles &                              files,
     }
     header = MakeHeader(frames, source, header, options, sopClass, rescale);
 
-    const std::size_t          together = options.frameTime ? views.size() : 1;
-    std::vector<std::uint16_t> pixels(length * together);
+    const std::size_t together = options.frameTime ? views.size() : 1;
     for (std::size_t frame = 0; frame < views.size(); frame += together)
     {
       HeldSignals::RequireNone();
       const PixelType * const first = begin + frame * length;
-      std::transform(first, first + pixels.size(), pixels.begin(), [&rescale](PixelType value) {
-        return rescale.Apply(static_cast<double>(value));
-      });
-      DataSet dataSet = MakeFrame(header, geometries[frame], views[frame], frame);
+      DataSet                 dataSet = MakeFrame(header, geometries[frame], views[frame], frame);
       for (std::size_t n = 1; n < together; ++n)
       {
         // that of all frames, or none
@@ -719,7 +728,14 @@ WriteDicomSeries(OutputFiles &                              files,
           break;
         }
       }
-      SetPixels(dataSet, pixels, sopClass == multiFrameByteStorage);
+      const auto store = [&](auto stored) {
+        std::vector<decltype(stored)> pixels(length * together);
+        std::transform(first, first + pixels.size(), pixels.begin(), [&rescale](PixelType value) {
+          return static_cast<decltype(stored)>(rescale.Apply(static_cast<double>(value)));
+        });
+        SetPixels(dataSet, pixels);
+      };
+      isColoured || sopClass == multiFrameByteStorage ? store(std::uint8_t{}) : store(std::uint16_t{});
       const Path name = options.frameTime ? Path("frames.dcm") : GetFrameName(frame, views.size());
       WriteFile(dataSet, temporary / name, directory / name);
     }

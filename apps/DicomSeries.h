@@ -75,7 +75,7 @@ ComputeDepthOfCentre(const itk::Transform<double, 3, 3> * transform, const itk::
  * (its parent must). Names sort as the frames do. Files appear when all are complete.
  *
  * \a frames has the axes u (columns), v (rows) and frame, with origin and spacing of the first two in view space, in
- * mm, and one component; \a views has as many elements as there are frames.
+ * mm, and one component, or three of unsigned char, as RGB; \a views has as many elements as there are frames.
  *
  * \a source are the DICOM files of the series that was projected, all of which are referenced. From the first come
  * patient, study, frame of reference, character set, lossy compression and acquisition; its equipment is the one that
@@ -103,6 +103,8 @@ ComputeDepthOfCentre(const itk::Transform<double, 3, 3> * transform, const itk::
  * rounded to 65536 levels from the lowest to the highest, one RescaleSlope and RescaleIntercept for all frames. As an
  * MR image has none (A.4.3), MR becomes Secondary Capture where one is needed. PET has no intercept (C.8.9.4): its
  * values are rounded to multiples of one slope, signed ones if a value is negative, which holds whole numbers that fit.
+ *
+ * RGB becomes Secondary Capture of 8 bits, without rescale and window (C.7.6.3.1.2).
  *
  * Low values are displayed white (MONOCHROME1) if those of the first source are, and values stay as they are. PET is
  * always MONOCHROME2 (C.8.9.4.1.2).

@@ -20,6 +20,7 @@
 #include "Frames.h"
 #include "Help.h"
 #include "Output.h"
+#include "Overlay.h"
 #include "Text.h"
 
 #include "itkVersion.h"
@@ -391,7 +392,7 @@ DefineOptions(CLI::App & app, Options & options)
     ->delimiter(',')
     ->needs(mask)
     ->excludes(maskLabel)
-    ->type_name("N...")
+    ->type_name("N")
     ->group("Projection");
   app
     .add_option("--crop",
@@ -447,6 +448,57 @@ DefineOptions(CLI::App & app, Options & options)
     .add_flag(
       "--suv", options.isSuv, "Values of a DICOM PET series are SUV by body weight (float), in all options and outputs")
     ->group("Picture");
+
+  const auto overlay =
+    app
+      .add_option(
+        "--overlay",
+        options.overlay,
+        "Another volume in INPUT's space, with a grid of its own, as INPUT can be: its maximum in colour over "
+        "pictures, animations and --dicom-out")
+      ->type_name("FILE")
+      ->group("Overlay");
+  app.add_option("--overlay-series", options.overlaySeries, "As --series, for the overlay")
+    ->needs(overlay)
+    ->type_name("UID")
+    ->group("Overlay");
+  app
+    .add_option(
+      "--overlay-transform",
+      options.overlayTransform,
+      "Linear ITK transform from INPUT's space to the overlay's, as ITK resamples the overlay on INPUT's grid")
+    ->needs(overlay)
+    ->type_name("FILE")
+    ->group("Overlay");
+  app.add_option("--overlay-color,--overlay-colour", options.overlayColour, "Colour map of the overlay")
+    ->transform(Choice(GetKeys(colourMaps)))
+    ->capture_default_str()
+    ->needs(overlay)
+    ->group("Overlay");
+  app
+    .add_option("--overlay-window",
+                options.overlayWindow,
+                "LOW and HIGH values of the overlay that get the first and the last colour; up to LOW it is "
+                "transparent; default: as --window")
+    ->check(Number("a finite number", std::numeric_limits<double>::lowest()))
+    ->delimiter(',')
+    ->expected(2)
+    ->needs(overlay)
+    ->type_name("VALUE")
+    ->group("Overlay");
+  app.add_option("--opacity", options.opacity, "Of the overlay above LOW: from 0, only INPUT is seen, to 1")
+    ->check(MakeCheck("a number from 0 to 1", [](double value) { return value >= 0.0 && value <= 1.0; }))
+    ->capture_default_str()
+    ->needs(overlay)
+    ->group("Overlay");
+  app
+    .add_option(
+      "--segments",
+      options.segments,
+      "Image of labels in INPUT's space, with a grid of its own: their outlines over pictures, animations and "
+      "--dicom-out, in the colours of a .seg.nrrd of 3D Slicer or in others")
+    ->type_name("FILE")
+    ->group("Overlay");
 
   app
     .add_flag("--in-place",
@@ -534,6 +586,24 @@ void
 Verify(const Options & options)
 {
   GetWindow(options);
+  if (options.overlayWindow.size() == 2 && !(options.overlayWindow[0] < options.overlayWindow[1]))
+  {
+    throw std::runtime_error("--overlay-window: LOW must be less than HIGH");
+  }
+  if (!(options.overlay.empty() && options.segments.empty()))
+  {
+    const std::string name = options.overlay.empty() ? "--segments" : "--overlay";
+    if (!OutputFiles::IsPicture(options.output) && !OutputFiles::IsAnimation(options.output))
+    {
+      throw std::runtime_error(name +
+                               " is for pictures and animations: OUTPUT must be .png, .jpg, .tif, .gif, .apng or "
+                               ".mp4");
+    }
+    if (options.isMultiFrame)
+    {
+      throw std::runtime_error("--multi-frame has no colours: it is not possible with " + name);
+    }
+  }
   if (options.spacing.size() > 2)
   {
     throw std::runtime_error("--spacing: one or two values are needed");

@@ -69,6 +69,13 @@ struct Options
   std::string                 dicomOut;
   bool                        isMultiFrame{ false };
   bool                        isSuv{ false };
+  std::string                 overlay;
+  std::string                 overlaySeries;
+  std::string                 overlayTransform;
+  std::string                 overlayColour{ "hot" };
+  std::vector<double>         overlayWindow;
+  double                      opacity{ 0.6 };
+  std::string                 segments;
   bool                        isInPlace{ false };
   bool                        isUnlabelled{ false };
   bool                        isAnnotated{ false };

@@ -90,6 +90,20 @@ MakePictures(const Projections & projections, const std::optional<WindowType> & 
 }
 
 AnyImage
+MakeColourPictures(const AnyImage & pictures)
+{
+  const unsigned int components = pictures.image->GetNumberOfComponentsPerPixel();
+  AnyImage           colours = MakeAnyImage<unsigned char>(pictures.image, 3);
+  auto &             values = *CastImage<unsigned char>(colours).GetPixelContainer();
+  const auto * const grey = CastImage<unsigned char>(pictures).GetBufferPointer();
+  for (std::size_t n = 0; n < values.Size(); ++n)
+  {
+    values[n] = grey[components == 3 ? n : n / 3];
+  }
+  return colours;
+}
+
+AnyImage
 MakeDepthPictures(const Projections & projections, const std::optional<WindowType> & window)
 {
   Projections upright = projections;

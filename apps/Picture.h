@@ -32,6 +32,10 @@ FindWindow(const Projections & projections);
 AnyImage
 MakePictures(const Projections & projections, const std::optional<WindowType> & window);
 
+/** Pictures of 8 bits with three components, of such that have one or three. */
+AnyImage
+MakeColourPictures(const AnyImage & pictures);
+
 /** The pictures coloured by depth: from red, the nearest of the pixels that are bright in any of them, to blue, the
  * farthest. Black where nothing is; high values are bright, of inverted projections too. */
 AnyImage

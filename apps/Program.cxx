@@ -26,8 +26,10 @@
 #include "Messages.h"
 #include "Options.h"
 #include "Output.h"
+#include "Overlay.h"
 #include "Phantom.h"
 #include "Picture.h"
+#include "Segments.h"
 #include "Suv.h"
 #include "Text.h"
 #include "TransformFile.h"
@@ -206,7 +208,8 @@ Run(const Options & options, Messages & messages)
     itk::MultiThreaderBase::SetGlobalDefaultNumberOfThreads(options.threads);
   }
   OutputFiles files;
-  for (const std::string & path : { options.input, options.mask, options.transform })
+  for (const std::string & path :
+       { options.input, options.mask, options.transform, options.overlay, options.overlayTransform, options.segments })
   {
     files.Protect(FindInputFiles(path));
   }
@@ -279,6 +282,20 @@ Run(const Options & options, Messages & messages)
     projection.mask = ReadMask(options.mask, options.maskLabel, options.removedLabels, first.image, warn);
     messages.StepDone("read " + options.mask);
   }
+  Volume overlay;
+  if (!options.overlay.empty())
+  {
+    overlay = ReadOverlay(options, warn);
+    files.Protect(overlay.dicomFiles);
+    messages.StepDone("read " + options.overlay + ", " + Describe(overlay.times.front()));
+  }
+  Segments segments;
+  if (!options.segments.empty())
+  {
+    segments = ReadSegments(options.segments, warn);
+    files.Protect(segments.labels.dicomFiles);
+    messages.StepDone("read " + options.segments + ", " + Describe(segments));
+  }
   for (std::size_t axis = 0; axis < 3 && !options.crop.empty(); ++axis)
   {
     projection.cropLower[axis] = options.crop[2 * axis];
@@ -286,12 +303,15 @@ Run(const Options & options, Messages & messages)
   }
   projection.attenuation = options.attenuation;
   projection.computeDepth = !options.depth.empty() || !options.depthColour.empty();
+  const auto project = [&](const Volume & projected, const ProjectionOptions & how) {
+    return ProjectFrames(
+      projected,
+      how,
+      [&](const FrameReport & report) { messages.FramesDone(report); },
+      [&](std::size_t done, std::size_t all) { messages.Progress(done, all); });
+  };
   messages.StepBegins("projecting");
-  const Projections projections = ProjectFrames(
-    volume,
-    projection,
-    [&](const FrameReport & report) { messages.FramesDone(report); },
-    [&](std::size_t done, std::size_t all) { messages.Progress(done, all); });
+  const Projections projections = project(volume, projection);
   messages.StepDone("projected, " + Describe(projections.stack));
   if (!(options.slab.empty() && options.crop.empty()) && IsBlank(projections))
   {
@@ -309,6 +329,64 @@ Run(const Options & options, Messages & messages)
   if (const auto given = GetWindow(options))
   {
     window = WindowType(given->data());
+  }
+  const bool isLayered = !(options.overlay.empty() && options.segments.empty());
+  AnyImage   layered;
+  if (isLayered)
+  {
+    const auto projectLayer = [&](const Volume & layer) {
+      return project(layer, MakeLayerOptions(projection, projections.stack.image));
+    };
+    const auto warnIfApart = [&](const std::string & path, const Volume & layer) {
+      if (AreApart(projection.frames.front().transform, first, layer.times.front()))
+      {
+        warn("'" + path + "' and INPUT have no place in common: are they in one space?");
+      }
+    };
+    layered = MakePictures(projections, window);
+    if (!options.overlay.empty())
+    {
+      warnIfApart(options.overlay, overlay);
+      layered = BlendOverlay(layered, projectLayer(overlay), options, warn);
+      messages.StepDone("blended " + options.overlay);
+    }
+    if (!options.segments.empty())
+    {
+      warnIfApart(options.segments, segments.labels);
+      layered = DrawSegments(layered, segments, projectLayer);
+      messages.StepDone("drew " + options.segments);
+    }
+  }
+  // before letters are drawn into the pictures
+  if (!options.dicomOut.empty())
+  {
+    DicomSeriesOptions dicom;
+    dicom.isMinimum = projection.mode == ModeEnum::Minimum;
+    dicom.derivation = projection.mode == ModeEnum::Maximum   ? "Maximum intensity projection"
+                       : projection.mode == ModeEnum::Minimum ? "Minimum intensity projection"
+                                                              : "Maximum intensity projection of absolute values";
+    dicom.noReprojection = FindNoReprojection(options);
+    dicom.warn = warn;
+    dicom.isSuv = options.isSuv;
+    dicom.derivation += options.isSuv ? " of SUV by body weight" : "";
+    if (options.isMultiFrame)
+    {
+      dicom.frameTime = 1000.0 / rate;
+    }
+    dicom.derivation += options.overlay.empty() ? "" : ", with the maximum of another volume in color";
+    dicom.derivation += options.segments.empty() ? "" : ", with outlines of segments";
+    dicom.version = ShearWarpMIP_VERSION;
+    if (window)
+    {
+      dicom.window = std::make_pair((*window)[0], (*window)[1]);
+    }
+    WriteDicomSeries(files,
+                     isLayered ? layered : projections.stack,
+                     MakeDicomViews(projection, first.image),
+                     volume.dicomFiles,
+                     options.dicomOut,
+                     dicom);
+    messages.StepDone("made the files of " + options.dicomOut);
   }
   const auto writePictures = [&](const std::string & path, const AnyImage & pictures) {
     DrawLabels(pictures, projection.frames, { !options.isUnlabelled, options.isAnnotated });
@@ -331,7 +409,7 @@ Run(const Options & options, Messages & messages)
   }
   else if (OutputFiles::IsPicture(options.output) || OutputFiles::IsAnimation(options.output))
   {
-    writePictures(options.output, MakePictures(projections, window));
+    writePictures(options.output, isLayered ? layered : MakePictures(projections, window));
   }
   else
   {
@@ -344,30 +422,6 @@ Run(const Options & options, Messages & messages)
   if (!options.depthColour.empty())
   {
     writePictures(options.depthColour, MakeDepthPictures(projections, window));
-  }
-  if (!options.dicomOut.empty())
-  {
-    DicomSeriesOptions dicom;
-    dicom.isMinimum = projection.mode == ModeEnum::Minimum;
-    dicom.derivation = projection.mode == ModeEnum::Maximum   ? "Maximum intensity projection"
-                       : projection.mode == ModeEnum::Minimum ? "Minimum intensity projection"
-                                                              : "Maximum intensity projection of absolute values";
-    dicom.noReprojection = FindNoReprojection(options);
-    dicom.warn = warn;
-    dicom.isSuv = options.isSuv;
-    dicom.derivation += options.isSuv ? " of SUV by body weight" : "";
-    if (options.isMultiFrame)
-    {
-      dicom.frameTime = 1000.0 / rate;
-    }
-    dicom.version = ShearWarpMIP_VERSION;
-    if (window)
-    {
-      dicom.window = std::make_pair((*window)[0], (*window)[1]);
-    }
-    WriteDicomSeries(
-      files, projections.stack, MakeDicomViews(projection, first.image), volume.dicomFiles, options.dicomOut, dicom);
-    messages.StepDone("made the files of " + options.dicomOut);
   }
   files.Commit();
   messages.StepDone("wrote " + options.output);

@@ -210,6 +210,10 @@ ProjectVolume(const Volume &                                   volume,
   {
     filter->SetSize(*options.size);
   }
+  if (options.origin)
+  {
+    filter->SetOutputOrigin(*options.origin);
+  }
 
   const itk::ImageBase<3> * const grid = volume.times.front().image;
   const unsigned int              components = grid->GetNumberOfComponentsPerPixel();

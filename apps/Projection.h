@@ -51,6 +51,7 @@ struct ProjectionOptions
   bool                                  isInPlace{ false };
   std::optional<itk::Vector<double, 2>> spacing;
   std::optional<itk::Size<2>>           size;
+  std::optional<itk::Point<double, 2>>  origin;
   /** 0 if not given, or the volume's minimum where that is less. */
   std::optional<double>                 background;
   unsigned int                          oversampling{ 1 };
