@@ -17,10 +17,13 @@
  *=========================================================================*/
 #include "Overlay.h"
 
+#include "DicomAttribute.h"
 #include "TransformFile.h"
 
 #include "itkRGBPixel.h"
 #include "itkShearWarpFactorization.h"
+
+#include <gdcmReader.h>
 
 #include <cmath>
 #include <sstream>
@@ -71,6 +74,19 @@ ReadInverse(const std::string & path)
   }
   return inverse;
 }
+
+/** An attribute of the first DICOM file of a volume, empty if there is none. */
+std::string
+ReadText(const Volume & volume, const gdcm::Tag & tag)
+{
+  gdcm::Reader reader;
+  if (volume.dicomFiles.empty())
+  {
+    return "";
+  }
+  reader.SetFileName(volume.dicomFiles.front().string().c_str());
+  return reader.ReadUpToTag(tag) ? GetText(reader.GetFile().GetDataSet(), tag) : "";
+}
 } // namespace
 
 Volume
@@ -99,19 +115,39 @@ ReadOverlay(const Options & options, const WarningFunction & warn)
   return volume;
 }
 
-bool
-AreApart(const TransformType * transform, const AnyImage & a, const AnyImage & b)
+void
+WarnOfOtherSpace(const Volume &          volume,
+                 const Volume &          layer,
+                 const std::string &     path,
+                 const TransformType *   transform,
+                 bool                    isRegistered,
+                 const WarningFunction & warn)
 {
   itk::Point<double, 3> lower[2];
   itk::Point<double, 3> upper[2];
-  itk::ShearWarpFactorization::ComputeViewBounds(transform, a.image, lower[0], upper[0]);
-  itk::ShearWarpFactorization::ComputeViewBounds(transform, b.image, lower[1], upper[1]);
-  bool areApart = false;
+  itk::ShearWarpFactorization::ComputeViewBounds(transform, volume.times.front().image, lower[0], upper[0]);
+  itk::ShearWarpFactorization::ComputeViewBounds(transform, layer.times.front().image, lower[1], upper[1]);
   for (unsigned int axis = 0; axis < 3; ++axis)
   {
-    areApart = areApart || lower[0][axis] >= upper[1][axis] || lower[1][axis] >= upper[0][axis];
+    if (lower[0][axis] >= upper[1][axis] || lower[1][axis] >= upper[0][axis])
+    {
+      warn("'" + path + "' and INPUT have no place in common: are they in one space?");
+      break;
+    }
   }
-  return areApart;
+
+  const auto differ = [&](const gdcm::Tag & tag) {
+    const std::string texts[] = { ReadText(volume, tag), ReadText(layer, tag) };
+    return !texts[0].empty() && !texts[1].empty() && texts[0] != texts[1];
+  };
+  if (differ({ 0x0010, 0x0020 }))
+  {
+    warn("'" + path + "' and INPUT are of different patients");
+  }
+  if (!isRegistered && differ({ 0x0020, 0x0052 }))
+  {
+    warn("'" + path + "' and INPUT are of different frames of reference: their places may not match");
+  }
 }
 
 ProjectionOptions

@@ -42,9 +42,16 @@ inline const std::map<std::string, ColourMapEnum> colourMaps = {
 Volume
 ReadOverlay(const Options & options, const WarningFunction & warn);
 
-/** Whether two volumes have no place in common, as seen by \a transform, from view space to physical space. */
-bool
-AreApart(const itk::Transform<double, 3, 3> * transform, const AnyImage & a, const AnyImage & b);
+/** Warns if \a layer, read from \a path, has no place in common with \a volume as seen by \a transform, from view space
+ * to physical space; or if both are DICOM and of different patients or, unless the layer \a isRegistered, of different
+ * frames of reference (PS3.3 C.7.4.1). */
+void
+WarnOfOtherSpace(const Volume &                       volume,
+                 const Volume &                       layer,
+                 const std::string &                  path,
+                 const itk::Transform<double, 3, 3> * transform,
+                 bool                                 isRegistered,
+                 const WarningFunction &              warn);
 
 /** Options to project a volume that is shown over INPUT as \a options do INPUT: the same frames, slab, box and
  * sampling, on the grid of \a stack; a maximum. Mask, first local maximum and fading are INPUT's alone. */

@@ -337,22 +337,20 @@ Run(const Options & options, Messages & messages)
     const auto projectLayer = [&](const Volume & layer) {
       return project(layer, MakeLayerOptions(projection, projections.stack.image));
     };
-    const auto warnIfApart = [&](const std::string & path, const Volume & layer) {
-      if (AreApart(projection.frames.front().transform, first, layer.times.front()))
-      {
-        warn("'" + path + "' and INPUT have no place in common: are they in one space?");
-      }
+    const auto verifySpace = [&](const Volume & layer, const std::string & path) {
+      const bool isRegistered = path == options.overlay && !options.overlayTransform.empty();
+      WarnOfOtherSpace(volume, layer, path, projection.frames.front().transform, isRegistered, warn);
     };
     layered = MakePictures(projections, window);
     if (!options.overlay.empty())
     {
-      warnIfApart(options.overlay, overlay);
+      verifySpace(overlay, options.overlay);
       layered = BlendOverlay(layered, projectLayer(overlay), options, warn);
       messages.StepDone("blended " + options.overlay);
     }
     if (!options.segments.empty())
     {
-      warnIfApart(options.segments, segments.labels);
+      verifySpace(segments.labels, options.segments);
       layered = DrawSegments(layered, segments, projectLayer);
       messages.StepDone("drew " + options.segments);
     }

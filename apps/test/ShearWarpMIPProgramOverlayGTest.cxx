@@ -161,6 +161,25 @@ protected:
     writer->Update();
   }
 
+  /** Of a DICOM file. */
+  void
+  SetAttribute(const std::string & name, const gdcm::Tag & tag, gdcm::VR::VRType type, std::string text) const
+  {
+    gdcm::Reader reader;
+    reader.SetFileName(this->GetPath(name).c_str());
+    ASSERT_TRUE(reader.Read());
+    text.resize(text.size() + text.size() % 2);
+    gdcm::DataElement element(tag, 0, type);
+    element.SetByteValue(text.data(), static_cast<std::uint32_t>(text.size()));
+    reader.GetFile().GetDataSet().Replace(element);
+    reader.GetFile().GetHeader().Clear();
+    reader.GetFile().GetHeader().SetDataSetTransferSyntax(gdcm::TransferSyntax::ExplicitVRLittleEndian);
+    gdcm::Writer writer;
+    writer.SetFile(reader.GetFile());
+    writer.SetFileName(this->GetPath(name).c_str());
+    ASSERT_TRUE(writer.Write());
+  }
+
   OverlayType::Pointer m_Overlay;
 };
 
@@ -440,8 +459,58 @@ TEST_F(ShearWarpMIPProgramOverlay, IsOverColourAndDicom)
 
   this->WriteDICOMSeries("1.2.3.4", "a", { 0, 2, 4, 6 });
   this->WriteDICOMSeries("1.2.3.5", "b", { 1, 3, 5 });
-  this->ExpectSuccess("dicom out.png --series 1.2.3.4 --overlay dicom --overlay-series 1.2.3.5 --overlay-window 0 100");
+  const auto describe = [&](const std::string & patient, const std::string & frameOfReference) {
+    for (const std::string name : { "a0", "a1", "a2", "a3", "b0", "b1", "b2" })
+    {
+      const bool isOverlay = name[0] == 'b';
+      this->SetAttribute(
+        "dicom/" + name + ".dcm", { 0x0010, 0x0020 }, gdcm::VR::LO, isOverlay ? patient : std::string("x"));
+      this->SetAttribute("dicom/" + name + ".dcm",
+                         { 0x0020, 0x0052 },
+                         gdcm::VR::UI,
+                         isOverlay ? frameOfReference : std::string("1.2.9"));
+    }
+  };
+  const std::string fused =
+    "dicom out.png --series 1.2.3.4 --overlay dicom --overlay-series 1.2.3.5 --overlay-window 0 100";
+  this->WriteTransform(itk::AffineTransform<double, 3>::New(), "t.tfm");
+  describe("x", "1.2.9");
+  this->ExpectSuccess(fused);
+  describe("", "1.2.8");
+  this->ExpectWarning(fused, "'dicom' and INPUT are of different frames of reference");
+  this->ExpectSuccess(fused + " --overlay-transform t.tfm");
+  describe("y", "1.2.9");
+  this->ExpectWarning(fused, "'dicom' and INPUT are of different patients");
   this->ExpectFailure("dicom out.png --series 1.2.3.4 --overlay dicom --overlay-series 1.2.3.6", "1.2.3.6");
+}
+
+// one volume over each point in time
+TEST_F(ShearWarpMIPProgramOverlay, IsOverEachPointInTime)
+{
+  using TimesType = itk::Image<PixelType, 4>;
+  const auto             times = TimesType::New();
+  TimesType::SpacingType spacing(1.0);
+  TimesType::PointType   origin(0.0);
+  const auto             size = m_Volume->GetLargestPossibleRegion().GetSize();
+  for (unsigned int axis = 0; axis < 3; ++axis)
+  {
+    spacing[axis] = m_Volume->GetSpacing()[axis];
+    origin[axis] = m_Volume->GetOrigin()[axis];
+  }
+  times->SetRegions(itk::Size<4>{ { size[0], size[1], size[2], 2 } });
+  times->SetSpacing(spacing);
+  times->SetOrigin(origin);
+  times->Allocate();
+  const auto values = GetPixels(m_Volume.GetPointer());
+  std::copy(values.begin(), values.end(), times->GetBufferPointer());
+  std::copy(values.rbegin(), values.rend(), times->GetBufferPointer() + values.size());
+  this->WriteImage<TimesType>(times, "times.nrrd");
+  const std::string options = " --window 10 110 --overlay pet.nrrd --overlay-window 1 4.5";
+  this->ExpectSuccess("times.nrrd out.png" + options);
+  this->ExpectSuccess("in.nrrd still.png" + options);
+  const auto still = GetPixels(this->ReadColours("still.png").GetPointer());
+  EXPECT_EQ(GetPixels(this->ReadColours("out-000.png").GetPointer()), still);
+  EXPECT_NE(GetPixels(this->ReadColours("out-001.png").GetPointer()), still);
 }
 
 TEST_F(ShearWarpMIPProgramOverlay, RefusesWhatIsNotPossible)
@@ -761,19 +830,7 @@ TEST_F(ShearWarpMIPProgramSegments, TellsToConvertDicom)
   this->WriteDICOMSeries("1.2.3.4", "a", { 0, 2 });
   for (const std::string name : { "dicom/a0.dcm", "dicom/a1.dcm" })
   {
-    gdcm::Reader reader;
-    reader.SetFileName(this->GetPath(name).c_str());
-    ASSERT_TRUE(reader.Read());
-    const std::string segmentation("1.2.840.10008.5.1.4.1.1.66.4");
-    gdcm::DataElement element(gdcm::Tag(0x0008, 0x0016), 0, gdcm::VR::UI);
-    element.SetByteValue(segmentation.data(), static_cast<std::uint32_t>(segmentation.size()));
-    reader.GetFile().GetDataSet().Replace(element);
-    reader.GetFile().GetHeader().Clear();
-    reader.GetFile().GetHeader().SetDataSetTransferSyntax(gdcm::TransferSyntax::ExplicitVRLittleEndian);
-    gdcm::Writer writer;
-    writer.SetFile(reader.GetFile());
-    writer.SetFileName(this->GetPath(name).c_str());
-    ASSERT_TRUE(writer.Write());
+    this->SetAttribute(name, { 0x0008, 0x0016 }, gdcm::VR::UI, "1.2.840.10008.5.1.4.1.1.66.4");
   }
   for (const std::string path : { "dicom/a0.dcm", "dicom" })
   {
