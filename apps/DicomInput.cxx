@@ -17,8 +17,7 @@
  *=========================================================================*/
 #include "DicomInput.h"
 #include "DicomAttribute.h"
-#include "FileStart.h"
-#include "Integrity.h"
+#include "DicomFolder.h"
 
 #include "itkGDCMImageIO.h"
 
@@ -33,8 +32,7 @@
 #include <array>
 #include <cmath>
 #include <cstring>
-#include <fstream>
-#include <map>
+#include <functional>
 #include <optional>
 #include <set>
 #include <sstream>
@@ -151,113 +149,6 @@ ReadSource(const std::string & path)
   return source;
 }
 
-bool
-IsText(const fs::path & path)
-{
-  if (!std::ifstream(path))
-  {
-    throw std::runtime_error("cannot read '" + path.string() + "'");
-  }
-  const std::string start = ReadStart(path, 512);
-  return !start.empty() && std::all_of(start.begin(), start.end(), [](char character) {
-    const auto code = static_cast<unsigned char>(character);
-    return code >= ' ' || (code >= '\t' && code <= '\r');
-  });
-}
-
-/** The images of a folder by the instance UIDs of their series. What might be one, but cannot be read, is an error. */
-std::map<std::string, std::vector<Source>>
-FindSeries(const fs::path & folder, const WarningFunction & warn)
-{
-  const auto leaveOut = [&warn](const fs::path & path, const std::string & what) {
-    warn("'" + path.string() + "' is " + what + " and left out");
-  };
-  std::set<fs::path>       texts;
-  std::vector<std::string> files;
-  for (const auto & entry : fs::directory_iterator(folder))
-  {
-    const fs::path & path = entry.path();
-    const auto       type = entry.status().type();
-    if (path.filename().string().front() == '.' || type == fs::file_type::directory)
-    {
-      continue;
-    }
-    if (type == fs::file_type::not_found)
-    {
-      throw std::runtime_error("'" + path.string() + "' is a link to a file that is not there; a slice may be missing");
-    }
-    if (type != fs::file_type::regular)
-    {
-      leaveOut(path, "no regular file");
-    }
-    else if (IsText(path))
-    {
-      texts.insert(path);
-    }
-    else
-    {
-      files.push_back(path.string());
-    }
-  }
-  std::sort(files.begin(), files.end());
-  RequireIntactDICOM(files);
-
-  std::map<std::string, std::vector<Source>> series;
-  std::vector<fs::path>                      others;
-  std::set<fs::path>                         extensions = { ".dcm" };
-  for (const std::string & file : files)
-  {
-    if (const auto source = ReadSource(file))
-    {
-      series[GetText(source->header, { 0x0020, 0x000e })].push_back(*source);
-      extensions.insert(fs::path(file).extension());
-    }
-    else if (!HasPreamble(file))
-    {
-      others.emplace_back(file);
-    }
-  }
-  for (const auto & other : others)
-  {
-    if (extensions.count(other.extension()) > 0)
-    {
-      throw std::runtime_error("'" + other.string() + "' is damaged or incomplete: it does not begin as DICOM does");
-    }
-    leaveOut(other, "not DICOM");
-  }
-  for (const auto & text : texts)
-  {
-    if (extensions.count(text.extension()) > 0)
-    {
-      leaveOut(text, "text, not DICOM,");
-    }
-  }
-  return series;
-}
-
-std::vector<Source>
-FindOneSeries(const fs::path & folder, const std::string & uid, const WarningFunction & warn)
-{
-  auto series = FindSeries(folder, warn);
-  if (series.empty())
-  {
-    throw std::runtime_error("no DICOM series in the folder '" + folder.string() + "'");
-  }
-  const auto found = uid.empty() && series.size() == 1 ? series.begin() : series.find(uid);
-  if (found == series.end())
-  {
-    std::string present;
-    for (const auto & [name, sources] : series)
-    {
-      present += (present.empty() ? "" : ", ") + name + " (" + std::to_string(sources.size()) + " files)";
-    }
-    throw std::runtime_error(
-      uid.empty() ? "'" + folder.string() + "' has several DICOM series, choose one by --series: " + present
-                  : "--series " + uid + " is not in '" + folder.string() + "', which has " + present);
-  }
-  return std::move(found->second);
-}
-
 std::string
 GetName(const Slice & slice)
 {
@@ -318,6 +209,23 @@ GetFrameOffset(const DataSet & header, const Slice & slice, std::size_t frames, 
     throw std::runtime_error(GetName(slice) + " is not in the order of the slices");
   }
   return isBySlices && distance.size() == 1 ? static_cast<double>(frame) * distance[0] * normal : VectorType(0.0);
+}
+
+/** Takes out localizers (PS3.3 C.8.2.1.1.1) if there are others. */
+void
+LeaveOutLocalizers(std::vector<Source> & sources, const WarningFunction & warn)
+{
+  const auto isLocalizer = [](const Source & source) {
+    return GetText(source.header, { 0x0008, 0x0008 }).find("\\LOCALIZER") != std::string::npos;
+  };
+  const auto first = std::stable_partition(sources.begin(), sources.end(), std::not_fn(isLocalizer));
+  if (first != sources.begin() && first != sources.end())
+  {
+    const auto more = sources.end() - first - 1;
+    warn("left out: '" + first->path + "'" + (more > 0 ? " and " + std::to_string(more) + " more" : "") +
+         " (localizer)");
+    sources.erase(first, sources.end());
+  }
 }
 
 /** As ITK does. */
@@ -625,7 +533,18 @@ ReadDicom(const fs::path & path, const std::string & series, const WarningFuncti
   std::vector<Source> sources;
   if (fs::is_directory(path))
   {
-    sources = FindOneSeries(path, series, warn);
+    for (const std::string & file : FindSeries(path, series, warn))
+    {
+      if (const auto source = ReadSource(file))
+      {
+        sources.push_back(*source);
+      }
+      else
+      {
+        throw std::runtime_error("cannot decode the image '" + file + "'");
+      }
+    }
+    LeaveOutLocalizers(sources, warn);
   }
   else if (const auto source = ReadSource(path.string()))
   {
@@ -646,6 +565,11 @@ ReadDicom(const fs::path & path, const std::string & series, const WarningFuncti
   std::vector<Slice> slices;
   for (const Source & source : sources)
   {
+    if (IsProjection(source.header))
+    {
+      throw std::runtime_error("'" + source.path +
+                               "' is a projection, not a part of a volume; give the series that it was made from");
+    }
     const auto ofSource = GetSlices(source);
     slices.insert(slices.end(), ofSource.begin(), ofSource.end());
   }

@@ -17,6 +17,7 @@
  *=========================================================================*/
 #include "Input.h"
 #include "DicomInput.h"
+#include "InputFiles.h"
 #include "Integrity.h"
 
 #include "itkGDCMImageIO.h"
@@ -141,8 +142,8 @@ Volume
 ReadVolume(const std::filesystem::path & path, const std::string & series, const WarningFunction & warn)
 {
   RequireExistence(path);
-  const bool isFolder = std::filesystem::is_directory(path);
-  if (!isFolder && !series.empty())
+  const auto folder = GetImageFolder(path);
+  if (folder.empty() && !series.empty())
   {
     throw std::runtime_error("--series is for a DICOM folder, but '" + path.string() + "' is a file");
   }
@@ -173,9 +174,9 @@ ReadVolume(const std::filesystem::path & path, const std::string & series, const
   };
   try
   {
-    if (isFolder)
+    if (!folder.empty())
     {
-      volume = ReadDicom(path, series, warn);
+      volume = ReadDicom(folder, series, warn);
     }
     else
     {

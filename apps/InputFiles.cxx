@@ -23,6 +23,7 @@
 #include <algorithm>
 #include <set>
 #include <sstream>
+#include <stdexcept>
 #include <string>
 
 namespace
@@ -38,19 +39,24 @@ WithoutGzip(const fs::path & path)
   return path.extension() == ".gz" ? path.stem() : path.filename();
 }
 
+bool
+LooksLikeOutput(const fs::path & path)
+{
+  static const std::set<fs::path> outputs = { ".mha", ".nrrd", ".nii", ".png", ".gif", ".apng", ".mp4", ".html" };
+  return outputs.count(WithoutGzip(path).extension()) > 0;
+}
+
 /** The files of a folder, as far as it can be read, that do not look like outputs. */
 Paths
 ListFiles(const fs::path & folder)
 {
-  static const std::set<fs::path> outputs = { ".mha", ".nrrd", ".nii", ".png", ".gif", ".apng", ".mp4", ".html" };
-
   Paths           files;
   std::error_code error;
   for (fs::directory_iterator entry(folder.empty() ? "." : folder, error), end; !error && entry != end;
        entry.increment(error))
   {
     std::error_code ignored;
-    if (entry->is_regular_file(ignored) && outputs.count(WithoutGzip(entry->path()).extension()) == 0)
+    if (entry->is_regular_file(ignored) && !LooksLikeOutput(entry->path()))
     {
       files.push_back(folder / entry->path().filename());
     }
@@ -104,15 +110,80 @@ AddFilesOfHeader(const fs::path & path, Paths & files)
     }
   }
 }
+
+void
+AddFiles(const fs::path & folder, std::set<fs::path> & known, Paths & files)
+{
+  if (!known.insert(fs::canonical(folder)).second)
+  {
+    return;
+  }
+  std::set<fs::path> entries;
+  for (const auto & entry : fs::directory_iterator(folder))
+  {
+    entries.insert(entry.path());
+  }
+  for (const fs::path & path : entries)
+  {
+    if (path.filename().string().front() == '.')
+    {
+      continue;
+    }
+    if (fs::is_directory(path))
+    {
+      AddFiles(path, known, files);
+    }
+    else
+    {
+      files.push_back(path);
+    }
+  }
+}
 } // namespace
+
+Paths
+FindFiles(const fs::path & folder)
+{
+  std::set<fs::path> known;
+  Paths              files;
+  AddFiles(folder, known, files);
+  return files;
+}
+
+fs::path
+GetImageFolder(const fs::path & path)
+{
+  std::error_code ignored;
+  if (fs::is_directory(path, ignored))
+  {
+    return path;
+  }
+  const bool isDirectory = ToLower(path.filename().string()) == "dicomdir" && fs::is_regular_file(path, ignored);
+  return !isDirectory ? fs::path() : path.has_parent_path() ? path.parent_path() : ".";
+}
+
+void
+RequireOutside(const fs::path & output, const fs::path & input)
+{
+  const fs::path folder = GetImageFolder(input);
+  if (!folder.empty() &&
+      *fs::weakly_canonical(fs::absolute(output)).lexically_relative(fs::canonical(folder)).begin() != "..")
+  {
+    throw std::runtime_error("cannot write '" + output.string() + "': it is in '" + folder.string() +
+                             "', where images of INPUT are searched; choose a folder elsewhere");
+  }
+}
 
 Paths
 FindInputFiles(const fs::path & path)
 {
   std::error_code ignored;
-  if (fs::is_directory(path, ignored))
+  const fs::path  folder = GetImageFolder(path);
+  if (!folder.empty())
   {
-    return ListFiles(path);
+    Paths found = FindFiles(folder);
+    found.erase(std::remove_if(found.begin(), found.end(), LooksLikeOutput), found.end());
+    return found;
   }
   Paths files{ path };
   if (!fs::is_regular_file(path, ignored))

@@ -21,9 +21,22 @@
 #include <filesystem>
 #include <vector>
 
-/** The files that are there and are read for the image or transform \a path: those of a folder; or the file, others of
- * its name, and those that its header names. In the first two cases none with an extension of an output. */
+/** What is in a folder and in its folders, in the order of the paths, but nothing whose name begins with a point. Links
+ * are followed, to each folder once. */
+std::vector<std::filesystem::path>
+FindFiles(const std::filesystem::path & folder);
+
+/** The folder where the images of \a path are: itself, or that of a DICOMDIR. Empty if \a path is neither. */
+std::filesystem::path
+GetImageFolder(const std::filesystem::path & path);
+
+/** The files that are there and are read for the image or transform \a path: those of its image folder; or the file,
+ * others of its name, and those that its header names. In the first two cases none with an extension of an output. */
 std::vector<std::filesystem::path>
 FindInputFiles(const std::filesystem::path & path);
+
+/** Throws if the new folder \a output is in the image folder of \a input. */
+void
+RequireOutside(const std::filesystem::path & output, const std::filesystem::path & input);
 
 #endif

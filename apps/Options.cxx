@@ -36,12 +36,13 @@ namespace
 {
 constexpr auto description =
   "Maximum intensity projection (MIP) of a 3D image from any direction.\n"
-  "INPUT is an image that ITK reads (NIfTI, NRRD, MetaImage, DICOM, ...) or a folder of DICOM files. The program "
-  "projects each component of its pixels by itself. A 4D image gives one frame for each point in time.\n"
+  "INPUT is an image that ITK reads (NIfTI, NRRD, MetaImage, DICOM, ...) or a folder whose DICOM files, "
+  "also in folders, are searched. The program projects each component of its pixels by itself. A 4D image gives one "
+  "frame for each point in time.\n"
   "The extension of OUTPUT is its format: .mha, .nrrd, .nii and .nii.gz keep the image's values and pixel type, a "
   "series as a 3D stack; .png, .jpg and .tif have 8 bits, see --window, a series as numbered files; .gif, .apng and "
-  ".mp4 are "
-  "animations, made by the program ffmpeg; .html is a page that turns and plays a series in any browser.\n"
+  ".mp4 are animations, made by the program ffmpeg; .html is a page that turns and plays a series in any browser. A "
+  "folder, new with a / at its end or empty, gets a DICOM series.\n"
   "Sizes and positions of the output are in mm in the view plane. Names of values may be in capitals, and as short as "
   "they are clear. Several numbers have commas or spaces between them.";
 
@@ -54,8 +55,8 @@ constexpr auto examples = "Examples:\n"
                           "      a page that turns, for any browser\n"
                           "  shear-warp-mip tof.nrrd rocking.mp4 --frames 48 --rocking 60 --elevation 15\n"
                           "      an animation, 30 degrees to either side and back, from somewhat above\n"
-                          "  shear-warp-mip dicom-folder/ turn.html --frames 72 --dicom-out turn/\n"
-                          "      the same and a DICOM series for the archive\n"
+                          "  shear-warp-mip dicom-folder/ turn/ --frames 72\n"
+                          "      a DICOM series for the archive; --dicom-out writes one beside another OUTPUT\n"
                           "  shear-warp-mip ct.nrrd slabs.nrrd --view superior --sliding-slab 10 5\n"
                           "      slabs of 10 mm from top to bottom, one every 5 mm\n"
                           "  shear-warp-mip ct.nrrd bones.png --window bone\n"
@@ -173,10 +174,16 @@ DefineOptions(CLI::App & app, Options & options)
   const auto       angle = Number("a finite angle", std::numeric_limits<double>::lowest());
   const auto       count = Number("a whole number of at least 1", 1.0, true);
 
-  const auto input = app.add_option("INPUT", options.input, "Image file, or DICOM folder")->required();
-  const auto output = app.add_option("OUTPUT,-o,--output", options.output, "File to write")->required();
-  app.add_option("--series", options.series, "Instance UID of the DICOM series, if the folder has several")
-    ->type_name("UID");
+  const auto input =
+    app.add_option("INPUT", options.input, "Image file, or DICOM folder (or its DICOMDIR)")->required();
+  const auto output =
+    app.add_option("OUTPUT,-o,--output", options.output, "File to write, or FOLDER/ for a DICOM series")->required();
+  app
+    .add_option("--series",
+                options.series,
+                "DICOM series, if the folder has several: its number in the list that is then printed, a part of its "
+                "description, or its instance UID")
+    ->type_name("SERIES");
 
   const auto view =
     app
@@ -583,6 +590,29 @@ GetWindow(const Options & options)
 }
 
 void
+UseOutputFolder(Options & options)
+{
+  if (options.output.empty())
+  {
+    throw std::runtime_error("OUTPUT is empty; see --help");
+  }
+  std::error_code ignored;
+  if (options.output.back() != '/' && !std::filesystem::is_directory(options.output, ignored))
+  {
+    return;
+  }
+  if (!options.dicomOut.empty())
+  {
+    throw std::runtime_error("--dicom-out is not possible: OUTPUT is a folder for a DICOM series already");
+  }
+  if (options.isInPlace)
+  {
+    throw std::runtime_error("--in-place is not possible: OUTPUT is a folder, '" + options.output + "'");
+  }
+  options.dicomOut.swap(options.output);
+}
+
+void
 Verify(const Options & options)
 {
   GetWindow(options);
@@ -593,7 +623,7 @@ Verify(const Options & options)
   if (!(options.overlay.empty() && options.segments.empty()))
   {
     const std::string name = options.overlay.empty() ? "--segments" : "--overlay";
-    if (!OutputFiles::IsPicture(options.output) && !OutputFiles::IsAnimation(options.output))
+    if (!options.output.empty() && !OutputFiles::IsPicture(options.output) && !OutputFiles::IsAnimation(options.output))
     {
       throw std::runtime_error(name +
                                " is for pictures and animations: OUTPUT must be .png, .jpg, .tif, .gif, .apng or "

@@ -110,6 +110,10 @@ CollectArguments(int argc, const char * const * argv);
 std::optional<std::array<double, 2>>
 GetWindow(const Options & options);
 
+/** Takes an OUTPUT that is a folder, or is to be one, for that of --dicom-out; output is empty then. */
+void
+UseOutputFolder(Options & options);
+
 /** Throws std::runtime_error if the options contradict each other. */
 void
 Verify(const Options & options);

@@ -295,7 +295,9 @@ OutputFiles::Reserve(const fs::path & path, Format format, const std::string & o
       good += ' ' + extension;
     }
     throw std::runtime_error(option + ": '" + path.string() + "' must have one of the extensions" + good +
-                             (format == Format::Any && path.extension() == ".dcm" ? "; --dicom-out writes DICOM" : ""));
+                             (format != Format::Any        ? ""
+                              : path.extension() == ".dcm" ? "; --dicom-out writes DICOM"
+                                                           : ", or a / at its end for a DICOM series"));
   }
   if (EndsWith(name, ".nii") || EndsWith(name, ".nii.gz"))
   {

@@ -95,11 +95,11 @@ VerifyVolume(const Options & options, const Volume & volume)
   }
   if (!options.dicomOut.empty() && times > 1)
   {
-    refuse("--dicom-out", times, "points in time");
+    refuse("A DICOM series", times, "points in time");
   }
   if (!options.dicomOut.empty() && components > 1)
   {
-    refuse("--dicom-out", components, "components");
+    refuse("A DICOM series", components, "components");
   }
   if (components > 1 && OutputFiles::IsPage(options.output))
   {
@@ -217,7 +217,7 @@ Run(const Options & options, Messages & messages)
   {
     files.Reserve(options.output, OutputFiles::Format::Values, "--in-place");
   }
-  else
+  else if (!options.output.empty())
   {
     files.Reserve(options.output, OutputFiles::Format::Any, "OUTPUT");
   }
@@ -232,6 +232,7 @@ Run(const Options & options, Messages & messages)
   if (!options.dicomOut.empty())
   {
     files.ReserveFolder(options.dicomOut);
+    RequireOutside(options.dicomOut, options.input);
   }
   std::vector<TransformPointer> given;
   if (!options.transform.empty())
@@ -409,7 +410,7 @@ Run(const Options & options, Messages & messages)
   {
     writePictures(options.output, isLayered ? layered : MakePictures(projections, window));
   }
-  else
+  else if (!options.output.empty())
   {
     files.Write(options.output, projections.stack, layout);
   }
@@ -422,7 +423,7 @@ Run(const Options & options, Messages & messages)
     writePictures(options.depthColour, MakeDepthPictures(projections, window));
   }
   files.Commit();
-  messages.StepDone("wrote " + options.output);
+  messages.StepDone("wrote " + (options.output.empty() ? options.dicomOut : options.output));
 }
 
 std::string
@@ -461,6 +462,7 @@ RunProgram(int argc, const char * const * argv, std::ostream & output, std::ostr
     }
     else
     {
+      UseOutputFolder(options);
       Run(options, steps);
     }
     return EXIT_SUCCESS;

@@ -133,7 +133,7 @@ TEST_F(ShearWarpMIPProgramFiles, NeverWritesWhatItReads)
   this->ExpectSuccess("dicom dicom/new.png");
   const auto again = this->Run("dicom dicom/new.png");
   EXPECT_EQ(again.status, 0);
-  EXPECT_EQ(again.messages, "shear-warp-mip: warning: 'dicom/new.png' is not DICOM and left out\n");
+  EXPECT_EQ(again.messages, "shear-warp-mip: warning: left out: 'dicom/new.png' (not DICOM)\n");
 }
 
 TEST_F(ShearWarpMIPProgramFiles, WritesNoFileTwice)

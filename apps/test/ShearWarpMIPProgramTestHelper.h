@@ -273,11 +273,12 @@ protected:
   /** Writes dicom/PREFIX0.dcm and so on, slices at the \a positions in mm. */
   template <typename TPixel = PixelType>
   void
-  WriteDICOMSeries(const std::string &         uid,
-                   const std::string &         prefix,
-                   const std::vector<double> & positions,
-                   itk::SizeValueType          width = 8,
-                   bool                        isCoronal = false) const
+  WriteDICOMSeries(const std::string &                        uid,
+                   const std::string &                        prefix,
+                   const std::vector<double> &                positions,
+                   itk::SizeValueType                         width = 8,
+                   bool                                       isCoronal = false,
+                   const std::map<std::string, std::string> & tags = {}) const
   {
     using SliceType = itk::Image<TPixel, 3>;
     fs::create_directories(m_Folder / "dicom");
@@ -308,6 +309,10 @@ protected:
       itk::EncapsulateMetaData<std::string>(dictionary, "0020|000d", "1.2.3");
       itk::EncapsulateMetaData<std::string>(dictionary, "0020|000e", uid);
       itk::EncapsulateMetaData<std::string>(dictionary, "0020|0013", std::to_string(slice + 1));
+      for (const auto & [tag, value] : tags)
+      {
+        itk::EncapsulateMetaData<std::string>(dictionary, tag, value);
+      }
       const auto writer = itk::ImageFileWriter<SliceType>::New();
       writer->SetImageIO(io);
       writer->SetInput(image);

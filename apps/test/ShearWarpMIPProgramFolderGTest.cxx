@@ -1,0 +1,246 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#include "ShearWarpMIPProgramTestHelper.h"
+
+#include <unistd.h>
+
+using namespace ShearWarpMIPProgramTest;
+
+namespace
+{
+using Tags = std::map<std::string, std::string>;
+
+class ShearWarpMIPProgramFolder : public ShearWarpMIPProgram
+{
+protected:
+  void
+  WriteSeries(const std::string & uid, const std::string & prefix, std::size_t slices, const Tags & tags = {}) const
+  {
+    std::vector<double> positions;
+    for (std::size_t slice = 0; slice < slices; ++slice)
+    {
+      positions.push_back(2.0 * static_cast<double>(slice));
+    }
+    this->WriteDICOMSeries(uid, prefix, positions, 8, false, tags);
+  }
+
+  void
+  Move(const std::string & from, const std::string & to) const
+  {
+    fs::create_directories((m_Folder / to).parent_path());
+    fs::rename(m_Folder / from, m_Folder / to);
+  }
+
+  /** Success with this warning. */
+  void
+  ExpectWarning(const std::string & arguments, const std::string & warning) const
+  {
+    SCOPED_TRACE(arguments);
+    const Result result = this->Run(arguments);
+    EXPECT_EQ(result.status, 0);
+    EXPECT_EQ(result.messages, "shear-warp-mip: warning: " + warning + '\n');
+  }
+};
+
+TEST_F(ShearWarpMIPProgramFolder, IsSearchedWithItsFolders)
+{
+  this->WriteSeries("1.2.3.4", "a", 6);
+  this->ExpectSuccess("dicom plain.nrrd");
+  this->Move("dicom/a1.dcm", "dicom/one/a1.dcm");
+  this->Move("dicom/a2.dcm", "dicom/one/two/three/a2.dcm");
+  this->Move("dicom/a4.dcm", "elsewhere/a4.dcm");
+  this->Move("dicom/a5.dcm", "elsewhere/deeper/a5.dcm");
+  fs::create_directory_symlink("../elsewhere", m_Folder / "dicom/link");
+  fs::create_directory_symlink("../elsewhere", m_Folder / "dicom/second");
+  fs::create_directory_symlink("..", m_Folder / "dicom/one/loop");
+  fs::create_directory(m_Folder / "dicom/empty");
+  fs::create_directory(m_Folder / "dicom/.hidden");
+  std::ofstream(m_Folder / "dicom/.hidden/a9.dcm") << '\0';
+  // no slices are beside it
+  fs::create_directory(m_Folder / "dicom/viewer");
+  std::ofstream(m_Folder / "dicom/viewer/readme") << "text";
+  std::ofstream(m_Folder / "dicom/DICOMDIR") << "text";
+  for (const std::string input : { "dicom", "dicom/", "dicom/DICOMDIR" })
+  {
+    this->ExpectSuccess(input + " out.nrrd");
+    EXPECT_EQ(ReadText(m_Folder / "out.nrrd"), ReadText(m_Folder / "plain.nrrd"));
+  }
+  fs::rename(m_Folder / "dicom/DICOMDIR", m_Folder / "dicom/dicomdir");
+  EXPECT_EQ(this->Run("dicomdir ../out.nrrd", "cd dicom &&").status, 0);
+  this->ExpectSuccess("dicom/dicomdir out.nrrd --series 1");
+
+  std::ofstream(m_Folder / "dicom/viewer/a.exe") << '\0';
+  std::ofstream(m_Folder / "dicom/viewer/b") << '\0';
+  fs::copy_file(m_Folder / "dicom/a0.dcm", m_Folder / "dicom/one/copy.dcm");
+  const Result result = this->Run("dicom out.nrrd");
+  EXPECT_EQ(result.messages,
+            "shear-warp-mip: warning: left out: 'dicom/viewer/a.exe' and 1 more (not DICOM)\n"
+            "shear-warp-mip: warning: left out: 'dicom/one/copy.dcm' (the same as another file)\n");
+  EXPECT_EQ(ReadText(m_Folder / "out.nrrd"), ReadText(m_Folder / "plain.nrrd"));
+}
+
+TEST_F(ShearWarpMIPProgramFolder, ListsItsSeries)
+{
+  this->WriteSeries(
+    "1.2.3.7", "a", 3, { { "0008|103e", "Head  MRA" }, { "0020|0011", "10" }, { "0008|0021", "20240131" } });
+  this->WriteSeries(
+    "1.2.3.6", "b", 2, { { "0008|103e", "Head DWI" }, { "0020|0011", "9" }, { "0008|0021", "20240131" } });
+  this->WriteSeries("1.2.3.5", "c", 1, { { "0020|0011", "1" }, { "0008|0021", "20240201" } });
+  this->WriteSeries("1.2.3.8",
+                    "d",
+                    4,
+                    { { "0008|0005", "ISO_IR 100" },
+                      { "0008|103e",
+                        "Sch\xe4"
+                        "del" },
+                      { "0008|0021", "20230101" } });
+  const std::string head = "2: Head DWI, MR, 2024-01-31, 2 images; 3: Head MRA, MR, 2024-01-31, 3 images";
+  const std::string all = "1: Sch\xc3\xa4"
+                          "del, MR, 2023-01-01, 4 images; " +
+                          head + "; 4: MR, 2024-02-01, 1 image\n";
+  this->ExpectFailure("dicom out.png",
+                      "shear-warp-mip: 'dicom' has several DICOM series, choose one by --series NUMBER: " + all);
+  for (const std::string wrong : { "0", "5", "2.0", "-1", "1.2.3", "spine", "'head  dwi'" })
+  {
+    this->ExpectFailure("dicom out.png --series " + wrong, " is not in 'dicom', which has " + all);
+  }
+  this->ExpectFailure("dicom out.png --series hEAd",
+                      "--series hEAd fits several, choose one by its number: " + head + '\n');
+  for (const std::string right : { "2", "1.2.3.6", "dwi", "'head dwi'", "DW" })
+  {
+    this->ExpectSuccess("dicom out.nrrd --spacing 1 --series " + right);
+    EXPECT_EQ(this->Read("out.nrrd")->GetBufferedRegion().GetSize(1), 4u);
+  }
+  this->ExpectSuccess("dicom out.nrrd --spacing 1 --series Sch\xc3\xa4"
+                      "d");
+  EXPECT_EQ(this->Read("out.nrrd")->GetBufferedRegion().GetSize(1), 8u);
+}
+
+TEST_F(ShearWarpMIPProgramFolder, IsRefused)
+{
+  fs::create_directories(m_Folder / "empty/inner");
+  this->ExpectFailure("empty out.png", "no DICOM series in the folder 'empty'");
+  std::ofstream(m_Folder / "empty/inner/notes.txt") << "text";
+  this->ExpectFailure("empty out.png", "no DICOM series in the folder 'empty'");
+
+  this->WriteSeries("1.2.3.4", "a", 4);
+  this->Move("dicom/a2.dcm", "dicom/inner/a2.dcm");
+  for (const std::size_t size : { 0, 100, 300, 700 })
+  {
+    this->WithChangedFile(
+      "dicom/inner/a2.dcm",
+      [size](const std::string & bytes) { return bytes.substr(0, size); },
+      [this] { this->ExpectFailure("dicom out.png", "'dicom/inner/a2.dcm' is damaged or incomplete"); });
+  }
+  fs::create_symlink("none", m_Folder / "dicom/inner/b");
+  this->ExpectFailure("dicom out.png", "'dicom/inner/b' is a link to a file that is not there");
+  fs::remove(m_Folder / "dicom/inner/b");
+  const std::string capabilities = "-dac_override,-dac_read_search";
+  const std::string before =
+    geteuid() == 0 ? "setpriv --bounding-set=" + capabilities + " --inh-caps=" + capabilities : "";
+  if (std::system((before + " true").c_str()) == 0)
+  {
+    for (const std::string name : { "dicom/inner/a2.dcm", "dicom/inner" })
+    {
+      fs::permissions(m_Folder / name, fs::perms::none);
+      const Result result = this->Run("dicom out.png", before);
+      fs::permissions(m_Folder / name, fs::perms::owner_all);
+      EXPECT_EQ(result.status, 1);
+      EXPECT_NE(result.messages.find(name), std::string::npos) << result.messages;
+    }
+  }
+  std::ofstream(m_Folder / "dicom/inner/DICOMDIR") << "text";
+  this->ExpectFailure("in.nrrd out.png --series 1", "--series is for a DICOM folder, but 'in.nrrd' is a file");
+  this->ExpectFailure("dicom/inner/DICOMDIR dicom/a2.dcm/", "'dicom/a2.dcm/'");
+  for (const std::string input : { "dicom", "dicom/.", "dicom/../dicom" })
+  {
+    this->ExpectFailure(input + " dicom/turn/ --frames 2",
+                        "'dicom/turn/': it is in '" + input + "', where images of INPUT");
+    this->ExpectFailure(input + " out.png --dicom-out dicom/inner/turn", "'dicom/inner/turn': it is in '" + input);
+    this->ExpectFailure(input + " dicom", "'dicom' is there already; a DICOM series needs an empty folder");
+    this->ExpectFailure(input + " dicom/", "'dicom/' is there already; a DICOM series needs an empty folder");
+  }
+  this->ExpectFailure("dicom/DICOMDIR turn/", "'dicom/DICOMDIR' does not exist");
+  this->ExpectFailure("dicom/inner/DICOMDIR dicom/inner/turn/", "it is in 'dicom/inner', where images of INPUT");
+  // what is within it is not written over
+  this->ExpectFailure("dicom out.nrrd --depth dicom/inner/out.nrrd --mask dicom/inner/out.nrrd",
+                      "dicom/inner/out.nrrd");
+}
+
+TEST_F(ShearWarpMIPProgramFolder, OfOutputHasDICOMSeries)
+{
+  this->WriteSeries("1.2.3.4", "a", 4);
+  fs::create_directory(m_Folder / "there");
+  this->ExpectSuccess("dicom out.nrrd --frames 3 --dicom-out expected");
+  for (const std::string folder : { "new/", "there" })
+  {
+    this->ExpectSuccess("dicom --frames 3 " + folder + " --depth " + folder[0] + ".nrrd");
+    for (const std::string frame : { "frame-001.dcm", "frame-002.dcm", "frame-003.dcm" })
+    {
+      EXPECT_EQ(GetPixels(this->Read(folder + '/' + frame).GetPointer()),
+                GetPixels(this->Read("expected/" + frame).GetPointer()));
+    }
+    EXPECT_EQ(std::distance(fs::directory_iterator(m_Folder / folder), fs::directory_iterator()), 3);
+    EXPECT_TRUE(fs::exists(m_Folder / (folder.substr(0, 1) + ".nrrd")));
+    this->ExpectFailure("dicom " + folder, "is there already; a DICOM series needs an empty folder");
+  }
+  this->ExpectFailure("dicom new", "is there already");
+  this->ExpectFailure("dicom more", "or a / at its end for a DICOM series");
+  this->ExpectFailure("dicom none/more/", "cannot write 'none/more/': its folder does not exist");
+  this->ExpectFailure("dicom in.nrrd/", "in.nrrd/");
+  this->ExpectFailure("dicom more/ --dicom-out other", "--dicom-out is not possible: OUTPUT is a folder");
+  this->ExpectFailure("dicom more/ --in-place", "--in-place is not possible: OUTPUT is a folder");
+  this->ExpectFailure("dicom ''", "OUTPUT is empty");
+}
+
+TEST_F(ShearWarpMIPProgramFolder, OfProjectionsIsRefused)
+{
+  this->WriteSeries("1.2.3.4", "a", 4);
+  const std::string mention = " is a projection, not a part of a volume; give the series that it was made from";
+  this->ExpectSuccess("dicom turn/ --frames 3");
+  this->ExpectSuccess("dicom slabs/ --sliding-slab 2 2");
+  this->ExpectSuccess("in.nrrd captures/ --frames 2 --mode minimum");
+  for (const std::string folder : { "turn", "slabs", "captures" })
+  {
+    this->ExpectFailure(folder + " out.png", "'" + folder + "/frame-001.dcm'" + mention);
+    this->ExpectFailure(folder + "/frame-001.dcm out.png", "'" + folder + "/frame-001.dcm'" + mention);
+  }
+  this->WriteSeries("1.2.3.5", "b", 2, { { "0008|0008", "DERIVED\\SECONDARY\\OTHER\\MAX_IP" } });
+  this->WriteSeries("1.2.3.6", "c", 1, { { "0054|1000", "WHOLE BODY\\REPROJECTION" } });
+  this->ExpectFailure("dicom out.png", "2 projections; 3: MR, ");
+  this->ExpectFailure("dicom out.png --series 1.2.3.5", "'dicom/b0.dcm'" + mention);
+  this->ExpectFailure("dicom out.png --series 1.2.3.6", "'dicom/c0.dcm'" + mention);
+  this->ExpectSuccess("dicom out.png --series 1");
+}
+
+TEST_F(ShearWarpMIPProgramFolder, LosesItsLocalizers)
+{
+  const Tags localizer = { { "0008|0008", "ORIGINAL\\PRIMARY\\LOCALIZER" } };
+  this->WriteSeries("1.2.3.4", "a", 4);
+  this->ExpectSuccess("dicom plain.nrrd");
+  this->WriteDICOMSeries("1.2.3.4", "b", { 8 }, 9, true, localizer);
+  this->ExpectWarning("dicom out.nrrd", "left out: 'dicom/b0.dcm' (localizer)");
+  this->WriteDICOMSeries("1.2.3.4", "b", { 8, 9 }, 9, true, localizer);
+  this->ExpectWarning("dicom out.nrrd", "left out: 'dicom/b0.dcm' and 1 more (localizer)");
+  EXPECT_EQ(ReadText(m_Folder / "out.nrrd"), ReadText(m_Folder / "plain.nrrd"));
+  // by itself it is what is asked for
+  fs::remove_all(m_Folder / "dicom");
+  this->WriteDICOMSeries("1.2.3.4", "b", { 8, 10 }, 9, false, localizer);
+  this->ExpectSuccess("dicom out.nrrd");
+}
+} // namespace
