@@ -368,6 +368,34 @@ RequireLikeness(const Slice & slice, const Slice & first)
   }
 }
 
+/** What tells two slices at one position apart, and what to do then. */
+std::string
+NameDifference(const Slice & one, const Slice & other)
+{
+  if (one.source == other.source)
+  {
+    return ". The file has several volumes, such as points in time: one is needed";
+  }
+  const std::pair<Tag, std::string> attributes[] = { { { 0x0020, 0x0100 }, "Temporal Position Identifier" },
+                                                     { { 0x0018, 0x0081 }, "Echo Time" },
+                                                     { { 0x0054, 0x1300 }, "Frame Reference Time" },
+                                                     { { 0x0018, 0x1060 }, "Trigger Time" },
+                                                     { { 0x0020, 0x0012 }, "Acquisition Number" },
+                                                     { { 0x0008, 0x0008 }, "Image Type" },
+                                                     { { 0x0008, 0x0032 }, "Acquisition Time" } };
+  for (const auto & [tag, name] : attributes)
+  {
+    const std::string first = GetText(one.source->header, tag);
+    const std::string second = GetText(other.source->header, tag);
+    if (first != second)
+    {
+      return ". They differ in " + name + ", " + first + " and " + second +
+             ": put the images of one volume into a folder of their own";
+    }
+  }
+  return "";
+}
+
 /** Throws if one of the slices, which are sorted, is missing or there twice. */
 void
 RequireEachSlice(const std::vector<Slice> & slices)
@@ -382,10 +410,16 @@ RequireEachSlice(const std::vector<Slice> & slices)
   if (isTwice || *farthest > 1.5 * *closest)
   {
     const auto         after = (isTwice ? closest : farthest) - gaps.begin();
+    const Slice &      one = slices[after];
+    const Slice &      other = slices[after + 1];
     std::ostringstream message;
-    message << (isTwice ? "two slices lie at one position: " : "a slice is missing between ") << GetName(slices[after])
-            << " at " << slices[after].position << " mm and " << GetName(slices[after + 1]) << " at "
-            << slices[after + 1].position << " mm; others are " << (isTwice ? *farthest : *closest) << " mm apart";
+    message << (isTwice ? "two slices lie at one position: " : "a slice is missing between ") << GetName(one) << " at "
+            << one.position << " mm and " << GetName(other) << " at " << other.position << " mm; others are "
+            << (isTwice ? *farthest : *closest) << " mm apart";
+    if (isTwice)
+    {
+      message << NameDifference(one, other);
+    }
     throw std::runtime_error(message.str());
   }
 }
@@ -489,7 +523,7 @@ ReadStored(const Source & source)
   bytes.resize(image.GetBufferLength());
   if (!isRead || !image.GetBuffer(bytes.data()))
   {
-    throw std::runtime_error("cannot decode the pixels of '" + source.path + "'");
+    throw std::runtime_error("cannot decode the pixels of '" + source.path + "'; decompress the images first");
   }
   return bytes;
 }

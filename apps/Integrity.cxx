@@ -31,6 +31,7 @@
 #include <gdcmImageReader.h>
 #include <gdcmMediaStorage.h>
 #include <gdcmPreamble.h>
+#include <gdcmTransferSyntax.h>
 #include <nifti1_io.h>
 
 #include <algorithm>
@@ -230,6 +231,23 @@ IsDeflated(const fs::path & path)
   }
   return header.GetDataSetTransferSyntax() == gdcm::TransferSyntax::DeflatedExplicitVRLittleEndian &&
          GetInflatedSize(path, file.tellg(), rawDeflate) > 0;
+}
+
+/** As it is in the file's meta information (PS3.10 7.1), empty if that has none. */
+std::string
+ReadTransferSyntax(const fs::path & path)
+{
+  using namespace std::string_literals;
+  const std::string start = HasPreamble(path) ? ReadStart(path, 1 << 12) : "";
+  const auto        element = start.find("\x02\0\x10\0UI"s);
+  constexpr int     headerLength = 8;
+  if (element == std::string::npos || element + headerLength > start.size())
+  {
+    return "";
+  }
+  const auto        length = static_cast<unsigned char>(start[element + 6]);
+  const std::string uid = start.substr(element + headerLength, length);
+  return uid.substr(0, uid.find('\0'));
 }
 
 /** Of pixels that are missing GDCM would make any values. */
@@ -463,6 +481,12 @@ RequireIntactDICOM(const Files & files)
   const std::size_t count = CountSound(FileKind::DICOM, files);
   if (count < files.size())
   {
+    const std::string syntax = ReadTransferSyntax(files[count]);
+    if (!syntax.empty() && gdcm::TransferSyntax::GetTSType(syntax.c_str()) == gdcm::TransferSyntax::TS_END)
+    {
+      throw std::runtime_error("'" + files[count] + "' has a compression that GDCM does not read, transfer syntax " +
+                               syntax + "; decompress the images first");
+    }
     Refuse(files[count], "its DICOM data cannot be parsed to the end");
   }
 }

@@ -149,6 +149,16 @@ TEST_F(ShearWarpMIPProgramFolder, IsRefused)
       [size](const std::string & bytes) { return bytes.substr(0, size); },
       [this] { this->ExpectFailure("dicom out.png", "'dicom/inner/a2.dcm' is damaged or incomplete"); });
   }
+  this->WithChangedFile(
+    "dicom/inner/a2.dcm",
+    [](std::string bytes) {
+      const std::string syntax = "1.2.840.10008.1.";
+      return bytes.replace(bytes.find(syntax) + syntax.size(), 1, "9");
+    },
+    [this] {
+      this->ExpectFailure("dicom out.png",
+                          "a2.dcm' has a compression that GDCM does not read, transfer syntax 1.2.840.10008.1.9; ");
+    });
   fs::create_symlink("none", m_Folder / "dicom/inner/b");
   this->ExpectFailure("dicom out.png", "'dicom/inner/b' is a link to a file that is not there");
   fs::remove(m_Folder / "dicom/inner/b");
