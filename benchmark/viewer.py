@@ -4,7 +4,7 @@
 A headless Chromium without GPU shows the viewer's page of a volume of uint16, and drags it. Each movement has the time at
 which the browser made its event; each picture has the number of the last movement that it shows and the time at which the
 browser has loaded it. What is measured is, for every movement, the time until the first picture that shows it or a later
-one. After each drag the picture at rest is compared with the viewer's, pixel by pixel.
+one, and the stages of that time. After each drag the picture at rest is compared with the viewer's, pixel by pixel.
 
     pip install "$(echo dist/itk_shearwarpmip-*.whl)[viewer]" selenium       # and Debian's chromium, chromium-driver
     viewer.py                                  # 100 drags, 512x512x512, a window of 1000x720
@@ -22,7 +22,6 @@ import io
 import json
 import os
 import platform
-import shutil
 import sys
 import time
 from pathlib import Path
@@ -32,34 +31,60 @@ import itk
 import numpy as np
 from itk_shearwarpmip import show
 from PIL import Image
-from selenium import webdriver
-from selenium.webdriver.chrome.service import Service
 from selenium.webdriver.common.actions.action_builder import ActionBuilder
 from selenium.webdriver.common.by import By
+
+sys.path.append(str(Path(__file__).parents[1] / "wrapping" / "test"))
+import chromium
 
 SEED = 20020547
 MOVE_MILLISECONDS = 16
 
-# before the page's own scripts: movements are numbered, pictures say when they are there
+STAGES = (
+    "the browser sends the event",
+    "the viewer has it",
+    "it waits for the picture before",
+    "the picture is painted",
+    "it waits to be drawn",
+    "it is encoded",
+    "the browser has it",
+    "the page takes it",
+    "it is loaded",
+)
+
+# before the page's own scripts: movements and pictures with their times, in seconds as of Python's time.time()
 WATCH = """
   window.moves = []
   window.pictures = []
-  let current = 0
-  const send = WebSocket.prototype.send
-  WebSocket.prototype.send = function (text) {
-    const message = JSON.parse(text)
-    if (message.type === 'pointer_move') {
-      message.timestamp = window.event.timeStamp / 1000
-      window.moves.push(message.timestamp)
-      text = JSON.stringify(message)
-    } else if (message.type === '_framefeedback') {
-      current = message.index
+  const time = (milliseconds) => (performance.timeOrigin + milliseconds) / 1000
+  const arrived = {}
+  let current = null
+  window.WebSocket = class extends WebSocket {
+    constructor (...parameters) {
+      super(...parameters)
+      this.addEventListener('message', ({ data }) => {
+        if (typeof data === 'string') {
+          this.index = JSON.parse(data).index
+        } else {
+          arrived[this.index] = time(performance.now())
+        }
+      })
     }
-    send.call(this, text)
+    send (text) {
+      const message = JSON.parse(text)
+      if (message.type === 'pointer_move') {
+        message.timestamp = time(window.event.timeStamp)
+        window.moves.push([message.timestamp, time(performance.now())])
+        text = JSON.stringify(message)
+      } else if (message.type === '_framefeedback') {
+        current = [message.index, arrived[message.index], time(performance.now())]
+      }
+      super.send(text)
+    }
   }
   document.addEventListener('load', (event) => {
     if (event.target.tagName === 'IMG') {
-      window.pictures.push([current, performance.now() / 1000])
+      window.pictures.push([...current, time(performance.now())])
     }
   }, true)
 """
@@ -87,40 +112,45 @@ class Record:
     """Which movement each picture shows that is sent."""
 
     def __init__(self, viewer: Any) -> None:
-        self.shown: dict[int, float] = {}
-        """Number of a picture: time of the last movement in it."""
-        self.made: dict[int, float] = {}
+        self.shown: dict[int, tuple[float, list[float]]] = {}
+        """Number of a picture: time of the last movement in it; when it was begun and painted, drawn and encoded."""
+        self.handled: dict[float, float] = {}
+        """Time of a movement: when the viewer had it."""
         self.paint_seconds: list[float] = []
         self.factors: list[int] = []
         self._moved_at = -np.inf
+        made: dict[int, tuple[float, list[float]]] = {}
         handle, paint, send = viewer._handle, viewer._scene.paint, viewer.canvas._encode_frame
         states: dict[int, tuple[Any, float]] = {}
 
         def handle_and_note(event: dict[str, Any]) -> None:
-            handle(event)
             if event["event_type"] == "pointer_move":
                 self._moved_at = event["time_stamp"]
+                self.handled[self._moved_at] = time.time()
+            handle(event)
             states[id(viewer._state)] = viewer._state, self._moved_at
 
         def paint_and_note(state: Any, size: Any, **how: Any) -> Any:
-            start = time.perf_counter()
+            start = time.time()
             rgba = paint(state, size, **how)
-            self.paint_seconds.append(time.perf_counter() - start)
+            end = time.time()
+            self.paint_seconds.append(end - start)
             self.factors.append(how.get("factor", 1))
-            self.made[id(rgba)] = states[id(state)][1] if id(state) in states else -np.inf
+            made[id(rgba)] = states[id(state)][1] if id(state) in states else -np.inf, [start, end]
             frames.append(rgba)
             return rgba
 
         def send_and_note(array: Any, *arguments: Any) -> None:
             # a picture is sent to the client that has answered, with its next number
             before = {key: info["sent"] for key, info in viewer.canvas._frame_info_per_client.items()}
-            moved_at = next(
-                (self.made[id(each)] for each in reversed(frames) if np.shares_memory(each, array)), -np.inf
+            moved_at, painted = next(
+                (made[id(each)] for each in reversed(frames) if np.shares_memory(each, array)), (-np.inf, [])
             )
+            start = time.time()
             send(array, *arguments)
             for key, info in viewer.canvas._frame_info_per_client.items():
                 if info["sent"] != before.get(key):
-                    self.shown[info["sent"]] = moved_at
+                    self.shown[info["sent"]] = moved_at, [*painted, start, time.time()]
             del frames[:-4]
 
         frames: list[Any] = []
@@ -129,23 +159,6 @@ class Record:
         viewer.canvas.add_event_handler(handle_and_note, "*")
         viewer._scene.paint = paint_and_note
         viewer.canvas._encode_frame = send_and_note
-
-
-def start_browser(width: int, height: int) -> Any:
-    options = webdriver.ChromeOptions()
-    options.binary_location = shutil.which("chromium") or sys.exit("chromium is not installed")
-    for argument in (
-        "--headless=new",
-        f"--window-size={width},{height}",
-        "--force-device-scale-factor=1",
-        "--force-color-profile=srgb",
-        "--hide-scrollbars",
-        "--disable-gpu",
-        "--disable-dev-shm-usage",
-        *(["--no-sandbox"] if os.geteuid() == 0 else []),
-    ):
-        options.add_argument(argument)
-    return webdriver.Chrome(service=Service(shutil.which("chromedriver")), options=options)
 
 
 def read_picture(driver: Any) -> np.ndarray:
@@ -178,9 +191,10 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
     volume = itk.imread(options.volume) if options.volume else make_volume(options.edge)
     viewer = show(volume, page={"no_browser": True}, block=False)
     record = Record(viewer)
-    driver = start_browser(*options.window)
+    driver = chromium.start(*options.window)
     generator = np.random.default_rng(SEED)
     latencies: list[float] = []
+    stages: list[list[float]] = []
     rates: list[float] = []
     lost = different = 0
     loads = [os.getloadavg()[0]]
@@ -207,14 +221,15 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
                 time.sleep(0.05)
             different += time.monotonic() >= end
             moves, pictures = driver.execute_script("return [window.moves, window.pictures]")
-            shown = [(record.shown.get(index, -np.inf), loaded) for index, loaded in pictures]
-            for moved in moves[1:]:
-                loaded = next((loaded for last, loaded in shown if last >= moved), None)
-                if loaded is None:
+            shown = [(*record.shown.get(index, (-np.inf, [])), times) for index, *times in pictures]
+            for moved, sent in moves[1:]:
+                found = next(((made, times) for last, made, times in shown if last >= moved), None)
+                if found is None:
                     lost += 1
                 else:
-                    latencies.append(loaded - moved)
-            moving = [loaded for last, loaded in shown if loaded <= moves[-1]]
+                    stages.append(np.diff([moved, sent, record.handled[moved], *found[0], *found[1]]).tolist())
+                    latencies.append(found[1][-1] - moved)
+            moving = [times[-1] for _, _, times in shown if times[-1] <= moves[-1][0]]
             if len(moving) > 2:
                 rates.append((len(moving) - 1) / (moving[-1] - moving[0]))
             loads.append(os.getloadavg()[0])
@@ -234,6 +249,9 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
             "median": round(float(np.median(milliseconds)), 1),
             "95th percentile": round(float(np.percentile(milliseconds, 95)), 1),
             "most": round(float(milliseconds.max()), 1),
+        },
+        "milliseconds of the stages, mean": {
+            name: round(1e3 * float(mean), 1) for name, mean in zip(STAGES, np.mean(stages, axis=0))
         },
         "pictures per second in motion, median": round(float(np.median(rates)), 1) if rates else None,
         "milliseconds to paint, median": round(1e3 * float(np.median(record.paint_seconds)), 1),

@@ -6,30 +6,23 @@ IMAGE is the head that `shear-warp-mip --write-phantom` makes. Needs the wheel w
 chromium and chromium-driver.
 """
 
-import os
-import shutil
 import sys
 import time
 from pathlib import Path
 
 from itk_shearwarpmip import show
 from PIL import Image
-from selenium import webdriver
-from selenium.webdriver.chrome.service import Service
 from selenium.webdriver.common.actions.action_builder import ActionBuilder
 from selenium.webdriver.common.by import By
+
+sys.path.append(str(Path(__file__).parents[1] / "wrapping" / "test"))
+import chromium
 
 ANEURYSM = [37.5, -10.5, -9.5]  # mm
 
 
 def main(image: str, output: str) -> None:
-    options = webdriver.ChromeOptions()
-    options.binary_location = shutil.which("chromium") or sys.exit("chromium is not installed")
-    for argument in ("--headless=new", "--window-size=1000,863", "--force-device-scale-factor=1", "--disable-gpu"):
-        options.add_argument(argument)
-    if os.geteuid() == 0:
-        options.add_argument("--no-sandbox")
-    driver = webdriver.Chrome(service=Service(shutil.which("chromedriver")), options=options)
+    driver = chromium.start(1000, 863)
     viewer = show(image, azimuth=30, elevation=10, page={"no_browser": True}, block=False)
     try:
         driver.get(viewer.url)

@@ -14,14 +14,12 @@ import io
 import json
 import os
 import pathlib
-import shutil
+import sys
 import urllib.parse
 
 import numpy as np
 import pytest
 from PIL import Image
-from selenium import webdriver
-from selenium.webdriver.chrome.service import Service
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.actions.action_builder import ActionBuilder
 from selenium.webdriver.common.actions.mouse_button import MouseButton
@@ -30,6 +28,9 @@ from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.remote.command import Command
 from selenium.webdriver.support.ui import WebDriverWait
+
+sys.path.append(str(pathlib.Path(__file__).parents[2] / "wrapping" / "test"))
+import chromium
 
 SOURCE = pathlib.Path(__file__).parents[2] / "python" / "itk_shearwarpmip" / "cine.html"
 TEMPLATE = pathlib.Path(os.environ.get("CINE_TEMPLATE", SOURCE))
@@ -198,22 +199,7 @@ class Page:
 
 @pytest.fixture(scope="module")
 def driver():
-    options = webdriver.ChromeOptions()
-    options.binary_location = shutil.which("chromium")
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
-    for argument in (
-        "--headless=new",
-        "--window-size=1000,720",
-        "--force-device-scale-factor=1",
-        "--force-color-profile=srgb",
-        "--hide-scrollbars",
-        "--disable-gpu",
-        "--disable-dev-shm-usage",
-    ):
-        options.add_argument(argument)
-    if os.geteuid() == 0:
-        options.add_argument("--no-sandbox")
-    driver = webdriver.Chrome(service=Service(shutil.which("chromedriver")), options=options)
+    driver = chromium.start(1000, 720, ["browser", "performance"])
     yield driver
     driver.quit()
 

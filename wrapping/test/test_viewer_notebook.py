@@ -7,26 +7,23 @@ import base64
 import io
 import os
 import pathlib
-import shutil
 import socket
 import subprocess
 import sys
 import time
 import urllib.request
 
+import chromium
 import itk
 import nbformat
 import numpy as np
 import pytest
 from PIL import Image
-from selenium import webdriver
 from selenium.common.exceptions import WebDriverException
-from selenium.webdriver.chrome.service import Service
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
-CHROMIUM = shutil.which("chromium")
 CELLS = (
     "from itk_shearwarpmip import show\nviewer = show('volume.nrrd', size=(600, 400))\nviewer",
     "viewer.snapshot('picture.png')\nprint(viewer.code)",
@@ -80,16 +77,9 @@ def lab(tmp_path, rng):
 
 @pytest.fixture
 def driver():
-    if CHROMIUM is None:
+    if chromium.PATH is None:
         pytest.skip("chromium is not installed")
-    options = webdriver.ChromeOptions()
-    options.binary_location = CHROMIUM
-    for argument in ("--headless=new", "--window-size=1000,900", "--disable-gpu", "--disable-dev-shm-usage"):
-        options.add_argument(argument)
-    options.add_argument("--force-device-scale-factor=1")
-    if os.geteuid() == 0:
-        options.add_argument("--no-sandbox")
-    driver = webdriver.Chrome(service=Service(shutil.which("chromedriver")), options=options)
+    driver = chromium.start(1000, 900)
     yield driver
     driver.quit()
 

@@ -9,7 +9,6 @@ import io
 import json
 import os
 import pathlib
-import shutil
 import signal
 import socket
 import subprocess
@@ -17,6 +16,7 @@ import sys
 import time
 import urllib.parse
 
+import chromium
 import httpx
 import itk
 import numpy as np
@@ -24,8 +24,6 @@ import pytest
 from itk_shearwarpmip import _scene, show
 from itk_shearwarpmip.__main__ import main, view
 from PIL import Image
-from selenium import webdriver
-from selenium.webdriver.chrome.service import Service
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.actions.action_builder import ActionBuilder
 from selenium.webdriver.common.actions.mouse_button import MouseButton
@@ -34,8 +32,6 @@ from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
-
-CHROMIUM = shutil.which("chromium")
 
 
 @pytest.fixture(scope="module")
@@ -373,24 +369,9 @@ class Page:
 
 @pytest.fixture(scope="module")
 def driver():
-    if CHROMIUM is None:
+    if chromium.PATH is None:
         pytest.skip("chromium is not installed")
-    options = webdriver.ChromeOptions()
-    options.binary_location = CHROMIUM
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    for argument in (
-        "--headless=new",
-        "--window-size=800,600",
-        "--force-device-scale-factor=1",
-        "--force-color-profile=srgb",
-        "--hide-scrollbars",
-        "--disable-gpu",
-        "--disable-dev-shm-usage",
-    ):
-        options.add_argument(argument)
-    if os.geteuid() == 0:
-        options.add_argument("--no-sandbox")
-    driver = webdriver.Chrome(service=Service(shutil.which("chromedriver")), options=options)
+    driver = chromium.start(800, 600, ["browser"])
     yield driver
     driver.quit()
 
