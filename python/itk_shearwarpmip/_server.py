@@ -81,6 +81,11 @@ class _Canvas(AtOnce, http.RenderCanvas):  # type: ignore[misc]
         """Leaves the clients to the server: they may be those of a later canvas."""
         self._is_closed = True
 
+    def _maybe_draw(self) -> None:
+        """Also what the only client was not ready for, as it may be with the picture without loss."""
+        super()._maybe_draw()
+        self._send_last_frame_to_ready_clients()
+
 
 class Gate:
     """An ASGI application before another: lets in what has the token as the first part of its path and comes from no

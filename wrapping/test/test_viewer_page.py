@@ -206,6 +206,7 @@ class Client:
         self.is_active = None
         self.picture = None
         self.pending = None
+        self.answers = True
 
     def send(self, kind, **more):
         self.socket.send(json.dumps({"type": kind, "timestamp": 0, **more}))
@@ -215,6 +216,9 @@ class Client:
 
     def press(self, key):
         self.send("key_down", key=key, modifiers=[])
+
+    def answer(self):
+        self.send("_framefeedback", index=self.pending["index"], timestamp=self.pending["timestamp"], localtime=0)
 
     def read(self, condition, seconds=20):
         end = time.monotonic() + seconds
@@ -226,9 +230,8 @@ class Client:
                 continue
             if isinstance(message, bytes):
                 self.picture = np.asarray(Image.open(io.BytesIO(message)))
-                self.send(
-                    "_framefeedback", index=self.pending["index"], timestamp=self.pending["timestamp"], localtime=0
-                )
+                if self.answers:
+                    self.answer()
             else:
                 self.pending = json.loads(message)
                 if self.pending["type"] == "active":
@@ -262,6 +265,23 @@ def test_second_client_sees_the_same_and_follows(viewer, connect_client):
     second.read(lambda: "left" in viewer.code and second.picture.shape == (400, 500, 3))
     viewer._settle()
     second.read(second.shows(viewer))
+
+
+def test_slow_client_gets_the_picture_without_loss(viewer, connect_client):
+    """Also if it was not ready for any when that was made."""
+    client = connect_client()
+    client.resize(300, 200)
+    client.read(lambda: client.picture is not None and client.picture.shape == (200, 300, 3))
+    viewer._settle()
+    client.read(client.shows(viewer))
+    client.answers = False
+    for key in "pl":
+        before = client.picture
+        client.press(key)
+        client.read(lambda before=before: client.picture is not before)
+    time.sleep(1)
+    client.answer()
+    client.read(client.shows(viewer))
 
 
 def test_client_that_sends_nonsense(connect_client):
