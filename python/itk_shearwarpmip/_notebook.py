@@ -16,4 +16,4 @@ class _Canvas(AtOnce, anywidget.RenderCanvas):  # type: ignore[misc]
 
 
 def make_canvas(size: tuple[int, int]) -> Any:
-    return _Canvas(size=size, max_fps=200)
+    return _Canvas(size=size)

@@ -141,13 +141,20 @@ def serve(
         raise RuntimeError(f"this process shows {_shown[0]!r} already: close() that first")
     token = secrets.token_urlsafe(32)
     http.asgi._resources = _RESOURCES
-    config = uvicorn.Config(Gate(http.asgi, token), log_level="warning", access_log=False, timeout_graceful_shutdown=2)
+    config = uvicorn.Config(
+        Gate(http.asgi, token),
+        log_level="warning",
+        access_log=False,
+        timeout_graceful_shutdown=2,
+        # pictures are compressed already
+        ws_per_message_deflate=False,
+    )
     server = uvicorn.Server(config)
     try:
         listener = socket.create_server((host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET)
     except (OSError, OverflowError) as error:
         raise OSError(f"the page cannot be served at {host}, port {port}: {error}") from error
-    viewer = make_viewer(_Canvas(max_fps=200))
+    viewer = make_viewer(_Canvas())
     _shown.append(viewer)
     shown = "127.0.0.1" if host in ("0.0.0.0", "") else f"[{host}]" if ":" in host else host
     viewer.url = f"http://{shown}:{listener.getsockname()[1]}/{token}/"

@@ -60,10 +60,30 @@
     }
   }
 
+  // The newest picture is shown when it comes, or when the one before has loaded: rendercanvas waits for the browser's
+  // next frame. A page that nobody sees goes on waiting, and with it the viewer.
+  const showAtOnce = (owner, request, animate, find) => {
+    const wait = owner[request]
+    owner[request] = function () {
+      const { frames, pictures } = find(this)
+      if (document.hidden) {
+        wait.call(this)
+      } else if (pictures.every((picture) => picture.complete)) {
+        frames.splice(0, frames.length - 1)
+        this[animate]()
+      }
+    }
+  }
+
   const registerEvents = View.prototype._registerEvents
   View.prototype._registerEvents = function () {
     listenToTwoFingers(this)
     registerEvents.call(this)
+    if (this.requestAnimationFrame) {
+      showAtOnce(this, 'requestAnimationFrame', 'animate', ({ frames, viewElement }) => ({
+        frames, pictures: [viewElement]
+      }))
+    }
   }
   // browsers send moves once a frame; a throttled one would come after the end of its drag
   View.prototype.setThrottle = function () {
@@ -83,6 +103,9 @@
 
   if (typeof RenderviewAnywidgetModel !== 'undefined') {
     // in a notebook
+    showAtOnce(RenderviewAnywidgetModel.prototype, '_request_animation_frame', '_animate', ({ _frames, views }) => ({
+      frames: _frames, pictures: views.map((view) => view.viewElement)
+    }))
     const addView = RenderviewAnywidgetModel.prototype.addView
     RenderviewAnywidgetModel.prototype.addView = function (view) {
       if (this.views.length === 0) {

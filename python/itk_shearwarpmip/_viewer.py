@@ -1,5 +1,6 @@
 """A picture that turns under the hand: show() in notebooks and browsers."""
 
+import contextlib
 import logging
 import os
 import shlex
@@ -620,10 +621,19 @@ def _send(canvas: Any, message: dict[str, str]) -> None:
 
 
 class AtOnce:
-    """For a canvas of rendercanvas: events are handled when they come, not with the next picture."""
+    """For a canvas of rendercanvas: events are handled when they come, and pictures are drawn when they are made, not at
+    the next tick of its clock."""
+
+    _rc_canvas_group: Any
 
     def submit_event(self, event: dict[str, Any]) -> None:
         self._events.emit(event)  # type: ignore[attr-defined]
+
+    def request_draw(self, *function: Callable[[], None]) -> None:
+        super().request_draw(*function)  # type: ignore[misc]
+        # before its loop runs and after its end the clock does it
+        with contextlib.suppress(AttributeError, RuntimeError):
+            self._rc_canvas_group.get_loop().call_soon_threadsafe(self._rc_request_draw)  # type: ignore[attr-defined]
 
 
 # ---- show()
