@@ -154,7 +154,6 @@ class Record:
             del frames[:-4]
 
         frames: list[Any] = []
-        viewer._handle = handle_and_note
         viewer.canvas.remove_event_handler(handle, "*")
         viewer.canvas.add_event_handler(handle_and_note, "*")
         viewer._scene.paint = paint_and_note

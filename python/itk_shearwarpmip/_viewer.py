@@ -24,8 +24,8 @@ try:
 except ImportError as error:
     raise ImportError("the viewer needs rendercanvas and Pillow: pip install itk-shearwarpmip[viewer]") from error
 
-from itk_shearwarpmip._front import MODES
-from itk_shearwarpmip._inputs import open_image
+from itk_shearwarpmip._front import MODES, _is_plain_array
+from itk_shearwarpmip._inputs import make_numbers, open_image
 from itk_shearwarpmip._save import check_window
 from itk_shearwarpmip._scene import Layer, Point, Scene, State, Window
 from itk_shearwarpmip._views import SIDES
@@ -57,6 +57,13 @@ class Viewer:
     canvas: the canvas of rendercanvas.
     """
 
+    # a mistyped name is an error
+    __slots__ = (
+        "__weakref__", "_callbacks", "_changed", "_clicked", "_closed", "_code", "_context", "_drag", "_end", "_factor",
+        "_frame", "_framed_at", "_is_shown", "_jobs", "_made", "_moved_at", "_played_from", "_resets", "_scene", "_source",
+        "_state", "_windowed", "_worker", "canvas", "turns_about_axis", "url",
+    )  # fmt: skip
+
     def __init__(self, scene: Scene, canvas: Any, *, source: str = "image", code: str = "") -> None:
         self.canvas = canvas
         self.url: str | None = None
@@ -72,6 +79,7 @@ class Viewer:
         self._moved_at = 0.0
         self._factor = 1
         self._frame: Any = None
+        self._framed_at = 0.0
         self._is_shown = True
         self._played_from: tuple[float, State] | None = None
         self._drag: _Drag | None = None
@@ -313,8 +321,6 @@ class Viewer:
     def _can_make(self) -> bool:
         """Whether the canvas has taken the last frame, or takes none."""
         return self._is_shown or time.monotonic() - self._framed_at > _CANVAS_SECONDS
-
-    _framed_at = 0.0
 
     def _play(self, state: State) -> State:
         with self._changed:
@@ -668,7 +674,8 @@ def show(
     computer only.
 
     source: a volume in memory or a path: see open_image().
-    overlay: a second volume in the same physical space, on any grid, in colours over the first.
+    overlay: a second volume in the same physical space, on any grid, in colours over the first. An array has no place of
+        its own: it must have the first one's shape, and lies where that does.
     view, azimuth, elevation: the first view: a side's name and degrees, a linear itk transform from view space to the
         patient, or a 4 x 4 matrix.
     window, overlay_window: values that are black and white, (low, high); by default percentiles 1 and 99.8 of the first
@@ -720,7 +727,7 @@ def show(
             for key, each in parameters.items()
             if key not in ("mask", "mask_label", "background", "local_maximum")
         }
-        layers.append(Layer(open_image(overlay), colours=overlay_colours, **shared))
+        layers.append(Layer(_open_overlay(overlay, image), colours=overlay_colours, **shared))
     name = os.fspath(source) if isinstance(source, str | os.PathLike) else "image"
     windows = {(n, mode): check_window(each) for n, each in enumerate((window, overlay_window)) if each is not None}
     state = State(_scene.make_view(image, view, azimuth, elevation), mode=mode, slab=_make_slab(slab), windows=windows)
@@ -741,6 +748,20 @@ def show(
         block=not hasattr(sys, "ps1") and not sys.flags.interactive if block is None else block,
         **(page or {}),
     )
+
+
+def _open_overlay(overlay: Any, image: Any) -> Any:
+    opened = open_image(overlay)
+    if isinstance(overlay, str | os.PathLike) or not _is_plain_array(overlay):
+        return opened
+    if opened.shape != image.shape:
+        raise ValueError(
+            f"an overlay that is an array must have the shape of the volume, {image.shape}, but it has {opened.shape}: "
+            "give overlay=open_image(array, spacing=..., origin=..., direction=...)"
+        )
+    opened.SetRegions(image.GetLargestPossibleRegion())
+    opened.CopyInformation(image)
+    return opened
 
 
 def _is_notebook() -> bool:

@@ -271,6 +271,24 @@ def test_overlay_is_blended(two, open_viewer):
     np.testing.assert_array_equal(found[greys[1] == 0][..., 0], greys[0][greys[1] == 0])
 
 
+def test_overlay_that_is_an_array_lies_where_the_volume_does(image, rng, open_viewer):
+    region = image.GetLargestPossibleRegion()
+    region.SetIndex([3, -2, 5])
+    image.SetRegions(region)
+    voxels = rng.random((9, 11, 14), np.float32)
+    placed = itk.image_from_array(voxels)
+    placed.CopyInformation(image)
+    placed.SetOrigin(image.TransformIndexToPhysicalPoint([3, -2, 5]))
+    found, wanted = (open_viewer(image, overlay=each, azimuth=20, overlay_window=(0, 1)) for each in (voxels, placed))
+    np.testing.assert_array_equal(found.snapshot(), wanted.snapshot())
+    indices = [each.pick(60, 45).overlay.index for each in (found, wanted)]
+    assert np.subtract(*indices).tolist() == [3, -2, 5]
+    with pytest.raises(
+        ValueError, match=r"must have the shape of the volume, \(9, 11, 14\), .*: give overlay=open_image"
+    ):
+        open_viewer(image, overlay=voxels[1:])
+
+
 def test_windows_of_two_volumes(two, open_viewer):
     viewer = open_viewer(two[0], overlay=two[1])
     first, second = viewer.window, viewer.overlay_window
@@ -871,6 +889,8 @@ def test_bad_values_of_attributes(viewer):
             setattr(viewer, name, value)
     with pytest.raises(ValueError, match="there is no second volume"):
         print(viewer.overlay_window)
+    with pytest.raises(AttributeError, match="windw"):
+        viewer.windw = (0, 1)
 
 
 def test_what_the_filter_refuses_is_told_once(image, open_viewer, caplog):
