@@ -240,7 +240,7 @@ class Scene:
         rgba = np.full((*colours.shape[:2], 4), 255, np.uint8)
         rgba[..., :3] = colours
         self._colours = rgba.view(np.uint32).ravel()
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()
         self._abort_lock = threading.Lock()
         self._may_abort = False
 
@@ -253,15 +253,11 @@ class Scene:
         return Grid(size, spacing, (u, v))
 
     def get_window(self, state: State, layer: int = 0) -> Window:
-        if state.mode in self.layers[layer].windows:
-            return self._get_window(state, layer)
-        with self._lock:
-            return self._get_window(state, layer)
-
-    def _get_window(self, state: State, layer: int) -> Window:
-        return state.windows.get((layer, state.mode)) or self.layers[layer].get_window(
-            replace(self.first, mode=state.mode)
-        )
+        window = state.windows.get((layer, state.mode)) or self.layers[layer].windows.get(state.mode)
+        if window is None:
+            with self._lock:
+                window = self.layers[layer].get_window(replace(self.first, mode=state.mode))
+        return window
 
     def find_window(self, state: State, layer: int) -> Window:
         """Of the picture of this state, fitted to the image."""
@@ -309,7 +305,7 @@ class Scene:
             self._set_abort(may_abort)
             try:
                 for n, layer in enumerate(self.layers):
-                    window = self._get_window(state, n)
+                    window = self.get_window(state, n)
                     grey = layer.make_grey(layer.project(state, fine, self.exact and factor == 1), window)
                     index = grey if n == 0 else index.astype(np.uint16) << 8 | grey
             finally:
@@ -344,7 +340,7 @@ class Scene:
                 (f"W {_format(high - low, high - low)}  L {_format((high + low) / 2, high - low)}{name}", _TEXT)
                 for name, (low, high) in zip(
                     ("  overlay", "") if len(self.layers) > 1 else ("",),
-                    [self._get_window(state, n) for n in reversed(range(len(self.layers)))],
+                    [self.get_window(state, n) for n in reversed(range(len(self.layers)))],
                 )
             ],
         }

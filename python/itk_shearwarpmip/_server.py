@@ -81,6 +81,9 @@ class _Canvas(AtOnce, http.RenderCanvas):  # type: ignore[misc]
         """Leaves the clients to the server: they may be those of a later canvas."""
         self._is_closed = True
 
+    def send(self, message: dict[str, str]) -> None:
+        http.asgi.send_all(message)
+
     def _maybe_draw(self) -> None:
         """Also what the only client was not ready for, as it may be with the picture without loss."""
         super()._maybe_draw()

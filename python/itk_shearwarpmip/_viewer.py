@@ -75,7 +75,7 @@ class Viewer:
         self._changed = threading.Condition()
         self._worker: threading.Thread | None = None
         self._jobs: deque[Callable[[], None]] = deque()
-        self._made: tuple[State, tuple[int, int], bool] | None = None
+        self._made: tuple[State | None, tuple[int, int], bool] = None, (0, 0), False
         self._moved_at = 0.0
         self._factor = 1
         self._frame: Any = None
@@ -139,9 +139,7 @@ class Viewer:
 
     @mode.setter
     def mode(self, mode: str) -> None:
-        if mode not in MODES:
-            raise ValueError(f"mode must be one of {', '.join(MODES)}, but it is {mode!r}")
-        self._change(mode=mode)
+        self._change(mode=_check_mode(mode))
 
     @property
     def slab(self) -> tuple[float, float] | None:
@@ -186,7 +184,8 @@ class Viewer:
     def code(self) -> str:
         """The line of Python that makes this picture's values; its window is the comment at the end."""
         grid = self._scene.make_grid(self._state, self._size)
-        arguments = [repr(self._source) if self._source != "image" else "image", *self._name_view("{}={!r}", repr)]
+        arguments = [repr(self._source) if self._source != "image" else "image"]
+        arguments += [f"{name}={each!r}" for name, each in self._name_view().items()]
         if self._state.mode != "maximum":
             arguments.append(f"mode={self._state.mode!r}")
         if self._state.slab:
@@ -199,11 +198,12 @@ class Viewer:
     def command(self) -> str:
         """The command of the program that makes this picture. ValueError if it needs a file of the transform: the
         picture is rolled or moved; or if the image came from no file."""
-        view = self._name_view("--{} {}", None)
-        if view is None or self._state.pan != (0.0, 0.0) or self._source == "image" or self._code:
+        view = self._name_view()
+        if isinstance(view.get("view"), list) or self._state.pan != (0.0, 0.0) or self._source == "image" or self._code:
             raise ValueError("no command alone makes this picture")
         grid = self._scene.make_grid(self._state, self._size)
-        words = ["shear-warp-mip", shlex.quote(self._source), "mip.png", *view]
+        words = ["shear-warp-mip", shlex.quote(self._source), "mip.png"]
+        words += [f"--{name} {each}" for name, each in view.items()]
         if self._state.mode != "maximum":
             words.append(f"--mode {self._state.mode.replace('absolute', 'absolute-maximum')}")
         if self._state.slab:
@@ -269,6 +269,12 @@ class Viewer:
         if self._scene.exact:
             self._scene.abort()
 
+    def _rest(self) -> None:
+        """The full picture is due."""
+        with self._changed:
+            self._moved_at = -np.inf
+            self._wake()
+
     def _wake(self) -> None:
         """With the lock."""
         self._changed.notify_all()
@@ -308,8 +314,8 @@ class Viewer:
             now = time.monotonic()
             rest = np.inf if self._played_from is not None else self._moved_at + _REST_SECONDS
             is_full = now >= rest
-            is_new = self._made is None or self._made[0] is not state or self._made[1] != size
-            if is_full and (is_new or self._made is None or not self._made[2]):
+            is_new = self._made[:2] != (state, size)
+            if is_full and (is_new or not self._made[2]):
                 return lambda: self._make(state, size, True)
             if not is_full and (is_new or self._played_from is not None) and self._can_make():
                 return lambda: self._make(self._play(state), size, False)
@@ -354,7 +360,7 @@ class Viewer:
             if not self._is_shown:
                 self._is_shown = True
                 self._changed.notify_all()
-            if self._made is None or self._made[1] != self._size:
+            if self._made[1] != self._size:
                 self._wake()
         columns, rows = self._size
         self._context.set_bitmap(np.zeros((rows, columns, 4), np.uint8) if frame is None else frame)
@@ -407,9 +413,7 @@ class Viewer:
         if drag is None:
             return
         if drag.moved > _CLICK_PIXELS:
-            with self._changed:
-                self._moved_at = -np.inf
-                self._wake()
+            self._rest()
         elif drag.kind == "turn":
             now, (time_before, x, y) = time.monotonic(), self._clicked
             self._clicked = now, drag.x, drag.y
@@ -531,8 +535,7 @@ class Viewer:
         with self._changed:
             if self._played_from is not None:
                 self._played_from = None
-                self._moved_at = -np.inf
-                self._wake()
+                self._rest()
 
     def _toggle_trackball(self) -> None:
         self.turns_about_axis = not self.turns_about_axis
@@ -553,7 +556,9 @@ class Viewer:
             self._change(True, message=str(error).capitalize())
             return
         print(line, flush=True)
-        _send(self.canvas, {"type": "copy", "text": line})
+        # to the scripts of the page or of the notebook
+        if hasattr(self.canvas, "send"):
+            self.canvas.send({"type": "copy", "text": line})
         self._change(True, message="The command is copied" if is_command else "The line of Python is copied")
 
     def _find_point(self, state: State, x: float, y: float) -> Point | None:
@@ -563,9 +568,10 @@ class Viewer:
 
     def _click(self, state: State, resets: int, place: tuple[float, float]) -> None:
         point = self._find_point(state, *place)
-        if resets != self._resets:
-            return
-        self._change(True, point=point)
+        with self._changed:
+            if resets != self._resets:
+                return
+            self._change(True, point=point)
         if point is not None:
             for callback in self._callbacks:
                 try:
@@ -573,17 +579,16 @@ class Viewer:
                 except Exception:
                     _LOGGER.exception("on_pick failed")
 
-    def _name_view(self, form: str, fallback: Any) -> Any:
-        """Arguments for the view: a side and angles if they make the same bits, or else its matrix."""
+    def _name_view(self) -> dict[str, Any]:
+        """Arguments for the view: a side or angles if they make the same bits, or else its matrix."""
         transform = self._state.transform
         for view in SIDES:
             if _is_same(transform, _scene.make_view(self._image, view), 0):
-                return [form.format("view", view)]
+                return {"view": view}
         azimuth, elevation, _ = _scene.find_angles(transform)
         if _is_same(transform, _scene.make_view(self._image, "anterior", azimuth, elevation), 0):
-            named = [("azimuth", azimuth), ("elevation", elevation)]
-            return [form.format(name, angle) for name, angle in named if angle]
-        return fallback and [f"view={_scene.get_matrix(transform).tolist()}"]
+            return {name: angle for name, angle in (("azimuth", azimuth), ("elevation", elevation)) if angle}
+        return {"view": _scene.get_matrix(transform).tolist()}
 
 
 _VIEW_PARTS = ("transform", "zoom", "pan", "mode", "slab", "windows")
@@ -605,25 +610,19 @@ def _write(value: Any) -> str:
     return f"[{', '.join(parts)}]" if parts and all(parts) else ""
 
 
+def _check_mode(mode: str) -> str:
+    if mode not in MODES:
+        raise ValueError(f"mode must be one of {', '.join(MODES)}, but it is {mode!r}")
+    return mode
+
+
 def _make_slab(slab: Sequence[float] | None) -> tuple[float, float] | None:
     if slab is None:
         return None
-    try:
-        near, far = (float(each) for each in slab)
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"slab must be (near, far), but it is {slab!r}") from error
+    near, far = make_numbers("slab", slab, 2, is_finite=False)
     if not near <= far:
         raise ValueError(f"slab must be (near, far) in mm with near <= far, but it is {slab!r}")
     return near, far
-
-
-def _send(canvas: Any, message: dict[str, str]) -> None:
-    """To the scripts of the page or of the notebook."""
-    module = sys.modules.get("rendercanvas.http")
-    if module is not None and isinstance(canvas, module.RenderCanvas):
-        module.asgi.send_all(message)
-    elif hasattr(canvas, "send"):
-        canvas.send(message)
 
 
 class AtOnce:
@@ -700,8 +699,7 @@ def show(
     >>> viewer.window = (0, 400)                         # doctest: +SKIP
     >>> viewer.snapshot("mip.png")                       # doctest: +SKIP
     """
-    if mode not in MODES:
-        raise ValueError(f"mode must be one of {', '.join(MODES)}, but it is {mode!r}")
+    _check_mode(mode)
     if overlay is None and overlay_window is not None:
         raise ValueError("overlay_window is for an overlay")
     if not 0 <= opacity <= 1:

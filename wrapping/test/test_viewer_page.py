@@ -524,6 +524,21 @@ def test_turn_plays(page, viewer):
     page.check_at_rest()
 
 
+def test_hidden_page_makes_the_viewer_wait(page, viewer, monkeypatch):
+    """Not a picture after the other that nobody sees."""
+    page.press(" ")
+    first, paint, painted = page.driver.current_window_handle, viewer._scene.paint, []
+    page.driver.switch_to.new_window("tab")
+    time.sleep(1)
+    monkeypatch.setattr(viewer._scene, "paint", lambda *one, **more: painted.append(1) or paint(*one, **more))
+    time.sleep(2)
+    assert len(painted) <= 10
+    page.driver.close()
+    page.driver.switch_to.window(first)
+    page.press(" ")
+    page.check_at_rest()
+
+
 def test_two_windows(page, viewer):
     """The second one says that it only looks on, and turns when the first is closed."""
     first = page.driver.current_window_handle
