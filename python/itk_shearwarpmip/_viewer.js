@@ -66,9 +66,12 @@
     const wait = owner[request]
     owner[request] = function () {
       const { frames, pictures } = find(this)
+      const late = pictures.find((picture) => !picture.complete)
       if (document.hidden) {
         wait.call(this)
-      } else if (pictures.every((picture) => picture.complete)) {
+      } else if (late) {
+        late.onload = late.onerror = this[request].bind(this)
+      } else {
         frames.splice(0, frames.length - 1)
         this[animate]()
       }

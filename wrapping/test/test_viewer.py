@@ -11,7 +11,7 @@ import weakref
 import itk
 import numpy as np
 import pytest
-from itk_shearwarpmip import Point, Viewer, _save, _scene, mip, show
+from itk_shearwarpmip import Point, Viewer, _save, _scene, _viewer, mip, show
 from PIL import Image
 from rendercanvas.offscreen import RenderCanvas
 
@@ -604,7 +604,8 @@ def test_modes(viewer):
     assert viewer.window == (0, 1)
 
 
-def test_double_click_resets(image, open_viewer):
+def test_double_click_resets(image, open_viewer, monkeypatch):
+    monkeypatch.setattr(_viewer, "_DOUBLE_CLICK_SECONDS", 1000)
     viewer = open_viewer(image, view="left", window=(0, 500), slab=(-2, 2))
     before = drawn(viewer)
     picked = []
@@ -700,14 +701,16 @@ def test_stale_requests_are_dropped(viewer, monkeypatch):
     drawn(viewer)
     monkeypatch.setattr(viewer._scene, "paint", paint_slowly)
     send(viewer, "pointer_down", 10, 45)
+    start = time.monotonic()
     for n in range(100):
         send(viewer, "pointer_move", 10 + n, 45)
         viewer.canvas.draw()
         time.sleep(0.002)
     send(viewer, "pointer_up", 109, 45)
+    most = 3 + (time.monotonic() - start) / 0.05
     last = viewer._state
     viewer._settle()
-    assert 2 <= len(painted) < 20
+    assert 2 <= len(painted) <= most
     assert painted[-1] == (last, 1)
     monkeypatch.undo()
     np.testing.assert_array_equal(viewer.canvas.draw(), viewer.snapshot())
@@ -723,23 +726,24 @@ def test_resolution_falls_when_pictures_are_slow(viewer, monkeypatch):
         factors.append(factor)
         return rgba
 
-    factors, slow = [], 0.04
+    def move_until(condition):
+        def move():
+            send(viewer, "pointer_move", next(places), 45)
+            viewer.canvas.draw()
+            return condition()
+
+        wait(move)
+
+    factors, slow, places = [], 0.1, itertools.cycle(range(100))
     drawn(viewer)
     monkeypatch.setattr(viewer._scene, "paint", paint_slowly)
     send(viewer, "pointer_down", 10, 45)
-    for n in range(60):
-        send(viewer, "pointer_move", 10 + n, 45)
-        viewer.canvas.draw()
-        time.sleep(0.02)
-    assert factors[0] == 1 and 2 in factors
+    move_until(lambda: 2 in factors)
+    assert factors[0] == 1
     viewer._settle()
     assert factors[-1] == 1 and viewer._factor > 1
     slow = 0
-    for n in range(60):
-        send(viewer, "pointer_move", 70 - n, 45)
-        viewer.canvas.draw()
-        time.sleep(0.02)
-    assert viewer._factor == 1
+    move_until(lambda: viewer._factor == 1)
 
 
 def test_canvas_that_takes_nothing_is_not_flooded(viewer, monkeypatch):
@@ -750,10 +754,11 @@ def test_canvas_that_takes_nothing_is_not_flooded(viewer, monkeypatch):
     paint = viewer._scene.paint
     monkeypatch.setattr(viewer._scene, "paint", lambda *a, **k: painted.append(1) or paint(*a, **k))
     send(viewer, "pointer_down", 10, 45)
+    start = time.monotonic()
     for n in range(100):
         send(viewer, "pointer_move", 10 + n, 45)
         time.sleep(0.002)
-    assert len(painted) <= 3
+    assert len(painted) <= 3 + (time.monotonic() - start) / _viewer._CANVAS_SECONDS
 
 
 def test_exact_picture_is_given_up_when_the_hand_moves(open_viewer, rng, monkeypatch, caplog):
