@@ -317,16 +317,14 @@ class Viewer:
             is_new = self._made[:2] != (state, size)
             if is_full and (is_new or not self._made[2]):
                 return lambda: self._make(state, size, True)
-            if not is_full and (is_new or self._played_from is not None) and self._can_make():
+            # the canvas has taken the last frame, or takes none
+            can_make = self._is_shown or now - self._framed_at > _CANVAS_SECONDS
+            if not is_full and (is_new or self._played_from is not None) and can_make:
                 return lambda: self._make(self._play(state), size, False)
             if is_full and not is_new:
                 return None
             self._changed.wait(min(rest - now if not is_full else _REST_SECONDS, _CANVAS_SECONDS))
         return None
-
-    def _can_make(self) -> bool:
-        """Whether the canvas has taken the last frame, or takes none."""
-        return self._is_shown or time.monotonic() - self._framed_at > _CANVAS_SECONDS
 
     def _play(self, state: State) -> State:
         with self._changed:
@@ -427,7 +425,8 @@ class Viewer:
     def _on_double_click(self, event: dict[str, Any]) -> None:
         self._stop()
         self._resets += 1
-        self._change(True, **{name: getattr(self._scene.first, name) for name in _VIEW_PARTS}, point=None)
+        kept = {name: getattr(self._state, name) for name in ("has_text", "has_help")}
+        self._change(True, **{**vars(self._scene.first), **kept})
 
     def _on_wheel(self, event: dict[str, Any]) -> None:
         """Keeps the point under the pointer where it is."""
@@ -508,11 +507,8 @@ class Viewer:
         reach = float(np.linalg.norm(self._scene.extent, axis=1).max())
         near, far = self._state.slab or (-reach, reach)
         middle, thickness = (near + far) / 2, (far - near) * factor
-        if thickness >= 2 * reach:
-            self._change(True, slab=None)
-        else:
-            least = min(self._image.GetSpacing())
-            self._change(True, slab=(middle - max(thickness, least) / 2, middle + max(thickness, least) / 2))
+        half = max(thickness, min(self._image.GetSpacing())) / 2
+        self._change(True, slab=(middle - half, middle + half) if half < reach else None)
 
     def _move_slab(self, steps: float) -> None:
         if self._state.slab is None:
@@ -589,9 +585,6 @@ class Viewer:
         if _is_same(transform, _scene.make_view(self._image, "anterior", azimuth, elevation), 0):
             return {name: angle for name, angle in (("azimuth", azimuth), ("elevation", elevation)) if angle}
         return {"view": _scene.get_matrix(transform).tolist()}
-
-
-_VIEW_PARTS = ("transform", "zoom", "pan", "mode", "slab", "windows")
 
 
 def _is_same(one: Any, other: Any, tolerance: float) -> bool:
