@@ -629,9 +629,10 @@ class AtOnce:
 
     def request_draw(self, *function: Callable[[], None]) -> None:
         super().request_draw(*function)  # type: ignore[misc]
-        # before its loop runs and after its end the clock does it
+        call, draw = self._rc_canvas_group.get_loop().call_soon_threadsafe, self._rc_request_draw  # type: ignore[attr-defined]
+        # before the loop runs and after its end the clock does it
         with contextlib.suppress(AttributeError, RuntimeError):
-            self._rc_canvas_group.get_loop().call_soon_threadsafe(self._rc_request_draw)  # type: ignore[attr-defined]
+            call(draw)
 
 
 # ---- show()

@@ -284,6 +284,19 @@ def test_slow_client_gets_the_picture_without_loss(viewer, connect_client):
     client.read(client.shows(viewer))
 
 
+def test_pictures_wait_for_no_clock(viewer, connect_client):
+    """And are not compressed twice."""
+    client = connect_client()
+    assert "Sec-WebSocket-Extensions" not in client.socket.response.headers
+    client.resize(300, 200)
+    client.read(lambda: client.picture is not None and client.picture.shape == (200, 300, 3))
+    viewer.canvas.set_update_mode("manual")
+    client.press("l")
+    client.read(lambda: "left" in viewer.code)
+    viewer._settle()
+    client.read(client.shows(viewer))
+
+
 def test_client_that_sends_nonsense(connect_client):
     client = connect_client()
     for message in (
@@ -517,6 +530,13 @@ def test_turn_plays(page, viewer):
     page.wait(lambda: seen.add(page.run("document.querySelector('#canvas img').src")) or len(seen) > 10)
     page.press(" ")
     page.wait(lambda: viewer._played_from is None)
+    page.check_at_rest()
+
+
+def test_pictures_wait_for_no_frame_of_the_browser(page, viewer):
+    page.driver.execute_script("window.requestAnimationFrame = () => 0")
+    page.press("l")
+    page.wait(lambda: angles(viewer)[0] == 90)
     page.check_at_rest()
 
 
