@@ -1,6 +1,9 @@
 """DICOM series, by the rules of the program shear-warp-mip: each slice lies where it says."""
 
+import mmap
+import re
 import warnings
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,17 +15,25 @@ from itk_shearwarpmip._inputs import Placed, describe, make_view, narrow, place
 
 _SERIES, _POSITION, _ORIENTATION = "0020|000e", "0020|0032", "0020|0037"
 _SPACING, _THICKNESSES = "0028|0030", ("0018|0088", "0018|0050")
-_PHOTOMETRIC = "0028|0004"
+_PHOTOMETRIC, _FRAMES, _BITS = "0028|0004", "0028|0008", "0028|0100"
 
 
-class _Slice(NamedTuple):
+class Slice(NamedTuple):
     path: Path
-    io: Any
+    name: str
+    """Of the file, and of the frame if it has several."""
+    size: tuple[int, int]
+    """Columns and rows."""
+    photometric: str
     origin: NDArray[np.float64]
     directions: NDArray[np.float64]
     """Of rows, of columns, and the normal."""
     spacing: NDArray[np.float64]
     """Of columns and rows."""
+    thickness: float
+    """0 if it is not known."""
+    read: Callable[[], NDArray[Any]]
+    """Its pixels, in rows."""
 
 
 def read_folder(folder: Path, series: str | None) -> Any:
@@ -73,13 +84,31 @@ def _open(path: Path) -> Any:
         io.SetFileName(str(path))
         try:
             io.ReadImageInformation()
-            return io
+            if _has_all_pixels(path, io):
+                return io
+            reason = "it has fewer pixels than its size says"
         except RuntimeError as error:
             reason = describe(error)
     # a directory or a report has no rows
-    if _has_preamble(path) and b"\x28\x00\x10\x00" in path.read_bytes():
+    if _has_preamble(path) and re.search(rb"\x28\x00\x10\x00|\x00\x28\x00\x10", path.read_bytes()):
         raise OSError(f"'{path}' cannot be read: {reason}")
     return None
+
+
+_PIXEL_DATA = re.compile(rb"\xe0\x7f\x10\x00(?:(?:OB|OW|UN)..)?(.{4})|\x7f\xe0\x00\x10(?:OB|OW|UN)..(.{4})", re.DOTALL)
+"""Of each transfer syntax but the deflated one, with its length (PS3.5 7.1). What is compressed has the largest one."""
+
+
+def _has_all_pixels(path: Path, io: Any) -> bool:
+    """Of pixels that are missing ITK would make any values."""
+    bits = io.GetDimensions(0) * io.GetDimensions(1) * io.GetDimensions(2) * int(_get(io, _BITS) or 0)
+    with path.open("rb") as file:
+        whole = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+    found = None
+    for found in _PIXEL_DATA.finditer(whole):
+        if 8 * int.from_bytes(found[1] or found[2], "little" if found[1] else "big") >= bits:
+            return True
+    return found is None
 
 
 def _has_preamble(path: Path) -> bool:
@@ -107,64 +136,94 @@ def _get_numbers(io: Any, tag: str) -> NDArray[np.float64]:
     return numbers if np.isfinite(numbers).all() else np.empty(0)
 
 
-def _make_slice(path: Path, io: Any) -> _Slice:
-    def require(tag: str, count: int, name: str) -> NDArray[np.float64]:
-        numbers = _get_numbers(io, tag)
-        if numbers.size != count:
-            raise ValueError(f"'{path}' has no valid {name}")
-        return numbers
-
-    if io.GetDimensions(2) > 1:
-        raise ValueError(
-            f"'{path}' has {io.GetDimensions(2)} frames, and ITK does not tell where each of them lies: if they are "
-            "slices at equal distances in their order, give itk.imread() of it"
-        )
+def _make_slices(path: Path, io: Any) -> list[Slice]:
     if io.GetNumberOfComponents() != 1:
-        raise ValueError(f"'{path}' has {io.GetNumberOfComponents()} components, but a volume has 1")
-    if _get(io, _PHOTOMETRIC) == "MONOCHROME1":
-        raise ValueError(f"'{path}' is MONOCHROME1, whose values ITK inverts: give an image of its values")
-    orientation = require(_ORIENTATION, 6, "orientation")
-    position = require(_POSITION, 3, "position")
-    spacing = require(_SPACING, 2, "pixel spacing")
+        raise ValueError(f"'{path}' has colours, but a volume has one value for each voxel: give other images")
+    # ITK does not tell where frames lie, and inverts MONOCHROME1
+    if _get(io, _FRAMES) or _get(io, _PHOTOMETRIC) == "MONOCHROME1":
+        try:
+            from itk_shearwarpmip import _dicom_frames
+        except ImportError as error:
+            raise ImportError(
+                f"'{path}' is multi-frame or MONOCHROME1, which needs pydicom: pip install itk-shearwarpmip[dicom]"
+            ) from error
+        return _dicom_frames.make_slices(path)
+    return [
+        make_slice(
+            path,
+            f"'{path}'",
+            (io.GetDimensions(0), io.GetDimensions(1)),
+            _get(io, _PHOTOMETRIC),
+            _get_numbers(io, _ORIENTATION),
+            _get_numbers(io, _POSITION),
+            _get_numbers(io, _SPACING),
+            np.concatenate([_get_numbers(io, tag) for tag in _THICKNESSES]),
+            lambda: itk.array_from_image(itk.imread(str(path), imageio=io))[0],
+        )
+    ]
+
+
+def make_slice(
+    path: Path,
+    name: str,
+    size: tuple[int, int],
+    photometric: str,
+    orientation: NDArray[np.float64],
+    position: NDArray[np.float64],
+    spacing: NDArray[np.float64],
+    thicknesses: NDArray[np.float64],
+    read: Callable[[], NDArray[Any]],
+) -> Slice:
+    """A slice of the attributes of DICOM, which may be missing: spacing of rows and columns."""
+    for what, numbers, count in (
+        ("orientation", orientation, 6),
+        ("position", position, 3),
+        ("pixel spacing", spacing, 2),
+    ):
+        if numbers.size != count or not np.isfinite(numbers).all():
+            raise ValueError(f"{name} has no valid {what}")
     lengths = np.linalg.norm(orientation.reshape(2, 3), axis=1)
     # 3 decimals are not exact
     if not (np.abs(lengths - 1.0) < 1e-2).all():
-        raise ValueError(f"'{path}' has no valid orientation: its rows and columns are not of length 1")
+        raise ValueError(f"{name} has no valid orientation: its rows and columns are not of length 1")
     row, column = orientation.reshape(2, 3) / lengths[:, np.newaxis]
     if not abs(row @ column) < 2e-3:
-        raise ValueError(f"'{path}' has no valid orientation: its rows and columns are not at right angles")
+        raise ValueError(f"{name} has no valid orientation: its rows and columns are not at right angles")
     if not spacing.min() > 0:
-        raise ValueError(f"'{path}' has no valid pixel spacing: it is not positive")
+        raise ValueError(f"{name} has no valid pixel spacing: it is not positive")
     normal = np.cross(row, column)
     normal /= np.linalg.norm(normal)
     row = np.cross(column, normal)
     row /= np.linalg.norm(row)
-    return _Slice(path, io, position, np.array([row, np.cross(normal, row), normal]), spacing[::-1])
+    directions = np.array([row, np.cross(normal, row), normal])
+    thickness = next((abs(float(each)) for each in thicknesses if each != 0), 0.0)
+    return Slice(path, name, size, photometric, position, directions, spacing[::-1], thickness, read)
 
 
-def _require_likeness(each: _Slice, first: _Slice) -> None:
+def _require_likeness(each: Slice, first: Slice) -> None:
     def are_like(what: str, is_like: Any) -> None:
         if not is_like:
-            raise ValueError(f"'{each.path}' and '{first.path}' are of one series, but differ in {what}")
+            raise ValueError(f"{each.name} and {first.name} are of one series, but differ in {what}")
 
     are_like("orientation", (np.linalg.norm(each.directions - first.directions, axis=1) < 1e-3).all())
-    are_like("size", [each.io.GetDimensions(n) for n in range(2)] == [first.io.GetDimensions(n) for n in range(2)])
+    are_like("size", each.size == first.size)
     are_like("pixel spacing", (np.abs(each.spacing - first.spacing) < 1e-3 * first.spacing).all())
+    are_like("photometric interpretation", each.photometric == first.photometric)
 
 
-def _find_step(slices: list[_Slice]) -> NDArray[np.float64]:
+def _find_step(slices: list[Slice]) -> NDArray[np.float64]:
     """From slice to slice, in mm; slices are sorted."""
-    positions = np.array([each.origin @ slices[0].directions[2] for each in slices])
-    gaps = np.diff(positions)
+    origins = np.array([each.origin for each in slices])
+    positions = origins @ slices[0].directions[2]
+    gaps = np.abs(np.diff(positions))
     closest, farthest = int(gaps.argmin()), int(gaps.argmax())
     if not gaps[closest] > 0.01 * gaps[farthest]:
-        raise ValueError(f"two slices lie at one position: '{slices[closest].path}' and '{slices[closest + 1].path}'")
+        raise ValueError(f"two slices lie at one position: {slices[closest].name} and {slices[closest + 1].name}")
     if gaps[farthest] > 1.5 * gaps[closest]:
         raise ValueError(
-            f"a slice is missing between '{slices[farthest].path}' at {positions[farthest]:g} mm and "
-            f"'{slices[farthest + 1].path}' at {positions[farthest + 1]:g} mm; others are {gaps[closest]:g} mm apart"
+            f"a slice is missing between {slices[farthest].name} at {positions[farthest]:g} mm and "
+            f"{slices[farthest + 1].name} at {positions[farthest + 1]:g} mm; others are {gaps[closest]:g} mm apart"
         )
-    origins = np.array([each.origin for each in slices])
     step: NDArray[np.float64] = (origins[-1] - origins[0]) / (len(slices) - 1)
     deviation = np.linalg.norm(origins - (origins[0] + np.arange(len(slices))[:, np.newaxis] * step), axis=1).max()
     message = f"the slices are not evenly spaced: one is {deviation:g} mm away from where it should be"
@@ -176,22 +235,24 @@ def _find_step(slices: list[_Slice]) -> NDArray[np.float64]:
 
 
 def _read(files: list[tuple[Path, Any]], source: Path) -> Any:
-    slices = [_make_slice(path, io) for path, io in files]
+    slices = [each for path, io in files for each in _make_slices(path, io)]
     first = slices[0]
     for each in slices:
         _require_likeness(each, first)
-    slices.sort(key=lambda each: float(each.origin @ first.directions[2]))
+    positions = [float(each.origin @ first.directions[2]) for each in slices]
+    # the frames of one file keep their order
+    is_backward = len(files) == 1 and positions[-1] < positions[0]
+    slices = [slices[n] for n in np.argsort(np.negative(positions) if is_backward else positions, kind="stable")]
     if len(slices) > 1:
         step = _find_step(slices)
     else:
-        thicknesses = [abs(n) for tag in _THICKNESSES for n in _get_numbers(first.io, tag)[:1] if n != 0]
-        if not thicknesses:
-            raise ValueError(f"'{first.path}' has no valid slice thickness")
-        step = thicknesses[0] * first.directions[2]
+        if not first.thickness:
+            raise ValueError(f"{first.name} has no valid slice thickness")
+        step = first.thickness * first.directions[2]
         hint = "" if source.is_dir() else "; for a whole series give its folder"
         warnings.warn(f"'{source}' has only one slice{hint}", stacklevel=6)
     try:
-        arrays = [itk.array_from_image(itk.imread(str(each.path), imageio=each.io))[0] for each in slices]
+        arrays = [each.read() for each in slices]
     except (RuntimeError, KeyError) as error:
         raise OSError(f"the pixels of '{source}' cannot be read: {describe(error)}") from error
     is_one_type = len({array.dtype for array in arrays}) == 1
@@ -201,6 +262,7 @@ def _read(files: list[tuple[Path, Any]], source: Path) -> Any:
     distance = float(np.linalg.norm(step))
     direction = np.column_stack([*first.directions[:2], step / distance])
     place(image, Placed(voxels, [*first.spacing.tolist(), distance], slices[0].origin.tolist(), direction))
-    image.SetMetaDataDictionary(slices[0].io.GetMetaDataDictionary())
-    image.source_files = [each.path for each in slices]
+    image.SetMetaDataDictionary(dict(files)[slices[0].path].GetMetaDataDictionary())
+    image.source_files = list(dict.fromkeys(each.path for each in slices))
+    image.is_inverted = first.photometric == "MONOCHROME1"
     return image

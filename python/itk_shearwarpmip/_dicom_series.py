@@ -204,8 +204,7 @@ def _make_header(turn: Any, rescale: _Rescale, window: tuple[float, float] | Non
         header.RescaleType = "HU" if unit == "US" and header.Modality == "CT" else unit
     _set_window(header, source, rescale, window)
 
-    # ITK has inverted the other
-    header.PhotometricInterpretation = "MONOCHROME2"
+    header.PhotometricInterpretation = "MONOCHROME1" if turn.is_inverted else "MONOCHROME2"
     header.Columns, header.Rows, _ = (int(length) for length in turn.frames.GetLargestPossibleRegion().GetSize())
     header.SamplesPerPixel = 1
     header.BitsAllocated = header.BitsStored = 16

@@ -163,6 +163,8 @@ class Turn:
     """The files of the volume."""
     mask_files: Sequence[Path] = ()
     """The file of the mask. None of these is ever written."""
+    is_inverted: bool = False
+    """Whether low values are shown white, as DICOM's MONOCHROME1 has it."""
 
     @cached_property
     def window(self) -> tuple[float, float]:
@@ -288,6 +290,7 @@ def turn(
         list(itk.ShearWarpMIPView.GetCentre(image)),
         getattr(image, "source_files", ()),
         [Path(mask)] if isinstance(mask, str | os.PathLike) else [],
+        getattr(image, "is_inverted", False),
     )
 
 
@@ -354,7 +357,7 @@ class _Filters:
         for each in (picture, depths):
             if each is not None:
                 each.DisconnectPipeline()
-        return show_itself(picture, made.GetDefaultPixelValue()), depths
+        return show_itself(picture, made.GetDefaultPixelValue(), image), depths
 
     def _find_lowest(self) -> float:
         """The least voxel, if it is negative, or 0."""
@@ -597,17 +600,18 @@ def _project_chunks_turning(source: Any, set_turn: Any, parameters: Parameters, 
     return _projection.project_turn(volume, set_turn, parameters)
 
 
-def show_itself(picture: Any, background: float) -> Any:
-    """The same itk.Image, with what a notebook asks for."""
+def show_itself(picture: Any, background: float, image: Any = None) -> Any:
+    """The same itk.Image, the projection of `image`, with what a notebook asks for."""
     picture["Background"] = float(background)
     if picture.GetImageDimension() == 2:
-        weak = weakref.ref(picture)
-        picture._repr_png_ = lambda: _make_png(weak())
+        # the method of a picture that nobody keeps has the pixels
+        shown = type(picture).New()
+        shown.Graft(picture)
+        shown.SetMetaDataDictionary(picture.GetMetaDataDictionary())
+        for each in (picture, shown):
+            each.is_inverted = getattr(image, "is_inverted", False)
+        picture._repr_png_ = lambda: _save.encode_png(_save.make_picture(shown), list(shown.GetSpacing()))
     return picture
-
-
-def _make_png(picture: Any) -> bytes:
-    return _save.encode_png(_save.make_grey(itk.array_view_from_image(picture), _save.find_window(picture)))
 
 
 def _is_plain_array(source: Any) -> bool:

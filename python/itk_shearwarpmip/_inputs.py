@@ -49,7 +49,8 @@ def open_image(
         - a path: an image file that ITK reads, or a folder with one DICOM series, or with several and `series`
         - an itk.Image, which is given back if it needs no change
         - a SimpleITK.Image, or an image of nibabel, whose space (RAS) is turned to LPS
-        - an xarray.DataArray with the dimensions z, y, x, and coordinates in equal ascending steps
+        - an xarray.DataArray with the dimensions z, y, x, and coordinates in equal steps; where they descend, the axis
+          points against x, y or z
         - an array of NumPy, PyTorch or another package with `__array__` or `__dlpack__`, in the computer's memory, with
           the axes z, y, x
     spacing, origin: x, y, z, in mm; instead of the source's own, which are 1 and 0 of an array.
@@ -77,7 +78,10 @@ def open_image(
     placed = take(source)
     array = np.asarray(placed.array)
     if array.ndim != 3:
-        raise ValueError(f"a volume has the axes z, y, x, but this one has the shape {array.shape}: give a part of it")
+        raise ValueError(
+            f"a volume has the axes z, y, x, but this one has the shape {array.shape}: give a part of 3 dimensions, such "
+            "as array[0] of several volumes, array[..., 0] of colours, array[np.newaxis] of a slice"
+        )
     if not array.size:
         raise ValueError(f"a volume must not be empty, but this one has the shape {array.shape}")
     image = make_view(np.ascontiguousarray(narrow(array)))
@@ -85,6 +89,7 @@ def open_image(
     if isinstance(source, itk.Object):
         image.SetMetaDataDictionary(source.GetMetaDataDictionary())
     image.source_files = _find_files(source)
+    image.is_inverted = getattr(source, "is_inverted", False)
     return image
 
 
@@ -151,7 +156,12 @@ def take(source: Any) -> Placed:
         )
     if isinstance(source, np.ndarray) or is_of(source, "dask", "Array"):
         return Placed(source)
-    # an image of ITK of another dimension, or of vectors, has an array too
+    if isinstance(source, itk.DataObject) and hasattr(source, "GetImageDimension") and source.GetImageDimension() != 3:
+        raise TypeError(
+            f"a volume has 3 dimensions, but this itk.Image has {source.GetImageDimension()}: give a part of its array, "
+            "with spacing, origin and direction"
+        )
+    # other objects of ITK may have an array too
     is_array = hasattr(source, "__array__") or hasattr(source, "__dlpack__")
     if isinstance(source, itk.Object) or is_of(source, "zarr", "Array") or isinstance(source, type) or not is_array:
         raise TypeError(
@@ -256,7 +266,7 @@ def _share(owner: Any, array: NDArray[Any]) -> NDArray[Any]:
 
 def _view_image(image: Any) -> NDArray[Any]:
     if image.GetNumberOfComponentsPerPixel() != 1:
-        raise TypeError(f"voxels must be scalars, but this is a {type(image).__name__}: give one of its components")
+        raise TypeError(f"a {type(image).__name__} has several components{_ONE_COMPONENT}")
     array: NDArray[Any] | None = itk.array_view_from_image(image)
     if array is None:
         raise ValueError("a volume must not be empty, but this itk.Image has no voxels in memory")
@@ -265,31 +275,45 @@ def _view_image(image: Any) -> NDArray[Any]:
 
 def _take_data_array(source: Any) -> Placed:
     if set(source.dims) != set("xyz"):
-        raise ValueError(f"a DataArray must have the dimensions z, y, x, but this one has {source.dims}")
+        raise ValueError(
+            f"a DataArray must have the dimensions z, y, x, but this one has {source.dims}: see its methods rename() and isel()"
+        )
     if len({source.coords[name].attrs.get("units") for name in "xyz" if name in source.coords}) > 1:
-        raise ValueError("the coordinates of a DataArray must have the same units")
-    spacing, origin = [], []
+        raise ValueError("the coordinates of a DataArray must have the same units: convert them")
+    steps, origin = [], []
     for name in "xyz":
         places = np.asarray(source.coords[name] if name in source.coords else range(source.sizes[name]), dtype=float)
         if not places.size:
             raise ValueError(f"a volume must not be empty, but this one has the shape {source.shape}")
         step = (places[-1] - places[0]) / (places.size - 1) if places.size > 1 else 1.0
         # a hundredth of a voxel is rounding
-        if not (step > 0 and np.allclose(places, places[0] + step * np.arange(places.size), 0, step / 100)):
-            raise ValueError(f"the coordinates of a DataArray must ascend in equal steps, but those of {name} do not")
-        spacing.append(step)
+        even = places[0] + step * np.arange(places.size)
+        if not (step != 0 and np.allclose(places, even, 0, abs(step) / 100)):
+            raise ValueError(
+                f"the coordinates of a DataArray must go in equal steps, but those of {name} do not: see its method interp()"
+            )
+        steps.append(step)
         origin.append(places[0])
-    # ITK's conversion keeps the direction for z, y, x
-    direction = source.attrs.get("direction")
     placed = take(source.transpose(*"zyx").data)
-    return Placed(placed.array, spacing, origin, None if direction is None else np.flip(np.asarray(direction, float)))
+    spacing, direction = np.abs(steps), source.attrs.get("direction")
+    if direction is not None:
+        # ITK's conversion keeps it for z, y, x
+        direction = np.flip(np.asarray(direction, float))
+    if min(steps) < 0:
+        if direction is not None and not np.array_equal(direction, np.eye(3)):
+            raise ValueError(
+                "the coordinates of a DataArray with a direction must ascend, but some descend: see its method sortby()"
+            )
+        direction = np.diag(np.sign(steps))
+    return Placed(placed.array, spacing.tolist(), origin, direction)
 
 
 def _take_simple_itk(source: Any) -> Placed:
     if source.GetDimension() != 3 or source.GetNumberOfComponentsPerPixel() != 1:
         raise ValueError(
             f"a SimpleITK.Image must have 3 dimensions and 1 component, but this one has {source.GetDimension()} and "
-            f"{source.GetNumberOfComponentsPerPixel()}"
+            f"{source.GetNumberOfComponentsPerPixel()}: give image[..., 0] of a 4D one, and one component, as by "
+            "SimpleITK.VectorIndexSelectionCast()"
         )
     simple = sys.modules["SimpleITK"]
     # it would end the process
@@ -299,6 +323,10 @@ def _take_simple_itk(source: Any) -> Placed:
     return Placed(_share(source, array), source.GetSpacing(), source.GetOrigin(), source.GetDirection())
 
 
+_ONE_COMPONENT = ", as a colour image has, but a volume has 1: give one of them, as by itk.vector_index_selection_cast_image_filter()"
+_ONE_OF_4D = (
+    ": give one of a 4D image, as SimpleITK.ReadImage(path)[..., 0] or, of NIfTI, nibabel.load(path).slicer[..., 0]"
+)
 _MILLIMETRES = {"meter": 1000.0, "micron": 0.001}
 
 
@@ -308,7 +336,8 @@ def _take_nibabel(source: Any) -> Placed:
         shape = shape[:-1]
     if len(shape) != 3:
         raise ValueError(
-            f"an image of nibabel must have 3 dimensions, but this one has the shape {source.shape}: see slicer"
+            f"an image of nibabel must have 3 dimensions, but this one has the shape {source.shape}: give one of a 4D "
+            "image, as image.slicer[..., 0]"
         )
     if source.affine is None:
         raise ValueError("this image of nibabel has no affine: give its array, with spacing, origin and direction")
@@ -343,11 +372,9 @@ def _read(path: Path, series: str | None) -> Any:
         lengths = [io.GetDimensions(axis) for axis in range(dimension)]
         components = io.GetNumberOfComponents()
         if len(lengths) < 3 or any(length != 1 for length in lengths[3:]):
-            raise ValueError(
-                f"'{path}' has the size {lengths}, but a volume has 3 dimensions: read it, and give a part of it"
-            )
+            raise ValueError(f"'{path}' has the size {lengths}, but a volume has 3 dimensions{_ONE_OF_4D}")
         if components != 1 or io.GetPixelType() == itk.CommonEnums.IOPixel_COMPLEX:
-            raise ValueError(f"'{path}' has {components} components, but a volume has 1: read it, and give one of them")
+            raise ValueError(f"'{path}' has {components} components{_ONE_COMPONENT}")
         if io.GetNameOfClass() == "GDCMImageIO":
             from itk_shearwarpmip import _dicom
 

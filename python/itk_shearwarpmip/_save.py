@@ -57,12 +57,13 @@ def find_window_of(pixels: NDArray[Any], background: float) -> Window:
     return (low, high) if low < high else (min(high - 1.0, math.nextafter(high, -math.inf)), high)
 
 
-def make_grey(pixels: NDArray[Any], window: Window) -> NDArray[np.uint8]:
-    """Pixels of 8 bits, of the shape of `pixels`: the window becomes 0 to 255."""
+def make_grey(pixels: NDArray[Any], window: Window, is_inverted: bool = False) -> NDArray[np.uint8]:
+    """Pixels of 8 bits, of the shape of `pixels`: the window becomes 0 to 255, or 255 to 0."""
     low, high = window
     values = np.asarray(pixels, np.float64)
     values = np.where(values > low, np.minimum(values, high), low)
-    return _round(255.0 * (values - low) / (high - low)).astype(np.uint8)
+    grey = _round(255.0 * (values - low) / (high - low)).astype(np.uint8)
+    return 255 - grey if is_inverted else grey
 
 
 def encode_png(pixels: NDArray[Any], spacing: Sequence[float] = (1.0, 1.0)) -> bytes:
@@ -119,8 +120,7 @@ def make_page(turn: "Turn", *, rate: float | None = None, window: Window | None 
         "slope": slope,
         "intercept": intercept,
         "background": 0,
-        # ITK has inverted what DICOM stores inverted
-        "inverted": False,
+        "inverted": turn.is_inverted,
         "window": [low, high],
         "rate": rate,
         "loop": _find_loop(angles),
@@ -155,13 +155,19 @@ def save_png(picture: Any, path: str | os.PathLike[str], *, window: Window | Non
     pixels = itk.array_view_from_image(picture)
     if pixels.ndim != 2:
         raise ValueError(f"a picture has 2 dimensions, but this one has {pixels.ndim}: see Turn.save()")
-    grey = make_grey(pixels, find_window(picture) if window is None else check_window(window))
+    grey = make_picture(picture, window)
     target = _find_target(Path(path))
     _require_writable(target)
     with tempfile.TemporaryDirectory(prefix=".shear-warp-mip-", dir=target.parent) as folder:
         made = Path(folder, target.name)
         _write_image(_make_image(grey, list(picture.GetSpacing())), made)
         _publish({made: target}, Path(folder))
+
+
+def make_picture(picture: Any, window: Window | None = None) -> NDArray[np.uint8]:
+    """The grey pixels of a picture of mip()."""
+    window = find_window(picture) if window is None else check_window(window)
+    return make_grey(itk.array_view_from_image(picture), window, getattr(picture, "is_inverted", False))
 
 
 def save_turn(
@@ -197,7 +203,7 @@ def save_turn(
             _write_image(stack, made)
         else:
             chosen = _get_window(turn, window)
-            pictures = np.stack([make_grey(frame, chosen) for frame in pixels])
+            pictures = np.stack([make_grey(frame, chosen, turn.is_inverted) for frame in pixels])
             if suffix == ".png":
                 for place, picture in zip(files, pictures, strict=True):
                     _write_image(_make_image(picture, list(turn.frames.GetSpacing())[:2]), place)

@@ -15,6 +15,8 @@ import pytest
 PROGRAM = os.environ.get("SHEARWARPMIP_PROGRAM") or shutil.which(
     "shear-warp-mip", path=str(Path(sys.executable).parent)
 )
+# of a program that draws labels
+NO_LABELS = ["--no-labels"] if PROGRAM and b"no-labels" in Path(PROGRAM).read_bytes() else []
 
 # Runs each snippet of code in a forked child: a crash ends only the child, and itk is imported once.
 _FORK_SERVER = """

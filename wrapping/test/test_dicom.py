@@ -1,12 +1,18 @@
 """DICOM folders in Python, by the rules of the program."""
 
+import shutil
 import subprocess
+import sys
 
 import itk
 import numpy as np
+import pydicom
 import pytest
-from conftest import PROGRAM
-from itk_shearwarpmip import mip, open_image
+from conftest import NO_LABELS, PROGRAM
+from itk_shearwarpmip import mip, open_image, save_png, turn
+from pydicom.data import get_testdata_file
+from pydicom.dataset import Dataset
+from pydicom.sequence import Sequence
 
 ROW, COLUMN = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.8, 0.6])
 NORMAL = np.cross(ROW, COLUMN)
@@ -161,9 +167,215 @@ def test_a_slice_that_is_cut_short(tmp_path):
         mip(folder)
 
 
-def test_inverted_values_are_refused(tmp_path):
+@pytest.mark.parametrize("syntax", ["ImplicitVRLittleEndian", "ExplicitVRLittleEndian", "ExplicitVRBigEndian"])
+def test_pixels_that_are_fewer_than_the_size_says(syntax, tmp_path):
     folder = write_series(tmp_path / "series")
+    path = folder / "4-.dcm"
+    dataset = pydicom.dcmread(path)
+    little = "Little" in syntax
+    pixels = dataset.pixel_array.astype("<i2" if little else ">i2").tobytes()
+    dataset.file_meta.TransferSyntaxUID = getattr(pydicom.uid, syntax)
+
+    def write(missing):
+        dataset.PixelData = pixels[: len(pixels) - missing]
+        pydicom.dcmwrite(
+            path, dataset, implicit_vr=syntax.startswith("Impl"), little_endian=little, force_encoding=True
+        )
+
+    write(0)
+    np.testing.assert_array_equal(np.asarray(open_image(folder)), VOXELS)
+    for missing in (2, len(pixels) - 2):
+        write(missing)
+        for source in (folder, path):
+            with pytest.raises(OSError, match=r"4-\.dcm' cannot be read: it has fewer pixels than its size says"):
+                mip(source)
+
+
+def make_sequence(**values):
+    item = Dataset()
+    for name, value in values.items():
+        setattr(item, name, value)
+    return Sequence([item])
+
+
+def write_frames(path, *, order=(0, 1, 2, 3, 4, 5), photometric="MONOCHROME2", rescales=None, **values):
+    """Enhanced CT, its frames in this order along the normal."""
+    dataset = Dataset()
+    dataset.ensure_file_meta()
+    dataset.file_meta.TransferSyntaxUID = pydicom.uid.ExplicitVRLittleEndian
+    dataset.SOPClassUID, dataset.SOPInstanceUID = pydicom.uid.EnhancedCTImageStorage, pydicom.uid.generate_uid()
+    dataset.StudyInstanceUID, dataset.SeriesInstanceUID = "1.2.3", "1.2.3.4"
+    dataset.Modality, dataset.PhotometricInterpretation, dataset.SamplesPerPixel = "CT", photometric, 1
+    dataset.NumberOfFrames, dataset.Rows, dataset.Columns = VOXELS.shape
+    dataset.BitsAllocated, dataset.BitsStored, dataset.HighBit, dataset.PixelRepresentation = 16, 12, 11, 1
+    dataset.PixelData = VOXELS.astype("<i2").tobytes()
+    shared, frames = Dataset(), []
+    shared.PlaneOrientationSequence = make_sequence(ImageOrientationPatient=[*ROW, *COLUMN])
+    shared.PixelMeasuresSequence = make_sequence(PixelSpacing=[0.75, 0.5], SliceThickness=2.5)
+    for n, place in enumerate(order):
+        frame = Dataset()
+        position = np.array([-10.0, 20.0, 30.0]) + 2.5 * place * NORMAL
+        frame.PlanePositionSequence = make_sequence(ImagePositionPatient=position.tolist())
+        if rescales:
+            slope, intercept = rescales[n % len(rescales)]
+            frame.PixelValueTransformationSequence = make_sequence(
+                RescaleSlope=slope, RescaleIntercept=intercept, RescaleType="HU"
+            )
+        frames.append(frame)
+    dataset.SharedFunctionalGroupsSequence = Sequence([shared])
+    dataset.PerFrameFunctionalGroupsSequence = Sequence(frames)
+    for name, value in values.items():
+        setattr(dataset, name, value)
+    pydicom.dcmwrite(path, dataset, enforce_file_format=True)
+    return path
+
+
+@pytest.mark.parametrize("photometric", ["MONOCHROME2", "MONOCHROME1"])
+@pytest.mark.parametrize(
+    "order, step",
+    [(range(6), 2.5), (range(5, -1, -1), -2.5), ([3, 1, 0, 2, 5, 4], 2.5)],
+    ids=["upward", "downward", "mixed"],
+)
+@pytest.mark.parametrize(
+    "rescales, dtype",
+    [(None, np.int16), ([(2, -1024)], np.int16), ([(0.5, 0), (2, 1)], np.float64)],
+    ids=["stored", "whole", "each its own"],
+)
+def test_frames_lie_where_they_say(photometric, order, step, rescales, dtype, tmp_path):
+    path = write_frames(tmp_path / "frames.dcm", order=order, photometric=photometric, rescales=rescales)
+    image = open_image(path)
+    slopes = np.array([(rescales or [(1, 0)])[n % len(rescales or "1")] for n in range(6)])
+    expected = VOXELS * slopes[:, 0, None, None] + slopes[:, 1, None, None]
+    expected = expected[np.argsort(order)][:: 1 if step > 0 else -1]
+    assert np.asarray(image).dtype == dtype
+    np.testing.assert_array_equal(np.asarray(image), expected)
+    assert list(image.GetSpacing()) == pytest.approx([0.5, 0.75, 2.5])
+    assert np.allclose(itk.array_from_matrix(image.GetDirection())[:, 2], np.sign(step) * NORMAL)
+    assert_as_the_program(path, tmp_path)
+
+
+@pytest.mark.parametrize("slope, intercept, dtype", [(1, -1024, np.int16), (16, 0, np.uint16), (0.5, 3, np.float64)])
+def test_frames_without_a_sign(slope, intercept, dtype, tmp_path):
+    pixels = (VOXELS + 500).astype("<u2")
+    values = {"PixelRepresentation": 0, "PixelData": pixels.tobytes(), "rescales": [(slope, intercept)]}
+    path = write_frames(tmp_path / "frames.dcm", **values)
+    image = open_image(path)
+    assert np.asarray(image).dtype == dtype
+    np.testing.assert_array_equal(np.asarray(image), pixels * float(slope) + intercept)
+    assert_as_the_program(path, tmp_path)
+
+
+def test_frames_that_are_compressed(tmp_path):
+    path = write_frames(tmp_path / "frames.dcm", rescales=[(1, -100)])
+    expected = mip(path)
+    dataset = pydicom.dcmread(path)
+    dataset.compress(pydicom.uid.RLELossless)
+    dataset.save_as(path)
+    np.testing.assert_array_equal(np.asarray(mip(path)), np.asarray(expected))
+    assert_as_the_program(path, tmp_path)
+
+
+def test_files_of_one_frame_make_a_series(tmp_path):
+    folder = tmp_path / "series"
+    folder.mkdir()
+    for n in range(6):
+        write_frames(
+            folder / f"{(n * 5) % 7}.dcm", order=[n], NumberOfFrames=1, PixelData=VOXELS[n].tobytes(), rescales=[(1, n)]
+        )
+    np.testing.assert_array_equal(np.asarray(open_image(folder)), VOXELS + np.arange(6)[:, None, None])
+    assert_as_the_program(folder, tmp_path)
+
+
+PLACE = {"ImageOrientationPatient": [*ROW, *COLUMN], "ImagePositionPatient": [0, 0, 0], "PixelSpacing": [1, 1]}
+PLAIN = {**PLACE, "PerFrameFunctionalGroupsSequence": None, "SharedFunctionalGroupsSequence": None}
+
+
+@pytest.mark.parametrize(
+    "values, axis",
+    [
+        ({"GridFrameOffsetVector": [0, 2, 4, 6, 8, 10], "DoseGridScaling": "0.25"}, NORMAL),
+        ({"GridFrameOffsetVector": [10, 8, 6, 4, 2, 0]}, [0, 0, -1]),
+        ({"FrameIncrementPointer": 0x00540080, "SpacingBetweenSlices": 2, "SliceVector": [1, 2, 3, 4, 5, 6]}, NORMAL),
+        ({"FrameIncrementPointer": 0x00540080, "SpacingBetweenSlices": -2}, -NORMAL),
+    ],
+    ids=["dose", "dose in the patient's space", "slices", "slices backward"],
+)
+def test_frames_without_functional_groups(values, axis, tmp_path):
+    path = write_frames(tmp_path / "frames.dcm", **PLAIN, **values)
+    image = open_image(path)
+    np.testing.assert_array_equal(np.asarray(image), VOXELS * float(values.get("DoseGridScaling", 1)))
+    assert list(image.GetSpacing()) == [1, 1, 2]
+    assert np.allclose(itk.array_from_matrix(image.GetDirection())[:, 2], axis)
+    assert_as_the_program(path, tmp_path)
+
+
+@pytest.mark.parametrize(
+    "values, text",
+    [
+        (PLAIN, "two slices lie at one position: frame 1 of '.*' and frame 2 of"),
+        ({"NumberOfFrames": 5}, "has 5 frames, but describes 6"),
+        ({"SharedFunctionalGroupsSequence": None}, "frame 1 of '.*' has no valid orientation"),
+        ({"order": [0, 1, 2, 4, 5, 6]}, "a slice is missing between frame 3 of '.*' at .* mm and frame 4 of"),
+        ({"rescales": [(1, None)]}, "frame 1 of '.*' has no valid rescale slope and intercept"),
+        (
+            PLAIN | {"FrameIncrementPointer": 0x00540080, "SpacingBetweenSlices": 2, "SliceVector": [2, 1, 3]},
+            "in the order",
+        ),
+    ],
+    ids=["no places", "count", "no orientation", "gap", "slope", "order"],
+)
+def test_frames_that_make_no_volume(values, text, tmp_path):
+    with pytest.raises(ValueError, match=text):
+        mip(write_frames(tmp_path / "frames.dcm", **values))
+
+
+def test_frames_need_pydicom(tmp_path, monkeypatch):
+    path = write_frames(tmp_path / "frames.dcm")
+    monkeypatch.setitem(sys.modules, "pydicom", None)
+    monkeypatch.delitem(sys.modules, "itk_shearwarpmip._dicom_frames", raising=False)
+    monkeypatch.delattr("itk_shearwarpmip._dicom_frames", raising=False)
+    with pytest.raises(ImportError, match=r"multi-frame or MONOCHROME1, which needs pydicom: pip install itk-shear"):
+        mip(path)
+
+
+def test_colours_are_refused(tmp_path):
+    path = get_testdata_file("SC_rgb_dcmtk_+eb+cr.dcm")
+    with pytest.raises(
+        ValueError, match="has 3 components, as a colour image has, but a volume has 1: give one of them"
+    ):
+        mip(path)
+    shutil.copy(path, tmp_path)
+    with pytest.raises(ValueError, match="has colours, but a volume has one value for each voxel"):
+        mip(tmp_path)
+
+
+def test_inverted_values_are_kept_and_shown_inverted(tmp_path):
+    folder = write_series(tmp_path / "series")
+    upright = mip(folder, azimuth=30)
     for path in folder.iterdir():
         replace_bytes(path, b"MONOCHROME2", b"MONOCHROME1")
-    with pytest.raises(ValueError, match="is MONOCHROME1, whose values ITK inverts"):
+    np.testing.assert_array_equal(np.asarray(open_image(folder)), VOXELS)
+    picture = assert_as_the_program(folder, tmp_path)
+    picture = mip(folder, azimuth=30)
+    np.testing.assert_array_equal(np.asarray(picture), np.asarray(upright))
+    grey = {}
+    for name, each in {"upright": upright, "inverted": picture}.items():
+        save_png(each, tmp_path / f"{name}.png")
+        grey[name] = np.asarray(itk.imread(str(tmp_path / f"{name}.png")))
+    np.testing.assert_array_equal(grey["inverted"], 255 - grey["upright"])
+    assert (tmp_path / "inverted.png").read_bytes() == picture._repr_png_()
+    series = turn(folder, frames=2, azimuth=30)
+    series.save(tmp_path / "turn.png")
+    series.save(tmp_path / "turn.html")
+    series.save(tmp_path / "turn")
+    assert '"inverted": true' in (tmp_path / "turn.html").read_text(encoding="utf-8")
+    assert pydicom.dcmread(tmp_path / "turn" / "frame-001.dcm").PhotometricInterpretation == "MONOCHROME1"
+    if PROGRAM:
+        command = [PROGRAM, folder, tmp_path / "p.png", "--frames=2", "--azimuth=30", *NO_LABELS]
+        subprocess.run(command, check=True, capture_output=True)
+        for n in range(2):
+            pictures = (np.asarray(itk.imread(str(tmp_path / f"{name}-00{n}.png"))) for name in ("p", "turn"))
+            np.testing.assert_array_equal(*pictures)
+    replace_bytes(folder / "0-.dcm", b"MONOCHROME1", b"MONOCHROME2")
+    with pytest.raises(ValueError, match="differ in photometric interpretation"):
         mip(folder)

@@ -383,6 +383,27 @@ def test_a_sheared_affine_stays_sheared():
     assert mip(image).shape
 
 
+@pytest.mark.parametrize("axes", ["z", "y", "x", "zx", "zyx"])
+@pytest.mark.parametrize("attributes", [True, False])
+def test_descending_coordinates_are_negative_directions(axes, attributes):
+    image = open_image(
+        np.random.default_rng(4).integers(0, 999, (5, 6, 7), np.int16), spacing=(0.5, 0.75, 2), origin=(3, 4, 5)
+    )
+    ascending = itk.xarray_from_image(image)
+    if not attributes:
+        ascending = ascending.drop_attrs()
+    source = ascending.isel({axis: slice(None, None, -1) for axis in axes})
+    found = open_image(source)
+    for index in ((0, 0, 0), (6, 5, 4), (1, 2, 3)):
+        other = [length - 1 - n if axis in axes else n for n, axis, length in zip(index, "xyz", (7, 6, 5))]
+        assert found[index[::-1]] == image[tuple(other[::-1])]
+        point, expected = (
+            list(each.TransformIndexToPhysicalPoint(list(at))) for each, at in ((found, index), (image, other))
+        )
+        assert point == pytest.approx(expected)
+    np.testing.assert_array_equal(np.asarray(mip(source)), np.asarray(mip(image)))
+
+
 def test_units_of_nibabel_are_millimetres(image):
     expected = open_image(make_nibabel(image))
     source = make_nibabel(image)
@@ -476,6 +497,11 @@ def test_a_picture_is_an_image(image, tmp_path):
     assert DisplayFormatter().format(picture)[0]["image/png"]
     grey = np.asarray(itk.imread(str(tmp_path / "mip.png")))
     assert grey.shape == picture.shape and grey.max() == 255 and grey.min() == 0
+    # of one that nobody keeps
+    assert mip(image)._repr_png_() == picture._repr_png_()
+    # what is written into it is shown
+    itk.array_view_from_image(picture)[:3] = 32000
+    assert picture._repr_png_() != (tmp_path / "mip.png").read_bytes()
     # not-a-number and infinity
     voxels = itk.array_from_image(image).astype(np.float32)
     voxels[3], voxels[4], voxels[5] = np.nan, np.inf, -np.inf
@@ -511,6 +537,7 @@ def test_turns(image):
 
 SHORTS = np.ones((3, 4, 5), np.int16)
 IMAGE = itk.image_from_array(SHORTS)
+TURNED = open_image(SHORTS, direction=[[0, -1, 0], [1, 0, 0], [0, 0, 1]])
 
 
 def make_affine(pixel_type):
@@ -520,9 +547,15 @@ def make_affine(pixel_type):
 # of mip() and turn()
 BAD = {
     "2D array": (lambda call: call(SHORTS[0]), ValueError, r"the axes z, y, x, but this one has the shape \(4, 5\)"),
-    "colours": (lambda call: call(np.ones((3, 4, 5, 3), np.uint8)), ValueError, "has the shape"),
-    "2D image": (lambda call: call(itk.image_from_array(SHORTS[0])), TypeError, "3D itk.Image of scalars"),
-    "colour image": (lambda call: call(itk.Image[itk.RGBPixel[itk.UC], 3].New()), TypeError, "must be scalars"),
+    "colours": (lambda call: call(np.ones((3, 4, 5, 3), np.uint8)), ValueError, r"array\[..., 0\] of colours"),
+    "2D image": (
+        lambda call: call(itk.image_from_array(SHORTS[0])),
+        TypeError,
+        "3 dimensions, but this itk.Image has 2",
+    ),
+    "4D image": (lambda call: call(itk.image_from_array(SHORTS[None])), TypeError, "has 4: give a part of its array"),
+    "4D array": (lambda call: call(SHORTS[None]), ValueError, r"array\[0\] of several volumes"),
+    "colour image": (lambda call: call(itk.Image[itk.RGBPixel[itk.UC], 3].New()), TypeError, "several components"),
     "masked array": (lambda call: call(np.ma.masked_less(SHORTS, 3)), TypeError, "loses its mask: fill it"),
     "empty array": (lambda call: call(SHORTS[:0]), ValueError, "must not be empty"),
     "empty image": (lambda call: call(itk.Image[itk.SS, 3].New()), ValueError, "must not be empty"),
@@ -531,14 +564,28 @@ BAD = {
     "None": (lambda call: call(None), TypeError, "but this is a builtins.NoneType"),
     "list": (lambda call: call(SHORTS.tolist()), TypeError, "this is a builtins.list: give an array"),
     "class": (lambda call: call(np.ndarray), TypeError, "this is a builtins.type"),
-    "4D nibabel": (lambda call: call(nibabel.Nifti1Image(np.ones((2, 3, 4, 5)), np.eye(4))), ValueError, "see slicer"),
+    "4D nibabel": (
+        lambda call: call(nibabel.Nifti1Image(np.ones((2, 3, 4, 5)), np.eye(4))),
+        ValueError,
+        r"as image.slicer\[",
+    ),
     "no affine": (lambda call: call(nibabel.Nifti1Image(SHORTS, None)), ValueError, "has no affine"),
     "2D SimpleITK": (lambda call: call(SimpleITK.Image(3, 4, SimpleITK.sitkInt16)), ValueError, "this one has 2 and 1"),
     "names of axes": (lambda call: call(xarray.DataArray(SHORTS)), ValueError, "the dimensions z, y, x"),
     "uneven coordinates": (
         lambda call: call(xarray.DataArray(SHORTS, dims=list("zyx"), coords={"z": [0, 1, 3]})),
         ValueError,
-        "ascend in equal steps, but those of z",
+        "go in equal steps, but those of z do not: see its method interp",
+    ),
+    "one coordinate": (
+        lambda call: call(xarray.DataArray(SHORTS, dims=list("zyx"), coords={"z": [2, 2, 2]})),
+        ValueError,
+        "go in equal steps, but those of z",
+    ),
+    "descending coordinates with a direction": (
+        lambda call: call(itk.xarray_from_image(TURNED).isel(y=slice(None, None, -1))),
+        ValueError,
+        r"must ascend, but some descend: see its method sortby\(\)",
     ),
     "no such file": (lambda call: call("nowhere.nrrd"), FileNotFoundError, "'nowhere.nrrd' does not exist"),
     "no image": (lambda call: call(__file__), OSError, "is not an image that ITK can read"),
