@@ -1,4 +1,4 @@
-"""python -m itk_shearwarpmip: the projection of an OME-Zarr to a picture or a series of frames.
+"""python -m itk_shearwarpmip [mip]: the projection of an OME-Zarr to a picture or a series of frames.
 
 python -m itk_shearwarpmip view, and shear-warp-mip-view: a picture in the browser that turns under the hand.
 """
@@ -20,7 +20,8 @@ def _make_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m itk_shearwarpmip",
         description="Maximum intensity projection (MIP) of an OME-Zarr volume of any size, chunk by chunk. "
-        "With `view` as its first word: see python -m itk_shearwarpmip view --help.",
+        "For other files there is the program shear-warp-mip. With `view` as its first word: see python -m "
+        "itk_shearwarpmip view --help.",
     )
     parser.add_argument("input", metavar="INPUT", help="path or URL of an OME-Zarr image, version 0.4 or 0.5")
     parser.add_argument(
@@ -166,8 +167,12 @@ def main(arguments: list[str] | None = None) -> int:
     arguments = sys.argv[1:] if arguments is None else arguments
     if arguments[:1] == ["view"]:
         return view(arguments[1:])
+    if arguments[:1] == ["mip"] and not os.path.exists("mip"):
+        arguments = arguments[1:]
     options = _make_parser().parse_args(arguments)
     try:
+        if os.path.isfile(options.input) and not options.input.endswith(".zip"):
+            raise ValueError(f"INPUT must be an OME-Zarr, but '{options.input}' is another file: use shear-warp-mip")
         if _is_read(options.output, options.input):
             raise ValueError(f"OUTPUT must not be in INPUT, but {options.output} is")
         _require_writable(options.output, options.frames is not None)

@@ -85,14 +85,14 @@ def _find_offset(header: Dataset, frame: int, frames: int, made: Slice) -> NDArr
     superior, normal = np.array([0.0, 0.0, 1.0]), made.directions[2]
     offsets = _get_numbers(header, "GridFrameOffsetVector")
     if offsets.size == frames:
-        return np.multiply(offsets[frame] - offsets[0], normal if offsets[0] == 0 else superior)
+        return np.asarray((offsets[frame] - offsets[0]) * (normal if offsets[0] == 0 else superior), float)
     distance = _get_numbers(header, "SpacingBetweenSlices")
     if header.get("FrameIncrementPointer") != 0x00540080 or distance.size != 1:
         return np.zeros(3)
     order = _get_numbers(header, "SliceVector")
     if order.size and (frame >= order.size or order[frame] != frame + 1):
         raise ValueError(f"{made.name} is not in the order of the slices")
-    return np.multiply(frame * distance[0], normal)
+    return np.asarray(frame * distance[0] * normal, float)
 
 
 def _read_stored(path: Path) -> NDArray[Any]:

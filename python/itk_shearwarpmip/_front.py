@@ -4,6 +4,7 @@ import os
 import re
 import sys
 import threading
+import warnings
 import weakref
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
@@ -357,6 +358,11 @@ class _Filters:
         for each in (picture, depths):
             if each is not None:
                 each.DisconnectPipeline()
+        limits = [name for name in ("slab", "crop") if getattr(parameters, name) is not None]
+        if limits and _save.is_background(itk.array_view_from_image(picture), made.GetDefaultPixelValue()).all():
+            warnings.warn(
+                f"there is only background in the picture: is the image within {' and '.join(limits)}?", stacklevel=3
+            )
         return show_itself(picture, made.GetDefaultPixelValue(), image), depths
 
     def _find_lowest(self) -> float:
@@ -512,9 +518,16 @@ def open_mask(mask: Any, label: int | None, image: Any) -> Any:
         raise TypeError(f"a mask must have whole numbers, but its voxels are {voxels.dtype}")
     if voxels.shape != image.shape:
         raise ValueError(
-            f"a mask must be on the volume's grid: it has the shape {voxels.shape} instead of {image.shape}"
+            f"a mask must be on the volume's grid: it has the shape {voxels.shape} instead of {image.shape}. Resample an "
+            "image with a place of its own, as by itk.resample_image_filter()"
         )
-    binary = make_view((voxels != 0 if label is None else voxels == make_count("mask_label", label)).astype(np.uint8))
+    chosen = voxels != 0 if label is None else voxels == make_count("mask_label", label)
+    if not chosen.any():
+        labels = np.unique(voxels).tolist()
+        present = f"its labels are {', '.join(map(str, labels[:20]))}{', ...' if len(labels) > 20 else ''}"
+        what = "no voxel is in the mask: all are 0" if label is None else f"the mask has no label {label}: {present}"
+        warnings.warn(what, stacklevel=4)
+    binary = make_view(chosen.astype(np.uint8))
     if is_path or not _is_plain_array(mask):
         place(binary, placed.replace(None, None, None))
         _require_grid(binary, image)
@@ -536,7 +549,8 @@ def _require_grid(mask: Any, image: Any) -> None:
     # file formats round positions
     if not distance <= 0.01 * min(image.GetSpacing()):
         raise ValueError(
-            f"a mask must be on the volume's grid: a corner is {distance:g} mm away from where it should be"
+            f"a mask must be on the volume's grid: a corner is {distance:g} mm away from where it should be. Resample it, as "
+            "by itk.resample_image_filter()"
         )
 
 

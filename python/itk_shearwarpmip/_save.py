@@ -130,7 +130,7 @@ def make_page(turn: "Turn", *, rate: float | None = None, window: Window | None 
         series["angles"] = angles
     for frame in pixels:
         stored = _round((np.clip(frame.astype(np.float64), least, most) - intercept) / slope)
-        stored[_is_background(frame, background)] = 0
+        stored[is_background(frame, background)] = 0
         series["frames"].append(base64.b64encode(encode_png(stored.astype(np.uint8), spacing)).decode())
     template = resources.files("itk_shearwarpmip").joinpath("cine.html").read_text(encoding="utf-8")
     return template.replace("@SERIES@", json.dumps(series).replace("<", "\\u003c"), 1)
@@ -224,14 +224,14 @@ def _find_background(image: Any) -> float:
     return min(0.0, float(np.fmin.reduce(itk.array_view_from_image(image), axis=None)))
 
 
-def _is_background(pixels: NDArray[Any], background: float) -> NDArray[np.bool_]:
+def is_background(pixels: NDArray[Any], background: float) -> NDArray[np.bool_]:
     """Also what is not a number."""
     found: NDArray[np.bool_] = (pixels == background) | np.isnan(pixels)
     return found
 
 
 def _select_values(pixels: NDArray[Any], background: float) -> NDArray[Any]:
-    values: NDArray[Any] = pixels[~_is_background(pixels, background) & np.isfinite(pixels)]
+    values: NDArray[Any] = pixels[~is_background(pixels, background) & np.isfinite(pixels)]
     return values
 
 

@@ -479,6 +479,13 @@ def test_program(ome_zarr, tmp_path, capsys):
     assert run(tmp_path / "none.zarr", output)[0] == 1
     with pytest.raises(SystemExit, match="2"):
         run()
+    # the word of what it does
+    output.unlink()
+    assert run("mip", path, output, "--channel", "1", "--quiet")[0] == 0
+    assert np.array_equal(np.asarray(itk.imread(output)), array[1].max(axis=0))
+    status, _, error = run("mip", output, tmp_path / "other.mha", "--quiet")
+    assert status == 1
+    assert error.endswith("mip.mha' is another file: use shear-warp-mip\n") and error.count("\n") == 1
 
 
 @pytest.mark.parametrize(

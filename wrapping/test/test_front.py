@@ -354,6 +354,36 @@ def test_masks_with_a_place_of_their_own(kind, image, tmp_path):
             mip(image, mask=KINDS[kind](mask, tmp_path)[0])
 
 
+@pytest.mark.parametrize(
+    "parameters, text",
+    [
+        ({"slab": (500, 600)}, "is the image within slab?"),
+        ({"crop": ((500, 500, 500), (600, 600, 600))}, "is the image within crop?"),
+        ({"slab": (500, 600), "background": np.nan}, "is the image within slab?"),
+    ],
+)
+@pytest.mark.parametrize("function", [mip, turn])
+def test_only_background_is_said(function, parameters, text, image):
+    image = open_image(np.asarray(image, np.float32)) if "background" in parameters else image
+    with pytest.warns(UserWarning) as said:
+        function(image, **parameters)
+    assert [str(each.message) for each in said] == [f"there is only background in the picture: {text}"]
+    # of the line that called
+    assert said[0].filename == __file__
+    function(image, slab=(-500, 500))
+
+
+@pytest.mark.parametrize("function", [mip, turn])
+def test_masks_without_voxels_are_said(function, image):
+    with pytest.warns(UserWarning, match=r"^the mask has no label 7: its labels are 0, 1, 2$") as said:
+        function(image, mask=MASK, mask_label=7)
+    assert said[0].filename == __file__
+    with pytest.warns(UserWarning, match=r"^the mask has no label 999: its labels are 0, 1, .* 19, \.\.\.$"):
+        function(image, mask=np.arange(MASK.size).reshape(MASK.shape) % 99, mask_label=999)
+    with pytest.warns(UserWarning, match="^no voxel is in the mask: all are 0$"):
+        function(image, mask=0 * MASK)
+
+
 def test_regions_that_do_not_begin_at_0(image):
     region = image.GetLargestPossibleRegion()
     region.SetIndex([3, -2, 5])
@@ -611,7 +641,7 @@ BAD = {
     "slab": (lambda call: call(IMAGE, slab=5), ValueError, "slab must be two numbers"),
     "slab's order": (lambda call: call(IMAGE, slab=(5, 1)), ValueError, "slab's near must"),
     "crop": (lambda call: call(IMAGE, crop=(1, 2, 3, 4, 5, 6)), ValueError, "crop must be two corners"),
-    "mask's shape": (lambda call: call(IMAGE, mask=SHORTS[1:]), ValueError, "on the volume's grid: it has the shape"),
+    "mask's shape": (lambda call: call(IMAGE, mask=SHORTS[1:]), ValueError, "shape .* Resample an image"),
     "mask's type": (lambda call: call(IMAGE, mask=SHORTS * 0.5), TypeError, "whole numbers"),
     "label alone": (lambda call: call(IMAGE, mask_label=1), ValueError, "mask_label is for a mask"),
     "label": (lambda call: call(IMAGE, mask=SHORTS, mask_label=0), ValueError, "mask_label must be a whole"),
