@@ -6,7 +6,7 @@ from pathlib import Path
 
 import itk
 import numpy as np
-from itk_shearwarpmip import mip, open_image, turn
+from itk_shearwarpmip import mip, open_image, save_png, turn
 
 folder = Path(__file__).parent
 head = open_image(sys.argv[1])
@@ -17,6 +17,7 @@ def write(name: str, picture: itk.Image) -> None:
     (folder / f"{name}.png").write_bytes(picture._repr_png_())
 
 
+save_png(mip(head, view="anterior", azimuth=30), folder / "labels.png", annotate=True)
 write("mip", mip(head, view="anterior", azimuth=30))
 write("slab", mip(head, view="superior", slab=(-20, 20)))
 write("fading", mip(head, view="left", attenuation=0.02))

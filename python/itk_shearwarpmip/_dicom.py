@@ -261,7 +261,7 @@ def _read(files: list[tuple[Path, Any]], source: Path) -> Any:
     # the slices of a tilted gantry make a sheared image
     distance = float(np.linalg.norm(step))
     direction = np.column_stack([*first.directions[:2], step / distance])
-    place(image, Placed(voxels, [*first.spacing.tolist(), distance], slices[0].origin.tolist(), direction))
+    place(image, Placed(voxels, [*first.spacing.tolist(), distance], slices[0].origin.tolist(), direction, True))
     image.SetMetaDataDictionary(dict(files)[slices[0].path].GetMetaDataDictionary())
     image.source_files = list(dict.fromkeys(each.path for each in slices))
     image.is_inverted = first.photometric == "MONOCHROME1"

@@ -204,7 +204,8 @@ def _make_header(turn: Any, rescale: _Rescale, window: tuple[float, float] | Non
         header.RescaleType = "HU" if unit == "US" and header.Modality == "CT" else unit
     _set_window(header, source, rescale, window)
 
-    header.PhotometricInterpretation = "MONOCHROME1" if turn.is_inverted else "MONOCHROME2"
+    is_inverted = getattr(turn.frames, "is_inverted", False)
+    header.PhotometricInterpretation = "MONOCHROME1" if is_inverted else "MONOCHROME2"
     header.Columns, header.Rows, _ = (int(length) for length in turn.frames.GetLargestPossibleRegion().GetSize())
     header.SamplesPerPixel = 1
     header.BitsAllocated = header.BitsStored = 16

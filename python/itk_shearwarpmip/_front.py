@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from itk_shearwarpmip import _save
 from itk_shearwarpmip._inputs import describe, is_of, make_count, make_numbers, make_view, open_image, place, take
+from itk_shearwarpmip._labels import get_matrix
 from itk_shearwarpmip._views import make_transform
 
 Mode = Literal["maximum", "minimum", "absolute"]
@@ -86,6 +87,8 @@ def mip(
         open_volume(). Arrays have the axes z, y, x.
     view: the side from which the viewer looks, "anterior", "posterior", "left", "right", "superior" or "inferior"; or a
         linear itk.Transform or a 4 x 4 matrix from view space (u right, v down, w away) to physical space (LPS, mm).
+        "superior" is from above, with the patient's left at the left of the picture; "inferior" is the axial view of
+        radiology, from the feet.
     azimuth, elevation: degrees that the viewer then moves towards the right of the picture, and towards its top.
     mode: "maximum", "minimum", or "absolute" for the value of the largest magnitude, with its sign.
     slab: (near, far): only depths between these count, in mm behind the volume's centre for a view by its name.
@@ -107,7 +110,7 @@ def mip(
     All but the view, background, oversampling and the grid is for volumes in memory.
 
     Returns a 2D itk.Image whose spacing and origin lie in the view plane, in mm, and which a notebook shows; its entry
-    "Background" is that value. For an array an array of its package, for a SimpleITK.Image or an xarray.DataArray one of
+    "Background" is that value, its attribute `view` the 4 x 4 matrix of the view. For an array an array of its package, for a SimpleITK.Image or an xarray.DataArray one of
     these. With `depth` a tuple: the picture and its depths.
 
     What is prepared for an itk.Image is kept while it lives: further views of the same one are faster. Where its voxels
@@ -164,8 +167,6 @@ class Turn:
     """The files of the volume."""
     mask_files: Sequence[Path] = ()
     """The file of the mask. None of these is ever written."""
-    is_inverted: bool = False
-    """Whether low values are shown white, as DICOM's MONOCHROME1 has it."""
 
     @cached_property
     def window(self) -> tuple[float, float]:
@@ -185,6 +186,8 @@ class Turn:
         options:
             rate: frames per second of pages and animations, from 0.1 to 100; by default the turn in four seconds.
             window: values that become black and white, (low, high); by default `window`, in DICOM the source's.
+            labels: False for pictures and animations without letters at their edges; see save_png().
+            annotate: True for pictures and animations with a scale bar and with the angles of each view.
 
         Raises ValueError for another ending, a rate or window that is none, and a path that is not to be written;
         OSError for a folder that does not exist or cannot be written; RuntimeError without ffmpeg; ImportError without
@@ -291,7 +294,6 @@ def turn(
         list(itk.ShearWarpMIPView.GetCentre(image)),
         getattr(image, "source_files", ()),
         [Path(mask)] if isinstance(mask, str | os.PathLike) else [],
-        getattr(image, "is_inverted", False),
     )
 
 
@@ -363,7 +365,7 @@ class _Filters:
             warnings.warn(
                 f"there is only background in the picture: is the image within {' and '.join(limits)}?", stacklevel=3
             )
-        return show_itself(picture, made.GetDefaultPixelValue(), image), depths
+        return show_itself(picture, made.GetDefaultPixelValue(), image, made.GetTransform()), depths
 
     def _find_lowest(self) -> float:
         """The least voxel, if it is negative, or 0."""
@@ -614,16 +616,19 @@ def _project_chunks_turning(source: Any, set_turn: Any, parameters: Parameters, 
     return _projection.project_turn(volume, set_turn, parameters)
 
 
-def show_itself(picture: Any, background: float, image: Any = None) -> Any:
-    """The same itk.Image, the projection of `image`, with what a notebook asks for."""
+def show_itself(picture: Any, background: float, source: Any, view: Any = None) -> Any:
+    """The same itk.Image, the projection of an image or a Volume, with what its display needs."""
     picture["Background"] = float(background)
-    if picture.GetImageDimension() == 2:
-        # the method of a picture that nobody keeps has the pixels
-        shown = type(picture).New()
-        shown.Graft(picture)
-        shown.SetMetaDataDictionary(picture.GetMetaDataDictionary())
-        for each in (picture, shown):
-            each.is_inverted = getattr(image, "is_inverted", False)
+    shown = type(picture).New()
+    # the method of a picture that nobody keeps has the pixels
+    shown.Graft(picture)
+    shown.SetMetaDataDictionary(picture.GetMetaDataDictionary())
+    for each in (picture, shown):
+        each.is_inverted = getattr(source, "is_inverted", False)
+        each.has_direction = getattr(source, "has_direction", True)
+        if view is not None:
+            each.view = get_matrix(view)
+    if view is not None:
         picture._repr_png_ = lambda: _save.encode_png(_save.make_picture(shown), list(shown.GetSpacing()))
     return picture
 

@@ -24,6 +24,8 @@ class Placed:
     origin: Sequence[float] = (0.0, 0.0, 0.0)
     direction: Any = None
     """3 x 3: its columns are the directions of the axes x, y, z in physical space; the identity by default."""
+    has_direction: bool = False
+    """Whether that says where the patient's sides are."""
 
     def replace(self, spacing: Any, origin: Any, direction: Any) -> "Placed":
         """The same elsewhere: where what is given says so."""
@@ -32,6 +34,7 @@ class Placed:
             make_numbers("spacing", self.spacing if spacing is None else spacing, 3),
             make_numbers("origin", self.origin if origin is None else origin, 3),
             _make_direction(self.direction if direction is None else direction),
+            self.has_direction or direction is not None,
         )
 
 
@@ -134,6 +137,7 @@ def place(image: Any, placed: Placed) -> None:
     except RuntimeError as error:
         raise ValueError(describe(error)) from error
     image.SetOrigin(placed.origin)
+    image.has_direction = placed.has_direction
 
 
 def take(source: Any) -> Placed:
@@ -144,7 +148,8 @@ def take(source: Any) -> Placed:
         _bring_up_to_date(source)
         first = source.TransformIndexToPhysicalPoint(source.GetBufferedRegion().GetIndex())
         direction = itk.array_from_matrix(source.GetDirection())
-        return Placed(_share(source, _view_image(source)), source.GetSpacing(), first, direction)
+        has_direction = getattr(source, "has_direction", True)
+        return Placed(_share(source, _view_image(source)), source.GetSpacing(), first, direction, has_direction)
     if is_of(source, "SimpleITK", "Image"):
         return _take_simple_itk(source)
     if is_of(source, "nibabel", "SpatialImage"):
@@ -296,16 +301,17 @@ def _take_data_array(source: Any) -> Placed:
         origin.append(places[0])
     placed = take(source.transpose(*"zyx").data)
     spacing, direction = np.abs(steps), source.attrs.get("direction")
-    if direction is not None:
+    has_direction = direction is not None
+    if has_direction:
         # ITK's conversion keeps it for z, y, x
         direction = np.flip(np.asarray(direction, float))
     if min(steps) < 0:
-        if direction is not None and not np.array_equal(direction, np.eye(3)):
+        if has_direction and not np.array_equal(direction, np.eye(3)):
             raise ValueError(
                 "the coordinates of a DataArray with a direction must ascend, but some descend: see its method sortby()"
             )
         direction = np.diag(np.sign(steps))
-    return Placed(placed.array, spacing.tolist(), origin, direction)
+    return Placed(placed.array, spacing.tolist(), origin, direction, has_direction)
 
 
 def _take_simple_itk(source: Any) -> Placed:
@@ -320,7 +326,7 @@ def _take_simple_itk(source: Any) -> Placed:
     if source.GetPixelIDValue() >= simple.sitkLabelUInt8:
         raise TypeError("a SimpleITK.Image must have voxels of numbers, but this is a label map: convert it")
     array = simple.GetArrayViewFromImage(source)
-    return Placed(_share(source, array), source.GetSpacing(), source.GetOrigin(), source.GetDirection())
+    return Placed(_share(source, array), source.GetSpacing(), source.GetOrigin(), source.GetDirection(), True)
 
 
 _ONE_COMPONENT = ", as a colour image has, but a volume has 1: give one of them, as by itk.vector_index_selection_cast_image_filter()"
@@ -350,7 +356,7 @@ def _take_nibabel(source: Any) -> Placed:
         # what is sheared remains so
         direction = affine[:3, :3] / spacing
     array = np.asanyarray(source.dataobj).reshape(shape).T
-    return Placed(array, spacing.tolist(), affine[:3, 3].tolist(), direction)
+    return Placed(array, spacing.tolist(), affine[:3, 3].tolist(), direction, True)
 
 
 def _read(path: Path, series: str | None) -> Any:

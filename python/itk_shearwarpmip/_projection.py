@@ -63,7 +63,7 @@ def project(volume: Volume, view: Any, parameters: Parameters) -> Any:
     pieces = _project(volume, [view], parameters)
     image = _warp(picture, pieces.views[0], pieces.background)
     image["BytesSent"] = pieces.bytes_sent
-    return show_itself(image, pieces.background)
+    return show_itself(image, pieces.background, volume, view)
 
 
 def project_turn(volume: Volume, set_turn: Callable[[Any, Any], None], parameters: Parameters) -> tuple[Any, list[Any]]:
@@ -92,7 +92,7 @@ def project_turn(volume: Volume, set_turn: Callable[[Any, Any], None], parameter
     image.CopyInformation(stack)
     image.SetMetaDataDictionary(stack.GetMetaDataDictionary())
     image["BytesSent"] = pieces.bytes_sent
-    return show_itself(image, pieces.background), views
+    return show_itself(image, pieces.background, volume), views
 
 
 def _make_filter(template: Any, volume: Volume, parameters: Parameters) -> Any:

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itk_shearwarpmip._inputs import make_view
+from itk_shearwarpmip._labels import draw, get_matrix
 
 if TYPE_CHECKING:
     from itk_shearwarpmip._front import Turn
@@ -120,7 +121,7 @@ def make_page(turn: "Turn", *, rate: float | None = None, window: Window | None 
         "slope": slope,
         "intercept": intercept,
         "background": 0,
-        "inverted": turn.is_inverted,
+        "inverted": getattr(turn.frames, "is_inverted", False),
         "window": [low, high],
         "rate": rate,
         "loop": _find_loop(angles),
@@ -142,20 +143,34 @@ def make_frame(turn: "Turn", *, height: int = 480) -> str:
     return f'<iframe srcdoc="{page}" style="width: 100%; height: {height}px; border: 0" allowfullscreen></iframe>'
 
 
-def save_png(picture: Any, path: str | os.PathLike[str], *, window: Window | None = None) -> None:
+def save_png(
+    picture: Any,
+    path: str | os.PathLike[str],
+    *,
+    window: Window | None = None,
+    labels: bool = True,
+    annotate: bool = False,
+) -> None:
     """Writes a picture of mip() as a grey PNG of 8 bits, as the program shear-warp-mip does.
 
     picture: a 2D itk.Image; for its values give it to itk.imwrite() instead.
     window: the values that become black and white, (low, high); by default the one that the program chooses.
+    labels: letters of the patient's sides at the edges, L R A P H F, of oblique views two, the nearer side first. Only
+        where the volume has a direction: an array has none unless `direction` is given. Pictures of less than 48 columns
+        or rows have no room for letters.
+    annotate: a scale bar with its length, and where the picture is seen from: degrees to the left or right anterior
+        oblique side (LAO, RAO) and to cranial or caudal (CRA, CAU).
 
-    Raises ValueError for another ending than .png and for a window that is none; OSError if it cannot be written.
+    Raises ValueError for another ending than .png, for a window that is none and for a picture that is not of mip() with
+    `annotate`; OSError if it cannot be written.
     """
     if Path(path).suffix != ".png":
         raise ValueError(f"'{path}' must end in .png: itk.imwrite() writes the values")
-    pixels = itk.array_view_from_image(picture)
-    if pixels.ndim != 2:
-        raise ValueError(f"a picture has 2 dimensions, but this one has {pixels.ndim}: see Turn.save()")
-    grey = make_picture(picture, window)
+    if itk.array_view_from_image(picture).ndim != 2:
+        raise ValueError(f"a picture has 2 dimensions, but this one has {picture.GetImageDimension()}: see Turn.save()")
+    if annotate and not hasattr(picture, "view"):
+        raise ValueError("annotate is for a picture as mip() gives it: this one has no view")
+    grey = make_picture(picture, window, labels, annotate)
     target = _find_target(Path(path))
     _require_writable(target)
     with tempfile.TemporaryDirectory(prefix=".shear-warp-mip-", dir=target.parent) as folder:
@@ -164,14 +179,34 @@ def save_png(picture: Any, path: str | os.PathLike[str], *, window: Window | Non
         _publish({made: target}, Path(folder))
 
 
-def make_picture(picture: Any, window: Window | None = None) -> NDArray[np.uint8]:
+def make_picture(
+    picture: Any, window: Window | None = None, labels: bool = True, annotate: bool = False
+) -> NDArray[np.uint8]:
     """The grey pixels of a picture of mip()."""
     window = find_window(picture) if window is None else check_window(window)
-    return make_grey(itk.array_view_from_image(picture), window, getattr(picture, "is_inverted", False))
+    pixels = itk.array_view_from_image(picture)
+    return _make_labelled(pixels, window, picture, getattr(picture, "view", None), labels, annotate)
+
+
+def _make_labelled(
+    pixels: NDArray[Any], window: Window, image: Any, view: NDArray[np.float64] | None, labels: bool, annotate: bool
+) -> NDArray[np.uint8]:
+    """Of pixels of an image of mip() or turn()."""
+    grey = make_grey(pixels, window, getattr(image, "is_inverted", False))
+    if view is None:
+        return grey
+    has_sides = labels and getattr(image, "has_direction", True)
+    return draw(grey, view, image.GetSpacing()[0], has_sides=has_sides, has_scale=annotate)
 
 
 def save_turn(
-    turn: "Turn", path: str | os.PathLike[str], *, rate: float | None = None, window: Window | None = None
+    turn: "Turn",
+    path: str | os.PathLike[str],
+    *,
+    rate: float | None = None,
+    window: Window | None = None,
+    labels: bool = True,
+    annotate: bool = False,
 ) -> None:
     """See Turn.save(), and TypeError for frames of several components."""
     given = Path(path)
@@ -203,7 +238,12 @@ def save_turn(
             _write_image(stack, made)
         else:
             chosen = _get_window(turn, window)
-            pictures = np.stack([make_grey(frame, chosen, turn.is_inverted) for frame in pixels])
+            pictures = np.stack(
+                [
+                    _make_labelled(frame, chosen, turn.frames, get_matrix(transform), labels, annotate)
+                    for frame, transform in zip(pixels, turn.transforms, strict=True)
+                ]
+            )
             if suffix == ".png":
                 for place, picture in zip(files, pictures, strict=True):
                     _write_image(_make_image(picture, list(turn.frames.GetSpacing())[:2]), place)

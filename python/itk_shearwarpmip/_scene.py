@@ -11,7 +11,10 @@ import itk
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
+from itk_shearwarpmip import _labels
 from itk_shearwarpmip._front import MODES, Parameters, find_lowest, open_mask, set_parameters
+from itk_shearwarpmip._labels import LETTERS, find_letters, normalize, round_length
+from itk_shearwarpmip._labels import get_matrix as get_matrix
 from itk_shearwarpmip._save import find_window_of, make_grey
 from itk_shearwarpmip._views import SIDES, make_transform
 
@@ -27,7 +30,6 @@ Window = tuple[float, float]
 Pair = tuple[float, float]
 
 _TEXT, _QUIET, _ACCENT = "#d5dae0", "#8f99a5", "#7cb3e8"
-_LETTERS = ("LR", "PA", "HF")
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,36 +182,14 @@ def make_view(image: Any, view: Any = "anterior", azimuth: float = 0.0, elevatio
     return made
 
 
-def get_matrix(transform: Any) -> Array:
-    """The 4 x 4 matrix of a linear transform."""
-    matrix = np.eye(4)
-    matrix[:3, 3] = list(transform.TransformPoint([0.0] * 3))
-    matrix[:3, :3] = itk.array_from_matrix(transform.GetMatrix())
-    return matrix
-
-
 def get_axes(transform: Any) -> Array:
     """Columns of length 1: where u (right), v (down) and w (away) point in the patient."""
-    axes = get_matrix(transform)[:3, :3]
-    result: Array = axes / np.linalg.norm(axes, axis=0)
-    return result
+    return normalize(get_matrix(transform))
 
 
 def find_angles(transform: Any) -> tuple[float, float, float]:
     """Azimuth and elevation from anterior, and the roll of the picture, clockwise; in degrees."""
-    u, _, w = get_axes(transform).T
-    elevation = np.arcsin(np.clip(-w[2], -1, 1))
-    # seen along the long axis, what is up says where the front is
-    azimuth = np.arctan2(u[1], u[0]) if np.hypot(w[0], w[1]) < 1e-6 else np.arctan2(-w[0], w[1])
-    level = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
-    roll = np.arctan2(np.dot(u, np.cross(w, level)), np.dot(u, level))
-    return tuple(round(float(angle), 6) + 0.0 for angle in np.degrees([azimuth, elevation, roll]))  # type: ignore[return-value]
-
-
-def find_letters(direction: Array) -> str:
-    """The sides of the patient to which a direction points, the nearest first, those of a quarter of it or more."""
-    order = np.argsort(-np.abs(direction), kind="stable")
-    return "".join(_LETTERS[axis][int(direction[axis] < 0)] for axis in order if abs(direction[axis]) >= 0.25)
+    return _labels.find_angles(get_matrix(transform))
 
 
 # ---- The picture
@@ -358,7 +338,7 @@ class Scene:
         }.items():
             direction = axes[:, int(side in ("bottom", "top"))] * (-1 if side in ("left", "top") else 1)
             _put(rgba, _make_stamp(find_letters(direction), 17 * scale, _TEXT), x, y, right, bottom)
-        length = _round_length(grid.spacing * width / 5)
+        length = round_length(grid.spacing * width / 5)
         bar = _make_bar(round(length / grid.spacing), scale)
         _put(rgba, bar, width - edge, height - edge, 1.0, 1.0)
         _put(rgba, _make_stamp(f"{length:g} mm", 13 * scale, _TEXT), width - edge, height - edge - 9 * scale, 1.0, 1.0)
@@ -394,7 +374,7 @@ class Scene:
         if state.point is None:
             return []
         position = "  ".join(
-            f"{letters[int(each < 0)]} {abs(each):.1f}" for letters, each in zip(_LETTERS, state.point.position)
+            f"{letters[int(each < 0)]} {abs(each):.1f}" for letters, each in zip(LETTERS, state.point.position)
         )
         overlay = f"  overlay {state.point.overlay.value:.4g}" if state.point.overlay else ""
         return [
@@ -418,11 +398,6 @@ def _find_corners(image: Any) -> Array:
     directions: Array = itk.array_from_matrix(image.GetDirection())
     places: Array = corners * list(image.GetSpacing()) @ directions.T + list(image.GetOrigin())
     return places
-
-
-def _round_length(most: float) -> float:
-    power = 10.0 ** np.floor(np.log10(most))
-    return float(max(digit * power for digit in (1, 2, 5) if digit * power <= most))
 
 
 def _format(number: float, width: float) -> str:

@@ -38,6 +38,8 @@ class Volume:
     """3 x 3: its columns are the directions of the axes x, y, z in physical space."""
     unit: str | None = None
     """Of spacing and origin, as OME-Zarr names it: that of the axis x."""
+    has_direction: bool = True
+    """Whether the direction says where the patient's sides are."""
 
     def persist(self) -> "Volume":
         """The same, with its voxels in the memory of Dask's workers: for several views."""
@@ -61,7 +63,7 @@ class Volume:
         return self._place(image)
 
     def _place(self, image: itk.Image) -> itk.Image:
-        place(image, Placed(None, self.spacing, self.origin, self.direction))
+        place(image, Placed(None, self.spacing, self.origin, self.direction, self.has_direction))
         return image
 
 
@@ -105,19 +107,21 @@ def open_volume(
         raise ValueError(f"a volume must not be empty, but this one has the shape {array.shape}")
     _find_pixel_type(array.dtype)
     filled = tuple(tuple(length for length in lengths if length) for lengths in array.chunks)
-    placed = Placed(None, own.spacing, own.origin, own.direction).replace(spacing, origin, direction)
+    placed = Placed(None, own.spacing, own.origin, own.direction, own.has_direction).replace(spacing, origin, direction)
     return Volume(
         array.rechunk(filled) if filled != array.chunks else array,
         tuple(placed.spacing),
         tuple(placed.origin),
         placed.direction,
         own.unit,
+        placed.has_direction,
     )
 
 
 def _chunk(placed: Placed) -> Volume:
     direction = np.eye(3) if placed.direction is None else placed.direction
-    return Volume(dask.array.asarray(placed.array), tuple(placed.spacing), tuple(placed.origin), direction)
+    array = dask.array.asarray(placed.array)
+    return Volume(array, tuple(placed.spacing), tuple(placed.origin), direction, None, placed.has_direction)
 
 
 def _make_region(first: Sequence[int], shape: Sequence[int]) -> Any:
@@ -228,6 +232,7 @@ class _OmeZarr:
             tuple(offset * self._factors),
             np.eye(3),
             self._unit,
+            has_direction=False,
         )
 
 

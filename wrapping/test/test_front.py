@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 import SimpleITK
 import xarray
-from conftest import PROGRAM
+from conftest import NO_LABELS, PROGRAM
 from IPython.core.formatters import DisplayFormatter
 from itk_shearwarpmip import Turn, mip, open_image, save_png, turn
 from itk_shearwarpmip._front import _FILTERS
@@ -260,8 +260,8 @@ def test_pictures_are_the_programs(parameters, options, image, tmp_path):
     assert np.asarray(picture).tobytes() == np.asarray(expected).tobytes()
     assert list(picture.GetSpacing()) == pytest.approx(list(expected.GetSpacing())[:2])
     assert list(picture.GetOrigin()) == pytest.approx(list(expected.GetOrigin())[:2])
-    subprocess.run([PROGRAM, path, tmp_path / "mip.png", "--no-labels", *options], check=True)
-    (tmp_path / "shown.png").write_bytes(picture._repr_png_())
+    subprocess.run([PROGRAM, path, tmp_path / "mip.png", *options, *NO_LABELS], check=True)
+    save_png(picture, tmp_path / "shown.png", labels=False)
     shown, expected = (np.asarray(itk.imread(str(tmp_path / f"{name}.png"))) for name in ("shown", "mip"))
     np.testing.assert_array_equal(shown, expected)
 

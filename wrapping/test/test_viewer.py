@@ -376,7 +376,7 @@ def record_stamps(viewer, monkeypatch):
         ((-0.8, 0.6, 0), "RP"),
         ((0.6, 0.0, 0.8), "HL"),
         ((0.97, 0.24, 0), "L"),
-        ((-0.6, -0.5, 0.62), "HRA"),
+        ((-0.6, -0.5, 0.62), "HR"),
     ],
 )
 def test_letters_of_directions(direction, letters):
