@@ -80,15 +80,15 @@ def _open(path: Path) -> Any:
     """The reader of a DICOM image, with its header; None for what is no image."""
     io = itk.GDCMImageIO.New()
     reason = "it is damaged or incomplete"
-    if io.CanReadFile(str(path)):
-        io.SetFileName(str(path))
-        try:
+    try:
+        if io.CanReadFile(str(path)):
+            io.SetFileName(str(path))
             io.ReadImageInformation()
             if _has_all_pixels(path, io):
                 return io
             reason = "it has fewer pixels than its size says"
-        except RuntimeError as error:
-            reason = describe(error)
+    except RuntimeError as error:
+        reason = describe(error)
     # a directory or a report has no rows
     if _has_preamble(path) and re.search(rb"\x28\x00\x10\x00|\x00\x28\x00\x10", path.read_bytes()):
         raise OSError(f"'{path}' cannot be read: {reason}")
@@ -147,7 +147,7 @@ def _make_slices(path: Path, io: Any) -> list[Slice]:
             raise ImportError(
                 f"'{path}' is multi-frame or MONOCHROME1, which needs pydicom: pip install itk-shearwarpmip[dicom]"
             ) from error
-        return _dicom_frames.make_slices(path)
+        return _dicom_frames.make_slices(path, (io.GetDimensions(0), io.GetDimensions(1)), io.GetDimensions(2))
     return [
         make_slice(
             path,

@@ -21,19 +21,20 @@ _PIXELS = (
 )  # fmt: skip
 
 
-def make_slices(path: Path) -> list[Slice]:
-    """Those of one file. Attributes are in the functional groups of the frame or of all frames (PS3.3 C.7.6.16), or in the
+def make_slices(path: Path, size: tuple[int, int], frames: int) -> list[Slice]:
+    """Those of one file, of so many columns and rows. Attributes are in the functional groups of the frame or of all frames (PS3.3 C.7.6.16), or in the
     file itself, or with the detector."""
     header = pydicom.dcmread(path, stop_before_pixels=True, force=True)
-    frames = int(header.get("NumberOfFrames") or 1)
     groups = header.get("PerFrameFunctionalGroupsSequence")
     if groups and len(groups) != frames:
         raise ValueError(f"'{path}' has {frames} frames, but describes {len(groups)}")
     stored = cache(partial(_read_stored, path))
-    return [_make_slice(path, header, frame, frames, stored) for frame in range(frames)]
+    return [_make_slice(path, header, size, frame, frames, stored) for frame in range(frames)]
 
 
-def _make_slice(path: Path, header: Dataset, frame: int, frames: int, stored: Callable[[], NDArray[Any]]) -> Slice:
+def _make_slice(
+    path: Path, header: Dataset, size: tuple[int, int], frame: int, frames: int, stored: Callable[[], NDArray[Any]]
+) -> Slice:
     own = _get_item(header.get("PerFrameFunctionalGroupsSequence"), frame)
     shared = _get_item(header.get("SharedFunctionalGroupsSequence"))
     detector = _get_item(header.get("DetectorInformationSequence"))
@@ -54,7 +55,7 @@ def _make_slice(path: Path, header: Dataset, frame: int, frames: int, stored: Ca
     made = make_slice(
         path,
         name,
-        (header.Columns, header.Rows),
+        size,
         header.get("PhotometricInterpretation", ""),
         find("PlaneOrientationSequence", "ImageOrientationPatient"),
         find("PlanePositionSequence", "ImagePositionPatient"),

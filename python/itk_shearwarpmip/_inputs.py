@@ -1,6 +1,7 @@
 """What people have as a volume, as a 3D itk.Image: files, images of other packages and arrays, with their place in space."""
 
 import os
+import re
 import sys
 import threading
 from collections.abc import Sequence
@@ -190,6 +191,8 @@ def is_of(instance: Any, package: str, name: str) -> bool:
 def describe(error: Exception) -> str:
     """In one line, without the places in ITK's sources."""
     text = str(error).rpartition("ITK ERROR: ")[2]
+    # as of GDCM
+    text = re.sub(r"^\S+:\d+ \(\):\n", "", text)
     words = text.split()
     if words and words[0].endswith("):"):
         del words[0]
@@ -367,11 +370,13 @@ def _read(path: Path, series: str | None) -> Any:
         from itk_shearwarpmip import _dicom
 
         return _dicom.read_folder(path, series)
-    # ITK would wait for a pipe
-    io = itk.ImageIOFactory.CreateImageIO(str(path), itk.CommonEnums.IOFileMode_ReadMode) if path.is_file() else None
-    if not io:
-        raise OSError(f"'{path}' is not an image that ITK can read")
     try:
+        # ITK would wait for a pipe
+        io = (
+            itk.ImageIOFactory.CreateImageIO(str(path), itk.CommonEnums.IOFileMode_ReadMode) if path.is_file() else None
+        )
+        if not io:
+            raise OSError(f"'{path}' is not an image that ITK can read")
         io.SetFileName(str(path))
         io.ReadImageInformation()
         dimension = io.GetNumberOfDimensions()

@@ -338,6 +338,22 @@ def test_frames_need_pydicom(tmp_path, monkeypatch):
         mip(path)
 
 
+def test_files_that_others_wrote(tmp_path):
+    for name in ("rtdose.dcm", "rtdose_rle.dcm"):
+        path = get_testdata_file(name)
+        assert open_image(path).shape == (15, 10, 10)
+        assert_as_the_program(path, tmp_path)
+    for name, text in (
+        ("rtdose_1frame.dcm", "cannot be read"),
+        ("badVR.dcm", "has no valid slice thickness"),
+        ("MR_truncated.dcm", "is not an image"),
+        ("test-SR.dcm", "is not an image"),
+    ):
+        with pytest.raises((OSError, ValueError), match=text) as caught:
+            mip(get_testdata_file(name))
+        assert "/work/" not in str(caught.value) and "\n" not in str(caught.value)
+
+
 def test_colours_are_refused(tmp_path):
     path = get_testdata_file("SC_rgb_dcmtk_+eb+cr.dcm")
     with pytest.raises(
