@@ -389,8 +389,8 @@ ShearWarp::FitGrid(const ViewList &     views,
   for (unsigned int axis = 0; axis < 2; ++axis)
   {
     const double start = fitOrigin ? lower[axis] : given.origin[axis] - 0.5 * grid.spacing[axis];
-    // an extent that exceeds whole pixels by rounding errors only needs no further pixel
-    const double fitted = std::max(1.0, std::ceil((upper[axis] - start) / grid.spacing[axis] - 1e-6));
+    // an extent that exceeds whole pixels by rounding errors only, as of spacings in float, needs no further pixel
+    const double fitted = std::max(1.0, std::ceil((upper[axis] - start) / grid.spacing[axis] - 1e-4));
     grid.size[axis] = fitSize ? fitted : given.size[axis];
     if (fitOrigin)
     {
