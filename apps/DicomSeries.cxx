@@ -89,7 +89,7 @@ const std::set<std::uint32_t> type2 = { 0x00080020, 0x00080030, 0x00080050, 0x00
 
 template <std::uint16_t VElement, std::uint16_t VGroup = 0x0028>
 void
-SetNumber(DataSet & dataSet, std::size_t value)
+SetPixelAttribute(DataSet & dataSet, std::size_t value)
 {
   gdcm::Attribute<VGroup, VElement> attribute;
   attribute.SetValue(static_cast<std::uint16_t>(value));
@@ -338,7 +338,7 @@ SetPetModules(DataSet & header, const DataSet & source, std::size_t frames, bool
   const bool isWholeBody = GetText(source, { 0x0054, 0x1000 }).find("WHOLE BODY") == 0;
   SetText(header, { 0x0054, 0x1000 }, std::string(isWholeBody ? "WHOLE BODY" : "STATIC") + "\\REPROJECTION");
   SetText(header, { 0x0054, 0x1004 }, "MAX PIXEL");
-  SetNumber<0x0081, 0x0054>(header, frames);
+  SetPixelAttribute<0x0081, 0x0054>(header, frames);
   if (isSuv)
   {
     SetText(header, { 0x0054, 0x1001 }, "GML");
@@ -496,18 +496,18 @@ MakeHeader(const AnyImage &           frames,
 
   const bool isInverted = sopClass != petImageStorage && GetText(source, { 0x0028, 0x0004 }) == "MONOCHROME1";
   SetText(header, { 0x0028, 0x0004 }, isColoured ? "RGB" : isInverted ? "MONOCHROME1" : "MONOCHROME2");
-  SetNumber<0x0002>(header, isColoured ? 3 : 1);
-  SetNumber<0x0010>(header, size[1]);
-  SetNumber<0x0011>(header, size[0]);
+  SetPixelAttribute<0x0002>(header, isColoured ? 3 : 1);
+  SetPixelAttribute<0x0010>(header, size[1]);
+  SetPixelAttribute<0x0011>(header, size[0]);
   if (isColoured)
   {
-    SetNumber<0x0006>(header, 0);
+    SetPixelAttribute<0x0006>(header, 0);
   }
   const std::size_t bits = isColoured || sopClass == multiFrameByteStorage ? 8 : 16;
-  SetNumber<0x0100>(header, bits);
-  SetNumber<0x0101>(header, bits);
-  SetNumber<0x0102>(header, bits - 1);
-  SetNumber<0x0103>(header, rescale.isSigned ? 1 : 0);
+  SetPixelAttribute<0x0100>(header, bits);
+  SetPixelAttribute<0x0101>(header, bits);
+  SetPixelAttribute<0x0102>(header, bits - 1);
+  SetPixelAttribute<0x0103>(header, rescale.isSigned ? 1 : 0);
   return header;
 }
 
@@ -536,7 +536,7 @@ MakeFrame(const DataSet & header, const Geometry & geometry, const DicomView & v
                  geometry.down[2] }));
   if (GetText(header, { 0x0008, 0x0016 }) == petImageStorage)
   {
-    SetNumber<0x1330, 0x0054>(dataSet, frame + 1);
+    SetPixelAttribute<0x1330, 0x0054>(dataSet, frame + 1);
   }
   if (!std::isnan(view.angle))
   {

@@ -435,21 +435,17 @@ DefineOptions(CLI::App & app, Options & options)
                 "nothing is")
     ->type_name("FILE")
     ->group("Projection");
-  const auto dicomOut =
-    app
-      .add_option(
-        "--dicom-out",
-        options.dicomOut,
-        "Also writes a DICOM series, one file for each picture, into this folder, which must be new or empty; "
-        "patient, study and frame of reference are those of INPUT if that is DICOM")
-      ->type_name("DIR")
-      ->group("Turning series");
-
+  app
+    .add_option("--dicom-out",
+                options.dicomOut,
+                "Also writes a DICOM series, one file for each picture, into this folder, which must be new or empty; "
+                "patient, study and frame of reference are those of INPUT if that is DICOM")
+    ->type_name("DIR")
+    ->group("Turning series");
   app
     .add_flag("--multi-frame",
               options.isMultiFrame,
               "The DICOM series is one multi-frame file of Secondary Capture, which archives play at --rate")
-    ->needs(dicomOut)
     ->group("Turning series");
   app
     .add_flag(
@@ -649,6 +645,10 @@ Verify(const Options & options)
   if (options.pageBits && !OutputFiles::IsPage(options.output))
   {
     throw std::runtime_error("--page-bits requires a page: .html");
+  }
+  if (options.isMultiFrame && options.dicomOut.empty())
+  {
+    throw std::runtime_error("--multi-frame requires --dicom-out");
   }
   for (std::size_t n = 0; n < options.crop.size(); n += 2)
   {

@@ -351,7 +351,7 @@ class Scene:
         azimuth, elevation, roll = find_angles(state.transform)
         parts = [
             f"{'LAO' if azimuth > 0 else 'RAO'} {abs(azimuth):.1f}°" if abs(azimuth) >= 0.05 else "",
-            f"{'CRAN' if elevation > 0 else 'CAUD'} {abs(elevation):.1f}°" if abs(elevation) >= 0.05 else "",
+            f"{'CRA' if elevation > 0 else 'CAU'} {abs(elevation):.1f}°" if abs(elevation) >= 0.05 else "",
             f"roll {roll:.1f}°" if abs(roll) >= 0.05 else "",
         ]
         axes = get_axes(state.transform)
