@@ -18,8 +18,6 @@
 #ifndef Text_h
 #define Text_h
 
-#include <algorithm>
-#include <cctype>
 #include <cstddef>
 #include <string>
 #include <vector>
@@ -38,15 +36,5 @@ ToLower(std::string text);
 /** "; did you mean 'x'?" for the word that is nearest to \a text, or nothing if none is near. */
 std::string
 Suggest(const std::string & text, const std::vector<std::string> & words);
-
-/** Of the letters of ASCII. */
-inline std::string
-ToLower(std::string text)
-{
-  std::transform(text.begin(), text.end(), text.begin(), [](unsigned char character) {
-    return static_cast<char>(std::tolower(character));
-  });
-  return text;
-}
 
 #endif
