@@ -232,7 +232,9 @@ TEST_F(ShearWarpMIPProgramFolder, OfProjectionsIsRefused)
   }
   this->WriteSeries("1.2.3.5", "b", 2, { { "0008|0008", "DERIVED\\SECONDARY\\OTHER\\MAX_IP" } });
   this->WriteSeries("1.2.3.6", "c", 1, { { "0054|1000", "WHOLE BODY\\REPROJECTION" } });
+  this->WriteSeries("1.2.3.7", "d", 1, { { "0008|0008", "DERIVED\\SECONDARY\\PROJECTION IMAGE" } });
   this->ExpectFailure("dicom out.png", "2 projections; 3: MR, ");
+  this->ExpectFailure("dicom out.png --series 1.2.3.7", "'dicom/d0.dcm'" + mention);
   this->ExpectFailure("dicom out.png --series 1.2.3.5", "'dicom/b0.dcm'" + mention);
   this->ExpectFailure("dicom out.png --series 1.2.3.6", "'dicom/c0.dcm'" + mention);
   this->ExpectSuccess("dicom out.png --series 1");
