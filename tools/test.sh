@@ -53,7 +53,7 @@ use_tree() {
 test_installed() (
   unset ITK_DIR
   need_packages build-essential cmake file help2man ninja-build libinsighttoolkit5-dev libbenchmark-dev libcli11-dev \
-    libgtest-dev dicom3tools ffmpeg python3-numpy python3-pil python3-pydicom python3-pytest python3-selenium
+    libgtest-dev dicom3tools ffmpeg libgdcm-tools python3-numpy python3-pil python3-pydicom python3-pytest python3-selenium
   # Ubuntu has no such packages: the page is not tested in a browser there; its orthanc would be started as a service
   grep -q '^ID=ubuntu' /etc/os-release || need_packages chromium chromium-driver orthanc orthanc-dicomweb
   local package images=$build/tree/ExternalData/test/Input
