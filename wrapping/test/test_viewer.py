@@ -851,7 +851,8 @@ def test_parameters_of_the_filter(image, open_viewer):
     assert evaluate_code(viewer, image).tobytes() == np.asarray(viewer.project()).tobytes()
     mask = itk.image_from_array(np.zeros((9, 11, 14), np.uint8))
     mask.CopyInformation(image)
-    masked = open_viewer(image, mask=mask, window=(0, 900), background=0)
+    with pytest.warns(UserWarning, match="no voxel is in the mask"):
+        masked = open_viewer(image, mask=mask, window=(0, 900), background=0)
     press(masked, "v")
     assert not drawn(masked)[..., :3].any() and "mask=mask, background=0" in masked.code
 
