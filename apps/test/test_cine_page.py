@@ -27,7 +27,7 @@ from selenium.webdriver.common.actions.wheel_input import ScrollOrigin
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.remote.command import Command
-from selenium.webdriver.support.ui import WebDriverWait
+from selenium.webdriver.support.ui import Select, WebDriverWait
 
 sys.path.append(str(pathlib.Path(__file__).parents[2] / "wrapping" / "test"))
 import chromium
@@ -150,27 +150,58 @@ class Page:
             (folder / f"{name}.png").write_bytes(png)
         return np.asarray(Image.open(io.BytesIO(png)).convert("RGB"))
 
-    def drag(self, right, down=0, button=MouseButton.LEFT):
+    def drag(self, right, down=0, button=MouseButton.LEFT, shift=False):
         actions = ActionBuilder(self.driver, duration=20)
         mouse = actions.pointer_action
+        if shift:
+            ActionChains(self.driver).key_down(Keys.SHIFT).perform()
         mouse.move_to(self.stage)
         mouse.pointer_down(button)
         for n in range(1, 5):
             mouse.move_to(self.stage, round(right * n / 4), round(down * n / 4))
         mouse.pointer_up(button)
         actions.perform()
+        if shift:
+            ActionChains(self.driver).key_up(Keys.SHIFT).perform()
 
     def press(self, *keys):
         ActionChains(self.driver).send_keys(*keys).perform()
 
-    def wheel(self, delta, shift=False):
+    def wheel(self, delta, key=None, at=(0, 0)):
+        """At pixels right of and below the stage's middle."""
         chain = ActionChains(self.driver)
-        if shift:
-            chain.key_down(Keys.SHIFT)
-        chain.scroll_from_origin(ScrollOrigin.from_element(self.stage), 0, delta)
-        if shift:
-            chain.key_up(Keys.SHIFT)
+        if key:
+            chain.key_down(key)
+        chain.scroll_from_origin(ScrollOrigin.from_element(self.stage, *at), 0, delta)
+        if key:
+            chain.key_up(key)
         chain.perform()
+
+    def find(self, x, y):
+        """The point of the picture that is so far right of and below the stage's middle, in mm of the series."""
+        box, stage = self.box, self.stage.rect
+        return np.array(
+            [
+                (stage["x"] + stage["width"] / 2 + x - box["left"]) / box["width"] * WIDTH * 0.5,
+                (stage["y"] + stage["height"] / 2 + y - box["top"]) / box["height"] * HEIGHT,
+            ]
+        )
+
+    def type(self, name, text):
+        field = self.driver.find_element(By.ID, name)
+        field.clear()
+        field.send_keys(text, Keys.ENTER)
+
+    def save_picture(self, folder):
+        """By the key; the name of the file that was downloaded, and its pixels."""
+        self.driver.execute_cdp_cmd(
+            "Browser.setDownloadBehavior", {"behavior": "allow", "downloadPath": str(folder.resolve())}
+        )
+        self.press("s")
+        (path,) = WebDriverWait(self.driver, 10, 0.05).until(lambda driver: [*folder.glob("*.png")])
+        picture = np.asarray(Image.open(path).convert("RGB"))
+        path.unlink()
+        return path.name, picture
 
     def touch(self, *fingers):
         """Each finger is a list of positions; all go on together."""
@@ -326,13 +357,9 @@ def test_window(page, tmp_path, bits):
         assert page.window == pytest.approx([new_level - new_width / 2, new_level + new_width / 2], rel=1e-9)
         np.testing.assert_array_equal(page.pixels(), expected(series, frames[0], page.window))
 
-    page.wheel(-120)
+    page.press("+")
     check(level, width * 1.1)
     assert page.text("window-width") == ("Width 220" if bits == 8 else "Width 5500.0")
-    page.wheel(120)
-    check(level, width)
-    page.wheel(120, shift=True)
-    check(level + 0.05 * width, width)
     page.press("r")
     check(level, width)
     page.press("+", "+", "-", Keys.ARROW_UP)
@@ -494,20 +521,24 @@ def test_touch(page, tmp_path):
     page.touch([(500, 300), (500 - 2 * step, 300), (500 - 4 * step, 305)])
     assert page.frame == 4
     assert page.window == series["window"]
+    box = page.box
     page.touch([(480, 300), (440, 300), (400, 300)], [(520, 300), (560, 300), (600, 300)])
-    assert page.frame == 4
-    low, high = page.window
-    assert (low + high) / 2 == pytest.approx(120) and high - low == pytest.approx(2 * 255)  # 5 times 200, but the most
-    page.press("r")
+    assert page.frame == 4 and page.window == series["window"]
+    assert page.run("cine.zoom") == pytest.approx(5)
+    assert page.box["width"] == pytest.approx(5 * box["width"], abs=1)
+    assert page.box["left"] - 500 == pytest.approx(5 * (box["left"] - 500), abs=3)
+    before = page.box
     page.touch([(480, 300), (480, 330)], [(520, 300), (520, 330)])
-    low, high = page.window
-    assert (low + high) / 2 == pytest.approx(120 + 200 * 30 / 300) and high - low == pytest.approx(200)
+    assert page.box["top"] - before["top"] == pytest.approx(30, abs=1)
+    assert page.box["width"] == before["width"] and page.frame == 4
+    page.press("r")
+    assert page.box == box
 
 
 def test_keyboard_reaches_everything(page, tmp_path):
     page.show(tmp_path, make_series(make_frames(8)))
     names = []
-    for _ in range(9):
+    for _ in range(11):
         page.press(Keys.TAB)
         names.append(page.run("document.activeElement.getAttribute('aria-label')"))
         assert page.run("getComputedStyle(document.activeElement).outlineStyle") == "solid"
@@ -517,8 +548,10 @@ def test_keyboard_reaches_everything(page, tmp_path):
         "Next frame",
         "Frame",
         "Speed in frames per second",
+        "Window and display",
         "Invert",
         "Reset",
+        "Save picture",
         "Full screen",
         "Help",
     ]
@@ -534,6 +567,314 @@ def test_keyboard_reaches_everything(page, tmp_path):
     page.wait("document.fullscreenElement !== null", 5)
     page.press("f")
     page.wait("document.fullscreenElement === null", 5)
+
+
+def test_wheel_goes_through_frames(page, tmp_path):
+    series = make_series(make_frames(8))
+    page.show(tmp_path, series)
+    page.wheel(120)
+    assert page.frame == 1
+    page.wheel(-120)
+    page.wheel(-120)
+    assert page.frame == FRAMES - 1
+    page.wheel(30)
+    assert page.frame == FRAMES - 1
+    page.wheel(30)
+    assert page.frame == 0  # a notch is 50
+    assert page.window == series["window"] and page.run("cine.zoom") == 1
+
+
+@pytest.mark.parametrize("at", [(0, 0), (150, -200), (-180, 90)])
+def test_zoom_keeps_the_point_below_the_pointer(page, tmp_path, at):
+    page.show(tmp_path, make_series(make_frames(8)))
+    box, point = page.box, page.find(*at)
+    for n in range(1, 5):
+        page.wheel(-120, Keys.CONTROL, at)
+        assert page.run("cine.zoom") == pytest.approx(1.2**n)
+        assert page.box["width"] == pytest.approx(1.2**n * box["width"], abs=1)
+        np.testing.assert_allclose(page.find(*at), point, atol=0.13)  # a pixel
+    page.wheel(120, Keys.CONTROL, at)
+    np.testing.assert_allclose(page.find(*at), point, atol=0.13)  # a pixel
+    assert page.frame == 0
+    for _ in range(30):
+        page.wheel(-240, Keys.CONTROL, at)
+    assert page.run("cine.zoom") == 32
+    ActionChains(page.driver).double_click(page.stage).perform()
+    assert page.box == box
+    page.press("z", "z", "Z")
+    assert page.run("cine.zoom") == pytest.approx(1.2)
+    np.testing.assert_allclose(page.find(0, 0), [WIDTH * 0.25, HEIGHT / 2], atol=0.1)
+
+
+@pytest.mark.parametrize("how", [{"button": MouseButton.MIDDLE}, {"shift": True}])
+def test_pan(page, tmp_path, how):
+    series = make_series(make_frames(8))
+    page.show(tmp_path, series)
+    page.press("z")
+    box = page.box
+    page.drag(60, -44, **how)
+    assert (page.box["left"] - box["left"], page.box["top"] - box["top"]) == pytest.approx((60, -44), abs=1)
+    assert page.box["width"] == box["width"]
+    assert page.frame == 0 and page.window == series["window"]
+    ActionChains(page.driver).key_down(Keys.SHIFT).send_keys(Keys.ARROW_LEFT, Keys.ARROW_DOWN).key_up(
+        Keys.SHIFT
+    ).perform()
+    assert (page.box["left"] - box["left"], page.box["top"] - box["top"]) == pytest.approx((20, -4), abs=1)
+    for _ in range(4):
+        page.drag(450, -250, **how)
+    np.testing.assert_allclose(page.find(0, 0), [0, HEIGHT], atol=0.1)  # a corner stays in the middle
+
+
+def test_value_under_pointer_of_a_zoomed_picture(page, tmp_path):
+    frames = make_frames(16)
+    page.show(tmp_path, make_series(frames))
+    page.press("z", "z", "z")
+    page.drag(-100, 60, MouseButton.MIDDLE)
+    column, row = (page.find(-100, 60) // [0.5, 1]).astype(int)
+    assert page.text("value") == f"{0.1 * frames[0][row, column] - 1024:.1f}".replace("-", MINUS)
+
+
+@pytest.mark.parametrize("zooms", [0, 1, 4, 9])
+def test_scale_bar_follows_the_zoom(page, tmp_path, zooms):
+    page.show(tmp_path, make_series(make_frames(8)))
+    spacing_on_screen = page.box["width"] / (WIDTH * 0.5)
+    for _ in range(zooms):
+        page.press("z")
+    length = page.run("document.getElementById('scale-bar').getBoundingClientRect().width")
+    shown = float(page.text("scale-length").removesuffix(" mm"))
+    assert length == pytest.approx(shown * spacing_on_screen * 1.2**zooms, rel=0.01)
+    assert 60 < length <= page.stage.rect["width"] / 4
+
+
+@pytest.mark.parametrize("labels", [None, True, False])
+def test_letters(page, tmp_path, labels):
+    letters = [f"{left} {right} H F" for left, right in ["RL", "AP", "LR", "PA"]] + ["LA RP HA FP"]
+    series = make_series(make_frames(8, 5), letters=letters)
+    if labels is not None:
+        series["labels"] = labels
+    page.show(tmp_path, series)
+    if labels is False:
+        assert page.text("left-letter") == page.text("scale-length") == ""
+        page.press("l")
+    spoken = ["right at the left, left at the right", "anterior at the left, posterior at the right"]
+    for n, expected_letters in enumerate(letters):
+        sides = [page.text(f"{side}-letter") for side in ("left", "right", "top", "bottom")]
+        assert sides == expected_letters.split()
+        label = page.canvas.get_attribute("aria-label")
+        assert label.startswith(f"{series['title']}. Frame {n + 1} of 5, {72 * n}°. Patient: ")
+        assert n > 1 or f"Patient: {spoken[n]}, head at the top, feet at the bottom" in label
+        page.press(Keys.ARROW_RIGHT)
+    assert "left anterior at the left" in label
+    page.press("l")
+    assert page.text("left-letter") == page.text("scale-length") == ""
+    page.press("w")
+    page.driver.find_element(By.ID, "labels-shown").click()
+    assert page.text("left-letter") == "R" and page.text("scale-length") == "10 mm"
+
+
+def test_series_without_letters(page, tmp_path):
+    page.show(tmp_path, make_series(make_frames(8)))
+    assert page.text("left-letter") == "" and "Patient" not in page.canvas.get_attribute("aria-label")
+
+
+def names_of_presets(page):
+    return [each.text for each in page.driver.find_elements(By.CSS_SELECTOR, "#preset option:not([hidden])")]
+
+
+def test_presets(page, tmp_path):
+    frames = make_frames(16, 3)
+    frames[:, 0, 0] = 0
+    series = make_series(frames, background=0, slope=0.1, intercept=-1024)
+    page.show(tmp_path, series)
+    page.press("w")
+    assert names_of_presets(page) == ["Automatic", "Full range", "Lung", "Bone", "Angio", "Brain"]
+    preset = Select(page.driver.find_element(By.ID, "preset"))
+    assert preset.first_selected_option.text == "Automatic"
+    values = 0.1 * frames[frames > 0] - 1024
+    for name, (level, width) in {
+        "Lung": (-600, 1500),
+        "Bone": (400, 1800),
+        "Angio": (300, 600),
+        "Brain": (40, 80),
+        "Full range": ((values.min() + values.max()) / 2, np.ptp(values)),
+        "Automatic": (2000, 5000),
+    }.items():
+        preset.select_by_visible_text(name)
+        assert page.window == pytest.approx([level - width / 2, level + width / 2])
+        np.testing.assert_array_equal(page.pixels(), expected(series, frames[0], page.window))
+        assert float(page.driver.find_element(By.ID, "width").get_property("value")) == pytest.approx(width)
+    page.press(Keys.ESCAPE, "+")
+    assert not page.run("document.getElementById('display-box').open")
+    assert page.window == pytest.approx([-750, 4750])
+    assert page.driver.find_element(By.ID, "preset").get_property("value") == ""
+
+
+def test_presets_of_what_is_not_ct(page, tmp_path):
+    page.show(tmp_path, make_series(make_frames(8)))
+    page.press("w")
+    assert names_of_presets(page) == ["Automatic", "Full range"]
+
+
+def test_constant_series_has_a_window(page, tmp_path):
+    page.show(tmp_path, make_series(np.full((2, HEIGHT, WIDTH), 9, np.uint8)))
+    page.press("w")
+    Select(page.driver.find_element(By.ID, "preset")).select_by_visible_text("Full range")
+    assert page.window == [20, 220] and not page.pixels().any()
+
+
+def test_typed_window(page, tmp_path):
+    frames = make_frames(8)
+    series = make_series(frames)
+    page.show(tmp_path, series)
+    page.press("w")
+    page.type("level", "-10.5")
+    assert page.window == [-110.5, 89.5]
+    page.type("width", "51")
+    assert page.window == [-36, 15]
+    np.testing.assert_array_equal(page.pixels(), expected(series, frames[0], [-36, 15]))
+    assert page.frame == 0 and not page.run("cine.inverted")
+    for name, text in (("width", "0"), ("width", "-5"), ("width", ""), ("width", "1e400"), ("width", "1e-300"),
+                       ("level", ""), ("level", "ir"), ("level", "1e308")):  # fmt: skip
+        page.type(name, text)
+        assert "the width must be above 0" in page.text("typed-problem"), (name, text)
+        assert page.window == [-36, 15]
+        page.type("level", "-10.5")
+        page.type("width", "51")
+        assert page.text("typed-problem") == ""
+    page.press(Keys.ESCAPE, "i")
+    assert page.run("cine.inverted")
+
+
+def make_rows(count, rows):
+    frames = make_frames(8, count * rows)
+    return frames, make_series(
+        frames,
+        elevations=[-30, 30, 0][:rows],
+        angles=[n * 360 / count for n in range(count)],
+        letters=[f"R L H{row} F{n}" for row in range(rows) for n in range(count)],
+    )
+
+
+def test_rows_of_elevations(page, tmp_path):
+    frames, series = make_rows(6, 3)
+    page.show(tmp_path, series)
+    lowest, highest, middle = range(3)
+
+    def require(row, frame):
+        assert (page.run("cine.row"), page.frame) == (row, frame)
+        np.testing.assert_array_equal(page.pixels(), expected(series, frames[6 * row + frame], series["window"]))
+        assert page.text("frame-number") == f"{frame + 1} / 6" and page.text("angle") == f"{60 * frame}°"
+        assert page.text("elevation") == f"elevation {[MINUS + '30', '30', '0'][row]}°"
+        assert page.text("top-letter") == f"H{row}" and page.text("bottom-letter") == f"F{frame}"
+        spoken = page.driver.find_element(By.ID, "position").get_attribute("aria-valuetext")
+        assert spoken == f"Frame {frame + 1} of 6, {60 * frame}°, {page.text('elevation')}"
+
+    require(middle, 0)
+    page.press(Keys.ARROW_RIGHT, Keys.ARROW_UP)
+    require(highest, 1)
+    page.press(Keys.ARROW_UP)
+    require(highest, 1)
+    page.press(Keys.ARROW_DOWN, Keys.ARROW_DOWN, Keys.ARROW_DOWN)
+    require(lowest, 1)
+    page.drag(0, 96)  # what is in front goes down: from above
+    require(middle, 1)
+    page.drag(-MOST_PIXELS_PER_FRAME, 96)
+    require(highest, 2)
+    page.drag(0, -250)
+    require(lowest, 2)
+    page.press(Keys.END, Keys.ARROW_RIGHT)
+    require(lowest, 0)
+    page.press("r")
+    require(middle, 0)
+    assert page.window == series["window"]
+
+
+def test_rows_play(page, tmp_path):
+    _, series = make_rows(4, 2)
+    page.show(tmp_path, series, motion=True)
+    page.press(Keys.ARROW_UP)
+    assert page.run("cine.playing")
+    assert set(record_play(page, 12)) == {0, 1, 2, 3}
+    assert page.run("cine.row") == 1
+
+
+@pytest.mark.parametrize("zoomed", [False, True])
+def test_saved_picture(page, tmp_path, zoomed):
+    frames = make_frames(8)
+    series = make_series(frames, title="a/b.nrrd", letters=["RA LP H F"] * FRAMES)
+    page.show(tmp_path, series)
+    page.press(Keys.ARROW_RIGHT)
+    if zoomed:
+        page.press("z", "z", "z")
+        page.drag(-100, 60, MouseButton.MIDDLE)
+    boxes = page.run("[...document.querySelectorAll('#labels > *')].map((e) => e.getBoundingClientRect().toJSON())")
+    name, labelled = page.save_picture(tmp_path)
+    page.press("l")
+    _, plain = page.save_picture(tmp_path)
+    assert name == "a_b.nrrd-2.png"
+    stage, box = page.stage.rect, page.box
+    assert plain.shape == (stage["height"], stage["width"], 3) == labelled.shape
+
+    # each pixel of the canvas that is seen, in its middle
+    columns = np.floor(box["left"] + (np.arange(WIDTH) + 0.5) * box["width"] / WIDTH).astype(int)
+    rows = np.floor(box["top"] + (np.arange(HEIGHT) + 0.5) * box["height"] / HEIGHT).astype(int)
+    seen = np.ix_((0 <= rows) & (rows < plain.shape[0]), (0 <= columns) & (columns < plain.shape[1]))
+    assert zoomed == (seen[0].size * seen[1].size < WIDTH * HEIGHT)
+    got = plain[np.ix_(rows[seen[0].ravel()], columns[seen[1].ravel()])]
+    assert (got == page.pixels()[seen][..., None]).all()
+
+    changed = (labelled != plain).any(axis=2)
+    assert len(boxes) == 5
+    for each in boxes:
+        part = (slice(max(0, int(each["top"]) - 3), int(each["bottom"]) + 4),
+                slice(max(0, int(each["left"]) - 3), int(each["right"]) + 4))  # fmt: skip
+        assert changed[part].any()
+        changed[part] = False
+    assert not changed.any()
+
+
+def test_saved_picture_has_the_screens_resolution(page, tmp_path):
+    metrics = {"width": 400, "height": 500, "deviceScaleFactor": 2, "mobile": False}
+    page.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
+    try:
+        page.show(tmp_path, make_series(make_frames(8, 2), letters=["R L H F"] * 2))
+        _, picture = page.save_picture(tmp_path)
+        assert picture.shape[:2] == (2 * page.stage.rect["height"], 800)
+        shown = page.screenshot("saved-at-2")[: picture.shape[0]]
+        left = slice(0, 36)  # beside the picture
+        assert (picture[:, left].max(axis=(0, 2)) > 150).any() and (shown[:, left].max(axis=(0, 2)) > 150).any()
+    finally:
+        page.driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+
+
+@pytest.mark.parametrize("width", [320, 375])
+def test_narrow_screen(page, tmp_path, width):
+    metrics = {"width": width, "height": 640, "deviceScaleFactor": 1, "mobile": True}
+    page.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
+    try:
+        _, series = make_rows(4, 2)
+        page.show(tmp_path, series)
+        page.press("w")
+        page.screenshot(f"narrow-{width}")
+        boxes = page.run("""[...document.querySelectorAll('#controls > *, #display-box')].filter((e) => !e.hidden)
+          .map((e) => e.getBoundingClientRect().toJSON())""")
+        assert all(0 <= box["left"] and box["right"] <= width and box["bottom"] <= 640 for box in boxes)
+        assert len({box["top"] for box in boxes[:-1] if box["height"] > 36}) == 1  # the buttons are one row
+    finally:
+        page.driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+
+
+def test_dark_and_light(page, tmp_path):
+    colours = {}
+    for scheme in ("dark", "light"):
+        page.show(tmp_path, make_series(make_frames(8, 2)))
+        features = [{"name": "prefers-color-scheme", "value": scheme}]
+        page.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": features})
+        page.press("w")
+        seen = page.screenshot(f"{scheme}")
+        colours[scheme] = seen[-4, 4].mean(), page.run("getComputedStyle(document.getElementById('stage')).color")
+    assert colours["dark"][0] < 60 < 200 < colours["light"][0]
+    assert colours["dark"][1] == colours["light"][1]  # on the picture, which is black at its edges
 
 
 def test_damaged_frame_is_reported(page, tmp_path):
