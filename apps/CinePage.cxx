@@ -143,16 +143,22 @@ MakeCinePage(const Projections & projections, const CinePageOptions & options, c
          << ", \"slope\": " << stored.slope << ", \"intercept\": " << stored.intercept << ", \"background\": 0"
          << ", \"inverted\": " << (projections.isInverted ? "true" : "false") << ", \"window\": [" << window[0] << ", "
          << window[1] << "], \"rate\": " << options.rate << ", \"loop\": " << Quote(options.loop);
-  if (!options.angles.empty())
-  {
-    series << ", \"angles\": [";
-    for (std::size_t n = 0; n < options.angles.size(); ++n)
+  const auto writeList = [&series](const std::string & name, const auto & values, const auto & print) {
+    std::string separator = ", \"" + name + "\": [";
+    for (const auto & value : values)
     {
-      series << (n > 0 ? ", " : "") << options.angles[n];
+      series << separator << print(value);
+      separator = ", ";
     }
-    series << ']';
-  }
-  series << ", \"frames\": [";
+    series << (values.empty() ? "" : "]");
+  };
+  const auto printNumber = [](double number) { return number; };
+  writeList("angles", options.angles, printNumber);
+  writeList("elevations", options.elevations, printNumber);
+  writeList("letters", options.letters, [](const EdgeLetters & letters) {
+    return Quote(letters.left + ' ' + letters.right + ' ' + letters.top + ' ' + letters.bottom);
+  });
+  series << ", \"labels\": " << (options.hasLabels ? "true" : "false") << ", \"frames\": [";
   for (std::size_t frame = 0; frame < size[2]; ++frame)
   {
     series << (frame > 0 ? ",\n" : "\n") << '"' << EncodeBase64(encode(stored.image, frame)) << '"';

@@ -18,6 +18,7 @@
 #ifndef CinePage_h
 #define CinePage_h
 
+#include "Orientation.h"
 #include "Picture.h"
 
 #include <functional>
@@ -31,6 +32,12 @@ struct CinePageOptions
   std::optional<WindowType> window;
   /** Of the frames of a turn, in degrees; empty for other series. */
   std::vector<double> angles;
+  /** Of turns of equally many frames that follow one another, in degrees; empty for one turn. */
+  std::vector<double> elevations;
+  /** Of each frame; or empty. */
+  std::vector<EdgeLetters> letters;
+  /** Whether letters and scale bar are shown at first. */
+  bool hasLabels{ true };
   /** "none", or how the series goes on behind its last frame: "turn" on and on, or "swing" to and fro. */
   std::string loop{ "none" };
   /** In frames per second. */

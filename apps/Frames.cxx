@@ -103,6 +103,27 @@ MakeTurn(const Options & options, const Frame & still, const itk::ImageBase<3> *
   return frames;
 }
 
+/** One for each elevation, one after the other. */
+std::vector<Frame>
+MakeTurns(const Options & options, Frame still, const itk::ImageBase<3> * grid)
+{
+  if (options.elevations.size() > MostFrames / options.frames)
+  {
+    throw std::runtime_error("--elevations: " + std::to_string(options.elevations.size()) + " turns of " +
+                             std::to_string(options.frames) + " frames are too many; at most " +
+                             std::to_string(MostFrames) + " frames are possible");
+  }
+  std::vector<Frame> frames;
+  for (const double elevation : options.elevations)
+  {
+    still.transform =
+      itk::ShearWarpMIPView::MakeTransform(grid, directions.at(options.view), options.azimuth, elevation);
+    const auto turn = MakeTurn(options, still, grid);
+    frames.insert(frames.end(), turn.begin(), turn.end());
+  }
+  return frames;
+}
+
 void
 SetSlidingSlabs(ProjectionOptions & projection, const Options & options, Frame frame, const itk::ImageBase<3> * grid)
 {
@@ -164,7 +185,7 @@ SetFrames(ProjectionOptions &                   projection,
 
   if (options.frames > 0)
   {
-    projection.frames = MakeTurn(options, still, grid);
+    projection.frames = options.elevations.empty() ? MakeTurn(options, still, grid) : MakeTurns(options, still, grid);
   }
   else if (!options.slidingSlab.empty())
   {

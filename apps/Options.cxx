@@ -258,9 +258,23 @@ DefineOptions(CLI::App & app, Options & options)
     ->type_name("DEGREES")
     ->group("Turning series");
   app
+    .add_option("--elevations",
+                options.elevations,
+                "A turn at each of these elevations, as -30,0,30, one after the other; in a page drag up and down")
+    ->check(angle)
+    ->delimiter(',')
+    ->expected(1)
+    ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
+    ->needs(frames)
+    ->excludes(elevation)
+    ->excludes(app.get_option("--transform"))
+    ->type_name("DEGREES")
+    ->group("Turning series");
+  app
     .add_option("--rate",
                 options.rate,
-                "Frames per second of an animation or page; default: the series in four seconds, from 5 to 25")
+                "Frames per second of an animation or page; default: the series, or one turn, in four seconds, from 5 to "
+                "25")
     ->check(CLI::Range(0.1, 100.0))
     ->type_name("FPS")
     ->group("Turning series");

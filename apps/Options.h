@@ -54,6 +54,7 @@ struct Options
   std::vector<double>         centre;
   double                      range{ 360.0 };
   std::optional<double>       rocking;
+  std::vector<double>         elevations;
   std::optional<double>       rate;
   std::string                 mode{ "maximum" };
   std::vector<double>         slab;

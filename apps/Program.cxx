@@ -165,16 +165,23 @@ MakePageOptions(const Options &                   options,
                 const std::optional<WindowType> & window,
                 double                            rate)
 {
-  CinePageOptions page{
-    std::filesystem::path(options.input).filename().string(), window, {}, "none", rate, options.pageBits.value_or(8)
-  };
+  CinePageOptions page;
+  page.title = std::filesystem::path(options.input).filename().string();
+  page.window = window;
+  page.rate = rate;
+  page.bits = options.pageBits.value_or(8);
   if (options.frames > 0)
   {
     page.loop = options.rocking ? "swing" : std::abs(options.range) == 360.0 ? "turn" : "none";
-    for (const Frame & frame : projection.frames)
+    for (std::size_t n = 0; n < options.frames; ++n)
     {
-      page.angles.push_back(frame.angle);
+      page.angles.push_back(projection.frames[n].angle);
     }
+    page.elevations = options.elevations;
+  }
+  for (const Frame & frame : projection.frames)
+  {
+    page.letters.push_back(ComputeEdgeLetters(frame.transform));
   }
   return page;
 }
@@ -322,7 +329,8 @@ Run(const Options & options, Messages & messages)
 
   NoteUnused(options, messages);
   messages.StepBegins("writing " + options.output);
-  const double rate = options.rate.value_or(std::clamp(std::round(static_cast<double>(frames) / 4.0), 5.0, 25.0));
+  const auto   turn = static_cast<double>(options.frames > 0 ? options.frames : frames);
+  const double rate = options.rate.value_or(std::clamp(std::round(turn / 4.0), 5.0, 25.0));
   const auto   layout = options.isInPlace ? OutputFiles::Layout::Volume
                         : isSeries        ? OutputFiles::Layout::Series
                                           : OutputFiles::Layout::Still;

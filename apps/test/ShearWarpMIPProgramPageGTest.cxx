@@ -181,6 +181,63 @@ TEST_F(ShearWarpMIPProgramPage, TellsHowTheSeriesGoesOn)
   EXPECT_NE(this->ReadSeries("rocking.html").find("\"loop\": \"swing\", \"angles\": [0, 30, "), std::string::npos);
 }
 
+TEST_F(ShearWarpMIPProgramPage, NamesTheSidesOfThePatient)
+{
+  const std::map<std::string, std::string> letters = { { "anterior", "R L H F" },  { "posterior", "L R H F" },
+                                                       { "left", "A P H F" },      { "right", "P A H F" },
+                                                       { "superior", "L R A P" },  { "inferior", "R L A P" } };
+  for (const auto & [view, sides] : letters)
+  {
+    this->ExpectSuccess("in.nrrd view.html --view " + view);
+    EXPECT_NE(this->ReadSeries("view.html").find("\"letters\": [\"" + sides + "\"]"), std::string::npos) << view;
+  }
+  this->ExpectSuccess("in.nrrd turn.html --frames 6");
+  const std::string turn = this->ReadSeries("turn.html");
+  EXPECT_NE(turn.find(R"("letters": ["R L H F", "AR PL H F", "AL PR H F", "L R H F", "PL AR H F", )"), std::string::npos)
+    << turn.substr(0, 500);
+  EXPECT_NE(turn.find("\"labels\": true"), std::string::npos);
+}
+
+TEST_F(ShearWarpMIPProgramPage, HasARowOfFramesForEachElevation)
+{
+  this->ExpectSuccess("in.nrrd rows.html --frames 4 --elevations -30,60");
+  const std::string rows = this->ReadSeries("rows.html");
+  EXPECT_NE(rows.find("\"angles\": [0, 90, 180, 270], \"elevations\": [-30, 60], \"letters\": ["), std::string::npos);
+  EXPECT_NE(rows.find(R"("R L HA FP", "A P HL FR", )"), std::string::npos) << rows.substr(0, 700);
+  EXPECT_EQ(GetNumber(rows, "rate"), 5);
+  EXPECT_EQ(this->ReadFrames<unsigned char>(rows).size(), 8u);
+  this->ExpectSuccess("in.nrrd turn.html --frames 4 --elevation 60");
+  EXPECT_EQ(this->ReadSeries("turn.html").find("\"elevations\""), std::string::npos);
+}
+
+TEST_F(ShearWarpMIPProgramPage, TurnsOfSeveralElevationsFollowOneAnother)
+{
+  const std::string grid = " --frames 3 --range 90 --view left --azimuth 10 --spacing 0.8 --size 50 40";
+  this->ExpectSuccess("in.nrrd rows.nrrd --elevations 40,-25.5" + grid);
+  std::vector<short> expected;
+  for (const std::string elevation : { "40", "-25.5" })
+  {
+    this->ExpectSuccess("in.nrrd turn.nrrd --elevation " + elevation + grid);
+    const auto turn = GetPixels(this->Read<itk::Image<short, 3>>("turn.nrrd").GetPointer());
+    expected.insert(expected.end(), turn.begin(), turn.end());
+  }
+  EXPECT_EQ(GetPixels(this->Read<itk::Image<short, 3>>("rows.nrrd").GetPointer()), expected);
+
+  this->ExpectSuccess("in.nrrd rows.png --frames 2 --elevations -30,0,30 --dicom-out dicom");
+  EXPECT_TRUE(fs::exists(this->GetPath("rows-005.png")));
+  EXPECT_FALSE(fs::exists(this->GetPath("rows-006.png")));
+  EXPECT_EQ(std::distance(fs::directory_iterator(this->GetPath("dicom")), fs::directory_iterator()), 6);
+}
+
+TEST_F(ShearWarpMIPProgramPage, RefusesElevationsThatAreNone)
+{
+  this->ExpectFailure("in.nrrd out.html --elevations 0,30", "--elevations requires --frames");
+  this->ExpectFailure("in.nrrd out.html --frames 2 --elevations 0,30 --elevation 10", "excludes");
+  this->ExpectFailure("in.nrrd out.html --frames 2 --elevations 0,high", "'high' is not a finite angle");
+  this->ExpectFailure("in.nrrd out.html --frames 2 --elevations 0,inf", "'inf' is not a finite angle");
+  this->ExpectFailure("in.nrrd out.html --frames 40000 --elevations 0,30", "at most 65535 frames are possible");
+}
+
 TEST_F(ShearWarpMIPProgramPage, HoldsFiniteNumbersAlone)
 {
   this->WriteImage<itk::Image<float, 3>>(MakeVolume<float>(1.0f), "float.nrrd");
