@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itk_shearwarpmip._inputs import make_view
-from itk_shearwarpmip._labels import draw, get_matrix
+from itk_shearwarpmip._labels import draw, find_sides, get_matrix
 
 if TYPE_CHECKING:
     from itk_shearwarpmip._front import Turn
@@ -86,11 +86,14 @@ def encode_png(pixels: NDArray[Any], spacing: Sequence[float] = (1.0, 1.0)) -> b
         return path.read_bytes()
 
 
-def make_page(turn: "Turn", *, rate: float | None = None, window: Window | None = None) -> str:
+def make_page(
+    turn: "Turn", *, rate: float | None = None, window: Window | None = None, labels: bool = True
+) -> str:
     """The text of a web page that shows a turn, to turn and play, with window and level; it needs nothing but itself.
 
     rate: frames per second, from 0.1 to 100; by default the turn in four seconds, from 5 to 25.
     window: low and high value, black and white at first; by default that of the turn.
+    labels: whether the letters of the patient's sides and the scale bar are shown at first.
 
     The page holds the frames with 8 bits, one grey level for a 254th of twice the window.
 
@@ -125,6 +128,8 @@ def make_page(turn: "Turn", *, rate: float | None = None, window: Window | None 
         "window": [low, high],
         "rate": rate,
         "loop": _find_loop(angles),
+        "labels": bool(labels),
+        "letters": [" ".join(find_sides(get_matrix(transform)).values()) for transform in turn.transforms],
         "frames": [],
     }
     if angles:

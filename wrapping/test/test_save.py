@@ -128,6 +128,7 @@ def test_page_is_the_program_s_with_the_frames(turn):
     assert (series["window"], series["rate"], series["bits"]) == ([-500, 800], 12, 8)
     assert series["angles"] == [60.0 * n for n in range(FRAMES)]
     assert (series["loop"], series["inverted"], series["background"]) == ("turn", False, 0)
+    assert series["labels"] and len(series["letters"]) == FRAMES
     values = frames[frames != frames.min()]
     assert series["intercept"] + series["slope"] == pytest.approx(max(values.min(), -500 - 650))
     assert series["intercept"] + 255 * series["slope"] == pytest.approx(min(values.max(), 800 + 650))
@@ -151,6 +152,20 @@ def test_page_is_exact_where_values_are_few(rng):
     for frame, text in zip(np.asarray(turn.frames), series["frames"], strict=True):
         stored = decode_png(base64.b64decode(text)).astype(int)
         np.testing.assert_array_equal(np.where(stored == 0, 0, stored + series["intercept"]), frame)
+
+
+@pytest.mark.parametrize("labels", [True, False])
+def test_page_names_the_sides_of_the_patient(labels):
+    turn = make_turn(itk.image_from_array(np.zeros((4, 4, 4), np.int16)))
+    series = read_series(_save.make_page(turn, labels=labels))
+    assert series["letters"] == ["R L H F", "AR PL H F", "AL PR H F", "L R H F", "PL AR H F", "PR AL H F"]
+    assert series["labels"] is labels
+
+
+def test_page_names_the_sides_of_an_oblique_view(image, oblique_view):
+    turn = make_turn(image, Transforms=[oblique_view])
+    # azimuth 35, elevation 20 degrees: less than 22.5
+    assert read_series(_save.make_page(turn))["letters"] == ["RA LP H F"]
 
 
 def test_page_of_nothing(image):
