@@ -271,10 +271,11 @@ DefineOptions(CLI::App & app, Options & options)
     ->type_name("DEGREES")
     ->group("Turning series");
   app
-    .add_option("--rate",
-                options.rate,
-                "Frames per second of an animation or page; default: the series, or one turn, in four seconds, from 5 to "
-                "25")
+    .add_option(
+      "--rate",
+      options.rate,
+      "Frames per second of an animation or page; default: the series, or one turn, in four seconds, from 5 to "
+      "25")
     ->check(CLI::Range(0.1, 100.0))
     ->type_name("FPS")
     ->group("Turning series");

@@ -329,11 +329,11 @@ Run(const Options & options, Messages & messages)
 
   NoteUnused(options, messages);
   messages.StepBegins("writing " + options.output);
-  const auto   turn = static_cast<double>(options.frames > 0 ? options.frames : frames);
-  const double rate = options.rate.value_or(std::clamp(std::round(turn / 4.0), 5.0, 25.0));
-  const auto   layout = options.isInPlace ? OutputFiles::Layout::Volume
-                        : isSeries        ? OutputFiles::Layout::Series
-                                          : OutputFiles::Layout::Still;
+  const auto                turn = static_cast<double>(options.frames > 0 ? options.frames : frames);
+  const double              rate = options.rate.value_or(std::clamp(std::round(turn / 4.0), 5.0, 25.0));
+  const auto                layout = options.isInPlace ? OutputFiles::Layout::Volume
+                                     : isSeries        ? OutputFiles::Layout::Series
+                                                       : OutputFiles::Layout::Still;
   std::optional<WindowType> window;
   if (const auto given = GetWindow(options))
   {

@@ -183,9 +183,9 @@ TEST_F(ShearWarpMIPProgramPage, TellsHowTheSeriesGoesOn)
 
 TEST_F(ShearWarpMIPProgramPage, NamesTheSidesOfThePatient)
 {
-  const std::map<std::string, std::string> letters = { { "anterior", "R L H F" },  { "posterior", "L R H F" },
-                                                       { "left", "A P H F" },      { "right", "P A H F" },
-                                                       { "superior", "L R A P" },  { "inferior", "R L A P" } };
+  const std::map<std::string, std::string> letters = { { "anterior", "R L H F" }, { "posterior", "L R H F" },
+                                                       { "left", "A P H F" },     { "right", "P A H F" },
+                                                       { "superior", "L R A P" }, { "inferior", "R L A P" } };
   for (const auto & [view, sides] : letters)
   {
     this->ExpectSuccess("in.nrrd view.html --view " + view);
@@ -193,7 +193,8 @@ TEST_F(ShearWarpMIPProgramPage, NamesTheSidesOfThePatient)
   }
   this->ExpectSuccess("in.nrrd turn.html --frames 6");
   const std::string turn = this->ReadSeries("turn.html");
-  EXPECT_NE(turn.find(R"("letters": ["R L H F", "AR PL H F", "AL PR H F", "L R H F", "PL AR H F", )"), std::string::npos)
+  EXPECT_NE(turn.find(R"("letters": ["R L H F", "AR PL H F", "AL PR H F", "L R H F", "PL AR H F", )"),
+            std::string::npos)
     << turn.substr(0, 500);
   EXPECT_NE(turn.find("\"labels\": true"), std::string::npos);
 }

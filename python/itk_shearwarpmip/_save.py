@@ -86,9 +86,7 @@ def encode_png(pixels: NDArray[Any], spacing: Sequence[float] = (1.0, 1.0)) -> b
         return path.read_bytes()
 
 
-def make_page(
-    turn: "Turn", *, rate: float | None = None, window: Window | None = None, labels: bool = True
-) -> str:
+def make_page(turn: "Turn", *, rate: float | None = None, window: Window | None = None, labels: bool = True) -> str:
     """The text of a web page that shows a turn, to turn and play, with window and level; it needs nothing but itself.
 
     rate: frames per second, from 0.1 to 100; by default the turn in four seconds, from 5 to 25.
