@@ -693,7 +693,7 @@ def test_presets(page, tmp_path):
     values = 0.1 * frames[frames > 0] - 1024
     for name, (level, width) in {
         "Lung": (-600, 1500),
-        "Bone": (400, 1800),
+        "Bone": (300, 1500),
         "Angio": (300, 600),
         "Brain": (40, 80),
         "Full range": ((values.min() + values.max()) / 2, np.ptp(values)),
