@@ -347,7 +347,8 @@ DefineOptions(CLI::App & app, Options & options)
   app
     .add_flag("--no-labels",
               options.isUnlabelled,
-              "No letters of the patient's sides (L, R, A, P, H, F) at the edges of pictures and animations")
+              "No letters of the patient's sides (L, R, A, P, H, F) at the edges of pictures and animations; a page "
+              "hides them and the scale bar at first")
     ->group("Picture");
   app
     .add_flag("--annotate",
@@ -678,7 +679,9 @@ std::vector<std::string>
 CollectArguments(int argc, const char * const * argv)
 {
   // options that take one to so many numbers, which the parser would take from what follows them
-  const std::map<std::string, std::size_t> most = { { "--axis", 3 }, { "--spacing", 2 }, { "--window", 2 } };
+  const std::map<std::string, std::size_t> most = {
+    { "--axis", 3 }, { "--elevations", MostFrames }, { "--spacing", 2 }, { "--window", 2 }
+  };
 
   const auto isNumber = [](const std::string & text) {
     double number = 0.0;

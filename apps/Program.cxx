@@ -170,6 +170,7 @@ MakePageOptions(const Options &                   options,
   page.window = window;
   page.rate = rate;
   page.bits = options.pageBits.value_or(8);
+  page.hasLabels = !options.isUnlabelled;
   if (options.frames > 0)
   {
     page.loop = options.rocking ? "swing" : std::abs(options.range) == 360.0 ? "turn" : "none";

@@ -197,6 +197,8 @@ TEST_F(ShearWarpMIPProgramPage, NamesTheSidesOfThePatient)
             std::string::npos)
     << turn.substr(0, 500);
   EXPECT_NE(turn.find("\"labels\": true"), std::string::npos);
+  this->ExpectSuccess("in.nrrd turn.html --frames 6 --no-labels");
+  EXPECT_NE(this->ReadSeries("turn.html").find("\"labels\": false"), std::string::npos);
 }
 
 TEST_F(ShearWarpMIPProgramPage, HasARowOfFramesForEachElevation)
@@ -206,7 +208,7 @@ TEST_F(ShearWarpMIPProgramPage, HasARowOfFramesForEachElevation)
   EXPECT_NE(rows.find("\"angles\": [0, 90, 180, 270], \"elevations\": [-30, 60], \"letters\": ["), std::string::npos);
   EXPECT_NE(rows.find(R"("R L HA FP", "A P HL FR", )"), std::string::npos) << rows.substr(0, 700);
   EXPECT_EQ(this->ReadFrames<unsigned char>(rows).size(), 8u);
-  this->ExpectSuccess("in.nrrd rows.html --frames 24 --elevations 0,10");
+  this->ExpectSuccess("in.nrrd rows.html --frames 24 --elevations 0 10");
   EXPECT_EQ(GetNumber(this->ReadSeries("rows.html"), "rate"), 6);
   this->ExpectSuccess("in.nrrd turn.html --frames 4 --elevation 60");
   EXPECT_EQ(this->ReadSeries("turn.html").find("\"elevations\""), std::string::npos);
