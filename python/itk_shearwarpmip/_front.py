@@ -186,7 +186,7 @@ class Turn:
         options:
             rate: frames per second of pages and animations, from 0.1 to 100; by default the turn in four seconds.
             window: values that become black and white, (low, high); by default `window`, in DICOM the source's.
-            labels: False for pictures and animations without letters at their edges; see save_png().
+            labels: False for pictures and animations without letters; a page hides them at first. See save_png().
             annotate: True for pictures and animations with a scale bar and with the angles of each view.
 
         Raises ValueError for another ending, a rate or window that is none, and a path that is not to be written;

@@ -91,7 +91,8 @@ def make_page(turn: "Turn", *, rate: float | None = None, window: Window | None 
 
     rate: frames per second, from 0.1 to 100; by default the turn in four seconds, from 5 to 25.
     window: low and high value, black and white at first; by default that of the turn.
-    labels: whether the letters of the patient's sides and the scale bar are shown at first.
+    labels: whether the letters of the patient's sides and the scale bar are shown at first. There are letters only where
+        the volume has a direction, as in save_png().
 
     The page holds the frames with 8 bits, one grey level for a 254th of twice the window.
 
@@ -127,11 +128,13 @@ def make_page(turn: "Turn", *, rate: float | None = None, window: Window | None 
         "rate": rate,
         "loop": _find_loop(angles),
         "labels": bool(labels),
-        "letters": [" ".join(find_sides(get_matrix(transform)).values()) for transform in turn.transforms],
         "frames": [],
     }
     if angles:
         series["angles"] = angles
+    if getattr(turn.frames, "has_direction", True):
+        sides = [find_sides(get_matrix(transform)) for transform in turn.transforms]
+        series["letters"] = [" ".join(each.values()) for each in sides]
     for frame in pixels:
         stored = _round((np.clip(frame.astype(np.float64), least, most) - intercept) / slope)
         stored[is_background(frame, background)] = 0
@@ -234,7 +237,7 @@ def save_turn(
         if not suffix:
             _write_dicom(turn, made, window)
         elif suffix == ".html":
-            made.write_text(make_page(turn, rate=rate, window=window), encoding="utf-8")
+            made.write_text(make_page(turn, rate=rate, window=window, labels=labels), encoding="utf-8")
         elif suffix in _VALUES:
             stack = make_view(pixels)
             stack.CopyInformation(turn.frames)

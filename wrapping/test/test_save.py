@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 
 import itk
+import itk_shearwarpmip
 import numpy as np
 import pydicom
 import pytest
@@ -160,6 +161,13 @@ def test_page_names_the_sides_of_the_patient(labels):
     series = read_series(_save.make_page(turn, labels=labels))
     assert series["letters"] == ["R L H F", "AR PL H F", "AL PR H F", "L R H F", "PL AR H F", "PR AL H F"]
     assert series["labels"] is labels
+
+
+def test_page_of_an_array_has_no_letters(tmp_path):
+    turn = itk_shearwarpmip.turn(np.zeros((4, 4, 4), np.int16), frames=2)
+    turn.save(tmp_path / "turn.html", labels=False)
+    series = read_series((tmp_path / "turn.html").read_text(encoding="utf-8"))
+    assert "letters" not in series and series["labels"] is False
 
 
 def test_page_names_the_sides_of_an_oblique_view(image, oblique_view):
@@ -340,7 +348,7 @@ def test_program_writes_the_same(image, turn, tmp_path, suffix, window):
     paths = [folder / f"turn{suffix}" for folder in folders]
     outputs = [paths[0]] if suffix else [folders[0] / "turn.nrrd", "--dicom-out", paths[0]]
     given = ["--window", "{},{}".format(*window)] if window else []
-    given += NO_LABELS if suffix in (".png", ".gif", ".apng", ".mp4") else []
+    given += NO_LABELS if suffix in (".html", ".png", ".gif", ".apng", ".mp4") else []
     subprocess.run([PROGRAM, source, *outputs, "--frames", str(FRAMES), *given], check=True)
     _save.save_turn(turn, paths[1], window=window, labels=False)
     if suffix == ".png":
