@@ -39,7 +39,7 @@ struct Volume
   double                timeSpacing{ 1.0 };
   double                timeOrigin{ 0.0 };
   /** Owns the pixels. */
-  itk::Object::Pointer pixels;
+  itk::Object::Pointer pixels{};
   /** The files, if they are DICOM. */
   std::vector<std::filesystem::path> dicomFiles{};
   /** Whether low values are to be displayed white. */

@@ -679,9 +679,11 @@ std::vector<std::string>
 CollectArguments(int argc, const char * const * argv)
 {
   // options that take one to so many numbers, which the parser would take from what follows them
-  const std::map<std::string, std::size_t> most = {
-    { "--axis", 3 }, { "--elevations", MostFrames }, { "--spacing", 2 }, { "--window", 2 }
-  };
+  const std::map<std::string, std::size_t> most = { { "--axis", 3 },
+                                                    { "--elevations", MostFrames },
+                                                    { "--remove-label", MostFrames },
+                                                    { "--spacing", 2 },
+                                                    { "--window", 2 } };
 
   const auto isNumber = [](const std::string & text) {
     double number = 0.0;

@@ -29,16 +29,20 @@ std::string
 FindLetters(const itk::Vector<double, 3> & direction)
 {
   constexpr std::array<const char *, 3> sides{ { "LR", "PA", "HF" } };
-  constexpr double                      sin22 = 0.38268343236508977;
+  constexpr double                      sin22 = 0.382683;
 
+  // rounding errors make no letter
+  std::array<double, 3> lengths{};
+  for (unsigned int axis = 0; axis < 3; ++axis)
+  {
+    lengths[axis] = std::round(1e6 * std::abs(direction[axis]) / direction.GetNorm()) / 1e6;
+  }
   std::array<unsigned int, 3> axes{ { 0, 1, 2 } };
-  std::stable_sort(axes.begin(), axes.end(), [&](unsigned int a, unsigned int b) {
-    return std::abs(direction[a]) > std::abs(direction[b]);
-  });
+  std::stable_sort(axes.begin(), axes.end(), [&](unsigned int a, unsigned int b) { return lengths[a] > lengths[b]; });
   std::string letters;
   for (const unsigned int axis : { axes[0], axes[1] })
   {
-    if (letters.empty() || std::abs(direction[axis]) >= sin22 * direction.GetNorm())
+    if (lengths[axis] >= sin22)
     {
       letters += sides[axis][direction[axis] < 0.0 ? 1 : 0];
     }

@@ -16,7 +16,7 @@ PROGRAM = os.environ.get("SHEARWARPMIP_PROGRAM") or shutil.which(
     "shear-warp-mip", path=str(Path(sys.executable).parent)
 )
 # of a program that draws labels
-NO_LABELS = ["--no-labels"] if PROGRAM and b"no-labels" in Path(PROGRAM).read_bytes() else []
+NO_LABELS = ["--no-labels"]
 
 # Runs each snippet of code in a forked child: a crash ends only the child, and itk is imported once.
 _FORK_SERVER = """
