@@ -45,11 +45,12 @@ struct Levels
                                 : 1.0)
   {}
 
-  std::int16_t
-  operator()(TPixel voxel) const
+  template <bool VIsHalved>
+  static std::int16_t
+  Find(TPixel voxel)
   {
     const auto level = static_cast<std::int16_t>(voxel ^ Flip);
-    return static_cast<std::int16_t>(sizeof(TPixel) == 1 ? level * 64 : isHalved ? level >> 1 : level);
+    return static_cast<std::int16_t>(sizeof(TPixel) == 1 ? level * 64 : VIsHalved ? level >> 1 : level);
   }
 
   bool   isHalved;
@@ -62,6 +63,8 @@ struct NoLevels
   template <typename TPixel>
   NoLevels(TPixel, TPixel)
   {}
+
+  static constexpr bool isHalved = false;
 };
 
 /** (1 - \a w / 2^15) \a a + \a w / 2^15 \a b, but for half a unit. */
@@ -72,20 +75,49 @@ Mix(std::int16_t a, std::int16_t b, std::int16_t w)
   return static_cast<std::int16_t>(a + static_cast<std::int16_t>((((difference * w) >> 14) + 1) >> 1));
 }
 
-/** Voxels that have weight in a cell of the sheared grid from one slice to the next, along one axis: `reach` from
- * `first` on, where `first` belongs to the cell 0. Its rays go from Mix(0, 1, left), past the voxels 1 to `last`, to
- * Mix(last, last + 1, right). */
+/** Voxels that have weight in a cell of the sheared grid from one slice to the next, along one axis: those of the cell
+ * 0 begin at `first`. Its rays go from Mix(0, 1, left), past the voxels 1 to `last`, to Mix(last, last + 1, right);
+ * `last` is 1 to 3. */
 struct CellWindow
 {
-  std::ptrdiff_t first, reach, last;
+  std::ptrdiff_t first, last;
   std::int16_t   left, right;
 };
+
+/** The highest level where the voxel \a get(n) has weight, for n from 0 to VLast + 1. */
+template <int VLast, typename TGet>
+SHEARWARP_INLINE inline std::int16_t
+FindHighest(const CellWindow & window, const TGet & get)
+{
+  const std::int16_t first = get(1);
+  const std::int16_t last = get(VLast);
+  const std::int16_t ends = Larger(Mix(get(0), first, window.left), Mix(last, get(VLast + 1), window.right));
+  return Larger(Larger(ends, VLast > 2 ? get(2) : last), Larger(first, last));
+}
+
+/** Calls \a function with `last` as a constant. */
+template <typename TFunction>
+void
+CallWithLast(const CellWindow & window, const TFunction & function)
+{
+  window.last == 1   ? function(std::integral_constant<int, 1>())
+  : window.last == 2 ? function(std::integral_constant<int, 2>())
+                     : function(std::integral_constant<int, 3>());
+}
 
 /** The same voxels of a slice and the next one. */
 template <typename TPixel>
 struct PairOfRows
 {
   const TPixel * voxels[2];
+};
+
+/** In each column of cells the best voxel of two rows, and the highest level of their interpolants. */
+template <typename TPixel>
+struct RowBounds
+{
+  TPixel       voxels[CellColumns];
+  std::int16_t levels[CellColumns];
 };
 
 /** Finds the maxima of the rays of a tile. */
@@ -203,13 +235,20 @@ private:
     }
   }
 
-  /** The better of both slices' voxels in each column of cells. */
+  template <int VLast, bool VIsHalved>
   static void
-  FindExtrema(const PairOfRows<TPixel> & rows, const CellWindow & window, TPixel (&extrema)[CellColumns]);
+  BoundRows(const PairOfRows<TPixel> * rows,
+            std::ptrdiff_t             count,
+            const CellWindow &         window,
+            RowBounds<TPixel> *        bounds);
 
-  /** The highest level of both slices' interpolants in each column of cells. */
-  void
-  FindLevels(const PairOfRows<TPixel> & rows, const CellWindow & window, std::int16_t (&levels)[CellColumns]) const;
+  /** The cells of a row that may have something better, as bits, and the best voxel of each one. */
+  template <int VLast>
+  std::uint32_t
+  FindCells(const RowBounds<TPixel> * rows,
+            const CellWindow &        window,
+            std::ptrdiff_t            row,
+            TPixel (&voxels)[CellColumns]) const;
 
   void
   LoadVoxels(const std::int32_t (&columns)[RaysTogether],
@@ -359,88 +398,71 @@ TileSearch<TPixel, VIsMinimum>::FindWindow(int axis, std::ptrdiff_t slice) const
   const double     last = floor(right);
   const auto       weight = [](double v) { return static_cast<std::int16_t>(Smaller(v * 32768.0, 32767.0)); };
   return { static_cast<std::ptrdiff_t>(first) + (axis == 0 ? m_Tile.column : m_Tile.row),
-           static_cast<std::ptrdiff_t>(last - first) + 2,
            static_cast<std::ptrdiff_t>(last - first),
            weight(left - first),
            weight(right - last) };
 }
 
 template <typename TPixel, bool VIsMinimum>
+template <int VLast, bool VIsHalved>
 void
-TileSearch<TPixel, VIsMinimum>::FindExtrema(const PairOfRows<TPixel> & rows,
-                                            const CellWindow &         window,
-                                            TPixel (&extrema)[CellColumns])
+TileSearch<TPixel, VIsMinimum>::BoundRows(const PairOfRows<TPixel> * rows,
+                                          std::ptrdiff_t             count,
+                                          const CellWindow &         window,
+                                          RowBounds<TPixel> *        bounds)
 {
-  const TPixel * const a = rows.voxels[0];
-  const TPixel * const b = rows.voxels[1];
-  for (std::ptrdiff_t n = 0; n < CellColumns; ++n)
+  for (std::ptrdiff_t row = 0; row < count; ++row)
   {
-    extrema[n] = GetBetter(GetBetter(NoVoxel, a[n]), b[n]);
-  }
-  for (std::ptrdiff_t next = 1; next < window.reach; ++next)
-  {
+    const TPixel * const a = rows[row].voxels[0];
+    const TPixel * const b = rows[row].voxels[1];
+    // one loop, so that numbers stay in registers
     for (std::ptrdiff_t n = 0; n < CellColumns; ++n)
     {
-      extrema[n] = GetBetter(GetBetter(extrema[n], a[n + next]), b[n + next]);
+      TPixel best = GetBetter(GetBetter(NoVoxel, a[n]), b[n]);
+      best = GetBetter(GetBetter(best, a[n + 1]), b[n + 1]);
+      best = GetBetter(GetBetter(best, a[n + 2]), b[n + 2]);
+      best = VLast > 1 ? GetBetter(GetBetter(best, a[n + 3]), b[n + 3]) : best;
+      best = VLast > 2 ? GetBetter(GetBetter(best, a[n + 4]), b[n + 4]) : best;
+      bounds[row].voxels[n] = best;
+      if constexpr (HasLevels)
+      {
+        const auto get = [n](const TPixel * voxels) SHEARWARP_INLINE {
+          return [n, voxels](int next)
+                   SHEARWARP_INLINE { return LevelType::template Find<VIsHalved>(voxels[n + next]); };
+        };
+        bounds[row].levels[n] = Larger(FindHighest<VLast>(window, get(a)), FindHighest<VLast>(window, get(b)));
+      }
     }
   }
 }
 
 template <typename TPixel, bool VIsMinimum>
-void
-TileSearch<TPixel, VIsMinimum>::FindLevels(const PairOfRows<TPixel> & rows,
-                                           const CellWindow &         window,
-                                           std::int16_t (&levels)[CellColumns]) const
+template <int VLast>
+std::uint32_t
+TileSearch<TPixel, VIsMinimum>::FindCells(const RowBounds<TPixel> * rows,
+                                          const CellWindow &        window,
+                                          std::ptrdiff_t            row,
+                                          TPixel (&voxels)[CellColumns]) const
 {
+  const TPixel * const       least = m_Tile.least + row * CellColumns;
+  const std::int16_t * const leastLevels = m_Tile.leastLevels + row * CellColumns;
+  const std::int16_t         equal = m_Tile.hasDepth ? -1 : 0;
+  std::int16_t               flags[CellColumns];
   for (std::ptrdiff_t n = 0; n < CellColumns; ++n)
   {
-    levels[n] = -32768;
-  }
-  for (const TPixel * const voxels : rows.voxels)
-  {
-    for (std::ptrdiff_t n = 0; n < CellColumns; ++n)
+    TPixel best = GetBetter(GetBetter(rows[0].voxels[n], rows[1].voxels[n]), rows[2].voxels[n]);
+    best = VLast > 1 ? GetBetter(best, rows[3].voxels[n]) : best;
+    best = VLast > 2 ? GetBetter(best, rows[4].voxels[n]) : best;
+    voxels[n] = best;
+    flags[n] = (VIsMinimum ? best < least[n] : best > least[n]) ? -1 : best == least[n] ? equal : 0;
+    if constexpr (HasLevels)
     {
-      const std::int16_t v = m_Levels(voxels[n + 1]);
-      levels[n] = Larger(levels[n], Larger(v, Mix(m_Levels(voxels[n]), v, window.left)));
-    }
-    for (std::ptrdiff_t next = 2; next < window.last; ++next)
-    {
-      for (std::ptrdiff_t n = 0; n < CellColumns; ++n)
-      {
-        levels[n] = Larger(levels[n], m_Levels(voxels[n + next]));
-      }
-    }
-    const TPixel * const end = voxels + window.last;
-    for (std::ptrdiff_t n = 0; n < CellColumns; ++n)
-    {
-      const std::int16_t v = m_Levels(end[n]);
-      levels[n] = Larger(levels[n], Larger(v, Mix(v, m_Levels(end[n + 1]), window.right)));
+      const std::int16_t highest =
+        FindHighest<VLast>(window, [rows, n](int next) SHEARWARP_INLINE { return rows[next].levels[n]; });
+      flags[n] = highest >= leastLevels[n] ? flags[n] : 0;
     }
   }
-}
-
-/** The same along columns. */
-inline void
-FindLevelsOfCells(const std::int16_t (*rows)[CellColumns],
-                  const CellWindow & window,
-                  std::int16_t (&levels)[CellColumns])
-{
-  const std::int16_t * const end = rows[window.last];
-  for (std::ptrdiff_t n = 0; n < CellColumns; ++n)
-  {
-    const std::int16_t a = rows[1][n];
-    const std::int16_t b = end[n];
-    const std::int16_t left = Mix(rows[0][n], a, window.left);
-    const std::int16_t right = Mix(b, rows[window.last + 1][n], window.right);
-    levels[n] = Larger(Larger(left, a), Larger(right, b));
-  }
-  for (std::ptrdiff_t next = 2; next < window.last; ++next)
-  {
-    for (std::ptrdiff_t n = 0; n < CellColumns; ++n)
-    {
-      levels[n] = Larger(levels[n], rows[next][n]);
-    }
-  }
+  return FindSet(flags);
 }
 
 template <typename TPixel, bool VIsMinimum>
@@ -449,93 +471,54 @@ TileSearch<TPixel, VIsMinimum>::SearchPair(std::ptrdiff_t slice)
 {
   const CellWindow         columns = this->FindWindow(0, slice);
   const CellWindow         rows = this->FindWindow(1, slice);
-  const std::ptrdiff_t     count = CellRows + rows.reach - 1;
+  const std::ptrdiff_t     count = CellRows + rows.last + 1;
   constexpr std::ptrdiff_t width = CellColumns + CellReach - 1;
   const bool               isInside = columns.first >= 0 && columns.first + width <= m_Slices.columns;
+  const TPixel * const     slices[] = { this->GetSlice(slice), this->GetSlice(slice + 1) };
+  const TPixel * const     later = this->GetSlice(slice + 2);
+  const std::ptrdiff_t     laterColumns[] = { Limit<std::ptrdiff_t>(columns.first, 0, m_Slices.columns - 1),
+                                              Limit<std::ptrdiff_t>(columns.first + CellColumns, 0, m_Slices.columns - 1) };
   PairOfRows<TPixel>       pairs[CellRows + CellReach - 1];
   TPixel                   edges[CellRows + CellReach - 1][2][width];
-  TPixel                   extrema[CellRows + CellReach - 1][CellColumns];
   for (std::ptrdiff_t row = 0; row < count; ++row)
   {
     const std::ptrdiff_t begin = Limit<std::ptrdiff_t>(rows.first + row, 0, m_Slices.rows - 1) * m_Slices.rowStride;
     for (int side = 0; side < 2; ++side)
     {
-      const TPixel * voxels = this->GetSlice(slice + side) + begin;
+      const TPixel *& voxels = pairs[row].voxels[side];
       if (isInside)
       {
-        voxels += columns.first;
+        voxels = slices[side] + (begin + columns.first);
       }
       else
       {
-        this->CopyRow(voxels, columns.first, edges[row][side]);
+        this->CopyRow(slices[side] + begin, columns.first, edges[row][side]);
         voxels = edges[row][side];
       }
-      pairs[row].voxels[side] = voxels;
+      PrefetchVoxel(later + (begin + laterColumns[side]));
     }
-    const TPixel * const later = this->GetSlice(slice + 2) + begin;
-    PrefetchVoxel(later + Limit<std::ptrdiff_t>(columns.first, 0, m_Slices.columns - 1));
-    PrefetchVoxel(later + Limit<std::ptrdiff_t>(columns.first + CellColumns, 0, m_Slices.columns - 1));
-    FindExtrema(pairs[row], columns, extrema[row]);
   }
-  std::int16_t   levels[CellRows + CellReach - 1][CellColumns];
-  std::ptrdiff_t levelled = 0; // rows that have levels
-  const auto     first = static_cast<double>(slice);
-  const double   nearest = m_IsBackward ? first + 1.0 : first;
+  RowBounds<TPixel> bounds[CellRows + CellReach - 1];
+  CallWithLast(columns, [&](auto last) {
+    m_Levels.isHalved ? BoundRows<decltype(last)::value, sizeof(TPixel) == 2>(pairs, count, columns, bounds)
+                      : BoundRows<decltype(last)::value, false>(pairs, count, columns, bounds);
+  });
+  const auto   first = static_cast<double>(slice);
+  const double nearest = m_IsBackward ? first + 1.0 : first;
   for (std::ptrdiff_t row = 0; row < CellRows; ++row)
   {
     if (m_HasChanged[row])
     {
       this->SetLeast(row);
     }
-    TPixel bounds[CellColumns];
-    for (std::ptrdiff_t n = 0; n < CellColumns; ++n)
-    {
-      bounds[n] = GetBetter(extrema[row][n], extrema[row + 1][n]);
-    }
-    for (std::ptrdiff_t next = 2; next < rows.reach; ++next)
-    {
-      for (std::ptrdiff_t n = 0; n < CellColumns; ++n)
-      {
-        bounds[n] = GetBetter(bounds[n], extrema[row + next][n]);
-      }
-    }
-    const TPixel * const least = m_Tile.least + row * CellColumns;
-    std::int16_t         flags[CellColumns];
-    for (std::ptrdiff_t n = 0; n < CellColumns; ++n)
-    {
-      flags[n] = (VIsMinimum ? bounds[n] < least[n] : bounds[n] > least[n]) ? -1 : 0;
-    }
-    if (m_Tile.hasDepth)
-    {
-      for (std::ptrdiff_t n = 0; n < CellColumns; ++n)
-      {
-        flags[n] = bounds[n] == least[n] ? -1 : flags[n];
-      }
-    }
-    std::uint32_t bits = FindSet(flags);
-    if constexpr (HasLevels)
-    {
-      if (bits == 0)
-      {
-        continue;
-      }
-      for (levelled = Larger(levelled, row); levelled < row + rows.reach; ++levelled)
-      {
-        this->FindLevels(pairs[levelled], columns, levels[levelled]);
-      }
-      std::int16_t highest[CellColumns];
-      FindLevelsOfCells(levels + row, rows, highest);
-      const std::int16_t * const leastLevels = m_Tile.leastLevels + row * CellColumns;
-      for (std::ptrdiff_t n = 0; n < CellColumns; ++n)
-      {
-        flags[n] = highest[n] >= leastLevels[n] ? -1 : 0;
-      }
-      bits &= FindSet(flags);
-    }
+    TPixel        voxels[CellColumns];
+    std::uint32_t bits = 0;
+    CallWithLast(
+      rows, [&](auto last) { bits = this->template FindCells<decltype(last)::value>(bounds + row, rows, row, voxels); });
     for (; bits != 0; bits &= bits - 1)
     {
       const std::ptrdiff_t n = FindLowest(bits);
-      const Number         bound = Load(bounds[n]);
+      const Number         bound = Load(voxels[n]);
       const std::int32_t * cell = m_Tile.cellBegins + (row * CellColumns + n);
       for (std::int32_t ray = cell[0]; ray < cell[1]; ++ray)
       {
@@ -594,30 +577,41 @@ TileSearch<TPixel, VIsMinimum>::LoadVoxels(const std::int32_t (&columns)[RaysTog
     constexpr int bits = 8 * sizeof(TPixel);
     constexpr int voxelsInWord = 32 / bits;
     constexpr int wordCount = 4 / voxelsInWord;
-    std::uint32_t words[6][wordCount][RaysTogether];
+    using Four = std::conditional_t<wordCount == 1, std::uint32_t, std::uint64_t>;
+    Four fours[6][RaysTogether];
     for (int n = 0; n < RaysTogether; ++n)
     {
       const bool isInside =
         (columns[n] >= 0) & (columns[n] <= lastColumn - 3) & (rows[n] >= 0) & (rows[n] <= lastRow - 2);
+      if (isInside)
+      {
+        const std::ptrdiff_t offset = rows[n] * m_Slices.rowStride + columns[n];
+        for (int line = 0; line < 6; ++line)
+        {
+          CopyBytes(&fours[line][n], slices[line / 3][n] + offset + line % 3 * m_Slices.rowStride, sizeof(Four));
+        }
+        continue;
+      }
       for (int line = 0; line < 6; ++line)
       {
-        const TPixel * from = slices[line / 3][n] + Limit(rows[n] + line % 3, 0, lastRow) * m_Slices.rowStride;
-        TPixel         edge[4];
-        if (isInside)
+        const TPixel * const from = slices[line / 3][n] + Limit(rows[n] + line % 3, 0, lastRow) * m_Slices.rowStride;
+        TPixel               edge[4];
+        for (int column = 0; column < 4; ++column)
         {
-          from += columns[n];
+          edge[column] = from[Limit(columns[n] + column, 0, lastColumn)];
         }
-        else
+        CopyBytes(&fours[line][n], edge, sizeof(Four));
+      }
+    }
+    std::uint32_t words[6][wordCount][RaysTogether];
+    for (int line = 0; line < 6; ++line)
+    {
+      for (int word = 0; word < wordCount; ++word)
+      {
+        const int shift = 32 * (IsBigEndian ? wordCount - 1 - word : word);
+        for (int n = 0; n < RaysTogether; ++n)
         {
-          for (int column = 0; column < 4; ++column)
-          {
-            edge[column] = from[Limit(columns[n] + column, 0, lastColumn)];
-          }
-          from = edge;
-        }
-        for (int word = 0; word < wordCount; ++word)
-        {
-          CopyBytes(&words[line][word][n], from + word * voxelsInWord, 4);
+          words[line][word][n] = static_cast<std::uint32_t>(fours[line][n] >> shift);
         }
       }
     }
