@@ -513,8 +513,9 @@ TileSearch<TPixel, VIsMinimum>::SearchPair(std::ptrdiff_t slice)
     }
     TPixel        voxels[CellColumns];
     std::uint32_t bits = 0;
-    CallWithLast(
-      rows, [&](auto last) { bits = this->template FindCells<decltype(last)::value>(bounds + row, rows, row, voxels); });
+    CallWithLast(rows, [&](auto last) {
+      bits = this->template FindCells<decltype(last)::value>(bounds + row, rows, row, voxels);
+    });
     for (; bits != 0; bits &= bits - 1)
     {
       const std::ptrdiff_t n = FindLowest(bits);

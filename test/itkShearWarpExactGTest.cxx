@@ -855,6 +855,45 @@ TEST(ShearWarpExactRays, NoSampleIsBetter)
   }
 }
 
+/** One bright voxel in each place of the blocks and tiles that are left out where they are dark. */
+TEST(ShearWarpExactRays, AllPlacesInTheVolumeAreSeen)
+{
+  using FilterType = itk::ShearWarpMIPImageFilter<itk::Image<unsigned short, 3>>;
+  for (const double angle : { 0.4, -0.3 })
+  {
+    std::vector<unsigned short> expected;
+    for (itk::IndexValueType place = 3; place < 45; ++place)
+    {
+      SCOPED_TRACE(place);
+      const FilterType::InputImageType::Pointer image = FilterType::InputImageType::New();
+      image->SetRegions(itk::Size<3>{ { 48, 48, 48 } });
+      image->Allocate(true);
+      image->SetPixel({ { place, place, place } }, 1000);
+      itk::Point<double, 3> origin;
+      origin.Fill(-static_cast<double>(place));
+      image->SetOrigin(origin);
+      const FilterType::Pointer filter = FilterType::New();
+      const auto                transform = itk::Euler3DTransform<double>::New();
+      transform->SetRotation(angle, 0.7 * angle, 0.0);
+      filter->SetInput(image);
+      filter->SetTransform(transform);
+      filter->SetSize({ { 10, 10 } });
+      filter->SetOutputSpacing(itk::Vector<double, 2>(0.25));
+      filter->SetOutputOrigin(itk::Point<double, 2>(-1.125));
+      filter->ExactOn();
+      filter->Update();
+      const unsigned short * const      pixels = filter->GetOutput()->GetBufferPointer();
+      const std::vector<unsigned short> picture(pixels, pixels + 100);
+      expected = expected.empty() ? picture : expected;
+      for (std::size_t n = 0; n < picture.size(); ++n)
+      {
+        EXPECT_NEAR(picture[n], expected[n], 1);
+      }
+    }
+    EXPECT_GT(*std::max_element(expected.begin(), expected.end()), 500);
+  }
+}
+
 /** Sines and cosines of right angles are not exactly 0: rays are on the borders of tiles but for rounding errors. */
 TEST(ShearWarpExactRays, TurnsByRightAnglesHaveNoHoles)
 {
