@@ -336,9 +336,9 @@ Run(const Options & options, Messages & messages)
                                      : isSeries        ? OutputFiles::Layout::Series
                                                        : OutputFiles::Layout::Still;
   std::optional<WindowType> window;
-  if (const auto given = GetWindow(options))
+  if (const auto bounds = GetWindow(options))
   {
-    window = WindowType(given->data());
+    window = WindowType(bounds->data());
   }
   const bool isLayered = !(options.overlay.empty() && options.segments.empty());
   AnyImage   layered;

@@ -21,6 +21,7 @@
 
 #include <array>
 #include <cmath>
+#include <initializer_list>
 
 namespace
 {
@@ -367,7 +368,7 @@ TEST(Labels, AreSeenOnEachGrey)
 {
   const std::vector<Frame> frames{ MakeFrame(Direction::Anterior, 30.0) };
   const auto               onBlack = Draw(MakePictures(64, 64, 0), frames, sides);
-  for (const unsigned char grey : { 0, 1, 127, 128, 200, 255 })
+  for (const unsigned char grey : std::initializer_list<unsigned char>{ 0, 1, 127, 128, 200, 255 })
   {
     const auto  pixels = Draw(MakePictures(64, 64, grey), frames, sides);
     std::size_t white = 0;
