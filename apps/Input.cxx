@@ -233,12 +233,13 @@ ReadMask(const std::filesystem::path &       path,
           *pixel = label ? isLabel && number == static_cast<std::uint64_t>(*label) : *value != 0;
           continue;
         }
-        const auto found = isLabel ? isFound.find(number) : isFound.end();
-        *pixel = found == isFound.end();
-        if (*pixel == 0)
+        const auto found = isFound.find(number);
+        const bool isRemoved = isLabel && found != isFound.end();
+        if (isRemoved)
         {
           found->second = true;
         }
+        *pixel = !isRemoved;
       }
     }
     else
