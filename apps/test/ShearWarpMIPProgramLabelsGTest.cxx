@@ -79,7 +79,7 @@ TEST(Orientation, SignedPermutationsHaveOneLetter)
         columns[n][axes[n]] = (signs >> n & 1) == 0 ? 2.0 : -0.1;
       }
       const auto letters = GetLetters(MakeColumns(columns[0], columns[1], columns[2]));
-      for (unsigned int n = 0; n < 2; ++n)
+      for (std::size_t n = 0; n < 2; ++n)
       {
         const bool isForward = (signs >> n & 1) == 0;
         EXPECT_EQ(letters[2 * n], (isForward ? from : to)[axes[n]]);
@@ -262,8 +262,8 @@ MakePictures(itk::SizeValueType width,
 {
   const auto grid = itk::Image<char, 3>::New();
   grid->SetRegions(itk::Size<3>{ { width, height, frames } });
-  const AnyImage pictures = MakeAnyImage<unsigned char>(grid.GetPointer(), components);
-  auto &         pixels = *CastImage<unsigned char>(pictures).GetPixelContainer();
+  AnyImage pictures = MakeAnyImage<unsigned char>(grid.GetPointer(), components);
+  auto &   pixels = *CastImage<unsigned char>(pictures).GetPixelContainer();
   std::fill_n(pixels.GetBufferPointer(), pixels.Size(), grey);
   return pictures;
 }
@@ -379,7 +379,7 @@ TEST(Labels, AreSeenOnEachGrey)
         ++white;
         EXPECT_EQ(pixels[n], 255);
         const auto pixel = pixels.begin() + static_cast<std::ptrdiff_t>(n);
-        EXPECT_EQ(*std::min_element(pixel - 2 * 65, pixel + 2 * 65), 0);
+        EXPECT_EQ(*std::min_element(pixel - 130, pixel + 130), 0);
       }
     }
     EXPECT_GT(white, 40u);
@@ -394,7 +394,7 @@ TEST(Labels, ColoursStayColours)
   const unsigned char      colour[] = { 255, 30, 0 };
   const AnyImage           pictures = MakePictures(80, 60, 0, 3);
   unsigned char *          begin = CastImage<unsigned char>(pictures).GetBufferPointer();
-  for (std::size_t n = 0; n < 80 * 60 * 3; ++n)
+  for (std::size_t n = 0; n < std::size_t{ 80 } * 60 * 3; ++n)
   {
     begin[n] = colour[n % 3];
   }
@@ -524,9 +524,9 @@ template <typename TPicture>
 AnyImage
 Copy(const TPicture * picture, unsigned int components)
 {
-  const auto     size = picture->GetBufferedRegion().GetSize();
-  const AnyImage copy = MakePictures(size[0], size[1], 0, components);
-  const auto     values = reinterpret_cast<const unsigned char *>(picture->GetBufferPointer());
+  const auto size = picture->GetBufferedRegion().GetSize();
+  AnyImage   copy = MakePictures(size[0], size[1], 0, components);
+  const auto values = reinterpret_cast<const unsigned char *>(picture->GetBufferPointer());
   std::copy_n(values, size[0] * size[1] * components, CastImage<unsigned char>(copy).GetBufferPointer());
   return copy;
 }

@@ -292,9 +292,10 @@ TEST_F(ShearWarpMIPProgramOverlay, LiesWhereInputDoes)
     double row = 0.0;
     for (std::size_t n = 0; n < values.size(); ++n)
     {
+      const std::size_t line = n / width;
       sum += values[n];
       column += values[n] * static_cast<double>(n % width);
-      row += values[n] * static_cast<double>(n / width);
+      row += values[n] * static_cast<double>(line);
     }
     EXPECT_GT(sum, 100.0);
     return std::make_pair(column / sum, row / sum);
@@ -738,7 +739,7 @@ TEST_F(ShearWarpMIPProgramSegments, OutlinesWhatAnySliceHas)
   } segments[] = {
     { 0, 1, { 230, 159, 0 } }, { 0, 300, { 86, 180, 233 } }, { 1, 1, { 0, 158, 115 } }, { 1, 300, { 51, 102, 255 } }
   };
-  std::vector<ColourType> expected(24 * 20, ColourType(static_cast<unsigned char>(0)));
+  std::vector<ColourType> expected(480, ColourType(static_cast<unsigned char>(0)));
   for (const auto & segment : segments)
   {
     // rows go down, from the head
@@ -751,7 +752,7 @@ TEST_F(ShearWarpMIPProgramSegments, OutlinesWhatAnySliceHas)
       }
       return any;
     };
-    for (long n = 0; n < 24 * 20; ++n)
+    for (long n = 0; n < 480; ++n)
     {
       const long column = n % 24;
       const long row = n / 24;
