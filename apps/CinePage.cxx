@@ -129,9 +129,17 @@ EncodeBase64(const std::string & bytes)
 std::string
 MakeCinePage(const Projections & projections, const CinePageOptions & options, const PictureEncoder & encode)
 {
-  const WindowType   window = options.window ? *options.window : FindWindow(projections);
-  const StoredValues stored =
-    options.bits == 8 ? Store<unsigned char>(projections, window) : Store<unsigned short>(projections, window);
+  const bool isColoured = options.colours.image.IsNotNull();
+  WindowType window;
+  window[0] = 0.0;
+  window[1] = 255.0;
+  if (!isColoured)
+  {
+    window = options.window ? *options.window : FindWindow(projections);
+  }
+  const StoredValues        stored = isColoured          ? StoredValues{ options.colours, 1.0, 0.0 }
+                                     : options.bits == 8 ? Store<unsigned char>(projections, window)
+                                                         : Store<unsigned short>(projections, window);
   const itk::ImageBase<3> & grid = *stored.image.image;
   const auto                size = grid.GetLargestPossibleRegion().GetSize();
 
@@ -139,10 +147,10 @@ MakeCinePage(const Projections & projections, const CinePageOptions & options, c
   series << std::setprecision(std::numeric_limits<double>::max_digits10);
   series << "{\"title\": " << Quote(options.title) << ", \"width\": " << size[0] << ", \"height\": " << size[1]
          << ", \"spacing\": [" << grid.GetSpacing()[0] << ", " << grid.GetSpacing()[1] << "], \"origin\": ["
-         << grid.GetOrigin()[0] << ", " << grid.GetOrigin()[1] << "], \"bits\": " << options.bits
+         << grid.GetOrigin()[0] << ", " << grid.GetOrigin()[1] << "], \"bits\": " << (isColoured ? 24 : options.bits)
          << ", \"slope\": " << stored.slope << ", \"intercept\": " << stored.intercept << ", \"background\": 0"
-         << ", \"inverted\": " << (projections.isInverted ? "true" : "false") << ", \"window\": [" << window[0] << ", "
-         << window[1] << "], \"rate\": " << options.rate << ", \"loop\": " << Quote(options.loop);
+         << ", \"inverted\": " << (projections.isInverted && !isColoured ? "true" : "false") << ", \"window\": ["
+         << window[0] << ", " << window[1] << "], \"rate\": " << options.rate << ", \"loop\": " << Quote(options.loop);
   const auto writeList = [&series](const std::string & name, const auto & values, const auto & print) {
     std::string separator = ", \"" + name + "\": [";
     for (const auto & value : values)

@@ -44,13 +44,15 @@ struct CinePageOptions
   double rate{ 10.0 };
   /** 8 or 16. */
   unsigned int bits{ 8 };
+  /** Pictures in RGB that the page shows instead of values, without a window; or none. */
+  AnyImage colours{};
 };
 
 /** The bytes of a PNG of one frame of an image. */
 using PictureEncoder = std::function<std::string(const AnyImage & image, std::size_t frame)>;
 
-/** The text of a web page that shows the projections, of one component, and needs nothing but itself: a series to turn
- * and play, with window and level.
+/** The text of a web page that shows the projections, of one component or in colours, and needs nothing but itself: a
+ * series to turn and play, with window and level.
  *
  * It holds the values with 16 bits, exactly if they are whole numbers of a range of less than 65535; or with 8, one
  * grey level for a 254th of twice the window, which is what can be set from the page, as far as there are values. */

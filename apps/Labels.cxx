@@ -285,13 +285,11 @@ DrawScale(Canvas & canvas, double spacing, double width)
 void
 DrawLabels(const AnyImage & pictures, const std::vector<Frame> & frames, const Labels & labels)
 {
-  constexpr itk::SizeValueType smallest = 48;
-
   auto &             image = CastImage<unsigned char>(pictures);
   const auto         size = image.GetLargestPossibleRegion().GetSize();
   const unsigned int components = image.GetNumberOfComponentsPerPixel();
   unsigned char *    pixels = image.GetBufferPointer();
-  for (std::size_t n = 0; n < frames.size() && std::min(size[0], size[1]) >= smallest; ++n)
+  for (std::size_t n = 0; n < frames.size() && std::min(size[0], size[1]) >= SmallestLabelled; ++n)
   {
     const itk::Transform<double, 3, 3> * const transform = frames[n].transform;
     Canvas                                     canvas(pixels + n * size[0] * size[1] * components, size, components);

@@ -20,6 +20,9 @@
 
 #include "Projection.h"
 
+/** Columns and rows of a picture that has room for labels. */
+constexpr itk::SizeValueType SmallestLabelled = 48;
+
 struct Labels
 {
   /** The patient's sides at the middle of the four edges; see ComputeEdgeLetters(). */

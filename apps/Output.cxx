@@ -392,7 +392,11 @@ OutputFiles::EncodePicture(const fs::path & path, const AnyImage & image, std::s
   DispatchPixelType(image.componentType, [&](auto tag) {
     auto &     frames = CastImage<typename decltype(tag)::Type>(image);
     const auto size = frames.GetLargestPossibleRegion().GetSize();
-    this->WriteFile(path, picture, image, 2, frames.GetBufferPointer() + frame * size[0] * size[1]);
+    this->WriteFile(path,
+                    picture,
+                    image,
+                    2,
+                    frames.GetBufferPointer() + frame * size[0] * size[1] * frames.GetNumberOfComponentsPerPixel());
   });
   std::ifstream      file(picture, std::ios::binary);
   std::ostringstream bytes;

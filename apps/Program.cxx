@@ -101,12 +101,13 @@ VerifyVolume(const Options & options, const Volume & volume)
   {
     refuse("A DICOM series", components, "components");
   }
-  if (components > 1 && OutputFiles::IsPage(options.output))
+  if (components > 1 && options.pageBits == 16u)
   {
-    refuse("A page of more than 1 component", components, "components");
+    refuse("--page-bits 16", components, "components");
   }
   if (components != 1 && components != 3 &&
-      (OutputFiles::IsPicture(options.output) || OutputFiles::IsAnimation(options.output)))
+      (OutputFiles::IsPicture(options.output) || OutputFiles::IsAnimation(options.output) ||
+       OutputFiles::IsPage(options.output)))
   {
     refuse("A picture of other than 1 or 3 components", components, "components");
   }
@@ -189,21 +190,33 @@ MakePageOptions(const Options &                   options,
 
 /** Says which options change nothing of what is written. */
 void
-NoteUnused(const Options & options, const Messages & messages)
+NoteUnused(const Options & options, const itk::ImageBase<3> * stack, const Messages & messages)
 {
   const std::string & output = options.output;
   const bool          isMoving =
     OutputFiles::IsAnimation(output) || OutputFiles::IsPage(output) || OutputFiles::IsAnimation(options.depthColour);
-  const bool isSeen = isMoving || OutputFiles::IsPicture(output) || !options.depthColour.empty();
-  if (!isSeen && options.dicomOut.empty() && GetWindow(options))
-  {
-    messages.Note((options.window.empty() ? "--wl" : "--window") + std::string(" has no effect: '") + output +
-                  "' keeps the image's values");
-  }
-  if (!isMoving && !options.isMultiFrame && options.rate)
-  {
-    messages.Note("--rate has no effect: '" + output + "' does not play");
-  }
+  const bool isDrawn =
+    OutputFiles::IsPicture(output) || OutputFiles::IsAnimation(output) || !options.depthColour.empty();
+  const bool        isSeen = isDrawn || OutputFiles::IsPage(output);
+  const std::string name = '\'' + (output.empty() ? options.dicomOut : output) + '\'';
+  const auto        note = [&](bool isGiven, const std::string & option, const std::string & reason) {
+    if (isGiven)
+    {
+      messages.Note(option + " has no effect: " + name + ' ' + reason);
+    }
+  };
+  const bool isWindowed = isSeen || !options.dicomOut.empty();
+  note(!isWindowed && !options.window.empty(), "--window", "keeps the image's values");
+  note(!isWindowed && !options.levelAndWidth.empty(), "--wl", "keeps the image's values");
+  note(!isSeen && options.isUnlabelled, "--no-labels", "has no letters");
+  note(
+    !isDrawn && options.isAnnotated, "--annotate", isSeen ? "has scale bar and angles anyway" : "has no annotations");
+  const auto size = stack->GetLargestPossibleRegion().GetSize();
+  note((OutputFiles::IsPicture(output) || OutputFiles::IsAnimation(output)) && options.isAnnotated &&
+         std::min(size[0], size[1]) < SmallestLabelled,
+       "--annotate",
+       "has less than " + std::to_string(SmallestLabelled) + " pixels along one side");
+  note(!isMoving && !options.isMultiFrame && options.rate.has_value(), "--rate", "does not play");
 }
 
 void
@@ -252,9 +265,10 @@ Run(const Options & options, Messages & messages)
   const auto warn = [&](const std::string & text) { messages.Warn(text); };
   Volume     volume = ReadVolume(options.input, options.series, warn);
   files.Protect(volume.dicomFiles);
-  if (options.isSuv)
+  const bool isSuv = options.isSuv && ConvertToSuv(volume);
+  if (options.isSuv && !isSuv && options.overlay.empty())
   {
-    ConvertToSuv(volume);
+    throw std::runtime_error("--suv is not possible: INPUT is no DICOM series of PET Image Storage");
   }
   const AnyImage &  first = volume.times.front();
   const std::string times = volume.times.size() > 1 ? std::to_string(volume.times.size()) + " x " : "";
@@ -292,10 +306,17 @@ Run(const Options & options, Messages & messages)
     messages.StepDone("read " + options.mask);
   }
   Volume overlay;
+  bool   isOverlaySuv = false;
   if (!options.overlay.empty())
   {
     overlay = ReadOverlay(options, warn);
     files.Protect(overlay.dicomFiles);
+    isOverlaySuv = options.isSuv && ConvertToSuv(overlay);
+    if (options.isSuv && !isSuv && !isOverlaySuv)
+    {
+      throw std::runtime_error(
+        "--suv is not possible: neither INPUT nor the overlay is a DICOM series of PET Image Storage");
+    }
     messages.StepDone("read " + options.overlay + ", " + Describe(overlay.times.front()));
   }
   Segments segments;
@@ -328,7 +349,7 @@ Run(const Options & options, Messages & messages)
          std::string(options.slab.empty() ? "--crop?" : "--slab?"));
   }
 
-  NoteUnused(options, messages);
+  NoteUnused(options, projections.stack.image, messages);
   messages.StepBegins("writing " + options.output);
   const auto                turn = static_cast<double>(options.frames > 0 ? options.frames : frames);
   const double              rate = options.rate.value_or(std::clamp(std::round(turn / 4.0), 5.0, 25.0));
@@ -375,13 +396,14 @@ Run(const Options & options, Messages & messages)
                                                               : "Maximum intensity projection of absolute values";
     dicom.noReprojection = FindNoReprojection(options);
     dicom.warn = warn;
-    dicom.isSuv = options.isSuv;
-    dicom.derivation += options.isSuv ? " of SUV by body weight" : "";
+    dicom.isSuv = isSuv;
+    dicom.derivation += isSuv ? " of SUV by body weight" : "";
     if (options.isMultiFrame)
     {
       dicom.frameTime = 1000.0 / rate;
     }
     dicom.derivation += options.overlay.empty() ? "" : ", with the maximum of another volume in color";
+    dicom.derivation += isOverlaySuv ? ", in SUV by body weight" : "";
     dicom.derivation += options.segments.empty() ? "" : ", with outlines of segments";
     dicom.version = ShearWarpMIP_VERSION;
     if (window)
@@ -412,8 +434,12 @@ Run(const Options & options, Messages & messages)
     const auto encode = [&](const AnyImage & image, std::size_t frame) {
       return files.EncodePicture(options.output, image, frame);
     };
-    files.WriteText(options.output,
-                    MakeCinePage(projections, MakePageOptions(options, projection, window, rate), encode));
+    CinePageOptions page = MakePageOptions(options, projection, window, rate);
+    if (isLayered || projections.stack.image->GetNumberOfComponentsPerPixel() == 3)
+    {
+      page.colours = isLayered ? layered : MakePictures(projections, window);
+    }
+    files.WriteText(options.output, MakeCinePage(projections, page, encode));
   }
   else if (OutputFiles::IsPicture(options.output) || OutputFiles::IsAnimation(options.output))
   {

@@ -229,13 +229,13 @@ ComputeFactor(const DataSet & image)
 }
 } // namespace
 
-void
+bool
 ConvertToSuv(Volume & volume)
 {
   const DataSet image = volume.dicomFiles.empty() ? DataSet() : ReadFirstAcquired(volume.dicomFiles);
   if (GetText(image, { 0x0008, 0x0016 }) != petImageStorage)
   {
-    throw std::runtime_error("--suv is not possible: INPUT is no DICOM series of PET Image Storage");
+    return false;
   }
   const double factor = ComputeFactor(image);
   for (AnyImage & time : volume.times)
@@ -253,4 +253,5 @@ ConvertToSuv(Volume & volume)
     });
     time = converted;
   }
+  return true;
 }

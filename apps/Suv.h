@@ -33,8 +33,9 @@
  *
  * Source: QIBA Profile FDG-PET/CT, appendix G, vendor-neutral pseudo-codes; DICOM PS3.3 C.8.9.
  *
- * Throws std::runtime_error with the name of the attribute that is missing or is of no use. */
-void
+ * Throws std::runtime_error with the name of the attribute that is missing or is of no use. Returns false, and changes
+ * nothing, if the volume is no series of PET Image Storage. */
+bool
 ConvertToSuv(Volume & volume);
 
 #endif

@@ -509,8 +509,10 @@ TEST_F(ShearWarpMIPProgram, OnlyPicturesHaveLabels)
   std::vector<std::vector<PixelType>> dicom;
   for (const std::string labels : { "--annotate", "--no-labels" })
   {
-    this->ExpectSuccess(
+    const Result result = this->Run(
       "in.nrrd values.nrrd --depth depth.nrrd --dicom-out dicom --frames 4 --size 64 60 --spacing 0.3 " + labels);
+    EXPECT_EQ(result.status, 0);
+    EXPECT_EQ(result.messages.find("shear-warp-mip: note: " + labels + " has no effect"), 0u) << result.messages;
     bytes.push_back(ReadText(m_Folder / "values.nrrd") + ReadText(m_Folder / "depth.nrrd"));
     dicom.push_back(GetPixels(this->Read("dicom/frame-002.dcm").GetPointer()));
     fs::remove_all(m_Folder / "dicom");

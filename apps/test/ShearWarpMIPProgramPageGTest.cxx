@@ -17,6 +17,7 @@
  *=========================================================================*/
 #include "ShearWarpMIPProgramTestHelper.h"
 
+#include "itkRGBPixel.h"
 #include "itkVectorImage.h"
 
 #include "itksys/Base64.h"
@@ -169,6 +170,38 @@ TEST_F(ShearWarpMIPProgramPage, HoldsFractionsAndSeriesThatDoNotTurn)
   EXPECT_TRUE(areBackground.count(false));
 }
 
+TEST_F(ShearWarpMIPProgramPage, HoldsColours)
+{
+  using ColourType = itk::RGBPixel<unsigned char>;
+  const auto colours = itk::VectorImage<short, 3>::New();
+  colours->SetRegions(itk::Size<3>{ { 9, 8, 7 } });
+  colours->SetNumberOfComponentsPerPixel(3);
+  colours->Allocate();
+  for (unsigned int n = 0; n < 9 * 8 * 7 * 3; ++n)
+  {
+    colours->GetBufferPointer()[n] = static_cast<short>(n % 41);
+  }
+  this->WriteImage<itk::VectorImage<short, 3>>(colours, "colours.nrrd");
+  for (const std::string call : { "in.nrrd --overlay in.nrrd --overlay-window 60 100 --window 10 90",
+                                  "in.nrrd --segments in.nrrd",
+                                  "colours.nrrd --window 3 40" })
+  {
+    SCOPED_TRACE(call);
+    this->ExpectSuccess(call + " -o page.html --frames 2 --azimuth 20");
+    this->ExpectSuccess(call + " -o still.png --frames 2 --azimuth 20 --no-labels");
+    const std::string series = this->ReadSeries("page.html");
+    EXPECT_EQ(GetNumber(series, "bits"), 24);
+    EXPECT_NE(series.find("\"inverted\": false, \"window\": [0, 255]"), std::string::npos);
+    const auto frames = this->ReadFrames<ColourType>(series);
+    ASSERT_EQ(frames.size(), 2u);
+    for (const std::string n : { "0", "1" })
+    {
+      const auto still = this->Read<itk::Image<ColourType, 2>>("still-00" + n + ".png");
+      EXPECT_EQ(frames[std::stoul(n)], GetPixels(still.GetPointer()));
+    }
+  }
+}
+
 TEST_F(ShearWarpMIPProgramPage, TellsHowTheSeriesGoesOn)
 {
   this->ExpectSuccess("in.nrrd turn.html --frames 2 --range -360 --rate 7.5");
@@ -266,10 +299,13 @@ TEST_F(ShearWarpMIPProgramPage, RefusesWhatAPageCannotShow)
 {
   const auto vectors = itk::VectorImage<short, 3>::New();
   vectors->SetRegions(itk::Size<3>{ { 5, 4, 3 } });
-  vectors->SetNumberOfComponentsPerPixel(3);
+  vectors->SetNumberOfComponentsPerPixel(2);
   vectors->Allocate();
   this->WriteImage<itk::VectorImage<short, 3>>(vectors, "vectors.nrrd");
-  this->ExpectFailure("vectors.nrrd out.html --frames 2", "A page of more than 1 component");
+  this->ExpectFailure("vectors.nrrd out.html --frames 2", "A picture of other than 1 or 3 components is not possible");
+  this->ExpectFailure("vectors.nrrd out.html --page-bits 16", "--page-bits 16 is not possible: 'vectors.nrrd' has 2");
+  this->ExpectFailure("in.nrrd out.html --page-bits 16 --overlay in.nrrd",
+                      "--page-bits 16 is not possible with --overlay: the page holds colours, not values");
   this->ExpectFailure("in.nrrd none/out.html --frames 2", "its folder does not exist");
   this->ExpectFailure("in.nrrd out.nrrd --depth depth.html", "must have one of the extensions");
   EXPECT_NE(this->Run("in.nrrd out.html --frames 2 --page-bits 12").status, 0);

@@ -129,8 +129,8 @@ class Page:
     def box(self):
         return self.run("document.querySelector('canvas').getBoundingClientRect().toJSON()")
 
-    def pixels(self):
-        """What the canvas has, one gray value a pixel."""
+    def colours(self):
+        """What the canvas has."""
         text = self.run("""(() => {
           const canvas = document.querySelector('canvas');
           const copy = new OffscreenCanvas(canvas.width, canvas.height).getContext('2d', {willReadFrequently: true});
@@ -139,8 +139,14 @@ class Page:
           return [canvas.width, canvas.height, btoa(String.fromCharCode(...data))];
         })()""")
         rgba = np.frombuffer(base64.b64decode(text[2]), np.uint8).reshape(text[1], text[0], 4)
-        assert (rgba[..., 3] == 255).all() and (rgba[..., :1] == rgba[..., :3]).all()
-        return rgba[..., 0]
+        assert (rgba[..., 3] == 255).all()
+        return rgba[..., :3]
+
+    def pixels(self):
+        """One gray value a pixel."""
+        colours = self.colours()
+        assert (colours[..., :1] == colours).all()
+        return colours[..., 0]
 
     def screenshot(self, name):
         png = self.driver.get_screenshot_as_png()
@@ -408,6 +414,35 @@ def test_invert_and_background(page, tmp_path, inverted):
     require(inverted)
     page.driver.find_element(By.ID, "invert").click()
     require(not inverted)
+
+
+def test_colours(page, tmp_path):
+    frames = np.random.default_rng(7).integers(0, 256, (FRAMES, HEIGHT, WIDTH, 3)).astype(np.uint8)
+    letters = ["RA LP H F"] * FRAMES
+    series = make_series(frames, bits=24, window=[0, 255], letters=letters)
+    page.show(tmp_path, series)
+    for number in (0, 1, 2):
+        assert (page.colours() == frames[number]).all()
+        page.press(Keys.ARROW_RIGHT)
+    for keys in ("i", "+", "-", Keys.ARROW_UP):
+        page.press(keys)
+    page.drag(90, 40, MouseButton.RIGHT)
+    assert page.frame == 3 and (page.colours() == frames[3]).all()
+    assert page.window == [0, 255] and not page.run("cine.inverted")
+    assert page.text("window-width") == page.text("window-level") == page.text("value") == ""
+    assert page.text("place").endswith(" mm")
+    assert not page.driver.find_element(By.ID, "invert").is_displayed()
+    page.press("w")
+    assert not page.driver.find_element(By.ID, "preset").is_displayed()
+    assert page.driver.find_element(By.ID, "labels-shown").is_displayed()
+    page.screenshot("colours")
+    page.press("w", "?")
+    assert "window" not in page.text("help-box").replace("full screen", "")
+    page.press("?", "r")
+    assert page.frame == 0 and (page.colours() == frames[0]).all()
+    page.press("l")
+    _, saved = page.save_picture(tmp_path)
+    assert {*map(tuple, saved.reshape(-1, 3))} - {(0, 0, 0)} <= {*map(tuple, frames[0].reshape(-1, 3))}
 
 
 def test_value_under_pointer(page, tmp_path):

@@ -350,6 +350,36 @@ def test_suv_needs_dicom(tmp_path):
     assert "PET Image Storage" in fail(tmp_path / "head.nrrd", tmp_path / "mip.mha", "--suv")
 
 
+def test_suv_of_an_overlay(tmp_path):
+    pet = write_pet(tmp_path / "pet")
+    values = make_volume()
+    header = (
+        f"NRRD0004\ntype: float\ndimension: 3\nspace: left-posterior-superior\nsizes: {SIZE[0]} {SIZE[1]} {SLICES}\n"
+    )
+    header += "space directions: ({},0,0) (0,{},0) (0,0,{})\n".format(*SPACING)
+    header += "space origin: ({},{},{})\nencoding: raw\nendian: little\n\n".format(*ORIGIN)
+    (tmp_path / "ct.nrrd").write_bytes(header.encode() + values.astype("<f4").tobytes())
+    factor = GRAMS / (DOSE * 0.5 ** (3600 / HALF_LIFE))
+    for name, options in {
+        "plain": ["--overlay-window", 0, 20000],
+        "suv": ["--overlay-window", 0, 20000 * factor, "--suv"],
+        "none": ["--overlay-window", 20, 30, "--suv"],
+    }.items():
+        said = run(tmp_path / "ct.nrrd", tmp_path / f"{name}.png", "--overlay", pet, *options)
+        assert ("nothing of" in said) == (name == "none")
+    assert (tmp_path / "plain.png").read_bytes() == (tmp_path / "suv.png").read_bytes()
+    # in colours for the archive, of a series and of a file
+    for source, overlay in ((pet, tmp_path / "ct.nrrd"), (tmp_path / "ct.nrrd", pet)):
+        folder = tmp_path / f"fused-{source.name}"
+        run(source, f"{folder}/", "--overlay", overlay, "--frames", 2)
+        for dataset, sides in zip(read_dicom(folder), (["L", "F"], ["R", "F"])):
+            assert dataset.SOPClassUID == SECONDARY_CAPTURE and dataset.PhotometricInterpretation == "RGB"
+            assert list(dataset.PatientOrientation) == sides
+    assert "neither INPUT nor the overlay" in fail(
+        tmp_path / "ct.nrrd", tmp_path / "mip.png", "--overlay", tmp_path / "ct.nrrd", "--suv"
+    )
+
+
 def test_dicom_of_suv(tmp_path):
     pet = write_pet(tmp_path / "pet", change=set_image(WindowCenter="5000", WindowWidth="10000"))
     run(pet, tmp_path / "mip.mha", "--frames", 4, "--suv", "--dicom-out", tmp_path / "turn")
