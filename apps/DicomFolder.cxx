@@ -88,15 +88,16 @@ std::string
 GetLine(const DataSet & header, const Tag & tag)
 {
   const std::string characterSet = GetText(header, { 0x0008, 0x0005 });
+  const bool        isUTF8 = characterSet == "ISO_IR 192";
   std::string       line;
   for (const char character : GetText(header, tag))
   {
     const auto code = static_cast<unsigned char>(character);
-    if (code < ' ' || code == 0x7f || (code > 0x7f && characterSet != "ISO_IR 192" && characterSet != "ISO_IR 100"))
+    if (code < ' ' || code == 0x7f || (code > 0x7f && !isUTF8 && (characterSet != "ISO_IR 100" || code < 0xa0)))
     {
       line += '?';
     }
-    else if (code > 0x7f && characterSet == "ISO_IR 100")
+    else if (code > 0x7f && !isUTF8)
     {
       line += { static_cast<char>(0xc0 | code >> 6), static_cast<char>(0x80 | (code & 0x3f)) };
     }

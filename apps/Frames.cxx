@@ -35,6 +35,21 @@ using TurnType = itk::ShearWarpMIPCineImageFilter<itk::Image<unsigned char, 3>>;
 const std::map<std::string, unsigned int> patientAxes = { { "left", 0 }, { "posterior", 1 }, { "superior", 2 } };
 const std::map<std::string, unsigned int> imageAxes = { { "i", 0 }, { "j", 1 }, { "k", 2 } };
 
+/** The name of an axis that \a axis means, empty if it means none. */
+std::string
+FindAxis(const std::vector<std::string> & axis)
+{
+  std::vector<std::string> names;
+  for (const auto & axes : { patientAxes, imageAxes })
+  {
+    for (const auto & [name, number] : axes)
+    {
+      names.push_back(name);
+    }
+  }
+  return axis.size() == 1 ? FindName(axis.front(), names) : "";
+}
+
 /** X,Y,Z, if it is three finite numbers. */
 std::optional<itk::Vector<double, 3>>
 ReadDirection(const std::vector<std::string> & axis)
@@ -62,7 +77,8 @@ MakeAxis(const std::vector<std::string> & axis, const itk::ImageBase<3> * grid)
     return *given;
   }
   itk::Vector<double, 3> direction(0.0);
-  if (const auto found = imageAxes.find(ToLower(axis.front())); found != imageAxes.end())
+  const std::string      name = FindAxis(axis);
+  if (const auto found = imageAxes.find(name); found != imageAxes.end())
   {
     for (unsigned int row = 0; row < 3; ++row)
     {
@@ -71,7 +87,7 @@ MakeAxis(const std::vector<std::string> & axis, const itk::ImageBase<3> * grid)
   }
   else
   {
-    direction[patientAxes.at(ToLower(axis.front()))] = 1.0;
+    direction[patientAxes.at(name)] = 1.0;
   }
   return direction;
 }
@@ -155,9 +171,7 @@ SetSlidingSlabs(ProjectionOptions & projection, const Options & options, Frame f
 bool
 IsAxis(const std::vector<std::string> & axis)
 {
-  const bool isName =
-    axis.size() == 1 && (patientAxes.count(ToLower(axis.front())) > 0 || imageAxes.count(ToLower(axis.front())) > 0);
-  return isName || ReadDirection(axis);
+  return !FindAxis(axis).empty() || ReadDirection(axis);
 }
 
 void

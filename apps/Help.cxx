@@ -112,7 +112,14 @@ HelpFormatter::make_help(const CLI::App * app, std::string name, CLI::AppFormatM
   std::istringstream paragraphs(app->get_description());
   std::string        paragraph;
   std::getline(paragraphs, paragraph);
-  text << Wrap(paragraph, 0) << "\n\n" << make_usage(app, name) << '\n' << app->get_footer() << "\n\n";
+  text << Wrap(paragraph, 0) << "\n\n" << make_usage(app, name) << '\n';
+  std::istringstream footer(app->get_footer());
+  for (std::string line; std::getline(footer, line);)
+  {
+    const std::size_t indent = std::min(line.find_first_not_of(' '), line.size());
+    text << std::string(indent, ' ') << Wrap(line, indent) << '\n';
+  }
+  text << '\n';
   while (std::getline(paragraphs, paragraph))
   {
     text << Wrap(paragraph, 0) << '\n';

@@ -53,7 +53,13 @@ Messages::Messages(std::ostream & stream, bool verbose)
   : m_Stream(stream)
   , m_IsVerbose(verbose)
   , m_Start(Clock::now())
+  , m_Shown(m_Start)
 {}
+
+Messages::~Messages()
+{
+  this->StepBegins("");
+}
 
 void
 Messages::Warn(const std::string & text) const
@@ -107,9 +113,16 @@ Messages::FramesDone(const FrameReport & report) const
 }
 
 void
-Messages::Progress(std::size_t done, std::size_t all) const
+Messages::Progress(std::size_t done, std::size_t all)
 {
-  StepBegins("projected " + std::to_string(done) + " of " + std::to_string(all));
+  using namespace std::chrono_literals;
+  const auto now = Clock::now();
+  if (now - m_Start < 1s || now - m_Shown < 100ms)
+  {
+    return;
+  }
+  m_Shown = now;
+  this->StepBegins("projected " + std::to_string(done) + " of " + std::to_string(all));
 }
 
 std::string

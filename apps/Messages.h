@@ -29,6 +29,12 @@ class Messages
 {
 public:
   Messages(std::ostream & stream, bool verbose);
+  Messages(const Messages &) = delete;
+  Messages &
+  operator=(const Messages &) = delete;
+
+  /** Leaves nothing of a step on the terminal. */
+  ~Messages();
 
   void
   Warn(const std::string & text) const;
@@ -48,8 +54,9 @@ public:
   void
   FramesDone(const FrameReport & report) const;
 
+  /** Says it on a terminal, from a second after the last step on, ten times a second at most. */
   void
-  Progress(std::size_t done, std::size_t all) const;
+  Progress(std::size_t done, std::size_t all);
 
 private:
   using Clock = std::chrono::steady_clock;
@@ -57,6 +64,7 @@ private:
   std::ostream &    m_Stream;
   bool              m_IsVerbose;
   Clock::time_point m_Start;
+  Clock::time_point m_Shown;
 };
 
 /** Size, spacing and pixel type. */

@@ -47,8 +47,8 @@ constexpr auto description =
   "they are clear. Several numbers have commas or spaces between them.";
 
 constexpr auto examples = "Examples:\n"
-                          "  shear-warp-mip tof.nii.gz mip.png --view superior\n"
-                          "      seen from above, as a picture\n"
+                          "  shear-warp-mip tof.nii.gz mip.png --view inferior\n"
+                          "      a picture, seen from the feet as axial slices are\n"
                           "  shear-warp-mip dicom-folder/ mip.nrrd --azimuth 30 --elevation 15\n"
                           "      left anterior oblique 30 degrees, cranial 15 degrees, with the image's values\n"
                           "  shear-warp-mip tof.nrrd turn.html --frames 72\n"
@@ -95,15 +95,12 @@ Choice(const std::vector<std::string> & names, const std::map<std::string, std::
       text = synonym->second;
       return std::string();
     }
-    std::vector<std::string> found;
-    std::copy_if(names.begin(), names.end(), std::back_inserter(found), [&word](const std::string & name) {
-      return !word.empty() && name.compare(0, word.size(), word) == 0;
-    });
-    if (found.size() != 1)
+    const std::string found = FindName(word, names);
+    if (found.empty())
     {
       return '\'' + text + "' is not one of " + CLI::detail::join(names, ", ") + Suggest(word, names);
     }
-    text = found.front();
+    text = found;
     return std::string();
   };
   return CLI::Validator(choose, '{' + CLI::detail::join(names, ",") + '}');
@@ -464,8 +461,10 @@ DefineOptions(CLI::App & app, Options & options)
               "The DICOM series is one multi-frame file of Secondary Capture, which archives play at --rate")
     ->group("Turning series");
   app
-    .add_flag(
-      "--suv", options.isSuv, "Values of a DICOM PET series are SUV by body weight (float), in all options and outputs")
+    .add_flag("--suv",
+              options.isSuv,
+              "Values of a DICOM PET series, INPUT or the overlay, are SUV by body weight (float), in all options "
+              "and outputs")
     ->group("Picture");
 
   const auto overlay =
@@ -474,12 +473,12 @@ DefineOptions(CLI::App & app, Options & options)
         "--overlay",
         options.overlay,
         "Another volume in INPUT's space, with a grid of its own, as INPUT can be: its maximum in colour over "
-        "pictures, animations and --dicom-out")
+        "pictures, animations, pages and --dicom-out")
       ->type_name("FILE")
       ->group("Overlay");
   app.add_option("--overlay-series", options.overlaySeries, "As --series, for the overlay")
     ->needs(overlay)
-    ->type_name("UID")
+    ->type_name("SERIES")
     ->group("Overlay");
   app
     .add_option(
@@ -511,11 +510,10 @@ DefineOptions(CLI::App & app, Options & options)
     ->needs(overlay)
     ->group("Overlay");
   app
-    .add_option(
-      "--segments",
-      options.segments,
-      "Image of labels in INPUT's space, with a grid of its own: their outlines over pictures, animations and "
-      "--dicom-out, in the colours of a .seg.nrrd of 3D Slicer or in others")
+    .add_option("--segments",
+                options.segments,
+                "Image of labels in INPUT's space, with a grid of its own: their outlines over pictures, animations, "
+                "pages and --dicom-out, in the colours of a .seg.nrrd of 3D Slicer or in others")
     ->type_name("FILE")
     ->group("Overlay");
 
@@ -575,10 +573,10 @@ GetWindow(const Options & options)
   {
     return std::nullopt;
   }
-  else if (const auto named = windows.find(ToLower(options.window.front()));
-           options.window.size() == 1 && named != windows.end())
+  else if (const std::string name = FindName(options.window.front(), GetKeys(windows));
+           options.window.size() == 1 && !name.empty())
   {
-    window = named->second;
+    window = windows.at(name);
   }
   else
   {
@@ -589,9 +587,9 @@ GetWindow(const Options & options)
     }
     if (!isGood)
     {
-      throw std::runtime_error("--window: '" + CLI::detail::join(options.window, " ") +
-                               "' is not two finite numbers LOW HIGH, nor one of " +
-                               CLI::detail::join(GetKeys(windows), ", "));
+      throw std::runtime_error(
+        "--window: '" + CLI::detail::join(options.window, " ") + "' is not two finite numbers LOW HIGH, nor one of " +
+        CLI::detail::join(GetKeys(windows), ", ") + Suggest(options.window.front(), GetKeys(windows)));
     }
   }
   if (!(window[0] < window[1]))
@@ -635,11 +633,16 @@ Verify(const Options & options)
   if (!(options.overlay.empty() && options.segments.empty()))
   {
     const std::string name = options.overlay.empty() ? "--segments" : "--overlay";
-    if (!options.output.empty() && !OutputFiles::IsPicture(options.output) && !OutputFiles::IsAnimation(options.output))
+    if (!options.output.empty() && !OutputFiles::IsPicture(options.output) &&
+        !OutputFiles::IsAnimation(options.output) && !OutputFiles::IsPage(options.output))
     {
-      throw std::runtime_error(name +
-                               " is for pictures and animations: OUTPUT must be .png, .jpg, .tif, .gif, .apng or "
-                               ".mp4");
+      throw std::runtime_error(
+        name + " is for what is looked at: OUTPUT must be .png, .jpg, .tif, .gif, .apng, .mp4, .html or "
+               "a folder for DICOM");
+    }
+    if (options.pageBits == 16u)
+    {
+      throw std::runtime_error("--page-bits 16 is not possible with " + name + ": the page holds colours, not values");
     }
     if (options.isMultiFrame)
     {
@@ -678,32 +681,68 @@ Verify(const Options & options)
 std::vector<std::string>
 CollectArguments(int argc, const char * const * argv)
 {
-  // options that take one to so many numbers, which the parser would take from what follows them
+  // options that take so many numbers at most, with commas or spaces or both between them
   const std::map<std::string, std::size_t> most = { { "--axis", 3 },
+                                                    { "--center", 3 },
+                                                    { "--centre", 3 },
+                                                    { "--crop", 6 },
                                                     { "--elevations", MostFrames },
+                                                    { "--overlay-window", 2 },
                                                     { "--remove-label", MostFrames },
+                                                    { "--size", 2 },
+                                                    { "--slab", 2 },
+                                                    { "--sliding-slab", 2 },
                                                     { "--spacing", 2 },
-                                                    { "--window", 2 } };
+                                                    { "--window", 2 },
+                                                    { "--wl", 2 } };
 
   const auto isNumber = [](const std::string & text) {
     double number = 0.0;
     return CLI::detail::lexical_cast(text, number);
   };
+  // the numbers of a text, none if there is anything else in it
+  const auto split = [&isNumber](std::string text) {
+    std::replace(text.begin(), text.end(), ',', ' ');
+    std::istringstream       words(text);
+    std::vector<std::string> numbers;
+    for (std::string word; words >> word;)
+    {
+      if (!isNumber(word))
+      {
+        return std::vector<std::string>();
+      }
+      numbers.push_back(word);
+    }
+    return numbers;
+  };
   std::vector<std::string> arguments;
   for (int n = 1; n < argc; ++n)
   {
     const std::string argument = argv[n];
-    if (const auto option = most.find(argument); option != most.end())
+    const std::size_t equals = argument.find('=');
+    const auto        option = most.find(argument.substr(0, equals));
+    if (option != most.end() && equals != std::string::npos)
     {
-      std::string numbers;
-      for (std::size_t count = 0; count < option->second && n + 1 < argc && isNumber(argv[n + 1]); ++count)
+      const auto numbers = split(argument.substr(equals + 1));
+      arguments.push_back(numbers.empty() ? argument : option->first + '=' + CLI::detail::join(numbers, ","));
+    }
+    else if (option != most.end())
+    {
+      std::vector<std::string> numbers;
+      for (; numbers.size() < option->second && n + 1 < argc; ++n)
       {
-        numbers += (count > 0 ? "," : "") + std::string(argv[++n]);
+        const std::string text = argv[n + 1];
+        const auto        more = split(text);
+        if (more.empty() && (numbers.empty() || text != ","))
+        {
+          break;
+        }
+        numbers.insert(numbers.end(), more.begin(), more.end());
       }
       arguments.push_back(argument);
       if (!numbers.empty())
       {
-        arguments.push_back(numbers);
+        arguments.push_back(CLI::detail::join(numbers, ","));
       }
     }
     else
@@ -741,6 +780,7 @@ Reword(const CLI::App & app, const CLI::ParseError & error)
   text = std::regex_replace(
     text, std::regex("At [Mm]ost (\\d+) required but received (\\d+)"), "at most $1 can be given, not $2");
   text = std::regex_replace(text, std::regex("1 required (.*) missing"), "a value is needed, $1");
+  text = std::regex_replace(text, std::regex("(, \\w+):\\w+ in \\[.*"), "$1");
   text = std::regex_replace(text, std::regex("^--output"), "OUTPUT");
   text = std::regex_replace(text, std::regex("a value is needed, TEXT"), "a value is needed");
   return dynamic_cast<const CLI::RequiredError *>(&error) ? text + "; see --help" : text;

@@ -60,6 +60,23 @@ ToLower(std::string text)
 }
 
 std::string
+FindName(const std::string & text, const std::vector<std::string> & names)
+{
+  const std::string word = ToLower(text);
+  std::string       found;
+  std::size_t       count = 0;
+  for (const std::string & name : names)
+  {
+    if (!word.empty() && name.compare(0, word.size(), word) == 0)
+    {
+      found = name;
+      count += 1;
+    }
+  }
+  return count == 1 ? found : "";
+}
+
+std::string
 Suggest(const std::string & text, const std::vector<std::string> & words)
 {
   const std::string word = ToLower(text.substr(0, 100));

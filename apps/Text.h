@@ -33,6 +33,10 @@ Trim(const std::string & text);
 std::string
 ToLower(std::string text);
 
+/** The one of \a names that \a text is, in capitals too, or that alone begins so; empty if there is none. */
+std::string
+FindName(const std::string & text, const std::vector<std::string> & names);
+
 /** "; did you mean 'x'?" for the word that is nearest to \a text, or nothing if none is near. */
 std::string
 Suggest(const std::string & text, const std::vector<std::string> & words);

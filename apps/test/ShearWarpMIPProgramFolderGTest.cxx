@@ -109,11 +109,11 @@ TEST_F(ShearWarpMIPProgramFolder, ListsItsSeries)
                     { { "0008|0005", "ISO_IR 100" },
                       { "0008|103e",
                         "Sch\xe4"
-                        "del" },
+                        "del\x9b" },
                       { "0008|0021", "20230101" } });
   const std::string head = "2: Head DWI, MR, 2024-01-31, 2 images; 3: Head MRA, MR, 2024-01-31, 3 images";
   const std::string all = "1: Sch\xc3\xa4"
-                          "del, MR, 2023-01-01, 4 images; " +
+                          "del?, MR, 2023-01-01, 4 images; " +
                           head + "; 4: MR, 2024-02-01, 1 image\n";
   this->ExpectFailure("dicom out.png",
                       "shear-warp-mip: 'dicom' has several DICOM series, choose one by --series NUMBER: " + all);

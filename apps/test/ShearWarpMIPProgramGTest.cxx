@@ -337,6 +337,39 @@ TEST_F(ShearWarpMIPProgram, TellsWhatItDoes)
   }
 }
 
+TEST_F(ShearWarpMIPProgram, KnowsTheTerminal)
+{
+  if (std::system("script -qec true /dev/null >/dev/null 2>&1 </dev/null") != 0)
+  {
+    GTEST_SKIP() << "no program script, which makes a terminal";
+  }
+  const auto see = [this](const std::string & arguments) {
+    std::ofstream(m_Folder / "call") << "stty cols 70; '" SHEAR_WARP_MIP_PROGRAM "' " + arguments;
+    const Result result = this->Run("", "script -qec 'sh call' /dev/null </dev/null >seen; true");
+    EXPECT_NE(result.status, -1);
+    return ReadText(m_Folder / "seen");
+  };
+  std::istringstream help(see("--help"));
+  std::size_t        widest = 0;
+  for (std::string line; std::getline(help, line);)
+  {
+    widest = std::max(widest, line.substr(0, line.find('\r')).size());
+  }
+  EXPECT_GT(widest, 60u);
+  EXPECT_LE(widest, 70u);
+
+  const std::string clear = "\r\033[K";
+  const std::string turn = see("in.nrrd out.nrrd --frames 2");
+  for (const std::string step : { "reading in.nrrd", "projecting", "writing out.nrrd" })
+  {
+    EXPECT_NE(turn.find(clear + step + clear), std::string::npos) << step << " in " << turn;
+  }
+  EXPECT_EQ(turn.rfind(clear), turn.size() - clear.size());
+  const std::string slow = see("in.nrrd out.nrrd --frames 80 --exact --spacing 0.05 --threads 1");
+  EXPECT_NE(slow.find(" of 80" + clear), std::string::npos);
+  EXPECT_NE(see("none.nrrd out.nrrd").find(clear + "shear-warp-mip: 'none.nrrd' does not exist"), std::string::npos);
+}
+
 TEST_F(ShearWarpMIPProgram, WritesPhantom)
 {
   this->ExpectSuccess("--write-phantom one.mha");
@@ -382,6 +415,12 @@ TEST_F(ShearWarpMIPProgram, TakesWhatPeopleWrite)
     { "--mode maximum in.nrrd a.png", "--mode mip -o b.png in.nrrd" },
     { "in.nrrd a.png", "--output b.png in.nrrd" },
     { "--spacing 0.5,0.8 in.nrrd a.png", "--spacing 0.5 0.8 in.nrrd b.png" },
+    { "--spacing 0.5,0.8 in.nrrd a.png", "--spacing 0.5, 0.8 in.nrrd b.png" },
+    { "--spacing 0.5,0.8 in.nrrd a.png", "'--spacing=0.5, 0.8' in.nrrd b.png" },
+    { "--slab -1,3 in.nrrd a.png", "--slab -1 , 3 in.nrrd b.png" },
+    { "--crop -90,90,-90,20,-90,90 in.nrrd a.png", "--crop '-90 90 -90 20 -90 90' in.nrrd b.png" },
+    { "--crop -90,90,-90,20,-90,90 in.nrrd a.png", "--crop -90,90 -90,20 -90,90 in.nrrd b.png" },
+    { "--crop -inf,inf,-.5,inf,-inf,inf in.nrrd a.png", "--crop -inf inf -.5, inf, -inf inf in.nrrd b.png" },
     { "--spacing .5 in.nrrd a.png", "--spacing=.5 in.nrrd b.png" },
     { "--size 40,30 in.nrrd a.png", "in.nrrd b.png --size 40 30" },
     { "--window -20,100 in.nrrd a.png", "--window -20 100 in.nrrd b.png" },
@@ -391,6 +430,8 @@ TEST_F(ShearWarpMIPProgram, TakesWhatPeopleWrite)
     { "--window 0 600 in.nrrd a.png --azimuth 3", "--window=angio --azimuth 3 in.nrrd b.png" },
     { "--window 0 600 --spacing 0.5 --slab 0 3 in.nrrd a.png --threads 1",
       "--spacing 0.5 in.nrrd b.png --window 0 600 --slab 0 3" },
+    { "--window 0 80 in.nrrd a.png", "--window Br in.nrrd b.png" },
+    { "--frames 3 --axis left in.nrrd a.nrrd", "--frames 3 --axis L in.nrrd b.nrrd" },
     { "--window 0 80 in.nrrd a.png", "--window BRAIN in.nrrd b.png" },
     { "--window 0 10 in.nrrd a.png", "--window pet in.nrrd b.png" },
     { "--slab -inf,-.5 in.nrrd a.png", "--slab -inf -.5 in.nrrd b.png" },
@@ -423,6 +464,14 @@ TEST_F(ShearWarpMIPProgram, SaysWhatHasNoEffect)
   expectNote("in.nrrd a.nrrd --window 3 4 --dicom-out out", "");
   expectNote("in.nrrd a.png --frames 2 --rate 5", "--rate has no effect: 'a.png' does not play");
   expectNote("in.nrrd a.html --frames 2 --rate 5", "");
+  expectNote("in.nrrd dicom/ --rate 5 --frames 2", "--rate has no effect: 'dicom/' does not play");
+  expectNote("in.nrrd a.nrrd --no-labels", "--no-labels has no effect: 'a.nrrd' has no letters");
+  expectNote("in.nrrd a.nrrd --annotate", "--annotate has no effect: 'a.nrrd' has no annotations");
+  expectNote("in.nrrd a.html --annotate", "--annotate has no effect: 'a.html' has scale bar and angles anyway");
+  expectNote("in.nrrd a.png --annotate", "--annotate has no effect: 'a.png' has less than 48 pixels along one side");
+  expectNote("in.nrrd a.png --annotate --size 48 48", "");
+  expectNote("in.nrrd a.html --no-labels", "");
+  expectNote("in.nrrd a.nrrd --no-labels --annotate --depth-color depth.png", "");
 }
 
 TEST_F(ShearWarpMIPProgram, AnswersWrongCalls)
@@ -441,6 +490,8 @@ TEST_F(ShearWarpMIPProgram, AnswersWrongCalls)
     { "in.nrrd out.png -30 -.5", "-30 -.5 is not expected; see --help" },
     { "in.nrrd out.png --$(printf %0120000d 30)", "--0000" },
     { "in.nrrd out.png --azimuth", "--azimuth: a value is needed, DEGREES" },
+    { "in.nrrd out.png --frames", "--frames: a value is needed, N\n" },
+    { "in.nrrd out.png --slab 1, far", "--slab: " },
     { "in.nrrd out.png --azimuth $(printf %0120000d 30)x", "--azimuth: '0000" },
     { "in.nrrd out.png --azimuth 30deg", "--azimuth: '30deg' is not a finite angle" },
     { "in.nrrd out.png --azimuth -inf", "--azimuth: '-inf' is not a finite angle" },
@@ -455,7 +506,10 @@ TEST_F(ShearWarpMIPProgram, AnswersWrongCalls)
     { "in.nrrd out.png --axis 0 0 0 --frames 2", "The axis must be finite and not zero" },
     { "in.nrrd out.png --window 7", "--window: '7' is not two finite numbers LOW HIGH, nor one of angio, bone" },
     { "in.nrrd out.png --window 7 8 9", "9 is not expected; see --help" },
-    { "in.nrrd out.png --window bones", "--window: 'bones' is not two finite numbers" },
+    { "in.nrrd out.png --window bones",
+      "--window: 'bones' is not two finite numbers LOW HIGH, nor one of angio, bone, brain, lung, pet; did you mean "
+      "'bone'?" },
+    { "in.nrrd out.png --window b", "--window: 'b' is not two finite numbers" },
     { "in.nrrd out.png --window bone,lung", "--window: 'bone lung' is not two finite numbers" },
     { "in.nrrd out.png --window 0 inf", "--window: '0 inf' is not two finite numbers" },
     { "in.nrrd out.png --window bone --wl 40 80", "--w" },
@@ -483,6 +537,9 @@ TEST_F(ShearWarpMIPProgram, AnswersWrongCalls)
     { "in.nrrd out.png --dicom-out in.nrrd", "'in.nrrd' is there already; a DICOM series needs an empty folder" },
     { "in.nrrd out.png --transform in.nrrd", "'in.nrrd' is not a transform that ITK can read" },
     { "in.nrrd out.png --depth out.jpg", "--depth: 'out.jpg' must have one of the extensions .mha .nrrd .nii .nii.gz" },
+    { "in.nrrd out.dcm",
+      "OUTPUT: 'out.dcm' must have one of the extensions .mha .nrrd .nii .nii.gz .png .jpg .jpeg "
+      ".tif .tiff .gif .apng .mp4 .html; --dicom-out writes DICOM" },
     { "in.nrrd .", "'.' is there already; a DICOM series needs an empty folder" },
     { "in.nrrd -", "OUTPUT: '-' must have one of the extensions" },
     { "- out.png", "'-' does not exist" }

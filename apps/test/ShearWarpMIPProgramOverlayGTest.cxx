@@ -543,9 +543,9 @@ TEST_F(ShearWarpMIPProgramOverlay, RefusesWhatIsNotPossible)
   {
     this->ExpectFailure("in.nrrd out.png --" + option, "--overlay");
   }
-  for (const std::string output : { "out.nrrd", "out.nii.gz", "out.html", "out.nrrd --in-place" })
+  for (const std::string output : { "out.nrrd", "out.nii.gz", "out.nrrd --in-place" })
   {
-    this->ExpectFailure("in.nrrd " + output + " --overlay pet.nrrd", "--overlay is for pictures and animations");
+    this->ExpectFailure("in.nrrd " + output + " --overlay pet.nrrd", "--overlay is for what is looked at");
   }
   fs::copy(m_Folder / "pet.nrrd", m_Folder / "picture.png");
   fs::create_hard_link(m_Folder / "pet.nrrd", m_Folder / "same.png");
