@@ -488,8 +488,12 @@ DefineOptions(CLI::App & app, Options & options)
     ->needs(overlay)
     ->type_name("FILE")
     ->group("Overlay");
-  app.add_option("--overlay-color,--overlay-colour", options.overlayColour, "Colour map of the overlay")
-    ->transform(Choice(GetKeys(colourMaps)))
+  app
+    .add_option("--overlay-color,--overlay-colour",
+                options.overlayColour,
+                "Colour map of the overlay: " + CLI::detail::join(GetKeys(colourMaps), ", "))
+    ->transform(Choice(GetKeys(colourMaps)).description(""))
+    ->type_name("NAME")
     ->capture_default_str()
     ->needs(overlay)
     ->group("Overlay");

@@ -192,10 +192,10 @@ TEST_F(ShearWarpMIPProgramOverlay, BlendsOnThePicturesGrid)
                                  const std::function<void(OverlayFilterType &)> & setUp) {
     SCOPED_TRACE(where + how);
     const std::string view = " --azimuth 20 --elevation 10 ";
-    this->ExpectSuccess("in.nrrd base.png --window 10 110" + view + where);
+    this->ExpectSuccess("in.nrrd base.png --no-labels --window 10 110" + view + where);
     this->ExpectSuccess("in.nrrd grid.nrrd" + view + where);
-    this->ExpectSuccess("in.nrrd out.png --window 10 110 --overlay pet.nrrd --overlay-window 1 4.5" + view + where +
-                        how);
+    this->ExpectSuccess("in.nrrd out.png --no-labels --window 10 110 --overlay pet.nrrd --overlay-window 1 4.5" + view +
+                        where + how);
     this->ExpectBlended(this->ProjectOverlay(transform, this->Read("grid.nrrd"), setUp), 1.0, 4.5, opacity);
   };
   const auto asIs = [](OverlayFilterType &) {};
@@ -281,11 +281,13 @@ TEST_F(ShearWarpMIPProgramOverlay, LiesWhereInputDoes)
   this->WriteImage<LabelType>(point, "other.nrrd");
 
   const std::string options = " --frames 10 --axis 1,2,-1 --elevation 13 --spacing 0.4 --window 0 1000 ";
-  this->ExpectSuccess("point.nrrd base.png" + options);
+  this->ExpectSuccess("point.nrrd base.png --no-labels" + options);
   this->ExpectSuccess(
-    "point.nrrd out.png --overlay other.nrrd --overlay-window 0 200 --opacity 1 --overlay-colour green" + options);
+    "point.nrrd out.png --no-labels --overlay other.nrrd --overlay-window 0 200 --opacity 1 --overlay-colour green" +
+    options);
   this->ExpectSuccess(
-    "point.nrrd gone.png --overlay other.nrrd --overlay-window 0 200 --opacity 1 --overlay-colour blue" + options);
+    "point.nrrd gone.png --no-labels --overlay other.nrrd --overlay-window 0 200 --opacity 1 --overlay-colour blue" +
+    options);
   const auto findCentroid = [](const std::vector<double> & values, std::size_t width) {
     double sum = 0.0;
     double column = 0.0;
@@ -534,7 +536,8 @@ TEST_F(ShearWarpMIPProgramOverlay, RefusesWhatIsNotPossible)
   {
     this->ExpectFailure("in.nrrd out.png --overlay pet.nrrd --opacity " + opacity, "is not a number from 0 to 1");
   }
-  this->ExpectFailure("in.nrrd out.png --overlay pet.nrrd --overlay-colour rainbow", "--overlay-colour");
+  this->ExpectFailure("in.nrrd out.png --overlay pet.nrrd --overlay-colour rainbow",
+                      "--overlay-color: 'rainbow' is not one of autumn, blue");
   this->ExpectFailure("in.nrrd out.png --overlay pet.nrrd --overlay-window 4 4", "--overlay-window: LOW must be less");
   this->ExpectFailure("in.nrrd out.png --overlay pet.nrrd --overlay-window 4", "--overlay-window");
   this->ExpectFailure("in.nrrd out.png --overlay pet.nrrd --overlay-window 0 inf", "--overlay-window");
@@ -655,7 +658,7 @@ TEST_F(ShearWarpMIPProgramSegments, OutlinesBalls)
     std::ostringstream view;
     view << " --spacing 0.25 --elevation 20 --azimuth " << azimuth;
     this->ExpectSuccess("in.nrrd grid.nrrd" + view.str());
-    this->ExpectSuccess("in.nrrd out.png --segments balls.seg.nrrd" + view.str());
+    this->ExpectSuccess("in.nrrd out.png --no-labels --segments balls.seg.nrrd" + view.str());
     const auto grid = this->Read("grid.nrrd");
     const auto toView = this->MakeTransform(Direction::Anterior, azimuth, 20.0)->GetInverseTransform();
     for (std::size_t ball = 0; ball < 2; ++ball)
