@@ -17,7 +17,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itk_shearwarpmip import _save
-from itk_shearwarpmip._inputs import describe, is_of, make_count, make_numbers, make_view, open_image, place, take
+from itk_shearwarpmip._inputs import (
+    describe,
+    is_chunked,
+    is_of,
+    make_count,
+    make_numbers,
+    make_view,
+    open_image,
+    place,
+    take,
+)
 from itk_shearwarpmip._labels import get_matrix
 from itk_shearwarpmip._views import make_transform
 
@@ -110,8 +120,8 @@ def mip(
     All but the view, background, oversampling and the grid is for volumes in memory.
 
     Returns a 2D itk.Image whose spacing and origin lie in the view plane, in mm, and which a notebook shows; its entry
-    "Background" is that value, its attribute `view` the 4 x 4 matrix of the view. For an array an array of its package, for a SimpleITK.Image or an xarray.DataArray one of
-    these. With `depth` a tuple: the picture and its depths.
+    "Background" is that value, its attribute `view` the 4 x 4 matrix of the view. For an array an array of its package,
+    for a SimpleITK.Image or an xarray.DataArray one of these. With `depth` a tuple: the picture and its depths.
 
     What is prepared for an itk.Image is kept while it lives: further views of the same one are faster. Where its voxels
     are changed in memory, call its method Modified(). Arrays are always read anew.
@@ -173,7 +183,15 @@ class Turn:
         """The values that are shown black and white. It can be set."""
         return _save.find_window(self.frames)
 
-    def save(self, path: str | os.PathLike[str], **options: Any) -> None:
+    def save(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        rate: float | None = None,
+        window: tuple[float, float] | None = None,
+        labels: bool = True,
+        annotate: bool = False,
+    ) -> None:
         """Writes the frames as the program shear-warp-mip does.
 
         path: its ending says what is written. A file appears when it is complete; after an error, what was there before
@@ -183,17 +201,16 @@ class Turn:
             .png: a picture of 8 bits for each frame: turn-000.png, turn-001.png and so on.
             .nrrd, .nii, .nii.gz, .mha: the values, a stack of the frames with spacing and origin in mm.
             none: a DICOM series, one file for each frame, in a folder that is new or empty; needs pydicom.
-        options:
-            rate: frames per second of pages and animations, from 0.1 to 100; by default the turn in four seconds.
-            window: values that become black and white, (low, high); by default `window`, in DICOM the source's.
-            labels: False for pictures and animations without letters; a page hides them at first. See save_png().
-            annotate: True for pictures and animations with a scale bar and with the angles of each view.
+        rate: frames per second of pages and animations, from 0.1 to 100; by default the turn in four seconds.
+        window: values that become black and white, (low, high); by default `window`, in DICOM the source's.
+        labels: False for pictures and animations without letters; a page hides them at first. See save_png().
+        annotate: True for pictures and animations with a scale bar and with the angles of each view.
 
         Raises ValueError for another ending, a rate or window that is none, and a path that is not to be written;
         OSError for a folder that does not exist or cannot be written; RuntimeError without ffmpeg; ImportError without
         pydicom.
         """
-        _save.save_turn(self, path, **options)
+        _save.save_turn(self, path, rate=rate, window=window, labels=labels, annotate=annotate)
 
     def __repr__(self) -> str:
         frames, rows, columns = self.frames.shape
@@ -262,7 +279,8 @@ def turn(
     def set_turn(made: Any, image: Any) -> None:
         made.ClearTransforms()
         made.SetTransform(make_transform(image, view, azimuth, elevation))
-        if transforms is not None and not (isinstance(transforms, Sequence | np.ndarray) and len(transforms)):
+        is_list = isinstance(transforms, Sequence | np.ndarray) and not isinstance(transforms, str)
+        if transforms is not None and not (is_list and len(transforms)):
             raise ValueError(f"transforms must be a list of views, but it is {transforms!r}")
         for each in [] if transforms is None else transforms:
             made.AddTransform(make_transform(image, each))
@@ -345,7 +363,8 @@ class _Filters:
         """The picture of a filter, and its depths or None."""
         image: Any = self._image()
         background = parameters.background
-        set_parameters(made, parameters, self._find_lowest() if background == "auto" else background)
+        is_auto = isinstance(background, str) and background == "auto"
+        set_parameters(made, parameters, self._find_lowest() if is_auto else background)
         threads = parameters.number_of_threads
         made.SetNumberOfWorkUnits(self._threads if threads is None else make_count("number_of_threads", threads))
         # its voxels live while this does
@@ -560,24 +579,6 @@ def _get_start(image: Any) -> Any:
     return image.GetLargestPossibleRegion().GetIndex()
 
 
-def is_chunked(source: Any) -> bool:
-    """Whether a source is for Dask."""
-    if isinstance(source, str | os.PathLike):
-        path = Path(source)
-        names = (".zgroup", ".zattrs", "zarr.json")
-        return (
-            "://" in str(source)
-            or ".zarr" in path.suffixes
-            or path.suffix == ".zip"
-            or any((path / name).exists() for name in names)
-        )
-    if is_of(source, "xarray", "DataArray"):
-        source = source.variable._data
-    return (
-        is_of(source, "dask", "Array") or is_of(source, "zarr", "Group") or is_of(source, "itk_shearwarpmip", "Volume")
-    )
-
-
 def _open_chunks(source: Any, parameters: Parameters, where: Any) -> Any:
     from itk_shearwarpmip import open_volume
 
@@ -618,7 +619,10 @@ def _project_chunks_turning(source: Any, set_turn: Any, parameters: Parameters, 
 
 def show_itself(picture: Any, background: float, source: Any, view: Any = None) -> Any:
     """The same itk.Image, the projection of an image or a Volume, with what its display needs."""
-    picture["Background"] = float(background)
+    # ITK would make a number of single precision
+    entry = itk.MetaDataObject[itk.D].New()
+    entry.SetMetaDataObjectValue(float(background))
+    picture.GetMetaDataDictionary().Set("Background", entry)
     shown = type(picture).New()
     # the method of a picture that nobody keeps has the pixels
     shown.Graft(picture)

@@ -75,6 +75,11 @@ def open_image(
     if series is not None and not (isinstance(source, str | os.PathLike) and os.path.isdir(source)):
         raise ValueError("series is for a DICOM folder")
     if isinstance(source, str | os.PathLike):
+        if is_chunked(source):
+            raise ValueError(
+                f"'{source}' is an OME-Zarr or a URL, which only mip() and turn() take: give "
+                "open_volume(source, level=...).array.compute(), with spacing, origin and direction"
+            )
         source = _read(Path(source), series)
     _bring_up_to_date(source)
     if type(source) in _find_image_types() and spacing is None and origin is None and direction is None:
@@ -170,15 +175,36 @@ def take(source: Any) -> Placed:
     # other objects of ITK may have an array too
     is_array = hasattr(source, "__array__") or hasattr(source, "__dlpack__")
     if isinstance(source, itk.Object) or is_of(source, "zarr", "Array") or isinstance(source, type) or not is_array:
+        hint = "an array of its voxels, with spacing, origin and direction"
+        if isinstance(source, itk.ProcessObject):
+            hint = "its output, GetOutput()"
         raise TypeError(
             "a volume is the path of an image, a 3D itk.Image of scalars, a SimpleITK.Image, an image of nibabel, an "
             "xarray.DataArray, an array of Dask, NumPy or PyTorch, or an OME-Zarr, but this is a "
-            f"{type(source).__module__}.{type(source).__qualname__}: give an array of its voxels, with spacing, origin and direction"
+            f"{type(source).__module__}.{type(source).__qualname__}: give {hint}"
         )
     try:
         return Placed(np.asarray(source) if hasattr(source, "__array__") else np.from_dlpack(source))
     except (TypeError, RuntimeError, BufferError, ValueError) as error:
         raise TypeError(f"NumPy cannot take this array, which must be in the computer's memory: {error}") from error
+
+
+def is_chunked(source: Any) -> bool:
+    """Whether a source is for Dask."""
+    if isinstance(source, str | os.PathLike):
+        path = Path(source)
+        names = (".zgroup", ".zattrs", "zarr.json")
+        return (
+            "://" in str(source)
+            or ".zarr" in path.suffixes
+            or path.suffix == ".zip"
+            or any((path / name).exists() for name in names)
+        )
+    if is_of(source, "xarray", "DataArray"):
+        source = source.variable._data
+    return (
+        is_of(source, "dask", "Array") or is_of(source, "zarr", "Group") or is_of(source, "itk_shearwarpmip", "Volume")
+    )
 
 
 def is_of(instance: Any, package: str, name: str) -> bool:
@@ -290,7 +316,10 @@ def _take_data_array(source: Any) -> Placed:
         raise ValueError("the coordinates of a DataArray must have the same units: convert them")
     steps, origin = [], []
     for name in "xyz":
-        places = np.asarray(source.coords[name] if name in source.coords else range(source.sizes[name]), dtype=float)
+        places = np.asarray(source.coords[name] if name in source.coords else range(source.sizes[name]))
+        if places.dtype.kind not in "iuf":
+            raise TypeError(f"the coordinates of a DataArray must be numbers, but those of {name} are {places.dtype}")
+        places = places.astype(float)
         if not places.size:
             raise ValueError(f"a volume must not be empty, but this one has the shape {source.shape}")
         step = (places[-1] - places[0]) / (places.size - 1) if places.size > 1 else 1.0
@@ -307,7 +336,7 @@ def _take_data_array(source: Any) -> Placed:
     has_direction = direction is not None
     if has_direction:
         # ITK's conversion keeps it for z, y, x
-        direction = np.flip(np.asarray(direction, float))
+        direction = np.flip(_make_direction(direction))
     if min(steps) < 0:
         if has_direction and not np.array_equal(direction, np.eye(3)):
             raise ValueError(

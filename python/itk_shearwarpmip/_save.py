@@ -11,6 +11,7 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from importlib import resources
+from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -168,10 +169,15 @@ def save_png(
         oblique side (LAO, RAO) and to cranial or caudal (CRA, CAU).
 
     Raises ValueError for another ending than .png, for a window that is none and for a picture that is not of mip() with
-    `annotate`; OSError if it cannot be written.
+    `annotate`; TypeError for other objects, as arrays; OSError if it cannot be written.
     """
     if Path(path).suffix != ".png":
         raise ValueError(f"'{path}' must end in .png: itk.imwrite() writes the values")
+    if not isinstance(picture, itk.Object) or not hasattr(picture, "GetImageDimension"):
+        raise TypeError(
+            f"a picture is an itk.Image, but this is a {type(picture).__module__}.{type(picture).__qualname__}: of an array "
+            "mip(open_image(array, spacing=...)) gives one"
+        )
     if itk.array_view_from_image(picture).ndim != 2:
         raise ValueError(f"a picture has 2 dimensions, but this one has {picture.GetImageDimension()}: see Turn.save()")
     if annotate and not hasattr(picture, "view"):
@@ -296,8 +302,8 @@ def _get_pixels(turn: "Turn") -> NDArray[Any]:
 def _get_rate(rate: float | None, frames: int) -> float:
     if rate is None:
         return min(max(math.floor(frames / 4 + 0.5), 5), 25)
-    if not 0.1 <= rate <= 100.0:
-        raise ValueError(f"rate must be from 0.1 to 100 frames per second, but it is {rate}")
+    if not isinstance(rate, Real) or not 0.1 <= rate <= 100.0:
+        raise ValueError(f"rate must be from 0.1 to 100 frames per second, but it is {rate!r}")
     return rate
 
 

@@ -9,6 +9,7 @@ import sys
 import threading
 import weakref
 from pathlib import Path
+from types import SimpleNamespace
 
 import itk
 import itk_shearwarpmip
@@ -21,6 +22,7 @@ from conftest import NO_LABELS, PROGRAM
 from IPython.core.formatters import DisplayFormatter
 from itk_shearwarpmip import Turn, mip, open_image, save_png, turn
 from itk_shearwarpmip._front import _FILTERS
+from itk_shearwarpmip._save import find_window, find_window_of
 
 Enums = itk.ShearWarpMIPImageFilterEnums
 
@@ -67,6 +69,13 @@ class ArrayLike:
 
     def __array__(self, dtype=None, copy=None):
         return np.asarray(self._array, dtype)
+
+
+class OfItsOwn(ArrayLike):
+    """Of a package with the functions of the array API."""
+
+    def __array_namespace__(self, *, api_version=None):
+        return SimpleNamespace(asarray=OfItsOwn)
 
 
 class Exchanged:
@@ -546,6 +555,7 @@ def test_results_are_of_the_kind_that_came_in(image, tmp_path):
         picture, depths = mip(source, depth=True, **where)
         assert type(picture) is expected.get(kind, itk.Image[itk.SS, 2])
         assert type(depths) is expected.get(kind, itk.Image[itk.F, 2])
+    assert type(mip(OfItsOwn(itk.array_from_image(image)))) is OfItsOwn
     assert mip(itk.xarray_from_image(image)).coords["x"].values == pytest.approx(
         np.array([mip(image).TransformIndexToPhysicalPoint([n, 0])[0] for n in range(mip(image).shape[1])])
     )
@@ -594,6 +604,7 @@ BAD = {
     "None": (lambda call: call(None), TypeError, "but this is a builtins.NoneType"),
     "list": (lambda call: call(SHORTS.tolist()), TypeError, "this is a builtins.list: give an array"),
     "class": (lambda call: call(np.ndarray), TypeError, "this is a builtins.type"),
+    "filter": (lambda call: call(itk.MedianImageFilter.New(IMAGE)), TypeError, r"give its output, GetOutput\(\)"),
     "4D nibabel": (
         lambda call: call(nibabel.Nifti1Image(np.ones((2, 3, 4, 5)), np.eye(4))),
         ValueError,
@@ -611,6 +622,16 @@ BAD = {
         lambda call: call(xarray.DataArray(SHORTS, dims=list("zyx"), coords={"z": [2, 2, 2]})),
         ValueError,
         "go in equal steps, but those of z",
+    ),
+    "dates as coordinates": (
+        lambda call: call(xarray.DataArray(SHORTS, dims=list("zyx"), coords={"z": np.arange(3).astype("M8[D]")})),
+        TypeError,
+        "must be numbers, but those of z are datetime64",
+    ),
+    "words as a direction in attributes": (
+        lambda call: call(xarray.DataArray(SHORTS, dims=list("zyx"), attrs={"direction": "RAS"})),
+        ValueError,
+        "direction must be 3 x 3 finite numbers, but it is 'RAS'",
     ),
     "descending coordinates with a direction": (
         lambda call: call(itk.xarray_from_image(TURNED).isel(y=slice(None, None, -1))),
@@ -643,12 +664,18 @@ BAD = {
     "crop": (lambda call: call(IMAGE, crop=(1, 2, 3, 4, 5, 6)), ValueError, "crop must be two corners"),
     "mask's shape": (lambda call: call(IMAGE, mask=SHORTS[1:]), ValueError, "shape .* Resample an image"),
     "mask's type": (lambda call: call(IMAGE, mask=SHORTS * 0.5), TypeError, "whole numbers"),
+    "OME-Zarr as a mask": (
+        lambda call: call(IMAGE, mask="cells.ome.zarr"),
+        ValueError,
+        "is an OME-Zarr or a URL, which only",
+    ),
     "label alone": (lambda call: call(IMAGE, mask_label=1), ValueError, "mask_label is for a mask"),
     "label": (lambda call: call(IMAGE, mask=SHORTS, mask_label=0), ValueError, "mask_label must be a whole"),
     "exact mask": (lambda call: call(IMAGE, mask=SHORTS, exact=True), ValueError, "exact pictures have no mask"),
     "fading": (lambda call: call(IMAGE, attenuation=-1), ValueError, "attenuation must be finite and not negative"),
     "local maximum": (lambda call: call(IMAGE, local_maximum=1.5), ValueError, "local_maximum must be whole"),
     "background": (lambda call: call(IMAGE, background=70000), ValueError, "background must be whole"),
+    "backgrounds": (lambda call: call(IMAGE, background=np.arange(2)), ValueError, "background must be whole"),
     "oversampling": (lambda call: call(IMAGE, oversampling=3), ValueError, "oversampling must be 1 or 2"),
     "output spacing": (lambda call: call(IMAGE, output_spacing=0), ValueError, "output_spacing must be positive"),
     "size": (lambda call: call(IMAGE, size=5), ValueError, "size must be two whole numbers"),
@@ -669,6 +696,7 @@ BAD_TURN = {
     "range": ({"angular_range": np.inf}, "angular_range must be finite"),
     "start": ({"start_angle": "a"}, "start_angle cannot be 'a'"),
     "transforms": ({"transforms": []}, "transforms must be a list of views"),
+    "one transform": ({"transforms": "left"}, "transforms must be a list of views, but it is 'left'"),
 }
 
 
@@ -810,6 +838,19 @@ def test_label_map_of_simpleitk_is_refused():
         mip(SimpleITK.Image([3, 4, 5], SimpleITK.sitkLabelUInt8))
 
 
+def test_background_of_double_precision():
+    voxels = np.random.default_rng(5).normal(0, 100, (5, 6, 7))
+    # no number of single precision
+    voxels[0, 0, 0] = -1000.1
+    image = open_image(voxels)
+    for shown in (mip(image, azimuth=30), turn(image, azimuth=30, frames=2).frames):
+        pixels = np.asarray(shown)
+        assert shown["Background"] == -1000.1 and (pixels == -1000.1).any()
+        assert find_window(shown) == find_window_of(pixels, -1000.1)
+        assert find_window(shown)[0] > -500
+    assert mip(open_image(np.full((2, 3, 4), -1e308)))._repr_png_()
+
+
 def test_window_of_large_constants():
     low, high = turn(np.full((3, 4, 5), 1e20), frames=2).window
     assert low < high == 1e20
@@ -850,3 +891,8 @@ def test_picture_as_png(tmp_path):
     for window in ((3, 3), 5, (1, 2, 3), (0, np.inf)):
         with pytest.raises(ValueError, match="window must be two"):
             save_png(picture, path, window=window)
+    for other in (np.asarray(picture), (picture, picture), turn(SHORTS, frames=1), None):
+        with pytest.raises(
+            TypeError, match=r"a picture is an itk.Image, but this is a .*: of an array mip\(open_image"
+        ):
+            save_png(other, path)

@@ -527,7 +527,7 @@ def test_unknown_suffix(turn, tmp_path, name):
         _save.save_turn(turn, tmp_path / name)
 
 
-@pytest.mark.parametrize("rate", [0, -5, 100.1, float("nan")])
+@pytest.mark.parametrize("rate", [0, -5, 100.1, float("nan"), "fast"])
 def test_bad_rate(turn, tmp_path, rate):
     for call in (
         lambda: _save.save_turn(turn, tmp_path / "turn.nrrd", rate=rate),

@@ -177,6 +177,7 @@ def test_command(volume, tmp_path):
         (["none.nrrd"], "none.nrrd"),
         (["{}", "--view", "front"], "view must be one of anterior"),
         (["{}", "--overlay", "none.nrrd"], "none.nrrd"),
+        (["{}", "--series", "1.2"], "series is for a DICOM folder"),
         (["{}", "--window", "3", "2"], "the lower one first"),
         (["{}", "--host", "192.0.2.1"], "cannot be served at 192.0.2.1"),
     ],
