@@ -419,9 +419,7 @@ def set_parameters(made: Any, parameters: Parameters, background: Any) -> None:
     """Sets all that a filter has, but its views and its mask."""
     is_whole = isinstance(made.GetDefaultPixelValue(), int)
     set_background(made, background)
-    if not isinstance(parameters.mode, str) or parameters.mode not in MODES:
-        raise ValueError(f"mode must be one of {', '.join(MODES)}, but it is {parameters.mode!r}")
-    made.SetMode(getattr(itk.ShearWarpMIPImageFilterEnums, MODES[parameters.mode]))
+    made.SetMode(getattr(itk.ShearWarpMIPImageFilterEnums, MODES[check_mode(parameters.mode)]))
     near, far = (
         (-np.inf, np.inf) if parameters.slab is None else make_numbers("slab", parameters.slab, 2, is_finite=False)
     )
@@ -444,6 +442,12 @@ def set_parameters(made: Any, parameters: Parameters, background: Any) -> None:
     made.SetComputeDepth(bool(parameters.depth))
     made.SetExact(bool(parameters.exact))
     set_grid(made, parameters)
+
+
+def check_mode(mode: Any) -> str:
+    if not isinstance(mode, str) or mode not in MODES:
+        raise ValueError(f"mode must be one of {', '.join(MODES)}, but it is {mode!r}")
+    return mode
 
 
 def set_background(made: Any, background: Any) -> None:

@@ -11,6 +11,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,7 @@ try:
 except ImportError as error:
     raise ImportError("the viewer needs rendercanvas and Pillow: pip install itk-shearwarpmip[viewer]") from error
 
-from itk_shearwarpmip._front import MODES, _is_plain_array
+from itk_shearwarpmip._front import MODES, _is_plain_array, check_mode
 from itk_shearwarpmip._inputs import make_numbers, open_image
 from itk_shearwarpmip._save import check_window
 from itk_shearwarpmip._scene import Layer, Point, Scene, State, Window
@@ -139,7 +140,7 @@ class Viewer:
 
     @mode.setter
     def mode(self, mode: str) -> None:
-        self._change(mode=_check_mode(mode))
+        self._change(mode=check_mode(mode))
 
     @property
     def slab(self) -> tuple[float, float] | None:
@@ -603,12 +604,6 @@ def _write(value: Any) -> str:
     return f"[{', '.join(parts)}]" if parts and all(parts) else ""
 
 
-def _check_mode(mode: str) -> str:
-    if mode not in MODES:
-        raise ValueError(f"mode must be one of {', '.join(MODES)}, but it is {mode!r}")
-    return mode
-
-
 def _make_slab(slab: Sequence[float] | None) -> tuple[float, float] | None:
     if slab is None:
         return None
@@ -693,11 +688,11 @@ def show(
     >>> viewer.window = (0, 400)                         # doctest: +SKIP
     >>> viewer.snapshot("mip.png")                       # doctest: +SKIP
     """
-    _check_mode(mode)
+    check_mode(mode)
     if overlay is None and overlay_window is not None:
         raise ValueError("overlay_window is for an overlay")
-    if not 0 <= opacity <= 1:
-        raise ValueError(f"opacity must be 0 to 1, but it is {opacity}")
+    if not isinstance(opacity, Real) or not 0 <= opacity <= 1:
+        raise ValueError(f"opacity must be 0 to 1, but it is {opacity!r}")
     refused = {"mask", "attenuation", "local_maximum", "oversampling"} & {
         key
         for key, each in parameters.items()
