@@ -304,7 +304,7 @@ def _get_rate(rate: float | None, frames: int) -> float:
         return min(max(math.floor(frames / 4 + 0.5), 5), 25)
     if not isinstance(rate, Real) or not 0.1 <= rate <= 100.0:
         raise ValueError(f"rate must be from 0.1 to 100 frames per second, but it is {rate!r}")
-    return rate
+    return rate if isinstance(rate, int) else float(rate)
 
 
 def _get_window(turn: "Turn", window: Window | None) -> Window:

@@ -204,6 +204,7 @@ def test_page_goes_on_as_the_turn_does(image, parameters, loop):
 def test_rate_by_default_is_the_turn_in_four_seconds(rng, frames, rate):
     turn = make_turn(itk.image_from_array(rng.integers(0, 200, (3, 3, 3), np.uint8)), NumberOfFrames=frames)
     assert read_series(_save.make_page(turn))["rate"] == rate
+    assert read_series(_save.make_page(turn, rate=np.float32(rate)))["rate"] == rate
 
 
 def test_title_of_a_page(turn, tmp_path):
