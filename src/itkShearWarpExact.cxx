@@ -120,8 +120,9 @@ private:
   void
   FindExtrema(bool isMinimum, Extrema & extrema);
 
-  void
-  AddGuesses(std::size_t ray);
+  /** The slice that the nearest pixel of the guess had, or the ray's first one. */
+  RayPart
+  FindGuess(std::size_t ray) const;
 
   /** Whether voxels may make a ray of the tile better, from slice \a first to \a last. */
   bool
@@ -230,36 +231,20 @@ RaySearch<TPixel>::GetTile(std::ptrdiff_t tile, bool isMinimum, Extrema & extrem
            m_LeastLevels.data() + tile * CellRows * CellColumns };
 }
 
-/** Adds the slices that the pixels around the ray had. */
 template <typename TPixel>
-void
-RaySearch<TPixel>::AddGuesses(std::size_t ray)
+RayPart
+RaySearch<TPixel>::FindGuess(std::size_t ray) const
 {
-  const auto add = [&](double slice) {
-    m_Parts.push_back({ static_cast<std::int32_t>(ray), static_cast<std::int32_t>(slice) });
-  };
-  const std::size_t before = m_Parts.size();
-  std::int32_t      last = NoSlice;
-  for (int n = 0; n < 4; ++n)
+  const auto column = static_cast<std::ptrdiff_t>(std::floor(m_P[ray] + 0.5));
+  const auto row = static_cast<std::ptrdiff_t>(std::floor(m_Q[ray] + 0.5));
+  double     slice = std::floor(m_Begin[ray]);
+  if (row >= 0 && row < m_Guess.rows && column >= m_Guess.reached[row].begin && column < m_Guess.reached[row].end)
   {
-    const auto column = static_cast<std::ptrdiff_t>(std::floor(m_P[ray])) + n % 2;
-    const auto row = static_cast<std::ptrdiff_t>(std::floor(m_Q[ray])) + n / 2;
-    if (row < 0 || row >= m_Guess.rows || column < m_Guess.reached[row].begin || column >= m_Guess.reached[row].end)
-    {
-      continue;
-    }
-    const std::int32_t slice = m_Guess.slices[row * m_Guess.rowStride + column];
-    const auto         position = static_cast<double>(slice);
-    if (slice != NoSlice && slice != last && m_Begin[ray] <= position + 1.0 && position <= m_End[ray])
-    {
-      add(position);
-      last = slice;
-    }
+    const std::int32_t guess = m_Guess.slices[row * m_Guess.rowStride + column];
+    const auto         position = static_cast<double>(guess);
+    slice = guess != NoSlice && m_Begin[ray] <= position + 1.0 && position <= m_End[ray] ? position : slice;
   }
-  if (m_Parts.size() == before)
-  {
-    add(std::floor(m_Begin[ray]));
-  }
+  return { static_cast<std::int32_t>(ray), static_cast<std::int32_t>(slice) };
 }
 
 template <typename TPixel>
@@ -335,7 +320,7 @@ RaySearch<TPixel>::FindExtrema(bool isMinimum, Extrema & extrema)
     m_Parts.clear();
     for (std::size_t ray = first; ray < last; ++ray)
     {
-      this->AddGuesses(ray);
+      m_Parts.push_back(this->FindGuess(ray));
     }
     const TPixel least = m_Kernels.evaluateParts(m_View, tile, m_Parts.data(), m_Parts.size());
     tiles.push_back({ tile,
