@@ -73,7 +73,7 @@ std::vector<std::string>
 FindInstructionSets()
 {
   std::vector<std::string> found;
-  for (const std::string name : { "portable", "avx2", "avx512" })
+  for (const std::string name : { "portable", "generic", "avx2", "avx512" })
   {
     try
     {

@@ -93,8 +93,9 @@ public:
     return m_Engine.GetMeasurements().skippedFraction;
   }
 
-  /** The instruction set of the last update's kernels: "portable", "avx2" or "avx512". The fastest that the processor
-   * has is used, unless the environment variable SHEARWARPMIP_INSTRUCTION_SET names another. */
+  /** The instruction set of the last update's kernels: "portable", "generic" (the compiler's vectors), "avx2" or
+   * "avx512". The fastest that the processor has is used, unless the environment variable SHEARWARPMIP_INSTRUCTION_SET
+   * names another. */
   const std::string &
   GetInstructionSet() const
   {

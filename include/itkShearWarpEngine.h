@@ -66,11 +66,6 @@ operator<<(std::ostream & out, ShearWarpMIPImageFilterEnums::ReducedResampling v
 
 namespace ShearWarp
 {
-/** The instruction sets that this computer and this build have, the best one last. */
-ShearWarpMIP_EXPORT
-std::vector<std::string>
-GetInstructionSets();
-
 /** The computer's memory in bytes; what can be addressed if the system does not tell. */
 ShearWarpMIP_EXPORT
 double

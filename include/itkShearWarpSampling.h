@@ -22,6 +22,8 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <string>
+#include <vector>
 
 /** The rule of sampling, which every kernel keeps to the bit, and where slices lie in the intermediate image.
  *
@@ -88,6 +90,11 @@ struct SlicePlacement
     return row.whole + (row.fraction > One / 2);
   }
 };
+
+/** The instruction sets that this computer and this build have, the best one last. */
+ShearWarpMIP_EXPORT
+std::vector<std::string>
+GetInstructionSets();
 
 /** Where a part of a volume begins. */
 struct Corner

@@ -65,8 +65,6 @@ struct Lanes
   static Short MaximumUnsigned(Short maximum, Short v) { return _mm256_max_epu16(maximum, v); }
   static Short MinimumUnsigned(Short minimum, Short v) { return _mm256_min_epu16(minimum, v); }
   static bool AreEqual(Short a, Short b) { return _mm256_movemask_epi8(_mm256_cmpeq_epi16(a, b)) == -1; }
-  static Short InterleaveLow(Short a, Short b) { return _mm256_unpacklo_epi16(a, b); }
-  static Short InterleaveHigh(Short a, Short b) { return _mm256_unpackhi_epi16(a, b); }
 
   /** The lanes of b that have a bit, the others of a. */
   static Short Select(Short a, Short b, std::uint32_t lanes)
@@ -107,9 +105,13 @@ struct Lanes
   static std::uint32_t FindSet(const std::int16_t * p) { return static_cast<std::uint32_t>(_mm256_movemask_epi8(_mm256_permute4x64_epi64(_mm256_packs_epi16(Load(p), Load(p + ShortCount)), 0xD8))); }
   static std::uint32_t GetSigns(__m256 v) { return static_cast<std::uint32_t>(_mm256_movemask_ps(v)); }
   static std::uint32_t GetSigns(__m256d v) { return static_cast<std::uint32_t>(_mm256_movemask_pd(v)); }
+  /** Of the even and the odd columns; between rows alone of the halves of interleaved vectors. */
+  struct Sums { Int low, high; };
   static Int AddPairProducts(Int sum, Short a, Short b) { return _mm256_add_epi32(sum, _mm256_madd_epi16(a, b)); }
-  static Short PackEvenOdd(Int even, Int odd) { return _mm256_blend_epi16(_mm256_srli_epi32(even, 15), _mm256_slli_epi32(odd, 1), 0xAA); }
-  static Short PackInterleaved(Int low, Int high) { return _mm256_packs_epi32(_mm256_srai_epi32(low, 15), _mm256_srai_epi32(high, 15)); }
+  static Sums AddColumns(Sums sums, Short left, Short right, Short weights) { return { AddPairProducts(sums.low, left, weights), AddPairProducts(sums.high, right, weights) }; }
+  static Sums AddRows(Sums sums, Short above, Short below, Short weights) { return { AddPairProducts(sums.low, _mm256_unpacklo_epi16(above, below), weights), AddPairProducts(sums.high, _mm256_unpackhi_epi16(above, below), weights) }; }
+  static Short PackColumns(Sums sums) { return _mm256_blend_epi16(_mm256_srli_epi32(sums.low, 15), _mm256_slli_epi32(sums.high, 1), 0xAA); }
+  static Short PackRows(Sums sums) { return _mm256_packs_epi32(_mm256_srai_epi32(sums.low, 15), _mm256_srai_epi32(sums.high, 15)); }
 
   static Float Load(const float * p) { return _mm256_loadu_ps(p); }
   static void Store(float * p, Float v) { _mm256_storeu_ps(p, v); }
@@ -198,7 +200,6 @@ struct Lanes
   static Double Count(double first) { return _mm256_add_pd(_mm256_set1_pd(first), _mm256_setr_pd(0, 1, 2, 3)); }
   static Double AddDouble(Double a, Double b) { return _mm256_add_pd(a, b); }
   static Double MultiplyDouble(Double a, Double b) { return _mm256_mul_pd(a, b); }
-  static Double Floor(Double v) { return _mm256_floor_pd(v); }
   static bool AreWithin(Double v, double begin, double end) { return _mm256_movemask_pd(_mm256_and_pd(_mm256_cmp_pd(v, _mm256_set1_pd(begin), _CMP_GE_OQ), _mm256_cmp_pd(v, _mm256_set1_pd(end), _CMP_LT_OQ))) == 0xF; }
   static Index DoubleToIndex(Double v) { return _mm256_cvttpd_epi32(v); }
   static Double IndexToDouble(Index v) { return _mm256_cvtepi32_pd(v); }

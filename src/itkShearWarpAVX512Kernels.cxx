@@ -65,8 +65,6 @@ struct Lanes
   static Short MaximumUnsigned(Short maximum, Short v) { return _mm512_max_epu16(maximum, v); }
   static Short MinimumUnsigned(Short minimum, Short v) { return _mm512_min_epu16(minimum, v); }
   static bool AreEqual(Short a, Short b) { return _mm512_cmpeq_epi16_mask(a, b) == 0xFFFFFFFF; }
-  static Short InterleaveLow(Short a, Short b) { return _mm512_unpacklo_epi16(a, b); }
-  static Short InterleaveHigh(Short a, Short b) { return _mm512_unpackhi_epi16(a, b); }
 
   /** The lanes of b that have a bit, the others of a. */
   static Short Select(Short a, Short b, std::uint32_t lanes) { return _mm512_mask_blend_epi16(lanes, a, b); }
@@ -102,9 +100,13 @@ struct Lanes
   static std::uint32_t FindSet(const std::int16_t * p) { return _mm512_movepi16_mask(Load(p)); }
   static std::uint32_t GetSigns(__m512 v) { return _mm512_movepi32_mask(_mm512_castps_si512(v)); }
   static std::uint32_t GetSigns(__m512d v) { return _mm512_movepi64_mask(_mm512_castpd_si512(v)); }
+  /** Of the even and the odd columns; between rows alone of the halves of interleaved vectors. */
+  struct Sums { Int low, high; };
   static Int AddPairProducts(Int sum, Short a, Short b) { return _mm512_dpwssd_epi32(sum, a, b); }
-  static Short PackEvenOdd(Int even, Int odd) { return _mm512_mask_blend_epi16(0xAAAAAAAA, _mm512_srli_epi32(even, 15), _mm512_slli_epi32(odd, 1)); }
-  static Short PackInterleaved(Int low, Int high) { return _mm512_packs_epi32(_mm512_srai_epi32(low, 15), _mm512_srai_epi32(high, 15)); }
+  static Sums AddColumns(Sums sums, Short left, Short right, Short weights) { return { AddPairProducts(sums.low, left, weights), AddPairProducts(sums.high, right, weights) }; }
+  static Sums AddRows(Sums sums, Short above, Short below, Short weights) { return { AddPairProducts(sums.low, _mm512_unpacklo_epi16(above, below), weights), AddPairProducts(sums.high, _mm512_unpackhi_epi16(above, below), weights) }; }
+  static Short PackColumns(Sums sums) { return _mm512_mask_blend_epi16(0xAAAAAAAA, _mm512_srli_epi32(sums.low, 15), _mm512_slli_epi32(sums.high, 1)); }
+  static Short PackRows(Sums sums) { return _mm512_packs_epi32(_mm512_srai_epi32(sums.low, 15), _mm512_srai_epi32(sums.high, 15)); }
 
   static Float Load(const float * p) { return _mm512_loadu_ps(p); }
   static void Store(float * p, Float v) { _mm512_storeu_ps(p, v); }
@@ -194,7 +196,6 @@ struct Lanes
   static Double Count(double first) { return _mm512_add_pd(_mm512_set1_pd(first), _mm512_setr_pd(0, 1, 2, 3, 4, 5, 6, 7)); }
   static Double AddDouble(Double a, Double b) { return _mm512_add_pd(a, b); }
   static Double MultiplyDouble(Double a, Double b) { return _mm512_mul_pd(a, b); }
-  static Double Floor(Double v) { return _mm512_roundscale_pd(v, _MM_FROUND_TO_NEG_INF | _MM_FROUND_NO_EXC); }
   static bool AreWithin(Double v, double begin, double end) { return (_mm512_cmp_pd_mask(v, _mm512_set1_pd(begin), _CMP_GE_OQ) & _mm512_cmp_pd_mask(v, _mm512_set1_pd(end), _CMP_LT_OQ)) == 0xFF; }
   static Index DoubleToIndex(Double v) { return _mm512_cvttpd_epi32(v); }
   static Double IndexToDouble(Index v) { return _mm512_cvtepi32_pd(v); }

@@ -15,7 +15,6 @@
  *  limitations under the License.
  *
  *=========================================================================*/
-#include "itkShearWarpEngine.h"
 #include "itkShearWarpPixelTypes.h"
 #include "itkShearWarpVectorKernelSets.h"
 
@@ -256,6 +255,9 @@ std::vector<std::string>
 GetInstructionSets()
 {
   std::vector<std::string> names{ "portable" };
+#ifdef ShearWarpMIP_HAS_GENERIC_KERNELS
+  names.emplace_back("generic");
+#endif
 #ifdef ShearWarpMIP_HAS_X86_KERNELS
   __builtin_cpu_init();
   if (__builtin_cpu_supports("avx2"))
@@ -319,6 +321,15 @@ GetKernels()
     if (name == "avx2")
     {
       return GetAVX2Kernels<TPixel>();
+    }
+  }
+#endif
+#ifdef ShearWarpMIP_HAS_GENERIC_KERNELS
+  if constexpr (HasVectorKernels<TPixel>)
+  {
+    if (name == "generic")
+    {
+      return GetGenericKernels<TPixel>();
     }
   }
 #endif

@@ -26,6 +26,10 @@ namespace itk::ShearWarp
  * SHEARWARP_FOR_EACH_VECTOR_PIXEL_TYPE. */
 template <typename TPixel>
 const Kernels<TPixel> &
+GetGenericKernels();
+
+template <typename TPixel>
+const Kernels<TPixel> &
 GetAVX2Kernels();
 
 template <typename TPixel>

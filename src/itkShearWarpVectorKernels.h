@@ -46,7 +46,7 @@ template <>
 struct ExactVector<double> : Lanes
 {
   using Type = Lanes::Double;
-  static constexpr int Count = Lanes::FloatCount / 2;
+  static constexpr int Count = Lanes::WarpCount;
 
   static Type
   Set(double v)

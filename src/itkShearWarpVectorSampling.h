@@ -215,12 +215,8 @@ public:
   using Short = Lanes::Short;
   using Int = Lanes::Int;
 
-  /** Two halves of weighted sums, 2^14 added. The lanes of one half are the even columns, of the other the odd ones;
-   * or, between rows alone, the halves of interleaved vectors. */
-  struct Sample
-  {
-    Int low, high;
-  };
+  /** Two halves of weighted sums, 2^14 added. */
+  using Sample = Lanes::Sums;
 
   static constexpr int MaximumRows = Lanes::SumRows;
 
@@ -255,8 +251,7 @@ public:
   static Short
   Finish(Sample sample)
   {
-    const Short packed = VFractions == Fractions::Row ? Lanes::PackInterleaved(sample.low, sample.high)
-                                                      : Lanes::PackEvenOdd(sample.low, sample.high);
+    const Short packed = VFractions == Fractions::Row ? Lanes::PackRows(sample) : Lanes::PackColumns(sample);
     return FlipSign ? Lanes::FlipSign(packed) : packed;
   }
 
@@ -264,7 +259,7 @@ public:
   SHEARWARP_INLINE void
   ForEachRow(const TPixel * b, std::ptrdiff_t stride, const TFunction & process) const
   {
-    const Int half = Lanes::SetInt(1 << 14);
+    const Sample half{ Lanes::SetInt(1 << 14), Lanes::SetInt(1 << 14) };
     if constexpr (VFractions == Fractions::Row)
     {
       Short above = Load(b - stride);
@@ -272,10 +267,7 @@ public:
       for (int r = 0; r < VRows; ++r, b += stride)
       {
         const Short voxel = Load(b);
-        process(r,
-                b,
-                { Lanes::AddPairProducts(half, Lanes::InterleaveLow(above, voxel), m_Weights),
-                  Lanes::AddPairProducts(half, Lanes::InterleaveHigh(above, voxel), m_Weights) });
+        process(r, b, Lanes::AddRows(half, above, voxel, m_Weights));
         above = voxel;
       }
     }
@@ -284,27 +276,22 @@ public:
       SHEARWARP_UNROLL
       for (int r = 0; r < VRows; ++r, b += stride)
       {
-        process(
-          r,
-          b,
-          { Lanes::AddPairProducts(half, Load(b - 1), m_Weights), Lanes::AddPairProducts(half, Load(b), m_Weights) });
+        process(r, b, Lanes::AddColumns(half, Load(b - 1), Load(b), m_Weights));
       }
     }
     else
     {
-      Short evenAbove = Load(b - stride - 1);
-      Short oddAbove = Load(b - stride);
+      Short leftAbove = Load(b - stride - 1);
+      Short rightAbove = Load(b - stride);
       SHEARWARP_UNROLL
       for (int r = 0; r < VRows; ++r, b += stride)
       {
-        const Short even = Load(b - 1);
-        const Short odd = Load(b);
-        process(r,
-                b,
-                { Lanes::AddPairProducts(Lanes::AddPairProducts(half, evenAbove, m_WeightsAbove), even, m_Weights),
-                  Lanes::AddPairProducts(Lanes::AddPairProducts(half, oddAbove, m_WeightsAbove), odd, m_Weights) });
-        evenAbove = even;
-        oddAbove = odd;
+        const Short  left = Load(b - 1);
+        const Short  right = Load(b);
+        const Sample above = Lanes::AddColumns(half, leftAbove, rightAbove, m_WeightsAbove);
+        process(r, b, Lanes::AddColumns(above, left, right, m_Weights));
+        leftAbove = left;
+        rightAbove = right;
       }
     }
   }

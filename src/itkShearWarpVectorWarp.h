@@ -149,8 +149,8 @@ WarpRow(const IntermediateImage<TPixel> & intermediate,
   const Lanes::Double columnFromRow = Lanes::SetDouble(map.xy * y);
   const Lanes::Double rowFromRow = Lanes::SetDouble(map.yy * y);
   const auto          quantize = [](Lanes::Double position) {
-    return Lanes::DoubleToIndex(Lanes::Floor(
-      Lanes::AddDouble(Lanes::MultiplyDouble(position, Lanes::SetDouble(32768.0)), Lanes::SetDouble(0.5))));
+    return Lanes::DoubleToIndex(
+      Lanes::AddDouble(Lanes::MultiplyDouble(position, Lanes::SetDouble(32768.0)), Lanes::SetDouble(0.5)));
   };
   std::ptrdiff_t begin = columnBegin;
   std::ptrdiff_t end = columnEnd;

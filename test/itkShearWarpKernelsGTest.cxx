@@ -15,10 +15,9 @@
  *  limitations under the License.
  *
  *=========================================================================*/
-#include "itkShearWarpBuffer.h"
 #include "itkShearWarpKernels.h"
 
-#include "itkShearWarpMIPTestHelper.h"
+#include "itkShearWarpMIPTestRule.h"
 
 #include <gtest/gtest.h>
 
@@ -374,7 +373,7 @@ public:
     {
       return false;
     }
-    RayRule<TPixel> rule;
+    SampleRule<TPixel> rule;
     rule.mode = static_cast<RayMode>(extremum);
     rule.isLocal = localThreshold.has_value();
     rule.threshold = localThreshold.value_or(TPixel{});
@@ -584,7 +583,160 @@ FadeSamples(const Kernels::Kernels<TPixel> & kernels,
   pixels.resize(samples.size());
   return pixels;
 }
+
+/** A volume of noise above a gradient, from integers alone; floats are multiples of 1/64. */
+template <typename TPixel>
+std::vector<TPixel>
+MakeFixedVoxels(std::int64_t count)
+{
+  std::vector<TPixel> voxels;
+  std::uint64_t       state = 1;
+  for (std::int64_t n = 0; n < count; ++n)
+  {
+    state = state * 6364136223846793005u + 1442695040888963407u;
+    const auto noise = static_cast<std::int64_t>(state >> 40);
+    const auto value = (noise % 200 * n) / count + noise % 5;
+    voxels.push_back(std::is_floating_point_v<TPixel> ? static_cast<TPixel>(noise - (1 << 23)) / 64
+                                                      : static_cast<TPixel>(sizeof(TPixel) == 1 ? value : value * 311));
+  }
+  return voxels;
+}
+
+constexpr std::ptrdiff_t FixedColumns = 61;
+constexpr std::ptrdiff_t FixedRows = 45;
+constexpr std::ptrdiff_t FixedSlices = 21;
+
+/** Projects with fractions of columns, rows, both and none, and warps. */
+template <typename TPixel>
+void
+AddFixedPictures(const Kernels::SliceStack<TPixel> & stack, std::uint64_t & checksum)
+{
+  const auto &                                    kernels = Kernels::GetKernels<TPixel>();
+  constexpr std::ptrdiff_t                        columns = FixedColumns + 20;
+  constexpr std::ptrdiff_t                        rows = FixedRows + 20;
+  const std::vector<Kernels::ColumnSpan>          reached(rows, { 0, columns });
+  std::vector<Kernels::SliceRank<TPixel>>         ranks(columns * rows);
+  constexpr std::pair<std::int32_t, std::int32_t> steps[] = {
+    { 32768, 0 }, { 20011, 0 }, { 0, 30011 }, { 9001, 25003 }
+  };
+  for (const auto & [columnStep, rowStep] : steps)
+  {
+    std::vector<Kernels::SlicePlacement> placements;
+    for (std::int32_t k = 0; k < FixedSlices; ++k)
+    {
+      placements.push_back(
+        { { k * columnStep >> 15, k * columnStep & 32767 }, { k * rowStep >> 15, k * rowStep & 32767 } });
+    }
+    for (const auto extremum : { Kernels::Extremum::Maximum, Kernels::Extremum::Minimum, Kernels::Extremum::Magnitude })
+    {
+      const TPixel                 start = extremum == Kernels::Extremum::Minimum
+                                             ? Kernels::NoSample<TPixel, Kernels::Extremum::Minimum>
+                                           : extremum == Kernels::Extremum::Maximum ? Kernels::NoSample<TPixel>
+                                                                                    : TPixel{ 0 };
+      std::vector<TPixel>          pixels(columns * rows, start);
+      Kernels::ShearedView<TPixel> view{ placements.data(), { pixels.data(), columns, rows, columns, reached.data() } };
+      view.extremum = extremum;
+      if (extremum == Kernels::Extremum::Magnitude)
+      {
+        ranks.assign(ranks.size(), Kernels::NoRank<TPixel>);
+        view.ranked.ranks = ranks.data();
+      }
+      Kernels::Block block{ 0, FixedRows, 0, FixedSlices, FixedRows };
+      if (view.ranked.ranks)
+      {
+        block.rowsOf = Kernels::BlockRows::OfImage;
+        block.rowEnd = rows;
+      }
+      kernels.projectBlock(stack, block, &view, 1);
+      AddToChecksum(pixels.data(), pixels.size(), checksum);
+      AddToChecksum(ranks.data(), ranks.size(), checksum);
+      std::vector<TPixel> picture(90);
+      for (std::ptrdiff_t row = 0; row < 80; ++row)
+      {
+        kernels.warpRow(view.intermediate, { 0.7, -0.3, 9.2, 0.2, 0.9, -5.1 }, row, 0, 90, TPixel{ 1 }, picture.data());
+        AddToChecksum(picture.data(), picture.size(), checksum);
+      }
+    }
+  }
+}
+
+/** The extrema of the interpolant along a ray of each cell of a tile. */
+template <typename TPixel>
+void
+AddFixedRays(const Kernels::SliceStack<TPixel> & stack, std::uint64_t & checksum)
+{
+  using Number = Kernels::ExactNumber<TPixel>;
+  constexpr std::ptrdiff_t count = Kernels::CellColumns * Kernels::CellRows;
+  const auto &             kernels = Kernels::GetKernels<TPixel>();
+  for (const bool isMinimum : { false, true })
+  {
+    Kernels::ExactView<TPixel> view{};
+    view.slices = stack;
+    view.shear[0] = 0.3125;
+    view.shear[1] = -0.71875;
+    view.translation[1] = 15.0;
+    view.depth.perSlice = 1.0;
+    std::vector<std::int32_t>     cellBegins(count + 1);
+    std::vector<std::uint16_t>    cells(count);
+    std::vector<double>           p(count), q(count), begins(count), places(count);
+    const std::vector<double>     ends(count, static_cast<double>(FixedSlices - 1));
+    std::vector<Number>           best(count, -std::numeric_limits<Number>::infinity());
+    std::vector<TPixel>           least(count);
+    std::vector<std::int16_t>     levels(count);
+    std::vector<Kernels::RayPart> parts;
+    for (std::int32_t n = 0; n < count; ++n)
+    {
+      cellBegins[n + 1] = n + 1;
+      cells[n] = static_cast<std::uint16_t>(n);
+      p[n] = static_cast<double>(10 + n % Kernels::CellColumns) + (n * 37 % 64) / 64.0;
+      q[n] = static_cast<double>(20 + n / Kernels::CellColumns) + (n * 29 % 64) / 64.0;
+      places[n] = std::numeric_limits<double>::infinity();
+      parts.push_back({ n, n % static_cast<std::int32_t>(FixedSlices - 1) });
+    }
+    const Kernels::ExactTile<TPixel> tile{
+      10,           20,           isMinimum,     true,        cellBegins.data(), cells.data(),
+      p.data(),     q.data(),     begins.data(), ends.data(), best.data(),       places.data(),
+      least.data(), levels.data()
+    };
+    kernels.evaluateParts(view, tile, parts.data(), parts.size());
+    kernels.searchSlab(view, tile, 0, FixedSlices - 1);
+    AddToChecksum(best.data(), best.size(), checksum);
+    AddToChecksum(places.data(), places.size(), checksum);
+  }
+}
+
+template <typename TPixel>
+void
+ExpectFixedChecksum(std::uint64_t expected)
+{
+  const auto voxels = MakeFixedVoxels<TPixel>(FixedColumns * FixedRows * FixedSlices);
+  auto       narrow = voxels;
+  std::transform(voxels.begin(), voxels.end(), narrow.begin(), [](TPixel v) { return static_cast<TPixel>(v / 4); });
+  ForEachInstructionSet([&](const std::string & name) {
+    std::uint64_t checksum = EmptyChecksum;
+    for (const auto & all : { voxels, narrow })
+    {
+      const auto [lowest, highest] = std::minmax_element(all.begin(), all.end());
+      constexpr std::ptrdiff_t          sliceStride = FixedColumns * FixedRows;
+      const Kernels::SliceStack<TPixel> stack{ all.data(),   FixedColumns, FixedRows, FixedSlices,
+                                               FixedColumns, sliceStride,  *lowest,   *highest };
+      AddFixedPictures(stack, checksum);
+      AddFixedRays(stack, checksum);
+    }
+    EXPECT_EQ(checksum, expected) << name << std::hex << ": 0x" << checksum;
+  });
+}
 } // namespace
+
+TEST(ShearWarpKernels, FixedVolumesHaveTheChecksumsOfEveryMachine)
+{
+  ExpectFixedChecksum<unsigned char>(0xa8204fdc46c3b076);
+  ExpectFixedChecksum<signed char>(0x4a8bb521d83591f0);
+  ExpectFixedChecksum<unsigned short>(0x34e3cb0d5f66dcdc);
+  ExpectFixedChecksum<short>(0x809ab14efba4b616);
+  ExpectFixedChecksum<float>(0x5f6332b89f57fd76);
+  ExpectFixedChecksum<double>(0x575f75ea52470cd4);
+}
 
 TEST(ShearWarpKernels, ClippedColumnsAreThoseWhereTheFunctionIsWithinItsLimits)
 {
@@ -1199,9 +1351,12 @@ TYPED_TEST(ShearWarpKernelsTyped, TransposeSliceSwapsColumnsAndRows)
       std::generate(input.begin(), input.end(), [&random] { return MakeRandomPixel<TypeParam>(random); });
       const TypeParam      untouched{ 77 };
       const std::ptrdiff_t length = Guard + columns * rows + Guard;
-      itk::ShearWarpBuffer memory; // begins at a line of the cache
-      memory.Reserve(length * sizeof(TypeParam), "a test");
-      TypeParam * const output = memory.GetPointer<TypeParam>();
+      // begins at a line of the cache
+      constexpr std::size_t line = 64;
+      std::size_t           bytes = length * sizeof(TypeParam) + line;
+      std::vector<char>     memory(bytes);
+      void *                place = memory.data();
+      auto * const          output = static_cast<TypeParam *>(std::align(line, bytes - line, place, bytes));
       ForEachInstructionSet([&](const std::string &) {
         for (const bool isStreamed : { false, true })
         {

@@ -25,24 +25,11 @@
 #include "itkImageSource.h"
 #include "itkMatrix.h"
 #include "itkShearWarpMIPMergePartsImageFilter.h"
+#include "itkShearWarpMIPTestRule.h"
 
 #include "itksys/SystemTools.hxx"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <chrono>
-#include <cmath>
-#include <cstdint>
-#include <cstdlib>
-#include <cstring>
-#include <limits>
-#include <random>
-#include <string>
-#include <type_traits>
-#include <vector>
-
-/** Random images and views, and an evaluation of the sampling rule that shares no code with the module: from transform,
+/** Random images and views, and an evaluation of their projection that shares no code with the module: from transform,
  * image and output grid alone. */
 namespace itk::ShearWarpMIPTest
 {
@@ -50,59 +37,6 @@ using MatrixType = Matrix<double, 3, 3>;
 using PointType = Point<double, 3>;
 using ViewBaseType = MatrixOffsetTransformBase<double, 3, 3>;
 using ViewType = AffineTransform<double, 3>;
-
-/** Calls \a check with the seeds of \a count cases, up to the first failure. SHEARWARPMIP_TEST_SEED=N gives the case of
- * that seed alone, SHEARWARPMIP_TEST_SECONDS=N new ones for a part of so long. */
-template <typename TCheck>
-void
-ForEachSeed(std::uint64_t count, int parts, TCheck check)
-{
-  using Clock = std::chrono::steady_clock;
-  const char * const seconds = std::getenv("SHEARWARPMIP_TEST_SECONDS");
-  const char * const seed = std::getenv("SHEARWARPMIP_TEST_SEED");
-  const auto         end = Clock::now() + std::chrono::seconds(seconds ? std::stoll(seconds) / parts : 0);
-  const auto         first = seed ? std::stoull(seed) : seconds ? std::random_device{}() : 0;
-  for (std::uint64_t n = 0; seed ? n < 1 : seconds ? Clock::now() < end : n < count; ++n)
-  {
-    SCOPED_TRACE("SHEARWARPMIP_TEST_SEED=" + std::to_string(first + n));
-    check(first + n);
-    if (testing::Test::HasFailure())
-    {
-      return;
-    }
-  }
-}
-
-/** The same numbers with every standard library. */
-class Random
-{
-public:
-  explicit Random(std::uint64_t seed)
-    : m_Engine(seed)
-  {}
-
-  double
-  Uniform(double low, double high)
-  {
-    return low + (high - low) * (static_cast<double>(m_Engine() >> 11) * 0x1.0p-53);
-  }
-
-  /** Of [low, high]. */
-  std::int64_t
-  Integer(std::int64_t low, std::int64_t high)
-  {
-    return low + static_cast<std::int64_t>(m_Engine() % static_cast<std::uint64_t>(high - low + 1));
-  }
-
-  std::uint64_t
-  Bits()
-  {
-    return m_Engine();
-  }
-
-private:
-  std::mt19937_64 m_Engine;
-};
 
 inline PointType
 MakePoint3(double x, double y, double z)
@@ -265,29 +199,6 @@ MakeRandomSize(Random & random, SizeValueType low, SizeValueType high)
   return size;
 }
 
-template <typename TPixel>
-TPixel
-MakeRandomPixel(Random & random)
-{
-  if constexpr (std::is_floating_point_v<TPixel>)
-  {
-    return static_cast<TPixel>(random.Uniform(-1000, 1000));
-  }
-  else
-  {
-    const std::uint64_t bits = random.Bits();
-    switch (bits % 8)
-    {
-      case 0:
-        return std::numeric_limits<TPixel>::max();
-      case 1:
-        return std::numeric_limits<TPixel>::lowest();
-      default:
-        return static_cast<TPixel>(bits >> 7);
-    }
-  }
-}
-
 template <typename TPixel, unsigned int VDimension>
 void
 FillRandom(Random & random, Image<TPixel, VDimension> * image)
@@ -317,36 +228,6 @@ MakePlainImage(const Size<3> & size, TPixel value = TPixel{})
   image->Allocate();
   image->FillBuffer(value);
   return image;
-}
-
-template <typename TPixel>
-bool
-HaveSameBits(TPixel a, TPixel b)
-{
-  return std::memcmp(&a, &b, sizeof(TPixel)) == 0;
-}
-
-/** Every zero is +0 in a maximum. */
-template <typename TPixel>
-TPixel
-WithoutSignOfZero(TPixel value)
-{
-  return value == TPixel{} ? TPixel{} : value;
-}
-
-/** Calls \a function(name) for each instruction set of this computer, while that is the chosen one. */
-template <typename TFunction>
-void
-ForEachInstructionSet(const TFunction & function)
-{
-  constexpr const char * variable = "SHEARWARPMIP_INSTRUCTION_SET";
-  for (const std::string & name : ShearWarp::GetInstructionSets())
-  {
-    itksys::SystemTools::PutEnv(std::string(variable) + '=' + name);
-    SCOPED_TRACE(name);
-    function(name);
-  }
-  itksys::SystemTools::UnPutEnv(variable);
 }
 
 template <typename TFunction>
@@ -379,28 +260,6 @@ HaveSamePixels(const Image<TPixel, 2> * a, const Image<TPixel, 2> * b)
                      b->GetBufferPointer(),
                      a->GetBufferedRegion().GetNumberOfPixels() * sizeof(TPixel)) == 0;
 }
-
-/** 64-bit FNV-1a of the values' bytes, the lowest first. */
-template <typename T>
-void
-AddToChecksum(const T * values, std::size_t count, std::uint64_t & checksum)
-{
-  using Bits = std::conditional_t<sizeof(T) == 1,
-                                  std::uint8_t,
-                                  std::conditional_t<sizeof(T) == 2,
-                                                     std::uint16_t,
-                                                     std::conditional_t<sizeof(T) == 4, std::uint32_t, std::uint64_t>>>;
-  for (std::size_t n = 0; n < count; ++n)
-  {
-    Bits bits;
-    std::memcpy(&bits, values + n, sizeof(bits));
-    for (std::size_t byte = 0; byte < sizeof(bits); ++byte)
-    {
-      checksum = (checksum ^ (static_cast<std::uint64_t>(bits) >> (8 * byte) & 0xff)) * 0x100000001b3u;
-    }
-  }
-}
-constexpr std::uint64_t EmptyChecksum = 0xcbf29ce484222325u;
 
 template <typename TImage>
 void
@@ -544,180 +403,18 @@ MakeSource(const Image<TPixel, 3> * image)
   return source;
 }
 
-constexpr std::int64_t WholePixel = 1 << 15;
-
-/** To the nearest 1/2^15. */
-inline std::int64_t
-Quantize(long double position)
-{
-  return static_cast<std::int64_t>(std::floor(position * 32768.0L + 0.5L));
-}
-
-inline std::int64_t
-DivideDown(std::int64_t dividend, std::int64_t divisor)
-{
-  return dividend / divisor - (dividend % divisor < 0 ? 1 : 0);
-}
-
-/** Products of two fractions in 1/2^15, in 1/2^15: {{a a, a b}, {b a, b b}}. */
-struct CornerWeights
-{
-  CornerWeights(std::int64_t ofFirstColumn, std::int64_t ofFirstRow)
-  {
-    const std::int64_t x = ofFirstColumn;
-    const std::int64_t y = ofFirstRow;
-    const std::int64_t both = DivideDown(2 * x * y + WholePixel, 2 * WholePixel);
-    weights[0] = both;
-    weights[1] = y - both;
-    weights[2] = x - both;
-    weights[3] = WholePixel - x - y + both;
-  }
-  std::int64_t weights[4];
-};
-
-/** The weighted mean, rounded once and half upward, exact for every integer type: in two halves of 32 bits. */
-template <typename TPixel>
-TPixel
-RoundedMean(const TPixel (&values)[4], const std::int64_t (&weights)[4])
-{
-  constexpr std::int64_t base = std::int64_t{ 1 } << 32;
-  std::int64_t           high = 0;
-  std::int64_t           low = 0;
-  std::int64_t           sum = 0;
-  for (int n = 0; n < 4; ++n)
-  {
-    const auto         bits = static_cast<std::uint64_t>(values[n]);
-    const bool         isNegative = values[n] < TPixel{};
-    const std::int64_t upper = static_cast<std::int64_t>(bits >> 32) - (isNegative ? base : 0);
-    high += weights[n] * upper;
-    low += weights[n] * static_cast<std::int64_t>(bits & 0xffffffffu);
-    sum += weights[n];
-  }
-  const std::int64_t quotient = DivideDown(high, sum);
-  const std::int64_t rest = (high - quotient * sum) * base + low;
-  const std::int64_t rounded = DivideDown(2 * rest + sum, 2 * sum);
-  return static_cast<TPixel>(static_cast<std::uint64_t>(quotient) * static_cast<std::uint64_t>(base) +
-                             static_cast<std::uint64_t>(rounded));
-}
-
-/** The sample of a slice of columns x rows voxels at (column, row), in 1/2^15 voxel; false where the slice does
- * not reach. voxel(column, row) gives its voxels. */
-template <typename TPixel, typename TVoxel>
-bool
-SampleSlice(const TVoxel & voxel,
-            std::int64_t   columns,
-            std::int64_t   rows,
-            std::int64_t   column,
-            std::int64_t   row,
-            TPixel &       sample)
-{
-  constexpr std::int64_t half = WholePixel / 2;
-  if (column < -half || column >= columns * WholePixel - half || row < -half || row >= rows * WholePixel - half)
-  {
-    return false;
-  }
-  // b: the voxel at or behind the position, a: the one before it
-  const std::int64_t columnB = -DivideDown(-column, WholePixel);
-  const std::int64_t rowB = -DivideDown(-row, WholePixel);
-  // the outer half voxels have the edge's value
-  const std::int64_t x = columnB < 1 || columnB >= columns ? 0 : columnB * WholePixel - column;
-  const std::int64_t y = rowB < 1 || rowB >= rows ? 0 : rowB * WholePixel - row;
-
-  const auto edge = [&](std::int64_t i, std::int64_t j) -> TPixel {
-    return voxel(std::clamp<std::int64_t>(i, 0, columns - 1), std::clamp<std::int64_t>(j, 0, rows - 1));
-  };
-  const TPixel values[4] = {
-    edge(columnB - 1, rowB - 1), edge(columnB, rowB - 1), edge(columnB - 1, rowB), edge(columnB, rowB)
-  };
-  if constexpr (std::is_floating_point_v<TPixel>)
-  {
-    const auto blend = [](TPixel a, TPixel b, TPixel weight) {
-      const TPixel difference = a - b;
-      const TPixel step = weight * difference;
-      return weight == TPixel{} ? b : b + step;
-    };
-    const TPixel weightX = static_cast<TPixel>(x) / TPixel{ WholePixel };
-    const TPixel weightY = static_cast<TPixel>(y) / TPixel{ WholePixel };
-    sample = blend(blend(values[0], values[1], weightX), blend(values[2], values[3], weightX), weightY);
-  }
-  else
-  {
-    sample = RoundedMean(values, CornerWeights(x, y).weights);
-  }
-  return true;
-}
-
-/** The warp's interpolation at (column, row), in 1/2^15 pixel. pixel(column, row, value) is false where there is none.
- */
-template <typename TPixel, typename TPixelAt>
-TPixel
-InterpolateReached(const TPixelAt & pixel, std::int64_t column, std::int64_t row, TPixel background)
-{
-  const std::int64_t  i = DivideDown(column, WholePixel);
-  const std::int64_t  j = DivideDown(row, WholePixel);
-  const CornerWeights next(column - i * WholePixel, row - j * WholePixel);
-  // from the first corner on
-  std::int64_t weights[4] = { next.weights[3], next.weights[2], next.weights[1], next.weights[0] };
-  TPixel       values[4] = {};
-  std::int64_t sum = 0;
-  for (int n = 0; n < 4; ++n)
-  {
-    if (weights[n] == 0 || !pixel(i + n % 2, j + n / 2, values[n]))
-    {
-      weights[n] = 0;
-      values[n] = TPixel{};
-    }
-    sum += weights[n];
-  }
-  if (sum == 0)
-  {
-    return background;
-  }
-  if constexpr (std::is_floating_point_v<TPixel>)
-  {
-    double mean = 0.0;
-    TPixel lowest = std::numeric_limits<TPixel>::infinity();
-    TPixel highest = -lowest;
-    for (int n = 0; n < 4; ++n)
-    {
-      if (weights[n] != 0)
-      {
-        const double term = static_cast<double>(weights[n]) * static_cast<double>(values[n]);
-        mean += term;
-        lowest = std::min(lowest, values[n]);
-        highest = std::max(highest, values[n]);
-      }
-    }
-    return std::min(std::max(static_cast<TPixel>(mean / static_cast<double>(sum)), lowest), highest);
-  }
-  else
-  {
-    return RoundedMean(values, weights);
-  }
-}
-
-enum class RayMode
-{
-  Maximum,
-  Minimum,
-  AbsoluteMaximum
-};
-
 /** Which samples of a ray count, and which of them is its value. */
 template <typename TPixel>
-struct RayRule
+struct RayRule : SampleRule<TPixel>
 {
   static constexpr double Infinity = std::numeric_limits<double>::infinity();
 
-  RayMode                                        mode{ RayMode::Maximum };
   double                                         slabNear{ -Infinity };
   double                                         slabFar{ Infinity };
   PointType                                      cropLower{ -Infinity };
   PointType                                      cropUpper{ Infinity };
   typename Image<unsigned char, 3>::ConstPointer mask;
   unsigned char                                  maskLabel{ 0 };
-  bool                                           isLocal{ false };
-  TPixel                                         threshold{};
   double                                         attenuation{ 0.0 };
   TPixel                                         background{};
 };
@@ -804,52 +501,6 @@ DrawRule(Random & random, TFilter * filter, const ViewBaseType * view, const Ima
   }
   filter->SetComputeDepth(random.Integer(0, 1) == 0);
   return rule;
-}
-
-/** A sample of a ray. */
-template <typename TPixel>
-struct RaySample
-{
-  TPixel       value;
-  std::int64_t slice;
-};
-
-template <typename TPixel>
-long double
-GetRank(RayMode mode, TPixel value)
-{
-  const auto exact = static_cast<long double>(value);
-  return mode == RayMode::Maximum ? exact : mode == RayMode::Minimum ? -exact : std::abs(exact);
-}
-
-/** The value of a ray with \a samples, one or more, from front to back. */
-template <typename TPixel>
-RaySample<TPixel>
-ChooseSample(const RayRule<TPixel> & rule, const std::vector<RaySample<TPixel>> & samples)
-{
-  const auto rank = [&](std::size_t n) { return GetRank(rule.mode, samples[n].value); };
-  if (rule.isLocal)
-  {
-    for (std::size_t n = 0; n + 1 < samples.size(); ++n)
-    {
-      if (rank(n) >= GetRank(rule.mode, rule.threshold) && rank(n + 1) < rank(n))
-      {
-        std::size_t best = n;
-        for (; n > 0 && rank(n - 1) == rank(n); --n)
-        {
-          best = samples[n - 1].value >= samples[best].value ? n - 1 : best;
-        }
-        return samples[best];
-      }
-    }
-  }
-  std::size_t best = 0;
-  for (std::size_t n = 1; n < samples.size(); ++n)
-  {
-    const bool isPositive = rank(n) == rank(best) && samples[n].value > samples[best].value;
-    best = rank(n) > rank(best) || isPositive ? n : best;
-  }
-  return samples[best];
 }
 
 /** The projection of an image, pixel by pixel; \a oversampling is the number of intermediate pixels per voxel. */

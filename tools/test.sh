@@ -10,8 +10,9 @@
 #   python     the wheel, in a fresh environment beside PyPI's itk of the same version; the sdist
 #   sanitize   the C++ tests under AddressSanitizer with UndefinedBehaviorSanitizer, and under ThreadSanitizer, against
 #              Debian's installed ITK
+#   arm        the kernels and their tests, without ITK, for ARM64 under emulation
 #
-# Usage: test.sh [tree | installed | module | python | --sanitize]...    [the first four]
+# Usage: test.sh [tree | installed | module | python | --sanitize | arm]...    [the first four]
 #        test.sh --long    random cases for 30 minutes and an image of 2^31 voxels (5 GB), on an installed ITK
 # Installs what is missing, as root or with sudo. Environment: see itk-build-tree.sh.
 set -euo pipefail
@@ -30,7 +31,7 @@ stages=("${@/#--sanitize/sanitize}")
 [ ${#stages[@]} -gt 0 ] || stages=(tree installed module python)
 for stage in "${stages[@]}"; do
   case $stage in
-    tree | installed | module | python | sanitize) ;;
+    tree | installed | module | python | sanitize | arm) ;;
     *) exit_with_usage ;;
   esac
 done
@@ -187,6 +188,15 @@ test_sanitize() (
       "-DCMAKE_CXX_FLAGS=-fsanitize=$name -fno-sanitize-recover=all -fno-omit-frame-pointer"
   done
 )
+
+test_arm() {
+  need_packages cmake g++-aarch64-linux-gnu libgtest-dev ninja-build qemu-user-static
+  cmake -S "$root/tools/kernels" -B "$build/arm" -G Ninja -DCMAKE_BUILD_TYPE=Release \
+    -DCMAKE_SYSTEM_NAME=Linux -DCMAKE_SYSTEM_PROCESSOR=aarch64 -DCMAKE_CXX_COMPILER=aarch64-linux-gnu-g++ \
+    -DCMAKE_EXE_LINKER_FLAGS=-static -DCMAKE_CROSSCOMPILING_EMULATOR=qemu-aarch64-static
+  cmake --build "$build/arm" --parallel "$jobs"
+  ctest --test-dir "$build/arm" --no-tests=error
+}
 
 share_compilations
 for stage in "${stages[@]}"; do
