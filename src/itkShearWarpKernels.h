@@ -375,7 +375,7 @@ struct RayPart
 template <typename TPixel>
 struct Kernels
 {
-  /** "portable", "avx2" or "avx512". */
+  /** "portable", "generic", "avx2" or "avx512". */
   const char * instructionSet;
 
   /** Gives the pixels of each of \a count views the extremum of what they hold and of the
