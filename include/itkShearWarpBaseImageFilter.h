@@ -28,6 +28,10 @@
 #include <string>
 #include <vector>
 
+#ifndef itkOverrideGetNameOfClassMacro // before ITK 5.4
+#  define itkOverrideGetNameOfClassMacro(thisClass) itkTypeMacro(thisClass, )
+#endif
+
 namespace itk
 {
 /** \class ShearWarpBaseImageFilter
@@ -55,7 +59,7 @@ public:
   using Pointer = SmartPointer<Self>;
   using ConstPointer = SmartPointer<const Self>;
 
-  itkTypeMacro(ShearWarpBaseImageFilter, ImageToImageFilter);
+  itkOverrideGetNameOfClassMacro(ShearWarpBaseImageFilter);
 
   static constexpr unsigned int InputImageDimension = TInputImage::ImageDimension;
 
@@ -146,7 +150,7 @@ protected:
   ~ShearWarpBaseImageFilter() override = default;
 
   void
-  VerifyPreconditions() ITKv5_CONST override;
+  VerifyPreconditions() const override;
 
   void
   EnlargeOutputRequestedRegion(DataObject * output) override;

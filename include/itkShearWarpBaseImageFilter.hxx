@@ -30,7 +30,7 @@ namespace itk
 {
 template <typename TInputImage, typename TOutputImage>
 void
-ShearWarpBaseImageFilter<TInputImage, TOutputImage>::VerifyPreconditions() ITKv5_CONST
+ShearWarpBaseImageFilter<TInputImage, TOutputImage>::VerifyPreconditions() const
 {
   Superclass::VerifyPreconditions();
   this->template VerifyInputType<InputImageType>("Primary", "the 3D image that is projected");

@@ -50,7 +50,7 @@ public:
   using Pointer = SmartPointer<Self>;
   using ConstPointer = SmartPointer<const Self>;
 
-  itkTypeMacro(ShearWarpMIPBaseImageFilter, ShearWarpBaseImageFilter);
+  itkOverrideGetNameOfClassMacro(ShearWarpMIPBaseImageFilter);
 
   using Superclass::InputImageDimension;
   static constexpr unsigned int OutputImageDimension = TOutputImage::ImageDimension;
@@ -220,10 +220,10 @@ protected:
   IsPlainMaximum() const;
 
   void
-  VerifyPreconditions() ITKv5_CONST override;
+  VerifyPreconditions() const override;
 
   void
-  VerifyInputInformation() ITKv5_CONST override;
+  VerifyInputInformation() const override;
 
   void
   GenerateOutputInformation() override;

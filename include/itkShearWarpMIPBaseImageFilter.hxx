@@ -95,7 +95,7 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::FitOutputGrid()
 
 template <typename TInputImage, typename TOutputImage>
 void
-ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::VerifyPreconditions() ITKv5_CONST
+ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::VerifyPreconditions() const
 {
   Superclass::VerifyPreconditions();
   this->template VerifyInputType<MaskImageType>("MaskImage", "the mask, a 3D image of unsigned char");
@@ -159,7 +159,7 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::VerifyPreconditions() IT
 
 template <typename TInputImage, typename TOutputImage>
 void
-ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::VerifyInputInformation() ITKv5_CONST
+ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::VerifyInputInformation() const
 {
   try
   {

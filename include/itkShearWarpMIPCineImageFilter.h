@@ -65,7 +65,7 @@ public:
   using ConstPointer = SmartPointer<const Self>;
 
   itkNewMacro(Self);
-  itkTypeMacro(ShearWarpMIPCineImageFilter, ShearWarpMIPBaseImageFilter);
+  itkOverrideGetNameOfClassMacro(ShearWarpMIPCineImageFilter);
 
   static_assert(TOutputImage::ImageDimension == 3, "the output of a series must have dimension 3");
 
@@ -146,7 +146,7 @@ protected:
   ~ShearWarpMIPCineImageFilter() override = default;
 
   void
-  VerifyPreconditions() ITKv5_CONST override;
+  VerifyPreconditions() const override;
 
   void
   GenerateOutputInformation() override;

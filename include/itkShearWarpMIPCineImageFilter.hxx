@@ -181,7 +181,7 @@ ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::GetSettings() const
 
 template <typename TInputImage, typename TOutputImage>
 void
-ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::VerifyPreconditions() ITKv5_CONST
+ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::VerifyPreconditions() const
 {
   Superclass::VerifyPreconditions();
   this->template VerifyInputType<DecoratedTransformType>("Transform", "the view, a decorated transform");

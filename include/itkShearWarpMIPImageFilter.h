@@ -99,7 +99,7 @@ public:
   using ConstPointer = SmartPointer<const Self>;
 
   itkNewMacro(Self);
-  itkTypeMacro(ShearWarpMIPImageFilter, ShearWarpMIPBaseImageFilter);
+  itkOverrideGetNameOfClassMacro(ShearWarpMIPImageFilter);
 
   using Superclass::OutputImageDimension;
   using OutputImageType = TOutputImage;
@@ -126,7 +126,7 @@ protected:
   ~ShearWarpMIPImageFilter() override = default;
 
   void
-  VerifyPreconditions() ITKv5_CONST override;
+  VerifyPreconditions() const override;
 
   void
   GeneratePixels() override;

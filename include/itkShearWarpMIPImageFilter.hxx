@@ -53,7 +53,7 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::GetPhysicalPoint(const Outpu
 
 template <typename TInputImage, typename TOutputImage>
 void
-ShearWarpMIPImageFilter<TInputImage, TOutputImage>::VerifyPreconditions() ITKv5_CONST
+ShearWarpMIPImageFilter<TInputImage, TOutputImage>::VerifyPreconditions() const
 {
   Superclass::VerifyPreconditions();
   this->template VerifyInputType<DecoratedTransformType>("Transform", "the view, a decorated transform");

@@ -51,7 +51,7 @@ public:
   using ConstPointer = SmartPointer<const Self>;
 
   itkNewMacro(Self);
-  itkTypeMacro(ShearWarpMIPMergePartsImageFilter, ShearWarpMIPImageFilter);
+  itkOverrideGetNameOfClassMacro(ShearWarpMIPMergePartsImageFilter);
 
   using typename Superclass::InputPixelType;
   using PartImageType = Image<InputPixelType, 2>;
@@ -84,7 +84,7 @@ protected:
   ~ShearWarpMIPMergePartsImageFilter() override = default;
 
   void
-  VerifyPreconditions() ITKv5_CONST override;
+  VerifyPreconditions() const override;
 
   void
   VerifyIndexedInputs() const override;

@@ -22,7 +22,7 @@ namespace itk
 {
 template <typename TInputImage, typename TOutputImage>
 void
-ShearWarpMIPMergePartsImageFilter<TInputImage, TOutputImage>::VerifyPreconditions() ITKv5_CONST
+ShearWarpMIPMergePartsImageFilter<TInputImage, TOutputImage>::VerifyPreconditions() const
 {
   Superclass::VerifyPreconditions();
   if (!this->IsPlainMaximum())

@@ -68,7 +68,7 @@ public:
   using ConstPointer = SmartPointer<const Self>;
 
   itkNewMacro(Self);
-  itkTypeMacro(ShearWarpMIPPartImageFilter, ShearWarpBaseImageFilter);
+  itkOverrideGetNameOfClassMacro(ShearWarpMIPPartImageFilter);
 
   using InputImageType = TInputImage;
   using typename Superclass::InputPixelType;
@@ -90,10 +90,10 @@ protected:
   ~ShearWarpMIPPartImageFilter() override = default;
 
   void
-  VerifyPreconditions() ITKv5_CONST override;
+  VerifyPreconditions() const override;
 
   void
-  VerifyInputInformation() ITKv5_CONST override;
+  VerifyInputInformation() const override;
 
   void
   GenerateOutputInformation() override;

@@ -33,7 +33,7 @@ ShearWarpMIPPartImageFilter<TInputImage>::ShearWarpMIPPartImageFilter()
 
 template <typename TInputImage>
 void
-ShearWarpMIPPartImageFilter<TInputImage>::VerifyPreconditions() ITKv5_CONST
+ShearWarpMIPPartImageFilter<TInputImage>::VerifyPreconditions() const
 {
   Superclass::VerifyPreconditions();
   this->template VerifyInputType<DecoratedTransformType>("Transform", "the view, a decorated transform");
@@ -45,7 +45,7 @@ ShearWarpMIPPartImageFilter<TInputImage>::VerifyPreconditions() ITKv5_CONST
 
 template <typename TInputImage>
 void
-ShearWarpMIPPartImageFilter<TInputImage>::VerifyInputInformation() ITKv5_CONST
+ShearWarpMIPPartImageFilter<TInputImage>::VerifyInputInformation() const
 {
   Superclass::VerifyInputInformation();
   this->VerifyInputGeometry();

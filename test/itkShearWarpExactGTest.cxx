@@ -250,7 +250,8 @@ ExpectExtremaOfTheInterpolant(const FilterType<TPixel> *    filter,
                                 static_cast<long double>(std::is_same_v<TPixel, float>) * 1e-7L * magnitude;
 
   const auto * output = filter->GetOutput();
-  for (itk::ImageRegionConstIterator<itk::Image<TPixel, 2>> it(output, output->GetBufferedRegion()); !it.IsAtEnd();
+  for (itk::ImageRegionConstIteratorWithIndex<itk::Image<TPixel, 2>> it(output, output->GetBufferedRegion());
+       !it.IsAtEnd();
        ++it)
   {
     itk::Point<double, 2> place;
@@ -385,7 +386,7 @@ TYPED_TEST(ShearWarpExact, ConstantsStay)
       filter->ExactOn();
       filter->Update();
       const auto * output = filter->GetOutput();
-      for (itk::ImageRegionConstIterator<itk::Image<TypeParam, 2>> it(output, output->GetBufferedRegion());
+      for (itk::ImageRegionConstIteratorWithIndex<itk::Image<TypeParam, 2>> it(output, output->GetBufferedRegion());
            !it.IsAtEnd();
            ++it)
       {
@@ -432,7 +433,8 @@ TYPED_TEST(ShearWarpExact, AlongTheGridIsTheExtremumOfVoxels)
       largest = std::max(largest, std::abs(static_cast<double>(it.Get())));
     }
     const auto * output = filter->GetOutput();
-    for (itk::ImageRegionConstIterator<itk::Image<TypeParam, 2>> it(output, output->GetBufferedRegion()); !it.IsAtEnd();
+    for (itk::ImageRegionConstIteratorWithIndex<itk::Image<TypeParam, 2>> it(output, output->GetBufferedRegion());
+         !it.IsAtEnd();
          ++it)
     {
       itk::Point<double, 2> place;
@@ -569,7 +571,8 @@ TEST(ShearWarpExactClosedForms, ARampEndsWhereSlabAndBoxEnd)
     filter->ExactOn();
     filter->Update();
     const auto * output = filter->GetOutput();
-    for (itk::ImageRegionConstIterator<itk::Image<float, 2>> it(output, output->GetBufferedRegion()); !it.IsAtEnd();
+    for (itk::ImageRegionConstIteratorWithIndex<itk::Image<float, 2>> it(output, output->GetBufferedRegion());
+         !it.IsAtEnd();
          ++it)
     {
       double expected = -1e9;
@@ -922,7 +925,7 @@ TEST(ShearWarpExactRays, TurnsByRightAnglesHaveNoHoles)
     filter->ExactOn();
     filter->Update();
     const auto * output = filter->GetOutput();
-    for (itk::ImageRegionConstIterator<itk::Image<unsigned short, 2>> it(output, output->GetBufferedRegion());
+    for (itk::ImageRegionConstIteratorWithIndex<itk::Image<unsigned short, 2>> it(output, output->GetBufferedRegion());
          !it.IsAtEnd();
          ++it)
     {
@@ -1036,7 +1039,8 @@ TEST(ShearWarpExactRays, OrderOfAxesChangesAtMostOneUnit)
     filter->Update();
     const short * pixel = filter->GetOutput()->GetBufferPointer();
     int           beside = 0;
-    for (itk::ImageRegionConstIterator<itk::Image<short, 2>> it(first, first->GetBufferedRegion()); !it.IsAtEnd();
+    for (itk::ImageRegionConstIteratorWithIndex<itk::Image<short, 2>> it(first, first->GetBufferedRegion());
+         !it.IsAtEnd();
          ++it, ++pixel)
     {
       itk::Point<double, 2> place;

@@ -374,8 +374,8 @@ TEST(ShearWarpMIPImageFilter, AgreesWithFineResamplingOfASmoothImage)
   image->SetDirection(MakeRandomRotation(random));
   image->SetOrigin(MakePoint3(40, -30, 20));
   image->Allocate();
-  const double                        centres[][4] = { { 22, 20, 19, 1.0 }, { 27, 25, 21, 0.7 }, { 19, 24, 17, 0.5 } };
-  itk::ImageRegionIterator<ImageType> voxel(image, image->GetBufferedRegion());
+  const double centres[][4] = { { 22, 20, 19, 1.0 }, { 27, 25, 21, 0.7 }, { 19, 24, 17, 0.5 } };
+  itk::ImageRegionIteratorWithIndex<ImageType> voxel(image, image->GetBufferedRegion());
   for (; !voxel.IsAtEnd(); ++voxel)
   {
     double value = 0.0;

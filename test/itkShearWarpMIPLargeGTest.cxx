@@ -142,9 +142,9 @@ TEST(ShearWarpMIPLarge, MoreThan2To31VoxelsAreProjected)
       places.push_back(place);
     }
     // a cube's corner, and a pixel for each interpolation
-    constexpr double                                            reach = 1.75 * (Radius + 0.5) + 3;
-    itk::SizeValueType                                          strangers = 0;
-    itk::ImageRegionConstIterator<itk::Image<unsigned char, 2>> it(output, output->GetBufferedRegion());
+    constexpr double                                                     reach = 1.75 * (Radius + 0.5) + 3;
+    itk::SizeValueType                                                   strangers = 0;
+    itk::ImageRegionConstIteratorWithIndex<itk::Image<unsigned char, 2>> it(output, output->GetBufferedRegion());
     for (; !it.IsAtEnd(); ++it)
     {
       const auto isNear = [&](const itk::Index<2> & place) {

@@ -69,7 +69,7 @@ ExpectRule(FilterType<TPixel> *          filter,
     ASSERT_EQ(depths->GetBufferedRegion(), output->GetBufferedRegion());
     ASSERT_EQ(depths->GetOrigin(), output->GetOrigin());
     ASSERT_EQ(depths->GetSpacing(), output->GetSpacing());
-    itk::ImageRegionConstIterator<itk::Image<float, 2>> it(depths, depths->GetBufferedRegion());
+    itk::ImageRegionConstIteratorWithIndex<itk::Image<float, 2>> it(depths, depths->GetBufferedRegion());
     for (; !it.IsAtEnd(); ++it)
     {
       const auto   index = it.GetIndex();
@@ -429,7 +429,7 @@ TEST(ShearWarpMIPModesClosedForms, SlabIsThatOfItsMillimetres)
   // each slice has its number
   const auto image = MakePlainImage<unsigned short>({ { 5, 4, 40 } });
   image->SetSpacing(MakeVector3(1, 1, 2.5));
-  itk::ImageRegionIterator<itk::Image<unsigned short, 3>> it(image, image->GetBufferedRegion());
+  itk::ImageRegionIteratorWithIndex<itk::Image<unsigned short, 3>> it(image, image->GetBufferedRegion());
   for (; !it.IsAtEnd(); ++it)
   {
     it.Set(static_cast<unsigned short>(it.GetIndex()[2] + 1));
@@ -491,7 +491,7 @@ TEST(ShearWarpMIPModesClosedForms, DepthLeadsToTheVoxel)
     }
     EXPECT_LT(point.EuclideanDistanceTo(expected), 4.0 * reach) << "in repetition " << repeat;
     itk::ContinuousIndex<double, 3> index;
-    image->TransformPhysicalPointToContinuousIndex(point, index);
+    static_cast<void>(image->TransformPhysicalPointToContinuousIndex(point, index));
     const unsigned int axis = filter->GetPrincipalAxis();
     EXPECT_NEAR(index[axis], static_cast<double>(bright[axis]), 1e-3) << "in repetition " << repeat;
   }
@@ -545,7 +545,7 @@ TEST(ShearWarpMIPModesClosedForms, DepthOfAVeryLongImageLeadsToTheVoxel)
             filter->Update();
             const auto * output = filter->GetOutput();
             ASSERT_EQ(filter->GetPrincipalAxis(), axis);
-            itk::ImageRegionConstIterator<itk::Image<short, 2>> it(output, output->GetBufferedRegion());
+            itk::ImageRegionConstIteratorWithIndex<itk::Image<short, 2>> it(output, output->GetBufferedRegion());
             for (; !it.IsAtEnd(); ++it)
             {
               itk::Point<double, 2> place;
@@ -583,9 +583,9 @@ TEST(ShearWarpMIPModesClosedForms, DepthOfAVeryLongImageLeadsToTheVoxel)
 TEST(ShearWarpMIPModesClosedForms, MaskedBrightNeighboursDoNotBleed)
 {
   // vessel beside bone
-  const auto                                     image = MakePlainImage<short>({ { 16, 16, 16 } }, -50);
-  const auto                                     mask = MakeMask(image);
-  itk::ImageRegionIterator<itk::Image<short, 3>> it(image, image->GetBufferedRegion());
+  const auto                                              image = MakePlainImage<short>({ { 16, 16, 16 } }, -50);
+  const auto                                              mask = MakeMask(image);
+  itk::ImageRegionIteratorWithIndex<itk::Image<short, 3>> it(image, image->GetBufferedRegion());
   for (; !it.IsAtEnd(); ++it)
   {
     const auto & index = it.GetIndex();

@@ -238,8 +238,8 @@ CheckCase(Random & random, Tally & tally)
   });
 
   ASSERT_EQ(image->GetLargestPossibleRegion(), buffered);
-  BruteForceProjection<TPixel>                    bruteForce(view, image, static_cast<int>(oversampling), rule);
-  itk::ImageRegionIterator<itk::Image<TPixel, 2>> it(first, first->GetBufferedRegion());
+  BruteForceProjection<TPixel> bruteForce(view, image, static_cast<int>(oversampling), rule);
+  itk::ImageRegionIteratorWithIndex<itk::Image<TPixel, 2>> it(first, first->GetBufferedRegion());
   for (; !it.IsAtEnd(); ++it)
   {
     const double u = first->GetOrigin()[0] + first->GetSpacing()[0] * static_cast<double>(it.GetIndex()[0]);

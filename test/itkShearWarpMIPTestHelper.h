@@ -21,7 +21,7 @@
 #include "itkAffineTransform.h"
 #include "itkImage.h"
 #include "itkImageAlgorithm.h"
-#include "itkImageRegionIterator.h"
+#include "itkImageRegionIteratorWithIndex.h"
 #include "itkImageSource.h"
 #include "itkMatrix.h"
 #include "itkShearWarpMIPMergePartsImageFilter.h"
@@ -382,7 +382,7 @@ protected:
     region.SetSize(2, region.GetSize(2) - missingSlices);
     output->SetBufferedRegion(region);
     output->Allocate();
-    for (ImageRegionIterator<ImageType> it(output, region); !it.IsAtEnd(); ++it)
+    for (ImageRegionIteratorWithIndex<ImageType> it(output, region); !it.IsAtEnd(); ++it)
     {
       it.Set(m_Whole->GetPixel(it.GetIndex()));
     }
@@ -434,12 +434,12 @@ MakeMask(const ImageBase<3> * image)
 inline Image<unsigned char, 3>::Pointer
 MakeRandomMask(Random & random, const ImageBase<3> * image)
 {
-  const auto                                   mask = MakeMask(image);
-  const auto                                   region = image->GetLargestPossibleRegion();
-  const auto                                   length = random.Integer(1, random.Integer(0, 1) == 0 ? 7 : 40);
-  const bool                                   hasSpecks = random.Integer(0, 1) == 0;
-  ImageRegionIterator<Image<unsigned char, 3>> it(mask, region);
-  std::uint64_t                                labels[512];
+  const auto                                            mask = MakeMask(image);
+  const auto                                            region = image->GetLargestPossibleRegion();
+  const auto                                            length = random.Integer(1, random.Integer(0, 1) == 0 ? 7 : 40);
+  const bool                                            hasSpecks = random.Integer(0, 1) == 0;
+  ImageRegionIteratorWithIndex<Image<unsigned char, 3>> it(mask, region);
+  std::uint64_t                                         labels[512];
   std::generate_n(labels, 512, [&] { return random.Bits() % 3; });
   for (; !it.IsAtEnd(); ++it)
   {
@@ -735,7 +735,7 @@ public:
     output->CopyInformation(grid);
     output->SetRegions(grid->GetLargestPossibleRegion());
     output->Allocate();
-    ImageRegionIterator<Image<TPixel, 2>> it(output, output->GetBufferedRegion());
+    ImageRegionIteratorWithIndex<Image<TPixel, 2>> it(output, output->GetBufferedRegion());
     for (; !it.IsAtEnd(); ++it)
     {
       const auto & index = it.GetIndex();
