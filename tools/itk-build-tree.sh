@@ -163,6 +163,8 @@ if [ "$what" = --source ]; then
 fi
 
 version=$(awk -F'"' '/set\(ITK_VERSION_(MAJOR|MINOR|PATCH)/ { v = v s $2; s = "." } END { print v }' "$source/CMake/itkVersion.cmake")
+# ITK 6 does not compile with the Eigen of Debian 12
+[[ $version != 6.* ]] || options+=(-DITK_USE_SYSTEM_EIGEN=OFF)
 key=$(printf '%s\n' "$source" "$version" "$(c++ --version)" "$("$python" --version)" "${tool_versions[@]}" "${options[@]}" \
   "$(declare -f configure_tree build_tree; cat "$root/tools/itk-unity-build.cmake")" | sha256sum | cut -c1-12)
 tree=$cache/itk-$version-$key

