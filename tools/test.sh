@@ -16,7 +16,8 @@
 # Usage: test.sh [quick | tree | installed | module | python | --sanitize | arm]...    [quick]
 #        test.sh --all     tree, installed, module, python and arm
 #        test.sh --long    random cases for 30 minutes and an image of 2^31 voxels (5 GB), on an installed ITK
-# Installs what is missing, as root or with sudo. Environment: see itk-build-tree.sh.
+# Installs what is missing, as root or with sudo. Environment: see itk-build-tree.sh, and
+#   PYTHONS='<program> ...'  more versions of Python to test the wheel with
 set -euo pipefail
 . "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
@@ -114,9 +115,8 @@ test_tree() {
 test_module() {
   need_packages git rsync
   use_tree
-  local dir=$cache/itk-remote-module remote=ShearWarpMIP.remote.cmake published entry key libraries
+  local dir=$cache/itk-remote-module remote=ShearWarpMIP.remote.cmake published entry key
   key="$tree $(declare -f test_module | sha256sum)"
-  libraries=(-DITK_USE_SYSTEM_{GDCM,PNG,TIFF,JPEG,ZLIB,EXPAT}=ON)
   published=$dir/published
   if [ "$(cat "$dir/key" 2>/dev/null)" != "$key" ]; then
     rm -rf "$dir"
@@ -140,7 +140,7 @@ test_module() {
     cmake -S "$dir/source" -B "$dir/build" -G Ninja -DCMAKE_BUILD_TYPE=Release -DBUILD_TESTING=ON -DBUILD_EXAMPLES=OFF \
     -DCMAKE_PROJECT_INCLUDE="$root/tools/itk-unity-build.cmake" \
     -DITK_BUILD_DEFAULT_MODULES=OFF -DITKGroup_Core=OFF -DModule_ShearWarpMIP=ON \
-    -DITK_USE_KWSTYLE=OFF -DITK_USE_CLANG_FORMAT=OFF "${libraries[@]}" \
+    -DITK_USE_KWSTYLE=OFF -DITK_USE_CLANG_FORMAT=OFF -DITK_USE_SYSTEM_{GDCM,PNG,TIFF,JPEG,ZLIB,EXPAT}=ON \
     '-DCMAKE_C_FLAGS_RELEASE=-O1 -DNDEBUG' '-DCMAKE_CXX_FLAGS_RELEASE=-O1 -DNDEBUG' \
     -DExternalData_OBJECT_STORES="$source/.ExternalData" > "$dir/configure.log" 2>&1 || {
     tail -n 30 "$dir/configure.log" >&2
@@ -156,7 +156,7 @@ test_python() {
   # Ubuntu has no such packages: the viewer is not tested in a browser there
   grep -q '^ID=ubuntu' /etc/os-release || need_packages chromium chromium-driver
   use_tree
-  local dir=$build/python python=${PYTHON:-/usr/bin/python3} version wheel
+  local dir=$build/python python=${PYTHON:-/usr/bin/python3} version wheel each env
   version=$(sed -n 's/^ *set(PACKAGE_VERSION "\(.*\)").*/\1/p' "$tree/ITKConfigVersion.cmake" | head -n 1)
   rm -rf "$dir"
 
@@ -176,11 +176,15 @@ test_python() {
     die "without an ITK build tree the sdist must say what it needs, see $dir/no-tree.log"
   fi
 
-  "$python" -m venv "$dir/env"
-  "$dir/env/bin/pip" install --quiet --disable-pip-version-check "itk==$version" "${wheel}[test]"
-  "$dir/env/bin/shear-warp-mip" --version
-  # SWIG's types warn at import
-  "$dir/env/bin/python" -m pytest -W error -W 'ignore:builtin type' "$root/wrapping/test"
+  for each in "$python" ${PYTHONS:-}; do
+    env=$dir/env
+    [ "$each" = "$python" ] || env=$dir/env-$("$each" -c 'import sys; print("%d.%d" % sys.version_info[:2])')
+    "$each" -m venv "$env"
+    "$env/bin/pip" install --quiet --disable-pip-version-check "itk==$version" "${wheel}[test]"
+    "$env/bin/shear-warp-mip" --version
+    # SWIG's types warn at import
+    "$env/bin/python" -m pytest -W error -W 'ignore:builtin type' "$root/wrapping/test"
+  done
 }
 
 # Any report ends a test. ITK itself is not instrumented: the waiting in its thread pool is invisible to ThreadSanitizer,
