@@ -1,11 +1,12 @@
 #!/usr/bin/env bash
 # Builds and tests, in build/ of this checkout:
 #
-#   quick      library, program and their tests against Debian's installed ITK
+#   quick      library, program and their tests against Debian's installed ITK; tests that there are for each pixel type
+#              run for unsigned char, short, unsigned short and float only
 #   tree       library, program and their tests against an ITK 5.4 build tree (tools/itk-build-tree.sh makes it once
 #              and caches it), with real clinical images from ITK's test data
-#   installed  `quick` with those images if `tree` went before; and the methods that the benchmarks compare with, the
-#              program's tests that need a browser, an archive or other packages; the Debian packages
+#   installed  as `quick` without exceptions, with those images if `tree` went before; and the tests that need a browser,
+#              a DICOM archive or other packages, the methods that the benchmarks compare with, the Debian packages
 #   module     the module inside ITK's source tree, fetched as ShearWarpMIP.remote.cmake says, with nothing but the
 #              folders that ITK takes
 #   python     the wheel, in a fresh environment beside PyPI's itk of the same version; the sdist
@@ -58,6 +59,7 @@ use_tree() {
 test_quick() (
   unset ITK_DIR
   need_packages build-essential cmake ninja-build libinsighttoolkit5-dev libcli11-dev libgtest-dev
+  local skip='<(signed )?char>|<(unsigned )?(int|long|long long)>|<double>'
   configure_build_test "$build/installed" -DShearWarpMIP_BUILD_BENCHMARKS=OFF
 )
 
