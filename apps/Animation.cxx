@@ -18,6 +18,7 @@
 #include "Animation.h"
 
 #include "Output.h"
+#include "Posix.h"
 
 #include "itksys/SystemTools.hxx"
 
@@ -30,7 +31,7 @@
 #include <system_error>
 #include <vector>
 
-#if __has_include(<spawn.h>)
+#ifdef ShearWarpMIP_HAS_POSIX
 #  include <fcntl.h>
 #  include <poll.h>
 #  include <spawn.h>
@@ -45,7 +46,7 @@ using Arguments = std::vector<std::string>;
 
 const std::string gray = "gray";
 
-#if __has_include(<spawn.h>)
+#ifdef ShearWarpMIP_HAS_POSIX
 std::string
 FindEncoder()
 {

@@ -16,13 +16,14 @@
  *
  *=========================================================================*/
 #include "Help.h"
+#include "Posix.h"
 
 #include <algorithm>
 #include <cstdlib>
 #include <set>
 #include <sstream>
 
-#if __has_include(<sys/ioctl.h>)
+#ifdef ShearWarpMIP_HAS_POSIX
 #  include <sys/ioctl.h>
 #  include <unistd.h>
 #endif
@@ -41,7 +42,7 @@ std::size_t
 FindWidth()
 {
   std::size_t width = 100;
-#if __has_include(<sys/ioctl.h>)
+#ifdef ShearWarpMIP_HAS_POSIX
   winsize terminal{};
   if (isatty(STDOUT_FILENO) == 1 && ioctl(STDOUT_FILENO, TIOCGWINSZ, &terminal) == 0 && terminal.ws_col > 0)
   {

@@ -18,6 +18,7 @@
 #include "Integrity.h"
 
 #include "FileStart.h"
+#include "Posix.h"
 #include "Text.h"
 #include "TransformFile.h"
 
@@ -300,7 +301,7 @@ std::string program;
 class KeptSignals
 {
 public:
-#if __has_include(<unistd.h>)
+#ifdef ShearWarpMIP_HAS_POSIX
   KeptSignals()
   {
     sigemptyset(&m_Signals);
@@ -442,16 +443,15 @@ ParseIfAsked(int argc, const char * const * argv, std::ostream & output)
     }
   }
   std::error_code    noSuchFile;
-  std::string        error;
   const char * const itself = "/proc/self/exe";
   program = fs::read_symlink(itself, noSuchFile).string();
   if (!program.empty() && !fs::exists(program, noSuchFile))
   {
     program = itself; // removed or replaced since
   }
-  if (program.empty() && !itksys::SystemTools::FindProgramPath(argv[0], program, error))
+  if (program.empty())
   {
-    program.clear();
+    program = itksys::SystemTools::FindProgram(argv[0]);
   }
   return false;
 }

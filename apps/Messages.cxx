@@ -16,12 +16,13 @@
  *
  *=========================================================================*/
 #include "Messages.h"
+#include "Posix.h"
 
 
 #include <iomanip>
 #include <sstream>
 
-#if __has_include(<unistd.h>)
+#ifdef ShearWarpMIP_HAS_POSIX
 #  include <unistd.h>
 #endif
 
@@ -30,7 +31,7 @@ namespace
 bool
 IsTerminal()
 {
-#if __has_include(<unistd.h>)
+#ifdef ShearWarpMIP_HAS_POSIX
   return isatty(STDERR_FILENO) == 1;
 #else
   return false;

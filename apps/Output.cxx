@@ -18,6 +18,7 @@
 #include "Output.h"
 #include "Animation.h"
 #include "Integrity.h"
+#include "Posix.h"
 
 #include "itkImageIOFactory.h"
 
@@ -30,7 +31,7 @@
 #include <sstream>
 #include <stdexcept>
 
-#if __has_include(<unistd.h>)
+#ifdef ShearWarpMIP_HAS_POSIX
 #  include <sys/stat.h>
 #  include <unistd.h>
 #endif
@@ -84,7 +85,7 @@ FollowLinks(fs::path path)
 std::string
 GetIdentity(const fs::path & path)
 {
-#if __has_include(<unistd.h>)
+#ifdef ShearWarpMIP_HAS_POSIX
   struct stat status;
   if (stat(path.c_str(), &status) == 0)
   {
@@ -99,7 +100,7 @@ void
 CopyAccess(const fs::path & former, const fs::path & path)
 {
   fs::perms mode = fs::status(former).permissions();
-#if __has_include(<unistd.h>)
+#ifdef ShearWarpMIP_HAS_POSIX
   struct stat status;
   if (stat(former.c_str(), &status) != 0 || (chown(path.c_str(), status.st_uid, status.st_gid) != 0 &&
                                              chown(path.c_str(), static_cast<uid_t>(-1), status.st_gid) != 0))
@@ -177,9 +178,9 @@ HoldSignal(int signal)
 }
 
 bool
-IsIgnored(int signal)
+IsIgnored([[maybe_unused]] int signal)
 {
-#if __has_include(<unistd.h>)
+#ifdef ShearWarpMIP_HAS_POSIX
   struct sigaction action{};
   return sigaction(signal, nullptr, &action) == 0 && action.sa_handler == SIG_IGN;
 #else
