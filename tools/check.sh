@@ -1,11 +1,12 @@
 #!/usr/bin/env bash
 # Static analysis of the C++ code; any finding is a failure.
 #
-#   compile   g++ with -Wall -Wextra -Wconversion -Wshadow
+#   compile   g++ with -Wall -Wextra -Wconversion -Wshadow; what asks for Linux or POSIX without these too
+#   libcxx    clang with libc++, on the library and the program
 #   tidy      clang-tidy, with the checks of .clang-tidy and clang's warnings; of the module and its program
 #   cppcheck
 #
-# Usage: check.sh [compile | tidy | cppcheck]...    [all three]
+# Usage: check.sh [compile | libcxx | tidy | cppcheck]...    [all four]
 # Installs what is missing, as root or with sudo. Environment: see itk-build-tree.sh.
 set -euo pipefail
 . "$(dirname "${BASH_SOURCE[0]}")/common.sh"
@@ -13,12 +14,14 @@ cd "$root"
 unset ITK_DIR
 
 build=$root/build/check
+# Debian's ITK refuses any other compiler than the one it was built with; its code is good for clang too
+clang_flags=(-Wno-sign-conversion -Wno-unknown-warning-option -DITK_COMPILER_DETECTION_H -DITK_NOEXCEPT=noexcept)
 
 stages=("$@")
-[ ${#stages[@]} -gt 0 ] || stages=(compile tidy cppcheck)
+[ ${#stages[@]} -gt 0 ] || stages=(compile libcxx tidy cppcheck)
 for stage in "${stages[@]}"; do
   case $stage in
-    compile | tidy | cppcheck) ;;
+    compile | libcxx | tidy | cppcheck) ;;
     *) exit_with_usage ;;
   esac
 done
@@ -30,19 +33,32 @@ configure() {
     '-DCMAKE_CXX_FLAGS_CHECK=-fsyntax-only -Wall -Wextra -Wconversion -Wshadow -Werror' > /dev/null
 }
 
+list_commands() {
+  sed -n 's/^ *"command": "\(.*\)",$/\1/p' "$build/compile_commands.json" | sed 's/\\\(.\)/\1/g'
+}
+
 check_compile() {
   configure
-  sed -n 's/^ *"command": "\(.*\)",$/\1/p' "$build/compile_commands.json" | sed 's/\\\(.\)/\1/g' |
+  local commands asking
+  commands=$(list_commands)
+  asking=$(git grep -l '^#ifdef \(__linux__\|ShearWarpMIP_HAS_POSIX\)' -- "apps/*.cxx" "src/*.cxx")
+  { echo "$commands"; grep -F "$asking" <<< "$commands" | sed 's/$/ -U__linux__ -DShearWarpMIP_WITHOUT_POSIX/'; } |
     xargs -d '\n' -P "$jobs" -n 1 sh -c
 }
 
-# Debian's ITK refuses any other compiler than the one it was built with; its code is good for clang too.
+check_libcxx() {
+  need_packages clang libc++-dev libc++abi-dev
+  configure
+  list_commands | grep -E "$root/(apps|src)/[^/]*\.cxx$" |
+    sed "s|^.*/c++ |clang++ -stdlib=libc++ |; s|$| ${clang_flags[*]}|" |
+    xargs -d '\n' -P "$jobs" -n 1 sh -c
+}
+
 check_tidy() {
   need_packages clang-tidy
   configure
   sed -n 's/^ *"file": "\(.*\)".*/\1/p' "$build/compile_commands.json" | grep -v "^$root/benchmark/" |
-    xargs -P "$jobs" -n 1 clang-tidy --quiet -p "$build" --extra-arg=-Wno-sign-conversion \
-      --extra-arg=-Wno-unknown-warning-option --extra-arg=-DITK_COMPILER_DETECTION_H --extra-arg=-DITK_NOEXCEPT=noexcept
+    xargs -P "$jobs" -n 1 clang-tidy --quiet -p "$build" "${clang_flags[@]/#/--extra-arg=}"
 }
 
 check_cppcheck() {
