@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# Makes the pictures of modes.md, of a real image from ITK's test data; ITK's source is downloaded for it, once. What is
-# missing on a Debian or Ubuntu machine is installed, as root or through sudo, and itk from PyPI into the cache.
+# Makes the pictures of modes.md, of the program's synthetic angiogram and of a real image from ITK's test data; ITK's
+# source is downloaded for it, once. What is missing on a Debian or Ubuntu machine is installed, as root or through sudo,
+# and itk from PyPI into the cache.
 #
 #   JOBS=<n>              parallel compile jobs                   [all cores]
 #   XDG_CACHE_HOME=<dir>  the cache is itk-shearwarpmip/ inside   [~/.cache]
@@ -41,28 +42,39 @@ for array, path in zip((ellipsoid.astype(np.uint8), voxels - voxels[::-1], colou
 PYTHON
 }
 
-# project NAME OPTION...
+# project IMAGE NAME OPTION...
 project() {
-  local name=$1
-  shift
-  "$program" "$work/head.dcm" "$folder/$name.png" "$@"
+  local image=$work/$1 name=$2
+  shift 2
+  "$program" "$image" "$folder/$name.png" "$@"
 }
 
-make_pictures() {
+make_pictures_of_angiogram() {
+  local image=angiogram.nrrd
+  local left=(--view left --spacing 0.25 --size "340,340" --window "40,800")
+  local above=(--azimuth 42 --elevation 35 --spacing 0.12 --size "340,340" --window "0,800")
+  "$program" --write-phantom "$work/$image"
+  project "$image" plain --azimuth 30
+  project "$image" fading --azimuth 30 --slab "-80,inf" --attenuation 0.01
+  "$program" "$work/$image" "$work/mip.png" --azimuth 30 --window "200,900" --depth-colour "$folder/depth.png"
+  project "$image" plain-left "${left[@]}"
+  project "$image" local "${left[@]}" --local-maximum 300
+  project "$image" plain-detail "${above[@]}"
+  project "$image" exact-detail "${above[@]}" --exact
+  project "$image" superior --view superior
+  "$program" "$work/$image" "$work/slice.nrrd" --azimuth 30 --slab "-10,10" --in-place
+  project "$image" in-place --view superior --overlay "$work/slice.nrrd"
+}
+
+make_pictures_of_head() {
   local oblique=(--view left --azimuth 20)
-  project maximum "${oblique[@]}"
-  project minimum --view left --mode minimum --slab -5 5
-  "$program" "$work/difference.nrrd" "$folder/absolute.png" --view anterior --mode absolute-maximum --slab -5 5 \
-    --window -400 400
-  project slab "${oblique[@]}" --slab -10 10
-  project crop "${oblique[@]}" --crop "-40,40,-inf,inf,-inf,inf"
-  project mask "${oblique[@]}" --mask "$work/mask.nrrd"
-  project local "${oblique[@]}" --local-maximum 500
-  project fading "${oblique[@]}" --attenuation 0.02 --background 0
-  "$program" "$work/head.dcm" "$work/slice.nrrd" "${oblique[@]}" --slab -10 10 --in-place
-  "$program" "$work/slice.nrrd" "$folder/in-place.png" --view superior --spacing 0.75
-  "$program" "$work/colours.nrrd" "$folder/channels.png" "${oblique[@]}"
-  "$program" "$work/head.dcm" "$work/mip.png" "${oblique[@]}" --depth-colour "$folder/depth.png"
+  project head.dcm maximum "${oblique[@]}"
+  project head.dcm minimum --view left --mode minimum --slab "-5,5"
+  project difference.nrrd absolute --view anterior --mode absolute-maximum --slab "-5,5" --window "-400,400"
+  project head.dcm slab "${oblique[@]}" --slab "-10,10"
+  project head.dcm crop "${oblique[@]}" --crop "-40,40,-inf,inf,-inf,inf"
+  project head.dcm mask "${oblique[@]}" --mask "$work/mask.nrrd"
+  project colours.nrrd channels "${oblique[@]}"
 }
 
 timed "installed what building needs" need_packages build-essential cmake ninja-build libinsighttoolkit5-dev \
@@ -73,4 +85,5 @@ cp "$head" "$work/head.dcm"
 mkdir -p "$folder"
 timed "made a mask, a difference and colours" make_inputs "$work/head.dcm" "$work/mask.nrrd" "$work/difference.nrrd" \
   "$work/colours.nrrd"
-timed "made the pictures" make_pictures
+timed "made the pictures of the angiogram" make_pictures_of_angiogram
+timed "made the pictures of the head" make_pictures_of_head

@@ -35,12 +35,13 @@
 namespace itk
 {
 /** \class ShearWarpBaseImageFilter
- * \brief What all filters have in common that project 3D images by shear-warp factorization: the engine, and its
- * threads.
+ * \brief Base of the filters that project 3D images by shear-warp factorization.
  *
- * Observers may change how many threads there are and release the prepared volume during an update: that takes effect
- * after it. An update ends with an exception if an observer changes a parameter, an input or an output. Only the memory
- * of voxels must not be allocated again meanwhile.
+ * It has their engine and threads.
+ *
+ * Observers may change the number of threads and release the prepared volume during an update: both take effect after
+ * the update. An update ends with an exception if an observer changes a parameter, an input or an output. The memory of
+ * voxels must not be allocated again during an update.
  *
  * \tparam TInputImage An Image of dimension 3 of any arithmetic pixel type but bool and long double.
  * \tparam TOutputImage An Image of the same pixel type.

@@ -66,7 +66,7 @@ operator<<(std::ostream & out, ShearWarpMIPImageFilterEnums::ReducedResampling v
 
 namespace ShearWarp
 {
-/** The computer's memory in bytes; what can be addressed if the system does not tell. */
+/** The computer's memory in bytes; what can be addressed if the system does not say. */
 ShearWarpMIP_EXPORT
 double
 GetPhysicalMemory();
@@ -187,10 +187,12 @@ struct Measurements
 } // namespace ShearWarp
 
 /** \class ShearWarpEngine
- * \brief Projects volumes of one pixel type: all that touches voxels, compiled in the library alone, so that its bits
- * do not depend on who includes this header.
+ * \brief Projects volumes of one pixel type.
  *
- * It keeps what it prepares of an image until that changes, and its memory. It has one user at a time.
+ * All code that touches voxels is here. It is compiled in the library alone, so that its bits do not depend on who
+ * includes this header.
+ *
+ * The engine keeps what it prepares of an image until that changes, and its memory. It has one user at a time.
  *
  * \tparam TPixel Any arithmetic type but bool and long double.
  *

@@ -26,12 +26,13 @@
 namespace itk
 {
 /** \class ShearWarpMIPBaseImageFilter
- * \brief What the filters that project 3D images along rays have in common: their parameters, and the projection of any
- * number of views onto one grid.
+ * \brief Base of the filters that project 3D images along rays.
  *
- * Views of one principal axis are projected together, as many as IntermediateMemory has room for and at most 256, so
- * that the volume is read once for all of them, and views from opposite sides share an intermediate image. What needs
- * rays from front to back is projected one view after the other. Each view has the bits that it has alone.
+ * It has their parameters, and projects any number of views onto one grid.
+ *
+ * Views of one principal axis are projected together, as many as IntermediateMemory has room for and at most 256. So
+ * the volume is read once for all of them, and views from opposite sides share an intermediate image. With
+ * LocalMaximum views are projected one after the other. Each view has the bits that it has alone.
  *
  * \tparam TInputImage An Image of dimension 3 of any arithmetic pixel type but bool and long double.
  * \tparam TOutputImage An Image of the same pixel type, of dimension 2 or 3.
@@ -132,21 +133,21 @@ public:
   itkSetMacro(MaskLabel, unsigned char);
   itkGetConstMacro(MaskLabel, unsigned char);
 
-  /** Rays end behind their first local maximum that is not less than LocalMaximumThreshold (the first local minimum
-   * that is not greater, the first local maximum of magnitude), so that a near vessel hides a brighter one behind it;
-   * those that meet none have their maximum. Local maximum intensity projection: Sato et al., J Comput Assist
-   * Tomogr 22:912-917, 1998. Off by default. */
+  /** Rays end behind their first local maximum that is not less than LocalMaximumThreshold, so that a near vessel hides
+   * a brighter one behind it. With Minimum it is the first local minimum that is not greater, with AbsoluteMaximum the
+   * first local maximum of magnitude. Rays that meet none have their maximum. Local maximum intensity projection: Sato
+   * et al., J Comput Assist Tomogr 22:912-917, 1998. Off by default. */
   itkSetMacro(LocalMaximum, bool);
   itkGetConstMacro(LocalMaximum, bool);
   itkBooleanMacro(LocalMaximum);
   itkSetMacro(LocalMaximumThreshold, InputPixelType);
   itkGetConstReferenceMacro(LocalMaximumThreshold, InputPixelType);
 
-  /** How fast samples fade with depth, in 1 / unit of view space: one of value v at depth w takes part as
-   * DefaultPixelValue + (v - DefaultPixelValue) f, where f = exp(-DepthAttenuation (w - w0)) and w0 is SlabNear or, if
-   * that is less, the least depth of the sphere about the image's centre that holds the image, so that all views of a
-   * turn about that centre have the same. Any finite rate that is not negative will do; 0, none, by default.
-   * DefaultPixelValue must be finite where samples fade. */
+  /** How fast samples fade with depth, in 1 / unit of view space. A sample of value v at depth w takes part as
+   * DefaultPixelValue + (v - DefaultPixelValue) f, where f = exp(-DepthAttenuation (w - w0)). Fading begins at w0, the
+   * least depth of the sphere about the image's centre that holds the image, or at SlabNear if that is deeper. So all
+   * views of a turn about that centre begin at the same depth. Any finite rate that is not negative will do; 0, none,
+   * by default. DefaultPixelValue must be finite where samples fade. */
   itkSetMacro(DepthAttenuation, double);
   itkGetConstMacro(DepthAttenuation, double);
 
@@ -164,12 +165,13 @@ public:
   const DepthImageType *
   GetDepthOutput() const;
 
-  /** Whether a pixel is the extremum of the image itself along its ray, not of samples: of the trilinear interpolant of
-   * the voxels, whose coordinates are clamped to the outer voxel centres, within half a voxel of these, the slab and
-   * the box; rounded once. In each cell that is a cubic's, in closed form, so that there is no step, no principal axis
-   * and no second interpolation. The error before rounding is below 2^-14 of the voxels' range. Cells with a voxel that
-   * is not finite are left out. Depth is that of the extremum. Off by default. With it MaskImage, LocalMaximum,
-   * DepthAttenuation, Oversampling and NumberOfStreamDivisions must be as by default. */
+  /** Whether a pixel is the extremum of the image itself along its ray, not of samples. The image is the trilinear
+   * interpolant of the voxels, within the slab and the box; up to half a voxel beyond the outer voxel centres it has
+   * their values. In each cell it is a cubic along the ray, whose extremum is known in closed form: there is no step,
+   * no principal axis and no second interpolation. The extremum is rounded once. The error before rounding is below
+   * 2^-14 of the voxels' range. Cells with a voxel that is not finite are left out. Depth is that of the extremum. Off
+   * by default. With it MaskImage, LocalMaximum, DepthAttenuation, Oversampling and NumberOfStreamDivisions must be as
+   * by default. */
   itkSetMacro(Exact, bool);
   itkGetConstMacro(Exact, bool);
   itkBooleanMacro(Exact);

@@ -40,8 +40,8 @@ namespace itk
  *
  * Frames of one principal axis are projected together, so that a block of the volume serves all of them while it is in
  * the cache, and a series costs far less than its views one by one. That takes memory for an intermediate image of each
- * frame and thread, up to IntermediateMemory. What follows rays from front to back (LocalMaximum) is
- * projected frame by frame.
+ * frame and thread, up to IntermediateMemory. With LocalMaximum, which follows rays
+ * from front to back, frames are projected one by one.
  *
  * Parameters, errors, streaming and what is kept from one update to the next are as for ShearWarpMIPImageFilter.
  * Update() also throws ExceptionObject for a NumberOfFrames of zero or too many, a RotationAxis that is zero or not
