@@ -61,7 +61,7 @@ measure() {
 }
 
 timed "installed what building needs" need_packages build-essential cmake ninja-build libinsighttoolkit5-dev \
-  libbenchmark-dev libcli11-dev python3
+  libbenchmark-dev libcli11-dev python3-pandas python3-tabulate
 timed "built the program" build_release benchmark-program shear-warp-mip-benchmark -DShearWarpMIP_BUILD_APPS=OFF \
   -DShearWarpMIP_BUILD_BENCHMARKS=ON
 mkdir -p "$output"
