@@ -30,6 +30,7 @@ from typing import Any
 import itk
 import numpy as np
 from itk_shearwarpmip import show
+from peer.volume import SEED, angiogram
 from PIL import Image
 from selenium.webdriver.common.actions.action_builder import ActionBuilder
 from selenium.webdriver.common.by import By
@@ -37,7 +38,6 @@ from selenium.webdriver.common.by import By
 sys.path.append(str(Path(__file__).parents[1] / "wrapping" / "test"))
 import chromium
 
-SEED = 20020547
 MOVE_MILLISECONDS = 16
 
 STAGES = (
@@ -91,19 +91,8 @@ WATCH = """
 
 
 def make_volume(edge: int) -> Any:
-    """Winding vessels in noise."""
-    generator = np.random.default_rng(SEED)
-    voxels = generator.integers(80, 160, (edge,) * 3, np.uint16)
-    ball = np.stack(np.nonzero(np.ones((7, 7, 7)))) - 3
-    for _ in range(80):
-        steps = np.linspace(0, 1, 3 * edge)
-        turns, phases = generator.uniform(0.3, 2, 3), generator.uniform(0, 2 * np.pi, 3)
-        line = edge / 2 + edge * 0.45 * np.sin(2 * np.pi * np.outer(turns, steps) + phases[:, None])
-        radius = generator.uniform(1, 3.5)
-        tube = ball[:, (ball**2).sum(0) <= radius**2]
-        places = line.round().astype(int)[:, :, None] + tube[:, None]
-        voxels[tuple(np.clip(places, 0, edge - 1))] = generator.integers(300, 1000)
-    image = itk.image_from_array(voxels)
+    """The made angiogram of peers.py."""
+    image = itk.image_from_array(angiogram((edge,) * 3).voxels)
     image.SetSpacing([0.4, 0.4, 0.4])
     return image
 
@@ -261,7 +250,7 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--volume", help="image file; by default winding vessels in noise")
+    parser.add_argument("--volume", help="image file; by default a made angiogram")
     parser.add_argument("--edge", type=int, default=512, help="voxels along each side of these")
     parser.add_argument("--drags", type=int, default=100)
     parser.add_argument("--window", type=int, nargs=2, default=(1000, 720), help="of the browser, in pixels")
