@@ -22,7 +22,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <functional>
 #include <type_traits>
 
 namespace itk::ShearWarpBenchmark
@@ -458,106 +457,68 @@ Voxelwise(const TFunction & valueOf)
     });
   };
 }
-
-struct Recipe
-{
-  Kind                              kind;
-  unsigned int                      bits;
-  std::function<void(VolumeType &)> fill;
-};
-
-const std::vector<Recipe> &
-GetRecipes()
-{
-  static const std::vector<Recipe> recipes = {
-    { { "mra",
-        "time-of-flight MR angiogram of a head: branching vessels 2200 to 3800 in tissue 300 to 600, Rician noise of "
-        "45" },
-      12,
-      FillWithTimeOfFlightAngiogram },
-    { { "ct",
-        "CT angiogram of a chest, HU + 1024: air 24, soft tissue 1000 to 1100, lungs, contrast, bones to 2600, table, "
-        "noise of 10 to 15" },
-      12,
-      FillWithComputedTomogram },
-    { { "noise16", "uniform noise of the full 16 bits" }, 16, Voxelwise([](std::uint64_t voxel) {
-        return static_cast<std::uint16_t>(Hash(voxel) >> 48);
-      }) },
-    { { "noise12", "normal noise, mean 1000 and deviation 100: flat, so that the least can be skipped" },
-      12,
-      Voxelwise([](std::uint64_t voxel) { return RoundTo12Bits(1000.0F + 100.0F * Normal(voxel)); }) },
-    { { "sparse",
-        "angiogram with suppressed background: the vessels of mra and Rician noise of 8 in an ellipsoid, 0 outside" },
-      12,
-      FillWithSuppressedBackgroundAngiogram },
-    { { "const", "1000 everywhere" }, 12, Voxelwise([](std::uint64_t) { return std::uint16_t{ 1000 }; }) },
-  };
-  return recipes;
-}
-
-template <typename TPixel>
-TPixel
-Convert(std::uint16_t value, unsigned int bits)
-{
-  if constexpr (std::is_same_v<TPixel, std::uint8_t>)
-  {
-    return static_cast<TPixel>(value >> (bits - 8));
-  }
-  else if constexpr (std::is_same_v<TPixel, std::int16_t>)
-  {
-    return static_cast<TPixel>(bits == 16 ? value - 32768 : value);
-  }
-  else
-  {
-    return static_cast<TPixel>(value);
-  }
-}
 } // namespace
 
 const std::vector<Kind> &
 GetKinds()
 {
-  static const std::vector<Kind> kinds = [] {
-    std::vector<Kind> result;
-    for (const Recipe & recipe : GetRecipes())
-    {
-      result.push_back(recipe.kind);
-    }
-    return result;
-  }();
+  static const std::vector<Kind> kinds = {
+    { "mra",
+      "time-of-flight MR angiogram of a head: branching vessels 2200 to 3800 in tissue 300 to 600, Rician noise of 45",
+      12,
+      FillWithTimeOfFlightAngiogram },
+    { "ct",
+      "CT angiogram of a chest, HU + 1024: air 24, soft tissue 1000 to 1100, lungs, contrast, bones to 2600, table, "
+      "noise of 10 to 15",
+      12,
+      FillWithComputedTomogram },
+    { "noise16", "uniform noise of the full 16 bits", 16, Voxelwise([](std::uint64_t voxel) {
+        return static_cast<std::uint16_t>(Hash(voxel) >> 48);
+      }) },
+    { "noise12",
+      "normal noise, mean 1000 and deviation 100: flat, so that the least can be skipped",
+      12,
+      Voxelwise([](std::uint64_t voxel) { return RoundTo12Bits(1000.0F + 100.0F * Normal(voxel)); }) },
+    { "sparse",
+      "angiogram with suppressed background: the vessels of mra and Rician noise of 8 in an ellipsoid, 0 outside",
+      12,
+      FillWithSuppressedBackgroundAngiogram },
+    { "const", "1000 everywhere", 12, Voxelwise([](std::uint64_t) { return std::uint16_t{ 1000 }; }) },
+  };
   return kinds;
 }
 
 template <typename TPixel>
 typename Image<TPixel, 3>::Pointer
-MakeVolume(const std::string & kind, const Size<3> & size)
+MakeVolume(const std::string & name, const Size<3> & size)
 {
-  const auto & recipes = GetRecipes();
-  const auto   recipe =
-    std::find_if(recipes.begin(), recipes.end(), [&kind](const Recipe & r) { return r.kind.name == kind; });
-  if (recipe == recipes.end())
+  const auto & kinds = GetKinds();
+  const auto kind = std::find_if(kinds.begin(), kinds.end(), [&name](const Kind & each) { return each.name == name; });
+  if (kind == kinds.end())
   {
-    itkGenericExceptionMacro("There is no kind of volume called '" << kind << "'.");
+    itkGenericExceptionMacro("There is no kind of volume called '" << name << "'.");
   }
 
   const auto volume = VolumeType::New();
   volume->SetRegions(size);
   volume->Allocate(true);
-  recipe->fill(*volume);
+  kind->fill(*volume);
   if constexpr (std::is_same_v<TPixel, std::uint16_t>)
   {
     return volume;
   }
   else
   {
-    const auto converted = Image<TPixel, 3>::New();
+    const unsigned int shift = sizeof(TPixel) == 1 ? kind->bits - 8 : 0;
+    const int          offset = std::is_same_v<TPixel, std::int16_t> && kind->bits == 16 ? 32768 : 0;
+    const auto         converted = Image<TPixel, 3>::New();
     converted->SetRegions(size);
     converted->Allocate();
     const std::uint16_t * values = volume->GetBufferPointer();
     std::transform(values,
                    values + volume->GetBufferedRegion().GetNumberOfPixels(),
                    converted->GetBufferPointer(),
-                   [recipe](std::uint16_t value) { return Convert<TPixel>(value, recipe->bits); });
+                   [=](std::uint16_t value) { return static_cast<TPixel>((value >> shift) - offset); });
     return converted;
   }
 }

@@ -21,16 +21,20 @@
 #include "itkImage.h"
 
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <vector>
 
 namespace itk::ShearWarpBenchmark
 {
-/** A kind of synthetic volume: its name and one sentence about its voxels. */
+/** A kind of synthetic volume: its name, one sentence about its voxels, how many bits they have, and how they are made.
+ */
 struct Kind
 {
-  std::string name;
-  std::string description;
+  std::string                                    name;
+  std::string                                    description;
+  unsigned int                                   bits;
+  std::function<void(Image<std::uint16_t, 3> &)> fill;
 };
 
 /** The kinds that MakeVolume() knows. */

@@ -41,23 +41,6 @@ GetPixelType(IOComponentEnum component)
 }
 } // namespace
 
-std::string
-GetName(PixelType type)
-{
-  switch (type)
-  {
-    case PixelType::UInt8:
-      return "uint8";
-    case PixelType::Int16:
-      return "int16";
-    case PixelType::UInt16:
-      return "uint16";
-    case PixelType::Float:
-      return "float";
-  }
-  itkGenericExceptionMacro("There is no pixel type " << static_cast<int>(type) << '.');
-}
-
 FileInformation
 ReadInformation(const std::string & file)
 {

@@ -33,9 +33,8 @@ enum class PixelType
   Float
 };
 
-/** "uint8", "int16", "uint16" or "float". */
-std::string
-GetName(PixelType type);
+/** In the order of PixelType. */
+constexpr const char * PixelTypeNames[] = { "uint8", "int16", "uint16", "float" };
 
 struct FileInformation
 {
@@ -61,10 +60,9 @@ Dispatch(PixelType type, const TFunction & function)
       return function(std::int16_t{});
     case PixelType::UInt16:
       return function(std::uint16_t{});
-    case PixelType::Float:
+    default:
       return function(float{});
   }
-  itkGenericExceptionMacro("There is no pixel type " << static_cast<int>(type) << '.');
 }
 } // namespace itk::ShearWarpBenchmark
 

@@ -17,18 +17,19 @@
  *=========================================================================*/
 #include "Measurement.h"
 
-#include "Check.h"
-#include "Process.h"
 #include "ReadLimit.h"
-#include "Statistics.h"
 #include "Subject.h"
+#include "Variants.h"
 
-#include "itkImageRegionIteratorWithIndex.h"
+#include "itkShearWarpMIPCineImageFilter.h"
+
+#include "itksys/SystemTools.hxx"
+
+#include <benchmark/benchmark.h>
 
 #include <algorithm>
-#include <chrono>
+#include <fstream>
 #include <functional>
-#include <limits>
 #include <limits>
 #include <memory>
 #include <numeric>
@@ -39,14 +40,39 @@ namespace itk::ShearWarpBenchmark
 {
 namespace
 {
-struct KeptSubject
-{
-  std::optional<DataSet> data;
-  std::shared_ptr<void>  subject;
-};
+constexpr unsigned int NumberOfFrames = 36;
+constexpr double       Milliseconds = 1000.0;
 
-bool        hasAnyFailed = false;
-KeptSubject keptSubject;
+bool hasAnyFailed = false;
+
+void
+ForceInstructionSet(const std::string & name)
+{
+  itksys::SystemTools::PutEnv("SHEARWARPMIP_INSTRUCTION_SET=" + name);
+}
+
+/** Makes this process forget its peak memory. Returns whether the system can do so: Linux, see proc(5), clear_refs. */
+bool
+ResetPeakMemory()
+{
+  std::ofstream file("/proc/self/clear_refs");
+  file << "5" << std::flush;
+  return file.good();
+}
+
+/** The most memory that this process has held since ResetPeakMemory(), in MB of 2^20 bytes: VmHWM of proc(5). */
+double
+GetPeakMemory()
+{
+  std::ifstream file("/proc/self/status");
+  double        kilobytes = 0.0;
+  for (std::string name; file >> name && name != "VmHWM:";)
+  {
+    file.ignore(std::numeric_limits<std::streamsize>::max(), '\n');
+  }
+  file >> kilobytes;
+  return kilobytes / 1024.0;
+}
 
 double
 GetMean(const std::vector<double> & values)
@@ -60,81 +86,63 @@ GetMinimum(const std::vector<double> & values)
   return *std::min_element(values.begin(), values.end());
 }
 
+/** The lower one of two medians. */
+double
+GetMedian(std::vector<double> values)
+{
+  const auto middle = values.begin() + (static_cast<std::ptrdiff_t>(values.size()) - 1) / 2;
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
 /** One quantity, measured several times for each view. */
 class ViewSeries
 {
 public:
-  ViewSeries()
-    : m_Values(GetNumberOfViews())
-  {}
-
   void
   Add(unsigned int view, double value)
   {
-    m_Values.at(view).push_back(value);
+    m_Values[view].push_back(value);
   }
 
-  /** For each view with values \a statistic of them. */
+  /** For each view that \a other has \a statistic of the values. */
   template <typename TStatistic>
   std::vector<double>
-  Summarize(const TStatistic & statistic) const
+  Summarize(const ViewSeries & other, const TStatistic & statistic) const
   {
     std::vector<double> result;
-    for (const unsigned int view : this->GetViews())
+    for (const auto & view : other.m_Values)
     {
-      result.push_back(statistic(m_Values[view]));
+      result.push_back(statistic(m_Values.at(view.first)));
     }
     return result;
   }
 
-  /** Those with values. */
-  std::vector<unsigned int>
-  GetViews() const
-  {
-    std::vector<unsigned int> views;
-    for (unsigned int view = 0; view < m_Values.size(); ++view)
-    {
-      if (!m_Values[view].empty())
-      {
-        views.push_back(view);
-      }
-    }
-    return views;
-  }
-
+  /** Of all views. */
   double
   GetMeanOfMinima() const
   {
-    return GetMean(this->Summarize(GetMinimum));
-  }
-
-  double
-  GetMeanOfMinima(const std::vector<unsigned int> & views) const
-  {
-    std::vector<double> minima;
-    for (const unsigned int view : views)
-    {
-      minima.push_back(GetMinimum(m_Values.at(view)));
-    }
-    return GetMean(minima);
+    return GetMean(this->Summarize(*this, GetMinimum));
   }
 
 private:
-  std::vector<std::vector<double>> m_Values;
+  std::map<unsigned int, std::vector<double>> m_Values;
 };
 
 /** The subject of \a data. Only the last one is kept, because several may not fit in memory. */
 template <typename TPixel>
 Subject<TPixel> &
-GetSubject(KeptSubject & kept, const DataSet & data)
+GetSubject(const DataSet & data)
 {
-  if (!kept.data || !(*kept.data == data))
+  static std::optional<DataSet> keptData;
+  static std::shared_ptr<void>  kept;
+  if (!keptData || !(*keptData == data))
   {
-    kept = {};
-    kept.subject = std::make_shared<Subject<TPixel>>(data);
-    kept.data = data;
+    kept.reset();
+    kept = std::make_shared<Subject<TPixel>>(data);
+    keptData = data;
   }
-  return *static_cast<Subject<TPixel> *>(kept.subject.get());
+  return *static_cast<Subject<TPixel> *>(kept.get());
 }
 
 /** Seconds that the filter needs to prepare the volume for further views along all its axes, in the course of two views
@@ -149,9 +157,9 @@ MeasurePreparation(TFilter & filter, const Subject<TPixel> & subject, unsigned i
     filter.ReleasePreparedVolume();
     for (unsigned int repeat = 0; repeat < 2; ++repeat)
     {
-      for (const unsigned int view : subject.GetComparedViews())
+      for (const unsigned int view : subject.comparedViews)
       {
-        filter.SetTransform(MakeView(subject.GetVolume(), view));
+        filter.SetTransform(MakeView(subject.volume, view));
         filter.Update();
         sum += filter.GetPreparationSeconds();
       }
@@ -160,138 +168,31 @@ MeasurePreparation(TFilter & filter, const Subject<TPixel> & subject, unsigned i
   return GetMinimum(seconds);
 }
 
-/** A parameter that is set for one update and then set back; its time is told as a ratio to that without, of the views
- * along the same axes. */
-template <typename TFilter>
-struct Variant
-{
-  std::string                    counter;
-  std::function<void(TFilter &)> set;
-  std::function<void(TFilter &)> reset;
-  bool                           isFirstView{ false };
-  std::vector<unsigned int>      principalAxes{ 0, 1, 2 };
-};
-
-/** A ball in the middle, of a diameter of \a fraction of the volume's extent. */
-Image<unsigned char, 3>::Pointer
-MakeBall(const ImageBase<3> * volume, double fraction)
-{
-  const auto mask = Image<unsigned char, 3>::New();
-  mask->CopyInformation(volume);
-  mask->SetRegions(volume->GetLargestPossibleRegion());
-  mask->Allocate();
-  const Size<3> size = volume->GetLargestPossibleRegion().GetSize();
-  for (ImageRegionIteratorWithIndex<Image<unsigned char, 3>> it(mask, mask->GetBufferedRegion()); !it.IsAtEnd(); ++it)
-  {
-    double squaredRadius = 0.0;
-    for (unsigned int axis = 0; axis < 3; ++axis)
-    {
-      const double position = 2.0 * static_cast<double>(it.GetIndex()[axis]) / static_cast<double>(size[axis]) - 1.0;
-      squaredRadius += position * position;
-    }
-    it.Set(squaredRadius <= fraction * fraction ? 1 : 0);
-  }
-  return mask;
-}
-
-/** Slab and box have a tenth and an eighth of the volume. */
-template <typename TPixel>
-std::vector<Variant<ShearWarpMIPImageFilter<Image<TPixel, 3>>>>
-MakeVariants(const Subject<TPixel> & subject)
-{
-  using FilterType = ShearWarpMIPImageFilter<Image<TPixel, 3>>;
-  using Mode = ShearWarpMIPImageFilterEnums::Mode;
-  const auto *     volume = subject.GetVolume();
-  constexpr double infinity = std::numeric_limits<double>::infinity();
-  const auto       setMode = [](Mode mode) { return [mode](FilterType & filter) { filter.SetMode(mode); }; };
-  const auto       setSlab = [](double near, double far) {
-    return [=](FilterType & filter) {
-      filter.SetSlabNear(near);
-      filter.SetSlabFar(far);
-    };
-  };
-  const auto setBox = [](const Point<double, 3> & lower, const Point<double, 3> & upper) {
-    return [=](FilterType & filter) {
-      filter.SetCropLower(lower);
-      filter.SetCropUpper(upper);
-    };
-  };
-  const Size<3> size = volume->GetLargestPossibleRegion().GetSize();
-  const double  depth =
-    GetOutputSpacing(subject.GetVolume()) * static_cast<double>(GetOutputSize(subject.GetVolume())[0]);
-  Point<double, 3>           lower;
-  Point<double, 3>           upper;
-  ContinuousIndex<double, 3> quarter;
-  ContinuousIndex<double, 3> threeQuarters;
-  for (unsigned int axis = 0; axis < 3; ++axis)
-  {
-    quarter[axis] = 0.25 * static_cast<double>(size[axis]);
-    threeQuarters[axis] = 0.75 * static_cast<double>(size[axis]);
-  }
-  volume->TransformContinuousIndexToPhysicalPoint(quarter, lower);
-  volume->TransformContinuousIndexToPhysicalPoint(threeQuarters, upper);
-  const auto threshold = static_cast<TPixel>(subject.GetMaximum() / 2);
-  const auto setMask = [volume](double fraction) {
-    return [mask = MakeBall(volume, fraction)](FilterType & filter) { filter.SetMaskImage(mask); };
-  };
-  const auto removeMask = [](FilterType & filter) { filter.SetMaskImage(nullptr); };
-  const auto release = [](FilterType & filter) { filter.ReleasePreparedVolume(); };
-  const auto keep = [](FilterType &) {};
-  return {
-    { "first_ratio", release, keep, true, { 1, 2 } },
-    { "first_x_ratio", release, keep, true, { 0 } },
-    { "minimum_ratio", setMode(Mode::Minimum), setMode(Mode::Maximum) },
-    { "absolute_ratio", setMode(Mode::AbsoluteMaximum), setMode(Mode::Maximum) },
-    { "depth_ratio",
-      [](FilterType & filter) { filter.ComputeDepthOn(); },
-      [](FilterType & filter) { filter.ComputeDepthOff(); } },
-    { "slab_ratio", setSlab(-0.05 * depth, 0.05 * depth), setSlab(-infinity, infinity) },
-    { "box_ratio", setBox(lower, upper), setBox(Point<double, 3>(-infinity), Point<double, 3>(infinity)) },
-    { "mask_ratio", setMask(0.7), removeMask },
-    { "small_mask_ratio", setMask(0.57), removeMask },
-    { "local_ratio",
-      [threshold](FilterType & filter) {
-        filter.LocalMaximumOn();
-        filter.SetLocalMaximumThreshold(threshold);
-      },
-      [](FilterType & filter) { filter.LocalMaximumOff(); } },
-    { "fading_ratio",
-      [depth](FilterType & filter) { filter.SetDepthAttenuation(1.0 / depth); },
-      [](FilterType & filter) { filter.SetDepthAttenuation(0.0); } },
-    { "exact_ratio", [](FilterType & filter) { filter.ExactOn(); }, [](FilterType & filter) { filter.ExactOff(); } },
-  };
-}
-
 template <typename TPixel>
 std::string
 Measure(::benchmark::State & state, const Measurement & measurement)
 {
-  std::optional<ForcedInstructionSet> forced("portable");
-  Subject<TPixel> &                   subject = GetSubject<TPixel>(keptSubject, measurement.data);
-  const auto *                        volume = subject.GetVolume();
-  const bool                          isCompared = measurement.threads == 1;
-  const bool                          isOversampled =
+  using FilterType = ShearWarpMIPImageFilter<Image<TPixel, 3>>;
+  Subject<TPixel> & subject = GetSubject<TPixel>(measurement.data);
+  const auto        volume = subject.volume;
+  const bool        isCompared = measurement.threads == 1;
+  const bool        isOversampled =
     measurement.instructionSet != "portable" && measurement.reducedResampling == Measurement::ReducedResampling::Auto;
+  subject.Expect();
   if (isCompared)
   {
-    static const std::string difference = CheckRayCasting<TPixel>();
-    if (!difference.empty())
-    {
-      return difference;
-    }
     subject.Compare(measurement.repetitions);
   }
 
-  forced.reset();
-  forced.emplace(measurement.instructionSet);
+  ForceInstructionSet(measurement.instructionSet);
   const bool isPeakKnown = ResetPeakMemory();
 
-  const auto filter = ShearWarpMIPImageFilter<Image<TPixel, 3>>::New();
-  SetUp(*filter, volume, measurement);
+  const auto filter = FilterType::New();
+  subject.SetUp(*filter, measurement);
   // the other one's volume stays prepared
-  const auto firstFilter = ShearWarpMIPImageFilter<Image<TPixel, 3>>::New();
-  SetUp(*firstFilter, volume, measurement);
-  std::vector<Variant<ShearWarpMIPImageFilter<Image<TPixel, 3>>>> variants;
+  const auto firstFilter = FilterType::New();
+  subject.SetUp(*firstFilter, measurement);
+  std::vector<Variant<FilterType>> variants;
   if (measurement.hasVariants)
   {
     variants = MakeVariants(subject);
@@ -309,87 +210,79 @@ Measure(::benchmark::State & state, const Measurement & measurement)
     return "the filter used the instruction set " + filter->GetInstructionSet();
   }
 
-  ReadLimit    readLimit(measurement.threads);
   ViewSeries   seconds;
   ViewSeries   projectionSeconds;
   ViewSeries   warpSeconds;
   ViewSeries   readSeconds;
+  ViewSeries   compared;
   double       skipped = 0.0;
   unsigned int iteration = 0;
   for (auto _ : state)
   {
-    state.PauseTiming();
-    const unsigned int view = iteration % GetNumberOfViews();
+    const unsigned int view = iteration++ % GetNumberOfViews();
     const auto         transform = MakeView(volume, view);
-    state.ResumeTiming();
-
-    const auto start = std::chrono::steady_clock::now();
-    filter->SetTransform(transform);
-    filter->Update();
-    const std::chrono::duration<double> duration = std::chrono::steady_clock::now() - start;
-    state.SetIterationTime(duration.count());
-
-    state.PauseTiming();
+    const double       duration = Time([&] {
+      filter->SetTransform(transform);
+      filter->Update();
+    });
+    state.SetIterationTime(duration);
     if (!subject.IsExpected(view, filter->GetOutput()))
     {
       return "the output of view " + std::to_string(view) + " differs from that of the plain shear-warp";
     }
-    const auto read = readLimit.FindMaximum(volume->GetBufferPointer(), volume->GetOffsetTable()[3]);
-    if (read.maximum != subject.GetMaximum())
+    const auto read = MeasureReadLimit(volume->GetBufferPointer(), volume->GetOffsetTable()[3], measurement.threads);
+    if (read.maximum != subject.maximum)
     {
       return "the read limit has not read the whole volume";
     }
-    seconds.Add(view, duration.count());
+    seconds.Add(view, duration);
     projectionSeconds.Add(view, filter->GetProjectionSeconds());
     warpSeconds.Add(view, filter->GetWarpSeconds());
     readSeconds.Add(view, read.seconds);
     skipped += filter->GetSkippedFraction();
+    if (std::count(subject.comparedViews.begin(), subject.comparedViews.end(), view) > 0)
+    {
+      compared.Add(view, duration);
+    }
     for (std::size_t n = 0; n < variants.size(); ++n)
     {
-      const auto & axes = variants[n].principalAxes;
-      if (std::find(axes.begin(), axes.end(), filter->GetPrincipalAxis()) == axes.end())
+      const Variant<FilterType> & variant = variants[n];
+      if (std::count(variant.principalAxes.begin(), variant.principalAxes.end(), filter->GetPrincipalAxis()) > 0)
       {
-        continue;
+        FilterType & changed = variant.isFirstView ? *firstFilter : *filter;
+        changed.SetTransform(transform);
+        variant.set(changed);
+        changed.Modified();
+        const double whole = Time([&] { changed.Update(); });
+        // a mask is prepared once
+        variantSeconds[n].Add(view, whole - (variant.isFirstView ? 0.0 : changed.GetPreparationSeconds()));
+        variant.reset(changed);
       }
-      auto & changed = variants[n].isFirstView ? *firstFilter : *filter;
-      changed.SetTransform(transform);
-      variants[n].set(changed);
-      changed.Modified();
-      const auto variantStart = std::chrono::steady_clock::now();
-      changed.Update();
-      const std::chrono::duration<double> variant = std::chrono::steady_clock::now() - variantStart;
-      // a mask is prepared once
-      variantSeconds[n].Add(view, variant.count() - (variants[n].isFirstView ? 0.0 : changed.GetPreparationSeconds()));
-      variants[n].reset(changed);
     }
-    ++iteration;
-    state.ResumeTiming();
   }
 
-  constexpr double milliseconds = 1000.0;
-  const double     readLimitSeconds = readSeconds.GetMeanOfMinima();
-  const auto       minima = seconds.Summarize(GetMinimum);
-  auto &           counters = state.counters;
-  counters["read_limit_ratio"] = GetMean(minima) / readLimitSeconds;
-  counters["worst_view_ratio"] = *std::max_element(minima.begin(), minima.end()) / readLimitSeconds;
-  counters["read_limit_ms"] = milliseconds * readLimitSeconds;
-  counters["min_ms"] = milliseconds * GetMean(minima);
-  counters["median_ms"] = milliseconds * GetMean(seconds.Summarize(GetMedian));
-  counters["projection_ms"] = milliseconds * projectionSeconds.GetMeanOfMinima();
-  counters["warp_ms"] = milliseconds * warpSeconds.GetMeanOfMinima();
-  counters["preparation_ms"] = milliseconds * preparation;
+  const double readLimit = readSeconds.GetMeanOfMinima();
+  const auto   minima = seconds.Summarize(seconds, GetMinimum);
+  auto &       counters = state.counters;
+  counters["read_limit_ratio"] = GetMean(minima) / readLimit;
+  counters["worst_view_ratio"] = *std::max_element(minima.begin(), minima.end()) / readLimit;
+  counters["read_limit_ms"] = Milliseconds * readLimit;
+  counters["min_ms"] = Milliseconds * GetMean(minima);
+  counters["median_ms"] = Milliseconds * GetMean(seconds.Summarize(seconds, GetMedian));
+  counters["projection_ms"] = Milliseconds * projectionSeconds.GetMeanOfMinima();
+  counters["warp_ms"] = Milliseconds * warpSeconds.GetMeanOfMinima();
+  counters["preparation_ms"] = Milliseconds * preparation;
   counters["skipped_fraction"] = skipped / iteration;
   if (isCompared)
   {
     const auto & comparison = subject.Compare(measurement.repetitions);
-    const double comparedSeconds = seconds.GetMeanOfMinima(subject.GetComparedViews());
-    counters["raycast_ratio"] = comparison.rayCasting / comparedSeconds;
-    counters["plain_ratio"] = comparison.plainShearWarp / comparedSeconds;
+    counters["raycast_ratio"] = comparison.rayCasting / compared.GetMeanOfMinima();
+    counters["plain_ratio"] = comparison.plainShearWarp / compared.GetMeanOfMinima();
   }
   for (std::size_t n = 0; n < variants.size(); ++n)
   {
     counters[variants[n].counter] =
-      variantSeconds[n].GetMeanOfMinima() / seconds.GetMeanOfMinima(variantSeconds[n].GetViews());
+      variantSeconds[n].GetMeanOfMinima() / GetMean(seconds.Summarize(variantSeconds[n], GetMinimum));
   }
   if (isPeakKnown)
   {
@@ -398,41 +291,95 @@ Measure(::benchmark::State & state, const Measurement & measurement)
   return {};
 }
 
+template <typename TPixel>
 std::string
-GetName(Measurement::ReducedResampling reducedResampling)
+MeasureCine(::benchmark::State & state, const Measurement & measurement, const Vector<double, 3> & axis)
 {
-  using ReducedResampling = Measurement::ReducedResampling;
-  return reducedResampling == ReducedResampling::Off  ? "off"
-         : reducedResampling == ReducedResampling::On ? "on"
-                                                      : "auto";
-}
-} // namespace
+  using VolumeType = Image<TPixel, 3>;
+  ForceInstructionSet(measurement.instructionSet);
+  const Subject<TPixel> & subject = GetSubject<TPixel>(measurement.data);
+  const auto              cine = ShearWarpMIPCineImageFilter<VolumeType>::New();
+  const auto              single = ShearWarpMIPImageFilter<VolumeType>::New();
+  const SizeValueType     pixels = subject.output->GetBufferedRegion().GetNumberOfPixels();
+  subject.SetUp(*cine, measurement);
+  subject.SetUp(*single, measurement);
+  cine->SetNumberOfFrames(NumberOfFrames);
+  cine->SetRotationAxis(axis);
+  cine->Update();
+  const Point<double, 3> origin = cine->GetOutput()->GetOrigin();
+  const double           viewOrigin[] = { origin[0], origin[1] };
+  single->SetOutputOrigin(viewOrigin);
+  const auto project = [&](unsigned int frame) {
+    const auto view = cine->GetFrameTransform(frame);
+    return Time([&] {
+      single->SetTransform(view);
+      single->Update();
+    });
+  };
+  // prepares the volume
+  for (unsigned int frame = 0; frame < NumberOfFrames; ++frame)
+  {
+    project(frame);
+  }
 
+  std::vector<double> cineTimes;
+  std::vector<double> singleTimes;
+  std::vector<double> readTimes;
+  for (auto _ : state)
+  {
+    cine->Modified();
+    cineTimes.push_back(Time([&] { cine->Update(); }));
+    state.SetIterationTime(cineTimes.back());
+
+    singleTimes.push_back(0.0);
+    for (unsigned int frame = 0; frame < NumberOfFrames; ++frame)
+    {
+      singleTimes.back() += project(frame);
+      if (std::memcmp(cine->GetOutput()->GetBufferPointer() + frame * pixels,
+                      single->GetOutput()->GetBufferPointer(),
+                      pixels * sizeof(TPixel)) != 0)
+      {
+        return "frame " + std::to_string(frame) + " differs from the single filter's picture";
+      }
+    }
+    readTimes.push_back(
+      MeasureReadLimit(subject.volume->GetBufferPointer(), subject.volume->GetOffsetTable()[3], measurement.threads)
+        .seconds);
+  }
+
+  const double frame = GetMinimum(cineTimes) / NumberOfFrames;
+  auto &       counters = state.counters;
+  counters["read_limit_ratio"] = frame / GetMinimum(readTimes);
+  counters["read_limit_ms"] = Milliseconds * GetMinimum(readTimes);
+  counters["frame_ms"] = Milliseconds * frame;
+  counters["single_ratio"] = GetMinimum(singleTimes) / GetMinimum(cineTimes);
+  counters["projection_ms"] = Milliseconds * cine->GetProjectionSeconds() / NumberOfFrames;
+  counters["warp_ms"] = Milliseconds * cine->GetWarpSeconds() / NumberOfFrames;
+  counters["skipped_fraction"] = cine->GetSkippedFraction();
+  return {};
+}
+
+/** For example mip/mra/512x512x512/uint16/avx2/threads:2/auto. */
 std::string
 GetName(const Measurement & measurement)
 {
+  using ReducedResampling = Measurement::ReducedResampling;
   const DataSet &    data = measurement.data;
+  const auto         mode = measurement.reducedResampling;
   std::ostringstream name;
   name << "mip/" << data.kind << '/' << data.size[0] << 'x' << data.size[1] << 'x' << data.size[2] << '/'
-       << GetName(data.pixelType) << '/' << measurement.instructionSet << "/threads:" << measurement.threads << '/'
-       << GetName(measurement.reducedResampling);
+       << PixelTypeNames[static_cast<int>(data.pixelType)] << '/' << measurement.instructionSet
+       << "/threads:" << measurement.threads << '/'
+       << (mode == ReducedResampling::Off  ? "off"
+           : mode == ReducedResampling::On ? "on"
+                                           : "auto");
   return name.str();
 }
 
+/** Text that \a measure(state) returns, and what it throws, is an error of the benchmark. */
+template <typename TFunction>
 void
-Register(const Measurement & measurement)
-{
-  RegisterChecked(
-    GetName(measurement), measurement.repetitions * GetNumberOfViews(), [measurement](::benchmark::State & state) {
-      return Dispatch(measurement.data.pixelType,
-                      [&](auto pixel) { return Measure<decltype(pixel)>(state, measurement); });
-    });
-}
-
-void
-RegisterChecked(const std::string &                                            name,
-                unsigned int                                                   iterations,
-                const std::function<std::string(::benchmark::State & state)> & measure)
+RegisterChecked(const std::string & name, unsigned int iterations, const TFunction & measure)
 {
   const auto check = [measure](::benchmark::State & state) {
     std::string error;
@@ -459,10 +406,70 @@ RegisterChecked(const std::string &                                            n
     ->Iterations(iterations)
     ->Unit(::benchmark::kMillisecond);
 }
+} // namespace
+
+void
+Register(const Measurement & measurement)
+{
+  RegisterChecked(
+    GetName(measurement), measurement.repetitions * GetNumberOfViews(), [measurement](::benchmark::State & state) {
+      return Dispatch(measurement.data.pixelType,
+                      [&](auto pixel) { return Measure<decltype(pixel)>(state, measurement); });
+    });
+}
+
+void
+RegisterCine(const Measurement & measurement)
+{
+  const std::map<std::string, std::array<double, 3>> axes{
+    { "x", { 1, 0, 0 } }, { "y", { 0, 1, 0 } }, { "z", { 0, 0, 1 } }, { "oblique", { 0.3, 0.8, 0.5 } }
+  };
+  for (const auto & [name, direction] : axes)
+  {
+    const Vector<double, 3> axis(direction.data());
+    RegisterChecked("cine/" + name + '/' + GetName(measurement),
+                    measurement.repetitions,
+                    [measurement, axis](::benchmark::State & state) {
+                      return Dispatch(measurement.data.pixelType, [&](auto pixel) {
+                        return MeasureCine<decltype(pixel)>(state, measurement, axis);
+                      });
+                    });
+  }
+}
 
 bool
 HasAnyFailed()
 {
   return hasAnyFailed;
+}
+
+std::vector<std::string>
+FindInstructionSets()
+{
+  using ImageType = Image<std::uint16_t, 3>;
+  const auto image = ImageType::New();
+  image->SetRegions(Size<3>{ { 8, 8, 8 } });
+  image->Allocate(true);
+
+  std::vector<std::string> found;
+  for (const std::string name : { "portable", "generic", "avx2", "avx512" })
+  {
+    ForceInstructionSet(name);
+    const auto filter = ShearWarpMIPImageFilter<ImageType>::New();
+    filter->SetInput(image);
+    try
+    {
+      filter->Update();
+      if (filter->GetInstructionSet() == name)
+      {
+        found.push_back(name);
+      }
+    }
+    catch (const ExceptionObject &)
+    {
+      // the filter may refuse what the processor does not have
+    }
+  }
+  return found;
 }
 } // namespace itk::ShearWarpBenchmark

@@ -22,12 +22,8 @@
 
 #include "itkShearWarpMIPImageFilter.h"
 
-#include <benchmark/benchmark.h>
-
-#include <benchmark/benchmark.h>
-
-#include <functional>
 #include <string>
+#include <vector>
 
 namespace itk::ShearWarpBenchmark
 {
@@ -59,26 +55,25 @@ struct Measurement
   bool              hasVariants; // the filter's other parameters too
 };
 
-/** For example mip/mra/512x512x512/uint16/avx2/threads:2/auto. */
-std::string
-GetName(const Measurement & measurement);
-
 /** Registers a benchmark of which an iteration is one view: a new transform, and the filter's whole update, which is
  * what is timed. After each view the read limit is measured with as many threads. Output that differs in a bit from the
  * plain shear-warp is an error of the benchmark. README.md says what the counters are. */
 void
 Register(const Measurement & measurement);
 
-/** Registers a benchmark of so many iterations, of which \a measure gives the times. Text that it returns, and what it
- * throws, is an error of the benchmark. */
+/** Registers benchmarks, one for each of four axes, of which an iteration is a full turn of 36 frames by
+ * ShearWarpMIPCineImageFilter, and is timed. After each the read limit is measured and, with the single filter, all of
+ * its frames; frames that differ in a bit are an error of the benchmark. */
 void
-RegisterChecked(const std::string &                                            name,
-                unsigned int                                                   iterations,
-                const std::function<std::string(::benchmark::State & state)> & measure);
+RegisterCine(const Measurement & measurement);
 
 /** Whether a benchmark that ran ended with an error. */
 bool
 HasAnyFailed();
+
+/** Those of the filter's instruction sets that this machine runs, the slowest first. */
+std::vector<std::string>
+FindInstructionSets();
 } // namespace itk::ShearWarpBenchmark
 
 #endif

@@ -17,7 +17,6 @@
  *=========================================================================*/
 #include "PlainShearWarp.h"
 
-#include "itkMultiThreaderBase.h"
 
 #include <algorithm>
 #include <cmath>
@@ -133,117 +132,79 @@ private:
 } // namespace
 
 template <typename TPixel>
-void
-PlainShearWarp<TPixel>::Prepare(unsigned int principalAxis)
+PermutedVolume<TPixel>::PermutedVolume(const Image<TPixel, 3> * image, unsigned int principalAxis)
 {
-  if (principalAxis != 0 || !m_Transposed.empty())
+  const unsigned int axes[] = { principalAxis == 0 ? 1U : 0U, principalAxis == 2 ? 1U : 2U, principalAxis };
+  const auto         size = image->GetBufferedRegion().GetSize();
+  columns = static_cast<std::ptrdiff_t>(size[axes[0]]);
+  rows = static_cast<std::ptrdiff_t>(size[axes[1]]);
+  slices = static_cast<std::ptrdiff_t>(size[axes[2]]);
+  rowStride = columns + 2;
+  voxels.resize(rowStride * (rows + 2) * slices);
+
+  const OffsetValueType * strides = image->GetOffsetTable();
+  TPixel *                voxel = voxels.data();
+  for (std::ptrdiff_t k = 0; k < slices; ++k)
   {
-    return;
-  }
-  const auto size = m_Image->GetBufferedRegion().GetSize();
-  m_Transposed.resize(size[0] * size[1] * size[2]);
-  MultiThreaderBase::New()->ParallelizeArray(
-    0,
-    size[2],
-    [&](SizeValueType z) {
-      constexpr SizeValueType tile = 32;
-      const TPixel *          slice = m_Image->GetBufferPointer() + z * size[0] * size[1];
-      TPixel *                transposed = m_Transposed.data() + z * size[0] * size[1];
-      for (SizeValueType firstRow = 0; firstRow < size[1]; firstRow += tile)
-      {
-        const SizeValueType lastRow = std::min(firstRow + tile, size[1]);
-        for (SizeValueType x = 0; x < size[0]; ++x)
-        {
-          for (SizeValueType y = firstRow; y < lastRow; ++y)
-          {
-            transposed[x * size[1] + y] = slice[y * size[0] + x];
-          }
-        }
-      }
-    },
-    nullptr);
-}
-
-template <typename TPixel>
-typename PlainShearWarp<TPixel>::Slices
-PlainShearWarp<TPixel>::GetSlices(unsigned int principalAxis) const
-{
-  const auto     size = m_Image->GetBufferedRegion().GetSize();
-  const auto     x = static_cast<std::ptrdiff_t>(size[0]);
-  const auto     y = static_cast<std::ptrdiff_t>(size[1]);
-  const auto     z = static_cast<std::ptrdiff_t>(size[2]);
-  const TPixel * voxels = m_Image->GetBufferPointer();
-  switch (principalAxis)
-  {
-    case 0:
-      return { m_Transposed.data(), y, z, x, x * y, y };
-    case 1:
-      return { voxels, x, z, y, x * y, x };
-    default:
-      return { voxels, x, y, z, x, x * y };
-  }
-}
-
-template <typename TPixel>
-void
-PlainShearWarp<TPixel>::ProjectRows(const ShearWarpFactorization & factorization,
-                                    std::ptrdiff_t                 rowBegin,
-                                    std::ptrdiff_t                 rowEnd,
-                                    std::vector<TPixel> &          intermediate) const
-{
-  using SumType = typename Sampler<TPixel>::SumType;
-  const Slices         slices = this->GetSlices(factorization.GetPrincipalAxis());
-  const auto           columns = static_cast<std::ptrdiff_t>(factorization.GetIntermediateSize()[0]);
-  std::vector<SumType> sums((rowEnd - rowBegin) * columns, std::numeric_limits<SumType>::lowest());
-
-  for (std::ptrdiff_t k = 0; k < slices.slices; ++k)
-  {
-    const ShearWarp::SlicePlacement & placement = factorization.GetSlicePlacements()[k];
-    const Sampler<TPixel>             sample(placement);
-    const TPixel *                    slice = slices.voxels + k * slices.sliceStride;
-    const std::ptrdiff_t              firstRow = placement.FirstRow();
-    const std::ptrdiff_t              last = slices.columns - 1;
-
-    for (std::ptrdiff_t q = std::max(rowBegin, firstRow); q < std::min(rowEnd, firstRow + slices.rows); ++q)
+    for (std::ptrdiff_t j = -1; j <= rows; ++j)
     {
-      const std::ptrdiff_t j = q - placement.row.whole;
-      const TPixel *       a = slice + std::max<std::ptrdiff_t>(j - 1, 0) * slices.rowStride;
-      const TPixel *       b = slice + std::min(j, slices.rows - 1) * slices.rowStride;
-      SumType *            row = sums.data() + (q - rowBegin) * columns + placement.column.whole;
-
-      for (std::ptrdiff_t i = 1; i <= last; ++i)
+      const TPixel * row = image->GetBufferPointer() + k * strides[axes[2]] +
+                           std::clamp<std::ptrdiff_t>(j, 0, rows - 1) * strides[axes[1]];
+      for (std::ptrdiff_t i = -1; i <= columns; ++i)
       {
-        row[i] = std::max(row[i], sample(a[i - 1], a[i], b[i - 1], b[i]));
+        *voxel++ = row[std::clamp<std::ptrdiff_t>(i, 0, columns - 1) * strides[axes[0]]];
       }
-      // half a voxel beyond the outer voxel's centre, with its value
-      const bool           atFirst = placement.FirstColumn() == placement.column.whole;
-      const std::ptrdiff_t edge = atFirst ? 0 : last;
-      SumType &            sum = row[atFirst ? 0 : last + 1];
-      sum = std::max(sum, sample(a[edge], a[edge], b[edge], b[edge]));
     }
   }
+}
+
+template <typename TPixel>
+void
+ProjectRows(const PermutedVolume<TPixel> & volume,
+            const ShearWarpFactorization & factorization,
+            std::ptrdiff_t                 rowBegin,
+            std::ptrdiff_t                 rowEnd,
+            std::vector<TPixel> &          intermediate)
+{
+  using SumType = typename Sampler<TPixel>::SumType;
+  const auto           columns = static_cast<std::ptrdiff_t>(factorization.GetIntermediateSize()[0]);
+  std::vector<SumType> sums((rowEnd - rowBegin) * columns, std::numeric_limits<SumType>::lowest());
+  ForEachRow(
+    volume,
+    factorization,
+    rowBegin,
+    rowEnd,
+    [&](const ShearWarp::SlicePlacement & placement, const TPixel * a, std::ptrdiff_t column, std::ptrdiff_t row) {
+      const Sampler<TPixel> sample(placement);
+      const TPixel *        b = a + volume.rowStride;
+      SumType *             sum = sums.data() + (row - rowBegin) * columns + column;
+      for (std::ptrdiff_t i = 0; i < volume.columns; ++i)
+      {
+        sum[i] = std::max(sum[i], sample(a[i], a[i + 1], b[i], b[i + 1]));
+      }
+    });
   std::transform(sums.begin(), sums.end(), intermediate.begin() + rowBegin * columns, Sampler<TPixel>::Round);
 }
 
 template <typename TPixel>
 std::vector<TPixel>
-PlainShearWarp<TPixel>::Project(const ShearWarpFactorization & factorization) const
+Project(const PermutedVolume<TPixel> & volume, const ShearWarpFactorization & factorization)
 {
   const auto          size = factorization.GetIntermediateSize();
   std::vector<TPixel> intermediate(size[0] * size[1]);
-  this->ProjectRows(factorization, 0, static_cast<std::ptrdiff_t>(size[1]), intermediate);
+  ProjectRows(volume, factorization, 0, static_cast<std::ptrdiff_t>(size[1]), intermediate);
   return intermediate;
 }
 
 template <typename TPixel>
 void
-PlainShearWarp<TPixel>::WarpRows(const ShearWarpFactorization & factorization,
-                                 const std::vector<TPixel> &    intermediate,
-                                 std::ptrdiff_t                 rowBegin,
-                                 std::ptrdiff_t                 rowEnd,
-                                 std::ptrdiff_t                 columns,
-                                 TPixel                         background,
-                                 std::vector<TPixel> &          output)
+WarpRows(const ShearWarpFactorization & factorization,
+         const std::vector<TPixel> &    intermediate,
+         std::ptrdiff_t                 rowBegin,
+         std::ptrdiff_t                 rowEnd,
+         std::ptrdiff_t                 columns,
+         TPixel                         background,
+         std::vector<TPixel> &          output)
 {
   const auto           map = factorization.GetOutputToIntermediateMatrix();
   const auto &         reached = factorization.GetReachedColumns();
@@ -282,9 +243,27 @@ PlainShearWarp<TPixel>::WarpRows(const ShearWarpFactorization & factorization,
   }
 }
 
-template class PlainShearWarp<std::uint8_t>;
-template class PlainShearWarp<std::int16_t>;
-template class PlainShearWarp<std::uint16_t>;
-template class PlainShearWarp<float>;
+#define INSTANTIATE(TPixel)                                                                             \
+  template struct PermutedVolume<TPixel>;                                                               \
+  template void                ProjectRows(const PermutedVolume<TPixel> &,                              \
+                                           const ShearWarpFactorization &,                              \
+                                           std::ptrdiff_t,                                              \
+                                           std::ptrdiff_t,                                              \
+                                           std::vector<TPixel> &);                                      \
+  template std::vector<TPixel> Project(const PermutedVolume<TPixel> &, const ShearWarpFactorization &); \
+  template void                WarpRows(const ShearWarpFactorization &,                                 \
+                                        const std::vector<TPixel> &,                                    \
+                                        std::ptrdiff_t,                                                 \
+                                        std::ptrdiff_t,                                                 \
+                                        std::ptrdiff_t,                                                 \
+                                        TPixel,                                                         \
+                                        std::vector<TPixel> &)
+
+INSTANTIATE(std::uint8_t);
+INSTANTIATE(std::int16_t);
+INSTANTIATE(std::uint16_t);
+INSTANTIATE(float);
+
+#undef INSTANTIATE
 
 } // namespace itk::ShearWarpBenchmark

@@ -21,81 +21,91 @@
 #include "itkImage.h"
 #include "itkShearWarpFactorization.h"
 
+#include <algorithm>
 #include <vector>
 
-namespace itk::ShearWarpBenchmark
-{
 /** The shear-warp of Fang et al. 2002 as one would write it first, from the factorization of a view: what the filter is
  * compared with, in speed and bit by bit. It shares no code with the filter's kernels but the slices' places and
  * the weights. The compiler is given the flags of a release build and may do what they allow.
  *
- * An image row is one of the intermediate image, of which a vector holds all rows, or of the output. Rows are
- * independent of each other: threads may share them.
- *
- * Voxels must be finite. Instantiated for `uint8 int16 uint16 float`. */
-template <typename TPixel>
-class PlainShearWarp
+ * Rows of an image, the intermediate one or the output, are independent of each other: threads may share them. Voxels
+ * must be finite. Instantiated for `uint8 int16 uint16 float`; without oversampling. */
+namespace itk::ShearWarpBenchmark
 {
-public:
-  using ImageType = Image<TPixel, 3>;
+/** One of the three copies of a volume that the paper makes before any view, one for each principal axis: its slices
+ * along that axis one behind the other, so that a projection reads them in storage order.
+ *
+ * Axes are in the order of ShearWarpFactorization: i, contiguous in memory, then j, then the principal axis k. Each
+ * slice has a border of one voxel that repeats its outer voxels. */
+template <typename TPixel>
+struct PermutedVolume
+{
+  /** \a principalAxis is 0, 1 or 2. */
+  PermutedVolume(const Image<TPixel, 3> * image, unsigned int principalAxis);
 
-  /** \a image must outlive this object. */
-  explicit PlainShearWarp(const ImageType * image)
-    : m_Image(image)
-  {}
+  /** Size without the border, in voxels, and voxels from row to row. */
+  std::ptrdiff_t      columns, rows, slices;
+  std::ptrdiff_t      rowStride;
+  std::vector<TPixel> voxels;
+};
 
-  /** Gets the slices along \a principalAxis, 0, 1 or 2, ready: copies the image, transposed, for axis 0. */
-  void
-  Prepare(unsigned int principalAxis);
-
-  /** Figure 2 and equation 2 of the paper: slice by slice, each sample the sum of four voxels times the slice's four
-   * weights, and the larger of it and what the pixel has already. Sums are kept in 32 bits. Nothing is skipped.
-   * Writes rows [rowBegin, rowEnd) of \a intermediate, which has the factorization's intermediate size. */
-  void
-  ProjectRows(const ShearWarpFactorization & factorization,
-              std::ptrdiff_t                 rowBegin,
-              std::ptrdiff_t                 rowEnd,
-              std::vector<TPixel> &          intermediate) const;
-
-  /** The whole intermediate image, in one thread. */
-  std::vector<TPixel>
-  Project(const ShearWarpFactorization & factorization) const;
-
-  /** Bilinear interpolation of the intermediate image at the pixels of the factorization's output grid, of which
-   * \a columns is the number of columns. Pixels that no slice reached are left out, and the weights of the others
-   * scaled to sum to one; where none is left the output is \a background. Writes rows [rowBegin, rowEnd) of \a output.
-   */
-  static void
-  WarpRows(const ShearWarpFactorization & factorization,
-           const std::vector<TPixel> &    intermediate,
+/** Shears \a volume, the copy for the factorization's principal axis, slice by slice in storage order: for each row of
+ * a slice that falls on rows [rowBegin, rowEnd) of the intermediate image calls \a process(placement, cell, column,
+ * row), where \a cell points to the first voxel of the row's first cell, which falls on pixel (column, row); those of
+ * the next cells and pixels follow. */
+template <typename TPixel, typename TFunction>
+void
+ForEachRow(const PermutedVolume<TPixel> & volume,
+           const ShearWarpFactorization & factorization,
            std::ptrdiff_t                 rowBegin,
            std::ptrdiff_t                 rowEnd,
-           std::ptrdiff_t                 columns,
-           TPixel                         background,
-           std::vector<TPixel> &          output);
-
-  /** Frees the copy, if there is one. */
-  void
-  Release()
+           const TFunction &              process)
+{
+  for (std::ptrdiff_t k = 0; k < volume.slices; ++k)
   {
-    m_Transposed = {};
+    const ShearWarp::SlicePlacement & placement = factorization.GetSlicePlacements()[k];
+    const TPixel *                    slice = volume.voxels.data() + k * volume.rowStride * (volume.rows + 2);
+    const std::ptrdiff_t              column = placement.FirstColumn();
+    const std::ptrdiff_t              first = placement.FirstRow();
+    for (std::ptrdiff_t row = std::max(rowBegin, first); row < std::min(rowEnd, first + volume.rows); ++row)
+    {
+      // the border shifts a voxel by one, a cell begins one before the pixel
+      process(placement,
+              slice + (row - placement.row.whole) * volume.rowStride + (column - placement.column.whole),
+              column,
+              row);
+    }
   }
+}
 
-private:
-  /** Voxels in the order of the factorization's i, j and k; those along i are contiguous. */
-  struct Slices
-  {
-    const TPixel * voxels;
-    std::ptrdiff_t columns, rows, slices;
-    std::ptrdiff_t rowStride, sliceStride;
-  };
+/** Figure 2 and equation 2 of the paper: slice by slice, each sample the sum of four voxels times the slice's four
+ * weights, and the larger of it and what the pixel has already. Sums are kept in 32 bits. Nothing is skipped.
+ * Writes rows [rowBegin, rowEnd) of \a intermediate, which has the factorization's intermediate size. */
+template <typename TPixel>
+void
+ProjectRows(const PermutedVolume<TPixel> & volume,
+            const ShearWarpFactorization & factorization,
+            std::ptrdiff_t                 rowBegin,
+            std::ptrdiff_t                 rowEnd,
+            std::vector<TPixel> &          intermediate);
 
-  Slices
-  GetSlices(unsigned int principalAxis) const;
+/** The whole intermediate image, in one thread. */
+template <typename TPixel>
+std::vector<TPixel>
+Project(const PermutedVolume<TPixel> & volume, const ShearWarpFactorization & factorization);
 
-  const ImageType *   m_Image;
-  std::vector<TPixel> m_Transposed;
-};
+/** Bilinear interpolation of the intermediate image at the pixels of the factorization's output grid, of which
+ * \a columns is the number of columns. Pixels that no slice reached are left out, and the weights of the others
+ * scaled to sum to one; where none is left the output is \a background. Writes rows [rowBegin, rowEnd) of \a output. */
+template <typename TPixel>
+void
+WarpRows(const ShearWarpFactorization & factorization,
+         const std::vector<TPixel> &    intermediate,
+         std::ptrdiff_t                 rowBegin,
+         std::ptrdiff_t                 rowEnd,
+         std::ptrdiff_t                 columns,
+         TPixel                         background,
+         std::vector<TPixel> &          output);
 } // namespace itk::ShearWarpBenchmark
 
 #endif

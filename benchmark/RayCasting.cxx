@@ -17,62 +17,111 @@
  *=========================================================================*/
 #include "RayCasting.h"
 
-#include "Rays.h"
-#include "TrilinearInterpolator.h"
-
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <limits>
-#include <type_traits>
 
 namespace itk::ShearWarpBenchmark
 {
 namespace
 {
-/** The part of a ray, start + w * direction in voxels, that is sampled. */
-struct SampledRay
-{
-  Vector<double, 3> start;
-  double            begin;
-  int               samples;
-};
+using VectorType = Vector<double, 3>;
 
-/** Calls \a process(ray) for each pixel of \a output, row by row, with its clipped ray. */
-template <typename TFunction>
-void
-ForEachRay(const ImageBase<3> * image,
-           const Rays &         rays,
-           double               step,
-           const ImageBase<2> * output,
-           const TFunction &    process)
+/** Trilinear interpolation at positions in voxels from the first voxel, inside the box of the voxels' centres but for
+ * rounding. */
+template <typename TPixel>
+class Interpolator
 {
-  const Size<3>        volumeSize = image->GetBufferedRegion().GetSize();
-  const ImageRegion<2> region = output->GetBufferedRegion();
-  for (SizeValueType row = 0; row < region.GetSize(1); ++row)
+public:
+  explicit Interpolator(const Image<TPixel, 3> & image)
+    : m_Voxels(image.GetBufferPointer())
   {
-    for (SizeValueType column = 0; column < region.GetSize(0); ++column)
+    for (unsigned int axis = 0; axis < 3; ++axis)
     {
-      Point<double, 2> position;
-      output->TransformIndexToPhysicalPoint(
-        region.GetIndex() + Offset<2>{ { static_cast<OffsetValueType>(column), static_cast<OffsetValueType>(row) } },
-        position);
-      const auto    start = rays.GetStart(position);
-      const Segment segment = Clip(start, rays.GetDirection(), volumeSize);
-      // a sample at the far end counts although rounding takes it just beyond
-      const int samples = segment.begin <= segment.end
-                            ? 1 + static_cast<int>(std::floor((segment.end - segment.begin) / step + 1e-9))
-                            : 0;
-      process(SampledRay{ start, segment.begin, samples });
+      const auto size = static_cast<int>(image.GetBufferedRegion().GetSize(axis));
+      m_LastCell[axis] = std::max(0, size - 2);
+      m_Stride[axis] = image.GetOffsetTable()[axis];
+      m_Step[axis] = size > 1 ? m_Stride[axis] : 0;
     }
   }
+
+  float
+  operator()(float x, float y, float z) const
+  {
+    const int      i = std::clamp(static_cast<int>(x), 0, m_LastCell[0]);
+    const int      j = std::clamp(static_cast<int>(y), 0, m_LastCell[1]);
+    const int      k = std::clamp(static_cast<int>(z), 0, m_LastCell[2]);
+    const TPixel * cell = m_Voxels + i * m_Stride[0] + j * m_Stride[1] + k * m_Stride[2];
+
+    const auto mix = [](float a, float b, float fraction) { return a + fraction * (b - a); };
+    const auto alongX = [&](const TPixel * voxel) {
+      return mix(static_cast<float>(voxel[0]), static_cast<float>(voxel[m_Step[0]]), x - static_cast<float>(i));
+    };
+    const auto alongY = [&](const TPixel * voxel) {
+      return mix(alongX(voxel), alongX(voxel + m_Step[1]), y - static_cast<float>(j));
+    };
+    return mix(alongY(cell), alongY(cell + m_Step[2]), z - static_cast<float>(k));
+  }
+
+private:
+  const TPixel *  m_Voxels;
+  int             m_LastCell[3];
+  OffsetValueType m_Stride[3];
+  OffsetValueType m_Step[3];
+};
+
+/** Where the view takes a point, in voxels from the first voxel of the buffered region. */
+VectorType
+ToVoxels(const ImageBase<3> * image, const Transform<double, 3, 3> * viewTransform, double u, double v, double w)
+{
+  const double coordinates[] = { u, v, w };
+  const auto   index = image->TransformPhysicalPointToContinuousIndex<double>(
+    viewTransform->TransformPoint(Point<double, 3>(coordinates)));
+  return index - ContinuousIndex<double, 3>(image->GetBufferedRegion().GetIndex());
 }
 
-template <typename TPixel>
-TPixel
-Round(float value)
+/** Calls \a process(start, direction, begin, samples) for each pixel of \a output, row by row: its ray is start + w *
+ * direction in voxels, and is sampled \a samples times from w = begin on. */
+template <typename TFunction>
+void
+ForEachRay(const ImageBase<3> *            image,
+           const Transform<double, 3, 3> * viewTransform,
+           double                          step,
+           const ImageBase<2> *            output,
+           const TFunction &               process)
 {
-  return static_cast<TPixel>(std::is_floating_point_v<TPixel> ? value : std::floor(value + 0.5F));
+  constexpr double     tolerance = 1e-9;
+  const VectorType     origin = ToVoxels(image, viewTransform, 0, 0, 0);
+  const VectorType     across = ToVoxels(image, viewTransform, 1, 0, 0) - origin;
+  const VectorType     down = ToVoxels(image, viewTransform, 0, 1, 0) - origin;
+  const VectorType     direction = ToVoxels(image, viewTransform, 0, 0, 1) - origin;
+  const ImageRegion<2> region = output->GetBufferedRegion();
+  for (OffsetValueType n = 0; n < static_cast<OffsetValueType>(region.GetNumberOfPixels()); ++n)
+  {
+    Point<double, 2> position;
+    output->TransformIndexToPhysicalPoint(output->ComputeIndex(n), position);
+    const VectorType start = origin + across * position[0] + down * position[1];
+    double           begin = -std::numeric_limits<double>::infinity();
+    double           end = std::numeric_limits<double>::infinity();
+    for (unsigned int axis = 0; axis < 3; ++axis)
+    {
+      const double last = static_cast<double>(image->GetBufferedRegion().GetSize(axis)) - 1.0;
+      if (std::abs(direction[axis]) >= tolerance)
+      {
+        const auto [near, far] =
+          std::minmax({ -start[axis] / direction[axis], (last - start[axis]) / direction[axis] });
+        begin = std::max(begin, near);
+        end = std::min(end, far);
+      }
+      else if (start[axis] < -tolerance || start[axis] > last + tolerance)
+      {
+        end = -std::numeric_limits<double>::infinity();
+      }
+    }
+    // a sample at the far end counts although rounding takes it just beyond
+    process(start, direction, begin, begin <= end ? 1 + static_cast<int>((end - begin) / step + tolerance) : 0);
+  }
 }
 } // namespace
 
@@ -84,22 +133,25 @@ CastRays(const Image<TPixel, 3> *             image,
          typename Image<TPixel, 2>::PixelType background,
          Image<TPixel, 2> *                   output)
 {
-  const Rays                          rays(image, viewTransform);
-  const auto                          direction = rays.GetDirection();
-  const TrilinearInterpolator<TPixel> interpolate(*image);
-  TPixel *                            pixel = output->GetBufferPointer();
-  ForEachRay(image, rays, step, output, [&](const SampledRay & ray) {
-    float maximum = -std::numeric_limits<float>::infinity();
-    for (int sample = 0; sample < ray.samples; ++sample)
-    {
-      const double w = ray.begin + sample * step;
-      maximum = std::max(maximum,
-                         interpolate(static_cast<float>(ray.start[0] + w * direction[0]),
-                                     static_cast<float>(ray.start[1] + w * direction[1]),
-                                     static_cast<float>(ray.start[2] + w * direction[2])));
-    }
-    *pixel++ = ray.samples > 0 ? Round<TPixel>(maximum) : background;
-  });
+  const Interpolator<TPixel> interpolate(*image);
+  TPixel *                   pixel = output->GetBufferPointer();
+  ForEachRay(image,
+             viewTransform,
+             step,
+             output,
+             [&](const VectorType & start, const VectorType & direction, double begin, int samples) {
+               float maximum = -std::numeric_limits<float>::infinity();
+               for (int sample = 0; sample < samples; ++sample)
+               {
+                 const VectorType position = start + direction * (begin + sample * step);
+                 maximum = std::max(maximum,
+                                    interpolate(static_cast<float>(position[0]),
+                                                static_cast<float>(position[1]),
+                                                static_cast<float>(position[2])));
+               }
+               const float rounded = std::numeric_limits<TPixel>::is_integer ? std::floor(maximum + 0.5F) : maximum;
+               *pixel++ = samples > 0 ? static_cast<TPixel>(rounded) : background;
+             });
 }
 
 SizeValueType
@@ -108,9 +160,15 @@ CountSamples(const ImageBase<3> *            image,
              double                          step,
              const ImageBase<2> *            output)
 {
-  SizeValueType samples = 0;
-  ForEachRay(image, Rays(image, viewTransform), step, output, [&](const SampledRay & ray) { samples += ray.samples; });
-  return samples;
+  SizeValueType sum = 0;
+  ForEachRay(image, viewTransform, step, output, [&sum](auto &&, auto &&, double, int samples) { sum += samples; });
+  return sum;
+}
+
+double
+GetVoxelStep(const ImageBase<3> * image, const Transform<double, 3, 3> * viewTransform)
+{
+  return 1.0 / (ToVoxels(image, viewTransform, 0, 0, 1) - ToVoxels(image, viewTransform, 0, 0, 0)).GetNorm();
 }
 
 #define INSTANTIATE(TPixel)                                       \

@@ -27,9 +27,9 @@ namespace itk::ShearWarpBenchmark
  *
  * Pixel (u, v) of \a output, at the place that its region, spacing and origin give in view space, is the maximum of
  * \a image along the line of all w at T(u, v, w), where T is \a viewTransform. The line is clipped to the box of the
- * voxels' centres and sampled by trilinear interpolation, from where it enters the box, every \a step in units of w
- * (mm, for a rigid transform of an image in mm). Pixels whose line misses the box are \a background; integers are
- * rounded.
+ * voxels' centres and sampled by trilinear interpolation (equation 1 of Fang et al. 2002), from where it enters the
+ * box, every \a step in units of w (mm, for a rigid transform of an image in mm). Pixels whose line misses the box are
+ * \a background; integers are rounded.
  *
  * \a output must be allocated. Instantiated for `uint8 int16 uint16 float`. */
 template <typename TPixel>
@@ -46,6 +46,10 @@ CountSamples(const ImageBase<3> *            image,
              const Transform<double, 3, 3> * viewTransform,
              double                          step,
              const ImageBase<2> *            output);
+
+/** The distance along w in which a ray goes the length of one voxel: its index changes by a vector of length 1. */
+double
+GetVoxelStep(const ImageBase<3> * image, const Transform<double, 3, 3> * viewTransform);
 } // namespace itk::ShearWarpBenchmark
 
 #endif

@@ -18,9 +18,13 @@
 #include "ReadLimit.h"
 
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <cstdint>
 #include <limits>
+#include <mutex>
+#include <thread>
+#include <vector>
 
 // the compiler makes a copy for each of these instruction sets, and the program takes the best that the processor has
 #if defined(__GNUC__) && defined(__x86_64__) && defined(__gnu_linux__)
@@ -71,107 +75,62 @@ DEFINE(std::uint16_t)
 DEFINE(float)
 
 #undef DEFINE
-
-template <typename TCondition>
-void
-SpinUntil(const TCondition & condition)
-{
-  while (!condition())
-  {
-    std::this_thread::yield();
-  }
-}
 } // namespace
 
-ReadLimit::ReadLimit(unsigned int threads)
-{
-  for (unsigned int thread = 1; thread < threads; ++thread)
-  {
-    m_Threads.emplace_back([this] { this->Work(); });
-  }
-}
-
-ReadLimit::~ReadLimit()
-{
-  {
-    const std::lock_guard<std::mutex> lock(m_Mutex);
-    m_Ended = true;
-  }
-  m_WakeUp.notify_all();
-  for (std::thread & thread : m_Threads)
-  {
-    thread.join();
-  }
-}
-
-void
-ReadLimit::Work()
-{
-  for (unsigned int round = 1;; ++round)
-  {
-    {
-      std::unique_lock<std::mutex> lock(m_Mutex);
-      m_WakeUp.wait(lock, [&] { return m_Ended || m_Round == round; });
-      if (m_Ended)
-      {
-        return;
-      }
-    }
-    ++m_Awake;
-    SpinUntil([&] { return m_StartedRound == round; });
-    m_Task();
-    ++m_Done;
-  }
-}
-
-double
-ReadLimit::Run(const std::function<void()> & task)
-{
-  m_Awake = 0;
-  m_Done = 0;
-  {
-    const std::lock_guard<std::mutex> lock(m_Mutex);
-    m_Task = task;
-    ++m_Round;
-  }
-  m_WakeUp.notify_all();
-  SpinUntil([this] { return m_Awake == m_Threads.size(); });
-
-  const auto start = std::chrono::steady_clock::now();
-  m_StartedRound = m_Round;
-  task();
-  SpinUntil([this] { return m_Done == m_Threads.size(); });
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-}
-
 template <typename TPixel>
-ReadLimit::Result<TPixel>
-ReadLimit::FindMaximum(const TPixel * voxels, std::size_t count)
+ReadLimit<TPixel>
+MeasureReadLimit(const TPixel * voxels, std::size_t count, unsigned int threads)
 {
-  constexpr std::size_t    block = (std::size_t{ 1 } << 20) / sizeof(TPixel);
-  std::atomic<std::size_t> next{ 0 };
-  std::mutex               mutex;
-  TPixel                   maximum = std::numeric_limits<TPixel>::lowest();
+  constexpr std::size_t     block = (std::size_t{ 1 } << 20) / sizeof(TPixel);
+  std::atomic<std::size_t>  next{ 0 };
+  std::atomic<unsigned int> awake{ 0 };
+  std::atomic<unsigned int> done{ 0 };
+  std::mutex                mutex;
+  TPixel                    maximum = std::numeric_limits<TPixel>::lowest();
 
-  const double seconds = this->Run([&] {
-    TPixel ownMaximum = std::numeric_limits<TPixel>::lowest();
+  const auto waitFor = [threads](const std::atomic<unsigned int> & number) {
+    while (number < threads)
+    {
+      std::this_thread::yield();
+    }
+  };
+  const auto read = [&] {
+    ++awake;
+    waitFor(awake);
+    const auto start = std::chrono::steady_clock::now();
+    TPixel     ownMaximum = std::numeric_limits<TPixel>::lowest();
     for (std::size_t begin = next.fetch_add(block); begin < count; begin = next.fetch_add(block))
     {
       ownMaximum = std::max(ownMaximum, FindMaximumInBlock(voxels + begin, std::min(block, count - begin)));
     }
-    const std::lock_guard<std::mutex> lock(mutex);
-    maximum = std::max(maximum, ownMaximum);
-  });
+    {
+      const std::lock_guard<std::mutex> lock(mutex);
+      maximum = std::max(maximum, ownMaximum);
+    }
+    ++done;
+    waitFor(done);
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  };
+  std::vector<std::thread> others;
+  for (unsigned int thread = 1; thread < threads; ++thread)
+  {
+    others.emplace_back(read);
+  }
+  const double seconds = read();
+  for (std::thread & other : others)
+  {
+    other.join();
+  }
   return { maximum, seconds };
 }
 
-template ReadLimit::Result<std::uint8_t>
-ReadLimit::FindMaximum(const std::uint8_t *, std::size_t);
-template ReadLimit::Result<std::int16_t>
-ReadLimit::FindMaximum(const std::int16_t *, std::size_t);
-template ReadLimit::Result<std::uint16_t>
-ReadLimit::FindMaximum(const std::uint16_t *, std::size_t);
-template ReadLimit::Result<float>
-ReadLimit::FindMaximum(const float *, std::size_t);
+template ReadLimit<std::uint8_t>
+MeasureReadLimit(const std::uint8_t *, std::size_t, unsigned int);
+template ReadLimit<std::int16_t>
+MeasureReadLimit(const std::int16_t *, std::size_t, unsigned int);
+template ReadLimit<std::uint16_t>
+MeasureReadLimit(const std::uint16_t *, std::size_t, unsigned int);
+template ReadLimit<float>
+MeasureReadLimit(const float *, std::size_t, unsigned int);
 
 } // namespace itk::ShearWarpBenchmark

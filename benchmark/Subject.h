@@ -18,39 +18,33 @@
 #ifndef Subject_h
 #define Subject_h
 
+#include "Data.h"
 #include "Measurement.h"
 #include "PlainShearWarp.h"
+#include "RayCasting.h"
 #include "Views.h"
 
+#include "itkImageFileReader.h"
+#include "itkMultiThreaderBase.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <map>
 #include <optional>
-#include <vector>
 
 namespace itk::ShearWarpBenchmark
 {
-/** Makes or reads the volume. Throws ExceptionObject. */
-template <typename TPixel>
-typename Image<TPixel, 3>::Pointer
-LoadVolume(const DataSet & data);
-
-/** A square of the larger of the volume's first two sizes. */
-Size<2>
-GetOutputSize(const ImageBase<3> * volume);
-
-/** The smallest spacing of the volume. */
+/** Seconds that \a function takes. */
+template <typename TFunction>
 double
-GetOutputSpacing(const ImageBase<3> * volume);
-
-/** Gives a filter its input, output grid and threads. */
-template <typename TFilter>
-void
-SetUp(TFilter & filter, const typename TFilter::InputImageType * volume, const Measurement & measurement)
+Time(const TFunction & function)
 {
-  filter.SetInput(volume);
-  filter.SetSize(GetOutputSize(volume));
-  filter.SetOutputSpacing(itk::Vector<double, 2>(GetOutputSpacing(volume)));
-  filter.SetReducedResampling(measurement.reducedResampling);
-  // what ITK's thread pool takes by default for so many threads
-  filter.SetNumberOfWorkUnits(measurement.threads == 1 ? 1 : 4 * measurement.threads);
+  const auto start = std::chrono::steady_clock::now();
+  function();
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
 /** What all measurements of one volume share: the volume, the output grid and, made without the filter, the expected
@@ -62,63 +56,179 @@ public:
   using VolumeType = Image<TPixel, 3>;
   using OutputType = Image<TPixel, 2>;
 
-  /** Mean seconds for a view, over the views of GetComparedViews(), of methods with one thread. */
+  /** Mean seconds for a view, over the compared views, of methods with one thread. */
   struct Comparison
   {
-    double rayCasting;
-    double plainShearWarp; // without the warp
+    double rayCasting{ 0.0 };
+    double plainShearWarp{ 0.0 }; // without the warp
   };
 
-  /** Makes or reads the volume, and projects it by the plain shear-warp to get the expected output.
-   * Throws ExceptionObject if a voxel is not finite. */
-  explicit Subject(const DataSet & data);
-
-  const VolumeType *
-  GetVolume() const
+  /** Makes or reads the volume. Throws ExceptionObject if a voxel is not finite. */
+  explicit Subject(const DataSet & data)
+    : volume(data.file.empty() ? MakeVolume<TPixel>(data.kind, data.size) : ReadImage<VolumeType>(data.file))
+    , output(OutputType::New())
   {
-    return m_Volume;
+    const TPixel * voxels = volume->GetBufferPointer();
+    const TPixel * voxelsEnd = voxels + volume->GetLargestPossibleRegion().GetNumberOfPixels();
+    if (!std::all_of(voxels, voxelsEnd, [](TPixel voxel) { return std::isfinite(static_cast<float>(voxel)); }))
+    {
+      itkGenericExceptionMacro("The volume has infinite voxels or such that are not a number; they are not measured.");
+    }
+    maximum = *std::max_element(voxels, voxelsEnd);
+
+    const Size<3>       size = volume->GetLargestPossibleRegion().GetSize();
+    const SizeValueType length = std::max(size[0], size[1]);
+    const double        spacing = *std::min_element(volume->GetSpacing().Begin(), volume->GetSpacing().End());
+    output->SetRegions(Size<2>::Filled(length));
+    output->SetSpacing(Vector<double, 2>(spacing));
+    output->SetOrigin(Point<double, 2>(-0.5 * spacing * (static_cast<double>(length) - 1.0)));
+    output->Allocate();
   }
 
-  /** The largest voxel. */
-  TPixel
-  GetMaximum() const
+  /** Gives a filter its input, output grid and threads. */
+  template <typename TFilter>
+  void
+  SetUp(TFilter & filter, const Measurement & measurement) const
   {
-    return m_Maximum;
+    filter.SetInput(volume);
+    filter.SetSize(output->GetBufferedRegion().GetSize());
+    filter.SetOutputSpacing(output->GetSpacing());
+    filter.SetReducedResampling(measurement.reducedResampling);
+    // what ITK's thread pool takes by default for so many threads
+    filter.SetNumberOfWorkUnits(measurement.threads == 1 ? 1 : 4 * measurement.threads);
   }
 
+  /** Projects all views by the plain shear-warp, once, and chooses those that are compared. */
+  void
+  Expect()
+  {
+    std::map<unsigned int, double>       differences;
+    std::map<unsigned int, unsigned int> nearest;
+    for (auto view = static_cast<unsigned int>(m_Expected.size()); view < GetNumberOfViews(); ++view)
+    {
+      const ShearWarpFactorization factorization = this->Factorize(view);
+      m_Expected.push_back(this->ProjectPlainly(factorization));
+
+      const unsigned int axis = factorization.GetPrincipalAxis();
+      const auto         shear = factorization.GetShear();
+      const double       larger = std::max(std::abs(shear[0]), std::abs(shear[1]));
+      const double       difference = std::abs(larger - std::tan(30.0 * Math::pi_over_180));
+      if (differences.count(axis) == 0 || difference < differences[axis] - 1e-6)
+      {
+        differences[axis] = difference;
+        nearest[axis] = view;
+      }
+    }
+    for (const auto & [axis, view] : nearest)
+    {
+      comparedViews.push_back(view);
+    }
+    m_Copy.reset();
+  }
+
+  /** Whether the plain shear-warp gave the same bits. */
   bool
-  IsExpected(unsigned int view, const OutputType * output) const;
+  IsExpected(unsigned int view, const OutputType * picture) const
+  {
+    const std::vector<TPixel> & expected = m_Expected.at(view);
+    return picture->GetBufferedRegion().GetSize() == output->GetBufferedRegion().GetSize() &&
+           std::memcmp(expected.data(), picture->GetBufferPointer(), expected.size() * sizeof(TPixel)) == 0;
+  }
 
   /** Times the other methods when first called: each view \a repetitions times, or for a second, and the minimum
    * counts. */
   const Comparison &
-  Compare(unsigned int repetitions);
-
-  /** For each principal axis the view whose larger shear is nearest to that of 30 degrees off the axis. */
-  const std::vector<unsigned int> &
-  GetComparedViews() const
+  Compare(unsigned int repetitions)
   {
-    return m_ComparedViews;
+    if (!m_Comparison)
+    {
+      const auto getShortestTime = [repetitions](const auto & function) {
+        double shortest = std::numeric_limits<double>::max();
+        double total = 0.0;
+        for (unsigned int repetition = 0; repetition < repetitions && total < 1.0; ++repetition)
+        {
+          const double seconds = Time(function);
+          shortest = std::min(shortest, seconds);
+          total += seconds;
+        }
+        return shortest;
+      };
+      m_Comparison.emplace();
+      for (const unsigned int view : comparedViews)
+      {
+        const ShearWarpFactorization factorization = this->Factorize(view);
+        const auto &                 copy = this->GetCopy(factorization.GetPrincipalAxis());
+        const auto                   transform = MakeView(volume, view);
+        const auto                   count = static_cast<double>(comparedViews.size());
+        m_Comparison->plainShearWarp += getShortestTime([&] { Project(copy, factorization); }) / count;
+        m_Comparison->rayCasting +=
+          getShortestTime([&] { CastRays<TPixel>(volume, transform, output->GetSpacing()[0], TPixel{}, output); }) /
+          count;
+      }
+      m_Copy.reset();
+    }
+    return *m_Comparison;
   }
 
+  typename VolumeType::Pointer volume;
+  TPixel                       maximum;
+
+  /** A square of the larger of the volume's first two sizes, at its smallest spacing. */
+  typename OutputType::Pointer output;
+
+  /** For each principal axis the view whose larger shear is nearest to that of 30 degrees off the axis. */
+  std::vector<unsigned int> comparedViews;
+
 private:
-  typename OutputType::Pointer
-  MakeOutput() const;
+  /** Only the last one is kept. */
+  const PermutedVolume<TPixel> &
+  GetCopy(unsigned int principalAxis)
+  {
+    if (!m_Copy || m_CopiedAxis != principalAxis)
+    {
+      m_Copy.reset();
+      m_Copy.emplace(volume, principalAxis);
+      m_CopiedAxis = principalAxis;
+    }
+    return *m_Copy;
+  }
 
   ShearWarpFactorization
-  Factorize(unsigned int view) const;
+  Factorize(unsigned int view) const
+  {
+    return ShearWarpFactorization(MakeView(volume, view), volume, output);
+  }
 
   std::vector<TPixel>
-  ProjectPlainly(const ShearWarpFactorization & factorization);
+  ProjectPlainly(const ShearWarpFactorization & factorization)
+  {
+    // bands of rows in parallel
+    const auto parallelize = [](SizeValueType count, const auto & function) {
+      constexpr SizeValueType band = 32;
+      MultiThreaderBase::New()->ParallelizeArray(
+        0,
+        (count + band - 1) / band,
+        [&](SizeValueType n) { function(n * band, std::min((n + 1) * band, count)); },
+        nullptr);
+    };
+    const auto &        copy = this->GetCopy(factorization.GetPrincipalAxis());
+    const auto          size = factorization.GetIntermediateSize();
+    const auto          length = output->GetBufferedRegion().GetSize(0);
+    std::vector<TPixel> intermediate(size[0] * size[1]);
+    std::vector<TPixel> picture(length * length);
+    parallelize(size[1], [&](SizeValueType begin, SizeValueType end) {
+      ProjectRows(copy, factorization, begin, end, intermediate);
+    });
+    parallelize(length, [&](SizeValueType begin, SizeValueType end) {
+      WarpRows(factorization, intermediate, begin, end, length, TPixel{}, picture);
+    });
+    return picture;
+  }
 
-  typename VolumeType::Pointer     m_Volume;
-  PlainShearWarp<TPixel>           m_PlainShearWarp;
-  TPixel                           m_Maximum{};
-  Size<2>                          m_OutputSize;
-  double                           m_OutputSpacing{ 1.0 };
-  std::vector<std::vector<TPixel>> m_Expected;
-  std::vector<unsigned int>        m_ComparedViews;
-  std::optional<Comparison>        m_Comparison;
+  std::optional<PermutedVolume<TPixel>> m_Copy;
+  unsigned int                          m_CopiedAxis{ 0 };
+  std::vector<std::vector<TPixel>>      m_Expected;
+  std::optional<Comparison>             m_Comparison;
 };
 } // namespace itk::ShearWarpBenchmark
 

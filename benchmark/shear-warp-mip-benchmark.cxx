@@ -15,10 +15,9 @@
  *  limitations under the License.
  *
  *=========================================================================*/
-#include "Cine.h"
 #include "Data.h"
 #include "Input.h"
-#include "Process.h"
+#include "Measurement.h"
 #include "ReportErrors.h"
 
 #include "itkMultiThreaderBase.h"
@@ -32,6 +31,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <iostream>
+#include <map>
 
 namespace
 {
@@ -42,7 +42,7 @@ struct Options
 {
   std::vector<std::string>  kinds;
   std::vector<std::string>  sizes{ "256x256x64", "391x257x173", "512x512x512" };
-  std::vector<std::string>  pixelTypes;
+  std::vector<PixelType>    pixelTypes;
   std::vector<unsigned int> threads{ 1, 2 };
   std::vector<std::string>  images;
   unsigned int              viewRepetitions{ 0 };
@@ -89,19 +89,6 @@ ParseSize(const std::string & text)
   return size;
 }
 
-PixelType
-ParsePixelType(const std::string & text)
-{
-  for (const PixelType type : { PixelType::UInt8, PixelType::Int16, PixelType::UInt16, PixelType::Float })
-  {
-    if (GetName(type) == text)
-    {
-      return type;
-    }
-  }
-  throw CLI::ValidationError("--pixel-types", "'" + text + "' is none of uint8, int16, uint16 and float");
-}
-
 itk::SizeValueType
 CountVoxels(const itk::Size<3> & size)
 {
@@ -115,8 +102,7 @@ MakeSyntheticDataSets(const Options & options)
   std::vector<std::string>  kinds = options.kinds.empty() ? GetKindNames() : options.kinds;
   std::vector<itk::Size<3>> sizes;
   std::transform(options.sizes.begin(), options.sizes.end(), std::back_inserter(sizes), ParseSize);
-  std::vector<PixelType> pixelTypes;
-  std::transform(options.pixelTypes.begin(), options.pixelTypes.end(), std::back_inserter(pixelTypes), ParsePixelType);
+  std::vector<PixelType> pixelTypes = options.pixelTypes;
   std::vector<PixelType> furtherPixelTypes;
   if (pixelTypes.empty())
   {
@@ -216,6 +202,11 @@ AddContext()
 int
 Run(int argc, char * argv[])
 {
+  std::map<std::string, PixelType> pixelTypes;
+  for (const PixelType type : { PixelType::UInt8, PixelType::Int16, PixelType::UInt16, PixelType::Float })
+  {
+    pixelTypes[PixelTypeNames[static_cast<int>(type)]] = type;
+  }
   Options  options;
   CLI::App app(Describe());
   app.allow_extras();
@@ -224,10 +215,10 @@ Run(int argc, char * argv[])
     ->check(CLI::IsMember(GetKindNames()));
   app.add_option("--sizes", options.sizes, "Their sizes in voxels")->delimiter(',')->capture_default_str();
   app
-    .add_option("--pixel-types",
-                options.pixelTypes,
-                "Their pixel types: uint8, int16, uint16, float [uint16, and all for the largest of the first kind]")
-    ->delimiter(',');
+    .add_option(
+      "--pixel-types", options.pixelTypes, "Their pixel types [uint16, and all for the largest of the first kind]")
+    ->delimiter(',')
+    ->transform(CLI::CheckedTransformer(pixelTypes));
   app.add_option("--image", options.images, "A file that ITK reads, to measure too")->check(CLI::ExistingFile);
   app.add_flag("--variants", options.hasVariants, "Measure modes, slab, box, mask, depth and the like too, where Auto");
   app.add_flag("--cine", options.isCine, "Measure turning series of 36 frames instead of single views");

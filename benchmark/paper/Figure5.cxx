@@ -17,7 +17,6 @@
  *=========================================================================*/
 #include "Figure5.h"
 
-#include "PlainShearWarp.h"
 #include "RayCasting.h"
 #include "TaggedShearWarp.h"
 #include "Views.h"
@@ -30,49 +29,35 @@
 
 namespace itk::ShearWarpBenchmark
 {
-namespace
-{
-using VolumeType = Image<std::uint16_t, 3>;
-using OutputType = Image<std::uint16_t, 2>;
-using DifferenceType = Image<float, 2>;
-
-std::vector<std::uint16_t>
-ProjectByShearWarp(const VolumeType * image, const ViewTransformType * transform, const OutputType * output)
-{
-  const auto                   size = output->GetBufferedRegion().GetSize();
-  const ShearWarpFactorization factorization(transform, image, output);
-  const auto                   projection = TaggedShearWarp(image).Project(factorization);
-  std::vector<std::uint16_t>   pixels(size[0] * size[1]);
-  PlainShearWarp<std::uint16_t>::WarpRows(factorization,
-                                          projection.intermediate,
-                                          0,
-                                          static_cast<std::ptrdiff_t>(size[1]),
-                                          static_cast<std::ptrdiff_t>(size[0]),
-                                          0,
-                                          pixels);
-  return pixels;
-}
-} // namespace
-
 void
-WriteFigure5(const VolumeType * image, const std::string & name, const std::string & folder)
+WriteFigure5(const Image<std::uint16_t, 3> * image, const std::string & name, const std::string & folder)
 {
   const auto transform = MakeView(image, Angles{ 50.0, 0.0, 40.0 });
   const auto rayCasting = MakeFittedOutput(image, transform);
   CastRays<std::uint16_t>(image, transform, GetVoxelStep(image, transform), 0, rayCasting);
-  const auto shearWarp = ProjectByShearWarp(image, transform, rayCasting);
 
-  const auto filter = ShearWarpMIPImageFilter<VolumeType>::New();
+  const auto                   size = rayCasting->GetBufferedRegion().GetSize();
+  const ShearWarpFactorization factorization(transform, image, rayCasting);
+  std::vector<std::uint16_t>   shearWarp(size[0] * size[1]);
+  WarpRows(factorization,
+           TaggedShearWarp(image).Project(factorization).intermediate,
+           0,
+           static_cast<std::ptrdiff_t>(size[1]),
+           static_cast<std::ptrdiff_t>(size[0]),
+           std::uint16_t{},
+           shearWarp);
+
+  const auto filter = ShearWarpMIPImageFilter<Image<std::uint16_t, 3>>::New();
   filter->SetInput(image);
   filter->SetTransform(transform);
   filter->Update();
-  const OutputType * filtered = filter->GetOutput();
+  const auto * filtered = filter->GetOutput();
   if (!std::equal(shearWarp.begin(), shearWarp.end(), filtered->GetBufferPointer()))
   {
     itkGenericExceptionMacro("The filter's picture of " << name << " differs from that of the published shear-warp.");
   }
 
-  const auto difference = DifferenceType::New();
+  const auto difference = Image<float, 2>::New();
   difference->CopyInformation(rayCasting);
   difference->SetRegions(rayCasting->GetBufferedRegion());
   difference->Allocate();

@@ -28,7 +28,7 @@ constexpr unsigned int TagBits = 2;
 constexpr unsigned int TagMask = (1 << TagBits) - 1;
 
 void
-Tag(PermutedVolume & volume)
+Tag(PermutedVolume<std::uint16_t> & volume)
 {
   for (std::uint16_t & voxel : volume.voxels)
   {
@@ -41,7 +41,7 @@ Tag(PermutedVolume & volume)
   {
     for (std::ptrdiff_t j = 0; j <= volume.rows; ++j)
     {
-      std::uint16_t * cell = volume.GetSlice(k) + j * volume.rowStride;
+      std::uint16_t * cell = volume.voxels.data() + (k * (volume.rows + 2) + j) * volume.rowStride;
       for (std::ptrdiff_t i = 0; i <= volume.columns; ++i, ++cell)
       {
         std::uint16_t largest = 0;
@@ -75,16 +75,20 @@ TaggedShearWarp::TaggedShearWarp(const ImageType * image)
 TaggedShearWarp::Projection
 TaggedShearWarp::Project(const ShearWarpFactorization & factorization) const
 {
-  const PermutedVolume & volume = m_Volumes[factorization.GetPrincipalAxis()];
-  const std::ptrdiff_t   corners[] = { 0, 1, volume.rowStride, volume.rowStride + 1 };
-  const auto             size = factorization.GetIntermediateSize();
-  std::vector<PixelType> intermediate(size[0] * size[1]);
-  SizeValueType          skippedCells = 0;
+  const PermutedVolume<PixelType> & volume = m_Volumes[factorization.GetPrincipalAxis()];
+  const std::ptrdiff_t              corners[] = { 0, 1, volume.rowStride, volume.rowStride + 1 };
+  const auto                        size = factorization.GetIntermediateSize();
+  std::vector<PixelType>            intermediate(size[0] * size[1]);
+  SizeValueType                     skippedCells = 0;
 
   ForEachRow(
     volume,
     factorization,
-    [&](const ShearWarp::BilinearWeights & weights, const PixelType * cell, std::ptrdiff_t column, std::ptrdiff_t row) {
+    0,
+    static_cast<std::ptrdiff_t>(size[1]),
+    [&](
+      const ShearWarp::SlicePlacement & placement, const PixelType * cell, std::ptrdiff_t column, std::ptrdiff_t row) {
+      const ShearWarp::BilinearWeights weights(placement.column.fraction, placement.row.fraction);
       PixelType * pixel = intermediate.data() + row * static_cast<std::ptrdiff_t>(size[0]) + column;
       for (const PixelType * end = pixel + volume.columns; pixel != end; ++pixel, ++cell)
       {

@@ -18,9 +18,7 @@
 #ifndef TaggedShearWarp_h
 #define TaggedShearWarp_h
 
-#include "PermutedVolume.h"
-
-#include "itkShearWarpFactorization.h"
+#include "PlainShearWarp.h"
 
 #include <cstdint>
 #include <vector>
@@ -36,7 +34,7 @@ namespace itk::ShearWarpBenchmark
  * corners the first counts.
  *
  * A sample is rounded as the filter rounds it, which never takes it above the largest corner: what is skipped cannot
- * change a pixel, and the intermediate image is that of PlainShearWarp and of the filter, bit by bit. */
+ * change a pixel, and the intermediate image is that of PlainShearWarp.h and of the filter, bit by bit. */
 class TaggedShearWarp
 {
 public:
@@ -65,7 +63,7 @@ public:
 
 private:
   /** For each principal axis. */
-  std::vector<PermutedVolume> m_Volumes;
+  std::vector<PermutedVolume<PixelType>> m_Volumes;
 };
 } // namespace itk::ShearWarpBenchmark
 

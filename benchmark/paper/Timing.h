@@ -26,8 +26,7 @@
 
 namespace itk::ShearWarpBenchmark
 {
-/** One method at one angle: a point of figure 4 of Fang et al. 2002. Times are medians over the repetitions, each by
- * itself, in milliseconds. */
+/** One method at one angle, once: points of figure 4 of Fang et al. 2002. Times are in milliseconds. */
 struct Timing
 {
   /** "ray casting", "shear warp", "shear warp, tagged", "filter, off" or "filter, auto". */
@@ -47,8 +46,7 @@ struct Timing
   double total;
 
   /** Of the cells, or in the filter of the volume, 0 to 1. */
-  double        skippedFraction;
-  SizeValueType pixels;
+  double skippedFraction;
 };
 
 /** Times the methods of table 1 of Fang et al. 2002, each in one thread, and beside them the module's filter with
@@ -57,7 +55,7 @@ struct Timing
  *
  * - Ray casting: RayCasting.h, a sample for each voxel of way (GetVoxelStep()). Clipping is timed by itself and taken
  * off the whole to get the interpolation.
- * - Shear warp: PermutedVolume.h, from three permuted copies of the volume.
+ * - Shear warp: PlainShearWarp.h, from three permuted copies of the volume.
  * - Tagged shear warp: TaggedShearWarp.h.
  * - Filter: what it prepares for these angles, by its own clocks like the two parts; the total is the whole update.
  *

@@ -18,10 +18,11 @@
 #ifndef VesselStudy_h
 #define VesselStudy_h
 
-#include "Pictures.h"
 #include "Vessel.h"
 
+#include <map>
 #include <string>
+#include <vector>
 
 namespace itk::ShearWarpBenchmark
 {
@@ -46,13 +47,18 @@ struct VesselSetting
 /** The projections of one setting at one angle: pixels of 1 mm, the vessel's peak is 1. */
 struct VesselPictures
 {
-  PictureType::Pointer       truth;          // Vessel::GetMaximum() of each pixel's ray
-  PictureType::Pointer       rayCasting;     // trilinear, step 1 voxel
-  PictureType::Pointer       fineRayCasting; // step 1/2 voxel
-  PictureType::Pointer       shearWarp;      // ShearWarpMIPImageFilter
-  PictureType::Pointer       oversampled;    // with Oversampling 2
-  PictureType::Pointer       exactRays;      // ProjectExactRays(), one sample per slice: no second interpolation
-  std::vector<SizeValueType> object;         // the pixels that are compared
+  using PictureType = Image<float, 2>;
+
+  PictureType::Pointer       truth;  // Vessel::GetMaximum() of each pixel's ray
+  std::vector<SizeValueType> object; // the pixels that are compared
+
+  /** `ray-casting`, with a step of a voxel, `ray-casting-half-step`, `shear-warp`, which is the filter, and
+   * `shear-warp-oversampled`, with Oversampling 2. */
+  std::map<std::string, PictureType::Pointer> methods;
+
+  /** Mean magnitude of the difference of a picture from the truth, over the object's pixels. */
+  double
+  GetError(const PictureType * picture) const;
 };
 
 /** Projects the digitized vessel of \a setting, in a volume of 64 x 64 x 64 voxels, at \a angle degrees of its turn.
@@ -65,7 +71,8 @@ ProjectVessel(const VesselSetting & setting, double angle);
 
 /** Figure 6 with all settings: writes the errors of each at 19 angles, every 10 degrees from 0 to 180, over the
  * object's pixels. A line of the file is turn, tilt, profile, digitization, radius, offset, angle, number of pixels,
- * the truth's mean, method, and mean absolute, mean and root mean square error; values in percent of the peak. */
+ * the truth's mean, method, and mean absolute error; values in percent of the peak. Throws ExceptionObject if the file
+ * cannot be written. */
 void
 WriteVesselErrors(const std::string & file);
 

@@ -93,15 +93,4 @@ MakeFittedOutput(const Image<std::uint16_t, 3> * image, const Transform<double, 
   output->Allocate();
   return output;
 }
-
-double
-GetVoxelStep(const ImageBase<3> * image, const Transform<double, 3, 3> * viewTransform)
-{
-  const auto toIndex = [&](double w) {
-    const double coordinates[] = { 0.0, 0.0, w };
-    return image->TransformPhysicalPointToContinuousIndex<double>(
-      viewTransform->TransformPoint(Point<double, 3>(coordinates)));
-  };
-  return 1.0 / (toIndex(1.0) - toIndex(0.0)).GetNorm();
-}
 } // namespace itk::ShearWarpBenchmark

@@ -40,10 +40,6 @@ ReadVolume(const std::string & file, const Size<3> & size);
  * smallest spacing. \a viewTransform takes view space to the image's physical space. */
 Image<std::uint16_t, 2>::Pointer
 MakeFittedOutput(const Image<std::uint16_t, 3> * image, const Transform<double, 3, 3> * viewTransform);
-
-/** The distance along w in which a ray goes the length of one voxel: its index changes by a vector of length 1. */
-double
-GetVoxelStep(const ImageBase<3> * image, const Transform<double, 3, 3> * viewTransform);
 } // namespace itk::ShearWarpBenchmark
 
 #endif

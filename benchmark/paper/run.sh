@@ -36,17 +36,15 @@ program=$root/build/benchmark-program/benchmark/paper/shear-warp-mip-paper
 find_image() { image=$(find_head); }
 
 measure() {
-  local repetitions=9 views=200 coarseness=3 step=1
-  [ -z "$smoke" ] || { repetitions=1 views=3 coarseness=16 step=10; }
+  local repetitions=9
+  [ -z "$smoke" ] || repetitions=1
   timed "timed the methods" "$program" timing --output "$output" --image "$image" --repetitions "$repetitions"
   timed "drew figure 5" "$program" pictures --output "$output" --image "$image"
   timed "measured the errors of the vessels" "$program" vessel --output "$output"
-  timed "measured the errors from all sides" "$program" sphere --output "$output" --image "$image" --views "$views" \
-    --coarseness "$coarseness" --step "$step"
 }
 
 timed "installed what building needs" need_packages build-essential cmake ninja-build libinsighttoolkit5-dev \
-  libbenchmark-dev libcli11-dev python3-matplotlib python3-pil
+  libbenchmark-dev libcli11-dev python3-matplotlib python3-pandas python3-pil python3-tabulate
 timed "built the program" build_release benchmark-program shear-warp-mip-paper -DShearWarpMIP_BUILD_APPS=OFF \
   -DShearWarpMIP_BUILD_BENCHMARKS=ON
 [ -n "$image" ] || timed "found the image" find_image

@@ -18,12 +18,10 @@
 #include "Data.h"
 #include "Figure5.h"
 #include "ReportErrors.h"
-#include "SphereStudy.h"
 #include "Timing.h"
 #include "VesselStudy.h"
 #include "Volumes.h"
 
-#include "itkCastImageFilter.h"
 #include "itkMultiThreaderBase.h"
 
 #include <CLI/CLI.hpp>
@@ -35,16 +33,13 @@
 namespace
 {
 using namespace itk::ShearWarpBenchmark;
-using TimedVolumeType = itk::Image<std::uint16_t, 3>;
+using VolumeType = itk::Image<std::uint16_t, 3>;
 
 struct Options
 {
   std::string  output{ "." };
   std::string  image;
   unsigned int repetitions{ 9 };
-  unsigned int views{ 200 };
-  unsigned int coarseness{ 3 };
-  double       step{ 1.0 };
 };
 
 constexpr char Description[] =
@@ -54,26 +49,16 @@ constexpr char Description[] =
   "--image, which is called `image`.";
 
 /** The data sets by their names, of the paper's size and 14 bits. */
-std::vector<std::pair<std::string, TimedVolumeType::Pointer>>
+std::vector<std::pair<std::string, VolumeType::Pointer>>
 MakeVolumes(const Options & options)
 {
-  std::vector<std::pair<std::string, TimedVolumeType::Pointer>> volumes{
-    { "mra", MakeVolume<std::uint16_t>("mra", PaperSize) }
-  };
+  std::vector<std::pair<std::string, VolumeType::Pointer>> volumes{ { "mra",
+                                                                      MakeVolume<std::uint16_t>("mra", PaperSize) } };
   if (!options.image.empty())
   {
     volumes.emplace_back("image", ReadVolume(options.image, PaperSize));
   }
   return volumes;
-}
-
-VolumeType::Pointer
-ToFloat(const TimedVolumeType * volume)
-{
-  const auto cast = itk::CastImageFilter<TimedVolumeType, VolumeType>::New();
-  cast->SetInput(volume);
-  cast->Update();
-  return cast->GetOutput();
 }
 
 int
@@ -119,26 +104,6 @@ Run(int argc, char * argv[])
       WriteVesselErrors(getPath("figure6.csv"));
       WriteVesselPictures(options.output);
     });
-
-  auto * sphere =
-    app.add_subcommand("sphere", "One step further: what remains of the error, from all sides")->fallthrough();
-  sphere->add_option("--views", options.views, "How many directions")
-    ->check(CLI::Range(1, 100000))
-    ->capture_default_str();
-  sphere->add_option("--coarseness", options.coarseness, "Every so many columns and rows of the pictures are compared")
-    ->check(CLI::Range(1, 64))
-    ->capture_default_str();
-  sphere->add_option("--step", options.step, "Degrees between the frames of a turning picture")
-    ->check(CLI::Range(0.1, 10.0))
-    ->capture_default_str();
-  sphere->callback([&] {
-    for (const auto & [name, volume] : MakeVolumes(options))
-    {
-      const auto voxels = ToFloat(volume);
-      WriteSphereErrors(voxels, options.views, options.coarseness, getPath("sphere-" + name + ".csv"));
-      WriteJumps(voxels, options.step, options.coarseness, getPath("jump-" + name + ".csv"));
-    }
-  });
 
   CLI11_PARSE(app, argc, argv);
   return EXIT_SUCCESS;

