@@ -351,7 +351,8 @@ def test_files_that_others_wrote(tmp_path):
     ):
         with pytest.raises((OSError, ValueError), match=text) as caught:
             mip(get_testdata_file(name))
-        assert "/work/" not in str(caught.value) and "\n" not in str(caught.value)
+        # no line of the source file that found the error
+        assert "xx:" not in str(caught.value) and "\n" not in str(caught.value)
 
 
 def test_colours_are_refused(tmp_path):
