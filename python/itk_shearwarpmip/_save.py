@@ -53,7 +53,7 @@ def find_window_of(pixels: NDArray[Any], background: float) -> Window:
     values = _select_values(pixels, background)
     if values.size == 0:
         low = float(background) if math.isfinite(background) else 0.0
-        return low, low + 1.0
+        return low, max(low + 1.0, math.nextafter(low, math.inf))
     ranks = [math.floor(fraction * (values.size - 1) + 0.5) for fraction in (0.01, 0.998)]
     low, high = (float(value) for value in np.partition(values, ranks)[ranks])
     return (low, high) if low < high else (min(high - 1.0, math.nextafter(high, -math.inf)), high)

@@ -875,7 +875,6 @@ def test_parameters_of_the_filter(image, open_viewer):
         ({"opacity": 2}, ValueError, "opacity must be 0 to 1"),
         ({"opacity": "half"}, ValueError, "opacity must be 0 to 1, but it is 'half'"),
         ({"source": "cells.ome.zarr"}, ValueError, "is an OME-Zarr or a URL, which only"),
-        ({"page": {"port": "x"}, "canvas": None}, OSError, "cannot be served at 127.0.0.1, port x"),
         ({"crop": [0, 1]}, ValueError, "crop must be two corners"),
         ({"exact": True, "oversampling": 2}, ValueError, "exact goes without oversampling"),
         ({"colour": "hot"}, TypeError, "colour"),
