@@ -354,7 +354,7 @@ struct Lanes
   template <int VSize>
   static Index Gather(const void * p, Index v)
   {
-    int values[4];
+    int values[4] = {};
     for (int n = 0; n < 4; ++n)
     {
       __builtin_memcpy(values + n, static_cast<const char *>(p) + std::ptrdiff_t{ v[n] } * VSize, 4);

@@ -66,8 +66,8 @@ check_cppcheck() {
   mkdir -p "$build"
   git ls-files --cached --others --exclude-standard -- '*.cxx' > "$build/files"
   cppcheck --quiet -j "$jobs" --std=c++17 --enable=warning,performance,portability --inline-suppr --error-exitcode=1 \
-    --library=googletest --library=gnu '-DTYPED_TEST_SUITE(...)=' -D__linux__ -DShearWarpMIP_HAS_X86_KERNELS \
-    -I include -I src -I apps -I benchmark --file-list="$build/files"
+    --library=googletest --library=gnu '-DTYPED_TEST_SUITE(...)=' '-DitkOverrideGetNameOfClassMacro(x)=' -D__linux__ \
+    -DShearWarpMIP_HAS_X86_KERNELS -I include -I src -I apps -I benchmark --file-list="$build/files"
 }
 
 for stage in "${stages[@]}"; do
