@@ -215,7 +215,7 @@ struct Lanes
   {
     const Short bits = { 1, 2, 4, 8, 16, 32, 64, 128 };
     std::uint32_t set = 0;
-    for (int n = 0; n < 4; ++n)
+    for (std::ptrdiff_t n = 0; n < 4; ++n)
     {
       const Long found = As<Long>(Load(p + 8 * n) & bits);
       const long long four = found[0] | found[1];
@@ -369,7 +369,7 @@ struct Lanes
   static Single MaximumSingle(Single a, Single b) { return Maximum(b, a); }
   static Single MinimumSingle(Single a, Single b) { return Minimum(b, a); }
   static Single SelectWhereZero(Index v, Single zero, Single other) { return v == 0 ? zero : other; }
-  static bool AreFinite(Single v) { const Single difference = v - v; return AreEqual(difference, difference); }
+  static bool AreFinite(Single v) { return AreEqual(v * SetFloat(0.0f), SetFloat(0.0f)); }
   static Double SingleToDouble(Single v) { return __builtin_convertvector(v, Double); }
   static Single DoubleToSingle(Double v) { return __builtin_convertvector(v, Single); }
 

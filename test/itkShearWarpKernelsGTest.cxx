@@ -22,6 +22,7 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <cmath>
 #include <cstring>
 #include <memory>
 #include <optional>
@@ -104,7 +105,7 @@ bool
 HaveSameValues(const std::vector<TPixel> & a, const std::vector<TPixel> & b)
 {
   return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](TPixel x, TPixel y) {
-    return HaveSameBits(x, y) || (x != x && y != y);
+    return HaveSameBits(x, y) || (std::isnan(static_cast<double>(x)) && std::isnan(static_cast<double>(y)));
   });
 }
 
@@ -622,6 +623,7 @@ AddFixedPictures(const Kernels::SliceStack<TPixel> & stack, std::uint64_t & chec
   for (const auto & [columnStep, rowStep] : steps)
   {
     std::vector<Kernels::SlicePlacement> placements;
+    placements.reserve(FixedSlices);
     for (std::int32_t k = 0; k < FixedSlices; ++k)
     {
       placements.push_back(
@@ -688,8 +690,9 @@ AddFixedRays(const Kernels::SliceStack<TPixel> & stack, std::uint64_t & checksum
     {
       cellBegins[n + 1] = n + 1;
       cells[n] = static_cast<std::uint16_t>(n);
+      const auto row = n / Kernels::CellColumns;
       p[n] = static_cast<double>(10 + n % Kernels::CellColumns) + (n * 37 % 64) / 64.0;
-      q[n] = static_cast<double>(20 + n / Kernels::CellColumns) + (n * 29 % 64) / 64.0;
+      q[n] = static_cast<double>(20 + row) + (n * 29 % 64) / 64.0;
       places[n] = std::numeric_limits<double>::infinity();
       parts.push_back({ n, n % static_cast<std::int32_t>(FixedSlices - 1) });
     }
