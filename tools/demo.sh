@@ -29,9 +29,10 @@ render_views() {
 
 render_cine() {
   local extension
-  for extension in gif html nrrd; do
+  for extension in gif html; do
     "$program" "$image" "$folder/cine.$extension" --frames 36 --rate 12.5
   done
+  "$program" "$image" "$folder/cine.nrrd" --frames 36
 }
 
 timed "installed what building needs" need_packages build-essential cmake ninja-build libinsighttoolkit5-dev \
