@@ -44,6 +44,8 @@ struct Volume
   std::vector<std::filesystem::path> dicomFiles{};
   /** Whether low values are to be displayed white. */
   bool isInverted{ false };
+  /** Whether the file says how the image lies in the patient. */
+  bool hasOrientation{ true };
 };
 
 template <typename TPixel>

@@ -68,6 +68,31 @@ Describe(const Tag & tag)
   return text.str();
 }
 
+std::string
+GetLine(const DataSet & dataSet, const Tag & tag, const DataSet & header)
+{
+  const std::string characterSet = GetText(header, { 0x0008, 0x0005 });
+  const bool        isUTF8 = characterSet == "ISO_IR 192";
+  std::string       line;
+  for (const char character : GetText(dataSet, tag))
+  {
+    const auto code = static_cast<unsigned char>(character);
+    if (code < ' ' || code == 0x7f || (code > 0x7f && !isUTF8 && (characterSet != "ISO_IR 100" || code < 0xa0)))
+    {
+      line += '?';
+    }
+    else if (code > 0x7f && !isUTF8)
+    {
+      line += { static_cast<char>(0xc0 | code >> 6), static_cast<char>(0x80 | (code & 0x3f)) };
+    }
+    else
+    {
+      line += character;
+    }
+  }
+  return line;
+}
+
 DataSet
 ReadHeader(const std::filesystem::path & path, const Tag & last)
 {

@@ -38,6 +38,10 @@ GetText(const gdcm::DataSet & dataSet, const gdcm::Tag & tag)
   return Trim(text.substr(0, text.find('\0')));
 }
 
+/** A text in UTF-8, as far as the character set of \a header is Latin 1 or that, fit for a line. */
+std::string
+GetLine(const gdcm::DataSet & dataSet, const gdcm::Tag & tag, const gdcm::DataSet & header);
+
 /** Name and tag, as Units (0054,1001). */
 std::string
 Describe(const gdcm::Tag & tag);

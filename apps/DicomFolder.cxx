@@ -83,32 +83,6 @@ AreEqual(const fs::path & one, const fs::path & other)
   return size == fs::file_size(other) && ReadStart(one, size) == ReadStart(other, size);
 }
 
-/** A text of \a header in UTF-8, as far as its character set is Latin 1 or that, fit for a line. */
-std::string
-GetLine(const DataSet & header, const Tag & tag)
-{
-  const std::string characterSet = GetText(header, { 0x0008, 0x0005 });
-  const bool        isUTF8 = characterSet == "ISO_IR 192";
-  std::string       line;
-  for (const char character : GetText(header, tag))
-  {
-    const auto code = static_cast<unsigned char>(character);
-    if (code < ' ' || code == 0x7f || (code > 0x7f && !isUTF8 && (characterSet != "ISO_IR 100" || code < 0xa0)))
-    {
-      line += '?';
-    }
-    else if (code > 0x7f && !isUTF8)
-    {
-      line += { static_cast<char>(0xc0 | code >> 6), static_cast<char>(0x80 | (code & 0x3f)) };
-    }
-    else
-    {
-      line += character;
-    }
-  }
-  return line;
-}
-
 /** What is left out of a folder, for one warning of each kind. */
 class LeftOut
 {
@@ -190,10 +164,10 @@ FindAllSeries(const fs::path & folder, const WarningFunction & warn)
     if (series.files.empty())
     {
       series.uid = uid;
-      series.description = GetLine(header, { 0x0008, 0x103e });
-      series.modality = GetLine(header, { 0x0008, 0x0060 });
-      series.date = GetLine(header, { 0x0008, 0x0021 });
-      series.date = series.date.empty() ? GetLine(header, { 0x0008, 0x0020 }) : series.date;
+      series.description = GetLine(header, { 0x0008, 0x103e }, header);
+      series.modality = GetLine(header, { 0x0008, 0x0060 }, header);
+      series.date = GetLine(header, { 0x0008, 0x0021 }, header);
+      series.date = series.date.empty() ? GetLine(header, { 0x0008, 0x0020 }, header) : series.date;
       series.number = std::atoi(GetText(header, { 0x0020, 0x0011 }).c_str());
     }
     series.areProjections = series.areProjections || IsProjection(header);
@@ -307,4 +281,10 @@ IsProjection(const DataSet & header)
                      std::end(terms),
                      [&type](const std::string & term) { return type.find(term) != std::string::npos; }) ||
          GetText(header, { 0x0054, 0x1000 }).find("REPROJECTION") != std::string::npos;
+}
+
+bool
+IsSegmentation(const DataSet & header)
+{
+  return GetText(header, { 0x0008, 0x0016 }) == "1.2.840.10008.5.1.4.1.1.66.4";
 }

@@ -33,4 +33,8 @@ FindSeries(const std::filesystem::path & folder, const std::string & series, con
 bool
 IsProjection(const gdcm::DataSet & header);
 
+/** Whether an image is a segmentation (PS3.6 table A-1). */
+bool
+IsSegmentation(const gdcm::DataSet & header);
+
 #endif

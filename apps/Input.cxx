@@ -23,6 +23,7 @@
 #include "itkGDCMImageIO.h"
 #include "itkImageFileReader.h"
 #include "itkImageIOFactory.h"
+#include "itkMetaDataObject.h"
 
 #include <algorithm>
 #include <cstdint>
@@ -65,6 +66,30 @@ RequireVolume(const itk::ImageIOBase & io, const std::string & name)
   {
     throw std::runtime_error("'" + name + "' has complex pixels; real ones are needed");
   }
+}
+
+/** Whether the file says how the image lies in the patient; where it does not, ITK takes any direction. */
+bool
+HasOrientation(const itk::ImageIOBase & io)
+{
+  const std::string format = io.GetNameOfClass();
+  const auto        find = [&io](const std::string & name) {
+    std::string text;
+    itk::ExposeMetaData(io.GetMetaDataDictionary(), name, text);
+    return text;
+  };
+  if (format == "NrrdImageIO")
+  {
+    return find("NRRD_space").find("superior") != std::string::npos;
+  }
+  if (format == "NiftiImageIO")
+  {
+    const std::string unknown = "NIFTI_XFORM_UNKNOWN";
+    return find("qform_code_name") != unknown || find("sform_code_name") != unknown;
+  }
+  const auto without = { "BioRadImageIO",    "BMPImageIO", "GiplImageIO", "JPEG2000ImageIO",  "JPEGImageIO", "LSMImageIO",
+                         "MRCImageIO",       "PNGImageIO", "RawImageIO",  "StimulateImageIO", "TIFFImageIO", "VTKImageIO" };
+  return std::find(without.begin(), without.end(), format) == without.end();
 }
 
 void
@@ -171,6 +196,7 @@ ReadVolume(const std::filesystem::path & path, const std::string & series, const
       reader->Update();
       return SplitTimes(*reader->GetOutput());
     });
+    volume.hasOrientation = HasOrientation(*io);
   };
   try
   {

@@ -18,6 +18,7 @@
 #include "InputFiles.h"
 
 #include "FileStart.h"
+#include "Output.h"
 #include "Text.h"
 
 #include <algorithm>
@@ -42,8 +43,8 @@ WithoutGzip(const fs::path & path)
 bool
 LooksLikeOutput(const fs::path & path)
 {
-  static const std::set<fs::path> outputs = { ".mha", ".nrrd", ".nii", ".png", ".gif", ".apng", ".mp4", ".html" };
-  return outputs.count(WithoutGzip(path).extension()) > 0;
+  return OutputFiles::HasValues(path) || OutputFiles::IsPicture(path) || OutputFiles::IsAnimation(path) ||
+         OutputFiles::IsPage(path);
 }
 
 /** The files of a folder, as far as it can be read, that do not look like outputs. */

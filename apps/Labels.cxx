@@ -293,13 +293,16 @@ DrawLabels(const AnyImage & pictures, const std::vector<Frame> & frames, const L
   {
     const itk::Transform<double, 3, 3> * const transform = frames[n].transform;
     Canvas                                     canvas(pixels + n * size[0] * size[1] * components, size, components);
-    if (labels.hasSides)
+    if (labels.hasSides && labels.hasOrientation)
     {
       DrawSides(canvas, ComputeEdgeLetters(transform));
     }
-    if (labels.hasScaleAndAngles)
+    if (labels.hasScaleAndAngles && labels.hasOrientation)
     {
       DrawAngles(canvas, ComputeViewAngles(transform));
+    }
+    if (labels.hasScaleAndAngles)
+    {
       DrawScale(canvas, image.GetSpacing()[0] * ComputeAxis(transform, 0).GetNorm(), static_cast<double>(size[0]));
     }
   }

@@ -30,6 +30,8 @@ struct Labels
   /** A scale bar at the bottom left, right along x; at the top left where the frame is seen from: LAO or RAO, or
    * degrees from behind, and CRA or CAU. */
   bool hasScaleAndAngles{ false };
+  /** Whether it is known how the image lies in the patient; if not, there are neither sides nor angles. */
+  bool hasOrientation{ true };
 };
 
 /** Draws \a labels into \a pictures, of 8 bits, each of them the picture of one of \a frames: white with a black rim,

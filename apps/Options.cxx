@@ -26,7 +26,6 @@
 #include "itkVersion.h"
 
 #include <algorithm>
-#include <cctype>
 #include <cmath>
 #include <functional>
 #include <regex>
@@ -492,7 +491,7 @@ DefineOptions(CLI::App & app, Options & options)
     .add_option("--overlay-color,--overlay-colour",
                 options.overlayColour,
                 "Colour map of the overlay: " + CLI::detail::join(GetKeys(colourMaps), ", "))
-    ->transform(Choice(GetKeys(colourMaps)).description(""))
+    ->transform(Choice(GetKeys(colourMaps), { { "gray", "grey" } }).description(""))
     ->type_name("NAME")
     ->capture_default_str()
     ->needs(overlay)
@@ -516,8 +515,8 @@ DefineOptions(CLI::App & app, Options & options)
   app
     .add_option("--segments",
                 options.segments,
-                "Image of labels in INPUT's space, with a grid of its own: their outlines over pictures, animations, "
-                "pages and --dicom-out, in the colours of a .seg.nrrd of 3D Slicer or in others")
+                "Image of labels or DICOM SEG in INPUT's space, with a grid of its own: their outlines over pictures, "
+                "animations, pages and --dicom-out, in the colours of a SEG or of a .seg.nrrd of 3D Slicer, or in others")
     ->type_name("FILE")
     ->group("Overlay");
 
@@ -683,7 +682,7 @@ Verify(const Options & options)
 }
 
 std::vector<std::string>
-CollectArguments(int argc, const char * const * argv)
+CollectArguments(const CLI::App & app, int argc, const char * const * argv)
 {
   // options that take so many numbers at most, with commas or spaces or both between them
   const std::map<std::string, std::size_t> most = { { "--axis", 3 },
@@ -719,10 +718,18 @@ CollectArguments(int argc, const char * const * argv)
     }
     return numbers;
   };
+  // -view is --view; the parser would take it for -v and -iew
+  const auto complete = [&](const std::string & argument) {
+    const bool isLong = app.get_option_no_throw('-' + argument.substr(0, argument.find('='))) != nullptr;
+    const bool isWord = std::regex_search(argument.substr(0, 3), std::regex("^-[A-Za-z]."));
+    const bool areShort = std::regex_match(argument.substr(0, 5), std::regex("-[hv]*(o.*)?"));
+    return isWord && !isNumber(argument) && (isLong || !areShort) ? '-' + argument : argument;
+  };
   std::vector<std::string> arguments;
-  for (int n = 1; n < argc; ++n)
+  int                      n = 1;
+  for (; n < argc && argv[n] != std::string("--"); ++n)
   {
-    const std::string argument = argv[n];
+    const std::string argument = complete(argv[n]);
     const std::size_t equals = argument.find('=');
     const auto        option = most.find(argument.substr(0, equals));
     if (option != most.end() && equals != std::string::npos)
@@ -752,10 +759,11 @@ CollectArguments(int argc, const char * const * argv)
     else
     {
       // the parser takes -inf and -.5 for options unless a space is before them
-      const bool looksLikeOption = argument.size() > 1 && argument[0] == '-' && std::isdigit(argument[1]) == 0;
+      const bool looksLikeOption = argument.size() > 1 && argument[0] == '-' && (argument[1] < '0' || argument[1] > '9');
       arguments.push_back(looksLikeOption && isNumber(argument) ? ' ' + argument : argument);
     }
   }
+  arguments.insert(arguments.end(), argv + std::min(n, argc), argv + argc);
   std::reverse(arguments.begin(), arguments.end());
   return arguments;
 }

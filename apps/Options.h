@@ -105,7 +105,7 @@ DefineOptions(CLI::App & app, Options & options);
 
 /** The arguments, the last first, as CLI::App::parse() takes them. */
 std::vector<std::string>
-CollectArguments(int argc, const char * const * argv);
+CollectArguments(const CLI::App & app, int argc, const char * const * argv);
 
 /** LOW and HIGH of --window or --wl, if one is given. Throws std::runtime_error if they are not numbers in order. */
 std::optional<std::array<double, 2>>

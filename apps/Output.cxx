@@ -19,6 +19,7 @@
 #include "Animation.h"
 #include "Integrity.h"
 #include "Posix.h"
+#include "Text.h"
 
 #include "itkImageIOFactory.h"
 
@@ -39,6 +40,18 @@
 namespace
 {
 namespace fs = std::filesystem;
+using Extensions = std::vector<std::string>;
+
+const Extensions valueExtensions = { ".mha", ".nrrd", ".nii", ".nii.gz" };
+const Extensions pictureExtensions = { ".png", ".jpg", ".jpeg", ".tif", ".tiff" };
+const Extensions animationExtensions = { ".gif", ".apng", ".mp4" };
+const Extensions pageExtensions = { ".html" };
+
+bool
+Contain(const Extensions & extensions, const fs::path & path)
+{
+  return std::find(extensions.begin(), extensions.end(), GetExtension(path)) != extensions.end();
+}
 
 /** Names sort as frames do. */
 fs::path
@@ -60,13 +73,6 @@ IsFrameName(const fs::path & name, const fs::path & path)
   return name.extension() == path.extension() && stem.size() > start.size() &&
          stem.compare(0, start.size(), start) == 0 &&
          stem.find_first_not_of("0123456789", start.size()) == std::string::npos;
-}
-
-/** With two parts where it is compressed. */
-std::string
-GetExtension(const fs::path & path)
-{
-  return (path.extension() == ".gz" ? path.stem().extension().string() : "") + path.extension().string();
 }
 
 /** Where symbolic links lead, though nothing be there. */
@@ -120,12 +126,6 @@ ChoosePixelType(unsigned int components, itk::IOComponentEnum componentType)
   }
   const bool isColour = componentType == itk::IOComponentEnum::UCHAR && (components == 3 || components == 4);
   return !isColour ? itk::IOPixelEnum::VECTOR : components == 3 ? itk::IOPixelEnum::RGB : itk::IOPixelEnum::RGBA;
-}
-
-bool
-EndsWith(const std::string & text, const std::string & end)
-{
-  return text.size() > end.size() && text.compare(text.size() - end.size(), end.size(), end) == 0;
 }
 
 /** Not all of ITK's writers notice a full disk. */
@@ -189,6 +189,13 @@ IsIgnored([[maybe_unused]] int signal)
 }
 } // namespace
 
+std::string
+GetExtension(const fs::path & path)
+{
+  const std::string last = ToLower(path.extension().string());
+  return (last == ".gz" ? ToLower(path.stem().extension().string()) : "") + last;
+}
+
 HeldSignals::HeldSignals()
 {
   for (const int signal : endingSignals)
@@ -238,24 +245,27 @@ OutputFiles::~OutputFiles()
 }
 
 bool
+OutputFiles::HasValues(const fs::path & path)
+{
+  return Contain(valueExtensions, path);
+}
+
+bool
 OutputFiles::IsPicture(const fs::path & path)
 {
-  const auto extension = path.extension();
-  return extension == ".png" || extension == ".jpg" || extension == ".jpeg" || extension == ".tif" ||
-         extension == ".tiff";
+  return Contain(pictureExtensions, path);
 }
 
 bool
 OutputFiles::IsAnimation(const fs::path & path)
 {
-  const auto extension = path.extension();
-  return extension == ".gif" || extension == ".apng" || extension == ".mp4";
+  return Contain(animationExtensions, path);
 }
 
 bool
 OutputFiles::IsPage(const fs::path & path)
 {
-  return path.extension() == ".html";
+  return Contain(pageExtensions, path);
 }
 
 void
@@ -273,22 +283,26 @@ OutputFiles::Protect(const std::vector<fs::path> & inputs)
 void
 OutputFiles::Reserve(const fs::path & path, Format format, const std::string & option)
 {
-  const fs::path           target = this->Claim(path, false, m_Reserved);
-  const std::string        name = path.filename().string();
-  std::vector<std::string> extensions;
+  const fs::path    target = this->Claim(path, false, m_Reserved);
+  const std::string extension = GetExtension(path);
+  Extensions        extensions;
+  const auto        add = [&extensions](const Extensions & more) {
+    extensions.insert(extensions.end(), more.begin(), more.end());
+  };
   if (format != Format::Picture)
   {
-    extensions = { ".mha", ".nrrd", ".nii", ".nii.gz" };
+    add(valueExtensions);
   }
   if (format != Format::Values)
   {
-    extensions.insert(extensions.end(), { ".png", ".jpg", ".jpeg", ".tif", ".tiff", ".gif", ".apng", ".mp4" });
+    add(pictureExtensions);
+    add(animationExtensions);
   }
   if (format == Format::Any)
   {
-    extensions.emplace_back(".html");
+    add(pageExtensions);
   }
-  if (std::none_of(extensions.begin(), extensions.end(), [&](const auto & end) { return EndsWith(name, end); }))
+  if (!Contain(extensions, path))
   {
     std::string good;
     for (const std::string & extension : extensions)
@@ -297,14 +311,14 @@ OutputFiles::Reserve(const fs::path & path, Format format, const std::string & o
     }
     throw std::runtime_error(option + ": '" + path.string() + "' must have one of the extensions" + good +
                              (format != Format::Any        ? ""
-                              : path.extension() == ".dcm" ? "; --dicom-out writes DICOM"
+                              : extension == ".dcm" ? "; --dicom-out writes DICOM"
                                                            : ", or a / at its end for a DICOM series"));
   }
-  if (EndsWith(name, ".nii") || EndsWith(name, ".nii.gz"))
+  if (extension == ".nii" || extension == ".nii.gz")
   {
-    const bool isCompressed = path.extension() == ".gz";
+    const bool isCompressed = extension == ".nii.gz";
     const auto input =
-      m_Inputs.find(GetIdentity(path.parent_path() / (isCompressed ? path.stem() : fs::path(name + ".gz"))));
+      m_Inputs.find(GetIdentity(isCompressed ? path.parent_path() / path.stem() : fs::path(path) += ".gz"));
     if (input != m_Inputs.end())
     {
       throw std::runtime_error("cannot write '" + path.string() + "' beside '" + input->second.string() +

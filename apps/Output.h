@@ -26,6 +26,10 @@
 #include <string>
 #include <vector>
 
+/** What the name of a file ends with, in small letters, with two parts where it is compressed: its format. */
+std::string
+GetExtension(const std::filesystem::path & path);
+
 /** Holds back the signals that end a program, SIGINT, SIGTERM, SIGHUP and SIGPIPE: the process gets them at the end of
  * this object's life. */
 class HeldSignals
@@ -74,6 +78,10 @@ public:
   OutputFiles(const OutputFiles &) = delete;
   OutputFiles &
   operator=(const OutputFiles &) = delete;
+
+  /** The image's. */
+  static bool
+  HasValues(const std::filesystem::path & path);
 
   static bool
   IsPicture(const std::filesystem::path & path);

@@ -164,7 +164,8 @@ CinePageOptions
 MakePageOptions(const Options &                   options,
                 const ProjectionOptions &         projection,
                 const std::optional<WindowType> & window,
-                double                            rate)
+                double                            rate,
+                bool                              hasOrientation)
 {
   CinePageOptions page;
   page.title = std::filesystem::path(options.input).filename().string();
@@ -181,42 +182,53 @@ MakePageOptions(const Options &                   options,
     }
     page.elevations = options.elevations;
   }
-  for (const Frame & frame : projection.frames)
+  for (std::size_t n = 0; n < projection.frames.size() && hasOrientation; ++n)
   {
-    page.letters.push_back(ComputeEdgeLetters(frame.transform));
+    page.letters.push_back(ComputeEdgeLetters(projection.frames[n].transform));
   }
   return page;
 }
 
-/** Says which options change nothing of what is written. */
+/** Says which options change nothing of what is written, and why pictures have no letters. */
 void
-NoteUnused(const Options & options, const itk::ImageBase<3> * stack, const Messages & messages)
+NoteUnused(const Options & options, const itk::ImageBase<3> * stack, bool hasOrientation, const Messages & messages)
 {
   const std::string & output = options.output;
-  const bool          isMoving =
-    OutputFiles::IsAnimation(output) || OutputFiles::IsPage(output) || OutputFiles::IsAnimation(options.depthColour);
-  const bool isDrawn =
-    OutputFiles::IsPicture(output) || OutputFiles::IsAnimation(output) || !options.depthColour.empty();
-  const bool        isSeen = isDrawn || OutputFiles::IsPage(output);
+  const bool          isDrawn = OutputFiles::IsPicture(output) || OutputFiles::IsAnimation(output);
+  const bool          isPage = OutputFiles::IsPage(output);
+  const bool isMoving = OutputFiles::IsAnimation(output) || isPage || OutputFiles::IsAnimation(options.depthColour);
   const std::string name = '\'' + (output.empty() ? options.dicomOut : output) + '\'';
+  const std::string picture = isDrawn || isPage ? output : options.depthColour;
   const auto        note = [&](bool isGiven, const std::string & option, const std::string & reason) {
     if (isGiven)
     {
-      messages.Note(option + " has no effect: " + name + ' ' + reason);
+      messages.Note(option + " has no effect: " + reason);
     }
   };
-  const bool isWindowed = isSeen || !options.dicomOut.empty();
-  note(!isWindowed && !options.window.empty(), "--window", "keeps the image's values");
-  note(!isWindowed && !options.levelAndWidth.empty(), "--wl", "keeps the image's values");
-  note(!isSeen && options.isUnlabelled, "--no-labels", "has no letters");
-  note(
-    !isDrawn && options.isAnnotated, "--annotate", isSeen ? "has scale bar and angles anyway" : "has no annotations");
-  const auto size = stack->GetLargestPossibleRegion().GetSize();
-  note((OutputFiles::IsPicture(output) || OutputFiles::IsAnimation(output)) && options.isAnnotated &&
-         std::min(size[0], size[1]) < SmallestLabelled,
+  const std::string keeps = name + " keeps the image's values";
+  const bool        isWindowed = !picture.empty() || !options.dicomOut.empty();
+  note(!isWindowed && !options.window.empty(), "--window", keeps);
+  note(!isWindowed && !options.levelAndWidth.empty(), "--wl", keeps);
+  note(picture.empty() && options.isUnlabelled, "--no-labels", name + " has no letters");
+  note(picture.empty() && options.isAnnotated, "--annotate", name + " has no annotations");
+  note(isPage && options.isAnnotated && options.depthColour.empty(),
        "--annotate",
-       "has less than " + std::to_string(SmallestLabelled) + " pixels along one side");
-  note(!isMoving && !options.isMultiFrame && options.rate.has_value(), "--rate", "does not play");
+       name + " has scale bar and angles anyway");
+  note(!isMoving && !options.isMultiFrame && options.rate.has_value(), "--rate", name + " does not play");
+  if (picture.empty())
+  {
+    return;
+  }
+  const auto        size = stack->GetLargestPossibleRegion().GetSize();
+  const bool        isSmall = !isPage && std::min(size[0], size[1]) < SmallestLabelled;
+  const std::string small =
+    '\'' + picture + "' has less than " + std::to_string(SmallestLabelled) + " pixels along one side";
+  note(isSmall && options.isAnnotated, "--annotate", small);
+  if (!options.isUnlabelled && (isSmall || !hasOrientation))
+  {
+    messages.Note("there are no letters: " +
+                  (isSmall ? small : '\'' + options.input + "' does not say how it lies in the patient"));
+  }
 }
 
 void
@@ -349,7 +361,7 @@ Run(const Options & options, Messages & messages)
          std::string(options.slab.empty() ? "--crop?" : "--slab?"));
   }
 
-  NoteUnused(options, projections.stack.image, messages);
+  NoteUnused(options, projections.stack.image, volume.hasOrientation, messages);
   messages.StepBegins("writing " + options.output);
   const auto                turn = static_cast<double>(options.frames > 0 ? options.frames : frames);
   const double              rate = options.rate.value_or(std::clamp(std::round(turn / 4.0), 5.0, 25.0));
@@ -419,7 +431,7 @@ Run(const Options & options, Messages & messages)
     messages.StepDone("made the files of " + options.dicomOut);
   }
   const auto writePictures = [&](const std::string & path, const AnyImage & pictures) {
-    DrawLabels(pictures, projection.frames, { !options.isUnlabelled, options.isAnnotated });
+    DrawLabels(pictures, projection.frames, { !options.isUnlabelled, options.isAnnotated, volume.hasOrientation });
     if (OutputFiles::IsAnimation(path))
     {
       files.WriteAnimation(path, pictures, rate);
@@ -434,7 +446,7 @@ Run(const Options & options, Messages & messages)
     const auto encode = [&](const AnyImage & image, std::size_t frame) {
       return files.EncodePicture(options.output, image, frame);
     };
-    CinePageOptions page = MakePageOptions(options, projection, window, rate);
+    CinePageOptions page = MakePageOptions(options, projection, window, rate, volume.hasOrientation);
     if (isLayered || projections.stack.image->GetNumberOfComponentsPerPixel() == 3)
     {
       page.colours = isLayered ? layered : MakePictures(projections, window);
@@ -489,7 +501,7 @@ RunProgram(int argc, const char * const * argv, std::ostream & output, std::ostr
   };
   try
   {
-    app.parse(CollectArguments(argc, argv));
+    app.parse(CollectArguments(app, argc, argv));
     Messages steps(messages, options.verbose);
     if (app.count("--write-phantom") > 0)
     {

@@ -16,6 +16,7 @@
  *
  *=========================================================================*/
 #include "Segments.h"
+#include "DicomSegments.h"
 
 #include "itkImageIOFactory.h"
 #include "itkMetaDataObject.h"
@@ -27,19 +28,11 @@
 #include <map>
 #include <sstream>
 #include <stdexcept>
-#include <utility>
 
 namespace
 {
 using ColourType = itk::RGBPixel<unsigned char>;
-/** Component and label. */
-using Key = std::pair<unsigned int, std::uint64_t>;
-
-struct Appearance
-{
-  std::string               name;
-  std::optional<ColourType> colour;
-};
+using Key = SegmentKey;
 
 std::optional<ColourType>
 ReadColour(const std::string & text)
@@ -195,15 +188,16 @@ ReadSegments(const std::string & path, const WarningFunction & warn)
                                                                    { { 204, 121, 167 } },
                                                                    { { 0, 114, 178 } } } };
 
-  Segments segments;
-  segments.labels = ReadVolume(path, "", warn);
+  const auto dicom = ReadDicomSegments(path, warn);
+  Segments   segments;
+  segments.labels = dicom ? dicom->labels : ReadVolume(path, "", warn);
   if (segments.labels.times.size() > 1)
   {
     throw std::runtime_error("--segments: '" + path + "' has " + std::to_string(segments.labels.times.size()) +
                              " points in time; 1 is needed");
   }
   const AnyImage & labels = segments.labels.times.front();
-  const auto       appearances = ReadAppearances(path);
+  const auto       appearances = dicom ? dicom->appearances : ReadAppearances(path);
   for (const auto & [key, corners] : FindLabels(labels, path))
   {
     Segment segment;

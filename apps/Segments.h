@@ -25,8 +25,19 @@
 
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <string>
+#include <utility>
 #include <vector>
+
+/** Component and label. */
+using SegmentKey = std::pair<unsigned int, std::uint64_t>;
+
+struct Appearance
+{
+  std::string                                 name;
+  std::optional<itk::RGBPixel<unsigned char>> colour;
+};
 
 /** A label, or one of one component where an image has layers. */
 struct Segment
@@ -48,7 +59,7 @@ struct Segments
 /** Most segments of an image. */
 constexpr std::size_t MostSegments = 1000;
 
-/** Reads an image of labels, whole numbers; 0 and less are none. Names and colors are those of 3D Slicer's segmentation
+/** Reads a DICOM segmentation, or an image of labels, whole numbers; 0 and less are none. Names and colors are those of 3D Slicer's segmentation
  * files (.seg.nrrd), in the file's meta data: SegmentN_LabelValue, SegmentN_Layer, SegmentN_Name, SegmentN_Color; see
  * https://slicer.readthedocs.io/en/latest/developer_guide/modules/segmentations.html. Others are "label N" and have the
  * colors of Okabe and Ito, Color Universal Design, 2008. Throws if pixels are no whole numbers, if the image is 4D, or

@@ -22,6 +22,7 @@
 
 #include <unistd.h>
 
+#include <cctype>
 #include <cmath>
 #include <complex>
 #include <set>
@@ -437,6 +438,8 @@ TEST_F(ShearWarpMIPProgram, TakesWhatPeopleWrite)
     { "--slab -inf,-.5 in.nrrd a.png", "--slab -inf -.5 in.nrrd b.png" },
     { "--depth-colour a.png in.nrrd c.png", "--depth-color b.png in.nrrd d.png" },
     { "--frames 3 --centre 1,2,3 --axis left in.nrrd a.nrrd", "--frames 3 --center 1 2 3 --axis Left in.nrrd b.nrrd" },
+    { "--window 0 80 --view left in.nrrd a.png", "-window 0 80 -view=left in.nrrd -output b.png" },
+    { "--azimuth -30 in.nrrd a.png", "-azimuth -30 -ob.png -- in.nrrd" },
     { "--frames 3 --axis 0,-.5,1 in.nrrd a.nrrd", "--frames 3 --axis 0 -.5 1 in.nrrd b.nrrd" },
   };
   for (const auto & [plain, other] : calls)
@@ -471,7 +474,80 @@ TEST_F(ShearWarpMIPProgram, SaysWhatHasNoEffect)
   expectNote("in.nrrd a.png --annotate", "--annotate has no effect: 'a.png' has less than 48 pixels along one side");
   expectNote("in.nrrd a.png --annotate --size 48 48", "");
   expectNote("in.nrrd a.html --no-labels", "");
-  expectNote("in.nrrd a.nrrd --no-labels --annotate --depth-color depth.png", "");
+  expectNote("in.nrrd a.nrrd --no-labels --annotate --depth-color depth.png --size 48 48", "");
+  expectNote("in.nrrd a.html --annotate --depth-color depth.png --size 48 48", "");
+}
+
+TEST_F(ShearWarpMIPProgram, SaysWhyThereAreNoLetters)
+{
+  const auto getNote = [this](const std::string & arguments) {
+    const Result result = this->Run(arguments);
+    EXPECT_EQ(result.status, 0) << arguments;
+    return result.messages + result.note;
+  };
+  const std::string begin = "shear-warp-mip: note: there are no letters: '";
+  EXPECT_EQ(getNote("in.nrrd a.png"), begin + "a.png" + smallNote);
+  EXPECT_EQ(getNote("in.nrrd a.png --size 47 480"), begin + "a.png" + smallNote);
+  EXPECT_EQ(getNote("in.nrrd a.nrrd --depth-color b.png"), begin + "b.png" + smallNote);
+  for (const std::string arguments :
+       { "a.png --size 48 48", "a.png --no-labels", "a.nrrd", "a.html", "a.nrrd --depth-color b.png --no-labels" })
+  {
+    EXPECT_EQ(getNote("in.nrrd " + arguments), "");
+  }
+
+  // files that do not say where the patient's sides are
+  this->WriteImage<VolumeType>(m_Volume, "in.nii");
+  std::ofstream(m_Folder / "in.vtk") << "# vtk DataFile Version 3.0\nno title\nASCII\nDATASET STRUCTURED_POINTS\n"
+                                        "DIMENSIONS 2 2 2\nSPACING 1 1 1\nORIGIN 0 0 0\nPOINT_DATA 8\n"
+                                        "SCALARS scalars short 1\nLOOKUP_TABLE default\n1 2 3 4 5 6 7 8\n";
+  this->WithChangedFile(
+    "in.nii",
+    [](std::string bytes) { return bytes.replace(252, 4, 4, '\0'); },
+    [&] {
+      const std::string why = "in.nii' does not say how it lies in the patient\n";
+      EXPECT_EQ(getNote("in.nii a.png --size 64 64"), begin + why);
+      EXPECT_EQ(getNote("in.nii a.html"), begin + why);
+      EXPECT_EQ(ReadText(m_Folder / "a.html").find("\"letters\""), std::string::npos);
+      EXPECT_EQ(getNote("in.nii b.png --size 64 64 --no-labels"), "");
+      EXPECT_EQ(GetPixels(this->Read("a.png").GetPointer()), GetPixels(this->Read("b.png").GetPointer()));
+    });
+  EXPECT_EQ(getNote("in.nii a.png --size 64 64"), "");
+  const auto changeSpace = [&](const std::string & space, const std::string & note) {
+    const std::string text = "space: left-posterior-superior\n";
+    const auto        change = [&](std::string bytes) { return bytes.replace(bytes.find(text), text.size(), space); };
+    this->WithChangedFile(
+      "in.nrrd", change, [&] { EXPECT_EQ(getNote("in.nrrd a.png --size 64 64"), note) << space; });
+  };
+  changeSpace("space: RAS\n", "");
+  changeSpace("space: scanner-xyz\n", begin + "in.nrrd' does not say how it lies in the patient\n");
+  changeSpace("space dimension: 3\n", begin + "in.nrrd' does not say how it lies in the patient\n");
+  EXPECT_EQ(getNote("in.vtk a.png --size 64 64"), begin + "in.vtk' does not say how it lies in the patient\n");
+}
+
+TEST_F(ShearWarpMIPProgram, TakesExtensionsInCapitals)
+{
+  for (const std::string name : { "out.NRRD", "out.Nii.GZ", "out.PNG", "out.JPG", "out.TiF", "out.Html" })
+  {
+    std::string small = "small";
+    for (const char letter : name.substr(3))
+    {
+      small += static_cast<char>(std::tolower(letter));
+    }
+    this->ExpectSuccess("in.nrrd " + name);
+    this->ExpectSuccess("in.nrrd " + small);
+    EXPECT_TRUE(ReadText(m_Folder / name) == ReadText(m_Folder / small)) << name;
+    // again, over the former
+    this->ExpectSuccess("in.nrrd " + name);
+  }
+}
+
+TEST_F(ShearWarpMIPProgram, WritesBesideInputOfTheSameName)
+{
+  for (const std::string extension : { "png", "jpg", "jpeg", "tif", "tiff", "mha", "html" })
+  {
+    this->ExpectSuccess("in.nrrd in." + extension);
+    this->ExpectSuccess("in.nrrd in." + extension);
+  }
 }
 
 TEST_F(ShearWarpMIPProgram, AnswersWrongCalls)
@@ -480,6 +556,9 @@ TEST_F(ShearWarpMIPProgram, AnswersWrongCalls)
     { "", "INPUT is required; see --help" },
     { "in.nrrd", "OUTPUT is required; see --help" },
     { "help", "OUTPUT is required; see --help" },
+    { "in.nrrd out.png -veiw left", "--veiw left is not expected; did you mean '--view'?" },
+    { "in.nrrd out.png -gpu", "--gpu is not expected; see --help" },
+    { "-- -no.nrrd out.png", "'-no.nrrd' does not exist" },
     { "out.png in.nrrd -v left", "left is not expected; see --help" },
     { "in.nrrd out.png -o more.png", "OUTPUT: at most 1 can be given, not 2" },
     { "in.nrrd --output", "OUTPUT: a value is needed" },

@@ -826,7 +826,7 @@ TEST_F(ShearWarpMIPProgramSegments, RefusesWhatIsNotPossible)
   this->ExpectWarning("in.nrrd out.png --segments empty.nrrd", "no voxel of 'empty.nrrd' has a label");
 }
 
-TEST_F(ShearWarpMIPProgramSegments, TellsToConvertDicom)
+TEST_F(ShearWarpMIPProgramSegments, AreNoInput)
 {
   this->WriteDICOMSeries("1.2.3.4", "a", { 0, 2 });
   for (const std::string name : { "dicom/a0.dcm", "dicom/a1.dcm" })
@@ -835,7 +835,7 @@ TEST_F(ShearWarpMIPProgramSegments, TellsToConvertDicom)
   }
   for (const std::string path : { "dicom/a0.dcm", "dicom" })
   {
-    this->ExpectFailure("in.nrrd out.png --segments " + path, "is a DICOM segmentation: convert it");
+    this->ExpectFailure(path + " out.png", "is a DICOM segmentation: --segments takes one");
   }
 }
 } // namespace

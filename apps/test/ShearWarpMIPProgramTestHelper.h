@@ -49,6 +49,8 @@ using PictureType = itk::Image<PixelType, 2>;
 using FilterType = itk::ShearWarpMIPImageFilter<VolumeType>;
 using ViewTransformType = itk::ShearWarpMIPView::TransformType;
 
+const std::string smallNote = "' has less than 48 pixels along one side";
+
 inline std::string
 ReadText(const fs::path & path)
 {
@@ -94,6 +96,8 @@ protected:
     int         status;
     std::string output;
     std::string messages;
+    /** What is said of a picture that is too small for letters, as most here are; the messages are without it. */
+    std::string note{};
   };
 
   void
@@ -121,6 +125,13 @@ protected:
     Result    result{ WIFEXITED(status) ? WEXITSTATUS(status) : -1,
                    ReadText(m_Folder / "stdout.txt"),
                    ReadText(m_Folder / "stderr.txt") };
+    const auto note = result.messages.find("shear-warp-mip: note: there are no letters: '");
+    const auto end = result.messages.find('\n', note);
+    if (note != std::string::npos && result.messages.compare(end - smallNote.size(), smallNote.size(), smallNote) == 0)
+    {
+      result.note = result.messages.substr(note, end - note);
+      result.messages.erase(note, end + 1 - note);
+    }
     fs::remove(m_Folder / "stdout.txt");
     fs::remove(m_Folder / "stderr.txt");
     return result;

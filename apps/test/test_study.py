@@ -23,6 +23,9 @@ import make_study
 import numpy as np
 import pydicom
 import pytest
+from PIL import Image
+from pydicom.dataset import Dataset
+from pydicom.sequence import Sequence
 
 PROGRAM = os.environ["STUDY_PROGRAM"]
 EXAMPLE = os.environ["STUDY_EXAMPLE"]
@@ -160,6 +163,104 @@ def test_compression_is_undone(study, tmp_path, codec):
     plain = project(study, tmp_path / "plain", "CT tilted")
     for one, other in zip(plain, project(tmp_path / "compressed", tmp_path / "turn", "1")):
         assert one.PixelData == other.PixelData
+
+
+GRID = (40, 52, 24)  # rows, columns and slices of the CT
+RED = [0x8AFC, 0xD1A1, 0xC6A8]  # sRGB (255, 0, 0) as CIELab
+BLUE = [0x4BB1, 0xC511, 0x1006]
+
+
+def make_segmentation(folder, parts, *, fractional=False):
+    """A file with the parts, voxels of the CT each, in frames of no order; frames without a pixel are left out."""
+    image = make_study.new_image("1.2.840.10008.5.1.4.1.1.66.4", "SEG", 9, "Segments", 1)
+    image.SegmentationType = "FRACTIONAL" if fractional else "BINARY"
+    frames, groups = [], []
+    for number, part in parts.items():
+        for n in range(GRID[2]):
+            if part[..., n].any():
+                group = Dataset()
+                position = make_study.group(ImagePositionPatient=[-63.75, -48.75, 4.0 * n - 46.0])
+                group.PlanePositionSequence = position
+                group.SegmentIdentificationSequence = make_study.group(ReferencedSegmentNumber=number)
+                groups.append(group)
+                frames.append(part[..., n])
+    order = np.random.default_rng(2).permutation(len(frames))
+    shared = Dataset()
+    shared.PixelMeasuresSequence = make_study.group(PixelSpacing=[2.5, 2.5], SliceThickness="4")
+    shared.PlaneOrientationSequence = make_study.group(ImageOrientationPatient=[1, 0, 0, 0, 1, 0])
+    image.SharedFunctionalGroupsSequence = Sequence([shared])
+    image.PerFrameFunctionalGroupsSequence = Sequence([groups[n] for n in order])
+    image.SegmentSequence = Sequence([Dataset() for _ in parts])
+    for segment, number, label, colour in zip(image.SegmentSequence, parts, ("lesion", "whole body"), (RED, BLUE)):
+        segment.SegmentNumber, segment.SegmentLabel, segment.RecommendedDisplayCIELabValue = number, label, colour
+    pixels = np.stack([frames[n] for n in order])
+    image.BitsAllocated = image.BitsStored = 8 if fractional else 1
+    image.HighBit, image.PixelRepresentation = image.BitsStored - 1, 0
+    image.NumberOfFrames, image.Rows, image.Columns = len(order), GRID[0], GRID[1]
+    if fractional:
+        image.MaximumFractionalValue = 200
+        # 99 is less than a half
+        image.PixelData = np.where(pixels, 100, 99).astype(np.uint8).tobytes()
+    else:
+        image.PixelData = np.packbits(pixels, bitorder="little").tobytes() + bytes(len(order) * 260 % 2)
+    image["PixelData"].VR = "OB"
+    folder.mkdir()
+    image.save_as(folder / "segments.dcm", write_like_original=False)
+
+
+@pytest.mark.parametrize("overlapping", [False, True])
+@pytest.mark.parametrize("fractional", [False, True])
+def test_segmentation_is_as_its_labels(study, tmp_path, fractional, overlapping):
+    lesion, body = np.zeros(GRID, bool), np.zeros(GRID, bool)
+    lesion[10:14, 30:36, 3:6] = lesion[20:24, 8:12, 15:18] = True
+    body[5:35, 6:46, 4:20] = True
+    if not overlapping:
+        body &= ~lesion
+    parts = {3: lesion, 7: body}
+    make_segmentation(tmp_path / "seg", parts, fractional=fractional)
+    # the same as labels
+    with open(tmp_path / "labels.seg.nrrd", "wb") as file:
+        header = ["NRRD0004", "type: uchar", "dimension: 4", "space: left-posterior-superior", "encoding: raw"]
+        header += ["sizes: 2 52 40 24", "space directions: none (2.5,0,0) (0,2.5,0) (0,0,4)"]
+        header += ["kinds: vector domain domain domain", "space origin: (-63.75,-48.75,-46)"]
+        for n, (name, colour) in enumerate((("lesion", "1 0 0"), ("whole body", "0 0 1"))):
+            layer = [f"LabelValue:={3 + 4 * n}", f"Layer:={n}", f"Name:={name}", f"Color:={colour}"]
+            header += [f"Segment{n}_{entry}" for entry in layer]
+        file.write("\n".join([*header, "", ""]).encode())
+        layers = np.stack([3 * lesion, 7 * body], -1).astype(np.uint8)
+        file.write(layers.transpose(2, 0, 1, 3).tobytes())
+    options = ["--series", 1, "--azimuth", 30, "--spacing", 1]
+    pictures = []
+    for segments in (tmp_path / "labels.seg.nrrd", tmp_path / "seg", tmp_path / "seg" / "segments.dcm"):
+        outcome = run(study, tmp_path / "mip.png", *options, "-v", "--segments", segments)
+        assert outcome.returncode == 0, outcome.stderr
+        assert ": lesion, whole body" in outcome.stderr
+        pictures.append(np.asarray(Image.open(tmp_path / "mip.png")).astype(int))
+    assert (pictures[0] == (255, 0, 0)).all(axis=-1).sum() > 50
+    assert (pictures[0] == (0, 0, 255)).all(axis=-1).sum() > 50
+    for picture in pictures[1:]:
+        np.testing.assert_allclose(picture, pictures[0], atol=1)
+
+
+@pytest.mark.parametrize(
+    "change, reason",
+    [
+        (lambda group: group.PlanePositionSequence[0].ImagePositionPatient.__setitem__(2, "1.5"), "not on the grid"),
+        (lambda group: group.PlanePositionSequence[0].ImagePositionPatient.__setitem__(0, "1.5"), "not on the grid"),
+        (lambda group: group.PlanePositionSequence[0].ImagePositionPatient.__setitem__(2, "1e30"), "distance"),
+        (lambda group: group.__delitem__("PlanePositionSequence"), "no valid position"),
+    ],
+)
+def test_segmentation_off_its_grid_is_refused(study, tmp_path, change, reason):
+    part = np.zeros(GRID, bool)
+    part[10:14, 30:36, 3:9] = True
+    make_segmentation(tmp_path / "seg", {1: part})
+    image = pydicom.dcmread(tmp_path / "seg" / "segments.dcm")
+    change(image.PerFrameFunctionalGroupsSequence[2])
+    image.save_as(tmp_path / "seg" / "segments.dcm")
+    outcome = run(study, tmp_path / "mip.png", "--series", 1, "--segments", tmp_path / "seg")
+    assert outcome.returncode == 1
+    assert reason in outcome.stderr and outcome.stderr.count("\n") == 1
 
 
 def spend_day(*arguments):
