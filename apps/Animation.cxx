@@ -17,28 +17,16 @@
  *=========================================================================*/
 #include "Animation.h"
 
-#include "Output.h"
 #include "Posix.h"
+#include "Process.h"
 
 #include "itksys/SystemTools.hxx"
 
-#include <cerrno>
-#include <csignal>
 #include <fstream>
 #include <sstream>
 #include <stdexcept>
 #include <string>
-#include <system_error>
 #include <vector>
-
-#ifdef ShearWarpMIP_HAS_POSIX
-#  include <fcntl.h>
-#  include <poll.h>
-#  include <spawn.h>
-#  include <sys/wait.h>
-#  include <unistd.h>
-extern char ** environ; // NOLINT(readability-redundant-declaration): POSIX has programs declare it
-#endif
 
 namespace
 {
@@ -46,82 +34,26 @@ using Arguments = std::vector<std::string>;
 
 const std::string gray = "gray";
 
-#ifdef ShearWarpMIP_HAS_POSIX
 std::string
 FindEncoder()
 {
+#ifdef ShearWarpMIP_HAS_POSIX
   return itksys::SystemTools::FindProgram("ffmpeg");
+#else
+  return "";
+#endif
 }
 
-/** Runs a program that has nothing to say if all is well. Throws, with what it said, if it is not, or at a signal. */
+/** Runs a program that has nothing to say if all is well. */
 void
 RunQuietly(const Arguments & arguments)
 {
-  std::vector<char *> command;
-  for (const std::string & argument : arguments)
+  const ProcessOutcome outcome = RunProcess(arguments, true);
+  if (!outcome.isGood || !outcome.said.empty())
   {
-    command.push_back(const_cast<char *>(argument.c_str()));
-  }
-  command.push_back(nullptr);
-
-  int ends[2];
-  if (pipe(ends) != 0)
-  {
-    throw std::system_error(errno, std::generic_category());
-  }
-  posix_spawn_file_actions_t actions;
-  posix_spawn_file_actions_init(&actions);
-  posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
-  posix_spawn_file_actions_adddup2(&actions, ends[1], STDOUT_FILENO);
-  posix_spawn_file_actions_adddup2(&actions, ends[1], STDERR_FILENO);
-  posix_spawn_file_actions_addclose(&actions, ends[0]);
-  posix_spawn_file_actions_addclose(&actions, ends[1]);
-  pid_t     child = 0;
-  const int error = posix_spawn(&child, command.front(), &actions, nullptr, command.data(), environ);
-  posix_spawn_file_actions_destroy(&actions);
-  close(ends[1]);
-
-  std::string said;
-  bool        isOpen = error == 0;
-  while (isOpen && !HeldSignals::HaveCome())
-  {
-    constexpr int milliseconds = 50;
-    pollfd        end{ ends[0], POLLIN, 0 };
-    if (poll(&end, 1, milliseconds) > 0)
-    {
-      char       text[4096];
-      const auto length = read(ends[0], text, sizeof(text));
-      isOpen = length > 0;
-      said.append(text, isOpen ? static_cast<std::size_t>(length) : 0);
-    }
-  }
-  close(ends[0]);
-  int status = error;
-  if (error == 0)
-  {
-    if (isOpen)
-    {
-      kill(child, SIGKILL);
-    }
-    waitpid(child, &status, 0);
-  }
-  HeldSignals::RequireNone();
-  if (status != 0 || !said.empty())
-  {
-    throw std::runtime_error(arguments.front() + " failed: " + said);
+    throw std::runtime_error(arguments.front() + " failed: " + outcome.said);
   }
 }
-#else
-std::string
-FindEncoder()
-{
-  return "";
-}
-
-void
-RunQuietly(const Arguments &)
-{}
-#endif
 
 Arguments
 ChooseEncoding(const std::string & extension, const std::string & pixels)

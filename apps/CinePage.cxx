@@ -15,9 +15,9 @@
  *  limitations under the License.
  *
  *=========================================================================*/
-#include "CinePage.h"
-
 #include "CinePageTemplate.h"
+#include "Orientation.h"
+#include "Product.h"
 
 #include "itksys/Base64.h"
 
@@ -126,31 +126,66 @@ EncodeBase64(const std::string & bytes)
 }
 } // namespace
 
-std::string
-MakeCinePage(const Projections & projections, const CinePageOptions & options, const PictureEncoder & encode)
+/** A web page that shows the projections, of one component or in colours, and needs nothing but itself: a series to
+ * turn and play, with window and level.
+ *
+ * It holds the values with 16 bits, exactly if they are whole numbers of a range of less than 65535; or with 8, one
+ * grey level for a 254th of twice the window, which is what can be set from the page, as far as there are values. Of
+ * colours it holds pictures in RGB, without a window. */
+void
+WritePage(OutputFiles & files, const std::string & path, const Product & product)
 {
-  const bool isColoured = options.colours.image.IsNotNull();
+  const Options &     options = product.options;
+  const Projections & projections = product.projections;
+  const auto &        projected = product.projection.frames;
+  const unsigned int  bits = options.pageBits.value_or(8);
+  AnyImage            colours = product.pictures;
+  if (!colours.image && projections.stack.image->GetNumberOfComponentsPerPixel() == 3)
+  {
+    colours = MakePictures(projections, product.window);
+  }
+  const bool isColoured = colours.image.IsNotNull();
   WindowType window;
   window[0] = 0.0;
   window[1] = 255.0;
   if (!isColoured)
   {
-    window = options.window ? *options.window : FindWindow(projections);
+    window = product.window ? *product.window : FindWindow(projections);
   }
-  const StoredValues        stored = isColoured          ? StoredValues{ options.colours, 1.0, 0.0 }
-                                     : options.bits == 8 ? Store<unsigned char>(projections, window)
-                                                         : Store<unsigned short>(projections, window);
+  const StoredValues        stored = isColoured  ? StoredValues{ colours, 1.0, 0.0 }
+                                     : bits == 8 ? Store<unsigned char>(projections, window)
+                                                 : Store<unsigned short>(projections, window);
   const itk::ImageBase<3> & grid = *stored.image.image;
   const auto                size = grid.GetLargestPossibleRegion().GetSize();
 
+  std::string              loop = "none";
+  std::vector<double>      angles;
+  std::vector<EdgeLetters> sides;
+  if (options.frames > 0)
+  {
+    // how the series goes on behind its last frame
+    loop = options.rocking ? "swing" : std::abs(options.range) == 360.0 ? "turn" : loop;
+    std::transform(projected.begin(),
+                   projected.begin() + options.frames,
+                   std::back_inserter(angles),
+                   [](const Frame & frame) { return frame.angle; });
+  }
+  if (product.volume.hasOrientation)
+  {
+    std::transform(projected.begin(), projected.end(), std::back_inserter(sides), [](const Frame & frame) {
+      return ComputeEdgeLetters(frame.transform);
+    });
+  }
+
   std::ostringstream series;
   series << std::setprecision(std::numeric_limits<double>::max_digits10);
-  series << "{\"title\": " << Quote(options.title) << ", \"width\": " << size[0] << ", \"height\": " << size[1]
-         << ", \"spacing\": [" << grid.GetSpacing()[0] << ", " << grid.GetSpacing()[1] << "], \"origin\": ["
-         << grid.GetOrigin()[0] << ", " << grid.GetOrigin()[1] << "], \"bits\": " << (isColoured ? 24 : options.bits)
-         << ", \"slope\": " << stored.slope << ", \"intercept\": " << stored.intercept << ", \"background\": 0"
+  series << "{\"title\": " << Quote(std::filesystem::path(options.input).filename().string())
+         << ", \"width\": " << size[0] << ", \"height\": " << size[1] << ", \"spacing\": [" << grid.GetSpacing()[0]
+         << ", " << grid.GetSpacing()[1] << "], \"origin\": [" << grid.GetOrigin()[0] << ", " << grid.GetOrigin()[1]
+         << "], \"bits\": " << (isColoured ? 24 : bits) << ", \"slope\": " << stored.slope
+         << ", \"intercept\": " << stored.intercept << ", \"background\": 0"
          << ", \"inverted\": " << (projections.isInverted && !isColoured ? "true" : "false") << ", \"window\": ["
-         << window[0] << ", " << window[1] << "], \"rate\": " << options.rate << ", \"loop\": " << Quote(options.loop);
+         << window[0] << ", " << window[1] << "], \"rate\": " << product.rate << ", \"loop\": " << Quote(loop);
   const auto writeList = [&series](const std::string & name, const auto & values, const auto & print) {
     std::string separator = ", \"" + name + "\": [";
     for (const auto & value : values)
@@ -161,19 +196,19 @@ MakeCinePage(const Projections & projections, const CinePageOptions & options, c
     series << (values.empty() ? "" : "]");
   };
   const auto printNumber = [](double number) { return number; };
-  writeList("angles", options.angles, printNumber);
+  writeList("angles", angles, printNumber);
   writeList("elevations", options.elevations, printNumber);
-  writeList("letters", options.letters, [](const EdgeLetters & letters) {
+  writeList("letters", sides, [](const EdgeLetters & letters) {
     return Quote(letters.left + ' ' + letters.right + ' ' + letters.top + ' ' + letters.bottom);
   });
-  series << ", \"labels\": " << (options.hasLabels ? "true" : "false") << ", \"frames\": [";
+  series << ", \"labels\": " << (options.isUnlabelled ? "false" : "true") << ", \"frames\": [";
   for (std::size_t frame = 0; frame < size[2]; ++frame)
   {
-    series << (frame > 0 ? ",\n" : "\n") << '"' << EncodeBase64(encode(stored.image, frame)) << '"';
+    series << (frame > 0 ? ",\n" : "\n") << '"' << EncodeBase64(files.EncodePicture(path, stored.image, frame)) << '"';
   }
   series << "]}";
 
   const std::string mark = "@SERIES@";
   std::string       page = cinePageTemplate;
-  return page.replace(page.find(mark), mark.size(), series.str());
+  files.WriteText(path, page.replace(page.find(mark), mark.size(), series.str()));
 }

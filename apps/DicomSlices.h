@@ -33,10 +33,10 @@
 struct Source
 {
   std::string                 path;
-  gdcm::DataSet                   header;
+  gdcm::DataSet               header;
   std::array<unsigned int, 3> size{};
   unsigned int                components{ 1 };
-  itk::IOComponentEnum                   storedType{ itk::IOComponentEnum::UNKNOWNCOMPONENTTYPE };
+  itk::IOComponentEnum        storedType{ itk::IOComponentEnum::UNKNOWNCOMPONENTTYPE };
   gdcm::PixelFormat           format;
   /** Of all frames, or the first. */
   double slope{ 1.0 };
@@ -47,12 +47,12 @@ struct Source
 
 struct Slice
 {
-  const Source * source;
-  std::size_t    frame;
-  double         slope;
-  double         intercept;
-  itk::IOComponentEnum      type;
-  bool           isRescaled{ false };
+  const Source *       source;
+  std::size_t          frame;
+  double               slope;
+  double               intercept;
+  itk::IOComponentEnum type;
+  bool                 isRescaled{ false };
   /** Of rows, of columns, and the normal. */
   std::array<itk::Vector<double, 3>, 3> directions{};
   itk::Vector<double, 3>                origin{};

@@ -87,8 +87,10 @@ HasOrientation(const itk::ImageIOBase & io)
     const std::string unknown = "NIFTI_XFORM_UNKNOWN";
     return find("qform_code_name") != unknown || find("sform_code_name") != unknown;
   }
-  const auto without = { "BioRadImageIO",    "BMPImageIO", "GiplImageIO", "JPEG2000ImageIO",  "JPEGImageIO", "LSMImageIO",
-                         "MRCImageIO",       "PNGImageIO", "RawImageIO",  "StimulateImageIO", "TIFFImageIO", "VTKImageIO" };
+  const auto without = {
+    "BioRadImageIO", "BMPImageIO", "GiplImageIO", "JPEG2000ImageIO",  "JPEGImageIO", "LSMImageIO",
+    "MRCImageIO",    "PNGImageIO", "RawImageIO",  "StimulateImageIO", "TIFFImageIO", "VTKImageIO"
+  };
   return std::find(without.begin(), without.end(), format) == without.end();
 }
 

@@ -43,8 +43,7 @@ WithoutGzip(const fs::path & path)
 bool
 LooksLikeOutput(const fs::path & path)
 {
-  return OutputFiles::HasValues(path) || OutputFiles::IsPicture(path) || OutputFiles::IsAnimation(path) ||
-         OutputFiles::IsPage(path);
+  return FindFormat(path) != FileFormat::None;
 }
 
 /** The files of a folder, as far as it can be read, that do not look like outputs. */

@@ -19,13 +19,13 @@
 
 #include "FileStart.h"
 #include "Posix.h"
+#include "Process.h"
 #include "Text.h"
 #include "TransformFile.h"
 
 #include "itkMacro.h"
 #include "itk_zlib.h"
 
-#include "itksys/Process.h"
 #include "itksys/SystemTools.hxx"
 
 #include <gdcmFileMetaInformation.h>
@@ -34,6 +34,10 @@
 #include <gdcmPreamble.h>
 #include <gdcmTransferSyntax.h>
 #include <nifti1_io.h>
+
+#ifdef ShearWarpMIP_HAS_POSIX
+#  include <unistd.h>
+#endif
 
 #include <algorithm>
 #include <csignal>
@@ -296,66 +300,6 @@ const std::map<FileKind, bool (*)(const std::string &)> answers = { { FileKind::
 /** The program itself, if main() called ParseIfAsked. */
 std::string program;
 
-/** Keeps what SIGINT and SIGTERM do: itksysProcess handles them where they are ignored too, and in the end has SIGTERM
- * end the program. Meanwhile they wait. */
-class KeptSignals
-{
-public:
-#ifdef ShearWarpMIP_HAS_POSIX
-  KeptSignals()
-  {
-    sigemptyset(&m_Signals);
-    for (std::size_t n = 0; n < std::size(numbers); ++n)
-    {
-      sigaddset(&m_Signals, numbers[n]);
-      sigaction(numbers[n], nullptr, m_Actions + n);
-    }
-    this->Hold();
-  }
-
-  ~KeptSignals() { this->Free(true); }
-
-  KeptSignals(const KeptSignals &) = delete;
-  KeptSignals &
-  operator=(const KeptSignals &) = delete;
-
-  void
-  Hold()
-  {
-    pthread_sigmask(SIG_BLOCK, &m_Signals, &m_Mask);
-  }
-
-  /** Those that are ignored are so again or, if \a isEnd, each does what it did. */
-  void
-  Free(bool isEnd)
-  {
-    for (std::size_t n = 0; n < std::size(numbers); ++n)
-    {
-      if (isEnd || m_Actions[n].sa_handler == SIG_IGN)
-      {
-        sigaction(numbers[n], m_Actions + n, nullptr);
-      }
-    }
-    pthread_sigmask(SIG_SETMASK, &m_Mask, nullptr);
-  }
-
-private:
-  static constexpr int numbers[] = { SIGINT, SIGTERM };
-
-  struct sigaction m_Actions[std::size(numbers)];
-  sigset_t         m_Signals;
-  sigset_t         m_Mask;
-#else
-  void
-  Hold()
-  {}
-
-  void
-  Free(bool)
-  {}
-#endif
-};
-
 /** CountSound of so few files that they fit into a command. GDCM may have assertions, as Debian's has, which damaged
  * files break, and HDF5 does not survive each: the program itself parses in a process of its own. */
 std::size_t
@@ -365,41 +309,21 @@ CountSound(FileKind kind, Files::const_iterator begin, Files::const_iterator end
   {
     return static_cast<std::size_t>(std::find_if_not(begin, end, answers.at(kind)) - begin);
   }
-  std::vector<const char *> command{ program.c_str(), questions.at(kind).c_str() };
-  std::transform(begin, end, std::back_inserter(command), [](const std::string & file) { return file.c_str(); });
-  command.push_back(nullptr);
-  KeptSignals                                                           signals;
-  const std::unique_ptr<itksysProcess, decltype(&itksysProcess_Delete)> process(itksysProcess_New(),
-                                                                                itksysProcess_Delete);
-  itksysProcess_SetCommand(process.get(), command.data());
-  // what the terminal sends to this process is not for that one
-  itksysProcess_SetOption(process.get(), itksysProcess_Option_CreateProcessGroup, 1);
-  itksysProcess_Execute(process.get());
-  signals.Free(false);
-  auto file = begin;
-  int  pipe = itksysProcess_Pipe_STDOUT;
-  while (pipe == itksysProcess_Pipe_STDOUT || pipe == itksysProcess_Pipe_STDERR)
-  {
-    // a disk is faster than that
-    std::error_code error;
-    const auto      size = file < end ? fs::file_size(*file, error) : 0;
-    double          seconds = 60.0 + (error ? 0.0 : 1e-6 * static_cast<double>(size));
-    char *          data = nullptr;
-    int             length = 0;
-    pipe = itksysProcess_WaitForData(process.get(), &data, &length, &seconds);
-    file += pipe == itksysProcess_Pipe_STDOUT ? length : 0;
-  }
-  if (pipe == itksysProcess_Pipe_Timeout)
-  {
-    itksysProcess_Kill(process.get());
-  }
-  signals.Hold();
-  itksysProcess_WaitForExit(process.get(), nullptr);
-  if (itksysProcess_GetState(process.get()) == itksysProcess_State_Error)
-  {
-    throw std::runtime_error(std::string("cannot start a process: ") + itksysProcess_GetErrorString(process.get()));
-  }
-  return static_cast<std::size_t>(file - begin);
+  Files command{ program, questions.at(kind) };
+  command.insert(command.end(), begin, end);
+  return RunProcess(command, false).said.size();
+}
+
+/** Has the process end if it takes longer to parse a file than any disk does. */
+void
+LimitTime([[maybe_unused]] const fs::path & file)
+{
+#ifdef ShearWarpMIP_HAS_POSIX
+  std::error_code error;
+  const auto      size = fs::file_size(file, error);
+  std::signal(SIGALRM, SIG_DFL);
+  alarm(60 + (error ? 0 : static_cast<unsigned int>(size >> 20)));
+#endif
 }
 
 /** What is printed to std::cerr. */
@@ -435,13 +359,16 @@ ParseIfAsked(int argc, const char * const * argv, std::ostream & output)
     {
       // no core is dumped
       std::signal(SIGABRT, [](int) { std::_Exit(EXIT_FAILURE); });
+      LimitTime(2 < argc ? argv[2] : "");
       for (int n = 2; n < argc && answers.at(kind)(argv[n]); ++n)
       {
         output.put('.').flush();
+        LimitTime(n + 1 < argc ? argv[n + 1] : "");
       }
       return true;
     }
   }
+#ifdef ShearWarpMIP_HAS_POSIX
   std::error_code    noSuchFile;
   const char * const itself = "/proc/self/exe";
   program = fs::read_symlink(itself, noSuchFile).string();
@@ -453,6 +380,7 @@ ParseIfAsked(int argc, const char * const * argv, std::ostream & output)
   {
     program = itksys::SystemTools::FindProgram(argv[0]);
   }
+#endif
   return false;
 }
 

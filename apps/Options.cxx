@@ -181,359 +181,321 @@ DefineOptions(CLI::App & app, Options & options)
                 "description, or its instance UID")
     ->type_name("SERIES");
 
-  const auto view =
-    app
-      .add_option("--view",
-                  options.view,
-                  "Side from which the patient is seen; superior: from above, the patient's left at the "
-                  "left; inferior: from the feet, as axial slices are read")
-      ->transform(Choice(GetKeys(directions)))
-      ->capture_default_str()
-      ->group("View");
-  const auto azimuth =
-    app.add_option("--azimuth", options.azimuth, "Degrees to go on, towards the right of the picture (LAO positive)")
-      ->check(angle)
-      ->type_name("DEGREES")
-      ->group("View");
+  const auto add = [&app](const std::string & group,
+                          const std::string & names,
+                          auto &              value,
+                          const std::string & type,
+                          const std::string & text) {
+    CLI::Option * const option = app.add_option(names, value, text)->group(group);
+    return type.empty() ? option : option->type_name(type);
+  };
+  // of numbers or names, as many as are given
+  const auto addList = [&add](auto &&... arguments) {
+    return add(arguments...)->delimiter(',')->expected(1)->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+  };
+  const auto addFlag =
+    [&app](const std::string & group, const std::string & names, bool & value, const std::string & text) {
+      return app.add_flag(names, value, text)->group(group);
+    };
+
+  const auto view = add("View",
+                        "--view",
+                        options.view,
+                        "",
+                        "Side from which the patient is seen; superior: from above, the patient's left at the "
+                        "left; inferior: from the feet, as axial slices are read")
+                      ->transform(Choice(GetKeys(directions)))
+                      ->capture_default_str();
+  const auto azimuth = add("View",
+                           "--azimuth",
+                           options.azimuth,
+                           "DEGREES",
+                           "Degrees to go on, towards the right of the picture (LAO positive)")
+                         ->check(angle);
   const auto elevation =
-    app.add_option("--elevation", options.elevation, "Degrees to rise then, towards its top (cranial positive)")
-      ->check(angle)
-      ->type_name("DEGREES")
-      ->group("View");
-  app
-    .add_option("--transform",
-                options.transform,
-                "Linear ITK transform from view space (right, down, away; mm) to the image's space; depths are then "
-                "from its origin. Several are a series of frames")
+    add("View", "--elevation", options.elevation, "DEGREES", "Degrees to rise then, towards its top (cranial positive)")
+      ->check(angle);
+  add("View",
+      "--transform",
+      options.transform,
+      "FILE",
+      "Linear ITK transform from view space (right, down, away; mm) to the image's space; depths are then "
+      "from its origin. Several are a series of frames")
     ->excludes(view)
     ->excludes(azimuth)
-    ->excludes(elevation)
-    ->type_name("FILE")
-    ->group("View");
+    ->excludes(elevation);
 
-  const auto frames = app.add_option("--frames", options.frames, "A turn in N frames: a series")
-                        ->check(CLI::Range(1u, MostFrames))
-                        ->type_name("N")
-                        ->group("Turning series");
-  app
-    .add_option("--axis",
-                options.axis,
-                "To turn about, right-handed: the patient's left, posterior or superior, the image's i, j or k, or a "
-                "direction X Y Z (LPS); default: superior, towards the patient's left from anterior")
-    ->delimiter(',')
-    ->expected(1)
-    ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
-    ->needs(frames)
-    ->type_name("NAME or X Y Z")
-    ->group("Turning series");
-  app
-    .add_option("--center,--centre",
-                options.centre,
-                "A point of the axis in the patient's space (LPS), in mm; default: the image's centre")
+  const auto frames = add("Turning series", "--frames", options.frames, "N", "A turn in N frames: a series")
+                        ->check(CLI::Range(1u, MostFrames));
+  addList("Turning series",
+          "--axis",
+          options.axis,
+          "NAME or X Y Z",
+          "To turn about, right-handed: the patient's left, posterior or superior, the image's i, j or k, or a "
+          "direction X Y Z (LPS); default: superior, towards the patient's left from anterior")
+    ->needs(frames);
+  add("Turning series",
+      "--center,--centre",
+      options.centre,
+      "X Y Z",
+      "A point of the axis in the patient's space (LPS), in mm; default: the image's centre")
     ->check(Number("a finite number", std::numeric_limits<double>::lowest()))
     ->delimiter(',')
     ->expected(3)
-    ->needs(frames)
-    ->type_name("X Y Z")
-    ->group("Turning series");
-  const auto range =
-    app.add_option("--range", options.range, "How far to turn, negative to the other side; default: 360")
-      ->check(angle)
-      ->needs(frames)
-      ->type_name("DEGREES")
-      ->group("Turning series");
-  app
-    .add_option(
+    ->needs(frames);
+  const auto range = add("Turning series",
+                         "--range",
+                         options.range,
+                         "DEGREES",
+                         "How far to turn, negative to the other side; default: 360")
+                       ->check(angle)
+                       ->needs(frames);
+  add("Turning series",
       "--rocking",
       options.rocking,
+      "DEGREES",
       "Turn to and fro instead, over so many degrees in all: from the view half of them to one side, then to the "
       "other, and back, as a sine whose ends are frames; two frames are the ends. Fit to be repeated")
     ->check(angle)
     ->needs(frames)
-    ->excludes(range)
-    ->type_name("DEGREES")
-    ->group("Turning series");
-  app
-    .add_option("--elevations",
-                options.elevations,
-                "A turn at each of these elevations, as -30,0,30, one after the other; in a page drag up and down")
+    ->excludes(range);
+  addList("Turning series",
+          "--elevations",
+          options.elevations,
+          "DEGREES",
+          "A turn at each of these elevations, as -30,0,30, one after the other; in a page drag up and down")
     ->check(angle)
-    ->delimiter(',')
-    ->expected(1)
-    ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
     ->needs(frames)
     ->excludes(elevation)
-    ->excludes(app.get_option("--transform"))
-    ->type_name("DEGREES")
-    ->group("Turning series");
-  app
-    .add_option(
+    ->excludes(app.get_option("--transform"));
+  add("Turning series",
       "--rate",
       options.rate,
+      "FPS",
       "Frames per second of an animation or page; default: the series, or one turn, in four seconds, from 5 to "
       "25")
-    ->check(CLI::Range(0.1, 100.0))
-    ->type_name("FPS")
-    ->group("Turning series");
-  app
-    .add_option("--page-bits",
-                options.pageBits,
-                "Bits of a page's pixels: 8 for twice the window's range, or 16 for all values, two to four times as "
-                "large")
+    ->check(CLI::Range(0.1, 100.0));
+  add("Turning series",
+      "--page-bits",
+      options.pageBits,
+      "",
+      "Bits of a page's pixels: 8 for twice the window's range, or 16 for all values, two to four times as "
+      "large")
     ->check(CLI::IsMember({ 8, 16 }))
-    ->default_str("8")
-    ->group("Turning series");
+    ->default_str("8");
 
-  app
-    .add_option(
-      "--spacing", options.spacing, "Distance of pixels: one value, or two for x and y; default: the image's smallest")
-    ->check(Number("a positive number; decimals have a point", tiny))
-    ->delimiter(',')
-    ->expected(1)
-    ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
-    ->type_name("MM")
-    ->group("Picture");
-  app.add_option("--size", options.size, "In pixels; default: all of the image is in the picture")
+  addList("Picture",
+          "--spacing",
+          options.spacing,
+          "MM",
+          "Distance of pixels: one value, or two for x and y; default: the image's smallest")
+    ->check(Number("a positive number; decimals have a point", tiny));
+  add("Picture", "--size", options.size, "WIDTH HEIGHT", "In pixels; default: all of the image is in the picture")
     ->check(count)
     ->delimiter(',')
-    ->expected(2)
-    ->type_name("WIDTH HEIGHT")
-    ->group("Picture");
-  app
-    .add_option("--background",
-                options.background,
-                "Value beside the image; default: 0, or the image's minimum if that is negative")
-    ->check(Value())
-    ->type_name("VALUE")
-    ->group("Picture");
+    ->expected(2);
+  add("Picture",
+      "--background",
+      options.background,
+      "VALUE",
+      "Value beside the image; default: 0, or the image's minimum if that is negative")
+    ->check(Value());
   const auto oversampling =
-    app
-      .add_option("--oversampling",
-                  options.oversampling,
-                  "1, or 2 for twice as many samples along both axes of each slice: sharper, up to three times as slow")
+    add("Picture",
+        "--oversampling",
+        options.oversampling,
+        "",
+        "1, or 2 for twice as many samples along both axes of each slice: sharper, up to three times as slow")
       ->check(CLI::IsMember({ 1, 2 }))
-      ->capture_default_str()
-      ->group("Picture");
-  const auto exact = app
-                       .add_flag("--exact",
-                                 options.isExact,
-                                 "The maximum of the interpolated image along each pixel's ray, in closed form: "
-                                 "without steps between samples, 10 to 60 times as slow")
-                       ->excludes(oversampling)
-                       ->group("Picture");
+      ->capture_default_str();
+  const auto exact = addFlag("Picture",
+                             "--exact",
+                             options.isExact,
+                             "The maximum of the interpolated image along each pixel's ray, in closed form: "
+                             "without steps between samples, 10 to 60 times as slow")
+                       ->excludes(oversampling);
   const auto window =
-    app
-      .add_option("--window",
-                  options.window,
-                  "Values that become black and white in pictures and animations, and at first in a page "
-                  "(white and black if DICOM is MONOCHROME1), or the name of a usual window: " +
-                    DescribeWindows() + "; default: percentiles 1 and 99.8 of the pixels that are not background")
-      ->delimiter(',')
-      ->expected(1)
-      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
-      ->type_name("LOW HIGH or NAME")
-      ->group("Picture");
-  app.add_option("--wl", options.levelAndWidth, "The middle of the window and its width, instead of --window")
+    addList("Picture",
+            "--window",
+            options.window,
+            "LOW HIGH or NAME",
+            "Values that become black and white in pictures and animations, and at first in a page "
+            "(white and black if DICOM is MONOCHROME1), or the name of a usual window: " +
+              DescribeWindows() + "; default: percentiles 1 and 99.8 of the pixels that are not background");
+  add("Picture",
+      "--wl",
+      options.levelAndWidth,
+      "LEVEL WIDTH",
+      "The middle of the window and its width, instead of --window")
     ->check(Number("a finite number", std::numeric_limits<double>::lowest()))
     ->delimiter(',')
     ->expected(2)
-    ->excludes(window)
-    ->type_name("LEVEL WIDTH")
-    ->group("Picture");
-  app
-    .add_flag("--no-labels",
-              options.isUnlabelled,
-              "No letters of the patient's sides (L, R, A, P, H, F) at the edges of pictures and animations; a page "
-              "hides them and the scale bar at first")
-    ->group("Picture");
-  app
-    .add_flag("--annotate",
-              options.isAnnotated,
-              "A scale bar, and where each frame is seen from (LAO 30 CRA 15), in pictures and animations")
-    ->group("Picture");
+    ->excludes(window);
+  addFlag("Picture",
+          "--no-labels",
+          options.isUnlabelled,
+          "No letters of the patient's sides (L, R, A, P, H, F) at the edges of pictures and animations; a page "
+          "hides them and the scale bar at first");
+  addFlag("Picture",
+          "--annotate",
+          options.isAnnotated,
+          "A scale bar, and where each frame is seen from (LAO 30 CRA 15), in pictures and animations");
 
-  const auto slab = app
-                      .add_option("--slab",
-                                  options.slab,
-                                  "Only what lies between these depths in mm behind the image's centre along the view "
-                                  "(negative: nearer to the viewer; -inf and inf: no limit)")
+  const auto slab = add("Projection",
+                        "--slab",
+                        options.slab,
+                        "NEAR FAR",
+                        "Only what lies between these depths in mm behind the image's centre along the view "
+                        "(negative: nearer to the viewer; -inf and inf: no limit)")
                       ->check(Bound())
                       ->delimiter(',')
-                      ->expected(2)
-                      ->type_name("NEAR FAR")
-                      ->group("Projection");
-  const auto slidingSlab =
-    app
-      .add_option("--sliding-slab",
-                  options.slidingSlab,
-                  "Slabs from the image's front to its back, one every STEP mm: a 3D stack by depth "
-                  "of the slabs' middles, or numbered PNGs")
-      ->check(Number("a positive number", tiny))
-      ->delimiter(',')
-      ->expected(2)
-      ->excludes(slab)
-      ->excludes(frames)
-      ->type_name("THICKNESS STEP")
-      ->group("Projection");
-  app
-    .add_option("--mode", options.mode, "What a ray shows of the values along it; the absolute maximum keeps its sign")
+                      ->expected(2);
+  const auto slidingSlab = add("Projection",
+                               "--sliding-slab",
+                               options.slidingSlab,
+                               "THICKNESS STEP",
+                               "Slabs from the image's front to its back, one every STEP mm: a 3D stack by depth "
+                               "of the slabs' middles, or numbered PNGs")
+                             ->check(Number("a positive number", tiny))
+                             ->delimiter(',')
+                             ->expected(2)
+                             ->excludes(slab)
+                             ->excludes(frames);
+  add("Projection",
+      "--mode",
+      options.mode,
+      "",
+      "What a ray shows of the values along it; the absolute maximum keeps its sign")
     ->transform(Choice(GetKeys(modes), { { "mip", "maximum" }, { "minip", "minimum" } }))
-    ->capture_default_str()
-    ->group("Projection");
-  app
-    .add_option("--local-maximum",
-                options.localMaximum,
-                "Rays end behind their first local maximum of at least this value, so that a near vessel hides a "
-                "brighter one behind it (first local minimum of at most this value with --mode minimum)")
+    ->capture_default_str();
+  add("Projection",
+      "--local-maximum",
+      options.localMaximum,
+      "THRESHOLD",
+      "Rays end behind their first local maximum of at least this value, so that a near vessel hides a "
+      "brighter one behind it (first local minimum of at most this value with --mode minimum)")
     ->check(Value())
-    ->excludes(exact)
-    ->type_name("THRESHOLD")
-    ->group("Projection");
-  const auto mask = app
-                      .add_option("--mask",
-                                  options.mask,
-                                  "Only voxels where this image is not 0; it has whole numbers and INPUT's grid")
-                      ->excludes(exact)
-                      ->type_name("FILE")
-                      ->group("Projection");
+    ->excludes(exact);
+  const auto mask = add("Projection",
+                        "--mask",
+                        options.mask,
+                        "FILE",
+                        "Only voxels where this image is not 0; it has whole numbers and INPUT's grid")
+                      ->excludes(exact);
   const auto maskLabel =
-    app.add_option("--mask-label", options.maskLabel, "Only voxels where the mask is N, at least 1")
+    add("Projection", "--mask-label", options.maskLabel, "N", "Only voxels where the mask is N, at least 1")
       ->check(count)
-      ->needs(mask)
-      ->type_name("N")
-      ->group("Projection");
-  app
-    .add_option("--remove-label",
-                options.removedLabels,
-                "All voxels but those where the mask is one of these labels, each at least 1: takes bone or the table "
-                "out")
+      ->needs(mask);
+  add("Projection",
+      "--remove-label",
+      options.removedLabels,
+      "N",
+      "All voxels but those where the mask is one of these labels, each at least 1: takes bone or the table "
+      "out")
     ->check(count)
     ->delimiter(',')
     ->needs(mask)
-    ->excludes(maskLabel)
-    ->type_name("N")
-    ->group("Projection");
-  app
-    .add_option("--crop",
-                options.crop,
-                "Only what lies in this box of the patient's space, in mm (LPS: x to the left, y to posterior, z to "
-                "superior; -inf and inf: no limit)")
+    ->excludes(maskLabel);
+  add("Projection",
+      "--crop",
+      options.crop,
+      "X0 X1 Y0 Y1 Z0 Z1",
+      "Only what lies in this box of the patient's space, in mm (LPS: x to the left, y to posterior, z to "
+      "superior; -inf and inf: no limit)")
     ->check(Bound())
     ->delimiter(',')
-    ->expected(6)
-    ->type_name("X0 X1 Y0 Y1 Z0 Z1")
-    ->group("Projection");
-  app
-    .add_option("--attenuation",
-                options.attenuation,
-                "Values fade to the background with depth: at d mm behind the front of the sphere that holds the "
-                "image or, if that is deeper, of the slab, to exp(-RATE d) of their difference; RATE is per mm")
+    ->expected(6);
+  add("Projection",
+      "--attenuation",
+      options.attenuation,
+      "RATE",
+      "Values fade to the background with depth: at d mm behind the front of the sphere that holds the "
+      "image or, if that is deeper, of the slab, to exp(-RATE d) of their difference; RATE is per mm")
     ->check(Number("a finite number of at least 0", 0.0))
-    ->excludes(exact)
-    ->type_name("RATE")
-    ->group("Projection");
-  app
-    .add_option("--depth",
-                options.depth,
-                "Also writes the depth of each pixel's value, in mm behind the image's centre along the view: floats "
-                "in .mha, .nrrd, .nii or .nii.gz, not-a-number where nothing is, which ITK reads as 0 from NIfTI")
-    ->type_name("FILE")
-    ->group("Projection");
-  app
-    .add_option("--depth-color,--depth-colour",
-                options.depthColour,
-                "Also writes a .png, or numbered ones or an animation of a series: coloured by depth from red, the "
-                "nearest of what is bright, to blue, the farthest; as bright as OUTPUT with --window; black where "
-                "nothing is")
-    ->type_name("FILE")
-    ->group("Projection");
-  app
-    .add_option("--dicom-out",
-                options.dicomOut,
-                "Also writes a DICOM series, one file for each picture, into this folder, which must be new or empty; "
-                "patient, study and frame of reference are those of INPUT if that is DICOM")
-    ->type_name("DIR")
-    ->group("Turning series");
-  app
-    .add_flag("--multi-frame",
-              options.isMultiFrame,
-              "The DICOM series is one multi-frame file of Secondary Capture, which archives play at --rate")
-    ->group("Turning series");
-  app
-    .add_flag("--suv",
-              options.isSuv,
-              "Values of a DICOM PET series, INPUT or the overlay, are SUV by body weight (float), in all options "
-              "and outputs")
-    ->group("Picture");
+    ->excludes(exact);
+  add("Projection",
+      "--depth",
+      options.depth,
+      "FILE",
+      "Also writes the depth of each pixel's value, in mm behind the image's centre along the view: floats "
+      "in .mha, .nrrd, .nii or .nii.gz, not-a-number where nothing is, which ITK reads as 0 from NIfTI");
+  add("Projection",
+      "--depth-color,--depth-colour",
+      options.depthColour,
+      "FILE",
+      "Also writes a .png, or numbered ones or an animation of a series: coloured by depth from red, the "
+      "nearest of what is bright, to blue, the farthest; as bright as OUTPUT with --window; black where "
+      "nothing is");
+  add("Turning series",
+      "--dicom-out",
+      options.dicomOut,
+      "DIR",
+      "Also writes a DICOM series, one file for each picture, into this folder, which must be new or empty; "
+      "patient, study and frame of reference are those of INPUT if that is DICOM");
+  addFlag("Turning series",
+          "--multi-frame",
+          options.isMultiFrame,
+          "The DICOM series is one multi-frame file of Secondary Capture, which archives play at --rate");
+  addFlag("Picture",
+          "--suv",
+          options.isSuv,
+          "Values of a DICOM PET series, INPUT or the overlay, are SUV by body weight (float), in all options "
+          "and outputs");
 
   const auto overlay =
-    app
-      .add_option(
+    add("Overlay",
         "--overlay",
         options.overlay,
+        "FILE",
         "Another volume in INPUT's space, with a grid of its own, as INPUT can be: its maximum in colour over "
-        "pictures, animations, pages and --dicom-out")
-      ->type_name("FILE")
-      ->group("Overlay");
-  app.add_option("--overlay-series", options.overlaySeries, "As --series, for the overlay")
-    ->needs(overlay)
-    ->type_name("SERIES")
-    ->group("Overlay");
-  app
-    .add_option(
+        "pictures, animations, pages and --dicom-out");
+  add("Overlay", "--overlay-series", options.overlaySeries, "SERIES", "As --series, for the overlay")->needs(overlay);
+  add("Overlay",
       "--overlay-transform",
       options.overlayTransform,
+      "FILE",
       "Linear ITK transform from INPUT's space to the overlay's, as ITK resamples the overlay on INPUT's grid")
-    ->needs(overlay)
-    ->type_name("FILE")
-    ->group("Overlay");
-  app
-    .add_option("--overlay-color,--overlay-colour",
-                options.overlayColour,
-                "Colour map of the overlay: " + CLI::detail::join(GetKeys(colourMaps), ", "))
+    ->needs(overlay);
+  add("Overlay",
+      "--overlay-color,--overlay-colour",
+      options.overlayColour,
+      "NAME",
+      "Colour map of the overlay: " + CLI::detail::join(GetKeys(colourMaps), ", "))
     ->transform(Choice(GetKeys(colourMaps), { { "gray", "grey" } }).description(""))
-    ->type_name("NAME")
     ->capture_default_str()
-    ->needs(overlay)
-    ->group("Overlay");
-  app
-    .add_option("--overlay-window",
-                options.overlayWindow,
-                "LOW and HIGH values of the overlay that get the first and the last colour; up to LOW it is "
-                "transparent; default: as --window")
+    ->needs(overlay);
+  add("Overlay",
+      "--overlay-window",
+      options.overlayWindow,
+      "VALUE",
+      "LOW and HIGH values of the overlay that get the first and the last colour; up to LOW it is "
+      "transparent; default: as --window")
     ->check(Number("a finite number", std::numeric_limits<double>::lowest()))
     ->delimiter(',')
     ->expected(2)
-    ->needs(overlay)
-    ->type_name("VALUE")
-    ->group("Overlay");
-  app.add_option("--opacity", options.opacity, "Of the overlay above LOW: from 0, only INPUT is seen, to 1")
+    ->needs(overlay);
+  add("Overlay", "--opacity", options.opacity, "", "Of the overlay above LOW: from 0, only INPUT is seen, to 1")
     ->check(MakeCheck("a number from 0 to 1", [](double value) { return value >= 0.0 && value <= 1.0; }))
     ->capture_default_str()
-    ->needs(overlay)
-    ->group("Overlay");
-  app
-    .add_option("--segments",
-                options.segments,
-                "Image of labels or DICOM SEG in INPUT's space, with a grid of its own: their outlines over pictures, "
-                "animations, pages and --dicom-out, in the colours of a SEG or of a .seg.nrrd of 3D Slicer, or in others")
-    ->type_name("FILE")
-    ->group("Overlay");
+    ->needs(overlay);
+  add("Overlay",
+      "--segments",
+      options.segments,
+      "FILE",
+      "Image of labels or DICOM SEG in INPUT's space, with a grid of its own: their outlines over pictures, "
+      "animations, pages and --dicom-out, in the colours of a SEG or of a .seg.nrrd of 3D Slicer, or in others");
 
-  app
-    .add_flag("--in-place",
-              options.isInPlace,
-              "OUTPUT is a slice in the patient's space, as thick as what is projected, which viewers show with INPUT; "
-              "only .mha, .nrrd, .nii and .nii.gz")
+  addFlag("Projection",
+          "--in-place",
+          options.isInPlace,
+          "OUTPUT is a slice in the patient's space, as thick as what is projected, which viewers show with INPUT; "
+          "only .mha, .nrrd, .nii and .nii.gz")
     ->excludes(frames)
-    ->excludes(slidingSlab)
-    ->group("Projection");
+    ->excludes(slidingSlab);
 
-  app.add_option("--threads", options.threads, "Threads to use; default: all processors")
-    ->check(count)
-    ->type_name("N")
-    ->group("Program");
-  app.add_flag("-v,--verbose", options.verbose, "Says what is done and how long it takes")->group("Program");
+  add("Program", "--threads", options.threads, "N", "Threads to use; default: all processors")->check(count);
+  addFlag("Program", "-v,--verbose", options.verbose, "Says what is done and how long it takes");
+
   app
     .add_option_function<std::string>(
       "--write-phantom",
@@ -636,8 +598,7 @@ Verify(const Options & options)
   if (!(options.overlay.empty() && options.segments.empty()))
   {
     const std::string name = options.overlay.empty() ? "--segments" : "--overlay";
-    if (!options.output.empty() && !OutputFiles::IsPicture(options.output) &&
-        !OutputFiles::IsAnimation(options.output) && !OutputFiles::IsPage(options.output))
+    if (!options.output.empty() && FindFormat(options.output) == FileFormat::Values)
     {
       throw std::runtime_error(
         name + " is for what is looked at: OUTPUT must be .png, .jpg, .tif, .gif, .apng, .mp4, .html or "
@@ -664,7 +625,7 @@ Verify(const Options & options)
   {
     throw std::runtime_error("--slab: NEAR must not be greater than FAR");
   }
-  if (options.pageBits && !OutputFiles::IsPage(options.output))
+  if (options.pageBits && FindFormat(options.output) != FileFormat::Page)
   {
     throw std::runtime_error("--page-bits requires a page: .html");
   }
@@ -759,7 +720,8 @@ CollectArguments(const CLI::App & app, int argc, const char * const * argv)
     else
     {
       // the parser takes -inf and -.5 for options unless a space is before them
-      const bool looksLikeOption = argument.size() > 1 && argument[0] == '-' && (argument[1] < '0' || argument[1] > '9');
+      const bool looksLikeOption =
+        argument.size() > 1 && argument[0] == '-' && (argument[1] < '0' || argument[1] > '9');
       arguments.push_back(looksLikeOption && isNumber(argument) ? ' ' + argument : argument);
     }
   }

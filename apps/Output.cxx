@@ -40,18 +40,13 @@
 namespace
 {
 namespace fs = std::filesystem;
-using Extensions = std::vector<std::string>;
-
-const Extensions valueExtensions = { ".mha", ".nrrd", ".nii", ".nii.gz" };
-const Extensions pictureExtensions = { ".png", ".jpg", ".jpeg", ".tif", ".tiff" };
-const Extensions animationExtensions = { ".gif", ".apng", ".mp4" };
-const Extensions pageExtensions = { ".html" };
-
-bool
-Contain(const Extensions & extensions, const fs::path & path)
-{
-  return std::find(extensions.begin(), extensions.end(), GetExtension(path)) != extensions.end();
-}
+const std::vector<std::pair<std::string, FileFormat>> extensions = {
+  { ".mha", FileFormat::Values },    { ".nrrd", FileFormat::Values },    { ".nii", FileFormat::Values },
+  { ".nii.gz", FileFormat::Values }, { ".png", FileFormat::Picture },    { ".jpg", FileFormat::Picture },
+  { ".jpeg", FileFormat::Picture },  { ".tif", FileFormat::Picture },    { ".tiff", FileFormat::Picture },
+  { ".gif", FileFormat::Animation }, { ".apng", FileFormat::Animation }, { ".mp4", FileFormat::Animation },
+  { ".html", FileFormat::Page }
+};
 
 /** Names sort as frames do. */
 fs::path
@@ -196,6 +191,15 @@ GetExtension(const fs::path & path)
   return (last == ".gz" ? ToLower(path.stem().extension().string()) : "") + last;
 }
 
+FileFormat
+FindFormat(const fs::path & path)
+{
+  const std::string name = GetExtension(path);
+  const auto        found =
+    std::find_if(extensions.begin(), extensions.end(), [&name](const auto & entry) { return entry.first == name; });
+  return found == extensions.end() ? FileFormat::None : found->second;
+}
+
 HeldSignals::HeldSignals()
 {
   for (const int signal : endingSignals)
@@ -244,30 +248,6 @@ OutputFiles::~OutputFiles()
   }
 }
 
-bool
-OutputFiles::HasValues(const fs::path & path)
-{
-  return Contain(valueExtensions, path);
-}
-
-bool
-OutputFiles::IsPicture(const fs::path & path)
-{
-  return Contain(pictureExtensions, path);
-}
-
-bool
-OutputFiles::IsAnimation(const fs::path & path)
-{
-  return Contain(animationExtensions, path);
-}
-
-bool
-OutputFiles::IsPage(const fs::path & path)
-{
-  return Contain(pageExtensions, path);
-}
-
 void
 OutputFiles::Protect(const std::vector<fs::path> & inputs)
 {
@@ -281,38 +261,22 @@ OutputFiles::Protect(const std::vector<fs::path> & inputs)
 }
 
 void
-OutputFiles::Reserve(const fs::path & path, Format format, const std::string & option)
+OutputFiles::Reserve(const fs::path & path, const std::set<FileFormat> & formats, const std::string & option)
 {
   const fs::path    target = this->Claim(path, false, m_Reserved);
   const std::string extension = GetExtension(path);
-  Extensions        extensions;
-  const auto        add = [&extensions](const Extensions & more) {
-    extensions.insert(extensions.end(), more.begin(), more.end());
-  };
-  if (format != Format::Picture)
-  {
-    add(valueExtensions);
-  }
-  if (format != Format::Values)
-  {
-    add(pictureExtensions);
-    add(animationExtensions);
-  }
-  if (format == Format::Any)
-  {
-    add(pageExtensions);
-  }
-  if (!Contain(extensions, path))
+  const FileFormat  own = FindFormat(path);
+  if (formats.count(own) == 0)
   {
     std::string good;
-    for (const std::string & extension : extensions)
+    for (const auto & [name, format] : extensions)
     {
-      good += ' ' + extension;
+      good += formats.count(format) > 0 ? ' ' + name : "";
     }
     throw std::runtime_error(option + ": '" + path.string() + "' must have one of the extensions" + good +
-                             (format != Format::Any        ? ""
-                              : extension == ".dcm" ? "; --dicom-out writes DICOM"
-                                                           : ", or a / at its end for a DICOM series"));
+                             (formats.count(FileFormat::Page) == 0 ? ""
+                              : extension == ".dcm"                ? "; --dicom-out writes DICOM"
+                                                                   : ", or a / at its end for a DICOM series"));
   }
   if (extension == ".nii" || extension == ".nii.gz")
   {
@@ -325,12 +289,12 @@ OutputFiles::Reserve(const fs::path & path, Format format, const std::string & o
                                "', which this call reads: ITK would read the one for the other");
     }
   }
-  if (IsAnimation(path))
+  if (own == FileFormat::Animation)
   {
     RequireAnimationEncoder();
   }
   this->RequireWritable(target.parent_path(), path);
-  if (IsPicture(path))
+  if (own == FileFormat::Picture)
   {
     const fs::path  folder = path.parent_path();
     std::error_code ignored;
@@ -357,7 +321,7 @@ OutputFiles::Write(const fs::path & path, const AnyImage & image, Layout layout)
   DispatchPixelType(image.componentType, [&](auto tag) {
     auto &             frames = CastImage<typename decltype(tag)::Type>(image);
     const auto * const pixels = frames.GetBufferPointer();
-    if (layout != Layout::Series || !IsPicture(path))
+    if (layout != Layout::Series || FindFormat(path) != FileFormat::Picture)
     {
       this->WriteFile(path, this->BeginFile(path), image, layout == Layout::Still ? 2 : 3, pixels);
       return;
@@ -662,7 +626,7 @@ OutputFiles::WriteFile(const fs::path &    path,
   io->SetFileName(temporaryName);
 
   // some of ITK's writers do not survive a full disk
-  if (IsPicture(temporaryName) &&
+  if (FindFormat(temporaryName) == FileFormat::Picture &&
       !HasRoom(temporaryName, 2 * static_cast<std::size_t>(io->GetImageSizeInBytes()) + 4096))
   {
     throw std::runtime_error("cannot write '" + path.string() + "'; is the disk full?");

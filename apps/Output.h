@@ -23,12 +23,26 @@
 #include <filesystem>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
 /** What the name of a file ends with, in small letters, with two parts where it is compressed: its format. */
 std::string
 GetExtension(const std::filesystem::path & path);
+
+enum class FileFormat
+{
+  None,
+  Values,
+  Picture,
+  Animation,
+  Page
+};
+
+/** That of a name, by its extension. */
+FileFormat
+FindFormat(const std::filesystem::path & path);
 
 /** Holds back the signals that end a program, SIGINT, SIGTERM, SIGHUP and SIGPIPE: the process gets them at the end of
  * this object's life. */
@@ -58,14 +72,6 @@ private:
 class OutputFiles
 {
 public:
-  enum class Format
-  {
-    Values,
-    /** Still or moving. */
-    Picture,
-    Any
-  };
-
   enum class Layout
   {
     Still,
@@ -79,28 +85,14 @@ public:
   OutputFiles &
   operator=(const OutputFiles &) = delete;
 
-  /** The image's. */
-  static bool
-  HasValues(const std::filesystem::path & path);
-
-  static bool
-  IsPicture(const std::filesystem::path & path);
-
-  static bool
-  IsAnimation(const std::filesystem::path & path);
-
-  /** A web page. */
-  static bool
-  IsPage(const std::filesystem::path & path);
-
   /** Has \a inputs, by whatever name, never written. */
   void
   Protect(const std::vector<std::filesystem::path> & inputs);
 
-  /** Throws if \a path, of \a option, has an extension of another format, is an input, is reserved already or can't be
+  /** Throws if \a path, of \a option, has the extension of no such format, is an input, is reserved already or can't be
    * written. */
   void
-  Reserve(const std::filesystem::path & path, Format format, const std::string & option);
+  Reserve(const std::filesystem::path & path, const std::set<FileFormat> & formats, const std::string & option);
 
   /** Throws if the folder \a path is neither new nor empty, or as above. */
   void

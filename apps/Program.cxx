@@ -17,8 +17,6 @@
  *=========================================================================*/
 #include "Program.h"
 
-#include "CinePage.h"
-#include "DicomSeries.h"
 #include "Frames.h"
 #include "Input.h"
 #include "InputFiles.h"
@@ -29,6 +27,7 @@
 #include "Overlay.h"
 #include "Phantom.h"
 #include "Picture.h"
+#include "Product.h"
 #include "Segments.h"
 #include "Suv.h"
 #include "Text.h"
@@ -39,18 +38,24 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <regex>
 
 namespace
 {
 using TransformPointer = itk::Transform<double, 3, 3>::Pointer;
-using ModeEnum = ProjectionOptions::ModeEnum;
+
+// a new format is a line here and one for its extensions in Output.cxx
+const std::map<FileFormat, WriteFunction *> writers = { { FileFormat::Values, WriteValues },
+                                                        { FileFormat::Picture, WritePictures },
+                                                        { FileFormat::Animation, WritePictures },
+                                                        { FileFormat::Page, WritePage } };
 
 void
 WritePhantom(const Options & options)
 {
   OutputFiles files;
-  files.Reserve(options.phantom, OutputFiles::Format::Values, "--write-phantom");
+  files.Reserve(options.phantom, { FileFormat::Values }, "--write-phantom");
   files.Write(options.phantom, MakePhantom(), OutputFiles::Layout::Volume);
   files.Commit();
 }
@@ -105,9 +110,7 @@ VerifyVolume(const Options & options, const Volume & volume)
   {
     refuse("--page-bits 16", components, "components");
   }
-  if (components != 1 && components != 3 &&
-      (OutputFiles::IsPicture(options.output) || OutputFiles::IsAnimation(options.output) ||
-       OutputFiles::IsPage(options.output)))
+  if (components != 1 && components != 3 && !options.output.empty() && FindFormat(options.output) != FileFormat::Values)
   {
     refuse("A picture of other than 1 or 3 components", components, "components");
   }
@@ -128,77 +131,18 @@ IsBlank(const Projections & projections)
   });
 }
 
-/** Of a frame without a slab the plane through the image's centre. */
-std::vector<DicomView>
-MakeDicomViews(const ProjectionOptions & projection, const itk::ImageBase<3> * grid)
-{
-  std::vector<DicomView> views;
-  for (const Frame & frame : projection.frames)
-  {
-    DicomView view;
-    view.transform = frame.transform;
-    view.thickness = frame.slabFar - frame.slabNear;
-    view.depth = std::isfinite(view.thickness) ? 0.5 * (frame.slabNear + frame.slabFar)
-                                               : ComputeDepthOfCentre(frame.transform, grid);
-    view.angle = frame.angle;
-    views.push_back(view);
-  }
-  return views;
-}
-
-/** Why pictures of PET are no reprojection by maximum, empty if they may be one. */
-std::string
-FindNoReprojection(const Options & options)
-{
-  const bool isSlabOff = !options.slab.empty() && !(options.slab[0] <= 0.0 && options.slab[1] >= 0.0);
-  return options.frames == 0         ? "they are no turn, see --frames"
-         : options.rocking           ? "--rocking turns to and fro"
-         : options.mode != "maximum" ? "--mode is not maximum"
-         : options.localMaximum      ? "--local-maximum shows other values"
-         : options.attenuation > 0.0 ? "--attenuation changes values"
-         : isSlabOff                 ? "the slab is beside the axis"
-                                     : "";
-}
-
-CinePageOptions
-MakePageOptions(const Options &                   options,
-                const ProjectionOptions &         projection,
-                const std::optional<WindowType> & window,
-                double                            rate,
-                bool                              hasOrientation)
-{
-  CinePageOptions page;
-  page.title = std::filesystem::path(options.input).filename().string();
-  page.window = window;
-  page.rate = rate;
-  page.bits = options.pageBits.value_or(8);
-  page.hasLabels = !options.isUnlabelled;
-  if (options.frames > 0)
-  {
-    page.loop = options.rocking ? "swing" : std::abs(options.range) == 360.0 ? "turn" : "none";
-    for (std::size_t n = 0; n < options.frames; ++n)
-    {
-      page.angles.push_back(projection.frames[n].angle);
-    }
-    page.elevations = options.elevations;
-  }
-  for (std::size_t n = 0; n < projection.frames.size() && hasOrientation; ++n)
-  {
-    page.letters.push_back(ComputeEdgeLetters(projection.frames[n].transform));
-  }
-  return page;
-}
-
 /** Says which options change nothing of what is written, and why pictures have no letters. */
 void
 NoteUnused(const Options & options, const itk::ImageBase<3> * stack, bool hasOrientation, const Messages & messages)
 {
   const std::string & output = options.output;
-  const bool          isDrawn = OutputFiles::IsPicture(output) || OutputFiles::IsAnimation(output);
-  const bool          isPage = OutputFiles::IsPage(output);
-  const bool isMoving = OutputFiles::IsAnimation(output) || isPage || OutputFiles::IsAnimation(options.depthColour);
+  const FileFormat    format = FindFormat(output);
+  const bool          isPage = format == FileFormat::Page;
+  const bool          isMoving =
+    isPage || format == FileFormat::Animation || FindFormat(options.depthColour) == FileFormat::Animation;
   const std::string name = '\'' + (output.empty() ? options.dicomOut : output) + '\'';
-  const std::string picture = isDrawn || isPage ? output : options.depthColour;
+  const bool        isSeen = !output.empty() && format != FileFormat::Values;
+  const std::string picture = isSeen ? output : options.depthColour;
   const auto        note = [&](bool isGiven, const std::string & option, const std::string & reason) {
     if (isGiven)
     {
@@ -246,22 +190,18 @@ Run(const Options & options, Messages & messages)
   {
     files.Protect(FindInputFiles(path));
   }
-  if (options.isInPlace)
-  {
-    files.Reserve(options.output, OutputFiles::Format::Values, "--in-place");
-  }
-  else if (!options.output.empty())
-  {
-    files.Reserve(options.output, OutputFiles::Format::Any, "OUTPUT");
-  }
-  if (!options.depth.empty())
-  {
-    files.Reserve(options.depth, OutputFiles::Format::Values, "--depth");
-  }
-  if (!options.depthColour.empty())
-  {
-    files.Reserve(options.depthColour, OutputFiles::Format::Picture, "--depth-colour");
-  }
+  const std::set<FileFormat> drawn{ FileFormat::Picture, FileFormat::Animation };
+  const std::set<FileFormat> values{ FileFormat::Values };
+  const std::set<FileFormat> any{ FileFormat::Values, FileFormat::Picture, FileFormat::Animation, FileFormat::Page };
+  const auto reserve = [&files](const std::string & path, const auto & formats, const std::string & option) {
+    if (!path.empty())
+    {
+      files.Reserve(path, formats, option);
+    }
+  };
+  reserve(options.output, options.isInPlace ? values : any, options.isInPlace ? "--in-place" : "OUTPUT");
+  reserve(options.depth, values, "--depth");
+  reserve(options.depthColour, drawn, "--depth-colour");
   if (!options.dicomOut.empty())
   {
     files.ReserveFolder(options.dicomOut);
@@ -363,19 +303,17 @@ Run(const Options & options, Messages & messages)
 
   NoteUnused(options, projections.stack.image, volume.hasOrientation, messages);
   messages.StepBegins("writing " + options.output);
-  const auto                turn = static_cast<double>(options.frames > 0 ? options.frames : frames);
-  const double              rate = options.rate.value_or(std::clamp(std::round(turn / 4.0), 5.0, 25.0));
-  const auto                layout = options.isInPlace ? OutputFiles::Layout::Volume
-                                     : isSeries        ? OutputFiles::Layout::Series
-                                                       : OutputFiles::Layout::Still;
-  std::optional<WindowType> window;
+  const auto turn = static_cast<double>(options.frames > 0 ? options.frames : frames);
+  Product    product{ options, projection, volume, warn, projections };
+  product.rate = options.rate.value_or(std::clamp(std::round(turn / 4.0), 5.0, 25.0));
+  product.isSeries = isSeries;
+  product.isSuv = isSuv;
+  product.isOverlaySuv = isOverlaySuv;
   if (const auto bounds = GetWindow(options))
   {
-    window = WindowType(bounds->data());
+    product.window = WindowType(bounds->data());
   }
-  const bool isLayered = !(options.overlay.empty() && options.segments.empty());
-  AnyImage   layered;
-  if (isLayered)
+  if (!(options.overlay.empty() && options.segments.empty()))
   {
     const auto projectLayer = [&](const Volume & layer) {
       return project(layer, MakeLayerOptions(projection, projections.stack.image));
@@ -384,90 +322,41 @@ Run(const Options & options, Messages & messages)
       const bool isRegistered = path == options.overlay && !options.overlayTransform.empty();
       WarnOfOtherSpace(volume, layer, path, projection.frames.front().transform, isRegistered, warn);
     };
-    layered = MakePictures(projections, window);
+    product.pictures = MakePictures(projections, product.window);
     if (!options.overlay.empty())
     {
       verifySpace(overlay, options.overlay);
-      layered = BlendOverlay(layered, projectLayer(overlay), options, warn);
+      product.pictures = BlendOverlay(product.pictures, projectLayer(overlay), options, warn);
       messages.StepDone("blended " + options.overlay);
     }
     if (!options.segments.empty())
     {
       verifySpace(segments.labels, options.segments);
-      layered = DrawSegments(layered, segments, projectLayer);
+      product.pictures = DrawSegments(product.pictures, segments, projectLayer);
       messages.StepDone("drew " + options.segments);
     }
   }
   // before letters are drawn into the pictures
   if (!options.dicomOut.empty())
   {
-    DicomSeriesOptions dicom;
-    dicom.isMinimum = projection.mode == ModeEnum::Minimum;
-    dicom.derivation = projection.mode == ModeEnum::Maximum   ? "Maximum intensity projection"
-                       : projection.mode == ModeEnum::Minimum ? "Minimum intensity projection"
-                                                              : "Maximum intensity projection of absolute values";
-    dicom.noReprojection = FindNoReprojection(options);
-    dicom.warn = warn;
-    dicom.isSuv = isSuv;
-    dicom.derivation += isSuv ? " of SUV by body weight" : "";
-    if (options.isMultiFrame)
-    {
-      dicom.frameTime = 1000.0 / rate;
-    }
-    dicom.derivation += options.overlay.empty() ? "" : ", with the maximum of another volume in color";
-    dicom.derivation += isOverlaySuv ? ", in SUV by body weight" : "";
-    dicom.derivation += options.segments.empty() ? "" : ", with outlines of segments";
-    dicom.version = ShearWarpMIP_VERSION;
-    if (window)
-    {
-      dicom.window = std::make_pair((*window)[0], (*window)[1]);
-    }
-    WriteDicomSeries(files,
-                     isLayered ? layered : projections.stack,
-                     MakeDicomViews(projection, first.image),
-                     volume.dicomFiles,
-                     options.dicomOut,
-                     dicom);
+    WriteDicom(files, options.dicomOut, product);
     messages.StepDone("made the files of " + options.dicomOut);
   }
-  const auto writePictures = [&](const std::string & path, const AnyImage & pictures) {
-    DrawLabels(pictures, projection.frames, { !options.isUnlabelled, options.isAnnotated, volume.hasOrientation });
-    if (OutputFiles::IsAnimation(path))
-    {
-      files.WriteAnimation(path, pictures, rate);
-    }
-    else
-    {
-      files.Write(path, pictures, isSeries ? OutputFiles::Layout::Series : OutputFiles::Layout::Still);
-    }
-  };
-  if (OutputFiles::IsPage(options.output))
+  if (!options.output.empty())
   {
-    const auto encode = [&](const AnyImage & image, std::size_t frame) {
-      return files.EncodePicture(options.output, image, frame);
-    };
-    CinePageOptions page = MakePageOptions(options, projection, window, rate, volume.hasOrientation);
-    if (isLayered || projections.stack.image->GetNumberOfComponentsPerPixel() == 3)
-    {
-      page.colours = isLayered ? layered : MakePictures(projections, window);
-    }
-    files.WriteText(options.output, MakeCinePage(projections, page, encode));
-  }
-  else if (OutputFiles::IsPicture(options.output) || OutputFiles::IsAnimation(options.output))
-  {
-    writePictures(options.output, isLayered ? layered : MakePictures(projections, window));
-  }
-  else if (!options.output.empty())
-  {
-    files.Write(options.output, projections.stack, layout);
+    writers.at(FindFormat(options.output))(files, options.output, product);
   }
   if (!options.depth.empty())
   {
-    files.Write(options.depth, projections.depths, layout);
+    Product depths = product;
+    depths.projections.stack = projections.depths;
+    WriteValues(files, options.depth, depths);
   }
   if (!options.depthColour.empty())
   {
-    writePictures(options.depthColour, MakeDepthPictures(projections, window));
+    Product depths = product;
+    depths.pictures = MakeDepthPictures(projections, product.window);
+    WritePictures(files, options.depthColour, depths);
   }
   files.Commit();
   messages.StepDone("wrote " + (options.output.empty() ? options.dicomOut : options.output));

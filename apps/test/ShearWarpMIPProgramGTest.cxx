@@ -515,8 +515,7 @@ TEST_F(ShearWarpMIPProgram, SaysWhyThereAreNoLetters)
   const auto changeSpace = [&](const std::string & space, const std::string & note) {
     const std::string text = "space: left-posterior-superior\n";
     const auto        change = [&](std::string bytes) { return bytes.replace(bytes.find(text), text.size(), space); };
-    this->WithChangedFile(
-      "in.nrrd", change, [&] { EXPECT_EQ(getNote("in.nrrd a.png --size 64 64"), note) << space; });
+    this->WithChangedFile("in.nrrd", change, [&] { EXPECT_EQ(getNote("in.nrrd a.png --size 64 64"), note) << space; });
   };
   changeSpace("space: RAS\n", "");
   changeSpace("space: scanner-xyz\n", begin + "in.nrrd' does not say how it lies in the patient\n");
