@@ -198,6 +198,15 @@ WritePage(OutputFiles & files, const std::string & path, const Product & product
   const auto printNumber = [](double number) { return number; };
   writeList("angles", angles, printNumber);
   writeList("elevations", options.elevations, printNumber);
+  writeList("segments", product.segments, [](const Segment & segment) {
+    std::ostringstream colour;
+    colour << '#' << std::hex << std::setfill('0');
+    for (unsigned int component = 0; component < 3; ++component)
+    {
+      colour << std::setw(2) << static_cast<int>(segment.colour[component]);
+    }
+    return '[' + Quote(segment.name) + ", " + Quote(colour.str()) + ']';
+  });
   writeList("letters", sides, [](const EdgeLetters & letters) {
     return Quote(letters.left + ' ' + letters.right + ' ' + letters.top + ' ' + letters.bottom);
   });

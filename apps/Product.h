@@ -21,10 +21,11 @@
 #include "Input.h"
 #include "Options.h"
 #include "Output.h"
-#include "Picture.h"
+#include "Segments.h"
 
 #include <optional>
 #include <string>
+#include <vector>
 
 /** What a run has made, for its outputs. */
 struct Product
@@ -37,6 +38,8 @@ struct Product
   std::optional<WindowType> window;
   /** Pictures to show instead of the projections, as those with an overlay; or none. */
   AnyImage pictures{};
+  /** Whose outlines the pictures have. */
+  std::vector<Segment> segments{};
   /** Pictures per second. */
   double rate{ 10.0 };
   bool   isSeries{ false };

@@ -332,6 +332,7 @@ Run(const Options & options, Messages & messages)
     if (!options.segments.empty())
     {
       verifySpace(segments.labels, options.segments);
+      product.segments = segments.list;
       product.pictures = DrawSegments(product.pictures, segments, projectLayer);
       messages.StepDone("drew " + options.segments);
     }

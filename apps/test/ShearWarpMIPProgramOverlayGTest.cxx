@@ -686,6 +686,9 @@ TEST_F(ShearWarpMIPProgramSegments, OutlinesBalls)
   const Result told = this->Run("in.nrrd out.png --verbose --segments balls.seg.nrrd");
   EXPECT_NE(told.messages.find("2 segments: left kidney, cyst:"), std::string::npos) << told.messages;
   this->ExpectSuccess("in.nrrd turn.png --frames 2 --dicom-out series --segments balls.seg.nrrd --overlay pet.nrrd");
+  this->ExpectSuccess("in.nrrd turn.html --segments balls.seg.nrrd");
+  EXPECT_NE(ReadText(m_Folder / "turn.html").find(R"("segments": [["left kidney", "#ff0000"], ["cyst", "#00ff80"]])"),
+            std::string::npos);
   // what a slab does not hold has no outline
   this->ExpectSuccess("in.nrrd grid.nrrd");
   this->ExpectSuccess("in.nrrd out.png --slab 7.6 20 --segments balls.seg.nrrd");

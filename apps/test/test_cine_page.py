@@ -712,6 +712,14 @@ def test_series_without_letters(page, tmp_path):
     assert page.text("left-letter") == "" and "Patient" not in page.canvas.get_attribute("aria-label")
 
 
+def test_names_of_segments(page, tmp_path):
+    page.show(tmp_path, make_series(make_frames(8), segments=[["liver <b>", "#ff0080"], ["cyst", "#00ff00"]]))
+    entries = page.driver.find_elements(By.CSS_SELECTOR, "#segments li")
+    assert [entry.text for entry in entries] == ["■liver <b>", "■cyst"]
+    marks = [entry.find_element(By.TAG_NAME, "b").value_of_css_property("color") for entry in entries]
+    assert marks == ["rgba(255, 0, 128, 1)", "rgba(0, 255, 0, 1)"]
+
+
 def names_of_presets(page):
     return [each.text for each in page.driver.find_elements(By.CSS_SELECTOR, "#preset option:not([hidden])")]
 
