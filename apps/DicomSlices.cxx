@@ -26,6 +26,7 @@
 #include <gdcmRescaler.h>
 #include <gdcmSequenceOfItems.h>
 
+#include <algorithm>
 #include <cmath>
 #include <sstream>
 #include <stdexcept>
@@ -312,7 +313,7 @@ std::vector<char>
 ReadStored(const Source & source)
 {
   std::vector<char> bytes;
-  if (source.isConverted)
+  if (source.isConverted && source.format != gdcm::PixelFormat::SINGLEBIT)
   {
     const auto io = itk::GDCMImageIO::New();
     io->SetFileName(source.path);
@@ -325,6 +326,17 @@ ReadStored(const Source & source)
   reader.SetFileName(source.path.c_str());
   const bool          isRead = reader.Read();
   const gdcm::Image & image = reader.GetImage();
+  if (source.format == gdcm::PixelFormat::SINGLEBIT && isRead && image.GetDataElement().GetByteValue())
+  {
+    // bits follow one another, also those of the next row; GDCM has each row begin with a byte
+    const gdcm::ByteValue & bits = *image.GetDataElement().GetByteValue();
+    bytes.resize(std::size_t{ source.size[0] } * source.size[1] * source.size[2]);
+    for (std::size_t n = 0; n < std::min<std::size_t>(bytes.size(), 8 * std::size_t{ bits.GetLength() }); ++n)
+    {
+      bytes[n] = static_cast<char>(bits.GetPointer()[n / 8] >> n % 8 & 1);
+    }
+    return bytes;
+  }
   bytes.resize(image.GetBufferLength());
   if (!isRead || !image.GetBuffer(bytes.data()))
   {

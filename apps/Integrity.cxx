@@ -261,6 +261,12 @@ HasAllPixels(const gdcm::Image & image)
 {
   // colours may be stored with fewer samples, and what is compressed has no length of its own
   const gdcm::ByteValue * const bytes = image.GetDataElement().GetByteValue();
+  if (bytes && image.GetPixelFormat() == gdcm::PixelFormat::SINGLEBIT)
+  {
+    const auto pixels = image.GetDimension(0) * 1.0 * image.GetDimension(1) *
+                        (image.GetNumberOfDimensions() > 2 ? image.GetDimension(2) : 1);
+    return 8.0 * bytes->GetLength() >= pixels;
+  }
   return image.GetPixelFormat().GetSamplesPerPixel() != 1 || !bytes || bytes->GetLength() >= image.GetBufferLength();
 }
 

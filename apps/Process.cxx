@@ -47,16 +47,23 @@ RunProcess(const std::vector<std::string> & command, bool withErrors)
   {
     throw std::system_error(errno, std::generic_category());
   }
+  // one may have the number of a stream that is closed here
+  for (const int end : ends)
+  {
+    fcntl(end, F_SETFD, FD_CLOEXEC);
+  }
   posix_spawn_file_actions_t actions;
   posix_spawn_file_actions_init(&actions);
-  posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
-  posix_spawn_file_actions_addopen(&actions, STDERR_FILENO, "/dev/null", O_WRONLY, 0);
-  for (const int stream : { STDOUT_FILENO, withErrors ? STDERR_FILENO : STDOUT_FILENO })
+  posix_spawn_file_actions_adddup2(&actions, ends[1], STDOUT_FILENO);
+  if (withErrors)
   {
-    posix_spawn_file_actions_adddup2(&actions, ends[1], stream);
+    posix_spawn_file_actions_adddup2(&actions, ends[1], STDERR_FILENO);
   }
-  posix_spawn_file_actions_addclose(&actions, ends[0]);
-  posix_spawn_file_actions_addclose(&actions, ends[1]);
+  else
+  {
+    posix_spawn_file_actions_addopen(&actions, STDERR_FILENO, "/dev/null", O_WRONLY, 0);
+  }
+  posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
   pid_t     child = 0;
   const int error = posix_spawn(&child, arguments.front(), &actions, nullptr, arguments.data(), environ);
   posix_spawn_file_actions_destroy(&actions);

@@ -409,6 +409,15 @@ TEST_F(ShearWarpMIPProgramDicomFiles, AreParsedWhereSignalsAreIgnored)
   EXPECT_TRUE(fs::exists(m_Folder / "out.nrrd"));
 }
 
+TEST_F(ShearWarpMIPProgramDicomFiles, AreParsedWhereStreamsAreClosed)
+{
+  this->WriteDICOMSeries("1.2.3.4", "a", { 0, 2, 4 });
+  for (const std::string closed : { "<&- >&-", ">&-", "2>&-", "<&- >&- 2>&-" })
+  {
+    EXPECT_EQ(this->Run("dicom out.nrrd", R"(sh -c '"$0" "$@" )" + closed + "'").status, 0) << closed;
+  }
+}
+
 TEST_F(ShearWarpMIPProgramDicomFiles, AreParsedThoughTheProgramIsRemoved)
 {
   this->WriteDICOMSeries("1.2.3.4", "a", { 0, 2, 4 });
