@@ -90,7 +90,8 @@ ReadAppearances(const DataSet & header)
   return appearances;
 }
 
-/** Sorts the frames of a segmentation, and gives each its index among the slices of the grid that is returned. */
+/** Sorts the frames of a segmentation, and gives each its index among the slices of the grid that is returned, which
+ * begins and ends with an empty one. */
 itk::ImageBase<3>::Pointer
 ArrangeFrames(std::vector<Slice> & frames, std::vector<std::size_t> & indices, const std::string & path)
 {
@@ -122,7 +123,7 @@ ArrangeFrames(std::vector<Slice> & frames, std::vector<std::size_t> & indices, c
     {
       throw std::runtime_error(GetName(frame) + " is not on the grid of the others");
     }
-    indices.push_back(static_cast<std::size_t>(number));
+    indices.push_back(static_cast<std::size_t>(number) + 1);
   }
 
   const auto                       grid = itk::ImageBase<3>::New();
@@ -135,8 +136,9 @@ ArrangeFrames(std::vector<Slice> & frames, std::vector<std::size_t> & indices, c
       direction(row, axis) = first.directions[axis][row];
     }
   }
-  grid->SetRegions(itk::Size<3>{ { first.source->size[0], first.source->size[1], indices.back() + 1 } });
-  grid->SetOrigin(itk::Point<double, 3>(frames.front().origin.GetDataPointer()));
+  grid->SetRegions(itk::Size<3>{ { first.source->size[0], first.source->size[1], indices.back() + 2 } });
+  const auto origin = frames.front().origin - distance * first.directions[2];
+  grid->SetOrigin(itk::Point<double, 3>(origin.GetDataPointer()));
   grid->SetSpacing(spacing);
   grid->SetDirection(direction);
   return grid;

@@ -258,7 +258,7 @@ def test_segmentation_off_its_grid_is_refused(study, tmp_path, change, reason):
     image = pydicom.dcmread(tmp_path / "seg" / "segments.dcm")
     change(image.PerFrameFunctionalGroupsSequence[2])
     image.save_as(tmp_path / "seg" / "segments.dcm")
-    outcome = run(study, tmp_path / "mip.png", "--series", 1, "--segments", tmp_path / "seg")
+    outcome = run(study, tmp_path / "mip.png", "--series", 2, "--segments", tmp_path / "seg")
     assert outcome.returncode == 1
     assert reason in outcome.stderr and outcome.stderr.count("\n") == 1
 
