@@ -55,20 +55,17 @@ public:
 };
 
 /** Writes the enumerator's name. */
-ShearWarpMIP_EXPORT
-std::ostream &
-operator<<(std::ostream & out, ShearWarpMIPImageFilterEnums::Mode value);
+ShearWarpMIP_EXPORT std::ostream &
+                    operator<<(std::ostream & out, ShearWarpMIPImageFilterEnums::Mode value);
 
 /** Writes the enumerator's name. */
-ShearWarpMIP_EXPORT
-std::ostream &
-operator<<(std::ostream & out, ShearWarpMIPImageFilterEnums::ReducedResampling value);
+ShearWarpMIP_EXPORT std::ostream &
+                    operator<<(std::ostream & out, ShearWarpMIPImageFilterEnums::ReducedResampling value);
 
 namespace ShearWarp
 {
 /** The computer's memory in bytes; what can be addressed if the system does not say. */
-ShearWarpMIP_EXPORT
-double
+ShearWarpMIP_EXPORT double
 GetPhysicalMemory();
 
 /** Step \a step of piece \a n of some work, by thread \a worker. */
@@ -94,13 +91,11 @@ struct SliceRange
 };
 
 /** How many slabs there are where \a wanted are, of \a slices slices: slabs are blocks of eight slices. */
-ShearWarpMIP_EXPORT
-SizeValueType
+ShearWarpMIP_EXPORT SizeValueType
 CountSlabs(SliceRange slices, SizeValueType wanted);
 
 /** Slab \a n of \a slabs, which are as thick as each other. */
-ShearWarpMIP_EXPORT
-SliceRange
+ShearWarpMIP_EXPORT SliceRange
 GetSlab(SliceRange slices, SizeValueType n, SizeValueType slabs);
 
 /** What the engine projects: the buffered part of an image, or all of it slab by slab. */

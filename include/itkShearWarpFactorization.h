@@ -43,16 +43,14 @@ struct IntermediateGrid
 
 /** The places in \a grid of \a slices slices of a part of a volume whose voxel (0, 0, 0) is the volume's at \a corner.
  */
-ShearWarpMIP_EXPORT
-std::vector<SlicePlacement>
-PlacePart(const IntermediateGrid & grid, const Corner & corner, std::ptrdiff_t slices);
+ShearWarpMIP_EXPORT std::vector<SlicePlacement>
+                    PlacePart(const IntermediateGrid & grid, const Corner & corner, std::ptrdiff_t slices);
 
 /** A view transform as numbers: (u, v, w) of view space is at axes (u, v, w) + offset in physical space. */
 struct ViewSpace
 {
   /** Throws ExceptionObject, with the value, if the transform is null, not linear, not finite or singular. */
-  ShearWarpMIP_EXPORT
-  explicit ViewSpace(const Transform<double, 3, 3> * transform);
+  ShearWarpMIP_EXPORT explicit ViewSpace(const Transform<double, 3, 3> * transform);
 
   Matrix<double, 3, 3> axes;
   Vector<double, 3>    offset;
@@ -74,8 +72,7 @@ struct ViewGrid
 
 /** The grid of pictures of \a image in all of \a views: that what is to be fitted holds the image's voxels, with the
  * smallest of ShearWarpFactorization::ComputeProjectedSpacing(); the rest as \a given. */
-ShearWarpMIP_EXPORT
-ViewGrid
+ShearWarpMIP_EXPORT ViewGrid
 FitGrid(const ViewList &     views,
         const ImageBase<3> * image,
         const ViewGrid &     given,
@@ -91,14 +88,12 @@ struct DepthRange
 
 /** The depths of \a image from \a slab.nearest to \a slab.farthest. A slab without thickness, or beside the image, has
  * a thousandth of the image's depth. */
-ShearWarpMIP_EXPORT
-DepthRange
+ShearWarpMIP_EXPORT DepthRange
 ClipDepths(const ViewSpace & view, const ImageBase<3> * image, const DepthRange & slab);
 
 /** The least depth of the sphere about the image's centre that holds all of its voxels: but for rounding errors the
  * same for all views that are turned about that centre. */
-ShearWarpMIP_EXPORT
-double
+ShearWarpMIP_EXPORT double
 FindSphereDepth(const ViewSpace & view, const ImageBase<3> * image);
 
 /** A picture in physical space: column, row and depth are at origin + steps (column, row, depth). */
@@ -107,13 +102,11 @@ struct PictureSpace
   Point<double, 3>     origin;
   Matrix<double, 3, 3> steps;
 
-  ShearWarpMIP_EXPORT
-  Point<double, 3>
-  operator()(double column, double row, double depth) const;
+  ShearWarpMIP_EXPORT Point<double, 3>
+                      operator()(double column, double row, double depth) const;
 };
 
-ShearWarpMIP_EXPORT
-PictureSpace
+ShearWarpMIP_EXPORT PictureSpace
 MakePictureSpace(const ViewSpace & view, const ImageBase<2> * grid);
 
 /** Where an image lies in physical space. */
@@ -125,8 +118,7 @@ struct SliceGeometry
 };
 
 /** A picture as a slice in physical space, in the middle of \a depths and as thick. */
-ShearWarpMIP_EXPORT
-SliceGeometry
+ShearWarpMIP_EXPORT SliceGeometry
 MakeSliceGeometry(const ViewSpace & view, const ImageBase<2> * grid, const DepthRange & depths);
 } // namespace ShearWarp
 

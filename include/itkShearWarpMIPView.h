@@ -30,8 +30,7 @@ namespace ShearWarp
 {
 /** The angle of frame \a frame of \a frames: start + range frame / frames or, to and fro, start + range / 2 sin(2 pi
  * frame / frames), scaled so that the range's ends are reached. */
-ShearWarpMIP_EXPORT
-double
+ShearWarpMIP_EXPORT double
 GetTurnAngle(unsigned int frame, unsigned int frames, double start, double range, bool isRocking);
 } // namespace ShearWarp
 
@@ -55,9 +54,8 @@ public:
 };
 
 /** Writes the enumerator's name. */
-ShearWarpMIP_EXPORT
-std::ostream &
-operator<<(std::ostream & out, ShearWarpMIPViewEnums::Direction value);
+ShearWarpMIP_EXPORT std::ostream &
+                    operator<<(std::ostream & out, ShearWarpMIPViewEnums::Direction value);
 
 /** \class ShearWarpMIPView
  * \brief Makes view transforms for ShearWarpMIPImageFilter from anatomical directions.
@@ -87,32 +85,28 @@ public:
    * picture's vertical axis, then by \a elevation degrees towards the top of the picture. From anterior, azimuth 90
    * is the left view (positive angles are left anterior oblique, positive elevations are cranial).
    * Throws ExceptionObject if \a image is null, or an angle is not finite. */
-  static ShearWarpMIP_EXPORT
-  TransformType::Pointer
+  static ShearWarpMIP_EXPORT TransformType::Pointer
   MakeTransform(const ImageBase<3> * image, DirectionEnum direction, double azimuth = 0.0, double elevation = 0.0);
 
   /** The rigid transform of a view of \a image that has \a axis, a direction of physical space of any length, up the
    * picture: from anterior or, where the axis points that way, from superior. Throws ExceptionObject if \a image is
    * null, or \a axis is zero or not finite. */
-  static ShearWarpMIP_EXPORT
-  TransformType::Pointer
-  MakeUprightTransform(const ImageBase<3> * image, const Vector<double, 3> & axis);
+  static ShearWarpMIP_EXPORT TransformType::Pointer
+                             MakeUprightTransform(const ImageBase<3> * image, const Vector<double, 3> & axis);
 
   /** \a view, a linear transform from view space to physical space, after the viewer has moved by \a degrees,
    * right-handed, about the line through \a center, in mm, along \a axis, of any length. Multiples of 90 degrees about
    * an axis of physical space are exact. Throws ExceptionObject if \a view is null or not linear, \a axis is zero, or a
    * number is not finite. */
-  static ShearWarpMIP_EXPORT
-  TransformType::Pointer
-  Turn(const Transform<double, 3, 3> * view,
-       const Vector<double, 3> &       axis,
-       const Point<double, 3> &        center,
-       double                          degrees);
+  static ShearWarpMIP_EXPORT TransformType::Pointer
+                             Turn(const Transform<double, 3, 3> * view,
+                                  const Vector<double, 3> &       axis,
+                                  const Point<double, 3> &        center,
+                                  double                          degrees);
 
   /** The physical position, in mm, of the centre of \a image's largest possible region. */
-  static ShearWarpMIP_EXPORT
-  Point<double, 3>
-  GetCentre(const ImageBase<3> * image);
+  static ShearWarpMIP_EXPORT Point<double, 3>
+                             GetCentre(const ImageBase<3> * image);
 };
 } // namespace itk
 

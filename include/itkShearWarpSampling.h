@@ -49,8 +49,7 @@ struct SamplingPosition
 };
 
 /** Rounds \a position, in pixels, to the nearest 1/2^15. Its magnitude must be below 2^31. */
-ShearWarpMIP_EXPORT
-SamplingPosition
+ShearWarpMIP_EXPORT SamplingPosition
 QuantizePosition(double position);
 
 /** Weights of the four corners of a cell in 1/2^15: none negative, their sum exactly 2^15.
@@ -92,9 +91,8 @@ struct SlicePlacement
 };
 
 /** The instruction sets that this computer and this build have, the best one last. */
-ShearWarpMIP_EXPORT
-std::vector<std::string>
-GetInstructionSets();
+ShearWarpMIP_EXPORT std::vector<std::string>
+                    GetInstructionSets();
 
 /** Where a part of a volume begins. */
 struct Corner
@@ -114,8 +112,7 @@ struct ShearedFunction
 {
   double perColumn, perRow, perSlice, constant;
 
-  ShearWarpMIP_EXPORT
-  double
+  ShearWarpMIP_EXPORT double
   operator()(double column, double row, double slice) const;
 };
 } // namespace itk::ShearWarp

@@ -95,19 +95,16 @@ struct RowSpan
 /** The samples of a slice of \a voxels voxels along one axis, counted from `position.whole`: sample n lies between
  * voxels n - 1 and n, and the outer one at the end that is nearer, if it is the volume's, has the outer voxel's value.
  */
-ShearWarpMIP_EXPORT
-RowSpan
+ShearWarpMIP_EXPORT RowSpan
 FindSamples(const SamplingPosition & position, std::ptrdiff_t voxels, Ends ends);
 
 /** The row of the intermediate image where row 0 of the block's rows lies, for \a slice. */
-ShearWarpMIP_EXPORT
-std::ptrdiff_t
-FindFirstRow(const Block & block, const SlicePlacement * placements, std::ptrdiff_t slice);
+ShearWarpMIP_EXPORT std::ptrdiff_t
+                    FindFirstRow(const Block & block, const SlicePlacement * placements, std::ptrdiff_t slice);
 
 /** The samples of \a slice along its rows that are the block's, as FindSamples() counts them; at the ends of the stack
  * all that there are. */
-ShearWarpMIP_EXPORT
-RowSpan
+ShearWarpMIP_EXPORT RowSpan
 FindRowSamples(const Block & block, const SlicePlacement * placements, std::ptrdiff_t slice, Ends rowEnds);
 
 /** Which samples pixels keep: of the same magnitude the positive one. */
@@ -145,8 +142,7 @@ struct IntermediateImage
 };
 
 /** Those columns of \a span where \a low <= function <= \a high, for a row and a slice. */
-ShearWarpMIP_EXPORT
-ColumnSpan
+ShearWarpMIP_EXPORT ColumnSpan
 ClipColumns(const ShearedFunction & function, double low, double high, double row, double slice, ColumnSpan span);
 
 /** Samples count where \a low <= function <= \a high. */
@@ -163,13 +159,11 @@ struct Region
   std::ptrdiff_t        firstSlice{ 0 }; // of the stack, in the volume
 
   /** Whether samples of columns \a columns and rows \a rows of a slice may count. */
-  ShearWarpMIP_EXPORT
-  bool
+  ShearWarpMIP_EXPORT bool
   MayReach(ColumnSpan columns, RowSpan rows, std::ptrdiff_t slice) const;
 
   /** Those of columns \a columns of a row of a slice that count. */
-  ShearWarpMIP_EXPORT
-  ColumnSpan
+  ShearWarpMIP_EXPORT ColumnSpan
   Clip(ColumnSpan columns, std::ptrdiff_t row, std::ptrdiff_t slice) const;
 };
 
@@ -183,8 +177,7 @@ struct Coverage
 
   /** Marks those pixels of columns \a columns of a row that have a sample of a slice in the region, and returns them.
    */
-  ShearWarpMIP_EXPORT
-  ColumnSpan
+  ShearWarpMIP_EXPORT ColumnSpan
   Add(ColumnSpan columns, std::ptrdiff_t row, std::ptrdiff_t slice) const;
 };
 
@@ -226,8 +219,7 @@ enum class TileState : std::uint8_t
 
 /** exp(-\a x) for 0 <= x, or 0 where that is less than exp(-708): from IEEE operations alone, so that every computer
  * has the same bits. It is exactly 1 at 0, never rises with x, and its relative error is below 2^-52. */
-ShearWarpMIP_EXPORT
-double
+ShearWarpMIP_EXPORT double
 Decay(double x);
 
 /** How samples fade: those of depth w by exp(-rate (w - begin)), those before `begin` not at all. */
@@ -266,14 +258,12 @@ struct ViewFading
   std::ptrdiff_t                  firstSlice{ 0 };
 
   /** Prepares for a stack of slices of \a columns columns that begins with slice \a first of the volume. */
-  ShearWarpMIP_EXPORT
-  void
+  ShearWarpMIP_EXPORT void
   SetStack(std::ptrdiff_t columns, std::ptrdiff_t first);
 
   /** For a row of a slice of the stack that reaches the columns of \a reached. */
-  ShearWarpMIP_EXPORT
-  FadingRow<TPixel>
-  GetRow(std::ptrdiff_t row, std::ptrdiff_t slice, ColumnSpan reached) const;
+  ShearWarpMIP_EXPORT FadingRow<TPixel>
+                      GetRow(std::ptrdiff_t row, std::ptrdiff_t slice, ColumnSpan reached) const;
 };
 
 /** A view along the slices' axis: the place of each slice, and the image that collects the extrema; with a `coverage`
@@ -449,15 +439,13 @@ struct ReachedRow
   bool       hasGaps;
 };
 
-ShearWarpMIP_EXPORT
-ReachedRow
+ShearWarpMIP_EXPORT ReachedRow
 FindReached(const std::int32_t * slices, std::ptrdiff_t columns);
 
 /** The sample of weights \a x and \a y between the voxels b[column], b[before], a[column] and a[before], of those whose
  * bits, the lowest first, \a counted has. */
 template <typename TPixel>
-ShearWarpMIP_EXPORT
-TPixel
+ShearWarpMIP_EXPORT TPixel
 SampleCounted(const TPixel * a,
               const TPixel * b,
               std::ptrdiff_t column,
@@ -469,8 +457,7 @@ SampleCounted(const TPixel * a,
 /** For columns [0, columns) of row \a row of an output image, \a depth on the pixel's own ray, in the slice of that
  * intermediate pixel which has the largest weight in its interpolation; or not-a-number. */
 template <typename TPixel>
-ShearWarpMIP_EXPORT
-void
+ShearWarpMIP_EXPORT void
 FindDepths(const IntermediateImage<TPixel> & intermediate,
            const AffineMap2D &               outputToIntermediate,
            unsigned int                      oversampling,
@@ -481,17 +468,15 @@ FindDepths(const IntermediateImage<TPixel> & intermediate,
 
 /** The plain C++ kernels: the definition that the others are tested against. */
 template <typename TPixel>
-ShearWarpMIP_EXPORT
-const Kernels<TPixel> &
-GetPortableKernels();
+const ShearWarpMIP_EXPORT Kernels<TPixel> &
+                          GetPortableKernels();
 
 /** The kernels of the instruction set that the environment variable SHEARWARPMIP_INSTRUCTION_SET names or, if that is
  * not set, of the best one of this computer. Pixel types without kernels of their own get the portable ones.
  * Throws std::invalid_argument if this computer does not have the named instruction set. */
 template <typename TPixel>
-ShearWarpMIP_EXPORT
-const Kernels<TPixel> &
-GetKernels();
+const ShearWarpMIP_EXPORT Kernels<TPixel> &
+                          GetKernels();
 
 } // namespace itk::ShearWarp
 
