@@ -19,7 +19,7 @@
 #include "itkShearWarpMIPImageFilter.h"
 #include "itkShearWarpMIPPartImageFilter.h"
 
-#include "itkShearWarpMIPTestHelper.h"
+#include "itkShearWarpMIPTestParts.h"
 
 #include "itkCommand.h"
 

@@ -20,7 +20,7 @@
 #include "itkShearWarpExact.h"
 #include "itkShearWarpMIPCineImageFilter.h"
 #include "itkShearWarpMIPImageFilter.h"
-#include "itkShearWarpMIPTestHelper.h"
+#include "itkShearWarpMIPTestOracle.h"
 #include "itkShearWarpMIPView.h"
 
 #include <array>

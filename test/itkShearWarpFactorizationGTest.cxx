@@ -17,7 +17,7 @@
  *=========================================================================*/
 #include "itkShearWarpFactorization.h"
 
-#include "itkShearWarpMIPTestHelper.h"
+#include "itkShearWarpMIPTestImages.h"
 
 #include "itkBSplineTransform.h"
 #include "itkCompositeTransform.h"

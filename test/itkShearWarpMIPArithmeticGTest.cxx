@@ -18,7 +18,7 @@
 #include "itkShearWarpKernels.h"
 #include "itkShearWarpMIPCineImageFilter.h"
 #include "itkShearWarpMIPImageFilter.h"
-#include "itkShearWarpMIPTestHelper.h"
+#include "itkShearWarpMIPTestImages.h"
 
 #include <gtest/gtest.h>
 

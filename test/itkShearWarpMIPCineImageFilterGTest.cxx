@@ -17,7 +17,8 @@
  *=========================================================================*/
 #include "itkShearWarpMIPCineImageFilter.h"
 #include "itkShearWarpMIPImageFilter.h"
-#include "itkShearWarpMIPTestHelper.h"
+#include "itkShearWarpMIPTestOracle.h"
+#include "itkShearWarpMIPTestParts.h"
 
 #include "itkCommand.h"
 #include "itkExtractImageFilter.h"

@@ -17,7 +17,7 @@
  *=========================================================================*/
 #include "itkShearWarpMIPImageFilter.h"
 
-#include "itkShearWarpMIPTestHelper.h"
+#include "itkShearWarpMIPTestOracle.h"
 
 #include "itkImageRegionConstIteratorWithIndex.h"
 #include "itkLinearInterpolateImageFunction.h"

@@ -18,7 +18,8 @@
 #include "itkShearWarpKernels.h"
 #include "itkShearWarpMIPCineImageFilter.h"
 #include "itkShearWarpMIPImageFilter.h"
-#include "itkShearWarpMIPTestHelper.h"
+#include "itkShearWarpMIPTestOracle.h"
+#include "itkShearWarpMIPTestParts.h"
 #include "itkShearWarpMIPView.h"
 
 #include <sstream>

@@ -18,7 +18,7 @@
 #include "itkShearWarpMIPImageFilter.h"
 #include "itkShearWarpMIPPartImageFilter.h"
 
-#include "itkShearWarpMIPTestHelper.h"
+#include "itkShearWarpMIPTestParts.h"
 
 #include "itkCastImageFilter.h"
 #include "itkCommand.h"

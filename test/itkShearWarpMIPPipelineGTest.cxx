@@ -17,7 +17,7 @@
  *=========================================================================*/
 #include "itkShearWarpMIPImageFilter.h"
 
-#include "itkShearWarpMIPTestHelper.h"
+#include "itkShearWarpMIPTestOracle.h"
 
 #include "itkBSplineTransform.h"
 #include "itkCastImageFilter.h"

@@ -18,7 +18,7 @@
 #include "itkShearWarpMIPCineImageFilter.h"
 #include "itkShearWarpMIPImageFilter.h"
 
-#include "itkShearWarpMIPTestHelper.h"
+#include "itkShearWarpMIPTestOracle.h"
 
 #include "itkImageRegionConstIteratorWithIndex.h"
 

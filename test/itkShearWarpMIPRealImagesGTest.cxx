@@ -16,7 +16,7 @@
  *
  *=========================================================================*/
 #include "itkShearWarpMIPImageFilter.h"
-#include "itkShearWarpMIPTestHelper.h"
+#include "itkShearWarpMIPTestOracle.h"
 #include "itkShearWarpMIPView.h"
 
 #include "itkGDCMImageIO.h"

@@ -17,7 +17,7 @@
  *=========================================================================*/
 #include "itkShearWarpMIPImageFilter.h"
 
-#include "itkShearWarpMIPTestHelper.h"
+#include "itkShearWarpMIPTestParts.h"
 
 
 #include <gtest/gtest.h>

@@ -18,7 +18,7 @@
 #include "itkShearWarpMIPView.h"
 
 #include "itkShearWarpMIPImageFilter.h"
-#include "itkShearWarpMIPTestHelper.h"
+#include "itkShearWarpMIPTestImages.h"
 
 #include "itkImageRegionConstIteratorWithIndex.h"
 

@@ -17,7 +17,7 @@
  *=========================================================================*/
 #include "itkShearWarpPreparedVolume.h"
 
-#include "itkShearWarpMIPTestHelper.h"
+#include "itkShearWarpMIPTestImages.h"
 
 #include <gtest/gtest.h>
 

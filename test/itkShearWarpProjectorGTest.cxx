@@ -20,7 +20,7 @@
 #include "itkShearWarpMIPImageFilter.h"
 #include "itkShearWarpProjector.h"
 
-#include "itkShearWarpMIPTestHelper.h"
+#include "itkShearWarpMIPTestImages.h"
 
 #include <gtest/gtest.h>
 

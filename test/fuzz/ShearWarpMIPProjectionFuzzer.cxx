@@ -15,7 +15,8 @@
  *  limitations under the License.
  *
  *=========================================================================*/
-#include "../itkShearWarpMIPTestHelper.h"
+#include "../itkShearWarpMIPTestOracle.h"
+#include "../itkShearWarpMIPTestParts.h"
 #include "itkShearWarpMIPImageFilter.h"
 #include "itkShearWarpMIPPartImageFilter.h"
 #include "vnl/vnl_inverse.h"
@@ -85,7 +86,8 @@ public:
         return this->ConsumeIntegralInRange(-64, 64) / 32.0;
       case 2:
         return this->ConsumeFloatingPointInRange(-100.0, 100.0);
-      default: {
+      default:
+      {
         const auto bits = this->ConsumeIntegral<std::uint64_t>();
         double     number;
         std::memcpy(&number, &bits, sizeof(number));

@@ -27,7 +27,7 @@
 #include "itkImageFileWriter.h"
 #include "itkImageRegionIteratorWithIndex.h"
 #include "itkShearWarpMIPImageFilter.h"
-#include "itkShearWarpMIPTestHelper.h"
+#include "itkShearWarpMIPTestImages.h"
 
 #include <cstdio>
 #include <functional>

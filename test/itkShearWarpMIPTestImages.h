@@ -1,0 +1,294 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#ifndef itkShearWarpMIPTestImages_h
+#define itkShearWarpMIPTestImages_h
+
+#include "itkAffineTransform.h"
+#include "itkImage.h"
+#include "itkMatrix.h"
+#include "itkShearWarpMIPTestRule.h"
+
+/** Random images and views; what images have in common. */
+namespace itk::ShearWarpMIPTest
+{
+using MatrixType = Matrix<double, 3, 3>;
+using PointType = Point<double, 3>;
+using ViewBaseType = MatrixOffsetTransformBase<double, 3, 3>;
+using ViewType = AffineTransform<double, 3>;
+
+inline PointType
+MakePoint3(double x, double y, double z)
+{
+  const double components[] = { x, y, z };
+  return PointType(components);
+}
+
+inline Vector<double, 3>
+MakeVector3(double x, double y, double z)
+{
+  const double components[] = { x, y, z };
+  return Vector<double, 3>(components);
+}
+
+inline Vector<double, 2>
+MakeVector2(double x, double y)
+{
+  const double components[] = { x, y };
+  return Vector<double, 2>(components);
+}
+
+inline Point<double, 2>
+MakePoint2(double x, double y)
+{
+  const double components[] = { x, y };
+  return Point<double, 2>(components);
+}
+
+inline MatrixType
+MakeMatrix(const double (&rows)[3][3])
+{
+  MatrixType matrix;
+  for (unsigned int row = 0; row < 3; ++row)
+  {
+    for (unsigned int column = 0; column < 3; ++column)
+    {
+      matrix(row, column) = rows[row][column];
+    }
+  }
+  return matrix;
+}
+
+inline MatrixType
+MakeDiagonal(double x, double y, double z)
+{
+  return MakeMatrix({ { x, 0, 0 }, { 0, y, 0 }, { 0, 0, z } });
+}
+
+/** Uniformly distributed over all rotations: of a random unit quaternion. */
+inline MatrixType
+MakeRandomRotation(Random & random)
+{
+  double a, b, c, d, squaredNorm;
+  do
+  {
+    a = random.Uniform(-1, 1);
+    b = random.Uniform(-1, 1);
+    c = random.Uniform(-1, 1);
+    d = random.Uniform(-1, 1);
+    squaredNorm = a * a + b * b + c * c + d * d;
+  } while (squaredNorm > 1.0 || squaredNorm < 0.01);
+  const double s = 2.0 / squaredNorm;
+  return MakeMatrix({ { 1 - s * (c * c + d * d), s * (b * c - a * d), s * (b * d + a * c) },
+                      { s * (b * c + a * d), 1 - s * (b * b + d * d), s * (c * d - a * b) },
+                      { s * (b * d - a * c), s * (c * d + a * b), 1 - s * (b * b + c * c) } });
+}
+
+enum class ViewKind
+{
+  Rigid,
+  Affine,
+  Mirrored
+};
+
+constexpr ViewKind AllViewKinds[] = { ViewKind::Rigid, ViewKind::Affine, ViewKind::Mirrored };
+
+inline MatrixType
+MakeRandomViewMatrix(Random & random, ViewKind kind)
+{
+  MatrixType matrix = MakeRandomRotation(random);
+  if (kind == ViewKind::Affine)
+  {
+    const auto scale = [&random] { return random.Uniform(0.5, 2.0); };
+    const auto skew = [&random] { return random.Uniform(-0.4, 0.4); };
+    const auto x = scale(), y = scale(), z = scale();
+    const auto xy = skew(), xz = skew(), yz = skew();
+    matrix = matrix * MakeMatrix({ { x, xy, xz }, { 0, y, yz }, { 0, 0, z } }) * MakeRandomRotation(random);
+  }
+  if (kind == ViewKind::Mirrored)
+  {
+    matrix = matrix * MakeDiagonal(-1, 1, 1);
+  }
+  return matrix;
+}
+
+inline ViewType::Pointer
+MakeView(const MatrixType & matrix, const PointType & origin)
+{
+  auto view = ViewType::New();
+  view->SetMatrix(matrix);
+  view->SetOffset(origin.GetVectorFromOrigin());
+  return view;
+}
+
+inline PointType
+GetCentre(const ImageBase<3> * image)
+{
+  const auto &               region = image->GetLargestPossibleRegion();
+  ContinuousIndex<double, 3> index;
+  for (unsigned int axis = 0; axis < 3; ++axis)
+  {
+    index[axis] = static_cast<double>(region.GetIndex(axis)) + 0.5 * (static_cast<double>(region.GetSize(axis)) - 1.0);
+  }
+  PointType centre;
+  image->TransformContinuousIndexToPhysicalPoint(index, centre);
+  return centre;
+}
+
+/** A view whose origin is somewhere near the image's centre. */
+inline ViewType::Pointer
+MakeRandomView(Random & random, ViewKind kind, const ImageBase<3> * image)
+{
+  PointType origin = GetCentre(image);
+  for (unsigned int axis = 0; axis < 3; ++axis)
+  {
+    origin[axis] += random.Uniform(-20, 20);
+  }
+  return MakeView(MakeRandomViewMatrix(random, kind), origin);
+}
+
+/** Anisotropic, oblique, off the origin, with a start index that is not zero; every third is left-handed. */
+inline void
+SetRandomGeometry(Random & random, ImageBase<3> * image, const Size<3> & size)
+{
+  ImageRegion<3>    region;
+  Vector<double, 3> spacing;
+  PointType         origin;
+  for (unsigned int axis = 0; axis < 3; ++axis)
+  {
+    region.SetIndex(axis, random.Integer(-9, 9));
+    region.SetSize(axis, size[axis]);
+    spacing[axis] = random.Uniform(0.3, 3.0);
+    origin[axis] = random.Uniform(-100, 100);
+  }
+  image->SetRegions(region);
+  image->SetSpacing(spacing);
+  image->SetOrigin(origin);
+  image->SetDirection(MakeRandomRotation(random) * MakeDiagonal(1, 1, random.Integer(0, 2) == 0 ? -1 : 1));
+}
+
+inline Size<3>
+MakeRandomSize(Random & random, SizeValueType low, SizeValueType high)
+{
+  Size<3> size;
+  for (auto & length : size)
+  {
+    length = static_cast<SizeValueType>(random.Integer(low, high));
+  }
+  return size;
+}
+
+template <typename TPixel, unsigned int VDimension>
+void
+FillRandom(Random & random, Image<TPixel, VDimension> * image)
+{
+  const SizeValueType count = image->GetBufferedRegion().GetNumberOfPixels();
+  std::generate_n(image->GetBufferPointer(), count, [&random] { return MakeRandomPixel<TPixel>(random); });
+}
+
+template <typename TPixel>
+typename Image<TPixel, 3>::Pointer
+MakeRandomImage(Random & random, const Size<3> & size)
+{
+  auto image = Image<TPixel, 3>::New();
+  SetRandomGeometry(random, image, size);
+  image->Allocate();
+  FillRandom(random, image.GetPointer());
+  return image;
+}
+
+/** Spacing 1, identity direction, origin and index zero. */
+template <typename TPixel>
+typename Image<TPixel, 3>::Pointer
+MakePlainImage(const Size<3> & size, TPixel value = TPixel{})
+{
+  auto image = Image<TPixel, 3>::New();
+  image->SetRegions(size);
+  image->Allocate();
+  image->FillBuffer(value);
+  return image;
+}
+
+template <typename TFunction>
+std::string
+GetExceptionDescription(const TFunction & function)
+{
+  try
+  {
+    function();
+  }
+  catch (const ExceptionObject & exception)
+  {
+    return exception.GetDescription();
+  }
+  return "no exception";
+}
+
+#define EXPECT_NAMES(expression, text)                                                                   \
+  {                                                                                                      \
+    const std::string description = itk::ShearWarpMIPTest::GetExceptionDescription([&] { expression; }); \
+    EXPECT_NE(description.find(text), std::string::npos) << "the exception says: " << description;       \
+  }
+
+template <typename TPixel>
+bool
+HaveSamePixels(const Image<TPixel, 2> * a, const Image<TPixel, 2> * b)
+{
+  return a->GetBufferedRegion() == b->GetBufferedRegion() &&
+         std::memcmp(a->GetBufferPointer(),
+                     b->GetBufferPointer(),
+                     a->GetBufferedRegion().GetNumberOfPixels() * sizeof(TPixel)) == 0;
+}
+
+template <typename TImage>
+void
+AddToChecksum(const TImage * image, std::uint64_t & checksum)
+{
+  AddToChecksum(image->GetBufferPointer(), image->GetBufferedRegion().GetNumberOfPixels(), checksum);
+}
+
+template <typename TPixel>
+typename Image<TPixel, 2>::Pointer
+Copy(const Image<TPixel, 2> * image)
+{
+  auto copy = Image<TPixel, 2>::New();
+  copy->CopyInformation(image);
+  copy->SetRegions(image->GetBufferedRegion());
+  copy->Allocate();
+  std::copy_n(image->GetBufferPointer(), image->GetBufferedRegion().GetNumberOfPixels(), copy->GetBufferPointer());
+  return copy;
+}
+
+/** Bytes of what a filter has prepared of its input, without intermediate images. */
+template <typename TFilter>
+SizeValueType
+GetPreparedBytes(const TFilter * filter)
+{
+  struct Open : TFilter
+  {
+    static SizeValueType
+    Get(const TFilter * filter)
+    {
+      return (filter->*(&Open::m_Engine)).GetPreparedSizeInBytes();
+    }
+  };
+  return Open::Get(filter);
+}
+
+} // namespace itk::ShearWarpMIPTest
+
+#endif

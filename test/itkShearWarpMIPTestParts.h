@@ -1,0 +1,139 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#ifndef itkShearWarpMIPTestParts_h
+#define itkShearWarpMIPTestParts_h
+
+#include "itkImageAlgorithm.h"
+#include "itkImageRegionIteratorWithIndex.h"
+#include "itkImageSource.h"
+#include "itkShearWarpMIPMergePartsImageFilter.h"
+#include "itkShearWarpMIPTestImages.h"
+
+/** Images that come in parts. */
+namespace itk::ShearWarpMIPTest
+{
+/** A piece of \a image, in memory of its own. */
+template <typename TPixel>
+typename Image<TPixel, 3>::Pointer
+MakePart(const Image<TPixel, 3> * image, const ImageRegion<3> & region)
+{
+  auto part = Image<TPixel, 3>::New();
+  part->CopyInformation(image);
+  part->SetRegions(region);
+  part->Allocate();
+  ImageAlgorithm::Copy(image, part.GetPointer(), region, region);
+  return part;
+}
+
+/** Only the geometry. */
+template <typename TPixel>
+typename Image<TPixel, 3>::Pointer
+MakeOutline(const Image<TPixel, 3> * image)
+{
+  auto outline = Image<TPixel, 3>::New();
+  outline->CopyInformation(image);
+  return outline;
+}
+
+/** The filter that makes the picture of \a filter from parts of its input. */
+template <typename TInputImage, typename TOutputImage>
+auto
+MakeMergeFilter(const ShearWarpMIPImageFilter<TInputImage, TOutputImage> * filter)
+{
+  const auto merge = ShearWarpMIPMergePartsImageFilter<TInputImage, TOutputImage>::New();
+  merge->SetInput(MakeOutline(filter->GetInput()));
+  merge->SetTransform(filter->GetTransform());
+  merge->SetOversampling(filter->GetOversampling());
+  merge->SetDefaultPixelValue(filter->GetDefaultPixelValue());
+  merge->SetNumberOfWorkUnits(filter->GetNumberOfWorkUnits());
+  if (filter->GetSize()[0] > 0)
+  {
+    merge->SetSize(filter->GetSize());
+  }
+  if (filter->GetOutputSpacing()[0] > 0.0)
+  {
+    merge->SetOutputSpacing(filter->GetOutputSpacing());
+  }
+  if (filter->GetOutputOrigin() != Point<double, 2>(0.0))
+  {
+    merge->SetOutputOrigin(filter->GetOutputOrigin());
+  }
+  return merge;
+}
+
+/** Gives the requested parts of an image, in memory of their own, and remembers how large they were. */
+template <typename TPixel>
+class PartSource : public ImageSource<Image<TPixel, 3>>
+{
+public:
+  using Self = PartSource;
+  using Superclass = ImageSource<Image<TPixel, 3>>;
+  using Pointer = SmartPointer<Self>;
+  using ImageType = Image<TPixel, 3>;
+  itkNewMacro(Self);
+
+  void
+  SetWhole(const ImageType * image)
+  {
+    m_Whole = image;
+    this->Modified();
+  }
+
+  SizeValueType executions{ 0 };
+  SizeValueType mostSlices{ 0 };
+  SizeValueType missingSlices{ 0 }; // an error
+
+protected:
+  void
+  GenerateOutputInformation() override
+  {
+    this->GetOutput()->CopyInformation(m_Whole);
+  }
+
+  void
+  GenerateData() override
+  {
+    ImageType * output = this->GetOutput();
+    auto        region = output->GetRequestedRegion();
+    region.SetSize(2, region.GetSize(2) - missingSlices);
+    output->SetBufferedRegion(region);
+    output->Allocate();
+    for (ImageRegionIteratorWithIndex<ImageType> it(output, region); !it.IsAtEnd(); ++it)
+    {
+      it.Set(m_Whole->GetPixel(it.GetIndex()));
+    }
+    ++executions;
+    mostSlices = std::max(mostSlices, region.GetSize(2));
+  }
+
+private:
+  typename ImageType::ConstPointer m_Whole;
+};
+
+template <typename TPixel>
+typename PartSource<TPixel>::Pointer
+MakeSource(const Image<TPixel, 3> * image)
+{
+  auto source = PartSource<TPixel>::New();
+  source->SetWhole(image);
+  return source;
+}
+
+} // namespace itk::ShearWarpMIPTest
+
+#endif
