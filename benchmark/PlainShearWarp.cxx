@@ -32,13 +32,13 @@ using ShearWarp::One;
 
 /** Equation 2: the sum in 1/2^15, which fits for pixels of up to 16 bits because the weights sum to 2^15. */
 template <typename TPixel>
-struct Sampler
+struct CellSampler
 {
   using SumType = std::int32_t;
 
   // the checker misses the specialization's members here
   // cppcheck-suppress uninitMemberVar
-  explicit Sampler(const ShearWarp::SlicePlacement & placement)
+  explicit CellSampler(const ShearWarp::SlicePlacement & placement)
     : weights(placement.column.fraction, placement.row.fraction)
   {}
 
@@ -59,11 +59,11 @@ struct Sampler
 
 /** Floating point: columns first, then rows. */
 template <>
-struct Sampler<float>
+struct CellSampler<float>
 {
   using SumType = float;
 
-  explicit Sampler(const ShearWarp::SlicePlacement & placement)
+  explicit CellSampler(const ShearWarp::SlicePlacement & placement)
     : x(static_cast<float>(placement.column.fraction) / One)
     , y(static_cast<float>(placement.row.fraction) / One)
   {}
@@ -166,7 +166,7 @@ ProjectRows(const PermutedVolume<TPixel> & volume,
             std::ptrdiff_t                 rowEnd,
             std::vector<TPixel> &          intermediate)
 {
-  using SumType = typename Sampler<TPixel>::SumType;
+  using SumType = typename CellSampler<TPixel>::SumType;
   const auto           columns = static_cast<std::ptrdiff_t>(factorization.GetIntermediateSize()[0]);
   std::vector<SumType> sums((rowEnd - rowBegin) * columns, std::numeric_limits<SumType>::lowest());
   ForEachRow(
@@ -175,15 +175,15 @@ ProjectRows(const PermutedVolume<TPixel> & volume,
     rowBegin,
     rowEnd,
     [&](const ShearWarp::SlicePlacement & placement, const TPixel * a, std::ptrdiff_t column, std::ptrdiff_t row) {
-      const Sampler<TPixel> sample(placement);
-      const TPixel *        b = a + volume.rowStride;
-      SumType *             sum = sums.data() + (row - rowBegin) * columns + column;
+      const CellSampler<TPixel> sample(placement);
+      const TPixel *            b = a + volume.rowStride;
+      SumType *                 sum = sums.data() + (row - rowBegin) * columns + column;
       for (std::ptrdiff_t i = 0; i < volume.columns; ++i)
       {
         sum[i] = std::max(sum[i], sample(a[i], a[i + 1], b[i], b[i + 1]));
       }
     });
-  std::transform(sums.begin(), sums.end(), intermediate.begin() + rowBegin * columns, Sampler<TPixel>::Round);
+  std::transform(sums.begin(), sums.end(), intermediate.begin() + rowBegin * columns, CellSampler<TPixel>::Round);
 }
 
 template <typename TPixel>

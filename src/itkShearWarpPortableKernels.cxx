@@ -155,12 +155,12 @@ WeightedMean(const TPixel (&values)[N], const std::int32_t (&weights)[N], std::i
   }
 }
 
-/** Samples slices at one placement's fractions: the bilinear rule of the intermediate image. */
+/** Interpolates between the four voxels of cells, at the same place of each. */
 template <typename TPixel, typename = void>
-class Sampler
+class CellSampler
 {
 public:
-  Sampler(std::int32_t x, std::int32_t y)
+  CellSampler(std::int32_t x, std::int32_t y)
     : m_Weights(x, y)
   {}
 
@@ -186,10 +186,10 @@ private:
 };
 
 template <typename TPixel>
-class Sampler<TPixel, std::enable_if_t<std::is_floating_point_v<TPixel>>>
+class CellSampler<TPixel, std::enable_if_t<std::is_floating_point_v<TPixel>>>
 {
 public:
-  Sampler(std::int32_t x, std::int32_t y)
+  CellSampler(std::int32_t x, std::int32_t y)
     : m_X(static_cast<TPixel>(x) / One)
     , m_Y(static_cast<TPixel>(y) / One)
   {}
@@ -245,8 +245,8 @@ ProjectRow(const SliceRow<TPixel> &    row,
            std::ptrdiff_t              pixelRow)
 {
   const auto [a, b, maskA, maskB, columns, position, y] = row;
-  const Sampler<TPixel>     sample(position.fraction, y);
-  const Sampler<TPixel>     edgeSample(0, y);
+  const CellSampler<TPixel> sample(position.fraction, y);
+  const CellSampler<TPixel> edgeSample(0, y);
   const std::ptrdiff_t      place = pixelRow * view.intermediate.rowStride;
   TPixel * const            pixels = view.intermediate.pixels + place;
   SliceRank<TPixel> * const ranks = view.ranked.ranks ? view.ranked.ranks + place : nullptr;
@@ -528,7 +528,7 @@ SampleCounted(const TPixel * a,
     sum += weights[corner];
   }
   return sum < One ? WeightedMean(values, weights, sum)
-                   : Sampler<TPixel>(x, y)(values[3], values[2], values[1], values[0]);
+                   : CellSampler<TPixel>(x, y)(values[3], values[2], values[1], values[0]);
 }
 
 /** The slice of that pixel which has the largest weight at a place of the image. */

@@ -19,7 +19,7 @@
  * See itkShearWarpVectorKernels.h for what includes it. */
 
 /** The four corners' weights and values of a few pixels: rows a and b, left and right. */
-struct WarpCell
+struct WarpCells
 {
   Lanes::Index   aaWeights, abWeights, baWeights, bbWeights;
   Lanes::Index   index;
@@ -29,7 +29,7 @@ struct WarpCell
 /** Interpolates between integers; all corners count. */
 template <typename TPixel>
 bool
-Interpolate(const WarpCell & cell, const TPixel * pixels, TPixel * output)
+InterpolateCells(const WarpCells & cells, const TPixel * pixels, TPixel * output)
 {
   // two neighbours come in one 32-bit element
   constexpr int bits = 8 * sizeof(TPixel);
@@ -38,26 +38,26 @@ Interpolate(const WarpCell & cell, const TPixel * pixels, TPixel * output)
     return static_cast<TPixel>(-1) > 0 ? Lanes::ShiftRightLogical(shifted, 32 - bits)
                                           : Lanes::ShiftRight(shifted, 32 - bits);
   };
-  const Lanes::Index upper = Lanes::template Gather<sizeof(TPixel)>(pixels, cell.index);
-  const Lanes::Index lower = Lanes::template Gather<sizeof(TPixel)>(pixels + cell.rowStride, cell.index);
+  const Lanes::Index upper = Lanes::template Gather<sizeof(TPixel)>(pixels, cells.index);
+  const Lanes::Index lower = Lanes::template Gather<sizeof(TPixel)>(pixels + cells.rowStride, cells.index);
   Lanes::Index       sum = Lanes::SetIndex(1 << 14);
-  sum = Lanes::AddIndex(sum, Lanes::MultiplyIndex(cell.bbWeights, extract(upper, 0)));
-  sum = Lanes::AddIndex(sum, Lanes::MultiplyIndex(cell.baWeights, extract(upper, bits)));
-  sum = Lanes::AddIndex(sum, Lanes::MultiplyIndex(cell.abWeights, extract(lower, 0)));
-  sum = Lanes::AddIndex(sum, Lanes::MultiplyIndex(cell.aaWeights, extract(lower, bits)));
+  sum = Lanes::AddIndex(sum, Lanes::MultiplyIndex(cells.bbWeights, extract(upper, 0)));
+  sum = Lanes::AddIndex(sum, Lanes::MultiplyIndex(cells.baWeights, extract(upper, bits)));
+  sum = Lanes::AddIndex(sum, Lanes::MultiplyIndex(cells.abWeights, extract(lower, 0)));
+  sum = Lanes::AddIndex(sum, Lanes::MultiplyIndex(cells.aaWeights, extract(lower, bits)));
   Lanes::StoreLow(output, Lanes::ShiftRight(sum, 15));
   return true;
 }
 
 /** Interpolates between finite values; false, and no output, if one is not. */
 inline bool
-Interpolate(const WarpCell & cell, const float * pixels, float * output)
+InterpolateCells(const WarpCells & cells, const float * pixels, float * output)
 {
-  const Lanes::Single values[4] = { Lanes::GatherSingle(pixels, cell.index),
-                                    Lanes::GatherSingle(pixels + 1, cell.index),
-                                    Lanes::GatherSingle(pixels + cell.rowStride, cell.index),
-                                    Lanes::GatherSingle(pixels + cell.rowStride + 1, cell.index) };
-  const Lanes::Index  weights[4] = { cell.bbWeights, cell.baWeights, cell.abWeights, cell.aaWeights };
+  const Lanes::Single values[4] = { Lanes::GatherSingle(pixels, cells.index),
+                                    Lanes::GatherSingle(pixels + 1, cells.index),
+                                    Lanes::GatherSingle(pixels + cells.rowStride, cells.index),
+                                    Lanes::GatherSingle(pixels + cells.rowStride + 1, cells.index) };
+  const Lanes::Index  weights[4] = { cells.bbWeights, cells.baWeights, cells.abWeights, cells.aaWeights };
   Lanes::Double       mean = Lanes::SetDouble(0.0);
   Lanes::Single       lowest = Lanes::SetSingle(__builtin_inff());
   Lanes::Single       highest = Lanes::SetSingle(-__builtin_inff());
@@ -198,15 +198,15 @@ WarpRow(const IntermediateImage<TPixel> & intermediate,
         const Lanes::Index fraction = Lanes::SetIndex(32767);
         const Lanes::Index u = Lanes::AndIndex(column, fraction);
         const Lanes::Index v = Lanes::AndIndex(line, fraction);
-        WarpCell           cell;
-        cell.aaWeights = Lanes::ShiftRight(Lanes::AddIndex(Lanes::MultiplyIndex(u, v), Lanes::SetIndex(1 << 14)), 15);
-        cell.abWeights = Lanes::SubtractIndex(v, cell.aaWeights);
-        cell.baWeights = Lanes::SubtractIndex(u, cell.aaWeights);
-        cell.bbWeights = Lanes::SubtractIndex(Lanes::SetIndex(32768), Lanes::AddIndex(v, cell.baWeights));
-        cell.rowStride = intermediate.rowStride;
-        cell.index = Lanes::AddIndex(
-          Lanes::MultiplyIndex(wholeRow, Lanes::SetIndex(static_cast<std::int32_t>(cell.rowStride))), wholeColumn);
-        isDone = Interpolate(cell, static_cast<const TPixel *>(intermediate.pixels), output + x);
+        WarpCells          cells;
+        cells.aaWeights = Lanes::ShiftRight(Lanes::AddIndex(Lanes::MultiplyIndex(u, v), Lanes::SetIndex(1 << 14)), 15);
+        cells.abWeights = Lanes::SubtractIndex(v, cells.aaWeights);
+        cells.baWeights = Lanes::SubtractIndex(u, cells.aaWeights);
+        cells.bbWeights = Lanes::SubtractIndex(Lanes::SetIndex(32768), Lanes::AddIndex(v, cells.baWeights));
+        cells.rowStride = intermediate.rowStride;
+        cells.index = Lanes::AddIndex(
+          Lanes::MultiplyIndex(wholeRow, Lanes::SetIndex(static_cast<std::int32_t>(cells.rowStride))), wholeColumn);
+        isDone = InterpolateCells(cells, static_cast<const TPixel *>(intermediate.pixels), output + x);
       }
       else if (rowEnd <= intermediate.rows && !IsReached<false>(intermediate, rowBegin, rowEnd, first, last + 2))
       {
