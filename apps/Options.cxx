@@ -496,18 +496,24 @@ DefineOptions(CLI::App & app, Options & options)
   add("Program", "--threads", options.threads, "N", "Threads to use; default: all processors")->check(count);
   addFlag("Program", "-v,--verbose", options.verbose, "Says what is done and how long it takes");
 
-  app
-    .add_option_function<std::string>(
-      "--write-phantom",
-      [&options, input, output](const std::string & path) {
-        options.phantom = path;
-        input->required(false);
-        output->required(false);
-      },
-      "Writes a synthetic MR angiogram of a head, instead of INPUT and OUTPUT")
-    ->excludes(input)
-    ->type_name("FILE")
-    ->group("Program");
+  const auto phantom = app
+                         .add_option_function<std::string>(
+                           "--write-phantom",
+                           [&options, input, output](const std::string & path) {
+                             options.phantom = path;
+                             input->required(false);
+                             output->required(false);
+                           },
+                           "Writes a synthetic MR angiogram of a head, instead of INPUT and OUTPUT")
+                         ->excludes(input)
+                         ->type_name("FILE")
+                         ->group("Program");
+  add("Program", "--phantom-size", options.phantomSize, "X Y Z", "Its size in voxels; default: 256 256 128")
+    ->check(MakeCheck("a whole number from 1 to 4096",
+                      [](double value) { return value >= 1.0 && value <= 4096.0 && value == std::trunc(value); }))
+    ->needs(phantom)
+    ->delimiter(',')
+    ->expected(3);
   app.set_version_flag("--version", GetVersionText(), "Prints the version")->group("Program");
   app.set_help_flag("-h,--help", "Prints the usual options")->group("Program");
   app.set_help_all_flag("--help-all", "Prints all options")->group("Program");
@@ -653,6 +659,7 @@ CollectArguments(const CLI::App & app, int argc, const char * const * argv)
                                                     { "--elevations", MostFrames },
                                                     { "--overlay-window", 2 },
                                                     { "--remove-label", MostFrames },
+                                                    { "--phantom-size", 3 },
                                                     { "--size", 2 },
                                                     { "--slab", 2 },
                                                     { "--sliding-slab", 2 },

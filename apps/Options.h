@@ -36,6 +36,7 @@ struct Options
   std::string                 input;
   std::string                 output;
   std::string                 phantom;
+  std::vector<unsigned int>   phantomSize{ 256, 256, 128 };
   std::string                 series;
   std::string                 view{ "anterior" };
   double                      azimuth{ 0.0 };

@@ -17,18 +17,18 @@
  *=========================================================================*/
 #include "Phantom.h"
 
-#include "itkMersenneTwisterRandomVariateGenerator.h"
+#include "itkImageRegionIteratorWithIndex.h"
+#include "itkMath.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <vector>
 
+namespace Phantom
+{
 namespace
 {
-using ImageType = itk::Image<unsigned short, 3>;
-using VectorType = itk::Vector<double, 3>;
-using RandomType = itk::Statistics::MersenneTwisterRandomVariateGenerator;
-
 struct Node
 {
   VectorType position;
@@ -52,17 +52,17 @@ Normalize(VectorType vector)
 
 struct Ellipsoid
 {
-  VectorType centre;
+  VectorType center;
   VectorType radii;
 
-  /** 0 at the centre, 1 on the surface. */
+  /** 0 at the center, 1 on the surface. */
   double
   GetDepth(const VectorType & point) const
   {
     double sum = 0.0;
     for (unsigned int axis = 0; axis < 3; ++axis)
     {
-      const double ratio = (point[axis] - centre[axis]) / radii[axis];
+      const double ratio = (point[axis] - center[axis]) / radii[axis];
       sum += ratio * ratio;
     }
     return std::sqrt(sum);
@@ -74,7 +74,7 @@ struct Ellipsoid
     VectorType normal;
     for (unsigned int axis = 0; axis < 3; ++axis)
     {
-      normal[axis] = (point[axis] - centre[axis]) / (radii[axis] * radii[axis]);
+      normal[axis] = (point[axis] - center[axis]) / (radii[axis] * radii[axis]);
     }
     return Normalize(normal);
   }
@@ -85,7 +85,7 @@ const Ellipsoid brain{ MakeVector(0, 2, 4), MakeVector(64, 82, 62) };
 
 /** A smooth curve through \a nodes with a node at least every half mm. */
 Path
-Interpolate(const Path & nodes)
+MakeCurve(const Path & nodes)
 {
   Path curve;
   for (std::size_t i = 0; i + 1 < nodes.size(); ++i)
@@ -124,9 +124,9 @@ public:
   }
 
   void
-  PaintSphere(const VectorType & centre, double radius)
+  PaintSphere(const VectorType & center, double radius)
   {
-    this->PaintCone({ centre, radius }, { centre, radius });
+    this->PaintCone({ center, radius }, { center, radius });
   }
 
 private:
@@ -223,7 +223,7 @@ public:
                    side);
       }
     }
-    m_Painter.Paint(Interpolate(path));
+    m_Painter.Paint(MakeCurve(path));
   }
 
   /** Grows branches all along a trunk, which goes on as one at its end. */
@@ -282,7 +282,7 @@ MakeTrunk(double side, std::initializer_list<std::array<double, 4>> nodes)
   {
     path.push_back({ MakeVector(side * node[0], node[1], node[2]), node[3] });
   }
-  return Interpolate(path);
+  return MakeCurve(path);
 }
 
 /** The right trunk of the middle cerebral artery is narrowed to 40 % of its diameter. */
@@ -295,6 +295,8 @@ Narrow(Path & trunk, double x)
     node.radius *= 1.0 - 0.6 * std::exp(-0.5 * distance * distance);
   }
 }
+
+} // namespace
 
 void
 PaintArteries(ImageType & image, RandomType & random)
@@ -425,84 +427,84 @@ PaintArteries(ImageType & image, RandomType & random)
   painter.PaintSphere(MakeVector(39.5, -12.0, -11.5), 2.2);
 }
 
-/** Intensity of the tissue at a point of the head. */
-class Tissue
+double
+GetTissue(const VectorType & point)
 {
-public:
-  double
-  operator()(const VectorType & point) const
+  static const Ellipsoid head{ MakeVector(0, 2, 4), MakeVector(75, 94, 72) };
+  static const Ellipsoid neck{ MakeVector(0, 2, 4), MakeVector(75, 94, 150) };
+  static const Ellipsoid leftVentricle{ MakeVector(12, 4, 14), MakeVector(6, 28, 9) };
+  static const Ellipsoid rightVentricle{ MakeVector(-12, 4, 14), MakeVector(6, 28, 9) };
+
+  // the neck is wider than an ellipsoid's lower half
+  const double headDepth = (point[2] > head.center[2] ? head : neck).GetDepth(point);
+  if (headDepth > 1.0)
   {
-    // the neck is wider than an ellipsoid's lower half
-    const Ellipsoid & head = point[2] > m_Head.centre[2] ? m_Head : m_Neck;
-    const double      headDepth = head.GetDepth(point);
-    if (headDepth > 1.0)
-    {
-      return 0.0;
-    }
-    const double brainDepth = brain.GetDepth(point);
-    if (brainDepth > 1.0)
-    {
-      const bool inBone = brainDepth > 1.02 && brainDepth < 1.10 && point[2] > -45.0;
-      return inBone ? 45.0 : headDepth > 0.95 ? 150.0 : 125.0;
-    }
-    if (m_LeftVentricle.GetDepth(point) < 1.0 || m_RightVentricle.GetDepth(point) < 1.0 || brainDepth > 0.965)
-    {
-      return 75.0;
-    }
-    const double fissure = std::abs(point[0]) < 0.9 ? 40.0 : 0.0;
-    const double folds =
-      brainDepth > 0.82 ? 18.0 * std::sin(0.55 * point[0]) * std::sin(0.5 * point[1]) * std::sin(0.6 * point[2]) : 0.0;
-    return (brainDepth > 0.88 ? 165.0 : 180.0) + folds - fissure;
+    return 0.0;
   }
+  const double brainDepth = brain.GetDepth(point);
+  if (brainDepth > 1.0)
+  {
+    const bool isBone = brainDepth > 1.02 && brainDepth < 1.10 && point[2] > -45.0;
+    return isBone ? Bone : headDepth > 0.95 ? 150.0 : 125.0;
+  }
+  if (leftVentricle.GetDepth(point) < 1.0 || rightVentricle.GetDepth(point) < 1.0 || brainDepth > 0.965)
+  {
+    return 75.0;
+  }
+  const double fissure = std::abs(point[0]) < 0.9 ? 40.0 : 0.0;
+  const double folds =
+    brainDepth > 0.82 ? 18.0 * std::sin(0.55 * point[0]) * std::sin(0.5 * point[1]) * std::sin(0.6 * point[2]) : 0.0;
+  return (brainDepth > 0.88 ? 165.0 : 180.0) + folds - fissure;
+}
 
-private:
-  Ellipsoid m_Head{ MakeVector(0, 2, 4), MakeVector(75, 94, 72) };
-  Ellipsoid m_Neck{ MakeVector(0, 2, 4), MakeVector(75, 94, 150) };
-  Ellipsoid m_LeftVentricle{ MakeVector(12, 4, 14), MakeVector(6, 28, 9) };
-  Ellipsoid m_RightVentricle{ MakeVector(-12, 4, 14), MakeVector(6, 28, 9) };
-};
-} // namespace
-
-AnyImage
-MakePhantom()
+bool
+IsInBrain(const VectorType & point)
 {
-  const auto           image = ImageType::New();
-  const itk::Size<3>   size{ { 256, 256, 128 } };
-  const auto           spacing = MakeVector(0.8, 0.8, 1.2);
-  ImageType::PointType origin;
+  return brain.GetDepth(point) < 1.0;
+}
+
+ImageType::Pointer
+MakeGrid(const itk::Size<3> & size)
+{
+  constexpr double       extent[] = { 204.8, 204.8, 153.6 };
+  const auto             image = ImageType::New();
+  ImageType::PointType   origin;
+  ImageType::SpacingType spacing;
   for (unsigned int axis = 0; axis < 3; ++axis)
   {
+    spacing[axis] = extent[axis] / static_cast<double>(size[axis]);
     origin[axis] = -0.5 * static_cast<double>(size[axis] - 1) * spacing[axis];
   }
   image->SetRegions(size);
   image->SetSpacing(spacing);
   image->SetOrigin(origin);
   image->Allocate(true);
+  return image;
+}
 
+ImageType::Pointer
+Make(const itk::Size<3> & size)
+{
+  const auto image = MakeGrid(size);
   const auto random = RandomType::New();
   random->SetSeed(2002);
   PaintArteries(*image, *random);
 
-  const Tissue     tissue;
   constexpr double noise = 9.0;
-  auto *           pixel = image->GetBufferPointer();
-  for (itk::SizeValueType z = 0; z < size[2]; ++z)
+  for (itk::ImageRegionIteratorWithIndex<ImageType> pixel(image, image->GetBufferedRegion()); !pixel.IsAtEnd(); ++pixel)
   {
-    for (itk::SizeValueType y = 0; y < size[1]; ++y)
+    VectorType point;
+    for (unsigned int axis = 0; axis < 3; ++axis)
     {
-      for (itk::SizeValueType x = 0; x < size[0]; ++x, ++pixel)
-      {
-        const VectorType point = MakeVector(origin[0] + spacing[0] * static_cast<double>(x),
-                                            origin[1] + spacing[1] * static_cast<double>(y),
-                                            origin[2] + spacing[2] * static_cast<double>(z));
-        // the magnitude of a complex signal with normal noise, by Box and Muller's method
-        const double signal = std::max(static_cast<double>(*pixel), tissue(point));
-        const double deviate = noise * std::sqrt(-2.0 * std::log(random->GetVariateWithOpenRange()));
-        const double phase = itk::Math::twopi * random->GetVariateWithOpenUpperRange();
-        *pixel = static_cast<unsigned short>(
-          std::lround(std::hypot(signal + deviate * std::cos(phase), deviate * std::sin(phase))));
-      }
+      point[axis] = image->GetOrigin()[axis] + image->GetSpacing()[axis] * static_cast<double>(pixel.GetIndex()[axis]);
     }
+    // the magnitude of a complex signal with normal noise, by Box and Muller's method
+    const double signal = std::max(static_cast<double>(pixel.Get()), GetTissue(point));
+    const double deviate = noise * std::sqrt(-2.0 * std::log(random->GetVariateWithOpenRange()));
+    const double phase = itk::Math::twopi * random->GetVariateWithOpenUpperRange();
+    pixel.Set(static_cast<unsigned short>(
+      std::lround(std::hypot(signal + deviate * std::cos(phase), deviate * std::sin(phase)))));
   }
-  return MakeAnyImage<unsigned short>(image, 1, image->GetPixelContainer());
+  return image;
 }
+} // namespace Phantom

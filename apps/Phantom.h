@@ -18,11 +18,39 @@
 #ifndef Phantom_h
 #define Phantom_h
 
-#include "AnyImage.h"
+#include "itkImage.h"
+#include "itkMersenneTwisterRandomVariateGenerator.h"
 
-/** Makes a synthetic head as time-of-flight MR angiography shows it, the same each time. The patient has an aneurysm at
- * the left middle cerebral artery's bifurcation and a stenosis of 60 % in the right one's trunk. */
-AnyImage
-MakePhantom();
+/** A synthetic head as time-of-flight MR angiography shows it, the same each time. The patient has an aneurysm at the
+ * left middle cerebral artery's bifurcation and a stenosis of 60 % in the right one's trunk. Positions are in mm, LPS.
+ */
+namespace Phantom
+{
+using ImageType = itk::Image<unsigned short, 3>;
+using VectorType = itk::Vector<double, 3>;
+using RandomType = itk::Statistics::MersenneTwisterRandomVariateGenerator;
+
+/** The brightness of bone. */
+constexpr double Bone = 45.0;
+
+/** An image of 0 of the whole head. */
+ImageType::Pointer
+MakeGrid(const itk::Size<3> & size);
+
+/** Makes voxels as bright as the arteries in them, up to 892. */
+void
+PaintArteries(ImageType & image, RandomType & random);
+
+/** The brightness of the tissue at a point, 0 outside the head. */
+double
+GetTissue(const VectorType & point);
+
+bool
+IsInBrain(const VectorType & point);
+
+/** Arteries, tissue and noise. */
+ImageType::Pointer
+Make(const itk::Size<3> & size);
+} // namespace Phantom
 
 #endif

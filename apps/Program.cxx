@@ -56,7 +56,10 @@ WritePhantom(const Options & options)
 {
   OutputFiles files;
   files.Reserve(options.phantom, { FileFormat::Values }, "--write-phantom");
-  files.Write(options.phantom, MakePhantom(), OutputFiles::Layout::Volume);
+  const auto & size = options.phantomSize;
+  const auto   head = Phantom::Make({ { size[0], size[1], size[2] } });
+  files.Write(
+    options.phantom, MakeAnyImage<unsigned short>(head, 1, head->GetPixelContainer()), OutputFiles::Layout::Volume);
   files.Commit();
 }
 

@@ -49,7 +49,7 @@ import matplotlib
 import numpy as np
 import pandas as pd
 import psutil
-from peer.volume import Peer, View, Volume, angiogram, read_image
+from peer.volume import Peer, View, Volume, make_head, read_image
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
@@ -386,7 +386,7 @@ def main() -> None:
     everything: list[Record] = []
     for source in arguments.sources:
         try:
-            volume = read_image(source) if arguments.image else angiogram(source)
+            volume = read_image(source) if arguments.image else make_head(source)
         except (ImportError, ValueError) as error:
             sys.exit(f"error: {error}")
         records, exact = project_image(volume, arguments)

@@ -373,14 +373,28 @@ TEST_F(ShearWarpMIPProgram, KnowsTheTerminal)
 
 TEST_F(ShearWarpMIPProgram, WritesPhantom)
 {
-  this->ExpectSuccess("--write-phantom one.mha");
-  this->ExpectSuccess("--write-phantom two.mha");
-  EXPECT_TRUE(ReadText(m_Folder / "one.mha") == ReadText(m_Folder / "two.mha"));
-  const auto phantom = this->Read<VolumeType>("one.mha");
-  EXPECT_EQ(phantom->GetBufferedRegion().GetSize(), (itk::Size<3>{ { 256, 256, 128 } }));
-  // the aneurysm, and the same place on the other side
-  EXPECT_GT(phantom->GetPixel({ { 174, 114, 55 } }), 600);
-  EXPECT_LT(phantom->GetPixel({ { 81, 114, 55 } }), 300);
+  this->ExpectSuccess("--write-phantom head.mha");
+  this->ExpectSuccess("--write-phantom same.mha --phantom-size 256 256,128");
+  this->ExpectSuccess("--write-phantom small.mha --phantom-size 128 128 64");
+  EXPECT_TRUE(ReadText(m_Folder / "head.mha") == ReadText(m_Folder / "same.mha"));
+  EXPECT_EQ(this->Read<VolumeType>("same.mha")->GetBufferedRegion().GetSize(), (itk::Size<3>{ { 256, 256, 128 } }));
+  EXPECT_EQ(this->Read<VolumeType>("small.mha")->GetBufferedRegion().GetSize(), (itk::Size<3>{ { 128, 128, 64 } }));
+  for (const std::string name : { "head.mha", "small.mha" })
+  {
+    // the aneurysm, and the same place on the other side
+    const auto phantom = this->Read<VolumeType>(name);
+    for (const double side : { 1.0, -1.0 })
+    {
+      const double place[] = { 37.5 * side, -10.5, -9.5 };
+      const auto   value = phantom->GetPixel(phantom->TransformPhysicalPointToIndex(itk::Point<double, 3>(place)));
+      EXPECT_TRUE(side > 0.0 ? value > 600 : value < 300) << name << ": " << value;
+    }
+  }
+  for (const std::string size : { "0 9 9", "9 9 4097", "9 9 1.5", "9 9" })
+  {
+    this->ExpectFailure("--write-phantom out.mha --phantom-size " + size, "--phantom-size: ");
+  }
+  this->ExpectFailure("in.nrrd out.png --phantom-size 9 9 9", "--phantom-size requires --write-phantom");
   this->ExpectFailure("--write-phantom out.png",
                       "--write-phantom: 'out.png' must have one of the extensions .mha .nrrd .nii .nii.gz");
 }

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import argparse
 import math
+import os
 import re
+import shutil
+import subprocess
+import sys
+import tempfile
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-
-SEED = 20020547
 
 
 class Volume:
@@ -84,51 +87,15 @@ class Peer(ABC):
         """The pixels, rows from the top down (v), columns from left to right (u)."""
 
 
-def curves(random: np.random.Generator, start: np.ndarray, steps: int, wander: float) -> np.ndarray:
-    """steps x count x 3 points, half a voxel apart, of smooth curves that begin at count x 3 points."""
-
-    def unit(vectors: np.ndarray) -> np.ndarray:
-        return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
-
-    heading, position, points = unit(random.standard_normal(start.shape)), start.copy(), []
-    for _ in range(steps):
-        points.append(position)
-        heading = unit(heading + wander * random.standard_normal(start.shape))
-        position = position + 0.5 * heading
-    return np.array(points)
-
-
-def draw_tube(voxels: np.ndarray, points: np.ndarray, radius: float, value: float) -> None:
-    """Raises the voxels within `radius` voxels of the points (x, y, z) to `value`, with soft edges."""
-    reach = math.ceil(radius + 0.5)
-    cube = np.indices((2 * reach + 1,) * 3).reshape(3, -1).T - reach
-    index = np.rint(points).astype(int)[:, np.newaxis] + cube[np.linalg.norm(cube, axis=1) <= radius + 1.4]
-    distance = np.linalg.norm(index - points[:, np.newaxis], axis=-1)
-    painted = value * np.clip(radius + 0.5 - distance, 0, 1)
-    inside = ((index >= 0) & (index < voxels.shape[::-1])).all(axis=-1)
-    np.maximum.at(voxels, tuple(index[inside].T[::-1]), painted[inside].astype(voxels.dtype))
-
-
-def angiogram(size: tuple[int, int, int]) -> Volume:
-    """A synthetic angiogram of 12 bits and 1 mm, always the same: vessels in noisy tissue."""
-    random = np.random.default_rng(SEED)
-    voxels, width = np.zeros(size[::-1], np.uint16), max(size[:2])
-    centre, radii = (np.array(size) - 1) / 2, np.array(size) * (0.43, 0.46, 0.62)
-
-    trunks = curves(random, centre + radii * random.uniform(-0.6, 0.6, (8, 3)), 3 * width, 0.03)
-    roots = trunks[random.integers(0, 2 * width, 48), random.integers(0, 8, 48)]
-    for points, thickest in ((trunks, 0.014), (curves(random, roots, width, 0.06), 0.006)):
-        within = (((points - centre) / radii) ** 2).sum(axis=-1) < 0.9
-        for tube in range(points.shape[1]):
-            radius = max(0.7, width * thickest * random.uniform(0.5, 1))
-            draw_tube(voxels, points[within[:, tube], tube], radius, random.uniform(1200, 3000))
-
-    x, y, z = (((np.arange(n) - c) / r) ** 2 for n, c, r in zip(size, centre, radii))
-    for depth, plane in zip(z, voxels):
-        tissue = np.where(x + y[:, np.newaxis] + depth < 1, 300, 40)
-        noise = 40 * random.standard_normal(plane.shape, dtype=np.float32)
-        plane[:] = np.clip(np.maximum(plane, tissue) + noise, 0, 4095)
-    return Volume(voxels, np.ones(3), np.eye(3), "x".join(map(str, size)))
+def make_head(size: tuple[int, int, int]) -> Volume:
+    """The synthetic angiogram that `shear-warp-mip --write-phantom` makes, with voxels of 1 mm."""
+    program = shutil.which("shear-warp-mip", path=f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
+    if not program:
+        raise ValueError("the program shear-warp-mip is not installed: give an image instead")
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "head.mha"
+        subprocess.run([program, "--write-phantom", file, "--phantom-size", *map(str, size)], check=True)
+        return Volume(read_image(file).voxels, np.ones(3), np.eye(3), "x".join(map(str, size)))
 
 
 def read_image(path: Path) -> Volume:
