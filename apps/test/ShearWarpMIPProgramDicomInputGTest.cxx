@@ -595,12 +595,12 @@ TEST_P(ShearWarpMIPProgramDicomInput, ShowsLowValuesWhiteIfTheyAre)
     this->ExpectSuccess("dicom out.html --frames 2" + view);
     // the stem of the letter R is white, its rim is black
     this->ExpectSuccess("dicom labelled.png --size 64 64 --spacing 0.1" + view);
-    const auto labelled = GetPixels(this->Read("labelled.png").GetPointer());
+    const auto labelled = this->ReadPixels("labelled.png");
     EXPECT_EQ(labelled[32 * 64 + 3], 255);
     EXPECT_EQ(labelled[32 * 64 + 2], 0);
     // u is to the patient's left, v to posterior: as in the slices
-    const auto   values = GetPixels(this->Read<itk::Image<int, 2>>("out.nrrd").GetPointer());
-    const auto   greys = GetPixels(this->Read("out.png").GetPointer());
+    const auto   values = this->ReadPixels<itk::Image<int, 2>>("out.nrrd");
+    const auto   greys = this->ReadPixels("out.png");
     gdcm::Reader reader;
     reader.SetFileName(this->GetPath("series/frame-001.dcm").c_str());
     ASSERT_TRUE(reader.Read());

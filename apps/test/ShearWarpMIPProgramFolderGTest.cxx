@@ -51,9 +51,7 @@ protected:
   ExpectWarning(const std::string & arguments, const std::string & warning) const
   {
     SCOPED_TRACE(arguments);
-    const Result result = this->Run(arguments);
-    EXPECT_EQ(result.status, 0);
-    EXPECT_EQ(result.messages, "shear-warp-mip: warning: " + warning + '\n');
+    this->ExpectMessages(arguments, "shear-warp-mip: warning: " + warning + '\n');
   }
 };
 
@@ -202,8 +200,7 @@ TEST_F(ShearWarpMIPProgramFolder, OfOutputHasDICOMSeries)
     this->ExpectSuccess("dicom --frames 3 " + folder + " --depth " + folder[0] + ".nrrd");
     for (const std::string frame : { "frame-001.dcm", "frame-002.dcm", "frame-003.dcm" })
     {
-      EXPECT_EQ(GetPixels(this->Read(folder + '/' + frame).GetPointer()),
-                GetPixels(this->Read("expected/" + frame).GetPointer()));
+      EXPECT_EQ(this->ReadPixels(folder + '/' + frame), this->ReadPixels("expected/" + frame));
     }
     EXPECT_EQ(std::distance(fs::directory_iterator(m_Folder / folder), fs::directory_iterator()), 3);
     EXPECT_TRUE(fs::exists(m_Folder / (folder.substr(0, 1) + ".nrrd")));

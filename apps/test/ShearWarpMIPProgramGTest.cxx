@@ -68,7 +68,7 @@ TEST_F(ShearWarpMIPProgram, ShowsPatientFromEachSide)
   {
     this->ExpectSuccess("landmark.nrrd out.nrrd --view " + view);
     const auto picture = this->Read("out.nrrd");
-    EXPECT_EQ(FindLandmark(GetPixels(picture.GetPointer()), picture->GetBufferedRegion().GetSize(0)), place) << view;
+    EXPECT_EQ(FindLandmark(GetPixels(picture), picture->GetBufferedRegion().GetSize(0)), place) << view;
   }
 }
 
@@ -76,8 +76,8 @@ TEST_F(ShearWarpMIPProgram, WindowsPictures)
 {
   this->ExpectSuccess("in.nrrd out.nrrd --azimuth 30");
   this->ExpectSuccess("in.nrrd out.png --azimuth 30 --window 60 100");
-  const auto values = GetPixels(this->Read("out.nrrd").GetPointer());
-  const auto windowed = GetPixels(this->Read("out.png").GetPointer());
+  const auto values = this->ReadPixels("out.nrrd");
+  const auto windowed = this->ReadPixels("out.png");
   ASSERT_EQ(values.size(), windowed.size());
   for (std::size_t i = 0; i < values.size(); ++i)
   {
@@ -85,7 +85,7 @@ TEST_F(ShearWarpMIPProgram, WindowsPictures)
   }
 
   this->ExpectSuccess("in.nrrd robust.png --azimuth 30");
-  const auto             robust = GetPixels(this->Read("robust.png").GetPointer());
+  const auto             robust = this->ReadPixels("robust.png");
   std::vector<PixelType> shown;
   std::copy_if(values.begin(), values.end(), std::back_inserter(shown), [](PixelType value) { return value != 0; });
   std::sort(shown.begin(), shown.end());
@@ -132,7 +132,7 @@ TEST_F(ShearWarpMIPProgram, TakesOversampling)
   this->ExpectSuccess("--azimuth 30 --elevation 20 --oversampling 2 in.nrrd out.nrrd");
   const auto finer = this->Project(transform, [](FilterType & filter) { filter.SetOversampling(2); });
   this->ExpectPicture("out.nrrd", finer);
-  EXPECT_NE(GetPixels(finer.GetPointer()), GetPixels(this->Project(transform).GetPointer()));
+  EXPECT_NE(GetPixels(finer), GetPixels(this->Project(transform)));
 }
 
 TEST_F(ShearWarpMIPProgram, BackgroundIsMinimumBelowZero)
@@ -140,9 +140,9 @@ TEST_F(ShearWarpMIPProgram, BackgroundIsMinimumBelowZero)
   const auto volume = MakeVolume<PixelType>(-1000);
   this->WriteImage<VolumeType>(volume, "ct.nrrd");
   this->ExpectSuccess("ct.nrrd out.nrrd --size 100 100");
-  EXPECT_EQ(GetPixels(this->Read("out.nrrd").GetPointer()).front(), -1000);
+  EXPECT_EQ(this->ReadPixels("out.nrrd").front(), -1000);
   this->ExpectSuccess("in.nrrd out.nrrd --size 100 100");
-  EXPECT_EQ(GetPixels(this->Read("out.nrrd").GetPointer()).front(), 0);
+  EXPECT_EQ(this->ReadPixels("out.nrrd").front(), 0);
 }
 
 TEST_F(ShearWarpMIPProgram, SameBytesWithAnyNumberOfThreads)
@@ -155,9 +155,7 @@ TEST_F(ShearWarpMIPProgram, SameBytesWithAnyNumberOfThreads)
 TEST_F(ShearWarpMIPProgram, AcceptsFurtherDimensionsOfOne)
 {
   using ImageType = itk::Image<PixelType, 4>;
-  const auto image = ImageType::New();
-  image->SetRegions(itk::Size<4>{ { 5, 6, 7, 1 } });
-  image->Allocate(true);
+  const auto image = MakeImage<ImageType>({ { 5, 6, 7, 1 } });
   this->WriteImage<ImageType>(image, "four.nrrd");
   this->ExpectSuccess("four.nrrd out.nrrd");
 }
@@ -172,7 +170,7 @@ TEST_F(ShearWarpMIPProgram, ReadsDICOMSeries)
   this->WriteDICOMSeries("1.2.3.5", "b", { 0, 2, 4, 6, 8, 10 });
   this->ExpectSuccess("dicom out.nrrd --spacing 1 --series 1.2.3.5");
   EXPECT_EQ(this->Read("out.nrrd")->GetBufferedRegion().GetSize(1), 12u);
-  EXPECT_EQ(GetPixels(this->Read("out.nrrd").GetPointer()).front(), 105);
+  EXPECT_EQ(this->ReadPixels("out.nrrd").front(), 105);
   this->ExpectFailure("dicom out.png", "choose one by --series NUMBER: 1: MR, ");
   this->ExpectFailure("in.nrrd out.png --series 1.2.3.4", "in.nrrd");
 }
@@ -180,21 +178,16 @@ TEST_F(ShearWarpMIPProgram, ReadsDICOMSeries)
 TEST_F(ShearWarpMIPProgram, WarnsOfUnevenSlices)
 {
   this->WriteDICOMSeries("1.2.3.4", "a", { 0, 2, 4, 6.2, 8, 10 });
-  const Result result = this->Run("dicom out.nrrd");
-  EXPECT_EQ(result.status, 0);
-  EXPECT_EQ(result.messages.find("shear-warp-mip: warning: the slices are not evenly spaced"), 0u) << result.messages;
+  this->ExpectWarning("dicom out.nrrd", "the slices are not evenly spaced");
 }
 
 TEST_F(ShearWarpMIPProgram, WarnsOfOneSlice)
 {
   this->WriteDICOMSeries("1.2.3.4", "a", { 0 });
-  const Result folder = this->Run("dicom out.nrrd");
-  EXPECT_EQ(folder.status, 0);
-  EXPECT_EQ(folder.messages, "shear-warp-mip: warning: 'dicom' has only one slice\n");
-  const Result file = this->Run("dicom/a0.dcm out.nrrd");
-  EXPECT_EQ(file.status, 0);
-  EXPECT_EQ(file.messages,
-            "shear-warp-mip: warning: 'dicom/a0.dcm' has only one slice; for a whole series give its folder\n");
+  this->ExpectMessages("dicom out.nrrd", "shear-warp-mip: warning: 'dicom' has only one slice\n");
+  this->ExpectMessages(
+    "dicom/a0.dcm out.nrrd",
+    "shear-warp-mip: warning: 'dicom/a0.dcm' has only one slice; for a whole series give its folder\n");
 }
 
 TEST_F(ShearWarpMIPProgram, RefusesMissingAndRepeatedSlices)
@@ -648,7 +641,7 @@ TEST_F(ShearWarpMIPProgram, AnswersWrongCalls)
     EXPECT_EQ(blank.messages,
               "shear-warp-mip: warning: there is only background in the picture: is the image within " +
                 part.substr(0, 6) + "?\n");
-    const auto pixels = GetPixels(this->Read("blank.png").GetPointer());
+    const auto pixels = this->ReadPixels("blank.png");
     EXPECT_EQ(std::count(pixels.begin(), pixels.end(), 0), static_cast<std::ptrdiff_t>(pixels.size()));
   }
 }
@@ -671,16 +664,12 @@ TEST_F(ShearWarpMIPProgram, RefusesWrongInput)
   this->ExpectFailure("flat.nrrd out.png", "flat.nrrd");
 
   using ComplexType = itk::Image<std::complex<float>, 3>;
-  const auto complex = ComplexType::New();
-  complex->SetRegions(itk::Size<3>{ { 4, 4, 4 } });
-  complex->Allocate(true);
+  const auto complex = MakeImage<ComplexType>({ { 4, 4, 4 } });
   this->WriteImage<ComplexType>(complex, "complex.nii");
   this->ExpectFailure("complex.nii out.png", "complex.nii");
 
   using DeepType = itk::Image<PixelType, 5>;
-  const auto deep = DeepType::New();
-  deep->SetRegions(itk::Size<5>{ { 4, 4, 4, 2, 2 } });
-  deep->Allocate(true);
+  const auto deep = MakeImage<DeepType>({ { 4, 4, 4, 2, 2 } });
   this->WriteImage<DeepType>(deep, "deep.nrrd");
   this->ExpectFailure("deep.nrrd out.png", "'deep.nrrd' has 5 dimensions");
 

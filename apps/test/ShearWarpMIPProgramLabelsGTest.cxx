@@ -491,8 +491,8 @@ TEST_F(ShearWarpMIPProgram, LettersAreAtTheLandmarksSides)
     const std::string options = " --size 64 60 --spacing 0.25 --view " + view;
     this->ExpectSuccess("landmark.nrrd plain.png --no-labels" + options);
     this->ExpectSuccess("landmark.nrrd labelled.png --mode minimum" + options);
-    const std::string landmark = FindLandmark(GetPixels(this->Read("plain.png").GetPointer()), 64);
-    const auto        letters = ReadLetters(GetPixels(this->Read<GreyType>("labelled.png").GetPointer()), 64);
+    const std::string landmark = FindLandmark(this->ReadPixels("plain.png"), 64);
+    const auto        letters = ReadLetters(this->ReadPixels<GreyType>("labelled.png"), 64);
     // the landmark is at the left, anterior, superior
     const bool isAtRight = landmark.find("right") != std::string::npos;
     const bool isAtBottom = landmark.find("bottom") != std::string::npos;
@@ -514,7 +514,7 @@ TEST_F(ShearWarpMIPProgram, OnlyPicturesHaveLabels)
     EXPECT_EQ(result.status, 0);
     EXPECT_EQ(result.messages.find("shear-warp-mip: note: " + labels + " has no effect"), 0u) << result.messages;
     bytes.push_back(ReadText(m_Folder / "values.nrrd") + ReadText(m_Folder / "depth.nrrd"));
-    dicom.push_back(GetPixels(this->Read("dicom/frame-002.dcm").GetPointer()));
+    dicom.push_back(this->ReadPixels("dicom/frame-002.dcm"));
     fs::remove_all(m_Folder / "dicom");
   }
   EXPECT_TRUE(bytes[0] == bytes[1]);

@@ -114,8 +114,8 @@ protected:
   void
   ExpectBlended(const itk::Image<float, 2> * overlay, double low, double high, double opacity) const
   {
-    const auto base = GetPixels(this->Read<GreyPictureType>("base.png").GetPointer());
-    const auto blended = GetPixels(this->Read<ColourPictureType>("out.png").GetPointer());
+    const auto base = this->ReadPixels<GreyPictureType>("base.png");
+    const auto blended = this->ReadPixels<ColourPictureType>("out.png");
     const auto values = GetPixels(overlay);
     ASSERT_EQ(blended.size(), values.size());
     ASSERT_EQ(base.size(), values.size());
@@ -140,16 +140,6 @@ protected:
   ReadColours(const std::string & name) const
   {
     return this->Read<ColourPictureType>(name);
-  }
-
-  void
-  ExpectWarning(const std::string & arguments, const std::string & mention) const
-  {
-    SCOPED_TRACE(arguments);
-    const Result result = this->Run(arguments);
-    EXPECT_EQ(result.status, 0);
-    EXPECT_EQ(result.messages.find("shear-warp-mip: warning: "), 0u) << result.messages;
-    EXPECT_NE(result.messages.find(mention), std::string::npos) << result.messages;
   }
 
   void
@@ -225,16 +215,15 @@ TEST_F(ShearWarpMIPProgramOverlay, BlendsOnThePicturesGrid)
 TEST_F(ShearWarpMIPProgramOverlay, IsTransparentUpToLow)
 {
   this->ExpectSuccess("in.nrrd base.png");
-  const auto base = GetPixels(this->Read<GreyPictureType>("base.png").GetPointer());
+  const auto base = this->ReadPixels<GreyPictureType>("base.png");
   for (const std::string transparent : { "--opacity 0", "--overlay-window 5.5 6" })
   {
-    const Result result = this->Run("in.nrrd out.png --overlay pet.nrrd " + transparent);
-    EXPECT_EQ(result.status, 0);
-    EXPECT_EQ(result.messages,
-              transparent == "--opacity 0" ? ""
-                                           : "shear-warp-mip: warning: nothing of 'pet.nrrd' is in the picture: no "
-                                             "value is above 5.5\n");
-    const auto pixels = GetPixels(this->ReadColours("out.png").GetPointer());
+    this->ExpectMessages("in.nrrd out.png --overlay pet.nrrd " + transparent,
+                         transparent == "--opacity 0"
+                           ? ""
+                           : "shear-warp-mip: warning: nothing of 'pet.nrrd' is in the picture: no "
+                             "value is above 5.5\n");
+    const auto pixels = this->ReadPixels<ColourPictureType>("out.png");
     for (std::size_t n = 0; n < base.size(); ++n)
     {
       ASSERT_EQ(pixels[n], ColourType(base[n])) << n;
@@ -242,7 +231,7 @@ TEST_F(ShearWarpMIPProgramOverlay, IsTransparentUpToLow)
   }
   // beside the overlay too, where LOW is less than the background
   this->ExpectSuccess("in.nrrd out.png --overlay pet.nrrd --overlay-window -5 5 --opacity 1");
-  const auto pixels = GetPixels(this->ReadColours("out.png").GetPointer());
+  const auto pixels = this->ReadPixels<ColourPictureType>("out.png");
   EXPECT_EQ(pixels.front(), ColourType(base.front()));
   EXPECT_FALSE(std::equal(base.begin(), base.end(), pixels.begin(), [](unsigned char grey, const ColourType & colour) {
     return ColourType(grey) == colour;
@@ -307,9 +296,9 @@ TEST_F(ShearWarpMIPProgramOverlay, LiesWhereInputDoes)
     SCOPED_TRACE(frame);
     const std::string   number = "-00" + std::to_string(frame) + ".png";
     const auto          base = this->Read<GreyPictureType>("base" + number);
-    const auto          blended = GetPixels(this->ReadColours("out" + number).GetPointer());
-    const auto          alone = GetPixels(this->ReadColours("gone" + number).GetPointer());
-    const auto          grey = GetPixels(base.GetPointer());
+    const auto          blended = this->ReadPixels<ColourPictureType>("out" + number);
+    const auto          alone = this->ReadPixels<ColourPictureType>("gone" + number);
+    const auto          grey = GetPixels(base);
     std::vector<double> greens;
     for (std::size_t n = 0; n < blended.size(); ++n)
     {
@@ -363,8 +352,8 @@ TEST_F(ShearWarpMIPProgramOverlay, TakesTransform)
     this->ExpectSuccess("in.nrrd there.png --overlay-window 1 4.5 --overlay pet.nrrd" + options);
     this->ExpectSuccess("in.nrrd back.png --overlay-window 1 4.5 --overlay moved.nrrd --overlay-transform t.tfm" +
                         options);
-    const auto expected = GetPixels(this->ReadColours("there.png").GetPointer());
-    const auto pixels = GetPixels(this->ReadColours("back.png").GetPointer());
+    const auto expected = this->ReadPixels<ColourPictureType>("there.png");
+    const auto pixels = this->ReadPixels<ColourPictureType>("back.png");
     ASSERT_EQ(pixels.size(), expected.size());
     std::size_t differing = 0;
     for (std::size_t n = 0; n < pixels.size(); ++n)
@@ -414,14 +403,13 @@ TEST_F(ShearWarpMIPProgramOverlay, IsInEachFrame)
     EXPECT_EQ(get("0028|1050"), "");
     EXPECT_NE(get("0008|2111").find("another volume"), std::string::npos);
     const auto picture = this->ReadColours("out-00" + std::to_string(frame++) + ".png");
-    EXPECT_EQ(GetPixels(reader->GetOutput()), GetPixels(picture.GetPointer()));
+    EXPECT_EQ(GetPixels(reader->GetOutput()), GetPixels(picture));
   }
   // an odd number of bytes
   this->ExpectSuccess("in.nrrd odd.png --size 5 7 --dicom-out odd" + overlay);
   EXPECT_EQ(
-    GetPixels(itk::ReadImage<itk::Image<ColourType, 3>>(fs::directory_iterator(this->GetPath("odd"))->path().string())
-                .GetPointer()),
-    GetPixels(this->ReadColours("odd.png").GetPointer()));
+    GetPixels(itk::ReadImage<itk::Image<ColourType, 3>>(fs::directory_iterator(this->GetPath("odd"))->path().string())),
+    this->ReadPixels<ColourPictureType>("odd.png"));
   if (std::system("command -v ffmpeg >/dev/null") == 0)
   {
     this->ExpectSuccess("in.nrrd turn.apng --frames 3" + overlay);
@@ -437,7 +425,7 @@ TEST_F(ShearWarpMIPProgramOverlay, IsOverColourAndDicom)
   colours->SetRegions(m_Volume->GetLargestPossibleRegion());
   colours->SetNumberOfComponentsPerPixel(3);
   colours->Allocate();
-  const auto values = GetPixels(m_Volume.GetPointer());
+  const auto values = GetPixels(m_Volume);
   for (std::size_t n = 0; n < 3 * values.size(); ++n)
   {
     colours->GetBufferPointer()[n] = static_cast<PixelType>(values[n / 3] * static_cast<PixelType>(1 + n % 3) % 120);
@@ -446,9 +434,9 @@ TEST_F(ShearWarpMIPProgramOverlay, IsOverColourAndDicom)
   this->ExpectSuccess("rgb.nrrd base.png --window 0 120");
   this->ExpectSuccess("rgb.nrrd out.png --window 0 120 --overlay pet.nrrd --overlay-window 1 4.5 --opacity 0.25");
   const auto transform = this->MakeTransform(Direction::Anterior);
-  const auto overlay = GetPixels(this->ProjectOverlay(transform, this->Project(transform)).GetPointer());
-  const auto base = GetPixels(this->ReadColours("base.png").GetPointer());
-  const auto blended = GetPixels(this->ReadColours("out.png").GetPointer());
+  const auto overlay = GetPixels(this->ProjectOverlay(transform, this->Project(transform)));
+  const auto base = this->ReadPixels<ColourPictureType>("base.png");
+  const auto blended = this->ReadPixels<ColourPictureType>("out.png");
   for (std::size_t n = 0; n < base.size(); ++n)
   {
     const auto colour = Hot((overlay[n] - 1.0) / 3.5);
@@ -504,30 +492,25 @@ TEST_F(ShearWarpMIPProgramOverlay, IsOverEachPointInTime)
   times->SetSpacing(spacing);
   times->SetOrigin(origin);
   times->Allocate();
-  const auto values = GetPixels(m_Volume.GetPointer());
+  const auto values = GetPixels(m_Volume);
   std::copy(values.begin(), values.end(), times->GetBufferPointer());
   std::copy(values.rbegin(), values.rend(), times->GetBufferPointer() + values.size());
   this->WriteImage<TimesType>(times, "times.nrrd");
   const std::string options = " --window 10 110 --overlay pet.nrrd --overlay-window 1 4.5";
   this->ExpectSuccess("times.nrrd out.png" + options);
   this->ExpectSuccess("in.nrrd still.png" + options);
-  const auto still = GetPixels(this->ReadColours("still.png").GetPointer());
-  EXPECT_EQ(GetPixels(this->ReadColours("out-000.png").GetPointer()), still);
-  EXPECT_NE(GetPixels(this->ReadColours("out-001.png").GetPointer()), still);
+  const auto still = this->ReadPixels<ColourPictureType>("still.png");
+  EXPECT_EQ(this->ReadPixels<ColourPictureType>("out-000.png"), still);
+  EXPECT_NE(this->ReadPixels<ColourPictureType>("out-001.png"), still);
 }
 
 TEST_F(ShearWarpMIPProgramOverlay, RefusesWhatIsNotPossible)
 {
   using VectorType = itk::VectorImage<float, 3>;
-  const auto colours = VectorType::New();
-  colours->SetRegions(itk::Size<3>{ { 3, 3, 3 } });
-  colours->SetNumberOfComponentsPerPixel(3);
-  colours->Allocate();
+  const auto colours = MakeImage<VectorType>({ { 3, 3, 3 } }, 3);
   this->WriteImage<VectorType>(colours, "rgb.nrrd");
   using TimesType = itk::Image<float, 4>;
-  const auto times = TimesType::New();
-  times->SetRegions(itk::Size<4>{ { 3, 3, 3, 2 } });
-  times->Allocate(true);
+  const auto times = MakeImage<TimesType>({ { 3, 3, 3, 2 } });
   this->WriteImage<TimesType>(times, "times.nrrd");
   this->ExpectFailure("in.nrrd out.png --overlay rgb.nrrd", "--overlay: 'rgb.nrrd' has 3 components; 1 is needed");
   this->ExpectFailure("in.nrrd out.png --overlay times.nrrd", "--overlay: 'times.nrrd' has 2 points in time");
@@ -618,7 +601,7 @@ protected:
   std::vector<itk::Point<double, 2>>
   FindOutline(const std::string & name, const ColourType & colour, const PictureType * grid) const
   {
-    const auto                         pixels = GetPixels(this->ReadColours(name).GetPointer());
+    const auto                         pixels = this->ReadPixels<ColourPictureType>(name);
     std::vector<itk::Point<double, 2>> outline;
     for (std::size_t n = 0; n < pixels.size(); ++n)
     {
@@ -698,9 +681,7 @@ TEST_F(ShearWarpMIPProgramSegments, OutlinesBalls)
 // along an axis of the grid, by brute force: the projection is what any slice has
 TEST_F(ShearWarpMIPProgramSegments, OutlinesWhatAnySliceHas)
 {
-  const auto input = VolumeType::New();
-  input->SetRegions(itk::Size<3>{ { 24, 7, 20 } });
-  input->Allocate(true);
+  const auto input = MakeImage<VolumeType>({ { 24, 7, 20 } });
   this->WriteImage<VolumeType>(input, "flat.nrrd");
   using LayersType = itk::VectorImage<short, 3>;
   const auto layers = LayersType::New();
@@ -775,7 +756,7 @@ TEST_F(ShearWarpMIPProgramSegments, OutlinesWhatAnySliceHas)
       }
     }
   }
-  EXPECT_EQ(GetPixels(this->ReadColours("out.png").GetPointer()), expected);
+  EXPECT_EQ(this->ReadPixels<ColourPictureType>("out.png"), expected);
 }
 
 TEST_F(ShearWarpMIPProgramSegments, TakesFilesOfOldSlicersAndOthers)
@@ -803,16 +784,12 @@ TEST_F(ShearWarpMIPProgramSegments, RefusesWhatIsNotPossible)
 {
   this->ExpectFailure("in.nrrd out.png --segments pet.nrrd", "--segments: 'pet.nrrd' must have whole numbers");
   this->ExpectFailure("in.nrrd out.png --segments none.nrrd", "'none.nrrd' does not exist");
-  const auto many = VolumeType::New();
-  many->SetRegions(itk::Size<3>{ { 11, 10, 10 } });
-  many->Allocate();
+  const auto many = MakeImage<VolumeType>({ { 11, 10, 10 } });
   std::iota(many->GetBufferPointer(), many->GetBufferPointer() + 1100, static_cast<PixelType>(-98));
   this->WriteImage<VolumeType>(many, "many.nrrd");
   this->ExpectFailure("in.nrrd out.png --segments many.nrrd", "'many.nrrd' has more than 1000 labels");
   using TimesType = itk::Image<unsigned char, 4>;
-  const auto times = TimesType::New();
-  times->SetRegions(itk::Size<4>{ { 3, 3, 3, 2 } });
-  times->Allocate(true);
+  const auto times = MakeImage<TimesType>({ { 3, 3, 3, 2 } });
   this->WriteImage<TimesType>(times, "times.nrrd");
   this->ExpectFailure("in.nrrd out.png --segments times.nrrd", "'times.nrrd' has 2 points in time; 1 is needed");
   this->ExpectFailure("in.nrrd out.nrrd --segments many.nrrd", "--segments is for what is looked at");

@@ -72,7 +72,7 @@ protected:
                                        reinterpret_cast<unsigned char *>(bytes.data()),
                                        text.size()));
       std::ofstream(this->GetPath("frame.png"), std::ios::binary) << bytes;
-      frames.push_back(GetPixels(this->Read<itk::Image<TStored, 2>>("frame.png").GetPointer()));
+      frames.push_back(this->ReadPixels<itk::Image<TStored, 2>>("frame.png"));
     }
     fs::remove(this->GetPath("frame.png"));
     return frames;
@@ -135,9 +135,7 @@ TEST_F(ShearWarpMIPProgramPage, HoldsTwiceTheWindowWith8Bits)
 
 TEST_F(ShearWarpMIPProgramPage, HoldsFractionsAndSeriesThatDoNotTurn)
 {
-  const auto image = itk::Image<float, 3>::New();
-  image->SetRegions(itk::Size<3>{ { 9, 8, 7 } });
-  image->Allocate();
+  const auto image = MakeImage<itk::Image<float, 3>>({ { 9, 8, 7 } });
   for (itk::SizeValueType n = 0; n < image->GetLargestPossibleRegion().GetNumberOfPixels(); ++n)
   {
     image->GetBufferPointer()[n] = static_cast<float>(n % 37) / 7.0f - 2.0f;
@@ -173,10 +171,7 @@ TEST_F(ShearWarpMIPProgramPage, HoldsFractionsAndSeriesThatDoNotTurn)
 TEST_F(ShearWarpMIPProgramPage, HoldsColours)
 {
   using ColourType = itk::RGBPixel<unsigned char>;
-  const auto colours = itk::VectorImage<short, 3>::New();
-  colours->SetRegions(itk::Size<3>{ { 9, 8, 7 } });
-  colours->SetNumberOfComponentsPerPixel(3);
-  colours->Allocate();
+  const auto colours = MakeImage<itk::VectorImage<short, 3>>({ { 9, 8, 7 } }, 3);
   for (unsigned int n = 0; n < 9 * 8 * 7 * 3; ++n)
   {
     colours->GetBufferPointer()[n] = static_cast<short>(n % 41);
@@ -197,7 +192,7 @@ TEST_F(ShearWarpMIPProgramPage, HoldsColours)
     for (const std::string n : { "0", "1" })
     {
       const auto still = this->Read<itk::Image<ColourType, 2>>("still-00" + n + ".png");
-      EXPECT_EQ(frames[std::stoul(n)], GetPixels(still.GetPointer()));
+      EXPECT_EQ(frames[std::stoul(n)], GetPixels(still));
     }
   }
 }
@@ -255,10 +250,10 @@ TEST_F(ShearWarpMIPProgramPage, TurnsOfSeveralElevationsFollowOneAnother)
   for (const std::string elevation : { "40", "-25.5" })
   {
     this->ExpectSuccess("in.nrrd turn.nrrd --elevation " + elevation + grid);
-    const auto turn = GetPixels(this->Read<itk::Image<short, 3>>("turn.nrrd").GetPointer());
+    const auto turn = this->ReadPixels<itk::Image<short, 3>>("turn.nrrd");
     expected.insert(expected.end(), turn.begin(), turn.end());
   }
-  EXPECT_EQ(GetPixels(this->Read<itk::Image<short, 3>>("rows.nrrd").GetPointer()), expected);
+  EXPECT_EQ(this->ReadPixels<itk::Image<short, 3>>("rows.nrrd"), expected);
 
   this->ExpectSuccess("in.nrrd rows.png --frames 2 --elevations -30,0,30 --dicom-out dicom");
   EXPECT_TRUE(fs::exists(this->GetPath("rows-005.png")));
@@ -297,10 +292,7 @@ TEST_F(ShearWarpMIPProgramPage, HoldsFiniteNumbersAlone)
 
 TEST_F(ShearWarpMIPProgramPage, RefusesWhatAPageCannotShow)
 {
-  const auto vectors = itk::VectorImage<short, 3>::New();
-  vectors->SetRegions(itk::Size<3>{ { 5, 4, 3 } });
-  vectors->SetNumberOfComponentsPerPixel(2);
-  vectors->Allocate();
+  const auto vectors = MakeImage<itk::VectorImage<short, 3>>({ { 5, 4, 3 } }, 2);
   this->WriteImage<itk::VectorImage<short, 3>>(vectors, "vectors.nrrd");
   this->ExpectFailure("vectors.nrrd out.html --frames 2", "A picture of other than 1 or 3 components is not possible");
   this->ExpectFailure("vectors.nrrd out.html --page-bits 16", "--page-bits 16 is not possible: 'vectors.nrrd' has 2");

@@ -45,7 +45,7 @@ protected:
     const auto stack = this->Read<VolumeType>("out.nrrd");
     EXPECT_EQ(stack->GetBufferedRegion(), cine->GetOutput()->GetBufferedRegion());
     EXPECT_LT(stack->GetOrigin().EuclideanDistanceTo(cine->GetOutput()->GetOrigin()), 1e-9);
-    EXPECT_EQ(GetPixels(stack.GetPointer()), GetPixels(cine->GetOutput()));
+    EXPECT_EQ(GetPixels(stack), GetPixels(cine->GetOutput()));
   }
 
   /** Whether there is ffmpeg, which reads animations here too. */
@@ -186,7 +186,7 @@ TEST_F(ShearWarpMIPProgramSeries, StacksFramesOnOneGrid)
       filter.SetOutputOrigin(itk::Point<double, 2>(stack->GetOrigin().GetDataPointer()));
       filter.SetDefaultPixelValue(3);
     });
-    const auto         pixels = GetPixels(expected.GetPointer());
+    const auto         pixels = GetPixels(expected);
     const auto * const frame = stack->GetBufferPointer() + k * pixels.size();
     for (std::size_t i = 0; i < pixels.size(); ++i)
     {
@@ -279,7 +279,7 @@ TEST_F(ShearWarpMIPProgramSeries, AnimatesStill)
   }
   this->ExpectSuccess("in.nrrd 'a strange: name%d.gif' --window 0 100");
   this->ExpectSuccess("in.nrrd still.png --window 0 100");
-  const auto pixels = GetPixels(this->Read<itk::Image<unsigned char, 2>>("still.png").GetPointer());
+  const auto pixels = this->ReadPixels<itk::Image<unsigned char, 2>>("still.png");
   EXPECT_TRUE(this->Decode("a strange: name%d.gif", "gray") == std::string(pixels.begin(), pixels.end()));
   EXPECT_EQ(this->GetContents().size(), 3u);
 }

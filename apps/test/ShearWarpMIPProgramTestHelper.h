@@ -88,6 +88,25 @@ GetPixels(const TPicture * picture)
   return { begin, begin + picture->GetBufferedRegion().GetNumberOfPixels() };
 }
 
+template <typename TPicture>
+auto
+GetPixels(const itk::SmartPointer<TPicture> & picture)
+{
+  return GetPixels(picture.GetPointer());
+}
+
+/** An image of 0, of so many components if they are not one. */
+template <typename TImage>
+typename TImage::Pointer
+MakeImage(const typename TImage::SizeType & size, unsigned int components = 1)
+{
+  const auto image = TImage::New();
+  image->SetRegions(size);
+  image->SetNumberOfComponentsPerPixel(components);
+  image->Allocate(true);
+  return image;
+}
+
 class ShearWarpMIPProgram : public testing::Test
 {
 protected:
@@ -147,6 +166,27 @@ protected:
     EXPECT_EQ(result.messages, "");
   }
 
+  /** Success, and \a messages to the letter. */
+  void
+  ExpectMessages(const std::string & arguments, const std::string & messages) const
+  {
+    SCOPED_TRACE(arguments);
+    const Result result = this->Run(arguments);
+    EXPECT_EQ(result.status, 0);
+    EXPECT_EQ(result.messages, messages);
+  }
+
+  /** Success, and a warning that has \a mention. */
+  void
+  ExpectWarning(const std::string & arguments, const std::string & mention) const
+  {
+    SCOPED_TRACE(arguments);
+    const Result result = this->Run(arguments);
+    EXPECT_EQ(result.status, 0);
+    EXPECT_EQ(result.messages.find("shear-warp-mip: warning: "), 0u) << result.messages;
+    EXPECT_NE(result.messages.find(mention), std::string::npos) << result.messages;
+  }
+
   /** One line that has \a mention, and no file changed. */
   void
   ExpectFailure(const std::string & arguments, const std::string & mention, const std::string & before = "") const
@@ -186,6 +226,13 @@ protected:
   Read(const std::string & name) const
   {
     return itk::ReadImage<TImage>(this->GetPath(name));
+  }
+
+  template <typename TImage = PictureType>
+  std::vector<typename TImage::PixelType>
+  ReadPixels(const std::string & name) const
+  {
+    return GetPixels(this->Read<TImage>(name));
   }
 
   std::string
@@ -253,9 +300,7 @@ protected:
   void
   WriteLandmark() const
   {
-    const auto landmark = VolumeType::New();
-    landmark->SetRegions(itk::Size<3>{ { 15, 15, 15 } });
-    landmark->Allocate(true);
+    const auto landmark = MakeImage<VolumeType>({ { 15, 15, 15 } });
     landmark->SetPixel({ { 12, 3, 11 } }, 1000);
     this->WriteImage<VolumeType>(landmark, "landmark.nrrd");
   }

@@ -17,7 +17,6 @@
  *=========================================================================*/
 #include "Vessel.h"
 
-#include "itkImageRegionIteratorWithIndex.h"
 #include "itkMath.h"
 
 #include <algorithm>
@@ -25,16 +24,11 @@
 
 namespace itk::ShearWarpBenchmark
 {
-Vessel::Vessel(const PointType &  centre,
-               const VectorType & direction,
-               double             radius,
-               double             stenosisLength,
-               Profile            profile)
-  : m_Centre(centre)
+Vessel::Vessel(const PointType & center, const VectorType & direction, double radius, double stenosisLength)
+  : m_Center(center)
   , m_Direction(direction / direction.GetNorm())
   , m_Radius(radius)
   , m_StenosisLength(stenosisLength)
-  , m_Profile(profile)
 {}
 
 double
@@ -45,32 +39,15 @@ Vessel::GetRadius(double position) const
 }
 
 double
-Vessel::GetSlopeOfRadius(double position) const
-{
-  const double frequency = Math::twopi / m_StenosisLength;
-  return m_Radius * frequency * std::sin(frequency * position) / 4.0;
-}
-
-double
 Vessel::GetDistance(const PointType & point) const
 {
-  return (point - m_Centre - m_Direction * this->GetPosition(point)).GetNorm();
-}
-
-double
-Vessel::GetValueAtSquaredRadii(double squared) const
-{
-  if (m_Profile == Profile::Uniform)
-  {
-    return squared < 1.0 ? 1.0 : 0.0;
-  }
-  return std::max(0.0, 1.0 - squared);
+  return (point - m_Center - m_Direction * this->GetPosition(point)).GetNorm();
 }
 
 double
 Vessel::GetValue(const PointType & point) const
 {
-  return this->GetValueAtSquaredRadii(Math::sqr(this->GetDistance(point) / this->GetRadius(this->GetPosition(point))));
+  return std::max(0.0, 1.0 - Math::sqr(this->GetDistance(point) / this->GetRadius(this->GetPosition(point))));
 }
 
 Vessel::PointType
@@ -78,7 +55,7 @@ Vessel::GetNearestPoint(const PointType & start, const VectorType & direction) c
 {
   const VectorType across = direction - m_Direction * (direction * m_Direction);
   const double     squaredNorm = across.GetSquaredNorm();
-  return squaredNorm > 0.0 ? start - direction * ((start - m_Centre) * across / squaredNorm) : start;
+  return squaredNorm > 0.0 ? start - direction * ((start - m_Center) * across / squaredNorm) : start;
 }
 
 double
@@ -91,69 +68,23 @@ Vessel::GetMaximum(const PointType & start, const VectorType & direction) const
   // the squared distance grows by this, times the square of the way along the axis
   const double along = direction * m_Direction;
   const double growth = (direction - m_Direction * along).GetSquaredNorm() / (along * along);
-  if (!std::isfinite(growth))
-  {
-    return this->GetValueAtSquaredRadii(squaredDistance / Math::sqr(this->GetRadius(position)));
-  }
-  const auto getSquaredDistance = [&](double s) { return squaredDistance + growth * Math::sqr(s - position); };
+  const bool   isAcross = !std::isfinite(growth);
+  const auto   getSquaredDistance = [&](double s) { return squaredDistance + growth * Math::sqr(s - position); };
 
   // squared distance over squared radius has one minimum, where its derivative changes sign
+  const double     frequency = Math::twopi / m_StenosisLength;
   double           low = position;
-  double           high = std::max(position, 0.5 * m_StenosisLength);
+  double           high = isAcross ? position : std::max(position, 0.5 * m_StenosisLength);
   constexpr double tolerance = 1e-12;
   while (high - low > tolerance * m_StenosisLength)
   {
     const double middle = 0.5 * (low + high);
-    const bool   falls = growth * (middle - position) * this->GetRadius(middle) <
-                       getSquaredDistance(middle) * this->GetSlopeOfRadius(middle);
+    const double slopeOfRadius = m_Radius * frequency * std::sin(frequency * middle) / 4.0;
+    const bool   falls =
+      growth * (middle - position) * this->GetRadius(middle) < getSquaredDistance(middle) * slopeOfRadius;
     (falls ? low : high) = middle;
   }
-  return this->GetValueAtSquaredRadii(getSquaredDistance(low) / Math::sqr(this->GetRadius(low)));
-}
-
-namespace
-{
-/** The mean intensity in a voxel. */
-double
-GetMean(const Vessel & vessel, const Vessel::PointType & centre)
-{
-  const double halfDiagonal = 0.5 * std::sqrt(3.0);
-  if (vessel.GetDistance(centre) >= vessel.GetLargestRadius() + halfDiagonal)
-  {
-    return 0.0;
-  }
-  constexpr int points = 8;
-  const auto    offset = [](int n) { return (n + 0.5) / points - 0.5; };
-  double        sum = 0.0;
-  for (int z = 0; z < points; ++z)
-  {
-    for (int y = 0; y < points; ++y)
-    {
-      for (int x = 0; x < points; ++x)
-      {
-        const double offsets[] = { offset(x), offset(y), offset(z) };
-        sum += vessel.GetValue(centre + Vessel::VectorType(offsets));
-      }
-    }
-  }
-  return sum / (points * points * points);
-}
-} // namespace
-
-Image<float, 3>::Pointer
-Digitize(const Vessel & vessel, const Size<3> & size, Digitization digitization)
-{
-  const auto image = Image<float, 3>::New();
-  image->SetRegions(size);
-  image->Allocate();
-  for (ImageRegionIteratorWithIndex<Image<float, 3>> voxel(image, image->GetBufferedRegion()); !voxel.IsAtEnd();
-       ++voxel)
-  {
-    Vessel::PointType centre;
-    image->TransformIndexToPhysicalPoint(voxel.GetIndex(), centre);
-    voxel.Set(static_cast<float>(digitization == Digitization::PointSampled ? vessel.GetValue(centre)
-                                                                            : GetMean(vessel, centre)));
-  }
-  return image;
+  const double least = isAcross ? squaredDistance : getSquaredDistance(low);
+  return std::max(0.0, 1.0 - least / Math::sqr(this->GetRadius(low)));
 }
 } // namespace itk::ShearWarpBenchmark

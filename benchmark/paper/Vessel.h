@@ -18,46 +18,32 @@
 #ifndef Vessel_h
 #define Vessel_h
 
-#include "itkImage.h"
+#include "itkPoint.h"
 
 namespace itk::ShearWarpBenchmark
 {
 /** The test object of Fang et al. 2002 (figure 6): an endless straight vessel with a stenosis of 50 % of its diameter,
- * known at every point of physical space and not only at voxels. It is brightest, 1, on its axis or everywhere
- * inside; outside of it there is 0. Lengths are in mm. */
+ * known at every point of physical space and not only at voxels. At distance r from the axis, where its radius is R, it
+ * has 1 - (r / R)^2, as laminar flow; outside of it there is 0. Lengths are in mm. */
 class Vessel
 {
 public:
   using PointType = Point<double, 3>;
   using VectorType = Vector<double, 3>;
 
-  /** The intensity at distance r from the axis, where the vessel has radius R. */
-  enum class Profile
-  {
-    Uniform,  // 1
-    Parabolic // 1 - (r / R)^2: laminar flow
-  };
+  /** The axis is the line through \a center, where the vessel is narrowest, along \a direction of any length but 0. */
+  Vessel(const PointType & center, const VectorType & direction, double radius, double stenosisLength);
 
-  /** The axis is the line through \a centre, where the vessel is narrowest, along \a direction of any length but 0. */
-  Vessel(const PointType & centre, const VectorType & direction, double radius, double stenosisLength, Profile profile);
-
-  /** The radius at \a position along the axis, measured from the centre: half of the full one at 0, and from there to
+  /** The radius at \a position along the axis, measured from the center: half of the full one at 0, and from there to
    * half of the stenosis length on both sides R (3 - cos(2 pi position / length)) / 4. */
   double
   GetRadius(double position) const;
-
-  /** The radius away from the stenosis. */
-  double
-  GetLargestRadius() const
-  {
-    return m_Radius;
-  }
 
   /** The position along the axis of what is next to \a point. */
   double
   GetPosition(const PointType & point) const
   {
-    return (point - m_Centre) * m_Direction;
+    return (point - m_Center) * m_Direction;
   }
 
   /** The distance of \a point from the axis. */
@@ -73,7 +59,7 @@ public:
   GetNearestPoint(const PointType & start, const VectorType & direction) const;
 
   /** The maximum intensity along that line, from the closed forms of distance and radius without any sampling: the true
-   * projection. Rounding errors stay below 1e-9, but for a uniform vessel and a line that only touches it.
+   * projection. Rounding errors stay below 1e-9.
    *
    * It is the value at the nearest point, unless this lies in the stenosis and the line runs obliquely. Then it is
    * found by bisection, between the nearest point and the nearer end of the stenosis: on the other side the line is
@@ -82,30 +68,11 @@ public:
   GetMaximum(const PointType & start, const VectorType & direction) const;
 
 private:
-  double
-  GetSlopeOfRadius(double position) const;
-
-  /** The intensity where the distance from the axis is sqrt(\a squared) radii. */
-  double
-  GetValueAtSquaredRadii(double squared) const;
-
-  PointType  m_Centre;
+  PointType  m_Center;
   VectorType m_Direction;
   double     m_Radius;
   double     m_StenosisLength;
-  Profile    m_Profile;
 };
-
-/** How a voxel gets its value. */
-enum class Digitization
-{
-  PointSampled, // the intensity at the voxel's centre
-  PartialVolume // the mean intensity in the voxel, from 8 x 8 x 8 points
-};
-
-/** The vessel in a volume of \a size voxels, of 1 mm, the first of them centred at the physical origin. */
-Image<float, 3>::Pointer
-Digitize(const Vessel & vessel, const Size<3> & size, Digitization digitization);
 } // namespace itk::ShearWarpBenchmark
 
 #endif

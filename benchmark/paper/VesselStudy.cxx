@@ -44,11 +44,7 @@ constexpr SizeValueType Length = 64;           // voxels and pixels along each s
 constexpr double        HalfLength = 20.0;     // mm of the vessel, in the pictures
 constexpr double        StenosisLength = 24.0; // mm
 
-constexpr const char * TurnNames[] = { "grid", "vessel" };
-constexpr const char * ProfileNames[] = { "uniform", "parabolic" };
-constexpr const char * DigitizationNames[] = { "point-sampled", "partial-volume" };
-
-const PointType Centre(0.5 * (Length - 1.0));
+const PointType Center(0.5 * (Length - 1.0));
 
 /** The direction of a vessel that is tilted by so many degrees. */
 VectorType
@@ -71,33 +67,36 @@ MakeVessel(const VesselSetting & setting)
   {
     offset[axis] = std::fmod(setting.offset * generator[axis], 1.0);
   }
-  return { Centre + offset, GetDirection(setting.tilt), setting.radius, StenosisLength, setting.profile };
+  return { Center + offset, GetDirection(setting.tilt), setting.radius, StenosisLength };
 }
 
 VolumeType::Pointer
 MakeVolume(const VesselSetting & setting)
 {
-  return Digitize(MakeVessel(setting), Size<3>::Filled(Length), setting.digitization);
+  const Vessel vessel = MakeVessel(setting);
+  const auto   volume = VolumeType::New();
+  volume->SetRegions(Size<3>::Filled(Length));
+  volume->Allocate();
+  for (ImageRegionIteratorWithIndex<VolumeType> voxel(volume, volume->GetBufferedRegion()); !voxel.IsAtEnd(); ++voxel)
+  {
+    PointType center;
+    volume->TransformIndexToPhysicalPoint(voxel.GetIndex(), center);
+    voxel.Set(static_cast<float>(vessel.GetValue(center)));
+  }
+  return volume;
 }
 
-/** From view space, its origin the volume's centre and v the axis of the turn, to physical space. */
+/** From view space, its origin the volume's center and v the axis of the turn, to physical space. */
 ViewTransformType::Pointer
-MakeView(const VesselSetting & setting, double angle)
+MakeView(double angle)
 {
   const auto transform = ViewTransformType::New();
-  VectorType axis = GetDirection(0.0);
-  if (setting.turn == Turn::Vessel)
-  {
-    const VectorType vesselAxis = GetDirection(setting.tilt);
-    transform->Rotate3D(CrossProduct(axis, vesselAxis), setting.tilt * Math::pi_over_180);
-    axis = vesselAxis;
-  }
-  transform->Rotate3D(axis, angle * Math::pi_over_180);
-  transform->SetOffset(Centre.GetVectorFromOrigin());
+  transform->Rotate3D(GetDirection(0.0), angle * Math::pi_over_180);
+  transform->SetOffset(Center.GetVectorFromOrigin());
   return transform;
 }
 
-/** A picture of 0, its centre at the origin of view space. */
+/** A picture of 0, its center at the origin of view space. */
 PictureType::Pointer
 MakePicture(SizeValueType columns, double spacing)
 {
@@ -172,7 +171,7 @@ ProjectByShearWarp(const VolumeType * volume, const ViewTransformType * view, un
 VesselPictures
 ProjectVessel(const VesselSetting & setting, const VolumeType * volume, double angle)
 {
-  const auto     view = MakeView(setting, angle);
+  const auto     view = MakeView(angle);
   VesselPictures pictures;
   ProjectTruth(MakeVessel(setting), view, pictures);
   pictures.methods = { { "ray-casting", ProjectByRayCasting(volume, view, 1.0) },
@@ -185,23 +184,14 @@ ProjectVessel(const VesselSetting & setting, const VolumeType * volume, double a
 std::vector<VesselSetting>
 GetSettings()
 {
-  constexpr std::pair<Turn, double> turnsAndTilts[] = { { Turn::Grid, 0.0 },  { Turn::Grid, 30.0 },
-                                                        { Turn::Grid, 45.0 }, { Turn::Grid, 60.0 },
-                                                        { Turn::Grid, 70.0 }, { Turn::Vessel, 30.0 } };
-  std::vector<VesselSetting>        settings;
-  for (const auto & [turn, tilt] : turnsAndTilts)
+  std::vector<VesselSetting> settings;
+  for (const double tilt : { 0.0, 30.0, 45.0, 60.0, 70.0 })
   {
-    for (const auto profile : { Vessel::Profile::Uniform, Vessel::Profile::Parabolic })
+    for (const double radius : { 2.0, 3.0, 4.0 })
     {
-      for (const auto digitization : { Digitization::PointSampled, Digitization::PartialVolume })
+      for (unsigned int offset = 0; offset < 4; ++offset)
       {
-        for (const double radius : { 2.0, 3.0, 4.0, 6.0 })
-        {
-          for (unsigned int offset = 0; offset < 4; ++offset)
-          {
-            settings.push_back({ turn, tilt, profile, digitization, radius, offset });
-          }
-        }
+        settings.push_back({ tilt, radius, offset });
       }
     }
   }
@@ -217,14 +207,10 @@ DescribeErrors(const VesselSetting & setting)
   for (int angle = 0; angle <= 180; angle += 10)
   {
     const VesselPictures pictures = ProjectVessel(setting, volume, angle);
-    const double         meanTruth = pictures.GetError(MakePicture(Length, 1.0));
     for (const auto & [name, picture] : pictures.methods)
     {
-      lines << TurnNames[static_cast<int>(setting.turn)] << ',' << setting.tilt << ','
-            << ProfileNames[static_cast<int>(setting.profile)] << ','
-            << DigitizationNames[static_cast<int>(setting.digitization)] << ',' << setting.radius << ','
-            << setting.offset << ',' << angle << ',' << pictures.object.size() << ',' << 100.0 * meanTruth << ','
-            << name << ',' << 100.0 * pictures.GetError(picture) << '\n';
+      lines << setting.tilt << ',' << setting.radius << ',' << setting.offset << ',' << angle << ','
+            << pictures.object.size() << ',' << name << ',' << 100.0 * pictures.GetError(picture) << '\n';
     }
   }
   return lines.str();
@@ -257,7 +243,7 @@ WriteVesselErrors(const std::string & file)
     0, settings.size(), [&](SizeValueType n) { lines[n] = DescribeErrors(settings[n]); }, nullptr);
 
   std::ofstream out(file);
-  out << "turn,tilt,profile,digitization,radius,offset,angle,pixels,mean_truth,method,mean_absolute\n";
+  out << "tilt,radius,offset,angle,pixels,method,error\n";
   for (const std::string & some : lines)
   {
     out << some;
@@ -271,7 +257,7 @@ WriteVesselErrors(const std::string & file)
 void
 WriteVesselPictures(const std::string & folder)
 {
-  const VesselSetting setting{ Turn::Grid, 60.0, Vessel::Profile::Parabolic, Digitization::PointSampled, 4.0, 0 };
+  const VesselSetting setting{ 60.0, 4.0, 0 };
   const auto          volume = MakeVolume(setting);
   const auto          pictures = ProjectVessel(setting, volume, 40.0);
   const auto          write = [&](const PictureType * picture, const std::string & name) {
@@ -286,7 +272,7 @@ WriteVesselPictures(const std::string & folder)
   across.Normalize();
   const auto section = MakePicture(
     static_cast<SizeValueType>(2.0 * HalfLength / spacing), spacing, [&](const Index<2> &, double u, double v) {
-      return volume->GetPixel(volume->TransformPhysicalPointToIndex(Centre + across * u + along * v));
+      return volume->GetPixel(volume->TransformPhysicalPointToIndex(Center + across * u + along * v));
     });
 
   write(section, "section");

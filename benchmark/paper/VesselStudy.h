@@ -20,28 +20,20 @@
 
 #include "Vessel.h"
 
+#include "itkImage.h"
+
 #include <map>
 #include <string>
 #include <vector>
 
 namespace itk::ShearWarpBenchmark
 {
-/** What the views turn about, and what is upright in the pictures. */
-enum class Turn
-{
-  Grid,  // the y axis of the voxels' grid
-  Vessel // the vessel's axis
-};
-
-/** One object of figure 6 of Fang et al. 2002 and how it is digitized. The paper tells none of this. */
+/** One object of figure 6 of Fang et al. 2002, digitized by its intensity at each voxel's center. */
 struct VesselSetting
 {
-  Turn            turn;
-  double          tilt; // degrees between the vessel and the grid's y axis
-  Vessel::Profile profile;
-  Digitization    digitization;
-  double          radius; // in voxels, of 1 mm
-  unsigned int    offset; // 0 to 3: where the vessel lies between the voxels
+  double       tilt;   // degrees between the vessel and the grid's y axis
+  double       radius; // in voxels, of 1 mm
+  unsigned int offset; // 0 to 3: where the vessel lies between the voxels
 };
 
 /** The projections of one setting at one angle: pixels of 1 mm, the vessel's peak is 1. */
@@ -61,26 +53,25 @@ struct VesselPictures
   GetError(const PictureType * picture) const;
 };
 
-/** Projects the digitized vessel of \a setting, in a volume of 64 x 64 x 64 voxels, at \a angle degrees of its turn.
- * The stenosis is 24 mm long. A tilted vessel leans from y by 30 degrees out of the plane of x and y.
+/** Projects the digitized vessel of \a setting, in a volume of 64 x 64 x 64 voxels, at \a angle degrees of a turn about
+ * the grid's y axis. The stenosis is 24 mm long. A tilted vessel leans from y by 30 degrees out of the plane of x and
+ * y.
  *
  * The object's pixels are those where the truth is above 0 and whose ray is next to the vessel's axis within 20 mm
- * of its centre: there the vessel goes on to both sides inside the volume. */
+ * of its center: there the vessel goes on to both sides inside the volume. */
 VesselPictures
 ProjectVessel(const VesselSetting & setting, double angle);
 
-/** Figure 6 with all settings: writes the errors of each at 19 angles, every 10 degrees from 0 to 180, over the
- * object's pixels. A line of the file is turn, tilt, profile, digitization, radius, offset, angle, number of pixels,
- * the truth's mean, method, and mean absolute error; values in percent of the peak. Throws ExceptionObject if the file
- * cannot be written. */
+/** Writes the errors of each setting at 19 angles, every 10 degrees from 0 to 180: tilt, radius, offset, angle, number
+ * of the object's pixels, method, and error in percent of the peak. Throws ExceptionObject if the file cannot be
+ * written. */
 void
 WriteVesselErrors(const std::string & file);
 
-/** Figure 6 itself, of a vessel of radius 4, tilted by 60 degrees to the grid, parabolic and point-sampled, at 40
- * degrees: writes the digitized section along the axis (a), the true projection (b), and the differences from it of
- * ray casting (c) and of the filter (d), with Oversampling 2 too, over the object's pixels. They are float TIFF,
- * `figure6-section.tif`, `-truth`, `-ray-casting`, `-shear-warp` and `-shear-warp-oversampled` in \a folder; the
- * vessel's peak is 1. */
+/** Figure 6 itself, of a vessel of radius 4, tilted by 60 degrees to the grid, at 40 degrees: writes the digitized
+ * section along the axis (a), the true projection (b), and the differences from it of ray casting (c) and of the
+ * filter (d), with Oversampling 2 too, over the object's pixels. They are float TIFF, `figure6-section.tif`, `-truth`,
+ * `-ray-casting`, `-shear-warp` and `-shear-warp-oversampled` in \a folder; the vessel's peak is 1. */
 void
 WriteVesselPictures(const std::string & folder);
 } // namespace itk::ShearWarpBenchmark
