@@ -109,7 +109,8 @@ struct Lanes
   struct Sums { Int low, high; };
   static Int AddPairProducts(Int sum, Short a, Short b) { return _mm256_add_epi32(sum, _mm256_madd_epi16(a, b)); }
   static Sums AddColumns(Sums sums, Short left, Short right, Short weights) { return { AddPairProducts(sums.low, left, weights), AddPairProducts(sums.high, right, weights) }; }
-  static Sums AddRows(Sums sums, Short above, Short below, Short weights) { return { AddPairProducts(sums.low, _mm256_unpacklo_epi16(above, below), weights), AddPairProducts(sums.high, _mm256_unpackhi_epi16(above, below), weights) }; }
+  static Sums AddRows(Sums sums, Short above, Short below, Short weights) { return { AddPairProducts(sums.low,
+    _mm256_unpacklo_epi16(above, below), weights), AddPairProducts(sums.high, _mm256_unpackhi_epi16(above, below), weights) }; }
   static Short PackColumns(Sums sums) { return _mm256_blend_epi16(_mm256_srli_epi32(sums.low, 15), _mm256_slli_epi32(sums.high, 1), 0xAA); }
   static Short PackRows(Sums sums) { return _mm256_packs_epi32(_mm256_srai_epi32(sums.low, 15), _mm256_srai_epi32(sums.high, 15)); }
 
@@ -200,7 +201,8 @@ struct Lanes
   static Double Count(double first) { return _mm256_add_pd(_mm256_set1_pd(first), _mm256_setr_pd(0, 1, 2, 3)); }
   static Double AddDouble(Double a, Double b) { return _mm256_add_pd(a, b); }
   static Double MultiplyDouble(Double a, Double b) { return _mm256_mul_pd(a, b); }
-  static bool AreWithin(Double v, double begin, double end) { return _mm256_movemask_pd(_mm256_and_pd(_mm256_cmp_pd(v, _mm256_set1_pd(begin), _CMP_GE_OQ), _mm256_cmp_pd(v, _mm256_set1_pd(end), _CMP_LT_OQ))) == 0xF; }
+  static bool AreWithin(Double v, double begin, double end) { return _mm256_movemask_pd(_mm256_and_pd(_mm256_cmp_pd(v,
+    _mm256_set1_pd(begin), _CMP_GE_OQ), _mm256_cmp_pd(v, _mm256_set1_pd(end), _CMP_LT_OQ))) == 0xF; }
   static Index DoubleToIndex(Double v) { return _mm256_cvttpd_epi32(v); }
   static Double IndexToDouble(Index v) { return _mm256_cvtepi32_pd(v); }
   static Index SetIndex(int v) { return _mm_set1_epi32(v); }

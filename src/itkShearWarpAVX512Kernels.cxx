@@ -104,7 +104,8 @@ struct Lanes
   struct Sums { Int low, high; };
   static Int AddPairProducts(Int sum, Short a, Short b) { return _mm512_dpwssd_epi32(sum, a, b); }
   static Sums AddColumns(Sums sums, Short left, Short right, Short weights) { return { AddPairProducts(sums.low, left, weights), AddPairProducts(sums.high, right, weights) }; }
-  static Sums AddRows(Sums sums, Short above, Short below, Short weights) { return { AddPairProducts(sums.low, _mm512_unpacklo_epi16(above, below), weights), AddPairProducts(sums.high, _mm512_unpackhi_epi16(above, below), weights) }; }
+  static Sums AddRows(Sums sums, Short above, Short below, Short weights) { return { AddPairProducts(sums.low,
+    _mm512_unpacklo_epi16(above, below), weights), AddPairProducts(sums.high, _mm512_unpackhi_epi16(above, below), weights) }; }
   static Short PackColumns(Sums sums) { return _mm512_mask_blend_epi16(0xAAAAAAAA, _mm512_srli_epi32(sums.low, 15), _mm512_slli_epi32(sums.high, 1)); }
   static Short PackRows(Sums sums) { return _mm512_packs_epi32(_mm512_srai_epi32(sums.low, 15), _mm512_srai_epi32(sums.high, 15)); }
 

@@ -63,7 +63,8 @@ struct SliceStack
   Ends           columnEnds{}, rowEnds{};
 };
 
-/** Whose rows a block has. */
+/** \class BlockRows
+ * Whose rows a block has. */
 enum class BlockRows : std::uint8_t
 {
   OfSlices,
@@ -107,7 +108,8 @@ ShearWarpMIP_EXPORT std::ptrdiff_t
 ShearWarpMIP_EXPORT RowSpan
 FindRowSamples(const Block & block, const SlicePlacement * placements, std::ptrdiff_t slice, Ends rowEnds);
 
-/** Which samples pixels keep: of the same magnitude the positive one. */
+/** \class Extremum
+ * Which samples pixels keep: of the same magnitude the positive one. */
 enum class Extremum : std::uint8_t
 {
   Maximum,
@@ -209,7 +211,8 @@ struct Mask
   std::uint8_t         label{ 0 };
 };
 
-/** What is known of a tile: no sample is needed, each is taken, or the mask tells. */
+/** \class TileState
+ * What is known of a tile: no sample is needed, each is taken, or the mask tells. */
 enum class TileState : std::uint8_t
 {
   Unneeded,

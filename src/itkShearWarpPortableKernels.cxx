@@ -108,20 +108,20 @@ PrefetchVoxel(const void *)
 
 #include "itkShearWarpExactKernels.h"
 
-/** The weighted mean of N values, rounded half upward to the pixel type. The weights sum to \a sum <= 2^15. */
-template <typename TPixel, std::size_t N>
+/** The weighted mean of VCount values, rounded half upward to the pixel type. The weights sum to \a sum <= 2^15. */
+template <typename TPixel, std::size_t VCount>
 TPixel
-WeightedMean(const TPixel (&values)[N], const std::int32_t (&weights)[N], std::int32_t sum)
+WeightedMean(const TPixel (&values)[VCount], const std::int32_t (&weights)[VCount], std::int32_t sum)
 {
   if constexpr (std::is_floating_point_v<TPixel>)
   {
     double mean = 0.0;
-    for (std::size_t n = 0; n < N; ++n)
+    for (std::size_t n = 0; n < VCount; ++n)
     {
       mean += weights[n] == 0 ? 0.0 : weights[n] * static_cast<double>(values[n]);
     }
     const auto weighted = [&](TPixel limit, auto better) {
-      for (std::size_t n = 0; n < N; ++n)
+      for (std::size_t n = 0; n < VCount; ++n)
       {
         limit = weights[n] != 0 && better(values[n], limit) ? values[n] : limit;
       }
@@ -137,7 +137,7 @@ WeightedMean(const TPixel (&values)[N], const std::int32_t (&weights)[N], std::i
     // for 64-bit pixels, value = quotient * sum + remainder keeps every term within 64 bits
     TPixel       whole = 0;
     std::int64_t twice = sum;
-    for (std::size_t n = 0; n < N; ++n)
+    for (std::size_t n = 0; n < VCount; ++n)
     {
       TPixel remainder = values[n];
       if constexpr (sizeof(TPixel) == sizeof(std::int64_t))
@@ -155,7 +155,8 @@ WeightedMean(const TPixel (&values)[N], const std::int32_t (&weights)[N], std::i
   }
 }
 
-/** Interpolates between the four voxels of cells, at the same place of each. */
+/** \class CellSampler
+ * Interpolates between the four voxels of cells, at the same place of each. */
 template <typename TPixel, typename = void>
 class CellSampler
 {

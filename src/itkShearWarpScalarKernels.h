@@ -15,6 +15,9 @@
  *  limitations under the License.
  *
  *=========================================================================*/
+#ifndef itkShearWarpScalarKernels_h
+#define itkShearWarpScalarKernels_h
+
 /* Included by each file of kernels, within its anonymous namespace, so that the linker cannot share what is compiled
  * here. For the same reason nothing here may call an inline function or a template of another header at run time. */
 
@@ -199,3 +202,5 @@ FadeInRow(const FadingRow<TPixel> & row, TPixel sample, std::ptrdiff_t column)
   const bool fades = column >= row.span.begin && column < row.span.end;
   return fades ? FadeSample(sample, row.factor * row.factors[column - row.first], row.background) : sample;
 }
+
+#endif

@@ -15,6 +15,9 @@
  *  limitations under the License.
  *
  *=========================================================================*/
+#ifndef itkShearWarpVectorKernels_h
+#define itkShearWarpVectorKernels_h
+
 /* Included by the file of each instruction set, within its anonymous namespace, after its struct Lanes and
  * itkShearWarpScalarKernels.h, so that the linker cannot share what is compiled here. For the same reason nothing here
  * may call an inline function or a template of another header at run time.
@@ -100,3 +103,5 @@ constexpr Kernels<TPixel> VectorKernels{ Lanes::Name,           ProjectBlock<TPi
                                          IsAnyBelow<TPixel>,    FindBlockExtrema<TPixel>,
                                          WarpRow<TPixel>,       TransposeSlice<TPixel>,
                                          EvaluateParts<TPixel>, SearchSlab<TPixel> };
+
+#endif

@@ -15,6 +15,9 @@
  *  limitations under the License.
  *
  *=========================================================================*/
+#ifndef itkShearWarpVectorPreparation_h
+#define itkShearWarpVectorPreparation_h
+
 /* What is prepared of a volume: block extrema and transposed slices.
  * See itkShearWarpVectorKernels.h for what includes it. */
 
@@ -185,3 +188,5 @@ TransposeSlice(const TPixel * input, std::ptrdiff_t columns, std::ptrdiff_t rows
   }
   Lanes::FinishLines();
 }
+
+#endif

@@ -15,10 +15,14 @@
  *  limitations under the License.
  *
  *=========================================================================*/
+#ifndef itkShearWarpVectorProjection_h
+#define itkShearWarpVectorProjection_h
+
 /* Slices to intermediate images.
  * See itkShearWarpVectorKernels.h for what includes it. */
 
-/** Fetches lines of voxels that are soon needed, a few at each step. Lines come from several places in turn, each in
+/** \class Prefetcher
+ * Fetches lines of voxels that are soon needed, a few at each step. Lines come from several places in turn, each in
  * the order of its addresses: memory serves a few streams faster than one. */
 class Prefetcher
 {
@@ -435,7 +439,8 @@ ProjectTileRow(const TileRow<TPixel> & row)
   }
 }
 
-/** Projects a few slices of a block of the volume into one view. */
+/** \class BlockProjector
+ * Projects a few slices of a block of the volume into one view. */
 template <typename TRule, typename TPixel>
 class BlockProjector
 {
@@ -900,3 +905,5 @@ IsAnyBelow(const TPixel * pixels, std::ptrdiff_t rowStride, std::ptrdiff_t rows,
   }
   return false;
 }
+
+#endif

@@ -15,6 +15,9 @@
  *  limitations under the License.
  *
  *=========================================================================*/
+#ifndef itkShearWarpVectorSampling_h
+#define itkShearWarpVectorSampling_h
+
 /* Vectors of pixels, and the samples of a slice.
  * See itkShearWarpVectorKernels.h for what includes it. */
 
@@ -73,7 +76,8 @@ Better(TVector best, TVector value)
   }
 }
 
-/** Which of a slice's fractions are not zero: a sample has one, two or four voxels. */
+/** \class Fractions
+ * Which of a slice's fractions are not zero: a sample has one, two or four voxels. */
 enum class Fractions
 {
   None,
@@ -136,7 +140,8 @@ struct TileRow
   ColumnSpan                any{}, common{};
 };
 
-/** The samples of a slice in a tile, of one or two short integers whose difference fits in 16 bits: linear
+/** \class LinearSampler
+ * The samples of a slice in a tile, of one or two short integers whose difference fits in 16 bits: linear
  * interpolation is b + ((a - b) x + 2^14 >> 15). */
 template <typename TPixel, Fractions VFractions>
 class LinearSampler
@@ -207,7 +212,8 @@ private:
   Sample m_Weight;
 };
 
-/** The samples of a slice in a tile, of short integers: weighted sums. Unsigned ones fit in 15 bits unless VWide. */
+/** \class SumSampler
+ * The samples of a slice in a tile, of short integers: weighted sums. Unsigned ones fit in 15 bits unless VWide. */
 template <typename TPixel, Fractions VFractions, bool VWide>
 class SumSampler
 {
@@ -317,7 +323,8 @@ private:
   Short m_Weights;
 };
 
-/** The samples of a slice in a tile, of floats. */
+/** \class FloatSampler
+ * The samples of a slice in a tile, of floats. */
 template <Fractions VFractions>
 class FloatSampler
 {
@@ -406,3 +413,5 @@ using Sampler =
                      TPixel,
                      VFractions,
                      VWide>::Type;
+
+#endif

@@ -15,6 +15,9 @@
  *  limitations under the License.
  *
  *=========================================================================*/
+#ifndef itkShearWarpVectorWarp_h
+#define itkShearWarpVectorWarp_h
+
 /* The intermediate image to the output.
  * See itkShearWarpVectorKernels.h for what includes it. */
 
@@ -224,3 +227,5 @@ WarpRow(const IntermediateImage<TPixel> & intermediate,
   }
   portable(intermediate, map, row, x, end, background, output);
 }
+
+#endif

@@ -392,7 +392,8 @@ TEST(ShearWarpInputsOfParts, FewerPixelsThanTheirRegionAreAnError)
 
 namespace
 {
-/** Lets any data object be any input. */
+/** \class OpenFilter
+ * Lets any data object be any input. */
 template <typename TFilter>
 class OpenFilter : public TFilter
 {

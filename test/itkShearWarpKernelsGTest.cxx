@@ -48,7 +48,8 @@ ToQuantized(const Kernels::SamplingPosition & position)
   return position.whole * WholePixel + position.fraction;
 }
 
-/** Memory that ends, and one that begins, at a page that cannot be read: an access outside is a crash. */
+/** \class GuardedMemory
+ * Memory that ends, and one that begins, at a page that cannot be read: an access outside is a crash. */
 class GuardedMemory
 {
 public:
@@ -142,7 +143,8 @@ Warp(const std::vector<TPixel> &              pixels,
   return { output.begin() + Guard, output.end() - Guard };
 }
 
-/** A stack with padded rows and slices, but for the last, and random placements. The padding would win.
+/** \class SlicesFixture
+ * A stack with padded rows and slices, but for the last, and random placements. The padding would win.
  */
 template <typename TPixel>
 class SlicesFixture

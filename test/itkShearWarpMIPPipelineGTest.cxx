@@ -68,7 +68,8 @@ using ImageType = itk::Image<short, 3>;
 using OutputType = itk::Image<short, 2>;
 using FilterType = itk::ShearWarpMIPImageFilter<ImageType>;
 
-/** Counts how often a process object executes. */
+/** \class ExecutionCounter
+ * Counts how often a process object executes. */
 class ExecutionCounter
 {
 public:
@@ -91,7 +92,8 @@ private:
   int m_Count{ 0 };
 };
 
-/** Aborts when the progress reaches a limit, and keeps what was reported. */
+/** \class ProgressRecorder
+ * Aborts when the progress reaches a limit, and keeps what was reported. */
 class ProgressRecorder
 {
 public:
@@ -119,7 +121,8 @@ private:
   itk::ProcessObject * m_Process;
 };
 
-/** A source that gives less than it was asked for. */
+/** \class ScantImageSource
+ * A source that gives less than it was asked for. */
 class ScantImageSource : public itk::ImageSource<ImageType>
 {
 public:
