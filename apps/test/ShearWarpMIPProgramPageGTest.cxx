@@ -250,10 +250,10 @@ TEST_F(ShearWarpMIPProgramPage, TurnsOfSeveralElevationsFollowOneAnother)
   for (const std::string elevation : { "40", "-25.5" })
   {
     this->ExpectSuccess("in.nrrd turn.nrrd --elevation " + elevation + grid);
-    const auto turn = this->ReadPixels<itk::Image<short, 3>>("turn.nrrd");
+    const auto turn = this->ReadPixels<VolumeType>("turn.nrrd");
     expected.insert(expected.end(), turn.begin(), turn.end());
   }
-  EXPECT_EQ(this->ReadPixels<itk::Image<short, 3>>("rows.nrrd"), expected);
+  EXPECT_EQ(this->ReadPixels<VolumeType>("rows.nrrd"), expected);
 
   this->ExpectSuccess("in.nrrd rows.png --frames 2 --elevations -30,0,30 --dicom-out dicom");
   EXPECT_TRUE(fs::exists(this->GetPath("rows-005.png")));
