@@ -1,6 +1,6 @@
 # Debian packages of the program and of the library, made by cpack.
 set(CPACK_GENERATOR DEB)
-set(CPACK_PACKAGE_CONTACT "The ShearWarpMIP contributors")
+set(CPACK_PACKAGE_CONTACT "ShearWarpMIP contributors <contributors@shearwarpmip.invalid>")
 set(CPACK_PACKAGE_DIRECTORY packages)
 set(CPACK_COMPONENTS_ALL program dev)
 set(CPACK_STRIP_FILES ON)
@@ -27,14 +27,27 @@ set(
 Library, headers and CMake configuration of ITK's module ShearWarpMIP."
 )
 
+set(documents ${CMAKE_CURRENT_BINARY_DIR}/documents)
+string(TIMESTAMP year "%Y" UTC)
+string(TIMESTAMP date "%a, %d %b %Y %H:%M:%S +0000" UTC)
 file(
-  WRITE ${CMAKE_CURRENT_BINARY_DIR}/copyright
-  "Copyright (C) NumFOCUS
+  WRITE ${documents}/copyright
+  "Copyright (C) ${year} NumFOCUS
 
 Licensed under the Apache License, Version 2.0: /usr/share/common-licenses/Apache-2.0
 "
 )
-install(FILES ${CMAKE_CURRENT_BINARY_DIR}/copyright DESTINATION share/doc/shear-warp-mip COMPONENT program)
-install(FILES ${CMAKE_CURRENT_BINARY_DIR}/copyright DESTINATION share/doc/libshearwarpmip-dev COMPONENT dev)
+file(
+  WRITE ${documents}/changelog
+  "shear-warp-mip (${PROJECT_VERSION}) unstable; urgency=medium
+
+  * Version ${PROJECT_VERSION}, whose changes CHANGELOG.md has.
+
+ -- ${CPACK_PACKAGE_CONTACT}  ${date}
+"
+)
+execute_process(COMMAND gzip --best --no-name --force ${documents}/changelog)
+install(DIRECTORY ${documents}/ DESTINATION share/doc/shear-warp-mip COMPONENT program)
+install(DIRECTORY ${documents}/ DESTINATION share/doc/libshearwarpmip-dev COMPONENT dev)
 
 include(CPack)

@@ -56,6 +56,12 @@ find_head() {
   find_itk_image "$root/benchmark/paper/MultiFrameDicomTest.dcm.cid"
 }
 
+# check_packages FOLDER: Debian's lintian finds nothing in the packages there.
+check_packages() {
+  need_packages lintian
+  lintian --allow-root --fail-on error,warning "$1"/*.deb
+}
+
 # run_itk_python ARGUMENT...: Python with PyPI's itk-io, in the cache; needs python3-venv.
 run_itk_python() {
   [ -x "$cache/itk-python/bin/python" ] || /usr/bin/python3 -m venv "$cache/itk-python"
