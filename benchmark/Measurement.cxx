@@ -442,34 +442,4 @@ HasAnyFailed()
 {
   return hasAnyFailed;
 }
-
-std::vector<std::string>
-FindInstructionSets()
-{
-  using ImageType = Image<std::uint16_t, 3>;
-  const auto image = ImageType::New();
-  image->SetRegions(Size<3>{ { 8, 8, 8 } });
-  image->Allocate(true);
-
-  std::vector<std::string> found;
-  for (const std::string name : { "portable", "generic", "avx2", "avx512" })
-  {
-    ForceInstructionSet(name);
-    const auto filter = ShearWarpMIPImageFilter<ImageType>::New();
-    filter->SetInput(image);
-    try
-    {
-      filter->Update();
-      if (filter->GetInstructionSet() == name)
-      {
-        found.push_back(name);
-      }
-    }
-    catch (const ExceptionObject &)
-    {
-      // the filter may refuse what the processor does not have
-    }
-  }
-  return found;
-}
 } // namespace itk::ShearWarpBenchmark

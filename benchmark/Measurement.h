@@ -70,10 +70,6 @@ RegisterCine(const Measurement & measurement);
 /** Whether a benchmark that ran ended with an error. */
 bool
 HasAnyFailed();
-
-/** Those of the filter's instruction sets that this machine runs, the slowest first. */
-std::vector<std::string>
-FindInstructionSets();
 } // namespace itk::ShearWarpBenchmark
 
 #endif

@@ -21,6 +21,7 @@
 #include "ReportErrors.h"
 
 #include "itkMultiThreaderBase.h"
+#include "itkShearWarpSampling.h"
 #include "itkVersion.h"
 
 #include "itksys/SystemInformation.hxx"
@@ -152,7 +153,7 @@ void
 RegisterAll(const Options & options)
 {
   const auto         dataSets = MakeDataSets(options);
-  const auto         instructionSets = FindInstructionSets();
+  const auto         instructionSets = itk::ShearWarp::GetInstructionSets();
   itk::SizeValueType most = 0;
   for (const DataSet & data : dataSets)
   {
