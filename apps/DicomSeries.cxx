@@ -639,7 +639,7 @@ ComputeDepthOfCentre(const itk::Transform<double, 3, 3> * transform, const itk::
 {
   const auto      axes = itk::ShearWarpFactorization::GetLinearPart(transform);
   const PointType origin = transform->TransformPoint(PointType(0.0));
-  return (itk::Matrix<double, 3, 3>(axes.GetInverse()) * (itk::ShearWarpMIPView::GetCentre(grid) - origin))[2];
+  return (itk::Matrix<double, 3, 3>(axes.GetInverse()) * (itk::ShearWarpMIPView::GetCenter(grid) - origin))[2];
 }
 
 void

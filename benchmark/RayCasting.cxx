@@ -28,7 +28,7 @@ namespace
 {
 using VectorType = Vector<double, 3>;
 
-/** Trilinear interpolation at positions in voxels from the first voxel, inside the box of the voxels' centres but for
+/** Trilinear interpolation at positions in voxels from the first voxel, inside the box of the voxels' centers but for
  * rounding. */
 template <typename TPixel>
 class Interpolator

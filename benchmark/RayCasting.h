@@ -27,7 +27,7 @@ namespace itk::ShearWarpBenchmark
  *
  * Pixel (u, v) of \a output, at the place that its region, spacing and origin give in view space, is the maximum of
  * \a image along the line of all w at T(u, v, w), where T is \a viewTransform. The line is clipped to the box of the
- * voxels' centres and sampled by trilinear interpolation (equation 1 of Fang et al. 2002), from where it enters the
+ * voxels' centers and sampled by trilinear interpolation (equation 1 of Fang et al. 2002), from where it enters the
  * box, every \a step in units of w (mm, for a rigid transform of an image in mm). Pixels whose line misses the box are
  * \a background; integers are rounded.
  *

@@ -70,7 +70,7 @@ MakeView(const ImageBase<3> * image, const Angles & angles)
     transform->Rotate3D(direction, -degrees[axis] * Math::pi_over_180);
   }
   transform->SetMatrix(image->GetDirection() * transform->GetMatrix());
-  transform->SetOffset(ShearWarpMIPView::GetCentre(image).GetVectorFromOrigin());
+  transform->SetOffset(ShearWarpMIPView::GetCenter(image).GetVectorFromOrigin());
   return transform;
 }
 

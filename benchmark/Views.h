@@ -36,7 +36,7 @@ struct Angles
 unsigned int
 GetNumberOfViews();
 
-/** A new transform of the given view, from view space (mm, its origin the image's centre) to the image's physical
+/** A new transform of the given view, from view space (mm, its origin the image's center) to the image's physical
  * space. */
 ViewTransformType::Pointer
 MakeView(const ImageBase<3> * image, const Angles & angles);

@@ -126,7 +126,7 @@ def main() -> None:
             write_volume(path, edge, options.chunk)
             opened = open_volume(path)
             view = itk.CenteredEuler3DTransform[itk.D].New()
-            view.SetCenter(itk.ShearWarpMIPView.GetCentre(opened.make_image()))
+            view.SetCenter(itk.ShearWarpMIPView.GetCenter(opened.make_image()))
             view.SetRotation(*np.radians((20.0, 30.0, 0.0)))
             expected = None
             if edge <= options.whole:

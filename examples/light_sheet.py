@@ -125,7 +125,7 @@ def main() -> None:
     ):
         write_image(path, tuple(arguments.size))
         view = itk.CenteredEuler3DTransform[itk.D].New()
-        view.SetCenter(itk.ShearWarpMIPView.GetCentre(open_volume(path).make_image()))
+        view.SetCenter(itk.ShearWarpMIPView.GetCenter(open_volume(path).make_image()))
         view.SetRotation(*np.radians([25.0, 35.0, 0.0]))
         mip(path, view, level=1)  # imports ITK on the workers
 

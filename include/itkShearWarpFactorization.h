@@ -91,8 +91,8 @@ struct DepthRange
 ShearWarpMIP_EXPORT DepthRange
 ClipDepths(const ViewSpace & view, const ImageBase<3> * image, const DepthRange & slab);
 
-/** The least depth of the sphere about the image's centre that holds all of its voxels: but for rounding errors the
- * same for all views that are turned about that centre. */
+/** The least depth of the sphere about the image's center that holds all of its voxels: but for rounding errors the
+ * same for all views that are turned about that center. */
 ShearWarpMIP_EXPORT double
 FindSphereDepth(const ViewSpace & view, const ImageBase<3> * image);
 
@@ -305,7 +305,7 @@ public:
   GetLinearPart(const TransformType * viewTransform);
 
   /** Corners of the bounding box, in view space, of the physical extent of \a image: its voxels, not only their
-   * centres. */
+   * centers. */
   static void
   ComputeViewBounds(const TransformType *      viewTransform,
                     const InputImageBaseType * image,

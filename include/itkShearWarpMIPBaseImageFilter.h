@@ -91,7 +91,7 @@ public:
   }
   itkGetConstReferenceMacro(OutputSpacing, SpacingType);
 
-  /** Position of the output's first pixel centre in the view plane, in units of view space; zero while it is fitted. */
+  /** Position of the output's first pixel center in the view plane, in units of view space; zero while it is fitted. */
   void
   SetOutputOrigin(const OriginPointType & origin)
   {
@@ -113,7 +113,7 @@ public:
   itkGetEnumMacro(Mode, ModeEnum);
 
   /** Only samples of depth w, in view space, SlabNear <= w <= SlabFar count: by default from minus to plus infinity. In
-   * the views of ShearWarpMIPView depth is mm behind the image's centre. */
+   * the views of ShearWarpMIPView depth is mm behind the image's center. */
   itkSetMacro(SlabNear, double);
   itkGetConstMacro(SlabNear, double);
   itkSetMacro(SlabFar, double);
@@ -145,8 +145,8 @@ public:
 
   /** How fast samples fade with depth, in 1 / unit of view space. A sample of value v at depth w takes part as
    * DefaultPixelValue + (v - DefaultPixelValue) f, where f = exp(-DepthAttenuation (w - w0)). Fading begins at w0, the
-   * least depth of the sphere about the image's centre that holds the image, or at SlabNear if that is deeper. So all
-   * views of a turn about that centre begin at the same depth. Any finite rate that is not negative will do; 0, none,
+   * least depth of the sphere about the image's center that holds the image, or at SlabNear if that is deeper. So all
+   * views of a turn about that center begin at the same depth. Any finite rate that is not negative will do; 0, none,
    * by default. DefaultPixelValue must be finite where samples fade. */
   itkSetMacro(DepthAttenuation, double);
   itkGetConstMacro(DepthAttenuation, double);
@@ -166,7 +166,7 @@ public:
   GetDepthOutput() const;
 
   /** Whether a pixel is the extremum of the image itself along its ray, not of samples. The image is the trilinear
-   * interpolant of the voxels, within the slab and the box; up to half a voxel beyond the outer voxel centres it has
+   * interpolant of the voxels, within the slab and the box; up to half a voxel beyond the outer voxel centers it has
    * their values. In each cell it is a cubic along the ray, whose extremum is known in closed form: there is no step,
    * no principal axis and no second interpolation. The extremum is rounded once. The error before rounding is below
    * 2^-14 of the voxels' range. Cells with a voxel that is not finite are left out. Depth is that of the extremum. Off

@@ -28,7 +28,7 @@ namespace itk
  * \brief Maximum intensity projections (MIPs) of a 3D image from many directions: a series that turns.
  *
  * Slice n of the 3D output is frame n: what ShearWarpMIPImageFilter gives, to the bit, for the view that FrameTransform
- * returns, with the same parameters. By default the viewer moves around the image's centre, about the patient's long
+ * returns, with the same parameters. By default the viewer moves around the image's center, about the patient's long
  * axis, in NumberOfFrames equal steps of a full turn: RotationAxis, Center, StartAngle, AngularRange and Rocking change
  * that. Or the views are any list of transforms: AddTransform().
  *
@@ -92,13 +92,13 @@ public:
   itkSetMacro(RotationAxis, AxisType);
   itkGetConstReferenceMacro(RotationAxis, AxisType);
 
-  /** A point of the axis, in physical space; the image's centre unless it is set. */
+  /** A point of the axis, in physical space; the image's center unless it is set. */
   void
   SetCenter(const PhysicalPointType & center);
   PhysicalPointType
   GetCenter() const;
 
-  /** Makes the image's centre the Center again. */
+  /** Makes the image's center the Center again. */
   void
   UseImageCenter();
 

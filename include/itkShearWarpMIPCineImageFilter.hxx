@@ -41,7 +41,7 @@ template <typename TInputImage, typename TOutputImage>
 auto
 ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::GetCenter() const -> PhysicalPointType
 {
-  return m_IsCenterSet ? m_Center : ShearWarpMIPView::GetCentre(this->GetInput());
+  return m_IsCenterSet ? m_Center : ShearWarpMIPView::GetCenter(this->GetInput());
 }
 
 template <typename TInputImage, typename TOutputImage>

@@ -62,7 +62,7 @@ ShearWarpMIP_EXPORT std::ostream &
  *
  * Physical space is ITK's: x to the patient's left, y to posterior, z to superior (LPS), in mm. View space has u to the
  * right of the picture, v down the picture and w away from the viewer; it is right-handed, so that no view is
- * mirrored. Its origin is the centre of the image.
+ * mirrored. Its origin is the center of the image.
  *
  * Towards which side of the patient u, v and w point:
  * - Anterior: left, inferior, posterior
@@ -81,7 +81,7 @@ public:
   using TransformType = AffineTransform<double, 3>;
 
   /** The rigid transform, from view space to physical space, of a view of \a image from \a direction. From there the
-   * viewer moves around the image's centre: first by \a azimuth degrees towards the right of the picture, about the
+   * viewer moves around the image's center: first by \a azimuth degrees towards the right of the picture, about the
    * picture's vertical axis, then by \a elevation degrees towards the top of the picture. From anterior, azimuth 90
    * is the left view (positive angles are left anterior oblique, positive elevations are cranial).
    * Throws ExceptionObject if \a image is null, or an angle is not finite. */
@@ -104,9 +104,9 @@ public:
                                   const Point<double, 3> &        center,
                                   double                          degrees);
 
-  /** The physical position, in mm, of the centre of \a image's largest possible region. */
+  /** The physical position, in mm, of the center of \a image's largest possible region. */
   static ShearWarpMIP_EXPORT Point<double, 3>
-                             GetCentre(const ImageBase<3> * image);
+                             GetCenter(const ImageBase<3> * image);
 };
 } // namespace itk
 

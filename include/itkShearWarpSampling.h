@@ -70,7 +70,7 @@ struct BilinearWeights
 /** Where a slice lies in the intermediate image: its voxel (0, 0) is at column `column`, row `row`.
  *
  * Intermediate pixel p meets the slice at voxel column p - column.whole - column.fraction / 2^15.
- * The slice reaches half a voxel beyond its outer voxel centres, with the outer voxels' values, so that it always
+ * The slice reaches half a voxel beyond its outer voxel centers, with the outer voxels' values, so that it always
  * covers as many pixels as it has voxels. */
 struct SlicePlacement
 {

@@ -232,16 +232,16 @@ FindBounds(const ShearWarp::ViewSpace & view, const ImageBase<3> * image)
   Bounds           bounds;
   for (unsigned int row = 0; row < 3; ++row)
   {
-    double centre = indexToView.offset[row];
+    double center = indexToView.offset[row];
     double halfExtent = 0.0;
     for (unsigned int axis = 0; axis < 3; ++axis)
     {
       const auto count = static_cast<double>(size[axis]);
-      centre += indexToView.matrix(row, axis) * 0.5 * (count - 1.0);
+      center += indexToView.matrix(row, axis) * 0.5 * (count - 1.0);
       halfExtent += std::abs(indexToView.matrix(row, axis)) * 0.5 * count;
     }
-    bounds.lower[row] = centre - halfExtent;
-    bounds.upper[row] = centre + halfExtent;
+    bounds.lower[row] = center - halfExtent;
+    bounds.upper[row] = center + halfExtent;
   }
   return bounds;
 }
@@ -423,10 +423,10 @@ ShearWarp::FindSphereDepth(const ViewSpace & view, const ImageBase<3> * image)
   const LinearView indexToView = GetImageView(view, image).indexToView;
   const auto       indexToPhysical = GetIndexToPhysical(image);
   const Size<3>    size = image->GetLargestPossibleRegion().GetSize();
-  double           centre = indexToView.offset[2];
+  double           center = indexToView.offset[2];
   for (unsigned int axis = 0; axis < 3; ++axis)
   {
-    centre += indexToView.matrix(2, axis) * 0.5 * (static_cast<double>(size[axis]) - 1.0);
+    center += indexToView.matrix(2, axis) * 0.5 * (static_cast<double>(size[axis]) - 1.0);
   }
   // four diagonals: axes need not be at right angles
   double radius = 0.0;
@@ -444,7 +444,7 @@ ShearWarp::FindSphereDepth(const ViewSpace & view, const ImageBase<3> * image)
   // how fast the depth changes along physical space
   const Matrix<double, 3, 3> physicalToView = Invert(view.axes);
   const double               slope[] = { physicalToView(2, 0), physicalToView(2, 1), physicalToView(2, 2) };
-  return centre - GetNorm(Vector<double, 3>(slope)) * radius;
+  return center - GetNorm(Vector<double, 3>(slope)) * radius;
 }
 
 Point<double, 3>

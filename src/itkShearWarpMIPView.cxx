@@ -116,7 +116,7 @@ MakeView(const ImageBase<3> * image, const ViewAxes & axes)
   }
   auto transform = ShearWarpMIPView::TransformType::New();
   transform->SetMatrix(matrix);
-  transform->SetOffset(ShearWarpMIPView::GetCentre(image).GetVectorFromOrigin());
+  transform->SetOffset(ShearWarpMIPView::GetCenter(image).GetVectorFromOrigin());
   return transform;
 }
 } // namespace
@@ -202,7 +202,7 @@ ShearWarpMIPView::Turn(const Transform<double, 3, 3> * view,
 }
 
 Point<double, 3>
-ShearWarpMIPView::GetCentre(const ImageBase<3> * image)
+ShearWarpMIPView::GetCenter(const ImageBase<3> * image)
 {
   if (!image)
   {
@@ -214,8 +214,8 @@ ShearWarpMIPView::GetCentre(const ImageBase<3> * image)
   {
     index[axis] = static_cast<double>(region.GetIndex(axis)) + 0.5 * (static_cast<double>(region.GetSize(axis)) - 1.0);
   }
-  Point<double, 3> centre;
-  image->TransformContinuousIndexToPhysicalPoint(index, centre);
-  return centre;
+  Point<double, 3> center;
+  image->TransformContinuousIndexToPhysicalPoint(index, center);
+  return center;
 }
 } // namespace itk

@@ -530,7 +530,7 @@ private:
              rows.begin < rows.end && (row.fraction > HalfVoxel ? rows.end > m_Stack.rows : rows.begin == 0) };
   }
 
-  /** Half a voxel beyond the outer voxel centres, with the outer voxels' values. */
+  /** Half a voxel beyond the outer voxel centers, with the outer voxels' values. */
   void
   ProjectEdges(const PlacedSlice & slice) const
   {

@@ -336,7 +336,7 @@ TYPED_TEST(ShearWarpExact, IsTheExtremumOfTheInterpolant)
     }
     if (random.Integer(0, 2) == 0)
     {
-      const PointType centre = GetCentre(image.GetPointer());
+      const PointType centre = GetCenter(image.GetPointer());
       for (unsigned int axis = 0; axis < 3; ++axis)
       {
         rule.cropLower[axis] = centre[axis] - random.Uniform(0, 0.4) * (upper[2] - lower[2]);
@@ -561,7 +561,7 @@ TEST(ShearWarpExactClosedForms, ARampEndsWhereSlabAndBoxEnd)
     filter->SetTransform(view);
     filter->SetSize({ { 3, 3 } });
     filter->SetOutputSpacing(MakeVector2(0.3, 0.3));
-    const auto            centre = view->GetInverseTransform()->TransformPoint(GetCentre(image.GetPointer()));
+    const auto            centre = view->GetInverseTransform()->TransformPoint(GetCenter(image.GetPointer()));
     itk::Point<double, 2> origin;
     origin[0] = centre[0] - 0.3;
     origin[1] = centre[1] - 0.3;
@@ -948,7 +948,7 @@ TEST(ShearWarpExactRays, AnyZoomHasTheSameBits)
   const auto image = MakeRandomImage<short>(random, { { 30, 25, 20 } });
   const auto view = MakeRandomView(random, ViewKind::Rigid, image.GetPointer());
   const auto filter = FilterType<short>::New();
-  const auto centre = view->GetInverseTransform()->TransformPoint(GetCentre(image.GetPointer()));
+  const auto centre = view->GetInverseTransform()->TransformPoint(GetCenter(image.GetPointer()));
   filter->SetInput(image);
   filter->SetTransform(view);
   filter->ExactOn();

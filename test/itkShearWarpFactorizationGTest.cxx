@@ -440,7 +440,7 @@ TEST(ShearWarpFactorization, OfEqualAxesTheLastIsPrincipal)
     viewToIndex(1, 2) = repeat % 3 == 0 ? -sign : 0.3;
     const auto & spacing = image->GetSpacing();
     const auto   view = MakeView(image->GetDirection() * MakeDiagonal(spacing[0], spacing[1], spacing[2]) * viewToIndex,
-                               GetCentre(image));
+                               GetCenter(image));
     const itk::ShearWarpFactorization factorization(view, image, itk::Image<unsigned char, 2>::New());
     EXPECT_EQ(factorization.GetPrincipalAxis(), 2u) << "in repetition " << repeat;
   }

@@ -844,7 +844,7 @@ TEST(ShearWarpKernels, BilinearWeightsAreNotNegativeAndSumToOne)
   }
 }
 
-TEST(ShearWarpKernels, SlicePlacementStartsHalfAVoxelBeforeTheFirstCentre)
+TEST(ShearWarpKernels, SlicePlacementStartsHalfAVoxelBeforeTheFirstCenter)
 {
   const auto firstOf = [](std::int32_t fraction) {
     const Kernels::SlicePlacement placement{ { 5, fraction }, { 7, fraction } };

@@ -353,7 +353,7 @@ TEST(ShearWarpMIPCine, ThePointThatTheViewerMovesAboutStaysInPlace)
   const auto image = MakeRandomImage<short>(random, { { 20, 20, 20 } });
   const auto cine = CineType<short>::New();
   cine->SetInput(image);
-  EXPECT_LT((cine->GetCenter() - GetCentre(image)).GetNorm(), 1e-9);
+  EXPECT_LT((cine->GetCenter() - GetCenter(image)).GetNorm(), 1e-9);
   const auto center = MakePoint3(3.0, -4.0, 5.0);
   const auto axis = MakeVector3(1.0, 2.0, -0.5);
   cine->SetCenter(center);
@@ -369,7 +369,7 @@ TEST(ShearWarpMIPCine, ThePointThatTheViewerMovesAboutStaysInPlace)
     }
   }
   cine->UseImageCenter();
-  EXPECT_LT((cine->GetCenter() - GetCentre(image)).GetNorm(), 1e-9);
+  EXPECT_LT((cine->GetCenter() - GetCenter(image)).GetNorm(), 1e-9);
 }
 
 TEST(ShearWarpMIPCine, AnglesAndTransformsAreInTheMetaDataDictionary)

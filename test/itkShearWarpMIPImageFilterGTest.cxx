@@ -64,14 +64,14 @@ template <typename TFilter>
 void
 SetRandomGrid(Random & random, TFilter * filter, const ViewType * view, const itk::ImageBase<3> * image)
 {
-  const PointType       centre = view->GetInverseTransform()->TransformPoint(GetCentre(image));
+  const PointType       center = view->GetInverseTransform()->TransformPoint(GetCenter(image));
   const auto            spacing = MakeVector2(random.Uniform(0.3, 2.5), random.Uniform(0.3, 2.5));
   itk::Size<2>          size;
   itk::Point<double, 2> origin;
   for (unsigned int axis = 0; axis < 2; ++axis)
   {
     size[axis] = static_cast<itk::SizeValueType>(random.Integer(5, 32));
-    origin[axis] = centre[axis] - spacing[axis] * random.Uniform(0.2, 0.8) * static_cast<double>(size[axis]);
+    origin[axis] = center[axis] - spacing[axis] * random.Uniform(0.2, 0.8) * static_cast<double>(size[axis]);
   }
   filter->SetSize(size);
   filter->SetOutputSpacing(spacing);
@@ -374,20 +374,20 @@ TEST(ShearWarpMIPImageFilter, AgreesWithFineResamplingOfASmoothImage)
   image->SetDirection(MakeRandomRotation(random));
   image->SetOrigin(MakePoint3(40, -30, 20));
   image->Allocate();
-  const double centres[][4] = { { 22, 20, 19, 1.0 }, { 27, 25, 21, 0.7 }, { 19, 24, 17, 0.5 } };
+  const double centers[][4] = { { 22, 20, 19, 1.0 }, { 27, 25, 21, 0.7 }, { 19, 24, 17, 0.5 } };
   itk::ImageRegionIteratorWithIndex<ImageType> voxel(image, image->GetBufferedRegion());
   for (; !voxel.IsAtEnd(); ++voxel)
   {
     double value = 0.0;
-    for (const auto & centre : centres)
+    for (const auto & center : centers)
     {
       double squared = 0.0;
       for (unsigned int axis = 0; axis < 3; ++axis)
       {
-        const double distance = (static_cast<double>(voxel.GetIndex()[axis]) - centre[axis]) / sigma;
+        const double distance = (static_cast<double>(voxel.GetIndex()[axis]) - center[axis]) / sigma;
         squared += distance * distance;
       }
-      value += amplitude * centre[3] * std::exp(-0.5 * squared);
+      value += amplitude * center[3] * std::exp(-0.5 * squared);
     }
     voxel.Set(static_cast<float>(value));
   }
@@ -397,7 +397,7 @@ TEST(ShearWarpMIPImageFilter, AgreesWithFineResamplingOfASmoothImage)
   for (int repeat = 0; repeat < 6; ++repeat)
   {
     const auto view =
-      MakeView(MakeRandomViewMatrix(random, repeat % 2 == 0 ? ViewKind::Rigid : ViewKind::Mirrored), GetCentre(image));
+      MakeView(MakeRandomViewMatrix(random, repeat % 2 == 0 ? ViewKind::Rigid : ViewKind::Mirrored), GetCenter(image));
     const auto filter = MakeFilter<float>(image, view);
     filter->SetOutputSpacing(MakeVector2(1.1, 1.1));
     filter->Update();
@@ -462,7 +462,7 @@ TEST(ShearWarpMIPImageFilter, FittedGridHoldsTheWholeImageAtEveryViewAndNoMore)
       ASSERT_LE(begin, lower[axis] + slack);
       ASSERT_GE(end, upper[axis] - slack);
       ASSERT_LT(end - begin, std::max(spacing, upper[axis] - lower[axis] + spacing) + slack);
-      ASSERT_NEAR(begin + end, lower[axis] + upper[axis], 1e-8) << "centred on the image";
+      ASSERT_NEAR(begin + end, lower[axis] + upper[axis], 1e-8) << "centerd on the image";
 
       PointType ahead = MakePoint3(0, 0, 0);
       ahead[axis] = 1.0;
@@ -493,7 +493,7 @@ TEST(ShearWarpMIPImageFilter, PartsOfTheGridThatAreSetStayAndTheOthersAreFitted)
     expectGrid({ { 20, 10 } }, 1, 1, 0, 0);
   }
   {
-    SCOPED_TRACE("Size alone is centred");
+    SCOPED_TRACE("Size alone is centerd");
     filter->SetSize({ { 6, 13 } });
     expectGrid({ { 6, 13 } }, 1, 1, 7, -1.5);
     filter->FitOutputGrid();
@@ -629,7 +629,7 @@ TEST(ShearWarpMIPImageFilter, DefaultPixelValueIsWhereTheImageIsNot)
 
 TEST(ShearWarpMIPImageFilter, FootprintIsTheImagesPhysicalExtent)
 {
-  // the outer voxels reach half a voxel beyond their centres
+  // the outer voxels reach half a voxel beyond their centers
   const auto image = MakePlainImage<unsigned char>({ { 8, 6, 5 } }, 9);
   const auto filter = MakeFilter<unsigned char>(image, MakeAxisView(2));
   filter->SetOutputSpacing(MakeVector2(0.25, 0.25));

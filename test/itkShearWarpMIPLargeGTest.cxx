@@ -35,7 +35,7 @@ constexpr unsigned char      Bright = 255;
 constexpr unsigned char      Dark = 63;
 constexpr int                Radius = 2;
 
-/** Centres of bright cubes, from the first voxel of the image to the last. */
+/** Centers of bright cubes, from the first voxel of the image to the last. */
 const itk::Index<3> Cubes[] = { { { 2, 2, 2 } },          { { 1297, 2, 2 } },      { { 2, 1297, 1270 } },
                                 { { 1297, 1297, 1297 } }, { { 650, 1200, 1280 } }, { { 1100, 300, 1275 } },
                                 { { 640, 650, 660 } } };
@@ -52,9 +52,9 @@ MakeLargeImage()
     state = state * 1664525u + 1013904223u;
     *voxel = static_cast<unsigned char>(state >> 26);
   }
-  for (const itk::Index<3> & centre : Cubes)
+  for (const itk::Index<3> & center : Cubes)
   {
-    itk::ImageRegion<3> cube(centre, { { 1, 1, 1 } });
+    itk::ImageRegion<3> cube(center, { { 1, 1, 1 } });
     cube.PadByRadius(Radius);
     itk::ImageRegionIterator<ImageType> it(image, cube);
     for (; !it.IsAtEnd(); ++it)
@@ -132,13 +132,13 @@ TEST(ShearWarpMIPLarge, MoreThan2To31VoxelsAreProjected)
 
     const auto *               output = filter->GetOutput();
     std::vector<itk::Index<2>> places;
-    for (const itk::Index<3> & centre : Cubes)
+    for (const itk::Index<3> & center : Cubes)
     {
       PointType physical;
-      image->TransformIndexToPhysicalPoint(centre, physical);
+      image->TransformIndexToPhysicalPoint(center, physical);
       const PointType     inView = view->GetInverseTransform()->TransformPoint(physical);
       const itk::Index<2> place = output->TransformPhysicalPointToIndex(MakePoint2(inView[0], inView[1]));
-      EXPECT_EQ(+output->GetPixel(place), +Bright) << centre;
+      EXPECT_EQ(+output->GetPixel(place), +Bright) << center;
       places.push_back(place);
     }
     // a cube's corner, and a pixel for each interpolation

@@ -641,9 +641,9 @@ TEST(ShearWarpMIPModesClosedForms, AFadingTurnDoesNotPulse)
   cine->SetDepthAttenuation(0.1);
   cine->SetNumberOfFrames(24);
   const double radius = 0.5 * 61 * std::sqrt(3.0);
-  for (const bool isAboutCentre : { true, false })
+  for (const bool isAboutCenter : { true, false })
   {
-    if (!isAboutCentre)
+    if (!isAboutCenter)
     {
       cine->SetCenter(MakePoint3(-40, 50, 30));
       cine->SetRotationAxis(MakeVector3(1, 2, 3));
@@ -659,7 +659,7 @@ TEST(ShearWarpMIPModesClosedForms, AFadingTurnDoesNotPulse)
       const double depth =
         itk::ShearWarp::FindSphereDepth(itk::ShearWarp::ViewSpace(cine->GetFrameTransform(frame)), image);
       EXPECT_NEAR(depth,
-                  cine->GetFrameTransform(frame)->GetInverseTransform()->TransformPoint(GetCentre(image))[2] - radius,
+                  cine->GetFrameTransform(frame)->GetInverseTransform()->TransformPoint(GetCenter(image))[2] - radius,
                   1e-9);
     }
   }

@@ -121,7 +121,7 @@ DrawView(Random & random, const itk::ImageBase<3> * image)
   {
     matrix = matrix * MakeDiagonal(1.0, 1.0, std::pow(10.0, random.Uniform(-2, 2)));
   }
-  PointType origin = GetCentre(image);
+  PointType origin = GetCenter(image);
   for (auto & coordinate : origin)
   {
     coordinate += random.Uniform(-20, 20);
@@ -329,7 +329,7 @@ TEST(ShearWarpMIPProperties, ViewsAlongTheGridHaveTheMaximaOfTheirVoxels)
   using ImageType = itk::Image<short, 3>;
   Random     random(1201);
   const auto image = ImageType::New();
-  // longer than vectors; the centre is a voxel
+  // longer than vectors; the center is a voxel
   image->SetRegions(itk::ImageRegion<3>({ { -3, 2, 5 } }, { { 35, 9, 7 } }));
   image->SetSpacing(MakeVector3(0.5, 0.5, 0.5));
   image->SetOrigin(MakePoint3(1.5, -2, 10));

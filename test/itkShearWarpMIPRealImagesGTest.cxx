@@ -192,7 +192,7 @@ ExpectProjectionIsRight(const itk::Image<TPixel, 3> * image, Direction direction
   EXPECT_GT(nearby, 0.2 * static_cast<double>(*brightestVoxel));
 }
 
-/** Blanks the voxels on one side of the image's centre, in physical space. */
+/** Blanks the voxels on one side of the image's center, in physical space. */
 template <typename TPixel>
 typename itk::Image<TPixel, 3>::Pointer
 KeepSide(const itk::Image<TPixel, 3> * image, const itk::Vector<double, 3> & side)
@@ -201,14 +201,14 @@ KeepSide(const itk::Image<TPixel, 3> * image, const itk::Vector<double, 3> & sid
   half->CopyInformation(image);
   half->SetRegions(image->GetBufferedRegion());
   half->Allocate();
-  const PointType                                               centre = GetCentre(image);
+  const PointType                                               center = GetCenter(image);
   itk::ImageRegionConstIteratorWithIndex<itk::Image<TPixel, 3>> it(image, image->GetBufferedRegion());
   TPixel *                                                      voxel = half->GetBufferPointer();
   for (; !it.IsAtEnd(); ++it)
   {
     PointType position;
     image->TransformIndexToPhysicalPoint(it.GetIndex(), position);
-    *voxel++ = (position - centre) * side > 0 ? it.Get() : TPixel{};
+    *voxel++ = (position - center) * side > 0 ? it.Get() : TPixel{};
   }
   return half;
 }

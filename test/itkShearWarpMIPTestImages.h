@@ -136,7 +136,7 @@ MakeView(const MatrixType & matrix, const PointType & origin)
 }
 
 inline PointType
-GetCentre(const ImageBase<3> * image)
+GetCenter(const ImageBase<3> * image)
 {
   const auto &               region = image->GetLargestPossibleRegion();
   ContinuousIndex<double, 3> index;
@@ -144,16 +144,16 @@ GetCentre(const ImageBase<3> * image)
   {
     index[axis] = static_cast<double>(region.GetIndex(axis)) + 0.5 * (static_cast<double>(region.GetSize(axis)) - 1.0);
   }
-  PointType centre;
-  image->TransformContinuousIndexToPhysicalPoint(index, centre);
-  return centre;
+  PointType center;
+  image->TransformContinuousIndexToPhysicalPoint(index, center);
+  return center;
 }
 
-/** A view whose origin is somewhere near the image's centre. */
+/** A view whose origin is somewhere near the image's center. */
 inline ViewType::Pointer
 MakeRandomView(Random & random, ViewKind kind, const ImageBase<3> * image)
 {
-  PointType origin = GetCentre(image);
+  PointType origin = GetCenter(image);
   for (unsigned int axis = 0; axis < 3; ++axis)
   {
     origin[axis] += random.Uniform(-20, 20);

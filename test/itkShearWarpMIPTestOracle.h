@@ -96,11 +96,11 @@ DrawRule(Random & random, TFilter * filter, const ViewBaseType * view, const Ima
   }
   if (random.Integer(0, 2) == 0)
   {
-    const PointType centre = GetCentre(image);
+    const PointType center = GetCenter(image);
     for (unsigned int axis = 0; axis < 3; ++axis)
     {
-      rule.cropLower[axis] = centre[axis] - random.Uniform(0, 0.4) * (upper[2] - lower[2]);
-      rule.cropUpper[axis] = centre[axis] + random.Uniform(0, 0.4) * (upper[2] - lower[2]);
+      rule.cropLower[axis] = center[axis] - random.Uniform(0, 0.4) * (upper[2] - lower[2]);
+      rule.cropUpper[axis] = center[axis] + random.Uniform(0, 0.4) * (upper[2] - lower[2]);
     }
     rule.cropUpper[2] = random.Integer(0, 1) == 0 ? rule.Infinity : rule.cropUpper[2];
     filter->SetCropLower(rule.cropLower);
@@ -217,10 +217,10 @@ public:
       m_DepthOfIndex[column] = Determinant(replaced) / axesDeterminant;
     }
     // the sphere's least depth: of directions d of physical space, that of u x v is the depth's gradient
-    long double centre = 0.0L;
+    long double center = 0.0L;
     for (int axis = 0; axis < 3; ++axis)
     {
-      centre += m_DepthOfIndex[axis] * (0.5L * (m_Length[axis] - 1) - m_Offset[axis]);
+      center += m_DepthOfIndex[axis] * (0.5L * (m_Length[axis] - 1) - m_Offset[axis]);
     }
     long double squaredRadius = 0.0L;
     for (int corner = 0; corner < 4; ++corner)
@@ -246,7 +246,7 @@ public:
         viewMatrix[next][0] * viewMatrix[last][1] - viewMatrix[last][0] * viewMatrix[next][1];
       squaredSlope += cofactor * cofactor / (viewDeterminant * viewDeterminant);
     }
-    m_FadeBegin = std::max<long double>(centre - std::sqrt(squaredSlope * squaredRadius), rule.slabNear);
+    m_FadeBegin = std::max<long double>(center - std::sqrt(squaredSlope * squaredRadius), rule.slabNear);
   }
 
   unsigned int

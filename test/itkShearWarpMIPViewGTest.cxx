@@ -167,7 +167,7 @@ TEST(ShearWarpMIPView, FullTurnsRepeatTheView)
   EXPECT_EQ(once->GetMatrix(), again->GetMatrix());
 }
 
-TEST(ShearWarpMIPView, ViewOriginIsTheCentreOfTheImage)
+TEST(ShearWarpMIPView, ViewOriginIsTheCenterOfTheImage)
 {
   auto image = itk::ImageBase<3>::New();
   image->SetRegions(itk::ImageRegion<3>({ { 10, -4, 2 } }, { { 4, 7, 1 } }));
@@ -175,7 +175,7 @@ TEST(ShearWarpMIPView, ViewOriginIsTheCentreOfTheImage)
   image->SetOrigin(MakePoint3(100, 200, 300));
   image->SetDirection(MakeMatrix({ { 0, -1, 0 }, { 1, 0, 0 }, { 0, 0, 1 } }));
   const PointType expected = MakePoint3(100 - 3 * -1.0, 200 + 2 * 11.5, 300 + 5 * 2);
-  EXPECT_EQ(ShearWarpMIPView::GetCentre(image), expected);
+  EXPECT_EQ(ShearWarpMIPView::GetCenter(image), expected);
   for (const Direction direction : AllDirections)
   {
     EXPECT_EQ(ShearWarpMIPView::MakeTransform(image, direction, 17, 21)->TransformPoint(MakePoint3(0, 0, 0)), expected);
@@ -202,7 +202,7 @@ TEST(ShearWarpMIPView, ErrorsNameTheValue)
   EXPECT_NE(describe(image, Direction::Left, 3.5, -infinity).find("3.5 and -inf"), std::string::npos);
   EXPECT_NE(describe(nullptr, Direction::Left, 0, 0).find("image"), std::string::npos);
   EXPECT_NE(describe(image, static_cast<Direction>(17), 0, 0).find("17"), std::string::npos);
-  EXPECT_THROW(ShearWarpMIPView::GetCentre(nullptr), itk::ExceptionObject);
+  EXPECT_THROW(ShearWarpMIPView::GetCenter(nullptr), itk::ExceptionObject);
 }
 
 TEST(ShearWarpMIPView, DirectionsPrintTheirNames)
@@ -225,7 +225,7 @@ TEST(ShearWarpMIPView, DirectionsPrintTheirNames)
 TEST(ShearWarpMIPView, PatientSidesAreWhereTheReaderExpectsThem)
 {
   const auto      image = MakeHead();
-  const PointType centre = GetCentre(image);
+  const PointType center = GetCenter(image);
   const auto      filter = itk::ShearWarpMIPImageFilter<ImageType>::New();
   filter->SetInput(image);
 
@@ -233,7 +233,7 @@ TEST(ShearWarpMIPView, PatientSidesAreWhereTheReaderExpectsThem)
     [&](const VectorType & side, Direction direction, double azimuth, double elevation, int u, int v) {
       image->FillBuffer(0);
       itk::Index<3> index;
-      ASSERT_TRUE(image->TransformPhysicalPointToIndex(centre + side * 3.0, index));
+      ASSERT_TRUE(image->TransformPhysicalPointToIndex(center + side * 3.0, index));
       image->SetPixel(index, 1000);
       image->Modified();
       filter->SetTransform(ShearWarpMIPView::MakeTransform(image, direction, azimuth, elevation));
@@ -250,7 +250,7 @@ TEST(ShearWarpMIPView, PatientSidesAreWhereTheReaderExpectsThem)
           filter->GetOutput()->TransformIndexToPhysicalPoint(it.GetIndex(), position);
         }
       }
-      // the voxel's centre may be 1.1 mm from the point asked for
+      // the voxel's center may be 1.1 mm from the point asked for
       EXPECT_NEAR(position[0], 3.0 * u, 2.0);
       EXPECT_NEAR(position[1], 3.0 * v, 2.0);
     };
@@ -275,10 +275,10 @@ TEST(ShearWarpMIPView, TurningAboutTheLongAxisIsAzimuth)
 {
   const auto image = MakeHead();
   const auto view = ShearWarpMIPView::MakeTransform(image, Direction::Anterior);
-  const auto centre = ShearWarpMIPView::GetCentre(image);
+  const auto center = ShearWarpMIPView::GetCenter(image);
   for (const double angle : { 0.0, 30.0, 90.0, -45.0, 180.0, 270.0, 1000.0 })
   {
-    const auto turned = ShearWarpMIPView::Turn(view, Superior * 7.0, centre, angle);
+    const auto turned = ShearWarpMIPView::Turn(view, Superior * 7.0, center, angle);
     const auto expected = ShearWarpMIPView::MakeTransform(image, Direction::Anterior, angle);
     const bool isExact = std::fmod(angle, 90.0) == 0.0;
     ExpectAxes(turned,
@@ -286,7 +286,7 @@ TEST(ShearWarpMIPView, TurningAboutTheLongAxisIsAzimuth)
                GetViewAxis(expected, 0, 1, 0),
                GetViewAxis(expected, 0, 0, 1),
                isExact ? 0.0 : 1e-14);
-    EXPECT_LT((turned->TransformPoint(MakePoint3(0, 0, 0)) - centre).GetNorm(), 1e-12);
+    EXPECT_LT((turned->TransformPoint(MakePoint3(0, 0, 0)) - center).GetNorm(), 1e-12);
   }
 }
 
@@ -298,11 +298,11 @@ TEST(ShearWarpMIPView, TurningIsARotationAboutTheLine)
   {
     const auto view = MakeRandomView(random, ViewKind::Rigid, image);
     const auto axis = MakeVector3(random.Uniform(-3, 3), random.Uniform(-3, 3), random.Uniform(-3, 3));
-    const auto centre = MakePoint3(random.Uniform(-50, 50), random.Uniform(-50, 50), random.Uniform(-50, 50));
+    const auto center = MakePoint3(random.Uniform(-50, 50), random.Uniform(-50, 50), random.Uniform(-50, 50));
     const auto degrees = random.Uniform(-400, 400);
-    const auto turned = ShearWarpMIPView::Turn(view, axis, centre, degrees);
+    const auto turned = ShearWarpMIPView::Turn(view, axis, center, degrees);
     auto       rotation = itk::AffineTransform<double, 3>::New();
-    rotation->SetCenter(centre);
+    rotation->SetCenter(center);
     rotation->Rotate3D(axis, degrees * itk::Math::pi_over_180);
     const auto point = MakePoint3(random.Uniform(-9, 9), random.Uniform(-9, 9), random.Uniform(-9, 9));
     const auto expected = rotation->TransformPoint(view->TransformPoint(point));
@@ -336,13 +336,13 @@ TEST(ShearWarpMIPView, ErrorsOfAxesNameTheValue)
 {
   const auto image = MakeHead();
   const auto view = ShearWarpMIPView::MakeTransform(image, Direction::Anterior);
-  const auto centre = MakePoint3(0, 0, 0);
+  const auto center = MakePoint3(0, 0, 0);
   const auto none = MakeVector3(0, 0, 0);
   const auto infinite = MakeVector3(0, std::numeric_limits<double>::infinity(), 0);
   EXPECT_THROW(ShearWarpMIPView::MakeUprightTransform(image, none), itk::ExceptionObject);
   EXPECT_THROW(ShearWarpMIPView::MakeUprightTransform(image, infinite), itk::ExceptionObject);
   EXPECT_THROW(ShearWarpMIPView::MakeUprightTransform(nullptr, Superior), itk::ExceptionObject);
-  EXPECT_THROW(ShearWarpMIPView::Turn(view, none, centre, 10.0), itk::ExceptionObject);
-  EXPECT_THROW(ShearWarpMIPView::Turn(nullptr, Superior, centre, 10.0), itk::ExceptionObject);
-  EXPECT_THROW(ShearWarpMIPView::Turn(view, Superior, centre, std::nan("")), itk::ExceptionObject);
+  EXPECT_THROW(ShearWarpMIPView::Turn(view, none, center, 10.0), itk::ExceptionObject);
+  EXPECT_THROW(ShearWarpMIPView::Turn(nullptr, Superior, center, 10.0), itk::ExceptionObject);
+  EXPECT_THROW(ShearWarpMIPView::Turn(view, Superior, center, std::nan("")), itk::ExceptionObject);
 }

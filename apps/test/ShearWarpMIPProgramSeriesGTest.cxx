@@ -174,7 +174,7 @@ TEST_F(ShearWarpMIPProgramSeries, StacksFramesOnOneGrid)
   for (unsigned int k = 0; k < 5; ++k)
   {
     const auto turn = itk::AffineTransform<double, 3>::New();
-    turn->SetCenter(itk::ShearWarpMIPView::GetCentre(m_Volume));
+    turn->SetCenter(itk::ShearWarpMIPView::GetCenter(m_Volume));
     turn->Rotate3D(itk::Vector<double, 3>(std::array<double, 3>{ 0, 0, 1 }.data()), k * itk::Math::twopi / 5);
     const auto transform = this->MakeTransform(Direction::Anterior, 0.0, 10.0);
     transform->Compose(turn);

@@ -30,7 +30,7 @@ namespace itk::ShearWarpBenchmark
 constexpr Size<3> PaperSize{ { 256, 256, 64 } };
 
 /** Reads a 3D image of one component that ITK reads, and brings it to \a size voxels and 14 bits: interpolated linearly
- * at the new voxels' centres over the same physical extent, so that its spacing changes, then scaled linearly so that
+ * at the new voxels' centers over the same physical extent, so that its spacing changes, then scaled linearly so that
  * its smallest voxel is 0 and its largest 16383. Nothing is smoothed before, and a constant image becomes 0. Throws
  * ExceptionObject for a file that is none of this. */
 Image<std::uint16_t, 3>::Pointer

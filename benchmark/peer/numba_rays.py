@@ -12,7 +12,7 @@ from peer.volume import Peer, View, Volume
 
 @numba.njit
 def interpolate(voxels, x, y, z):
-    """Trilinear, at a position in voxels within the box of the voxel centres."""
+    """Trilinear, at a position in voxels within the box of the voxel centers."""
     i = min(max(int(x), 0), voxels.shape[2] - 2)
     j = min(max(int(y), 0), voxels.shape[1] - 2)
     k = min(max(int(z), 0), voxels.shape[0] - 2)
@@ -26,7 +26,7 @@ def interpolate(voxels, x, y, z):
 
 @numba.njit(parallel=True)
 def cast(voxels, start, across, down, along, step, background, result):
-    """A sample every `step` mm from where a ray enters the box of the voxel centres to where it leaves it.
+    """A sample every `step` mm from where a ray enters the box of the voxel centers to where it leaves it.
 
     In voxels (x, y, z): the first pixel's ray passes through `start`, `across` and `down` lead to the next column and
     row, and `along` is one mm of way.
@@ -59,7 +59,7 @@ class Projector(Peer):
 
     def project(self, view: View) -> None:
         u, v, w = np.ascontiguousarray(view.to_index(self.volume).T)
-        start, step = self.volume.centre + self.volume.first * (u + v), self.volume.step
+        start, step = self.volume.center + self.volume.first * (u + v), self.volume.step
         cast(self.volume.voxels, start, step * u, step * v, w, step, float(self.background), self.result)
 
     def picture(self) -> np.ndarray:

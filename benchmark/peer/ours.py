@@ -42,6 +42,6 @@ def exact_picture(volume: Volume, view: View, threads: int) -> tuple[np.ndarray,
     depth = itk.array_from_image(projector.filter.GetDepthOutput())
     across = volume.first + volume.step * np.arange(volume.width)
     positions = np.stack([*np.meshgrid(across, across), depth], axis=-1)
-    index = positions @ view.to_index(volume).T + volume.centre
+    index = positions @ view.to_index(volume).T + volume.center
     inside = ((index >= 1) & (index <= volume.size - 2)).all(axis=-1)
     return projector.picture().astype(float), inside

@@ -22,7 +22,7 @@ class Projector(Peer):
         # from indices (w, v, u) of the rotated volume to those (z, y, x) of the image
         matrix = view.to_index(self.volume)[::-1, ::-1] * self.volume.step
         depth, middle = view.half_depth(self.volume), (self.volume.width - 1) / 2
-        offset = self.volume.centre[::-1] - matrix @ [depth, middle, middle]
+        offset = self.volume.center[::-1] - matrix @ [depth, middle, middle]
 
         def project_band(rows: np.ndarray) -> np.ndarray:
             return ndimage.affine_transform(

@@ -18,17 +18,17 @@ import numpy as np
 
 
 class Volume:
-    """A 3D image: voxels (z, y, x); spacing (x, y, z) in mm; direction cosines as columns. Its centre is at (0, 0, 0).
+    """A 3D image: voxels (z, y, x); spacing (x, y, z) in mm; direction cosines as columns. Its center is at (0, 0, 0).
 
-    And the picture of it: `width` x `width` pixels of `step` mm; the first one's centre is at (`first`, `first`) mm in u
+    And the picture of it: `width` x `width` pixels of `step` mm; the first one's center is at (`first`, `first`) mm in u
     and v, so that the picture's is at (0, 0).
     """
 
     def __init__(self, voxels: np.ndarray, spacing: np.ndarray, direction: np.ndarray, name: str) -> None:
         self.voxels, self.spacing, self.direction, self.name = voxels, spacing, direction, name
         self.size = np.array(voxels.shape[::-1])  # along x, y and z
-        self.centre = (self.size - 1) / 2  # in voxels
-        self.origin = -direction @ (self.centre * spacing)  # of the first voxel, in mm
+        self.center = (self.size - 1) / 2  # in voxels
+        self.origin = -direction @ (self.center * spacing)  # of the first voxel, in mm
         self.diagonal = float(np.linalg.norm(self.size * spacing))  # in mm
         self.range = float(voxels.max()) - float(voxels.min())
         self.width = int(max(self.size[:2]))
@@ -60,11 +60,11 @@ class View:
         return cls(text, rotation)
 
     def to_index(self, volume: Volume) -> np.ndarray:
-        """3 x 3 matrix from view space, in mm, to voxels (x, y, z) relative to the image's centre."""
+        """3 x 3 matrix from view space, in mm, to voxels (x, y, z) relative to the image's center."""
         return np.diag(1 / volume.spacing) @ volume.direction.T @ self.rotation
 
     def half_depth(self, volume: Volume) -> int:
-        """How many steps reach from the centre to the image's end along the rays."""
+        """How many steps reach from the center to the image's end along the rays."""
         along = np.abs(volume.direction.T @ self.rotation[:, 2])
         return math.ceil(along @ (volume.size * volume.spacing) / 2 / volume.step)
 

@@ -1,4 +1,4 @@
-"""The image as VTK has it: centred on 0, along the space's axes."""
+"""The image as VTK has it: centerd on 0, along the space's axes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def make_image(volume: Volume, threads: int) -> vtk.vtkImageData:
     vtk.vtkMultiThreader.SetGlobalMaximumNumberOfThreads(threads)
     vtk.vtkMultiThreader.SetGlobalDefaultNumberOfThreads(threads)
     vtk.vtkSMPTools.Initialize(threads)
-    origin = -volume.centre * volume.spacing
+    origin = -volume.center * volume.spacing
     image = vtk.vtkImageData(dimensions=volume.size.tolist(), spacing=volume.spacing.tolist(), origin=origin.tolist())
     image.GetPointData().SetScalars(numpy_to_vtk(volume.voxels.reshape(-1)))
     return image

@@ -119,7 +119,7 @@ def _project(options: argparse.Namespace) -> itk.Image:
             upright = itk.ShearWarpMIPView.MakeUprightTransform(outline, axis)
             return itk_shearwarpmip.turn(volume, upright, frames=options.frames, rotation_axis=axis, **shared).frames
         view = itk.CenteredEuler3DTransform[itk.D].New()
-        view.SetCenter(itk.ShearWarpMIPView.GetCentre(outline))
+        view.SetCenter(itk.ShearWarpMIPView.GetCenter(outline))
         view.SetRotation(*np.radians(options.angles))
         return itk_shearwarpmip.mip(volume, view, **shared)
 

@@ -309,7 +309,7 @@ def turn(
         depths,
         mode,
         slab,
-        list(itk.ShearWarpMIPView.GetCentre(image)),
+        list(itk.ShearWarpMIPView.GetCenter(image)),
         getattr(image, "source_files", ()),
         [Path(mask)] if isinstance(mask, str | os.PathLike) else [],
     )

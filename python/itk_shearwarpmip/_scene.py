@@ -211,7 +211,7 @@ class Scene:
         self.exact = exact
         self.paint_seconds = 0.0
         image = self.layers[0].image
-        self.centre = np.array(list(itk.ShearWarpMIPView.GetCentre(image)))
+        self.centre = np.array(list(itk.ShearWarpMIPView.GetCenter(image)))
         self.extent = _find_corners(image) - self.centre
         colours = self.layers[0].colours[:, None, :].astype(float)
         if len(self.layers) > 1:

@@ -243,7 +243,7 @@ CASES = {
         "must be finite, but they are 0 and nan",
     ),
     "centre of None": (
-        "itk.ShearWarpMIPView.GetCentre(None)",
+        "itk.ShearWarpMIPView.GetCenter(None)",
         "RuntimeError",
         "The image is required but not set",
     ),

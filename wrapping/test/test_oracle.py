@@ -43,7 +43,7 @@ def random_view(rng: np.random.Generator, image):
         matrix = matrix @ (np.diag(rng.uniform(0.5, 2.0, 3)) + rng.uniform(-0.2, 0.2, (3, 3)))
     view = itk.AffineTransform[itk.D, 3].New()
     view.SetMatrix(itk.matrix_from_array(matrix))
-    view.SetTranslation(list(itk.ShearWarpMIPView.GetCentre(image)))
+    view.SetTranslation(list(itk.ShearWarpMIPView.GetCenter(image)))
     return view
 
 

@@ -92,7 +92,7 @@ def test_type_stubs(files):
     for stub in stubs:
         named |= {node.name for node in ast.walk(ast.parse(stub.read_text())) if isinstance(node, ast.FunctionDef)}
     assert METHODS <= named
-    assert {"MakeTransform", "GetCentre"} <= named
+    assert {"MakeTransform", "GetCenter"} <= named
     # every other stub that one imports is there
     for stub in stubs:
         for node in ast.walk(ast.parse(stub.read_text())):

@@ -342,7 +342,7 @@ def test_program_writes_the_same(image, turn, tmp_path, suffix, window):
     itk.imwrite(image, source)
     turn.source_files = [source]
     turn.frames["Background"] = float(np.min(image))
-    turn.center = itk.ShearWarpMIPView.GetCentre(image)
+    turn.center = itk.ShearWarpMIPView.GetCenter(image)
     folders = tmp_path / "program", tmp_path / "package"
     for folder in folders:
         folder.mkdir()
@@ -440,7 +440,7 @@ def test_dicom_of_a_slab_and_a_minimum(image, tmp_path):
 
 def test_dicom_plane_is_through_the_centre(image, tmp_path):
     turn = make_turn(image, Center=[40.0, -10.0, 3.0])
-    turn.center = itk.ShearWarpMIPView.GetCentre(image)
+    turn.center = itk.ShearWarpMIPView.GetCenter(image)
     _save.save_turn(turn, tmp_path / "turn")
     for dataset in read_dicom(tmp_path / "turn"):
         right, down = np.reshape(dataset.ImageOrientationPatient, (2, 3)).astype(float)

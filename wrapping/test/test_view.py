@@ -59,7 +59,7 @@ def test_six_directions(name, image):
 
     corners = [image.TransformIndexToPhysicalPoint(index) for index in ([0, 0, 0], [13, 10, 8])]
     centre = np.mean([list(corner) for corner in corners], axis=0)
-    assert list(itk.ShearWarpMIPView.GetCentre(image)) == pytest.approx(centre)
+    assert list(itk.ShearWarpMIPView.GetCenter(image)) == pytest.approx(centre)
     assert list(view.TransformPoint([0.0, 0.0, 0.0])) == pytest.approx(centre)
 
 

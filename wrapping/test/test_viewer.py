@@ -841,7 +841,7 @@ def test_snapshot(viewer, tmp_path):
 
 
 def test_parameters_of_the_filter(image, open_viewer):
-    centre = itk.ShearWarpMIPView.GetCentre(image)
+    centre = itk.ShearWarpMIPView.GetCenter(image)
     crop = [(centre[0] - 2, -np.inf, -np.inf), (centre[0] + 2, np.inf, np.inf)]
     viewer, whole = (
         open_viewer(image, crop=crop, azimuth=10, window=(0, 900)),
