@@ -46,7 +46,9 @@ file(
  -- ${CPACK_PACKAGE_CONTACT}  ${date}
 "
 )
-execute_process(COMMAND gzip --best --no-name --force ${documents}/changelog)
+execute_process(
+  COMMAND gzip --best --no-name --force ${documents}/changelog
+)
 install(DIRECTORY ${documents}/ DESTINATION share/doc/shear-warp-mip COMPONENT program)
 install(DIRECTORY ${documents}/ DESTINATION share/doc/libshearwarpmip-dev COMPONENT dev)
 

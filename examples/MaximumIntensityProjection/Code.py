@@ -28,9 +28,7 @@ arguments = parser.parse_args()
 
 image = itk.imread(arguments.input_image, itk.SS)
 
-view = itk.ShearWarpMIPView.MakeTransform(
-    image, itk.ShearWarpMIPViewEnums.Direction_Anterior, arguments.azimuth
-)
+view = itk.ShearWarpMIPView.MakeTransform(image, itk.ShearWarpMIPViewEnums.Direction_Anterior, arguments.azimuth)
 mip = itk.shear_warp_mip_image_filter(image, transform=view)
 
 itk.imwrite(mip, arguments.output_image)
