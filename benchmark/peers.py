@@ -2,7 +2,7 @@
 """The same image and the same views through other packages' maximum intensity projections: time and accuracy.
 
 Every peer (a file of benchmark/peer/) makes the same picture: square, as wide as the larger of the image's x and y,
-centerd on the image's center, at the image's smallest spacing (1 mm for the made image). Times are those of what has to
+centered on the image's center, at the image's smallest spacing (1 mm for the made image). Times are those of what has to
 be run for each new view; imports, compiling and handing the image to the library are not counted. Each peer runs in a
 process of its own: one that crashes, hangs or is not installed is a line of the table and no more.
 

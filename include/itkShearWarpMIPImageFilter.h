@@ -54,7 +54,7 @@ namespace itk
  * By default the output's grid is fitted to the view. Its extent is the projected bounding box of the whole image;
  * its spacing is the image's smallest spacing, scaled as the transform scales the view plane's axes. Each of Size,
  * OutputSpacing and OutputOrigin that is set stays as it is and the others are fitted around it: a grid of given
- * Size is centerd on the projected image, one of given OutputOrigin reaches to the far end of it.
+ * Size is centered on the projected image, one of given OutputOrigin reaches to the far end of it.
  *
  * Infinite voxels make the samples around them infinite or not-a-number. Samples that are not a number never win, and a
  * pixel that meets no other sample, or only minus infinity (plus infinity, if Mode is Minimum), has DefaultPixelValue.

@@ -462,7 +462,7 @@ TEST(ShearWarpMIPImageFilter, FittedGridHoldsTheWholeImageAtEveryViewAndNoMore)
       ASSERT_LE(begin, lower[axis] + slack);
       ASSERT_GE(end, upper[axis] - slack);
       ASSERT_LT(end - begin, std::max(spacing, upper[axis] - lower[axis] + spacing) + slack);
-      ASSERT_NEAR(begin + end, lower[axis] + upper[axis], 1e-8) << "centerd on the image";
+      ASSERT_NEAR(begin + end, lower[axis] + upper[axis], 1e-8) << "centered on the image";
 
       PointType ahead = MakePoint3(0, 0, 0);
       ahead[axis] = 1.0;
@@ -493,7 +493,7 @@ TEST(ShearWarpMIPImageFilter, PartsOfTheGridThatAreSetStayAndTheOthersAreFitted)
     expectGrid({ { 20, 10 } }, 1, 1, 0, 0);
   }
   {
-    SCOPED_TRACE("Size alone is centerd");
+    SCOPED_TRACE("Size alone is centered");
     filter->SetSize({ { 6, 13 } });
     expectGrid({ { 6, 13 } }, 1, 1, 7, -1.5);
     filter->FitOutputGrid();

@@ -1,4 +1,4 @@
-"""The image as VTK has it: centerd on 0, along the space's axes."""
+"""The image as VTK has it: centered on 0, along the space's axes."""
 
 from __future__ import annotations
 
