@@ -20,6 +20,8 @@
 
 #include "itkAffineTransform.h"
 #include "itkImage.h"
+#include "itkImageRegionIterator.h"
+#include "itkImageRegionIteratorWithIndex.h"
 #include "itkMatrix.h"
 #include "itkShearWarpMIPTestRule.h"
 
