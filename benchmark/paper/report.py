@@ -252,8 +252,8 @@ def describe_vessels(folder: Path) -> str:
     sums = lines.assign(error=lines["error"] * lines["pixels"]).groupby(keys)[["error", "pixels"]].sum()
     errors = (sums["error"] / sums["pixels"]).unstack("method")[list(ERROR_METHODS)].rename(columns=ERROR_METHODS)
     ratio = errors["the filter"] / errors["ray casting, step 1"]
-    shown = errors.map("{:.1f}".format).assign(ratio=ratio.map("{:.2f}".format)).reset_index()
-    shown[["tilt", "radius"]] = shown[["tilt", "radius"]].map("{:.0f}".format)
+    shown = errors.apply(lambda column: column.map("{:.1f}".format)).assign(ratio=ratio.map("{:.2f}".format))
+    shown = shown.rename(index="{:.0f}".format).reset_index()
     return VESSEL.format(
         errors=table(shown.rename(columns={"tilt": "tilt, degrees", "ratio": "the filter / ray casting"}), 0)
     )
