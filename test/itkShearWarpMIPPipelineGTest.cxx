@@ -26,6 +26,8 @@
 #include "itkEuler3DTransform.h"
 #include "itkStreamingImageFilter.h"
 
+#include "itksys/SystemTools.hxx"
+
 #include <gtest/gtest.h>
 
 #include <atomic>
