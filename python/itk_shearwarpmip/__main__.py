@@ -133,8 +133,11 @@ def _make_view_parser() -> argparse.ArgumentParser:
         "With --host everyone who has the address can see and turn the picture, and reads it on the way: there is no "
         "encryption.",
     )
-    parser.add_argument("input", metavar="FILE", help="an image that ITK reads, or a DICOM folder")
+    parser.add_argument("input", metavar="FILE", help="an image that ITK reads, a DICOM folder or an OME-Zarr")
     parser.add_argument("--series", metavar="UID", help="of a DICOM folder with several: Series Instance UID")
+    parser.add_argument("--level", metavar="N", type=int, help="of an OME-Zarr with several: 0 is the finest")
+    for name in ("time", "channel"):
+        parser.add_argument(f"--{name}", metavar="N", type=int, default=argparse.SUPPRESS, help="of an OME-Zarr")
     parser.add_argument(
         "--overlay", metavar="FILE", help="a second image of the same patient, in colours over the first"
     )

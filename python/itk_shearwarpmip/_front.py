@@ -21,6 +21,7 @@ from itk_shearwarpmip._inputs import (
     describe,
     is_chunked,
     is_of,
+    is_ome_zarr,
     make_count,
     make_numbers,
     make_view,
@@ -36,7 +37,7 @@ MODES = {"maximum": "Mode_Maximum", "minimum": "Mode_Minimum", "absolute": "Mode
 
 
 class Place(TypedDict, total=False):
-    """Where the voxels of the source lie, and which ones: see open_image(); the last three are of open_volume()."""
+    """Where the voxels of the source lie, and which ones: see open_image()."""
 
     spacing: Sequence[float] | None
     origin: Sequence[float] | None
@@ -93,7 +94,7 @@ def mip(
 ) -> Any:
     """The maximum intensity projection (MIP) of a volume from any direction.
 
-    source: the volume: see open_image(), or, in chunks, a Dask array, an xarray.DataArray of one, an OME-Zarr: see
+    source: the volume: see open_image(); a Dask array, an xarray.DataArray of one and an OME-Zarr remain in chunks: see
         open_volume(). Arrays have the axes z, y, x.
     view: the side from which the viewer looks, "anterior", "posterior", "left", "right", "superior" or "inferior"; or a
         linear itk.Transform or a 4 x 4 matrix from view space (u right, v down, w away) to physical space (LPS, mm).
@@ -115,7 +116,7 @@ def mip(
     size: columns and rows; output_origin: (u, v) of the first pixel in the view plane, in mm. By default all of the
         volume is in the picture.
     number_of_threads: by default that of ITK.
-    where: spacing, origin, direction and series of open_image(); level, time and channel of open_volume().
+    where: spacing, origin, direction, series, level, time and channel of open_image().
 
     All but the view, background, oversampling and the grid is for volumes in memory.
 
@@ -146,7 +147,7 @@ def mip(
     _require_known("mip", where)
     if is_chunked(source):
         return give_back(source, _project_chunks(source, view, azimuth, elevation, parameters, where))
-    image = _open_image(source, where)
+    image = open_image(source, where)
     transform = make_transform(image, view, azimuth, elevation)
     with _get_filters(image) as filters:
         made = filters.get(itk.ShearWarpMIPImageFilter)
@@ -296,7 +297,7 @@ def turn(
     if is_chunked(source):
         stack, views = _project_chunks_turning(source, set_turn, parameters, where)
         return Turn(stack, views, mode=mode)
-    image = _open_image(source, where)
+    image = open_image(source, where)
     with _get_filters(image) as filters:
         made = filters.get(itk.ShearWarpMIPCineImageFilter)
         set_turn(made, image)
@@ -324,15 +325,6 @@ def _copy_metadata(image: Any) -> dict[str, Any]:
 def _require_known(function: str, where: Any) -> None:
     if unknown := where.keys() - Place.__annotations__.keys():
         raise TypeError(f"{function}() has no parameter {', '.join(sorted(unknown))}")
-
-
-def _open_image(source: Any, where: Any) -> Any:
-    chunked = {"level", "time", "channel"}
-    if chunked & where.keys():
-        raise ValueError(
-            f"{', '.join(sorted(chunked & where.keys()))}: only an OME-Zarr has levels, times and channels"
-        )
-    return open_image(source, **where)
 
 
 class _Filters:
@@ -376,15 +368,17 @@ class _Filters:
             made.SetMaskImage(None)
         picture = made.GetOutput()
         depths = made.GetDepthOutput() if parameters.depth else None
-        for each in (picture, depths):
+        background = made.GetDefaultPixelValue()
+        for each, beside in ((picture, background), (depths, np.nan)):
             if each is not None:
                 each.DisconnectPipeline()
+                show_itself(each, beside, image, made.GetTransform())
         limits = [name for name in ("slab", "crop") if getattr(parameters, name) is not None]
-        if limits and _save.is_background(itk.array_view_from_image(picture), made.GetDefaultPixelValue()).all():
+        if limits and _save.is_background(itk.array_view_from_image(picture), background).all():
             warnings.warn(
                 f"there is only background in the picture: is the image within {' and '.join(limits)}?", stacklevel=3
             )
-        return show_itself(picture, made.GetDefaultPixelValue(), image, made.GetTransform()), depths
+        return picture, depths
 
     def _find_lowest(self) -> float:
         """The least voxel, if it is negative, or 0."""
@@ -536,7 +530,7 @@ def _find_axis(axis: str | Sequence[float], image: Any) -> list[float]:
 
 def open_mask(mask: Any, label: int | None, image: Any) -> Any:
     """A mask of 0 and 1 on the grid of an image."""
-    is_path = isinstance(mask, str | os.PathLike)
+    is_path = isinstance(mask, str | os.PathLike) or is_ome_zarr(mask)
     placed = take(open_image(mask) if is_path else mask)
     voxels = np.asarray(placed.array)
     if voxels.dtype.kind not in "biu":
@@ -590,13 +584,12 @@ def _open_chunks(source: Any, parameters: Parameters, where: Any) -> Any:
         raise ValueError("series is for a DICOM folder")
     possible = {"background", "oversampling", "output_spacing", "size", "output_origin"}
     default = Parameters()
-    wrong = [
-        each.name
-        for each in fields(parameters)
-        if each.name not in possible and getattr(parameters, each.name) is not getattr(default, each.name)
-    ]
-    wrong = [name for name in wrong if getattr(parameters, name) != getattr(default, name)]
-    if wrong:
+
+    def is_given(name: str) -> bool:
+        value, other = getattr(parameters, name), getattr(default, name)
+        return value is not other and not (np.isscalar(value) and value == other)
+
+    if wrong := [each.name for each in fields(parameters) if each.name not in possible and is_given(each.name)]:
         raise ValueError(
             f"{', '.join(wrong)} cannot be given for a volume in chunks: give an array in memory, or an image"
         )
@@ -634,6 +627,7 @@ def show_itself(picture: Any, background: float, source: Any, view: Any = None) 
     for each in (picture, shown):
         each.is_inverted = getattr(source, "is_inverted", False)
         each.has_direction = getattr(source, "has_direction", True)
+        each.unit = getattr(source, "unit", None)
         if view is not None:
             each.view = get_matrix(view)
     if view is not None:
@@ -656,7 +650,10 @@ def give_back(source: Any, picture: Any) -> Any:
     if isinstance(source, str | os.PathLike | itk.Object) or is_of(source, "nibabel", "SpatialImage"):
         return picture
     if is_of(source, "xarray", "DataArray"):
-        return itk.xarray_from_image(picture)
+        made = itk.xarray_from_image(picture)
+        for axis in made.dims if picture.unit else ():
+            made[axis].attrs["units"] = picture.unit
+        return made
     if is_chunked(source):
         return picture
     pixels = itk.array_from_image(picture)

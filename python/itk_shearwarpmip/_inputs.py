@@ -6,6 +6,7 @@ import sys
 import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import cache
 from math import isfinite
 from pathlib import Path
@@ -27,6 +28,8 @@ class Placed:
     """3 x 3: its columns are the directions of the axes x, y, z in physical space; the identity by default."""
     has_direction: bool = False
     """Whether that says where the patient's sides are."""
+    unit: str | None = None
+    """Of spacing and origin; without one they are in mm."""
 
     def replace(self, spacing: Any, origin: Any, direction: Any) -> "Placed":
         """The same elsewhere: where what is given says so."""
@@ -36,6 +39,7 @@ class Placed:
             make_numbers("origin", self.origin if origin is None else origin, 3),
             _make_direction(self.direction if direction is None else direction),
             self.has_direction or direction is not None,
+            self.unit if spacing is None else None,
         )
 
 
@@ -46,6 +50,9 @@ def open_image(
     origin: Sequence[float] | None = None,
     direction: Any = None,
     series: str | None = None,
+    level: int | None = None,
+    time: int = 0,
+    channel: int = 0,
 ) -> Any:
     """A volume as a 3D itk.Image, with its place in physical space (LPS, mm).
 
@@ -57,9 +64,11 @@ def open_image(
           points against x, y or z
         - an array of NumPy, PyTorch or another package with `__array__` or `__dlpack__`, in the computer's memory, with
           the axes z, y, x
+        - a Dask array, an OME-Zarr or what open_volume() gives: all of it is read into memory
     spacing, origin: x, y, z, in mm; instead of the source's own, which are 1 and 0 of an array.
     direction: 3 x 3, its columns are the directions of x, y, z; instead of the source's own, the identity of an array.
     series: Series Instance UID, for a DICOM folder.
+    level, time, channel: of an OME-Zarr; the level must be given if there are several. 0 is the finest.
 
     The image has voxels of uint8, int16, uint16, float32 or float64. Those of bool, float16 and of other integers are
     converted if each value fits. Voxels are shared with the source, not copied, where that can be.
@@ -74,12 +83,15 @@ def open_image(
     """
     if series is not None and not (isinstance(source, str | os.PathLike) and os.path.isdir(source)):
         raise ValueError("series is for a DICOM folder")
-    if isinstance(source, str | os.PathLike):
-        if is_chunked(source):
-            raise ValueError(
-                f"'{source}' is an OME-Zarr or a URL, which only mip() and turn() take: give "
-                "open_volume(source, level=...).array.compute(), with spacing, origin and direction"
-            )
+    if is_ome_zarr(source):
+        # says what is missing
+        from itk_shearwarpmip import open_volume  # noqa: F401
+        from itk_shearwarpmip._volume import read_volume
+
+        source = read_volume(source, level, time, channel)
+    elif level is not None or time != 0 or channel != 0:
+        raise ValueError("only an OME-Zarr has levels, times and channels")
+    elif isinstance(source, str | os.PathLike):
         source = _read(Path(source), series)
     _bring_up_to_date(source)
     if type(source) in _find_image_types() and spacing is None and origin is None and direction is None:
@@ -144,6 +156,32 @@ def place(image: Any, placed: Placed) -> None:
         raise ValueError(describe(error)) from error
     image.SetOrigin(placed.origin)
     image.has_direction = placed.has_direction
+    image.unit = placed.unit
+
+
+_METRIC = (
+    ("yocto", -24), ("zepto", -21), ("atto", -18), ("femto", -15), ("pico", -12), ("nano", -9), ("micro", -6),
+    ("milli", -3), ("centi", -2), ("deci", -1), ("", 0), ("hecto", 2), ("kilo", 3), ("mega", 6), ("giga", 9),
+    ("tera", 12), ("peta", 15), ("exa", 18), ("zetta", 21), ("yotta", 24),
+)  # fmt: skip
+_OTHERS = {
+    "angstrom": "1e-10", "inch": "0.0254", "foot": "0.3048", "yard": "0.9144", "mile": "1609.344",
+    "parsec": "30856775814913673",
+}  # fmt: skip
+UNITS = {f"{prefix}meter": Fraction(10) ** power for prefix, power in _METRIC} | {
+    name: Fraction(metres) for name, metres in _OTHERS.items()
+}
+"""Of OME-Zarr, in metres."""
+_SHORT = {
+    "m": "meter", "cm": "centimeter", "mm": "millimeter", "um": "micrometer", "µm": "micrometer", "μm": "micrometer",
+    "micron": "micrometer", "nm": "nanometer",
+}  # fmt: skip
+
+
+def find_millimetres(unit: Any) -> float:
+    """Of a unit; 1 of one that is not known."""
+    metres = UNITS.get(_SHORT.get(str(unit), str(unit)))
+    return 1.0 if metres is None else float(1000 * metres)
 
 
 def take(source: Any) -> Placed:
@@ -154,12 +192,16 @@ def take(source: Any) -> Placed:
         _bring_up_to_date(source)
         first = source.TransformIndexToPhysicalPoint(source.GetBufferedRegion().GetIndex())
         direction = itk.array_from_matrix(source.GetDirection())
-        has_direction = getattr(source, "has_direction", True)
-        return Placed(_share(source, _view_image(source)), source.GetSpacing(), first, direction, has_direction)
+        has_direction, unit = getattr(source, "has_direction", True), getattr(source, "unit", None)
+        voxels = _share(source, _view_image(source))
+        return Placed(voxels, source.GetSpacing(), first, direction, has_direction, unit)
     if is_of(source, "SimpleITK", "Image"):
         return _take_simple_itk(source)
     if is_of(source, "nibabel", "SpatialImage"):
         return _take_nibabel(source)
+    if is_of(source, "itk_shearwarpmip", "Volume"):
+        placed: Placed = source.placed
+        return placed
     if isinstance(getattr(source, "_meta", source), np.ma.MaskedArray):
         raise TypeError(
             "a masked array loses its mask: fill it, with its method filled() or dask.array.ma.filled(), or give its "
@@ -189,22 +231,25 @@ def take(source: Any) -> Placed:
         raise TypeError(f"NumPy cannot take this array, which must be in the computer's memory: {error}") from error
 
 
+def is_ome_zarr(source: Any) -> bool:
+    """Or a URL, which can be nothing else."""
+    if not isinstance(source, str | os.PathLike):
+        return is_of(source, "zarr", "Group")
+    path = Path(source)
+    names = (".zgroup", ".zattrs", "zarr.json")
+    return (
+        "://" in str(source)
+        or ".zarr" in path.suffixes
+        or path.suffix == ".zip"
+        or any((path / name).exists() for name in names)
+    )
+
+
 def is_chunked(source: Any) -> bool:
     """Whether a source is for Dask."""
-    if isinstance(source, str | os.PathLike):
-        path = Path(source)
-        names = (".zgroup", ".zattrs", "zarr.json")
-        return (
-            "://" in str(source)
-            or ".zarr" in path.suffixes
-            or path.suffix == ".zip"
-            or any((path / name).exists() for name in names)
-        )
     if is_of(source, "xarray", "DataArray"):
         source = source.variable._data
-    return (
-        is_of(source, "dask", "Array") or is_of(source, "zarr", "Group") or is_of(source, "itk_shearwarpmip", "Volume")
-    )
+    return is_ome_zarr(source) or is_of(source, "dask", "Array") or is_of(source, "itk_shearwarpmip", "Volume")
 
 
 def is_of(instance: Any, package: str, name: str) -> bool:
@@ -312,7 +357,8 @@ def _take_data_array(source: Any) -> Placed:
         raise ValueError(
             f"a DataArray must have the dimensions z, y, x, but this one has {source.dims}: see its methods rename() and isel()"
         )
-    if len({source.coords[name].attrs.get("units") for name in "xyz" if name in source.coords}) > 1:
+    units = {str(source.coords[name].attrs.get("units", "")) for name in "xyz" if name in source.coords}
+    if len(units) > 1:
         raise ValueError("the coordinates of a DataArray must have the same units: convert them")
     steps, origin = [], []
     for name in "xyz":
@@ -343,7 +389,7 @@ def _take_data_array(source: Any) -> Placed:
                 "the coordinates of a DataArray with a direction must ascend, but some descend: see its method sortby()"
             )
         direction = np.diag(np.sign(steps))
-    return Placed(placed.array, spacing.tolist(), origin, direction, has_direction)
+    return Placed(placed.array, spacing.tolist(), origin, direction, has_direction, "".join(units) or None)
 
 
 def _take_simple_itk(source: Any) -> Placed:
@@ -365,7 +411,6 @@ _ONE_COMPONENT = ", as a colour image has, but a volume has 1: give one of them,
 _ONE_OF_4D = (
     ": give one of a 4D image, as SimpleITK.ReadImage(path)[..., 0] or, of NIfTI, nibabel.load(path).slicer[..., 0]"
 )
-_MILLIMETRES = {"meter": 1000.0, "micron": 0.001}
 
 
 def _take_nibabel(source: Any) -> Placed:
@@ -380,7 +425,7 @@ def _take_nibabel(source: Any) -> Placed:
     if source.affine is None:
         raise ValueError("this image of nibabel has no affine: give its array, with spacing, origin and direction")
     get_units = getattr(source.header, "get_xyzt_units", None)
-    scale = _MILLIMETRES.get(get_units()[0], 1.0) if get_units else 1.0
+    scale = find_millimetres(get_units()[0]) if get_units else 1.0
     # RAS to LPS
     affine = np.diag([-scale, -scale, scale, 1.0]) @ np.asarray(source.affine, dtype=float)
     spacing = np.linalg.norm(affine[:3, :3], axis=0)

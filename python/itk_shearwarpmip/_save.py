@@ -19,7 +19,7 @@ import itk
 import numpy as np
 from numpy.typing import NDArray
 
-from itk_shearwarpmip._inputs import make_view
+from itk_shearwarpmip._inputs import find_millimetres, make_view
 from itk_shearwarpmip._labels import draw, find_sides, get_matrix
 
 if TYPE_CHECKING:
@@ -112,7 +112,10 @@ def make_page(turn: "Turn", *, rate: float | None = None, window: Window | None 
     slope = 1.0 if is_exact or least == most else (most - least) / 254.0
     intercept = least - slope
 
-    spacing, origin = (list(each)[:2] for each in (turn.frames.GetSpacing(), turn.frames.GetOrigin()))
+    millimetres = find_millimetres(getattr(turn.frames, "unit", None))
+    spacing, origin = (
+        [millimetres * each for each in list(place)[:2]] for place in (turn.frames.GetSpacing(), turn.frames.GetOrigin())
+    )
     angles = _get_angles(turn)
     series: dict[str, Any] = {
         "title": _find_title(turn),
@@ -170,6 +173,11 @@ def save_png(
 
     Raises ValueError for another ending than .png, for a window that is none and for a picture that is not of mip() with
     `annotate`; TypeError for other objects, as arrays; OSError if it cannot be written.
+
+    >>> from itk_shearwarpmip import mip
+    >>> picture = mip(itk.image_from_array(np.ones((30, 40, 50), np.int16)), azimuth=30)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     save_png(picture, Path(folder, "mip.png"), annotate=True)
     """
     if Path(path).suffix != ".png":
         raise ValueError(f"'{path}' must end in .png: itk.imwrite() writes the values")
@@ -208,7 +216,8 @@ def _make_labelled(
     if view is None:
         return grey
     has_sides = labels and getattr(image, "has_direction", True)
-    return draw(grey, view, image.GetSpacing()[0], has_sides=has_sides, has_scale=annotate)
+    spacing = image.GetSpacing()[0] * find_millimetres(getattr(image, "unit", None))
+    return draw(grey, view, spacing, has_sides=has_sides, has_scale=annotate)
 
 
 def save_turn(
@@ -426,6 +435,9 @@ def _write_animation(pictures: NDArray[np.uint8], rate: float, path: Path) -> No
 
 
 def _write_dicom(turn: "Turn", folder: Path, window: Window | None) -> None:
+    unit = getattr(turn.frames, "unit", None)
+    if find_millimetres(unit) != 1.0:
+        raise ValueError(f"a DICOM series has mm, but this turn has {unit}: give spacing= and origin= in mm")
     try:
         from itk_shearwarpmip import _dicom_series
     except ImportError as error:

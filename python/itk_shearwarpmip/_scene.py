@@ -13,6 +13,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from itk_shearwarpmip import _labels
 from itk_shearwarpmip._front import MODES, Parameters, find_lowest, open_mask, set_parameters
+from itk_shearwarpmip._inputs import find_millimetres
 from itk_shearwarpmip._labels import LETTERS, find_letters, normalize, round_length
 from itk_shearwarpmip._labels import get_matrix as get_matrix
 from itk_shearwarpmip._save import find_window_of, make_grey
@@ -213,6 +214,10 @@ class Scene:
         image = self.layers[0].image
         self.centre = np.array(list(itk.ShearWarpMIPView.GetCenter(image)))
         self.extent = _find_corners(image) - self.centre
+        self._has_direction = getattr(image, "has_direction", True)
+        self._millimetres = find_millimetres(getattr(image, "unit", None))
+        # a tenth of a voxel, but not less than 0.1 mm
+        self._decimals = max(1, int(np.ceil(-np.log10(self._millimetres * min(image.GetSpacing())))))
         colours = self.layers[0].colours[:, None, :].astype(float)
         if len(self.layers) > 1:
             part = opacity * np.arange(256)[None, :, None] / 255
@@ -337,9 +342,11 @@ class Scene:
             "top": (width / 2, edge, 0.5, 0.0),
         }.items():
             direction = axes[:, int(side in ("bottom", "top"))] * (-1 if side in ("left", "top") else 1)
-            _put(rgba, _make_stamp(find_letters(direction), 17 * scale, _TEXT), x, y, right, bottom)
-        length = round_length(grid.spacing * width / 5)
-        bar = _make_bar(round(length / grid.spacing), scale)
+            text = find_letters(direction) if self._has_direction else ""
+            _put(rgba, _make_stamp(text, 17 * scale, _TEXT), x, y, right, bottom)
+        spacing = grid.spacing * self._millimetres * float(np.linalg.norm(get_matrix(state.transform)[:3, 0]))
+        length = round_length(spacing * width / 5)
+        bar = _make_bar(round(length / spacing), scale)
         _put(rgba, bar, width - edge, height - edge, 1.0, 1.0)
         _put(rgba, _make_stamp(f"{length:g} mm", 13 * scale, _TEXT), width - edge, height - edge - 9 * scale, 1.0, 1.0)
         if state.message:
@@ -366,15 +373,18 @@ class Scene:
         mode = {"maximum": "", "minimum": "Minimum", "absolute": "Absolute maximum"}[state.mode]
         slab = ""
         if state.slab:
-            near, far = state.slab
-            slab = f"Slab {far - near:.1f} mm at {(near + far) / 2:.1f} mm"
+            near, far = (self._millimetres * depth for depth in state.slab)
+            slab = f"Slab {far - near:.{self._decimals}f} mm at {(near + far) / 2:.{self._decimals}f} mm"
         return [(name, _TEXT), (mode, _QUIET), (slab, _QUIET)]
 
     def _describe_point(self, state: State) -> list[tuple[str, str]]:
         if state.point is None:
             return []
         position = "  ".join(
-            f"{letters[int(each < 0)]} {abs(each):.1f}" for letters, each in zip(LETTERS, state.point.position)
+            f"{letters[int(each < 0)]} {abs(each):.{self._decimals}f}"
+            if self._has_direction
+            else f"{name} {each:.{self._decimals}f}"
+            for name, letters, each in zip("xyz", LETTERS, self._millimetres * np.array(state.point.position))
         )
         overlay = f"  overlay {state.point.overlay.value:.4g}" if state.point.overlay else ""
         return [

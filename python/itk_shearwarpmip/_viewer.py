@@ -25,8 +25,8 @@ try:
 except ImportError as error:
     raise ImportError("the viewer needs rendercanvas and Pillow: pip install itk-shearwarpmip[viewer]") from error
 
-from itk_shearwarpmip._front import MODES, _is_plain_array, check_mode
-from itk_shearwarpmip._inputs import make_numbers, open_image
+from itk_shearwarpmip._front import MODES, Place, _is_plain_array, check_mode
+from itk_shearwarpmip._inputs import is_chunked, make_numbers, open_image
 from itk_shearwarpmip._save import check_window
 from itk_shearwarpmip._scene import Layer, Point, Scene, State, Window
 from itk_shearwarpmip._views import SIDES
@@ -61,17 +61,21 @@ class Viewer:
     # a mistyped name is an error
     __slots__ = (
         "__weakref__", "_callbacks", "_changed", "_clicked", "_closed", "_code", "_context", "_drag", "_end", "_factor",
-        "_frame", "_framed_at", "_is_shown", "_jobs", "_made", "_moved_at", "_played_from", "_resets", "_scene", "_source",
-        "_state", "_windowed", "_worker", "canvas", "turns_about_axis", "url",
+        "_frame", "_framed_at", "_is_shown", "_jobs", "_made", "_moved_at", "_path", "_played_from", "_resets", "_scene",
+        "_source", "_state", "_windowed", "_worker", "canvas", "turns_about_axis", "url",
     )  # fmt: skip
 
-    def __init__(self, scene: Scene, canvas: Any, *, source: str = "image", code: str = "") -> None:
+    def __init__(
+        self, scene: Scene, canvas: Any, *, source: str = "image", path: str | None = None, code: str = ""
+    ) -> None:
+        """source, code: Python of the volume and of parameters; path: of what the program reads."""
         self.canvas = canvas
         self.url: str | None = None
         self.turns_about_axis = True
         self._scene = scene
         self._state = scene.first
         self._source = source
+        self._path = path
         self._code = code
         self._changed = threading.Condition()
         self._worker: threading.Thread | None = None
@@ -185,7 +189,7 @@ class Viewer:
     def code(self) -> str:
         """The line of Python that makes this picture's values; its window is the comment at the end."""
         grid = self._scene.make_grid(self._state, self._size)
-        arguments = [repr(self._source) if self._source != "image" else "image"]
+        arguments = [self._source]
         arguments += [f"{name}={each!r}" for name, each in self._name_view().items()]
         if self._state.mode != "maximum":
             arguments.append(f"mode={self._state.mode!r}")
@@ -200,10 +204,10 @@ class Viewer:
         """The command of the program that makes this picture. ValueError if it needs a file of the transform: the
         picture is rolled or moved; or if the image came from no file."""
         view = self._name_view()
-        if isinstance(view.get("view"), list) or self._state.pan != (0.0, 0.0) or self._source == "image" or self._code:
+        if isinstance(view.get("view"), list) or self._state.pan != (0.0, 0.0) or self._path is None or self._code:
             raise ValueError("no command alone makes this picture")
         grid = self._scene.make_grid(self._state, self._size)
-        words = ["shear-warp-mip", shlex.quote(self._source), "mip.png"]
+        words = ["shear-warp-mip", shlex.quote(self._path), "mip.png"]
         words += [f"--{name} {each}" for name, each in view.items()]
         if self._state.mode != "maximum":
             words.append(f"--mode {self._state.mode.replace('absolute', 'absolute-maximum')}")
@@ -393,6 +397,11 @@ class Viewer:
     def _on_pointer_move(self, event: dict[str, Any]) -> None:
         drag = self._drag
         if drag is None:
+            return
+        # of a page that went away in the middle
+        if not event.get("buttons", True):
+            self._drag = None
+            self._rest()
             return
         right, down = event["x"] - drag.x, event["y"] - drag.y
         drag.moved += abs(right) + abs(down)
@@ -604,6 +613,10 @@ def _write(value: Any) -> str:
     return f"[{', '.join(parts)}]" if parts and all(parts) else ""
 
 
+def _write_arguments(arguments: Mapping[str, Any]) -> list[str]:
+    return [f"{key}={_write(each) or key}" for key, each in arguments.items() if each is not None]
+
+
 def _make_slab(slab: Sequence[float] | None) -> tuple[float, float] | None:
     if slab is None:
         return None
@@ -679,14 +692,20 @@ def show(
         notebooks and interactive shells.
     page: host, port and no_browser of the page, as of the command shear-warp-mip-view.
     parameters: crop, mask, mask_label, attenuation, local_maximum, oversampling and background, as in mip(); spacing,
-        origin, direction and series of the source, as in open_image().
+        origin, direction, series, level, time and channel of the source, as in open_image().
 
     Raises ImportError if rendercanvas or a part of it is missing, ValueError and TypeError for what is no parameter, and
     what reading the source raises.
 
-    >>> viewer = show("angiogram.nrrd", azimuth=30)      # doctest: +SKIP
-    >>> viewer.window = (0, 400)                         # doctest: +SKIP
-    >>> viewer.snapshot("mip.png")                       # doctest: +SKIP
+    >>> from rendercanvas.offscreen import RenderCanvas
+    >>> volume = np.zeros((10, 20, 30), np.uint8)
+    >>> volume[5, 3, 7] = 200
+    >>> viewer = show(volume, view="superior", canvas=RenderCanvas(size=(320, 240)))
+    >>> viewer.window = (0, 400)
+    >>> viewer.snapshot().shape
+    (240, 320, 4)
+    >>> viewer.transform = "left"
+    >>> viewer.close()
     """
     check_mode(mode)
     if overlay is None and overlay_window is not None:
@@ -700,9 +719,7 @@ def show(
     }
     if exact and refused:
         raise ValueError(f"exact goes without {', '.join(sorted(refused))}")
-    place: dict[str, Any] = {
-        key: parameters.pop(key) for key in ("spacing", "origin", "direction", "series") if key in parameters
-    }
+    place: dict[str, Any] = {key: parameters.pop(key) for key in Place.__annotations__ if key in parameters}
     known = {"crop", "mask", "mask_label", "attenuation", "local_maximum", "oversampling", "background"}
     if unknown := parameters.keys() - known:
         raise TypeError(f"show() has no parameter {', '.join(sorted(unknown))}")
@@ -715,23 +732,28 @@ def show(
             if key not in ("mask", "mask_label", "background", "local_maximum")
         }
         layers.append(Layer(_open_overlay(overlay, image), colours=overlay_colours, **shared))
-    name = os.fspath(source) if isinstance(source, str | os.PathLike) else "image"
+    path = os.fspath(source) if isinstance(source, str | os.PathLike) else None
     windows = {(n, mode): check_window(each) for n, each in enumerate((window, overlay_window)) if each is not None}
     state = State(_scene.make_view(image, view, azimuth, elevation), mode=mode, slab=_make_slab(slab), windows=windows)
-    scene = Scene(layers, state, title=Path(name).name if name != "image" else "", opacity=opacity, exact=exact)
-    written: dict[str, Any] = {**place, **parameters, **({"exact": True} if exact else {})}
-    code = ", ".join(f"{key}={_write(each) or key}" for key, each in written.items() if each is not None)
+    scene = Scene(layers, state, title=Path(path or "").name, opacity=opacity, exact=exact)
+    expression, written = repr(path) if path else "image", {**parameters, **({"exact": True} if exact else {})}
+    if is_chunked(source):
+        # of which mip() has no slabs and modes
+        path, expression = None, f"open_image({', '.join([expression, *_write_arguments(place)])})"
+    else:
+        written = {**place, **written}
+    make = partial(Viewer, scene, source=expression, path=path, code=", ".join(_write_arguments(written)))
 
     if canvas is not None:
-        return Viewer(scene, canvas, source=name, code=code)
+        return make(canvas)
     if page is None and _is_notebook():
         from itk_shearwarpmip._notebook import make_canvas
 
-        return Viewer(scene, make_canvas(size), source=name, code=code)
+        return make(make_canvas(size))
     from itk_shearwarpmip import _server
 
     return _server.serve(
-        lambda made: Viewer(scene, made, source=name, code=code),
+        make,
         block=not hasattr(sys, "ps1") and not sys.flags.interactive if block is None else block,
         **(page or {}),
     )

@@ -4,26 +4,13 @@ import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from fractions import Fraction
 from typing import Any
 
 import dask.array
 import itk
 import numpy as np
 
-from itk_shearwarpmip._inputs import Placed, find_pixel_types, is_of, place, take
-
-_METRIC = (
-    ("yocto", -24), ("zepto", -21), ("atto", -18), ("femto", -15), ("pico", -12), ("nano", -9), ("micro", -6),
-    ("milli", -3), ("centi", -2), ("deci", -1), ("", 0), ("hecto", 2), ("kilo", 3), ("mega", 6), ("giga", 9),
-    ("tera", 12), ("peta", 15), ("exa", 18), ("zetta", 21), ("yotta", 24),
-)  # fmt: skip
-_OTHERS = {"inch": "0.0254", "foot": "0.3048", "yard": "0.9144", "mile": "1609.344", "parsec": "30856775814913673"}
-_UNITS = {f"{prefix}meter": Fraction(10) ** power for prefix, power in _METRIC} | {
-    "angstrom": Fraction(1, 10**10),
-    **{name: Fraction(metres) for name, metres in _OTHERS.items()},
-}
-"""Of OME-Zarr, in metres."""
+from itk_shearwarpmip._inputs import UNITS, Placed, find_pixel_types, is_of, place, take
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +27,10 @@ class Volume:
     """Of spacing and origin, as OME-Zarr names it: that of the axis x."""
     has_direction: bool = True
     """Whether the direction says where the patient's sides are."""
+
+    @property
+    def placed(self) -> Placed:
+        return Placed(self.array, self.spacing, self.origin, self.direction, self.has_direction, self.unit)
 
     def persist(self) -> "Volume":
         """The same, with its voxels in the memory of Dask's workers: for several views."""
@@ -63,7 +54,7 @@ class Volume:
         return self._place(image)
 
     def _place(self, image: itk.Image) -> itk.Image:
-        place(image, Placed(None, self.spacing, self.origin, self.direction, self.has_direction))
+        place(image, self.placed)
         return image
 
 
@@ -90,6 +81,10 @@ def open_volume(
 
     Raises ValueError for what is no such volume, TypeError for objects and voxels of other types; ImportError for a URL
     whose kind needs another package; OSError for a file that cannot be read.
+
+    >>> volume = open_volume(dask.array.zeros((40, 50, 60), dtype=np.uint8, chunks=20), spacing=(0.4, 0.4, 0.8))
+    >>> volume.array.numblocks, volume.spacing
+    ((2, 3, 3), (0.4, 0.4, 0.8))
     """
     if isinstance(volume, str | os.PathLike) or is_of(volume, "zarr", "Group"):
         image = _OmeZarr(volume)
@@ -107,21 +102,29 @@ def open_volume(
         raise ValueError(f"a volume must not be empty, but this one has the shape {array.shape}")
     _find_pixel_type(array.dtype)
     filled = tuple(tuple(length for length in lengths if length) for lengths in array.chunks)
-    placed = Placed(None, own.spacing, own.origin, own.direction, own.has_direction).replace(spacing, origin, direction)
+    placed = own.placed.replace(spacing, origin, direction)
     return Volume(
         array.rechunk(filled) if filled != array.chunks else array,
         tuple(placed.spacing),
         tuple(placed.origin),
         placed.direction,
-        own.unit,
+        placed.unit,
         placed.has_direction,
     )
+
+
+def read_volume(source: Any, level: int | None, time: int, channel: int) -> Volume:
+    """An OME-Zarr, all voxels of which will be read: the level must be chosen, as they may be too many."""
+    image = _OmeZarr(source)
+    if level is None and len(image.levels) > 1:
+        raise ValueError(f"{source} has the levels 0, the finest, to {len(image.levels) - 1}: give one, as level=1")
+    return image.read_level(level or 0, time, channel)
 
 
 def _chunk(placed: Placed) -> Volume:
     direction = np.eye(3) if placed.direction is None else placed.direction
     array = dask.array.asarray(placed.array)
-    return Volume(array, tuple(placed.spacing), tuple(placed.origin), direction, None, placed.has_direction)
+    return Volume(array, tuple(placed.spacing), tuple(placed.origin), direction, placed.unit, placed.has_direction)
 
 
 def _make_region(first: Sequence[int], shape: Sequence[int]) -> Any:
@@ -166,16 +169,16 @@ class _OmeZarr:
             raise ValueError(f"{self._name} is no OME-Zarr 0.4 or 0.5 image with the axes z, y, x")
         self._space = [self._axes.index(name) for name in "xyz"]
         with self._parsing():
-            self._datasets = [
+            self.levels = [
                 (dataset["path"], *self._find_place(dataset, images[0])) for dataset in images[0]["datasets"]
             ]
-            if not self._datasets:
+            if not self.levels:
                 raise ValueError("there are no datasets")
         units = [axes[axis].get("unit") for axis in self._space]
-        if any(unit != units[0] for unit in units) and not set(units) <= set(_UNITS):
+        if any(unit != units[0] for unit in units) and not set(units) <= set(UNITS):
             raise ValueError(f"{self._name} has axes x, y, z with the units {units}, which cannot be compared")
         self._unit = units[0]
-        self._factors = [1.0 if unit == units[0] else float(_UNITS[unit] / _UNITS[units[0]]) for unit in units]
+        self._factors = [1.0 if unit == units[0] else float(UNITS[unit] / UNITS[units[0]]) for unit in units]
 
     @contextmanager
     def _parsing(self) -> Iterator[None]:
@@ -199,19 +202,19 @@ class _OmeZarr:
         if output_spacing is None:
             return 0
         wanted = float(np.min(output_spacing)) * (1 + 1e-6)
-        fine = [n for n, (_, scale, _) in enumerate(self._datasets) if min(scale * self._factors) <= wanted]
+        fine = [n for n, (_, scale, _) in enumerate(self.levels) if min(scale * self._factors) <= wanted]
         return max(fine, default=0)
 
     def read_level(self, level: int, time: int, channel: int) -> Volume:
         """The array, z, y, x, at these indices of the other axes."""
-        levels = len(self._datasets)
+        levels = len(self.levels)
         if not 0 <= level < levels:
             raise ValueError(f"{self._name} has the levels 0 to {levels - 1}, but not {level}")
         others = {"t": time, "c": channel}
         for name, number in others.items():
             if number != 0 and name not in self._axes:
                 raise ValueError(f"{self._name} has no axis {name}, and number {number} of it was asked for")
-        path, scale, offset = self._datasets[level]
+        path, scale, offset = self.levels[level]
         with self._parsing():
             array = self._group[path]
             lengths = dict(zip(self._axes, array.shape, strict=True))

@@ -23,8 +23,9 @@ import xarray
 import zarr
 from dask.utils import key_split
 from distributed import Client, LocalCluster, get_task_stream, wait
-from itk_shearwarpmip import mip, open_volume, turn
+from itk_shearwarpmip import mip, open_image, open_volume, show, turn
 from itk_shearwarpmip.__main__ import main
+from rendercanvas.offscreen import RenderCanvas
 
 DTYPES = [np.uint8, np.int16, np.uint16, np.float32, np.float64]
 GEOMETRY = {
@@ -271,6 +272,7 @@ def test_bad_input_is_named():
         (lambda: project(array, output_spacing=-1), ValueError, "output_spacing must be positive"),
         (lambda: project(array, size=(0, 4)), ValueError, "size must be positive"),
         (lambda: mip(array, mode="minimum", exact=True), ValueError, "mode, exact cannot be given for .* in chunks"),
+        (lambda: mip(array, mask=np.ones((8, 8, 8), bool)), ValueError, "mask cannot be given for .* in chunks"),
         (lambda: turn(array, series="1.2"), ValueError, "series is for a DICOM folder"),
         (lambda: project(array[array[:, 0, 0] == 0]), ValueError, "must be known"),
         (lambda: project(array, colour=1), TypeError, "colour"),
@@ -318,6 +320,25 @@ def test_ome_zarr(ome_zarr):
         project(path, time=1)
     with pytest.raises(ValueError, match="levels 0 to 2, but not 3"):
         project(path, level=3)
+
+
+def test_ome_zarr_in_memory(ome_zarr):
+    """For the viewer, and for modes that chunks do not have."""
+    path, array = ome_zarr
+    whole = make_image(array[1], (2, 2, 4), (7, -50, 100))
+    for source in (path, zarr.open_group(path, mode="r"), open_volume(path, channel=1)):
+        image = open_image(source, **({} if source.__class__.__name__ == "Volume" else {"level": 0, "channel": 1}))
+        assert_same(image, whole)
+        assert image.unit == "micrometer" and image.has_direction is False
+    with pytest.raises(ValueError, match="has the levels 0, the finest, to 2: give one, as level=1"):
+        open_image(path)
+    viewer = show(path, level=1, channel=1, slab=(-20, 20), canvas=RenderCanvas(size=(80, 60)))
+    assert viewer.code.startswith(f"mip(open_image({str(path)!r}, level=1, channel=1), slab=[-20")
+    found = eval(viewer.code, {"mip": mip, "open_image": open_image})
+    np.testing.assert_array_equal(np.asarray(found), np.asarray(viewer.project()))
+    with pytest.raises(ValueError, match="no command"):
+        print(viewer.command)
+    viewer.close()
 
 
 def test_an_opened_volume_keeps_its_place(ome_zarr):

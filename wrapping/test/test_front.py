@@ -450,6 +450,18 @@ def test_units_of_nibabel_are_millimetres(image):
     assert list(open_image(source).GetSpacing()) == pytest.approx([each / 1000 for each in expected.GetSpacing()])
 
 
+def test_units_of_coordinates_are_kept(image):
+    source = itk.xarray_from_image(image)
+    for axis in "xyz":
+        source[axis].attrs["units"] = "micrometer"
+    picture, depths = mip(source, depth=True)
+    assert [each[axis].attrs["units"] for each in (picture, depths) for axis in "xy"] == ["micrometer"] * 4
+    assert open_image(source).unit == open_image(open_image(source), origin=(0, 0, 0)).unit == "micrometer"
+    assert open_image(source, spacing=(1, 2, 3)).unit is None
+    with pytest.raises(ValueError, match=r"a DICOM series has mm, but this turn has micrometer: give spacing="):
+        turn(source, frames=1).save("turn")
+
+
 def test_a_written_array_is_read_anew(image):
     for source in (itk.array_from_image(image), make_simple_itk(image)):
         before = get_pixels(mip(source))
@@ -536,6 +548,9 @@ def test_a_picture_is_an_image(image, tmp_path):
     assert DisplayFormatter().format(picture)[0]["image/png"]
     grey = np.asarray(itk.imread(str(tmp_path / "mip.png")))
     assert grey.shape == picture.shape and grey.max() == 255 and grey.min() == 0
+    # of a turn there is the page, of depths a picture
+    assert "image/png" not in DisplayFormatter().format(turn(image, frames=2).frames)[0]
+    assert DisplayFormatter().format(mip(image, depth=True)[1])[0]["image/png"]
     # of one that nobody keeps
     assert mip(image)._repr_png_() == picture._repr_png_()
     # what is written into it is shown
@@ -667,7 +682,7 @@ BAD = {
     "OME-Zarr as a mask": (
         lambda call: call(IMAGE, mask="cells.ome.zarr"),
         ValueError,
-        "is an OME-Zarr or a URL, which only",
+        "cells.ome.zarr is no OME-Zarr",
     ),
     "label alone": (lambda call: call(IMAGE, mask_label=1), ValueError, "mask_label is for a mask"),
     "label": (lambda call: call(IMAGE, mask=SHORTS, mask_label=0), ValueError, "mask_label must be a whole"),
@@ -741,13 +756,12 @@ def test_files_of_other_types(tmp_path):
 
 
 def test_docstrings():
-    names = ("_front", "_inputs", "_views")
-    for name in names:
+    for name in ("_front", "_inputs", "_save", "_viewer", "_views", "_volume"):
         module = importlib.import_module(f"itk_shearwarpmip.{name}")
         result = doctest.testmod(module, verbose=False)
         assert result.attempted and not result.failed
-    for function in (mip, turn, open_image, itk_shearwarpmip.open_volume):
-        assert "Raises" in function.__doc__
+    for function in (mip, turn, open_image, save_png, itk_shearwarpmip.open_volume, itk_shearwarpmip.show):
+        assert "Raises" in function.__doc__ and ">>>" in function.__doc__
 
 
 # ---- Images that a pipeline makes

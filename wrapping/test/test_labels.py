@@ -242,6 +242,16 @@ def test_scale_bar_is_as_long_as_it_says(spacing, scale, text, head, tmp_path, w
     assert longest == pytest.approx(float(text.split()[0]) / spacing / scale, abs=2)
 
 
+def test_scale_bar_is_in_mm(head, tmp_path, written):
+    source = itk.xarray_from_image(head)
+    for unit, text in (("mm", "20 mm"), ("micrometer", "0.02 mm"), ("µm", "0.02 mm"), ("m", "20000 mm")):
+        for axis in "xyz":
+            source[axis].attrs["units"] = unit
+        save_png(mip(open_image(source)), tmp_path / "mip.png", annotate=True)
+        assert text in [each for each, _ in written]
+        written.clear()
+
+
 def test_annotations_of_what_is_no_projection(tmp_path):
     with pytest.raises(ValueError, match="annotate is for a picture as mip"):
         save_png(itk.image_from_array(np.zeros((60, 60), np.uint8)), tmp_path / "x.png", annotate=True)

@@ -163,6 +163,14 @@ def test_page_names_the_sides_of_the_patient(labels):
     assert series["labels"] is labels
 
 
+def test_page_is_in_mm(image):
+    turn = make_turn(image)
+    turn.frames.unit = "micrometer"
+    series = read_series(_save.make_page(turn))
+    assert series["spacing"] == pytest.approx([each / 1000 for each in list(turn.frames.GetSpacing())[:2]])
+    assert series["origin"] == pytest.approx([each / 1000 for each in list(turn.frames.GetOrigin())[:2]])
+
+
 def test_page_of_an_array_has_no_letters(tmp_path):
     turn = itk_shearwarpmip.turn(np.zeros((4, 4, 4), np.int16), frames=2)
     turn.save(tmp_path / "turn.html", labels=False)

@@ -11,6 +11,8 @@ import weakref
 import itk
 import numpy as np
 import pytest
+import xarray
+from conftest import PROGRAM
 from itk_shearwarpmip import Point, Viewer, _save, _scene, _viewer, mip, show
 from PIL import Image
 from rendercanvas.offscreen import RenderCanvas
@@ -367,20 +369,19 @@ def record_stamps(viewer, monkeypatch):
     return placed
 
 
-@pytest.mark.parametrize(
-    "direction, letters",
-    [
-        ((1, 0, 0), "L"),
-        ((0, -1, 0), "A"),
-        ((0, 0, -1), "F"),
-        ((-0.8, 0.6, 0), "RP"),
-        ((0.6, 0.0, 0.8), "HL"),
-        ((0.97, 0.24, 0), "L"),
-        ((-0.6, -0.5, 0.62), "HR"),
-    ],
-)
-def test_letters_of_directions(direction, letters):
-    assert _scene.find_letters(np.array(direction)) == letters
+def test_an_array_has_no_letters_and_units_are_mm(rng, open_viewer, monkeypatch):
+    source = xarray.DataArray(rng.integers(0, 99, (9, 11, 14)), {axis: np.arange(n) for axis, n in zip("zyx", (9, 11, 14))})
+    for axis in "xyz":
+        source[axis].attrs["units"] = "micrometer"
+    viewer = open_viewer(source, slab=(-4, 5))
+    viewer.canvas.set_logical_size(480, 360)
+    viewer.canvas.draw()
+    x, y, z = viewer.pick(240, 180).position
+    placed = record_stamps(viewer, monkeypatch)
+    assert not {"R", "L", "H", "F"} & set(placed)
+    assert "Slab 0.009 mm at 0.000 mm" in placed or "Slab 0.009 mm at 0.001 mm" in placed
+    assert f"x {x / 1000:.3f}  y {y / 1000:.3f}  z {z / 1000:.3f} mm" in placed
+    assert "0.005 mm" in placed
 
 
 @pytest.mark.parametrize("azimuth", [-170, -90, -35, 0, 20, 90, 180])
@@ -447,6 +448,18 @@ def test_point_of_a_bright_voxel(azimuth, elevation, exact, image, open_viewer):
     assert np.linalg.norm(np.array(point.position) - place) < 1.1
     u, v, _ = viewer.transform.GetInverseTransform().TransformPoint(list(point.position))
     assert [u, v] == pytest.approx([first + int(each) * grid.spacing for first, each in zip(grid.origin, (x, y))])
+
+
+@pytest.mark.skipif(not PROGRAM, reason="needs the program shear-warp-mip")
+def test_point_of_the_aneurysm(tmp_path, open_viewer):
+    subprocess.run([PROGRAM, "--write-phantom", tmp_path / "head.nrrd"], check=True)
+    viewer = open_viewer(tmp_path / "head.nrrd", azimuth=30, elevation=10)
+    aneurysm = np.array([37.5, -10.5, -9.5])
+    u, v, _ = viewer.transform.GetInverseTransform().TransformPoint(aneurysm.tolist())
+    grid = viewer._scene.make_grid(viewer._state, SIZE)
+    point = viewer.pick(*((each - first) / grid.spacing + 0.5 for each, first in zip((u, v), grid.origin)))
+    # in the sphere of 3.6 mm
+    assert point.value > 700 and np.linalg.norm(np.array(point.position) - aneurysm) < 3.6
 
 
 def test_cross_follows_its_point(image, viewer):
@@ -539,6 +552,18 @@ def test_keys_with_control_are_the_browsers(viewer):
     send(viewer, "key_down", key="p", modifiers=("Control",))
     press(viewer, "F5", "Tab", "x")
     assert viewer._state is before
+
+
+def test_a_drag_ends_with_its_page(viewer):
+    """The hand of the next page holds no button."""
+    send(viewer, "pointer_down", 60, 45)
+    send(viewer, "pointer_move", 70, 45, buttons=(1,))
+    turned = viewer.transform
+    send(viewer, "pointer_move", 20, 30, buttons=())
+    send(viewer, "pointer_move", 30, 40, buttons=())
+    assert viewer.transform is turned and viewer._drag is None
+    viewer._settle()
+    np.testing.assert_array_equal(viewer.canvas.draw(), viewer.snapshot())
 
 
 def test_window_by_drag(viewer):
@@ -874,7 +899,7 @@ def test_parameters_of_the_filter(image, open_viewer):
         ({"colours": "grayish"}, ValueError, "colours must be one of"),
         ({"opacity": 2}, ValueError, "opacity must be 0 to 1"),
         ({"opacity": "half"}, ValueError, "opacity must be 0 to 1, but it is 'half'"),
-        ({"source": "cells.ome.zarr"}, ValueError, "is an OME-Zarr or a URL, which only"),
+        ({"source": "cells.ome.zarr"}, ValueError, "cells.ome.zarr is no OME-Zarr"),
         ({"crop": [0, 1]}, ValueError, "crop must be two corners"),
         ({"exact": True, "oversampling": 2}, ValueError, "exact goes without oversampling"),
         ({"colour": "hot"}, TypeError, "colour"),
