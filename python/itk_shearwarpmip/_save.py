@@ -357,9 +357,9 @@ def _find_title(turn: "Turn") -> str:
 
 
 def _get_suffix(path: Path) -> str:
-    if not path.suffix:
+    if not path.suffix and path.name not in _SUFFIXES:
         return ""
-    for suffix in _SUFFIXES:
+    for suffix in _SUFFIXES if path.suffix else ():
         if path.name.endswith(suffix):
             return suffix
     raise ValueError(f"'{path}' must end in one of {' '.join(_SUFFIXES)}, or be a folder for DICOM, without a suffix")

@@ -94,14 +94,24 @@ class Layer:
         self.colours = _make_colours(colours)
         self.filter = itk.ShearWarpMIPImageFilter.New(image)
         given = Parameters(**parameters)
-        if isinstance(background, str) and background == "auto":
-            background = find_lowest(itk.array_view_from_image(image))
+        self._is_auto = isinstance(background, str) and background == "auto"
+        if self._is_auto:
+            background = self._find_background()
         set_parameters(self.filter, given, background)
-        self.background = self.filter.GetDefaultPixelValue()
         self._mask = None if given.mask is None else open_mask(given.mask, given.mask_label, image)
         self.filter.SetMaskImage(self._mask)
         self.windows: dict[str, Window] = {}
         self._table: tuple[Window, Array] | None = None
+
+    def _find_background(self) -> Any:
+        return find_lowest(itk.array_view_from_image(self.image))
+
+    def refresh(self) -> None:
+        """Takes what is in the image now."""
+        self.image.Modified()
+        if self._is_auto:
+            self.filter.SetDefaultPixelValue(self._find_background())
+        self.windows.clear()
 
     def project(self, state: State, grid: Grid | None, exact: bool = False, depth: bool = False) -> Array:
         """Values, until the next call; on a grid fitted to the image if none is given."""
@@ -125,7 +135,7 @@ class Layer:
 
     def find_window(self, state: State) -> Window:
         """Of the picture of a state, fitted to the image."""
-        return find_window_of(self.project(state, None), self.background)
+        return find_window_of(self.project(state, None), self.filter.GetDefaultPixelValue())
 
     def get_window(self, first: State) -> Window:
         """The window found in the first state that asks for its mode."""
@@ -211,13 +221,7 @@ class Scene:
         self.title = title.encode("ascii", "replace").decode()
         self.exact = exact
         self.paint_seconds = 0.0
-        image = self.layers[0].image
-        self.centre = np.array(list(itk.ShearWarpMIPView.GetCenter(image)))
-        self.extent = _find_corners(image) - self.centre
-        self._has_direction = getattr(image, "has_direction", True)
-        self._millimetres = find_millimetres(getattr(image, "unit", None))
-        # a tenth of a voxel, but not less than 0.1 mm
-        self._decimals = max(1, int(np.ceil(-np.log10(self._millimetres * min(image.GetSpacing())))))
+        self._measure()
         colours = self.layers[0].colours[:, None, :].astype(float)
         if len(self.layers) > 1:
             part = opacity * np.arange(256)[None, :, None] / 255
@@ -228,6 +232,22 @@ class Scene:
         self._lock = threading.RLock()
         self._abort_lock = threading.Lock()
         self._may_abort = False
+
+    def _measure(self) -> None:
+        image = self.layers[0].image
+        self.centre = np.array(list(itk.ShearWarpMIPView.GetCentre(image)))
+        self.extent = _find_corners(image) - self.centre
+        self._has_direction = getattr(image, "has_direction", True)
+        self._millimetres = find_millimetres(getattr(image, "unit", None))
+        # a tenth of a voxel, but not less than 0.1 mm
+        self._decimals = max(1, int(np.ceil(-np.log10(self._millimetres * min(image.GetSpacing())))))
+
+    def refresh(self) -> None:
+        """Takes what is in the images now."""
+        with self._lock:
+            for layer in self.layers:
+                layer.refresh()
+            self._measure()
 
     def make_grid(self, state: State, size: tuple[int, int]) -> Grid:
         """Of a canvas of these columns and rows, on which the whole image can be turned."""

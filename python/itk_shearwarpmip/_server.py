@@ -155,7 +155,7 @@ def serve(
     server = uvicorn.Server(config)
     try:
         listener = socket.create_server((host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET)
-    except (OSError, OverflowError) as error:
+    except (OSError, OverflowError, TypeError) as error:
         raise OSError(f"the page cannot be served at {host}, port {port}: {error}") from error
     viewer = make_viewer(_Canvas())
     _shown.append(viewer)

@@ -185,6 +185,11 @@ class Viewer:
         pictures = self._scene.project(self._state, self._scene.make_grid(self._state, self._size))
         return pictures if len(pictures) > 1 else pictures[0]
 
+    def refresh(self) -> None:
+        """Makes the picture anew, of voxels that were changed in memory."""
+        self._scene.refresh()
+        self._change(True)
+
     @property
     def code(self) -> str:
         """The line of Python that makes this picture's values; its window is the comment at the end."""
@@ -723,6 +728,8 @@ def show(
     known = {"crop", "mask", "mask_label", "attenuation", "local_maximum", "oversampling", "background"}
     if unknown := parameters.keys() - known:
         raise TypeError(f"show() has no parameter {', '.join(sorted(unknown))}")
+    if min(make_numbers("size", size, 2, is_whole=True)) < 1:
+        raise ValueError(f"size must be positive, but it is {size!r}")
     image = open_image(source, **place)
     layers = [Layer(image, colours=colours, **parameters)]
     if overlay is not None:

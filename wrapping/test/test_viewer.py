@@ -896,6 +896,8 @@ def test_parameters_of_the_filter(image, open_viewer):
         ({"window": (3, 3)}, ValueError, "the lower one first"),
         ({"window": (3, np.inf)}, ValueError, "the lower one first"),
         ({"slab": (3, 2)}, ValueError, "near <= far"),
+        ({"size": (0, 400)}, ValueError, "size must be positive"),
+        ({"size": "large"}, ValueError, "size must be two whole numbers"),
         ({"colours": "grayish"}, ValueError, "colours must be one of"),
         ({"opacity": 2}, ValueError, "opacity must be 0 to 1"),
         ({"opacity": "half"}, ValueError, "opacity must be 0 to 1, but it is 'half'"),
@@ -971,6 +973,19 @@ def test_window_is_found_again_for_the_picture(image, open_viewer):
     viewer.transform, viewer.slab, viewer.mode = parameters.values()
     viewer.window = None
     assert viewer.window == expected
+
+
+def test_voxels_that_change(open_viewer, rng):
+    voxels = rng.integers(0, 900, (9, 11, 14), np.int16)
+    viewer = open_viewer(voxels, azimuth=20)
+    viewer.canvas.draw()
+    viewer._settle()
+    voxels[:] = rng.integers(-5000, -900, voxels.shape)
+    viewer.refresh()
+    viewer._settle()
+    wanted = open_viewer(voxels.copy(), azimuth=20)
+    np.testing.assert_array_equal(viewer.canvas.draw(), wanted.snapshot())
+    assert viewer.window == wanted.window and viewer.window[1] < 0
 
 
 def test_a_setter_ends_a_turn_that_plays(image, viewer):
