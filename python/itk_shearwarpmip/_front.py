@@ -147,7 +147,7 @@ def mip(
     _require_known("mip", where)
     if is_chunked(source):
         return give_back(source, _project_chunks(source, view, azimuth, elevation, parameters, where))
-    image = open_image(source, where)
+    image = open_image(source, **where)
     transform = make_transform(image, view, azimuth, elevation)
     with _get_filters(image) as filters:
         made = filters.get(itk.ShearWarpMIPImageFilter)
@@ -297,7 +297,7 @@ def turn(
     if is_chunked(source):
         stack, views = _project_chunks_turning(source, set_turn, parameters, where)
         return Turn(stack, views, mode=mode)
-    image = open_image(source, where)
+    image = open_image(source, **where)
     with _get_filters(image) as filters:
         made = filters.get(itk.ShearWarpMIPCineImageFilter)
         set_turn(made, image)

@@ -114,7 +114,8 @@ def make_page(turn: "Turn", *, rate: float | None = None, window: Window | None 
 
     millimetres = find_millimetres(getattr(turn.frames, "unit", None))
     spacing, origin = (
-        [millimetres * each for each in list(place)[:2]] for place in (turn.frames.GetSpacing(), turn.frames.GetOrigin())
+        [millimetres * each for each in list(place)[:2]]
+        for place in (turn.frames.GetSpacing(), turn.frames.GetOrigin())
     )
     angles = _get_angles(turn)
     series: dict[str, Any] = {

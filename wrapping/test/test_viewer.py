@@ -370,7 +370,9 @@ def record_stamps(viewer, monkeypatch):
 
 
 def test_an_array_has_no_letters_and_units_are_mm(rng, open_viewer, monkeypatch):
-    source = xarray.DataArray(rng.integers(0, 99, (9, 11, 14)), {axis: np.arange(n) for axis, n in zip("zyx", (9, 11, 14))})
+    source = xarray.DataArray(
+        rng.integers(0, 99, (9, 11, 14)), {axis: np.arange(n) for axis, n in zip("zyx", (9, 11, 14))}
+    )
     for axis in "xyz":
         source[axis].attrs["units"] = "micrometer"
     viewer = open_viewer(source, slab=(-4, 5))
