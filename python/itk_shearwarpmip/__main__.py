@@ -134,7 +134,9 @@ def _make_view_parser() -> argparse.ArgumentParser:
         "encryption.",
     )
     parser.add_argument("input", metavar="FILE", help="an image that ITK reads, a DICOM folder or an OME-Zarr")
-    parser.add_argument("--series", metavar="UID", help="of a DICOM folder with several: Series Instance UID")
+    parser.add_argument(
+        "--series", metavar="UID", help="of a DICOM folder with several: number, part of the description, or UID"
+    )
     parser.add_argument("--level", metavar="N", type=int, help="of an OME-Zarr with several: 0 is the finest")
     for name in ("time", "channel"):
         parser.add_argument(f"--{name}", metavar="N", type=int, default=argparse.SUPPRESS, help="of an OME-Zarr")

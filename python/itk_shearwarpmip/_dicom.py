@@ -1,9 +1,11 @@
 """DICOM series, by the rules of the program shear-warp-mip: each slice lies where it says."""
 
+import filecmp
 import mmap
+import os
 import re
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,6 +18,10 @@ from itk_shearwarpmip._inputs import Placed, describe, make_view, narrow, place
 _SERIES, _POSITION, _ORIENTATION = "0020|000e", "0020|0032", "0020|0037"
 _SPACING, _THICKNESSES = "0028|0030", ("0018|0088", "0018|0050")
 _PHOTOMETRIC, _FRAMES, _BITS = "0028|0004", "0028|0008", "0028|0100"
+_TYPE, _PET_TYPE, _CLASS, _INSTANCE = "0008|0008", "0054|1000", "0008|0016", "0008|0018"
+_DESCRIPTION, _MODALITY, _DATES, _NUMBER = "0008|103e", "0008|0060", ("0008|0021", "0008|0020"), "0020|0011"
+
+_SEGMENTATION = "1.2.840.10008.5.1.4.1.1.66.4"
 
 
 class Slice(NamedTuple):
@@ -36,36 +42,106 @@ class Slice(NamedTuple):
     """Its pixels, in rows."""
 
 
-def read_folder(folder: Path, series: str | None) -> Any:
-    """The one series of a folder, or that of an instance UID, as an itk.Image with the first slice's dictionary."""
+def read_folder(folder: Path, series: str | int | None) -> Any:
+    """The one series of a folder and those in it, or the chosen one, as an itk.Image with the first slice's dictionary."""
+    found = _find_all_series(folder)
+    files = next(iter(found.values())) if series is None and len(found) == 1 else _choose(found, series, folder)
+    slices = [each for each in files if "\\LOCALIZER" not in _get(each[1], _TYPE)]
+    if slices:
+        _warn_of({"localizer": [each[0] for each in files if each not in slices]})
+    return _read(slices or files, folder)
+
+
+def _find_all_series(folder: Path) -> dict[str, list[tuple[Path, Any]]]:
+    """By date, number and UID. What might be an image, but cannot be read, is an error."""
     found: dict[str, list[tuple[Path, Any]]] = {}
+    instances: dict[str, Path] = {}
     others = []
-    for path in sorted(folder.iterdir()):
-        if path.is_dir() or path.name.startswith("."):
-            continue
+    left_out: dict[str, list[Path]] = {"the same as another file": [], "no image": [], "not DICOM": []}
+    for path in _list_files(folder, set()):
         if not path.is_file():
             raise OSError(f"'{path}' is no file or a link to nothing; a slice may be missing")
         io = _open(path)
         if io is not None:
-            found.setdefault(_get(io, _SERIES), []).append((path, io))
+            first = instances.setdefault(_get(io, _INSTANCE), path)
+            if path != first and filecmp.cmp(path, first, shallow=False):
+                left_out["the same as another file"].append(path)
+            else:
+                found.setdefault(_get(io, _SERIES), []).append((path, io))
         elif not _has_preamble(path):
             others.append(path)
-        elif path.name != "DICOMDIR":
-            warnings.warn(f"'{path}' has no image and is left out", stacklevel=6)
+        elif path.name.lower() != "dicomdir":
+            left_out["no image"].append(path)
     if not found:
         raise ValueError(f"no DICOM series in the folder '{folder}'")
-    extensions = {".dcm"} | {path.suffix for files in found.values() for path, _ in files}
+    extensions = {(path.parent, path.suffix) for files in found.values() for path, _ in files}
     for path in others:
-        if path.suffix in extensions and not _is_text(path):
+        if _is_text(path):
+            continue
+        if path.suffix == ".dcm" or (path.parent, path.suffix) in extensions:
             raise OSError(f"'{path}' is damaged or incomplete: it does not begin as DICOM does")
-        if not _is_text(path):
-            warnings.warn(f"'{path}' is not DICOM and left out", stacklevel=6)
-    present = ", ".join(f"{uid} ({len(files)} files)" for uid, files in sorted(found.items()))
-    if series is None and len(found) > 1:
-        raise ValueError(f"'{folder}' has several DICOM series, choose one by series=: {present}")
-    if series is not None and series not in found:
-        raise ValueError(f"series {series} is not in '{folder}', which has {present}")
-    return _read(found[series] if series is not None else next(iter(found.values())), folder)
+        left_out["not DICOM"].append(path)
+    _warn_of(left_out)
+    return dict(
+        sorted(found.items(), key=lambda each: (_find_date(each[1]), _get_count(each[1][0][1], _NUMBER), each[0]))
+    )
+
+
+def _list_files(folder: Path, known: set[str]) -> Iterator[Path]:
+    """Also of the folders in it, but none twice, and nothing hidden."""
+    if (place := os.path.realpath(folder)) in known:
+        return
+    known.add(place)
+    for path in sorted(folder.iterdir()):
+        if not path.name.startswith("."):
+            yield from _list_files(path, known) if path.is_dir() else [path]
+
+
+def _warn_of(left_out: dict[str, list[Path]]) -> None:
+    for kind, paths in left_out.items():
+        if paths:
+            more = f" and {len(paths) - 1} more" if len(paths) > 1 else ""
+            warnings.warn(f"left out: '{paths[0]}'{more} ({kind})", stacklevel=6)
+
+
+def _choose(found: dict[str, list[tuple[Path, Any]]], series: str | int | None, folder: Path) -> list[tuple[Path, Any]]:
+    """By UID, by the number in the list or by a part of the description."""
+    wanted = "" if series is None else str(series)
+    if wanted in found:
+        return found[wanted]
+    fitting = []
+    for number, files in enumerate(found.values(), 1):
+        if str(number) == wanted if wanted.isdigit() else wanted.lower() in _get(files[0][1], _DESCRIPTION).lower():
+            fitting.append(files)
+    if len(fitting) == 1:
+        return fitting[0]
+    present = "; ".join(_describe(n, uid, files) for n, (uid, files) in enumerate(found.items(), 1))
+    if series is None:
+        raise ValueError(f"'{folder}' has several DICOM series, choose one by its number or UID, series=: {present}")
+    raise ValueError(f"series {series} {'fits several' if fitting else 'is not'} in '{folder}', which has {present}")
+
+
+def _describe(number: int, uid: str, files: list[tuple[Path, Any]]) -> str:
+    """As "2: Thorax, CT, 2024-01-31, 40 images, 1.2.840.1"."""
+    date, io = _find_date(files), files[0][1]
+    if len(date) == 8:
+        date = f"{date[:4]}-{date[4:6]}-{date[6:]}"
+    count = sum(max(1, _get_count(each, _FRAMES)) for _, each in files)
+    kind = "projection" if any(_is_projection(each) for _, each in files) else "image"
+    words = [_get(io, _DESCRIPTION), _get(io, _MODALITY), date, f"{count} {kind}{'s' if count > 1 else ''}", uid]
+    return f"{number}: {', '.join(filter(None, words))}"
+
+
+def _find_date(files: list[tuple[Path, Any]]) -> str:
+    """Of the series, or of the study."""
+    return next(filter(None, (_get(files[0][1], tag) for tag in _DATES)), "")
+
+
+def _is_projection(io: Any) -> bool:
+    terms = f"\\{_get(io, _TYPE)}\\"
+    return any(f"\\{term}\\" in terms for term in ("PROJECTION IMAGE", "MAX_IP", "MIN_IP")) or "REPROJECTION" in _get(
+        io, _PET_TYPE
+    )
 
 
 def read_file(path: Path) -> Any:
@@ -125,6 +201,11 @@ def _is_text(path: Path) -> bool:
 def _get(io: Any, tag: str) -> str:
     dictionary = io.GetMetaDataDictionary()
     return str(dictionary[tag]).strip(" \0") if dictionary.HasKey(tag) else ""
+
+
+def _get_count(io: Any, tag: str) -> int:
+    text = _get(io, tag)
+    return int(text) if text.isdigit() else 0
 
 
 def _get_numbers(io: Any, tag: str) -> NDArray[np.float64]:
@@ -235,6 +316,11 @@ def _find_step(slices: list[Slice]) -> NDArray[np.float64]:
 
 
 def _read(files: list[tuple[Path, Any]], source: Path) -> Any:
+    for path, io in files:
+        if _get(io, _CLASS) == _SEGMENTATION:
+            raise ValueError(f"'{path}' is a DICOM segmentation: convert it to an image of labels, as by highdicom")
+        if _is_projection(io):
+            raise ValueError(f"'{path}' is a projection, not a part of a volume: give the series that it was made from")
     slices = [each for path, io in files for each in _make_slices(path, io)]
     first = slices[0]
     for each in slices:

@@ -42,7 +42,7 @@ class Place(TypedDict, total=False):
     spacing: Sequence[float] | None
     origin: Sequence[float] | None
     direction: Any
-    series: str | None
+    series: str | int | None
     level: int | None
     time: int
     channel: int

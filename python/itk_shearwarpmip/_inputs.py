@@ -49,7 +49,7 @@ def open_image(
     spacing: Sequence[float] | None = None,
     origin: Sequence[float] | None = None,
     direction: Any = None,
-    series: str | None = None,
+    series: str | int | None = None,
     level: int | None = None,
     time: int = 0,
     channel: int = 0,
@@ -57,7 +57,7 @@ def open_image(
     """A volume as a 3D itk.Image, with its place in physical space (LPS, mm).
 
     source: one of
-        - a path: an image file that ITK reads, or a folder with one DICOM series, or with several and `series`
+        - a path: an image file that ITK reads, or a DICOM folder or its DICOMDIR, with one series or with `series`
         - an itk.Image, which is given back if it needs no change
         - a SimpleITK.Image, or an image of nibabel, whose space (RAS) is turned to LPS
         - an xarray.DataArray with the dimensions z, y, x, and coordinates in equal steps; where they descend, the axis
@@ -67,7 +67,8 @@ def open_image(
         - a Dask array, an OME-Zarr or what open_volume() gives: all of it is read into memory
     spacing, origin: x, y, z, in mm; instead of the source's own, which are 1 and 0 of an array.
     direction: 3 x 3, its columns are the directions of x, y, z; instead of the source's own, the identity of an array.
-    series: Series Instance UID, for a DICOM folder.
+    series: of a DICOM folder with several: the number in the list that the error has, a part of the description, or the
+        Series Instance UID.
     level, time, channel: of an OME-Zarr; the level must be given if there are several. 0 is the finest.
 
     The image has voxels of uint8, int16, uint16, float32 or float64. Those of bool, float16 and of other integers are
@@ -81,7 +82,7 @@ def open_image(
     >>> image.shape, list(image.GetSpacing())
     ((3, 4, 5), [0.4, 0.4, 0.8])
     """
-    if series is not None and not (isinstance(source, str | os.PathLike) and os.path.isdir(source)):
+    if series is not None and not (isinstance(source, str | os.PathLike) and is_dicom_folder(Path(source))):
         raise ValueError("series is for a DICOM folder")
     if is_ome_zarr(source):
         # says what is missing
@@ -436,14 +437,19 @@ def _take_nibabel(source: Any) -> Placed:
     return Placed(array, spacing.tolist(), affine[:3, 3].tolist(), direction, True)
 
 
-def _read(path: Path, series: str | None) -> Any:
+def is_dicom_folder(path: Path) -> bool:
+    """Or the DICOMDIR of one."""
+    return path.is_dir() or (path.name.lower() == "dicomdir" and path.is_file())
+
+
+def _read(path: Path, series: str | int | None) -> Any:
     """An image file or a DICOM folder."""
     if not path.exists():
         raise FileNotFoundError(f"'{path}' does not exist")
-    if path.is_dir():
+    if is_dicom_folder(path):
         from itk_shearwarpmip import _dicom
 
-        return _dicom.read_folder(path, series)
+        return _dicom.read_folder(path if path.is_dir() else path.parent, series)
     try:
         # ITK would wait for a pipe
         io = (

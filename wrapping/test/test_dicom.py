@@ -38,7 +38,7 @@ def write_slice(path, pixels, position, uid="1.2.3.4", orientation=(ROW, COLUMN)
 def write_series(folder, positions=None, step=NORMAL, **entries):
     """Slices in an order that names do not tell."""
     positions = 2.5 * np.arange(len(VOXELS)) if positions is None else np.array(positions)
-    folder.mkdir(exist_ok=True)
+    folder.mkdir(exist_ok=True, parents=True)
     for n, position in enumerate(positions):
         place = np.array([-10.0, 20.0, 30.0]) + position * step
         write_slice(folder / f"{(n * 5) % 7}-{entries.get('uid', '')}.dcm", VOXELS[n], place.tolist(), **entries)
@@ -81,10 +81,18 @@ def test_a_tilted_gantry_makes_a_sheared_image(tmp_path):
 def test_several_series_are_listed(tmp_path):
     folder = write_series(tmp_path / "series")
     write_series(folder, uid="1.2.3.5", positions=[0, 2.5, 5])
-    with pytest.raises(ValueError, match=r"several DICOM series, .* series=: 1.2.3.4 \(6 files\), 1.2.3.5 \(3 files\)"):
+    write_series(folder / "disc" / "1", uid="1.2.3.6", positions=[0], t0008103e="Thorax", t00080021="20240131")
+    listed = r"1: CT, 6 images, 1.2.3.4; 2: CT, 3 images, 1.2.3.5; 3: Thorax, CT, 2024-01-31, 1 image, 1.2.3.6$"
+    with pytest.raises(ValueError, match=r"several DICOM series, .* series=: " + listed):
         mip(folder)
-    with pytest.raises(ValueError, match=r"series 1.2 is not in .*, which has 1.2.3.4"):
-        mip(folder, series="1.2")
+    for wrong in ("1.2", "abdomen", 4):
+        with pytest.raises(ValueError, match=rf"series {wrong} is not in .*, which has {listed}"):
+            mip(folder, series=wrong)
+    with pytest.raises(ValueError, match=rf"series  fits several in .*, which has {listed}"):
+        mip(folder, series="")
+    for chosen in ("THORAX", 3, "3"):
+        with pytest.warns(UserWarning, match="has only one slice"):
+            assert open_image(folder, series=chosen).shape == (1, 10, 12)
     assert open_image(folder, series="1.2.3.5").shape == (3, 10, 12)
     assert_as_the_program(folder, tmp_path, "--series=1.2.3.5", series="1.2.3.5")
 
@@ -139,10 +147,43 @@ def test_uneven_slices_and_single_ones_are_said(tmp_path):
         assert open_image(alone).shape == (1, 10, 12)
 
 
+def test_dicomdir_stands_for_its_folder(tmp_path):
+    folder = write_series(tmp_path / "disc" / "series").parent
+    (folder / "DICOMDIR").write_bytes(bytes(128) + b"DICM")
+    image = open_image(folder / "DICOMDIR", series=1)
+    np.testing.assert_array_equal(np.asarray(image), VOXELS)
+
+
+def test_series_that_are_no_volume(tmp_path):
+    folder = write_series(tmp_path / "series")
+    turn(folder, frames=2).save(tmp_path / "turn")
+    with pytest.raises(ValueError, match="001.dcm' is a projection, not a part of a volume"):
+        mip(tmp_path / "turn")
+    for path in folder.iterdir():
+        dataset = pydicom.dcmread(path)
+        dataset.SOPClassUID = pydicom.uid.SegmentationStorage
+        dataset.save_as(path)
+    with pytest.raises(ValueError, match="is a DICOM segmentation"):
+        mip(folder)
+
+
 def test_other_files_in_the_folder(tmp_path):
     folder = write_series(tmp_path / "series")
-    (folder / "thumbnail.db").write_bytes(b"\0\1\2")
-    with pytest.warns(UserWarning, match=r"thumbnail\.db' is not DICOM and left out"):
+    (folder / "disc").mkdir()
+    for name in ("thumbnail.db", "viewer.exe"):
+        (folder / name).write_bytes(b"\0\1\2")
+    shutil.copy(folder / "0-.dcm", folder / "disc" / "copy.dcm")
+    (folder / "disc" / "again").symlink_to(folder)
+    write_slice(folder / "scout.dcm", VOXELS[0, :5], [0, 0, 0], t00080008="ORIGINAL\\PRIMARY\\LOCALIZER")
+    with pytest.warns(UserWarning) as said:
+        mip(folder)
+    assert [str(each.message).replace(str(folder), "") for each in said] == [
+        "left out: '/disc/copy.dcm' (the same as another file)",
+        "left out: '/thumbnail.db' and 1 more (not DICOM)",
+        "left out: '/scout.dcm' (localizer)",
+    ]
+    assert {each.filename for each in said} == {__file__}
+    with pytest.warns(UserWarning, match="left out"):
         assert_as_the_program(folder, tmp_path)
     (folder / "damaged.dcm").write_bytes(b"\0\1\2")
     with pytest.raises(OSError, match=r"damaged\.dcm' is damaged or incomplete"):
@@ -163,7 +204,7 @@ def test_a_slice_that_is_cut_short(tmp_path):
             mip(folder)
     # it might be another object
     path.write_bytes(whole[:300])
-    with pytest.warns(UserWarning, match="has no image and is left out"):
+    with pytest.warns(UserWarning, match=r"left out: .*4-\.dcm' \(no image\)"):
         mip(folder)
 
 
