@@ -157,7 +157,7 @@ def test_dicomdir_stands_for_its_folder(tmp_path):
 def test_series_that_are_no_volume(tmp_path):
     folder = write_series(tmp_path / "series")
     turn(folder, frames=2).save(tmp_path / "turn")
-    with pytest.raises(ValueError, match="001.dcm' is a projection, not a part of a volume"):
+    with pytest.raises(ValueError, match=r"001\.dcm' is a projection, not a part of a volume"):
         mip(tmp_path / "turn")
     for path in folder.iterdir():
         dataset = pydicom.dcmread(path)
