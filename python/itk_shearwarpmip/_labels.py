@@ -65,6 +65,11 @@ def round_length(most: float) -> float:
     return float(max(digit * power for digit in (1, 2, 5) if digit * power <= most))
 
 
+def widen(text: str) -> str:
+    """Pillow's space is narrow."""
+    return text.replace(" ", "  ")
+
+
 def draw(
     grey: NDArray[np.uint8], matrix: NDArray[np.float64], spacing: float, *, has_sides: bool, has_scale: bool
 ) -> NDArray[np.uint8]:
@@ -95,8 +100,7 @@ def draw(
         write(sides["bottom"], width / 2, height - margin, "mb")
     if has_scale:
         room = width / 2 - margin - 1.5 * size
-        # Pillow's space is narrow
-        lines = [line.replace(" ", "  ") for line in describe_angles(matrix)]
+        lines = [widen(line) for line in describe_angles(matrix)]
         if max(map(font.getlength, lines)) <= room:
             for n, line in enumerate(lines):
                 write(line, margin, margin + 1.2 * size * n, "lt")

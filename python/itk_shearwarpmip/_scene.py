@@ -14,7 +14,7 @@ from PIL import Image, ImageDraw, ImageFont
 from itk_shearwarpmip import _labels
 from itk_shearwarpmip._front import MODES, Parameters, find_lowest, open_mask, set_parameters
 from itk_shearwarpmip._inputs import find_millimetres
-from itk_shearwarpmip._labels import LETTERS, find_letters, normalize, round_length
+from itk_shearwarpmip._labels import LETTERS, find_letters, normalize, round_length, widen
 from itk_shearwarpmip._labels import get_matrix as get_matrix
 from itk_shearwarpmip._save import find_window_of, make_grey
 from itk_shearwarpmip._views import SIDES, make_transform
@@ -472,7 +472,7 @@ def _get_font(size: float) -> Any:
 
 @lru_cache(maxsize=256)
 def _make_stamp(text: str, size: float, colour: str) -> _Stamp:
-    font, rim = _get_font(size), max(1, round(size / 10))
+    text, font, rim = widen(text), _get_font(size), max(1, round(size / 10))
     ascent, descent = font.getmetrics()
     image = Image.new("RGBA", (round(font.getlength(text)) + 2 * rim, ascent + descent))
     draw = ImageDraw.Draw(image)
@@ -532,16 +532,16 @@ HELP = (
 @lru_cache(maxsize=4)
 def _make_help(scale: float) -> _Stamp:
     line, pad = 24 * scale, round(22 * scale)
-    font = _get_font(14 * scale)
-    height = sum(line if keys else line / 2 for keys, _ in HELP)
-    column = max(font.getlength(keys) for keys, _ in HELP) + pad
-    width = column + max(font.getlength(text) for _, text in HELP)
+    font, rows = _get_font(14 * scale), [(widen(keys), widen(text)) for keys, text in HELP]
+    height = sum(line if keys else line / 2 for keys, _ in rows)
+    column = max(font.getlength(keys) for keys, _ in rows) + pad
+    width = column + max(font.getlength(text) for _, text in rows)
     image = Image.new("RGBA", (round(width) + 2 * pad, round(height) + 2 * pad))
     draw = ImageDraw.Draw(image)
     box = (0, 0, image.width - 1, image.height - 1)
     draw.rounded_rectangle(box, round(10 * scale), fill=(20, 23, 27, 235), outline="#2a2f36")
     y = float(pad)
-    for keys, text in HELP:
+    for keys, text in rows:
         draw.text((pad, y), keys, font=font, fill=_TEXT)
         draw.text((pad + column, y), text, font=font, fill=_QUIET)
         y += line if keys else line / 2
