@@ -97,11 +97,7 @@ def _require_writable(path: str, has_frames: bool) -> None:
 
 def _project(options: argparse.Namespace) -> itk.Image:
     volume = itk_shearwarpmip.open_volume(
-        options.input,
-        output_spacing=options.spacing,
-        level=options.level,
-        time=options.time,
-        channel=options.channel,
+        options.input, output_spacing=options.spacing, level=options.level, time=options.time, channel=options.channel
     )
     outline = volume.make_image()
     shared = {"output_spacing": options.spacing, "oversampling": options.oversampling}

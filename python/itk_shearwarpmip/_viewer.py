@@ -760,9 +760,7 @@ def show(
     from itk_shearwarpmip import _server
 
     return _server.serve(
-        make,
-        block=not hasattr(sys, "ps1") and not sys.flags.interactive if block is None else block,
-        **(page or {}),
+        make, block=not hasattr(sys, "ps1") and not sys.flags.interactive if block is None else block, **(page or {})
     )
 
 

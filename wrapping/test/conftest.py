@@ -59,11 +59,7 @@ def isolated() -> Callable[[str], Outcome]:
     """Runs code in a process of its own; gives its exit code (negative: signal) and all that it printed."""
     environment = dict(os.environ, OPENBLAS_NUM_THREADS="1")
     server = subprocess.Popen(
-        [sys.executable, "-c", _FORK_SERVER],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-        env=environment,
+        [sys.executable, "-c", _FORK_SERVER], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment
     )
 
     def run(code: str) -> Outcome:

@@ -40,10 +40,7 @@ def view_to_index(transform, image) -> tuple[np.ndarray, np.ndarray]:
     index_to_physical = itk.array_from_matrix(image.GetDirection()) @ np.diag(list(image.GetSpacing()))
     start = np.array(list(image.GetLargestPossibleRegion().GetIndex()), float)
     physical_to_index = np.linalg.inv(index_to_physical)
-    return (
-        physical_to_index @ matrix,
-        physical_to_index @ (offset - np.array(list(image.GetOrigin()))) - start,
-    )
+    return (physical_to_index @ matrix, physical_to_index @ (offset - np.array(list(image.GetOrigin()))) - start)
 
 
 def principal_axis(ray: np.ndarray) -> int:
@@ -301,10 +298,7 @@ def collect_rays(view: View, transform, rule: Rule, default, oversampling: int):
                 samples = fade(samples, depths, rule.depth_attenuation, begin, default)
             counts &= samples == samples
             for row, column in np.argwhere(counts):
-                place = (
-                    oversampling * q[row, column] + step[0],
-                    oversampling * p[row, column] + step[1],
-                )
+                place = (oversampling * q[row, column] + step[0], oversampling * p[row, column] + step[1])
                 rays.setdefault(place, []).append((samples[row, column], slice_number))
 
     shape = np.max([*rays, (0, 0)], axis=0) + 1

@@ -142,11 +142,7 @@ def test_help(program):
 @pytest.mark.parametrize("program", PROGRAMS)
 @pytest.mark.parametrize(
     "name, text",
-    [
-        ("missing.nrrd", "does not exist"),
-        ("text.nrrd", "is not an image"),
-        ("flat.mha", "has 2 dimensions, not 3"),
-    ],
+    [("missing.nrrd", "does not exist"), ("text.nrrd", "is not an image"), ("flat.mha", "has 2 dimensions, not 3")],
 )
 def test_errors_are_one_line(program, name, text, tmp_path):
     (tmp_path / "text.nrrd").write_text("no image")

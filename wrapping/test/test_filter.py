@@ -221,16 +221,7 @@ def make_scale():
         lambda: rotation(0.3, 0.2, 1.0),
         itk.IdentityTransform[itk.D, 3].New,
     ],
-    ids=[
-        "Affine",
-        "Composite",
-        "Scale",
-        "Similarity3D",
-        "Translation",
-        "VersorRigid3D",
-        "Euler3D",
-        "Identity",
-    ],
+    ids=["Affine", "Composite", "Scale", "Similarity3D", "Translation", "VersorRigid3D", "Euler3D", "Identity"],
 )
 def test_any_linear_transform_class(make, image):
     transform = make()
@@ -353,11 +344,7 @@ def test_data_array_gives_data_array(rng):
     voxels = xarray.DataArray(
         rng.integers(0, 60_000, (4, 5, 6), np.uint16),
         dims=("z", "y", "x"),
-        coords={
-            "z": 100.0 + 3.0 * np.arange(4),
-            "y": -7.0 + 2.0 * np.arange(5),
-            "x": 40.0 + 1.5 * np.arange(6),
-        },
+        coords={"z": 100.0 + 3.0 * np.arange(4), "y": -7.0 + 2.0 * np.arange(5), "x": 40.0 + 1.5 * np.arange(6)},
     )
     mip = itk.shear_warp_mip_image_filter(voxels, output_spacing=[1.5, 2.0])
     assert isinstance(mip, xarray.DataArray)

@@ -203,35 +203,16 @@ print(sorted({name.partition(".")[0] for name in set(sys.modules) - before} - se
 
 
 # as of the program: shear-warp-mip --help
-DEFAULTS = {
-    "view": "anterior",
-    "azimuth": 0.0,
-    "elevation": 0.0,
-    "mode": "maximum",
-    "slab": None,
-    "crop": None,
-    "mask": None,
-    "mask_label": None,
-    "depth": False,
-    "attenuation": 0.0,
-    "local_maximum": None,
-    "background": "auto",
-    "exact": False,
-    "oversampling": 1,
-    "output_spacing": None,
-    "size": None,
-    "output_origin": None,
-    "number_of_threads": None,
-}
+DEFAULTS = dict.fromkeys(
+    "slab crop mask mask_label local_maximum output_spacing size output_origin number_of_threads".split()
+) | {
+    "view": "anterior", "azimuth": 0.0, "elevation": 0.0, "mode": "maximum", "depth": False, "attenuation": 0.0,
+    "background": "auto", "exact": False, "oversampling": 1,
+}  # fmt: skip
 DEFAULTS_OF_TURN = {
-    "frames": 36,
-    "rotation_axis": "superior",
-    "center": None,
-    "start_angle": 0.0,
-    "angular_range": 360.0,
-    "rocking": False,
-    "transforms": None,
-}
+    "frames": 36, "rotation_axis": "superior", "center": None, "start_angle": 0.0, "angular_range": 360.0,
+    "rocking": False, "transforms": None,
+}  # fmt: skip
 
 
 def test_defaults_are_the_programs():

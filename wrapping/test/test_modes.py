@@ -9,11 +9,7 @@ from oracle import Rule
 from test_oracle import DTYPES, random_image, random_view
 
 Enums = itk.ShearWarpMIPImageFilterEnums
-MODES = {
-    "maximum": Enums.Mode_Maximum,
-    "minimum": Enums.Mode_Minimum,
-    "absolute": Enums.Mode_AbsoluteMaximum,
-}
+MODES = {"maximum": Enums.Mode_Maximum, "minimum": Enums.Mode_Minimum, "absolute": Enums.Mode_AbsoluteMaximum}
 SLICE = itk.Image[itk.SS, 3], itk.Image[itk.SS, 3]
 
 
@@ -330,17 +326,10 @@ def test_arrays_as_image_and_mask(rng):
 
 
 def test_data_arrays_as_image_and_mask(rng):
-    coordinates = {
-        "z": 100.0 + 3.0 * np.arange(4),
-        "y": -7.0 + 2.0 * np.arange(5),
-        "x": 40.0 + 1.5 * np.arange(6),
-    }
+    coordinates = {"z": 100.0 + 3.0 * np.arange(4), "y": -7.0 + 2.0 * np.arange(5), "x": 40.0 + 1.5 * np.arange(6)}
     voxels, labels = (
         xarray.DataArray(values, dims=("z", "y", "x"), coords=coordinates)
-        for values in (
-            rng.integers(0, 60_000, (4, 5, 6), np.uint16),
-            rng.integers(0, 2, (4, 5, 6), np.uint8),
-        )
+        for values in (rng.integers(0, 60_000, (4, 5, 6), np.uint16), rng.integers(0, 2, (4, 5, 6), np.uint8))
     )
     mip = itk.shear_warp_mip_image_filter(voxels, mask_image=labels, output_spacing=[1.5, 2.0], slab_near=102.0)
     assert isinstance(mip, xarray.DataArray)

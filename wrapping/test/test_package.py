@@ -11,43 +11,16 @@ from pathlib import Path
 import itk
 import pytest
 
-SETTERS = {
-    "SetTransform",
-    "SetSize",
-    "SetOutputSpacing",
-    "SetOutputOrigin",
-    "SetDefaultPixelValue",
-    "SetMode",
-    "SetSlabNear",
-    "SetSlabFar",
-    "SetCropLower",
-    "SetCropUpper",
-    "SetMaskImage",
-    "SetMaskLabel",
-    "SetLocalMaximum",
-    "SetLocalMaximumThreshold",
-    "SetDepthAttenuation",
-    "SetComputeDepth",
-    "SetReducedResampling",
-    "SetOversampling",
-    "SetNumberOfStreamDivisions",
-}
-METHODS = SETTERS | {
-    "GetDepthOutput",
-    "GetPhysicalPoint",
-    "GetTransform",
-    "GetSize",
-    "GetOutputSpacing",
-    "GetOutputOrigin",
-    "GetDefaultPixelValue",
-    "FitOutputGrid",
-    "GetPrincipalAxis",
-    "GetPreparationSeconds",
-    "GetProjectionSeconds",
-    "GetWarpSeconds",
-    "ReleasePreparedVolume",
-    "GetPreparedVolumeSizeInBytes",
-}
+SETTERS = set(
+    """SetTransform SetSize SetOutputSpacing SetOutputOrigin SetDefaultPixelValue SetMode SetSlabNear SetSlabFar SetCropLower
+    SetCropUpper SetMaskImage SetMaskLabel SetLocalMaximum SetLocalMaximumThreshold SetDepthAttenuation SetComputeDepth
+    SetReducedResampling SetOversampling SetNumberOfStreamDivisions""".split()
+)
+METHODS = SETTERS | set(
+    """GetDepthOutput GetPhysicalPoint GetTransform GetSize GetOutputSpacing GetOutputOrigin GetDefaultPixelValue FitOutputGrid
+    GetPrincipalAxis GetPreparationSeconds GetProjectionSeconds GetWarpSeconds ReleasePreparedVolume
+    GetPreparedVolumeSizeInBytes""".split()
+)
 
 
 @pytest.fixture(scope="module")
@@ -101,10 +74,7 @@ def test_type_stubs(files):
 
 
 def test_metadata(files):
-    assert metadata.requires("itk-shearwarpmip")[0].replace(" ", "") in (
-        "itk==5.4.*",
-        "itk<5.5,>=5.4",
-    )
+    assert metadata.requires("itk-shearwarpmip")[0].replace(" ", "") in ("itk==5.4.*", "itk<5.5,>=5.4")
     wheel = next(file for file in files if file.name == "WHEEL").read_text()
     assert "Tag: cp311-abi3-" in wheel
     assert "Root-Is-Purelib: false" in wheel
@@ -121,16 +91,7 @@ def test_needs_runtime_libraries_only(files):
         dynamic = subprocess.run([readelf, "-d", library], check=True, capture_output=True, text=True).stdout
         needed = {line.split("[")[1].rstrip("]").split(".so")[0] for line in dynamic.splitlines() if "(NEEDED)" in line}
         assert needed
-        assert needed <= {
-            "libc",
-            "libm",
-            "libstdc++",
-            "libgcc_s",
-            "libpthread",
-            "libdl",
-            "ld-linux-x86-64",
-            "ld-linux-aarch64",
-        }
+        assert needed <= set("libc libm libstdc++ libgcc_s libpthread libdl ld-linux-x86-64 ld-linux-aarch64".split())
 
 
 def test_program(files, tmp_path):
@@ -155,16 +116,8 @@ def test_types_of_the_package_are_its_own(files):
             "import itk_shearwarpmip; assert hasattr(itk_shearwarpmip, 'mip'); itk_shearwarpmip.mipp",
             "AttributeError",
         ),
-        (
-            "dask",
-            "from itk_shearwarpmip import open_volume",
-            "ImportError: itk_shearwarpmip needs Dask: pip install",
-        ),
-        (
-            "zarr",
-            "from itk_shearwarpmip import mip; mip('a.zarr')",
-            "ImportError: an OME-Zarr needs zarr: pip install",
-        ),
+        ("dask", "from itk_shearwarpmip import open_volume", "ImportError: itk_shearwarpmip needs Dask: pip install"),
+        ("zarr", "from itk_shearwarpmip import mip; mip('a.zarr')", "ImportError: an OME-Zarr needs zarr: pip install"),
         (
             "dask",
             "from itk_shearwarpmip.__main__ import main; main(['a', 'b.mha'])",

@@ -7,22 +7,8 @@ import pytest
 Enums = itk.ShearWarpMIPViewEnums
 
 # where u (right), v (down) and w (away) of the picture point: L is +x, P is +y, S is +z
-AXES = {
-    "Anterior": "LIP",
-    "Posterior": "RIA",
-    "Left": "PIR",
-    "Right": "AIL",
-    "Superior": "RPI",
-    "Inferior": "LPS",
-}
-VECTORS = {
-    "L": (1, 0, 0),
-    "R": (-1, 0, 0),
-    "P": (0, 1, 0),
-    "A": (0, -1, 0),
-    "S": (0, 0, 1),
-    "I": (0, 0, -1),
-}
+AXES = {"Anterior": "LIP", "Posterior": "RIA", "Left": "PIR", "Right": "AIL", "Superior": "RPI", "Inferior": "LPS"}
+VECTORS = {"L": (1, 0, 0), "R": (-1, 0, 0), "P": (0, 1, 0), "A": (0, -1, 0), "S": (0, 0, 1), "I": (0, 0, -1)}
 
 
 def view_matrix(transform) -> np.ndarray:
@@ -86,13 +72,7 @@ def test_marks_of_a_patient_are_where_a_physician_expects_them(name, left, head,
 
 def test_azimuth_and_elevation(image):
     make = itk.ShearWarpMIPView.MakeTransform
-    for azimuth, name in (
-        (90, "Left"),
-        (180, "Posterior"),
-        (-90, "Right"),
-        (270, "Right"),
-        (360, "Anterior"),
-    ):
+    for azimuth, name in ((90, "Left"), (180, "Posterior"), (-90, "Right"), (270, "Right"), (360, "Anterior")):
         turned = make(image, Enums.Direction_Anterior, float(azimuth))
         direct = make(image, getattr(Enums, f"Direction_{name}"))
         assert turned.GetMatrix() == direct.GetMatrix()
@@ -100,11 +80,7 @@ def test_azimuth_and_elevation(image):
     # 30 degrees left anterior oblique, 20 degrees cranial: the viewer is at left, anterior and above
     away = view_matrix(make(image, Enums.Direction_Anterior, 30.0, 20.0))[:, 2]
     azimuth, elevation = np.radians(30.0), np.radians(20.0)
-    expected = [
-        -np.sin(azimuth) * np.cos(elevation),
-        np.cos(azimuth) * np.cos(elevation),
-        -np.sin(elevation),
-    ]
+    expected = [-np.sin(azimuth) * np.cos(elevation), np.cos(azimuth) * np.cos(elevation), -np.sin(elevation)]
     np.testing.assert_allclose(away, expected, rtol=0, atol=1e-15)
 
 

@@ -206,11 +206,7 @@ def test_window_is_that_of_the_program(image, viewer):
 
 @pytest.mark.parametrize(
     "pixels, window",
-    [
-        ([5, 5, 5], (5, 6)),
-        ([5, 7, 7], (6, 7)),
-        ([np.nan, 5, 1, np.inf, 3], (1, 3)),
-    ],
+    [([5, 5, 5], (5, 6)), ([5, 7, 7], (6, 7)), ([np.nan, 5, 1, np.inf, 3], (1, 3))],
     ids=["background only", "one value", "not finite"],
 )
 def test_window_of_special_pictures(pixels, window):
