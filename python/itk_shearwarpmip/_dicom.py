@@ -21,6 +21,8 @@ _PHOTOMETRIC, _FRAMES, _BITS = "0028|0004", "0028|0008", "0028|0100"
 _TYPE, _PET_TYPE, _CLASS, _INSTANCE = "0008|0008", "0054|1000", "0008|0016", "0008|0018"
 _DESCRIPTION, _MODALITY, _DATES, _NUMBER = "0008|103e", "0008|0060", ("0008|0021", "0008|0020"), "0020|0011"
 
+_Files = list[tuple[Path, Any]]
+"""Of a series, each with its reader."""
 _SEGMENTATION = "1.2.840.10008.5.1.4.1.1.66.4"
 
 
@@ -44,17 +46,21 @@ class Slice(NamedTuple):
 
 def read_folder(folder: Path, series: str | int | None) -> Any:
     """The one series of a folder and those in it, or the chosen one, as an itk.Image with the first slice's dictionary."""
-    found = _find_all_series(folder)
+    found, left_out = _find_all_series(folder)
     files = next(iter(found.values())) if series is None and len(found) == 1 else _choose(found, series, folder)
     slices = [each for each in files if "\\LOCALIZER" not in _get(each[1], _TYPE)]
     if slices:
-        _warn_of({"localizer": [each[0] for each in files if each not in slices]})
+        left_out["localizer"] = [each[0] for each in files if each not in slices]
+    for kind, paths in left_out.items():
+        if paths:
+            more = f" and {len(paths) - 1} more" if len(paths) > 1 else ""
+            warnings.warn(f"left out: '{paths[0]}'{more} ({kind})", stacklevel=5)
     return _read(slices or files, folder)
 
 
-def _find_all_series(folder: Path) -> dict[str, list[tuple[Path, Any]]]:
-    """By date, number and UID. What might be an image, but cannot be read, is an error."""
-    found: dict[str, list[tuple[Path, Any]]] = {}
+def _find_all_series(folder: Path) -> tuple[dict[str, _Files], dict[str, list[Path]]]:
+    """By date, number and UID; and what is left out. What might be an image, but cannot be read, is an error."""
+    found: dict[str, _Files] = {}
     instances: dict[str, Path] = {}
     others = []
     left_out: dict[str, list[Path]] = {"the same as another file": [], "no image": [], "not DICOM": []}
@@ -81,10 +87,8 @@ def _find_all_series(folder: Path) -> dict[str, list[tuple[Path, Any]]]:
         if path.suffix == ".dcm" or (path.parent, path.suffix) in extensions:
             raise OSError(f"'{path}' is damaged or incomplete: it does not begin as DICOM does")
         left_out["not DICOM"].append(path)
-    _warn_of(left_out)
-    return dict(
-        sorted(found.items(), key=lambda each: (_find_date(each[1]), _get_count(each[1][0][1], _NUMBER), each[0]))
-    )
+    order = sorted(found.items(), key=lambda each: (_find_date(each[1]), _get_count(each[1][0][1], _NUMBER), each[0]))
+    return dict(order), left_out
 
 
 def _list_files(folder: Path, known: set[str]) -> Iterator[Path]:
@@ -97,14 +101,7 @@ def _list_files(folder: Path, known: set[str]) -> Iterator[Path]:
             yield from _list_files(path, known) if path.is_dir() else [path]
 
 
-def _warn_of(left_out: dict[str, list[Path]]) -> None:
-    for kind, paths in left_out.items():
-        if paths:
-            more = f" and {len(paths) - 1} more" if len(paths) > 1 else ""
-            warnings.warn(f"left out: '{paths[0]}'{more} ({kind})", stacklevel=6)
-
-
-def _choose(found: dict[str, list[tuple[Path, Any]]], series: str | int | None, folder: Path) -> list[tuple[Path, Any]]:
+def _choose(found: dict[str, _Files], series: str | int | None, folder: Path) -> _Files:
     """By UID, by the number in the list or by a part of the description."""
     wanted = "" if series is None else str(series)
     if wanted in found:
@@ -121,7 +118,7 @@ def _choose(found: dict[str, list[tuple[Path, Any]]], series: str | int | None, 
     raise ValueError(f"series {series} {'fits several' if fitting else 'is not'} in '{folder}', which has {present}")
 
 
-def _describe(number: int, uid: str, files: list[tuple[Path, Any]]) -> str:
+def _describe(number: int, uid: str, files: _Files) -> str:
     """As "2: Thorax, CT, 2024-01-31, 40 images, 1.2.840.1"."""
     date, io = _find_date(files), files[0][1]
     if len(date) == 8:
@@ -132,7 +129,7 @@ def _describe(number: int, uid: str, files: list[tuple[Path, Any]]) -> str:
     return f"{number}: {', '.join(filter(None, words))}"
 
 
-def _find_date(files: list[tuple[Path, Any]]) -> str:
+def _find_date(files: _Files) -> str:
     """Of the series, or of the study."""
     return next(filter(None, (_get(files[0][1], tag) for tag in _DATES)), "")
 
@@ -315,7 +312,7 @@ def _find_step(slices: list[Slice]) -> NDArray[np.float64]:
     return step
 
 
-def _read(files: list[tuple[Path, Any]], source: Path) -> Any:
+def _read(files: _Files, source: Path) -> Any:
     for path, io in files:
         if _get(io, _CLASS) == _SEGMENTATION:
             raise ValueError(f"'{path}' is a DICOM segmentation: convert it to an image of labels, as by highdicom")

@@ -79,10 +79,16 @@ def test_a_tilted_gantry_makes_a_sheared_image(tmp_path):
 
 
 def test_several_series_are_listed(tmp_path):
-    folder = write_series(tmp_path / "series")
-    write_series(folder, uid="1.2.3.5", positions=[0, 2.5, 5])
-    write_series(folder / "disc" / "1", uid="1.2.3.6", positions=[0], t0008103e="Thorax", t00080021="20240131")
-    listed = r"1: CT, 6 images, 1.2.3.4; 2: CT, 3 images, 1.2.3.5; 3: Thorax, CT, 2024-01-31, 1 image, 1.2.3.6$"
+    day = {"t00080021": "20240131", "t00180050": "2.5"}
+    folder = write_series(tmp_path / "series", t00200011="4", **day)
+    write_series(folder, uid="1.2.3.5", positions=[0, 2.5, 5], t00200011="11", **day)
+    write_series(
+        folder / "disc" / "1", uid="1.2.3.3", positions=[0], t0008103e="Thorax", t00080021="20240201", t00180050="1"
+    )
+    listed = (
+        r"1: CT, 2024-01-31, 6 images, 1.2.3.4; 2: CT, 2024-01-31, 3 images, 1.2.3.5; "
+        r"3: Thorax, CT, 2024-02-01, 1 image, 1.2.3.3$"
+    )
     with pytest.raises(ValueError, match=r"several DICOM series, .* series=: " + listed):
         mip(folder)
     for wrong in ("1.2", "abdomen", 4):
