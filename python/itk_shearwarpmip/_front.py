@@ -530,8 +530,8 @@ def _find_axis(axis: str | Sequence[float], image: Any) -> list[float]:
 
 def open_mask(mask: Any, label: int | None, image: Any) -> Any:
     """A mask of 0 and 1 on the grid of an image."""
-    is_path = isinstance(mask, str | os.PathLike) or is_ome_zarr(mask)
-    placed = take(open_image(mask) if is_path else mask)
+    is_read = isinstance(mask, str | os.PathLike) or is_ome_zarr(mask)
+    placed = take(open_image(mask) if is_read else mask)
     voxels = np.asarray(placed.array)
     if voxels.dtype.kind not in "biu":
         raise TypeError(f"a mask must have whole numbers, but its voxels are {voxels.dtype}")
@@ -547,7 +547,7 @@ def open_mask(mask: Any, label: int | None, image: Any) -> Any:
         what = "no voxel is in the mask: all are 0" if label is None else f"the mask has no label {label}: {present}"
         warnings.warn(what, stacklevel=4)
     binary = make_view(chosen.astype(np.uint8))
-    if is_path or not _is_plain_array(mask):
+    if not _is_plain_array(mask):
         place(binary, placed.replace(None, None, None))
         _require_grid(binary, image)
     binary.SetRegions(image.GetLargestPossibleRegion())
@@ -637,11 +637,11 @@ def show_itself(picture: Any, background: float, source: Any, view: Any = None) 
 
 def _is_plain_array(source: Any) -> bool:
     """Whether it has no place in space."""
+    placed = ("xarray", "DataArray"), ("SimpleITK", "Image"), ("nibabel", "SpatialImage"), ("itk_shearwarpmip", "Volume")
     return not (
-        isinstance(source, itk.Object)
-        or is_of(source, "xarray", "DataArray")
-        or is_of(source, "SimpleITK", "Image")
-        or is_of(source, "nibabel", "SpatialImage")
+        isinstance(source, str | os.PathLike | itk.Object)
+        or is_ome_zarr(source)
+        or any(is_of(source, *each) for each in placed)
     )
 
 

@@ -766,7 +766,7 @@ def show(
 
 def _open_overlay(overlay: Any, image: Any) -> Any:
     opened = open_image(overlay)
-    if isinstance(overlay, str | os.PathLike) or not _is_plain_array(overlay):
+    if not _is_plain_array(overlay):
         return opened
     if opened.shape != image.shape:
         raise ValueError(
