@@ -330,6 +330,10 @@ def test_ome_zarr_in_memory(ome_zarr):
         image = open_image(source, **({} if source.__class__.__name__ == "Volume" else {"level": 0, "channel": 1}))
         assert_same(image, whole)
         assert image.unit == "micrometer" and image.has_direction is False
+    masked = (mip(image, mask=each) for each in (open_volume(path, channel=0), array[0]))
+    np.testing.assert_array_equal(*map(np.asarray, masked))
+    with pytest.raises(ValueError, match="a mask must be on the volume's grid: a corner is"):
+        mip(image, mask=open_volume(path, origin=(0, 0, 0)))
     with pytest.raises(ValueError, match="has the levels 0, the finest, to 2: give one, as level=1"):
         open_image(path)
     viewer = show(path, level=1, channel=1, slab=(-20, 20), canvas=RenderCanvas(size=(80, 60)))
