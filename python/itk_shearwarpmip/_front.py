@@ -531,7 +531,10 @@ def _find_axis(axis: str | Sequence[float], image: Any) -> list[float]:
 def open_mask(mask: Any, label: int | None, image: Any) -> Any:
     """A mask of 0 and 1 on the grid of an image."""
     is_read = isinstance(mask, str | os.PathLike) or is_ome_zarr(mask)
-    placed = take(open_image(mask) if is_read else mask)
+    try:
+        placed = take(open_image(mask) if is_read else mask)
+    except (TypeError, ValueError) as error:
+        raise type(error)(f"mask: {error}") from error
     voxels = np.asarray(placed.array)
     if voxels.dtype.kind not in "biu":
         raise TypeError(f"a mask must have whole numbers, but its voxels are {voxels.dtype}")
@@ -637,7 +640,12 @@ def show_itself(picture: Any, background: float, source: Any, view: Any = None) 
 
 def _is_plain_array(source: Any) -> bool:
     """Whether it has no place in space."""
-    placed = ("xarray", "DataArray"), ("SimpleITK", "Image"), ("nibabel", "SpatialImage"), ("itk_shearwarpmip", "Volume")
+    placed = (
+        ("xarray", "DataArray"),
+        ("SimpleITK", "Image"),
+        ("nibabel", "SpatialImage"),
+        ("itk_shearwarpmip", "Volume"),
+    )
     return not (
         isinstance(source, str | os.PathLike | itk.Object)
         or is_ome_zarr(source)

@@ -93,6 +93,8 @@ def open_image(
     elif level is not None or time != 0 or channel != 0:
         raise ValueError("only an OME-Zarr has levels, times and channels")
     elif isinstance(source, str | os.PathLike):
+        if source == "":
+            raise ValueError("the path of a volume must not be empty")
         source = _read(Path(source), series)
     _bring_up_to_date(source)
     if type(source) in _find_image_types() and spacing is None and origin is None and direction is None:

@@ -181,7 +181,7 @@ def save_png(
     ...     save_png(picture, Path(folder, "mip.png"), annotate=True)
     """
     if Path(path).suffix != ".png":
-        raise ValueError(f"'{path}' must end in .png: itk.imwrite() writes the values")
+        raise ValueError(f"'{path}' must be a name that ends in .png: itk.imwrite() writes the values")
     if not isinstance(picture, itk.Object) or not hasattr(picture, "GetImageDimension"):
         raise TypeError(
             f"a picture is an itk.Image, but this is a {type(picture).__module__}.{type(picture).__qualname__}: of an array "
@@ -358,12 +358,14 @@ def _find_title(turn: "Turn") -> str:
 
 
 def _get_suffix(path: Path) -> str:
-    if not path.suffix and path.name not in _SUFFIXES:
+    if path.name and not path.suffix and path.name not in _SUFFIXES:
         return ""
     for suffix in _SUFFIXES if path.suffix else ():
         if path.name.endswith(suffix):
             return suffix
-    raise ValueError(f"'{path}' must end in one of {' '.join(_SUFFIXES)}, or be a folder for DICOM, without a suffix")
+    raise ValueError(
+        f"'{path}' must be a name that ends in one of {' '.join(_SUFFIXES)}, or be a folder for DICOM, without a suffix"
+    )
 
 
 def _find_target(given: Path) -> Path:

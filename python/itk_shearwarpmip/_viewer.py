@@ -728,6 +728,10 @@ def show(
     known = {"crop", "mask", "mask_label", "attenuation", "local_maximum", "oversampling", "background"}
     if unknown := parameters.keys() - known:
         raise TypeError(f"show() has no parameter {', '.join(sorted(unknown))}")
+    if canvas is not None and not hasattr(canvas, "get_bitmap_context"):
+        raise TypeError(f"canvas must be one of rendercanvas, but it is {canvas!r}")
+    if unknown := (page or {}).keys() - {"host", "port", "no_browser"}:
+        raise TypeError(f"page has host, port and no_browser, but not {', '.join(sorted(unknown))}")
     if min(make_numbers("size", size, 2, is_whole=True)) < 1:
         raise ValueError(f"size must be positive, but it is {size!r}")
     image = open_image(source, **place)

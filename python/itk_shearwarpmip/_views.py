@@ -29,7 +29,8 @@ def make_transform(image: Any, view: Any = "anterior", azimuth: float = 0.0, ele
     if isinstance(view, str):
         if view not in SIDES:
             raise ValueError(choices)
-        if not all(isinstance(angle, SupportsFloat) and math.isfinite(angle) for angle in (azimuth, elevation)):
+        angles = azimuth, elevation
+        if not all(isinstance(each, SupportsFloat) and np.ndim(each) == 0 and math.isfinite(each) for each in angles):
             raise ValueError(
                 f"azimuth and elevation must be finite numbers, but they are {azimuth!r} and {elevation!r}"
             )

@@ -634,6 +634,7 @@ BAD = {
         ValueError,
         r"must ascend, but some descend: see its method sortby\(\)",
     ),
+    "empty path": (lambda call: call(""), ValueError, "the path of a volume must not be empty"),
     "no such file": (lambda call: call("nowhere.nrrd"), FileNotFoundError, "'nowhere.nrrd' does not exist"),
     "no image": (lambda call: call(__file__), OSError, "is not an image that ITK can read"),
     "no DICOM": (lambda call: call(Path(__file__).parent), ValueError, "no DICOM series"),
@@ -653,12 +654,14 @@ BAD = {
     "single precision": (lambda call: call(IMAGE, make_affine(itk.F)), TypeError, "in double precision"),
     "list of views": (lambda call: call(IMAGE, [make_affine(itk.D)] * 2), TypeError, "one itk.Transform"),
     "angle": (lambda call: call(IMAGE, azimuth=np.nan), ValueError, "azimuth and elevation must be finite"),
+    "angles": (lambda call: call(IMAGE, azimuth=np.array([30.0])), ValueError, "azimuth and elevation must be finite"),
     "angle of a matrix": (lambda call: call(IMAGE, np.eye(4), azimuth=3), ValueError, "for a view that is a name"),
     "mode": (lambda call: call(IMAGE, mode="mean"), ValueError, "mode must be one of maximum, minimum, absolute"),
     "slab": (lambda call: call(IMAGE, slab=5), ValueError, "slab must be two numbers"),
     "slab's order": (lambda call: call(IMAGE, slab=(5, 1)), ValueError, "slab's near must"),
     "crop": (lambda call: call(IMAGE, crop=(1, 2, 3, 4, 5, 6)), ValueError, "crop must be two corners"),
     "mask's shape": (lambda call: call(IMAGE, mask=SHORTS[1:]), ValueError, "shape .* Resample an image"),
+    "number as a mask": (lambda call: call(IMAGE, mask=3), TypeError, "^mask: .* but this is a builtins.int"),
     "mask's type": (lambda call: call(IMAGE, mask=SHORTS * 0.5), TypeError, "whole numbers"),
     "OME-Zarr as a mask": (
         lambda call: call(IMAGE, mask="cells.ome.zarr"),
@@ -880,7 +883,10 @@ def test_picture_as_png(tmp_path):
     link.symlink_to(path)
     save_png(picture, link)
     assert link.is_symlink() and path.read_bytes() == picture._repr_png_()
-    for wrong, text in ((tmp_path / "x.jpg", "must end in .png"), (tmp_path / "none" / "x.png", "make it first")):
+    for wrong, text in (
+        (tmp_path / ".png", "must be a name that ends in .png"),
+        (tmp_path / "none" / "x.png", "make it first"),
+    ):
         with pytest.raises((OSError, ValueError), match=text):
             save_png(picture, wrong)
     for window in ((3, 3), 5, (1, 2, 3), (0, np.inf)):

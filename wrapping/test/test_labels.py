@@ -247,7 +247,7 @@ def test_scale_bar_is_in_mm(head, tmp_path, written):
     for unit, text in (("mm", "20 mm"), ("micrometer", "0.02 mm"), ("µm", "0.02 mm"), ("m", "20000 mm")):
         for axis in "xyz":
             source[axis].attrs["units"] = unit
-        save_png(mip(open_image(source)), tmp_path / "mip.png", annotate=True)
+        save_png(mip(open_image(source), output_spacing=0.5), tmp_path / "mip.png", annotate=True)
         assert text in [each for each, _ in written]
         written.clear()
 
