@@ -161,6 +161,8 @@ template <typename TInputImage, typename TOutputImage>
 void
 ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::VerifyInputInformation() const
 {
+  // first, as ITK 6 compares the input with itself
+  this->VerifyInputGeometry();
   try
   {
     Superclass::VerifyInputInformation();
@@ -169,7 +171,6 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::VerifyInputInformation()
   {
     itkExceptionMacro("MaskImage must have the input's geometry. " << error.GetDescription());
   }
-  this->VerifyInputGeometry();
   const InputImageType * input = this->GetInput();
   const MaskImageType *  mask = this->GetMaskImage();
   if (mask && mask->GetLargestPossibleRegion() != input->GetLargestPossibleRegion())

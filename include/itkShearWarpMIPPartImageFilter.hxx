@@ -47,8 +47,8 @@ template <typename TInputImage>
 void
 ShearWarpMIPPartImageFilter<TInputImage>::VerifyInputInformation() const
 {
-  Superclass::VerifyInputInformation();
   this->VerifyInputGeometry();
+  Superclass::VerifyInputInformation();
 }
 
 template <typename TInputImage>
