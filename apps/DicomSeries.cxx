@@ -665,6 +665,7 @@ WriteDicomSeries(OutputFiles &                              files,
   RequireFrames(frames, views, options);
   const auto            size = frames.image->GetLargestPossibleRegion().GetSize();
   std::vector<Geometry> geometries;
+  geometries.reserve(views.size());
   for (std::size_t frame = 0; frame < views.size(); ++frame)
   {
     geometries.push_back(ComputeGeometry(*frames.image, views[frame], frame));

@@ -95,7 +95,7 @@ ShearWarpBuffer::Release()
 double
 ShearWarp::GetPhysicalMemory()
 {
-  static const double memory = []() {
+  static const double memory = [] {
     itksys::SystemInformation system;
     system.RunMemoryCheck();
     const auto megabytes = system.GetTotalPhysicalMemory();

@@ -120,7 +120,7 @@ struct Lanes
 
   template <typename TMask>
   static bool AreAll(TMask mask) { return static_cast<std::uint32_t>(SHEARWARP_X86(movemask_epi8)(As<X86>(mask))) == 0xFFFFFFFF >> (32 - SHEARWARP_VECTOR_BYTES); }
-  static bool AreFinite(Single v) { return _mm_movemask_ps(As<Single>(v - v == 0)) == 0xF; }
+  static bool AreFinite(Single v) { return _mm_movemask_ps(As<Single>(v * SetSingle(0) == 0)) == 0xF; }
   static std::uint32_t GetSigns(Float mask) { return static_cast<std::uint32_t>(SHEARWARP_X86(movemask_ps)(mask)); }
   template <std::ptrdiff_t VCount>
   static std::uint32_t FindLabel(const std::uint8_t * p, std::uint8_t label)
@@ -272,7 +272,7 @@ struct Lanes
 #else
   template <typename TMask>
   static bool AreAll(TMask mask) { return (As<Long>(mask)[0] & As<Long>(mask)[1]) == -1; }
-  static bool AreFinite(Single v) { return AreAll(v - v == 0); }
+  static bool AreFinite(Single v) { return AreAll(v * SetSingle(0) == 0); }
   static std::uint32_t GetSigns(Float mask)
   {
     const Long bits = As<Long>(As<Int>(mask) & Int{ 1, 2, 4, 8 });

@@ -372,6 +372,7 @@ TEST(ShearWarpMIPModesClosedForms, ChooseMinimumAndAbsoluteMaximum)
   const auto getRow = [&] {
     filter->Update();
     std::vector<short> row;
+    row.reserve(4);
     for (itk::IndexValueType u = 0; u < 4; ++u)
     {
       row.push_back(filter->GetOutput()->GetPixel({ { u, 1 } }));

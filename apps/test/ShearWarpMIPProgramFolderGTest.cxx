@@ -32,6 +32,7 @@ protected:
   WriteSeries(const std::string & uid, const std::string & prefix, std::size_t slices, const Tags & tags = {}) const
   {
     std::vector<double> positions;
+    positions.reserve(slices);
     for (std::size_t slice = 0; slice < slices; ++slice)
     {
       positions.push_back(2.0 * static_cast<double>(slice));

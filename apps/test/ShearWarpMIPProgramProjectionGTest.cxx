@@ -324,7 +324,7 @@ TEST_F(ShearWarpMIPProgramProjection, RemovesLabels)
     return [mask](FilterType & filter) { filter.SetMaskImage(mask); };
   };
   write(static_cast<unsigned char>(1), "mask.nrrd");
-  write(static_cast<int>(256), "large.nrrd");
+  write(256, "large.nrrd");
   write(static_cast<short>(-1), "negative.nrrd");
   this->ExpectSame("--mask mask.nrrd --remove-label 2", remaining({ 0, 1, 3 }));
   this->ExpectSame("--mask mask.nrrd --remove-label 1 2", remaining({ 0, 3 }));
