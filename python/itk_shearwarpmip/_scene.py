@@ -235,7 +235,7 @@ class Scene:
 
     def _measure(self) -> None:
         image = self.layers[0].image
-        self.centre = np.array(list(itk.ShearWarpMIPView.GetCentre(image)))
+        self.centre = np.array(list(itk.ShearWarpMIPView.GetCenter(image)))
         self.extent = _find_corners(image) - self.centre
         self._has_direction = getattr(image, "has_direction", True)
         self._millimetres = find_millimetres(getattr(image, "unit", None))

@@ -190,7 +190,7 @@ CASES = {
         "RuntimeError",
         "must be finite, but they are 0 and nan",
     ),
-    "centre of None": ("itk.ShearWarpMIPView.GetCentre(None)", "RuntimeError", "The image is required but not set"),
+    "centre of None": ("itk.ShearWarpMIPView.GetCenter(None)", "RuntimeError", "The image is required but not set"),
     "factorization without transform": (
         "itk.ShearWarpFactorization(None, image, project(image))",
         "RuntimeError",
