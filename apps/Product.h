@@ -35,7 +35,7 @@ struct Product
   const Volume &            volume;
   WarningFunction           warn;
   Projections               projections;
-  std::optional<WindowType> window;
+  std::optional<WindowType> window{};
   /** Pictures to show instead of the projections, as those with an overlay; or none. */
   AnyImage pictures{};
   /** Whose outlines the pictures have. */
