@@ -78,6 +78,7 @@ struct Lanes
   using DoubleMask [[gnu::vector_size(32)]] = long long;
 
   template <typename TVector>
+  // cppcheck-suppress uninitvar
   static TVector LoadVector(const void * p) { TVector v; __builtin_memcpy(&v, p, sizeof(v)); return v; }
   template <typename TVector>
   static void StoreVector(void * p, TVector v) { __builtin_memcpy(p, &v, sizeof(v)); }
