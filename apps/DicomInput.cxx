@@ -42,7 +42,6 @@
 namespace
 {
 namespace fs = std::filesystem;
-using gdcm::DataSet;
 using gdcm::Tag;
 using VectorType = itk::Vector<double, 3>;
 using Component = itk::IOComponentEnum;

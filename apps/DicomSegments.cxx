@@ -81,7 +81,7 @@ ReadAppearances(const DataSet & header)
     number.SetFromDataSet(segment);
     Appearance & appearance = appearances[number.GetValue()];
     appearance.name = GetLine(segment, { 0x0062, 0x0005 }, header);
-    if (segment.FindDataElement(colour.GetTag()))
+    if (segment.FindDataElement(decltype(colour)::GetTag()))
     {
       colour.SetFromDataSet(segment);
       appearance.colour = ConvertColour(colour.GetValues());
@@ -175,8 +175,10 @@ MakeLayers(const std::vector<Slice> &         frames,
       }
     }
   };
-  for (auto & [segment, layer] : layerOf)
+  for (auto & each : layerOf)
   {
+    const auto &  segment = each.first;
+    std::size_t & layer = each.second;
     for (layer = 0; layer < layers.size(); ++layer)
     {
       bool isFree = true;

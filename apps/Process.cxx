@@ -36,6 +36,7 @@ ProcessOutcome
 RunProcess(const std::vector<std::string> & command, bool withErrors)
 {
   std::vector<char *> arguments;
+  arguments.reserve(command.size() + 1);
   for (const std::string & argument : command)
   {
     arguments.push_back(const_cast<char *>(argument.c_str()));

@@ -46,14 +46,6 @@ protected:
     fs::create_directories((m_Folder / to).parent_path());
     fs::rename(m_Folder / from, m_Folder / to);
   }
-
-  /** Success with this warning. */
-  void
-  ExpectWarning(const std::string & arguments, const std::string & warning) const
-  {
-    SCOPED_TRACE(arguments);
-    this->ExpectMessages(arguments, "shear-warp-mip: warning: " + warning + '\n');
-  }
 };
 
 TEST_F(ShearWarpMIPProgramFolder, IsSearchedWithItsFolders)
