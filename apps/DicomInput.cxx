@@ -20,23 +20,13 @@
 #include "DicomFolder.h"
 #include "DicomSlices.h"
 
-#include "itkGDCMImageIO.h"
-
-#include <gdcmAttribute.h>
-#include <gdcmImageHelper.h>
-#include <gdcmImageReader.h>
-#include <gdcmRescaler.h>
-#include <gdcmSequenceOfItems.h>
 #include <gdcmTrace.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstring>
-#include <functional>
-#include <optional>
 #include <set>
-#include <sstream>
 #include <stdexcept>
 
 namespace

@@ -365,11 +365,14 @@ ParseIfAsked(int argc, const char * const * argv, std::ostream & output)
     {
       // no core is dumped
       std::signal(SIGABRT, [](int) { std::_Exit(EXIT_FAILURE); });
-      LimitTime(2 < argc ? argv[2] : "");
-      for (int n = 2; n < argc && answers.at(kind)(argv[n]); ++n)
+      for (int n = 2; n < argc; ++n)
       {
+        LimitTime(argv[n]);
+        if (!answers.at(kind)(argv[n]))
+        {
+          break;
+        }
         output.put('.').flush();
-        LimitTime(n + 1 < argc ? argv[n + 1] : "");
       }
       return true;
     }

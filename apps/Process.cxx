@@ -94,8 +94,12 @@ RunProcess(const std::vector<std::string> & command, bool withErrors)
   {
     kill(child, SIGKILL);
   }
-  int status = 0;
-  waitpid(child, &status, 0);
+  int   status = 0;
+  pid_t ended = 0;
+  do
+  {
+    ended = waitpid(child, &status, 0);
+  } while (ended < 0 && errno == EINTR);
   HeldSignals::RequireNone();
   return { said, status == 0 };
 }

@@ -77,6 +77,7 @@ test_installed() (
   # as another project uses it, from Debian packages
   rm -rf "$build/packages" "$build/root"
   cpack --config "$build/installed/CPackConfig.cmake" -B "$build/packages" > /dev/null
+  check_packages "$build/packages"
   for package in "$build"/packages/*.deb; do
     dpkg-deb --extract "$package" "$build/root"
   done

@@ -48,14 +48,15 @@ def read_folder(folder: Path, series: str | int | None) -> Any:
     """The one series of a folder and those in it, or the chosen one, as an itk.Image with the first slice's dictionary."""
     found, left_out = _find_all_series(folder)
     files = next(iter(found.values())) if series is None and len(found) == 1 else _choose(found, series, folder)
-    slices = [each for each in files if "\\LOCALIZER" not in _get(each[1], _TYPE)]
-    if slices:
-        left_out["localizer"] = [each[0] for each in files if each not in slices]
+    localizers = [path for path, io in files if "\\LOCALIZER" in _get(io, _TYPE)]
+    if len(localizers) < len(files):
+        left_out["localizer"] = localizers
+        files = [(path, io) for path, io in files if "\\LOCALIZER" not in _get(io, _TYPE)]
     for kind, paths in left_out.items():
         if paths:
             more = f" and {len(paths) - 1} more" if len(paths) > 1 else ""
             warnings.warn(f"left out: '{paths[0]}'{more} ({kind})", stacklevel=5)
-    return _read(slices or files, folder)
+    return _read(files, folder)
 
 
 def _find_all_series(folder: Path) -> tuple[dict[str, _Files], dict[str, list[Path]]]:

@@ -358,11 +358,12 @@ def _find_title(turn: "Turn") -> str:
 
 
 def _get_suffix(path: Path) -> str:
-    if path.name and not path.suffix and path.name not in _SUFFIXES:
+    if path.suffix:
+        for suffix in _SUFFIXES:
+            if path.name.endswith(suffix):
+                return suffix
+    elif path.name and path.name not in _SUFFIXES:
         return ""
-    for suffix in _SUFFIXES if path.suffix else ():
-        if path.name.endswith(suffix):
-            return suffix
     raise ValueError(
         f"'{path}' must be a name that ends in one of {' '.join(_SUFFIXES)}, or be a folder for DICOM, without a suffix"
     )

@@ -530,10 +530,10 @@ def test_dicom_is_valid(image, tmp_path, name):
 # ---- Bad input
 
 
-@pytest.mark.parametrize("name", ["turn.jpg", "turn.v2", "turn.PNG", ".gif"])
+@pytest.mark.parametrize("name", ["turn.jpg", "turn.v2", "turn.PNG", ".gif", "."])
 def test_unknown_suffix(turn, tmp_path, name):
     with pytest.raises(ValueError, match=r"must be a name that ends in one of .html .gif .* or be a folder"):
-        _save.save_turn(turn, tmp_path / name)
+        _save.save_turn(turn, name if name == "." else tmp_path / name)
 
 
 @pytest.mark.parametrize("rate", [0, -5, 100.1, float("nan"), "fast"])
