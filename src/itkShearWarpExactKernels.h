@@ -173,6 +173,9 @@ private:
   /** The most voxels of a row that have weight in a cell of the sheared grid, from one slice to the next. */
   static constexpr int CellReach = 5;
 
+  /** The voxels of a row that have weight in a row of cells. */
+  static constexpr std::ptrdiff_t RowWidth = CellColumns + CellReach - 1;
+
   static Number
   Load(TPixel voxel)
   {
@@ -213,26 +216,29 @@ private:
   void
   SetLeast(std::ptrdiff_t row);
 
-  /** Columns beside the volume are as its outer ones. */
-  template <std::size_t VCount>
-  void
-  CopyRow(const TPixel * voxels, std::ptrdiff_t first, TPixel (&copy)[VCount]) const
+  /** The voxels of a row from \a first on; columns beside the volume are as its outer ones. */
+  const TPixel *
+  CopyRow(const TPixel * voxels, std::ptrdiff_t first, TPixel (&copy)[2 * RowWidth]) const
   {
-    constexpr std::ptrdiff_t count = VCount;
-    const std::ptrdiff_t     begin = Limit<std::ptrdiff_t>(-first, 0, count);
-    const std::ptrdiff_t     end = Limit<std::ptrdiff_t>(m_Slices.columns - first, begin, count);
-    for (std::ptrdiff_t n = 0; n < begin; ++n)
+    const std::ptrdiff_t last = m_Slices.columns - RowWidth;
+    if (last < 0)
     {
-      copy[n] = voxels[0];
+      for (std::ptrdiff_t n = 0; n < RowWidth; ++n)
+      {
+        copy[n] = voxels[Limit<std::ptrdiff_t>(first + n, 0, m_Slices.columns - 1)];
+      }
+      return copy;
     }
-    if (begin < end)
+    const bool     isLeft = first < 0;
+    TPixel * const inside = isLeft ? copy + RowWidth : copy;
+    TPixel * const outside = isLeft ? copy : copy + RowWidth;
+    CopyBytes(inside, voxels + (isLeft ? 0 : last), RowWidth * sizeof(TPixel));
+    const TPixel outer = voxels[isLeft ? 0 : m_Slices.columns - 1];
+    for (std::ptrdiff_t n = 0; n < RowWidth; ++n)
     {
-      CopyBytes(copy + begin, voxels + (first + begin), (end - begin) * sizeof(TPixel));
+      outside[n] = outer;
     }
-    for (std::ptrdiff_t n = end; n < count; ++n)
-    {
-      copy[n] = voxels[m_Slices.columns - 1];
-    }
+    return inside + (isLeft ? Larger(first, -RowWidth) : Smaller(first - last, RowWidth));
   }
 
   template <int VLast, bool VIsHalved>
@@ -472,29 +478,21 @@ TileSearch<TPixel, VIsMinimum>::SearchPair(std::ptrdiff_t slice)
   const CellWindow         columns = this->FindWindow(0, slice);
   const CellWindow         rows = this->FindWindow(1, slice);
   const std::ptrdiff_t     count = CellRows + rows.last + 1;
-  constexpr std::ptrdiff_t width = CellColumns + CellReach - 1;
-  const bool               isInside = columns.first >= 0 && columns.first + width <= m_Slices.columns;
+  const bool               isInside = columns.first >= 0 && columns.first + RowWidth <= m_Slices.columns;
   const TPixel * const     slices[] = { this->GetSlice(slice), this->GetSlice(slice + 1) };
   const TPixel * const     later = this->GetSlice(slice + 2);
   const std::ptrdiff_t     laterColumns[] = { Limit<std::ptrdiff_t>(columns.first, 0, m_Slices.columns - 1),
                                               Limit<std::ptrdiff_t>(columns.first + CellColumns, 0, m_Slices.columns - 1) };
   PairOfRows<TPixel>       pairs[CellRows + CellReach - 1];
-  TPixel                   edges[CellRows + CellReach - 1][2][width];
+  TPixel                   edges[CellRows + CellReach - 1][2][2 * RowWidth];
   for (std::ptrdiff_t row = 0; row < count; ++row)
   {
     const std::ptrdiff_t begin = Limit<std::ptrdiff_t>(rows.first + row, 0, m_Slices.rows - 1) * m_Slices.rowStride;
     for (int side = 0; side < 2; ++side)
     {
-      const TPixel *& voxels = pairs[row].voxels[side];
-      if (isInside)
-      {
-        voxels = slices[side] + (begin + columns.first);
-      }
-      else
-      {
-        this->CopyRow(slices[side] + begin, columns.first, edges[row][side]);
-        voxels = edges[row][side];
-      }
+      const TPixel * const voxels = slices[side] + begin;
+      pairs[row].voxels[side] =
+        isInside ? voxels + columns.first : this->CopyRow(voxels, columns.first, edges[row][side]);
       PrefetchVoxel(later + (begin + laterColumns[side]));
     }
   }
