@@ -157,6 +157,8 @@ class Viewer:
 
     def on_pick(self, callback: Callable[[Point], object]) -> Callable[[Point], object]:
         """Calls callback(point) for each point that is clicked, from now on; returns it, to be used as a decorator."""
+        if not callable(callback):
+            raise TypeError(f"on_pick needs a function, but this is {callback!r}")
         self._callbacks.append(callback)
         return callback
 
@@ -383,7 +385,9 @@ class Viewer:
 
     def _handle(self, event: dict[str, Any]) -> None:
         handler = getattr(self, f"_on_{event['event_type']}", None)
-        if handler is not None and not self._closed:
+        # on no screen, or not a number
+        is_wrong = not all(abs(event.get(name, 0)) <= 1e6 for name in ("x", "y", "dy"))
+        if handler is not None and not self._closed and not is_wrong:
             handler(event)
 
     def _on_close(self, event: dict[str, Any]) -> None:
@@ -446,7 +450,7 @@ class Viewer:
     def _on_wheel(self, event: dict[str, Any]) -> None:
         """Keeps the point under the pointer where it is."""
         state = self._state
-        factor = float(2.0 ** np.clip(-np.nan_to_num(event["dy"]) / 300, -10, 10))
+        factor = float(2.0 ** np.clip(-event["dy"] / 300, -10, 10))
         zoom = float(np.clip(state.zoom * factor, 0.1, 100))
         before, after = (self._scene.make_grid(replace(state, zoom=each), self._size) for each in (state.zoom, zoom))
         pan = [
@@ -610,6 +614,8 @@ def _write(value: Any) -> str:
     """Python of numbers, texts and what holds them; nothing of other objects."""
     if isinstance(value, float) and not np.isfinite(value):
         return f"float('{value}')"
+    if isinstance(value, os.PathLike):
+        value = os.fspath(value)
     if isinstance(value, str | int | float):
         return repr(value)
     if isinstance(value, np.ndarray | np.generic) and value.size <= 16:
