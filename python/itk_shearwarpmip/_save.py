@@ -187,8 +187,12 @@ def save_png(
             f"a picture is an itk.Image, but this is a {type(picture).__module__}.{type(picture).__qualname__}: of an array "
             "mip(open_image(array, spacing=...)) gives one"
         )
-    if itk.array_view_from_image(picture).ndim != 2:
-        raise ValueError(f"a picture has 2 dimensions, but this one has {picture.GetImageDimension()}: see Turn.save()")
+    dimension, components = picture.GetImageDimension(), picture.GetNumberOfComponentsPerPixel()
+    if dimension != 2 or components != 1 or not itk.size(picture)[0]:
+        raise ValueError(
+            f"a picture has 2 dimensions, 1 component and pixels, but this one has {dimension}, {components} and the size "
+            f"{list(itk.size(picture))}: see Turn.save()"
+        )
     if annotate and not hasattr(picture, "view"):
         raise ValueError("annotate is for a picture as mip() gives it: this one has no view")
     grey = make_picture(picture, window, labels, annotate)

@@ -164,8 +164,8 @@ class Viewer:
 
     def pick(self, x: float, y: float) -> Point | None:
         """The point under a place of the canvas, in its pixels from the upper left corner; None if nothing is there.
-        It becomes viewer.point."""
-        point = self._find_point(self._state, x, y)
+        It becomes viewer.point. ValueError for what is no place."""
+        point = self._find_point(self._state, *make_numbers("place", (x, y), 2))
         self._change(point=point)
         return point
 
@@ -632,7 +632,7 @@ def _make_slab(slab: Sequence[float] | None) -> tuple[float, float] | None:
     if slab is None:
         return None
     near, far = make_numbers("slab", slab, 2, is_finite=False)
-    if not near <= far:
+    if not -np.inf < far >= near < np.inf:
         raise ValueError(f"slab must be (near, far) in mm with near <= far, but it is {slab!r}")
     return near, far
 
@@ -655,8 +655,6 @@ class AtOnce:
 
 
 # ---- show()
-
-_PLAIN = {"attenuation": 0, "oversampling": 1}
 
 
 def show(
@@ -723,21 +721,14 @@ def show(
         raise ValueError("overlay_window is for an overlay")
     if not isinstance(opacity, Real) or not 0 <= opacity <= 1:
         raise ValueError(f"opacity must be 0 to 1, but it is {opacity!r}")
-    refused = {"mask", "attenuation", "local_maximum", "oversampling"} & {
-        key
-        for key, each in parameters.items()
-        if each is not None and not (np.isscalar(each) and each == _PLAIN.get(key))
-    }
-    if exact and refused:
-        raise ValueError(f"exact goes without {', '.join(sorted(refused))}")
     place: dict[str, Any] = {key: parameters.pop(key) for key in Place.__annotations__ if key in parameters}
     known = {"crop", "mask", "mask_label", "attenuation", "local_maximum", "oversampling", "background"}
     if unknown := parameters.keys() - known:
         raise TypeError(f"show() has no parameter {', '.join(sorted(unknown))}")
     if canvas is not None and not hasattr(canvas, "get_bitmap_context"):
         raise TypeError(f"canvas must be one of rendercanvas, but it is {canvas!r}")
-    if unknown := (page or {}).keys() - {"host", "port", "no_browser"}:
-        raise TypeError(f"page has host, port and no_browser, but not {', '.join(sorted(unknown))}")
+    if not isinstance(page, Mapping | None) or set(page or ()) - {"host", "port", "no_browser"}:
+        raise TypeError(f"page must be a dictionary of host, port and no_browser, but it is {page!r}")
     if min(make_numbers("size", size, 2, is_whole=True)) < 1:
         raise ValueError(f"size must be positive, but it is {size!r}")
     image = open_image(source, **place)
@@ -752,6 +743,8 @@ def show(
     path = os.fspath(source) if isinstance(source, str | os.PathLike) else None
     windows = {(n, mode): check_window(each) for n, each in enumerate((window, overlay_window)) if each is not None}
     state = State(_scene.make_view(image, view, azimuth, elevation), mode=mode, slab=_make_slab(slab), windows=windows)
+    for layer in layers:
+        layer.check(state, exact)
     scene = Scene(layers, state, title=Path(path or "").name, opacity=opacity, exact=exact)
     expression, written = repr(path) if path else "image", {**parameters, **({"exact": True} if exact else {})}
     if is_chunked(source):

@@ -386,6 +386,19 @@ def test_regions_that_do_not_begin_at_0(image):
     assert np.isfinite(np.asarray(mip(image, mask=MASK))).all()
 
 
+@pytest.mark.parametrize(
+    "dtype, kept",
+    [(bool, np.uint8), (np.int8, np.int16), (np.uint32, np.int16), (np.float16, np.float32), (">f8", np.float64)],
+    ids=str,
+)
+def test_types_of_voxels(dtype, kept):
+    voxels = (np.arange(60).reshape(3, 4, 5) % 7 == 1).astype(dtype)
+    voxels.setflags(write=False)
+    picture = mip(voxels, "superior")
+    assert picture.dtype == kept
+    np.testing.assert_array_equal(picture[:, ::-1], voxels.max(axis=0))
+
+
 def test_what_is_given_goes_before(image):
     picture = mip(image, "superior", spacing=(2, 2, 3), origin=(0, 0, 0), direction=np.eye(3))
     assert list(picture.GetSpacing()) == [2, 2]
@@ -678,12 +691,14 @@ BAD = {
     "oversampling": (lambda call: call(IMAGE, oversampling=3), ValueError, "oversampling must be 1 or 2"),
     "output spacing": (lambda call: call(IMAGE, output_spacing=0), ValueError, "output_spacing must be positive"),
     "size": (lambda call: call(IMAGE, size=5), ValueError, "size must be two whole numbers"),
+    "size beyond integers": (lambda call: call(IMAGE, size=(10**20, 1)), ValueError, "size must be positive and fit"),
     "huge size": (lambda call: call(IMAGE, size=(10**7, 10**7)), ValueError, "size must fit in memory"),
     "output origin": (
         lambda call: call(IMAGE, output_origin=(0, np.nan)),
         ValueError,
         "output_origin must be two finite",
     ),
+    "many threads": (lambda call: call(IMAGE, number_of_threads=2**40), ValueError, "number_of_threads cannot be"),
     "threads": (lambda call: call(IMAGE, number_of_threads=0), ValueError, "number_of_threads must be a whole"),
 }
 BAD_TURN = {
@@ -896,4 +911,7 @@ def test_picture_as_png(tmp_path):
         with pytest.raises(
             TypeError, match=r"a picture is an itk.Image, but this is a .*: of an array mip\(open_image"
         ):
+            save_png(other, path)
+    for other in (IMAGE, itk.Image[itk.UC, 2].New(), itk.Image[itk.RGBPixel[itk.UC], 2].New()):
+        with pytest.raises(ValueError, match="a picture has 2 dimensions, 1 component and pixels"):
             save_png(other, path)
