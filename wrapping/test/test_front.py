@@ -888,8 +888,9 @@ def test_unknown_parameters_are_those_of_the_function(function):
 def test_picture_as_png(tmp_path):
     picture = mip(open_image(np.arange(60, dtype=np.int16).reshape(3, 4, 5)), "superior")
     path = tmp_path / "picture.png"
-    save_png(picture, path)
-    assert path.read_bytes() == picture._repr_png_()
+    for each in (path, tmp_path / "PICTURE.PNG"):
+        save_png(picture, each)
+        assert each.read_bytes() == picture._repr_png_()
     save_png(picture, path, window=(40, 59))
     np.testing.assert_array_equal(
         np.asarray(itk.imread(path)), np.floor(255 * (np.asarray(picture).clip(40, 59) - 40) / 19 + 0.5)
