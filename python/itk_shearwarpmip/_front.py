@@ -125,8 +125,8 @@ def mip(
     for a SimpleITK.Image or an xarray.DataArray one of these. With `depth` a tuple: the picture and its depths.
 
     What is prepared for an itk.Image is kept while it lives: further views of the same one are faster. After a change of
-    its voxels in memory, as image[...] = 0, call image.Modified(), or the picture is the old one. Arrays are always read
-    anew.
+    its voxels in memory, as image[...] = 0, call image.Modified(), or the picture may be the old one. Arrays are always
+    read anew.
 
     Raises ValueError for what cannot be projected so, TypeError for other types, OSError for files that cannot be read,
     ImportError with the name of a package that is missing.
