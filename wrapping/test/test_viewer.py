@@ -275,6 +275,8 @@ def test_overlay_is_blended(two, open_viewer):
 
 def test_overlay_is_cropped_with_the_volume(two, open_viewer):
     view = _scene.get_matrix(_scene.make_view(two[0], "left", 10, 20))
+    # no view by its name, which has another centre in each volume
+    view[0, 3] += 1
     viewer = open_viewer(two[0], overlay=two[1], view=view, crop=[(14, -28, 8), (18, -24, np.inf)])
     for picture, volume in zip(viewer.project(), two):
         np.testing.assert_array_equal(np.asarray(picture), evaluate_code(viewer, volume))
