@@ -288,7 +288,7 @@ FILTERS = {
         {"crop_lower": [12.0, -30.0, 5.0], "crop_upper": [16.0, -26.0, np.inf]},
     ),
     "mask": ({"mask": MASK}, {"mask_image": (MASK != 0).astype(np.uint8)}),
-    "label": ({"mask": MASK, "mask_label": 2}, {"mask_image": (MASK == 2).astype(np.uint8)}),
+    "label": ({"mask": MASK, "mask_label": 1}, {"mask_image": (MASK == 1).astype(np.uint8)}),
     "fading": ({"attenuation": 0.05, "background": 0}, {"depth_attenuation": 0.05, "default_pixel_value": 0}),
     "local maximum": ({"local_maximum": 300}, {"local_maximum": True, "local_maximum_threshold": 300}),
     "exact": ({"exact": True}, {"exact": True}),
@@ -310,13 +310,17 @@ def test_parameters_are_the_filters(keywords, parameters, image):
         parameters["mask_image"].CopyInformation(image)
     expected = project(image, **parameters)
     before = mip(image, azimuth=30)
+    kept = np.array(before)
+    threads = get_filter(image).GetNumberOfWorkUnits()
     for source, where in ((image, {}), (itk.array_from_image(image), get_geometry(image))):
         picture, depths = mip(source, azimuth=30, depth=True, **where, **keywords)
         np.testing.assert_array_equal(np.asarray(picture), itk.array_from_image(expected))
         assert np.asarray(depths).dtype == np.float32 and np.isfinite(depths).any()
         np.testing.assert_array_equal(np.asarray(mip(source, azimuth=30, **where, **keywords)), np.asarray(picture))
     # nothing of it stays
-    np.testing.assert_array_equal(np.asarray(mip(image, azimuth=30)), np.asarray(before))
+    for each in (before, mip(image, azimuth=30)):
+        np.testing.assert_array_equal(np.asarray(each), kept)
+    assert get_filter(image).GetNumberOfWorkUnits() == threads
 
 
 def test_views(image):
@@ -383,7 +387,10 @@ def test_regions_that_do_not_begin_at_0(image):
     voxels = itk.array_from_image(image)
     geometry = get_geometry(image) | {"origin": list(image.TransformIndexToPhysicalPoint([3, -2, 5]))}
     np.testing.assert_array_equal(np.asarray(mip(voxels, azimuth=30, **geometry)), np.asarray(expected))
-    assert np.isfinite(np.asarray(mip(image, mask=MASK))).all()
+    mask = itk.image_from_array(MASK.astype(np.uint8))
+    mask.SetRegions(region)
+    mask.CopyInformation(image)
+    np.testing.assert_array_equal(np.asarray(mip(image, mask=mask)), np.asarray(mip(image, mask=MASK)))
 
 
 @pytest.mark.parametrize(
@@ -503,6 +510,7 @@ def test_nothing_is_kept_alive():
     image.AddObserver(itk.DeleteEvent(), lambda: deleted.append(True))
     mask = itk.image_from_array(np.ones((9, 9, 9), np.uint8))
     picture = mip(image, mask=mask)
+    assert get_filter(image).GetMaskImage() is None
     series = turn(image, frames=2)
     alive = [weakref.ref(each) for each in (image, mask, picture, series.frames)]
     assert id(image) in _FILTERS
@@ -578,6 +586,10 @@ def test_turns(image):
     grid = {"size": frames.shape[:0:-1], "output_origin": list(series.frames.GetOrigin())[:2]}
     assert series.frames["FrameAngles"] == (0, 72, 144, 216, 288)
     assert series.window[0] < series.window[1]
+    # nothing of another turn stays
+    turn(image, transforms=["left"], center=(1, 2, 3), size=(9, 9))
+    turn(image, center=(1, 2, 3), rocking=True, frames=2)
+    np.testing.assert_array_equal(np.asarray(turn(image, elevation=20, frames=5).frames), frames)
     for frame, transform in enumerate(series.transforms):
         picture, depths = mip(image, transform, depth=True, **grid)
         np.testing.assert_array_equal(frames[frame], np.asarray(picture))
@@ -626,6 +638,15 @@ BAD = {
         lambda call: call(xarray.DataArray(SHORTS, dims=list("zyx"), coords={"z": [0, 1, 3]})),
         ValueError,
         "go in equal steps, but those of z do not: see its method interp",
+    ),
+    "units of coordinates": (
+        lambda call: call(
+            xarray.DataArray(
+                SHORTS, dims=list("zyx"), coords={"z": ("z", [0, 1, 2], {"units": "mm"}), "x": ("x", np.arange(5))}
+            )
+        ),
+        ValueError,
+        "must have the same units",
     ),
     "one coordinate": (
         lambda call: call(xarray.DataArray(SHORTS, dims=list("zyx"), coords={"z": [2, 2, 2]})),
@@ -854,7 +875,7 @@ def test_label_map_of_simpleitk_is_refused():
 def test_background_of_double_precision():
     voxels = np.random.default_rng(5).normal(0, 100, (5, 6, 7))
     # no number of single precision
-    voxels[0, 0, 0] = -1000.1
+    voxels[0, 0, :2] = -1000.1, np.nan
     image = open_image(voxels)
     for shown in (mip(image, azimuth=30), turn(image, azimuth=30, frames=2).frames):
         pixels = np.asarray(shown)

@@ -309,6 +309,10 @@ def test_windows_of_two_volumes(two, open_viewer):
     changed = viewer.window
     drag(viewer, 30, 0, button=2)
     assert viewer.window == changed and viewer.overlay_window != second
+    press(viewer, "o")
+    changed = viewer.overlay_window
+    drag(viewer, 30, 0, button=2)
+    assert viewer.overlay_window == changed
     viewer.overlay_window = (0.25, 0.5)
     assert viewer.overlay_window == (0.25, 0.5)
     viewer.overlay_window = None
@@ -563,6 +567,8 @@ def test_turn_about_the_long_axis_of_any_view(image, viewer):
     )
     drag(viewer, 20, 0)
     assert _scene.find_angles(viewer.transform) == pytest.approx((-10, 20, 25), abs=0.01)
+    drag(viewer, 0, 5)
+    assert _scene.find_angles(viewer.transform)[1] > 25
 
 
 def test_arrow_keys(viewer):
@@ -591,7 +597,7 @@ def test_a_drag_ends_with_its_page(viewer):
     np.testing.assert_array_equal(viewer.canvas.draw(), viewer.snapshot())
 
 
-def test_window_by_drag(viewer):
+def test_window_by_drag(image, viewer):
     low, high = viewer.window
     drag(viewer, 150, 0, button=2)
     assert viewer.window[1] - viewer.window[0] == pytest.approx(2 * (high - low))
@@ -600,6 +606,9 @@ def test_window_by_drag(viewer):
     drag(viewer, 0, -30, button=2)
     assert sum(viewer.window) / 2 < (low + high) / 2
     assert viewer.window[1] - viewer.window[0] == pytest.approx(high - low)
+    check_at_rest(viewer, image)
+    viewer.window = low, high + 200
+    check_at_rest(viewer, image)
 
 
 def test_pan(viewer):
@@ -937,6 +946,11 @@ def test_transform(image, viewer, oblique_view):
     viewer.transform = "left"
     assert "view='left'" in viewer.code
     check_at_rest(viewer, image)
+    # nearly a view that has a name
+    moved = _scene.get_matrix(viewer.transform)
+    moved[0, 3] += 1e-3
+    viewer.transform = moved
+    assert "view=[[" in viewer.code
 
 
 def test_snapshot(viewer, tmp_path):
@@ -1099,6 +1113,16 @@ def test_voxels_that_change(open_viewer, rng):
     wanted = open_viewer(voxels.copy(), azimuth=20)
     np.testing.assert_array_equal(viewer.canvas.draw(), wanted.snapshot())
     assert viewer.window == wanted.window and viewer.window[1] < 0
+
+
+def test_voxels_that_change_in_one_window(open_viewer, rng):
+    voxels = rng.integers(0, 900, (9, 11, 14), np.int16)
+    viewer = open_viewer(voxels, azimuth=20, window=(0, 900))
+    before = drawn(viewer)
+    voxels[:] //= 2
+    viewer.refresh()
+    viewer._settle()
+    assert (viewer.canvas.draw() != before).any()
 
 
 def test_a_setter_ends_a_turn_that_plays(image, viewer):
