@@ -124,8 +124,9 @@ def mip(
     "Background" is that value, its attribute `view` the 4 x 4 matrix of the view. For an array an array of its package,
     for a SimpleITK.Image or an xarray.DataArray one of these. With `depth` a tuple: the picture and its depths.
 
-    What is prepared for an itk.Image is kept while it lives: further views of the same one are faster. Where its voxels
-    are changed in memory, call its method Modified(). Arrays are always read anew.
+    What is prepared for an itk.Image is kept while it lives: further views of the same one are faster. After a change of
+    its voxels in memory, as image[...] = 0, call image.Modified(), or the picture may be the old one. Arrays are always
+    read anew.
 
     Raises ValueError for what cannot be projected so, TypeError for other types, OSError for files that cannot be read,
     ImportError with the name of a package that is missing.
@@ -358,7 +359,8 @@ class _Filters:
         is_auto = isinstance(background, str) and background == "auto"
         set_parameters(made, parameters, self._find_lowest() if is_auto else background)
         threads = parameters.number_of_threads
-        made.SetNumberOfWorkUnits(self._threads if threads is None else make_count("number_of_threads", threads))
+        threads = self._threads if threads is None else make_count("number_of_threads", threads)
+        _set(made, "NumberOfWorkUnits", "number_of_threads", threads)
         # its voxels live while this does
         mask = None if parameters.mask is None else open_mask(parameters.mask, parameters.mask_label, image)
         made.SetMaskImage(mask)
@@ -457,8 +459,8 @@ def set_grid(made: Any, parameters: Parameters) -> None:
         made.SetOutputSpacing(make_numbers("output_spacing", (spacing,) * 2 if np.ndim(spacing) == 0 else spacing, 2))
     if parameters.size is not None:
         size = make_numbers("size", parameters.size, 2, is_whole=True)
-        if min(size) < 1:
-            raise ValueError(f"size must be positive, but it is {size}")
+        if min(size) < 1 or max(size) >= 1 << 31:
+            raise ValueError(f"size must be positive and fit in memory, but it is {size}")
         made.SetSize(size)
     if parameters.output_origin is not None:
         made.SetOutputOrigin(make_numbers("output_origin", parameters.output_origin, 2))

@@ -180,22 +180,26 @@ def save_png(
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     save_png(picture, Path(folder, "mip.png"), annotate=True)
     """
-    if Path(path).suffix != ".png":
+    if Path(path).suffix.lower() != ".png":
         raise ValueError(f"'{path}' must be a name that ends in .png: itk.imwrite() writes the values")
     if not isinstance(picture, itk.Object) or not hasattr(picture, "GetImageDimension"):
         raise TypeError(
             f"a picture is an itk.Image, but this is a {type(picture).__module__}.{type(picture).__qualname__}: of an array "
             "mip(open_image(array, spacing=...)) gives one"
         )
-    if itk.array_view_from_image(picture).ndim != 2:
-        raise ValueError(f"a picture has 2 dimensions, but this one has {picture.GetImageDimension()}: see Turn.save()")
+    dimension, components = picture.GetImageDimension(), picture.GetNumberOfComponentsPerPixel()
+    if dimension != 2 or components != 1 or not itk.size(picture)[0]:
+        raise ValueError(
+            f"a picture has 2 dimensions, 1 component and pixels, but this one has {dimension}, {components} and the size "
+            f"{list(itk.size(picture))}: see Turn.save()"
+        )
     if annotate and not hasattr(picture, "view"):
         raise ValueError("annotate is for a picture as mip() gives it: this one has no view")
     grey = make_picture(picture, window, labels, annotate)
     target = _find_target(Path(path))
     _require_writable(target)
     with tempfile.TemporaryDirectory(prefix=".shear-warp-mip-", dir=target.parent) as folder:
-        made = Path(folder, target.name)
+        made = Path(folder, target.name.lower())
         _write_image(_make_image(grey, list(picture.GetSpacing())), made)
         _publish({made: target}, Path(folder))
 
@@ -248,7 +252,8 @@ def save_turn(
         _find_ffmpeg()
 
     with tempfile.TemporaryDirectory(prefix=".shear-warp-mip-", dir=target.parent) as folder:
-        files = {Path(folder, name): target.parent / name for name in names}
+        # ITK knows no capitals
+        files = {Path(folder, name.lower()): target.parent / name for name in names}
         made = next(iter(files))
         if not suffix:
             _write_dicom(turn, made, window)
@@ -360,9 +365,9 @@ def _find_title(turn: "Turn") -> str:
 def _get_suffix(path: Path) -> str:
     if path.suffix:
         for suffix in _SUFFIXES:
-            if path.name.endswith(suffix):
+            if path.name.lower().endswith(suffix):
                 return suffix
-    elif path.name and path.name not in _SUFFIXES:
+    elif path.name and path.name.lower() not in _SUFFIXES:
         return ""
     raise ValueError(
         f"'{path}' must be a name that ends in one of {' '.join(_SUFFIXES)}, or be a folder for DICOM, without a suffix"

@@ -12,7 +12,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from itk_shearwarpmip import _labels
-from itk_shearwarpmip._front import MODES, Parameters, find_lowest, open_mask, set_parameters
+from itk_shearwarpmip._front import MODES, Parameters, find_lowest, open_mask, set_parameters, update
 from itk_shearwarpmip._inputs import find_millimetres
 from itk_shearwarpmip._labels import LETTERS, find_letters, normalize, round_length, widen
 from itk_shearwarpmip._labels import get_matrix as get_matrix
@@ -88,7 +88,7 @@ class Layer:
     """A volume, the one filter that projects it, and its colours."""
 
     def __init__(self, image: Any, *, colours: str = "grey", background: Any = "auto", **parameters: Any) -> None:
-        if colours not in COLOURS:
+        if not isinstance(colours, str) or colours not in COLOURS:
             raise ValueError(f"colours must be one of {', '.join(COLOURS)}, but they are {colours!r}")
         self.image = image
         self.colours = _make_colours(colours)
@@ -106,6 +106,11 @@ class Layer:
     def _find_background(self) -> Any:
         return find_lowest(itk.array_view_from_image(self.image))
 
+    def check(self, state: State, exact: bool) -> None:
+        """ValueError for what cannot be projected."""
+        self._set(state, exact)
+        update(self.filter, information=True)
+
     def refresh(self) -> None:
         """Takes what is in the image now."""
         self.image.Modified()
@@ -116,22 +121,26 @@ class Layer:
     def project(self, state: State, grid: Grid | None, exact: bool = False, depth: bool = False) -> Array:
         """Values, until the next call; on a grid fitted to the image if none is given."""
         mip = self.filter
-        mip.SetTransform(state.transform)
+        self._set(state, exact)
         if grid is None:
             mip.FitOutputGrid()
         else:
             mip.SetSize(list(grid.size))
             mip.SetOutputSpacing([grid.spacing] * 2)
             mip.SetOutputOrigin(list(grid.origin))
+        mip.SetComputeDepth(depth)
+        mip.Update()
+        result: Array = itk.array_view_from_image(mip.GetOutput())
+        return result
+
+    def _set(self, state: State, exact: bool) -> None:
+        mip = self.filter
+        mip.SetTransform(state.transform)
         mip.SetMode(getattr(itk.ShearWarpMIPImageFilterEnums, MODES[state.mode]))
         near, far = state.slab or (-np.inf, np.inf)
         mip.SetSlabNear(near)
         mip.SetSlabFar(far)
         mip.SetExact(exact)
-        mip.SetComputeDepth(depth)
-        mip.Update()
-        result: Array = itk.array_view_from_image(mip.GetOutput())
-        return result
 
     def find_window(self, state: State) -> Window:
         """Of the picture of a state, fitted to the image."""

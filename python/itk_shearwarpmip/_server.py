@@ -159,7 +159,7 @@ def serve(
         raise OSError(f"the page cannot be served at {host}, port {port}: {error}") from error
     viewer = make_viewer(_Canvas())
     _shown.append(viewer)
-    shown = "127.0.0.1" if host in ("0.0.0.0", "") else f"[{host}]" if ":" in host else host
+    shown = {"0.0.0.0": "127.0.0.1", "": "127.0.0.1", "::": "[::1]"}.get(host, f"[{host}]" if ":" in host else host)
     viewer.url = f"http://{shown}:{listener.getsockname()[1]}/{token}/"
 
     async def run() -> None:

@@ -157,13 +157,15 @@ class Viewer:
 
     def on_pick(self, callback: Callable[[Point], object]) -> Callable[[Point], object]:
         """Calls callback(point) for each point that is clicked, from now on; returns it, to be used as a decorator."""
+        if not callable(callback):
+            raise TypeError(f"on_pick needs a function, but this is {callback!r}")
         self._callbacks.append(callback)
         return callback
 
     def pick(self, x: float, y: float) -> Point | None:
         """The point under a place of the canvas, in its pixels from the upper left corner; None if nothing is there.
-        It becomes viewer.point."""
-        point = self._find_point(self._state, x, y)
+        It becomes viewer.point. ValueError for what is no place."""
+        point = self._find_point(self._state, *make_numbers("place", (x, y), 2))
         self._change(point=point)
         return point
 
@@ -383,7 +385,9 @@ class Viewer:
 
     def _handle(self, event: dict[str, Any]) -> None:
         handler = getattr(self, f"_on_{event['event_type']}", None)
-        if handler is not None and not self._closed:
+        # on no screen, or not a number
+        is_wrong = not all(abs(event.get(name, 0)) <= 1e6 for name in ("x", "y", "dy"))
+        if handler is not None and not self._closed and not is_wrong:
             handler(event)
 
     def _on_close(self, event: dict[str, Any]) -> None:
@@ -446,7 +450,7 @@ class Viewer:
     def _on_wheel(self, event: dict[str, Any]) -> None:
         """Keeps the point under the pointer where it is."""
         state = self._state
-        factor = float(2.0 ** np.clip(-np.nan_to_num(event["dy"]) / 300, -10, 10))
+        factor = float(2.0 ** np.clip(-event["dy"] / 300, -10, 10))
         zoom = float(np.clip(state.zoom * factor, 0.1, 100))
         before, after = (self._scene.make_grid(replace(state, zoom=each), self._size) for each in (state.zoom, zoom))
         pan = [
@@ -610,6 +614,8 @@ def _write(value: Any) -> str:
     """Python of numbers, texts and what holds them; nothing of other objects."""
     if isinstance(value, float) and not np.isfinite(value):
         return f"float('{value}')"
+    if isinstance(value, os.PathLike):
+        value = os.fspath(value)
     if isinstance(value, str | int | float):
         return repr(value)
     if isinstance(value, np.ndarray | np.generic) and value.size <= 16:
@@ -626,7 +632,7 @@ def _make_slab(slab: Sequence[float] | None) -> tuple[float, float] | None:
     if slab is None:
         return None
     near, far = make_numbers("slab", slab, 2, is_finite=False)
-    if not near <= far:
+    if not -np.inf < far >= near < np.inf:
         raise ValueError(f"slab must be (near, far) in mm with near <= far, but it is {slab!r}")
     return near, far
 
@@ -649,8 +655,6 @@ class AtOnce:
 
 
 # ---- show()
-
-_PLAIN = {"attenuation": 0, "oversampling": 1}
 
 
 def show(
@@ -717,21 +721,14 @@ def show(
         raise ValueError("overlay_window is for an overlay")
     if not isinstance(opacity, Real) or not 0 <= opacity <= 1:
         raise ValueError(f"opacity must be 0 to 1, but it is {opacity!r}")
-    refused = {"mask", "attenuation", "local_maximum", "oversampling"} & {
-        key
-        for key, each in parameters.items()
-        if each is not None and not (np.isscalar(each) and each == _PLAIN.get(key))
-    }
-    if exact and refused:
-        raise ValueError(f"exact goes without {', '.join(sorted(refused))}")
     place: dict[str, Any] = {key: parameters.pop(key) for key in Place.__annotations__ if key in parameters}
     known = {"crop", "mask", "mask_label", "attenuation", "local_maximum", "oversampling", "background"}
     if unknown := parameters.keys() - known:
         raise TypeError(f"show() has no parameter {', '.join(sorted(unknown))}")
     if canvas is not None and not hasattr(canvas, "get_bitmap_context"):
         raise TypeError(f"canvas must be one of rendercanvas, but it is {canvas!r}")
-    if unknown := (page or {}).keys() - {"host", "port", "no_browser"}:
-        raise TypeError(f"page has host, port and no_browser, but not {', '.join(sorted(unknown))}")
+    if not isinstance(page, Mapping | None) or set(page or ()) - {"host", "port", "no_browser"}:
+        raise TypeError(f"page must be a dictionary of host, port and no_browser, but it is {page!r}")
     if min(make_numbers("size", size, 2, is_whole=True)) < 1:
         raise ValueError(f"size must be positive, but it is {size!r}")
     image = open_image(source, **place)
@@ -746,6 +743,8 @@ def show(
     path = os.fspath(source) if isinstance(source, str | os.PathLike) else None
     windows = {(n, mode): check_window(each) for n, each in enumerate((window, overlay_window)) if each is not None}
     state = State(_scene.make_view(image, view, azimuth, elevation), mode=mode, slab=_make_slab(slab), windows=windows)
+    for layer in layers:
+        layer.check(state, exact)
     scene = Scene(layers, state, title=Path(path or "").name, opacity=opacity, exact=exact)
     expression, written = repr(path) if path else "image", {**parameters, **({"exact": True} if exact else {})}
     if is_chunked(source):

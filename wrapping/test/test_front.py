@@ -288,7 +288,7 @@ FILTERS = {
         {"crop_lower": [12.0, -30.0, 5.0], "crop_upper": [16.0, -26.0, np.inf]},
     ),
     "mask": ({"mask": MASK}, {"mask_image": (MASK != 0).astype(np.uint8)}),
-    "label": ({"mask": MASK, "mask_label": 2}, {"mask_image": (MASK == 2).astype(np.uint8)}),
+    "label": ({"mask": MASK, "mask_label": 1}, {"mask_image": (MASK == 1).astype(np.uint8)}),
     "fading": ({"attenuation": 0.05, "background": 0}, {"depth_attenuation": 0.05, "default_pixel_value": 0}),
     "local maximum": ({"local_maximum": 300}, {"local_maximum": True, "local_maximum_threshold": 300}),
     "exact": ({"exact": True}, {"exact": True}),
@@ -310,13 +310,17 @@ def test_parameters_are_the_filters(keywords, parameters, image):
         parameters["mask_image"].CopyInformation(image)
     expected = project(image, **parameters)
     before = mip(image, azimuth=30)
+    kept = np.array(before)
+    threads = get_filter(image).GetNumberOfWorkUnits()
     for source, where in ((image, {}), (itk.array_from_image(image), get_geometry(image))):
         picture, depths = mip(source, azimuth=30, depth=True, **where, **keywords)
         np.testing.assert_array_equal(np.asarray(picture), itk.array_from_image(expected))
         assert np.asarray(depths).dtype == np.float32 and np.isfinite(depths).any()
         np.testing.assert_array_equal(np.asarray(mip(source, azimuth=30, **where, **keywords)), np.asarray(picture))
     # nothing of it stays
-    np.testing.assert_array_equal(np.asarray(mip(image, azimuth=30)), np.asarray(before))
+    for each in (before, mip(image, azimuth=30)):
+        np.testing.assert_array_equal(np.asarray(each), kept)
+    assert get_filter(image).GetNumberOfWorkUnits() == threads
 
 
 def test_views(image):
@@ -383,7 +387,23 @@ def test_regions_that_do_not_begin_at_0(image):
     voxels = itk.array_from_image(image)
     geometry = get_geometry(image) | {"origin": list(image.TransformIndexToPhysicalPoint([3, -2, 5]))}
     np.testing.assert_array_equal(np.asarray(mip(voxels, azimuth=30, **geometry)), np.asarray(expected))
-    assert np.isfinite(np.asarray(mip(image, mask=MASK))).all()
+    mask = itk.image_from_array(MASK.astype(np.uint8))
+    mask.SetRegions(region)
+    mask.CopyInformation(image)
+    np.testing.assert_array_equal(np.asarray(mip(image, mask=mask)), np.asarray(mip(image, mask=MASK)))
+
+
+@pytest.mark.parametrize(
+    "dtype, kept",
+    [(bool, np.uint8), (np.int8, np.uint8), (np.uint32, np.int16), (np.float16, np.float32), (">f8", np.float64)],
+    ids=str,
+)
+def test_types_of_voxels(dtype, kept):
+    voxels = (np.arange(60).reshape(3, 4, 5) % 7 == 1).astype(dtype)
+    voxels.setflags(write=False)
+    picture = mip(voxels, "superior")
+    assert picture.dtype == kept
+    np.testing.assert_array_equal(picture[:, ::-1], voxels.max(axis=0))
 
 
 def test_what_is_given_goes_before(image):
@@ -490,6 +510,7 @@ def test_nothing_is_kept_alive():
     image.AddObserver(itk.DeleteEvent(), lambda: deleted.append(True))
     mask = itk.image_from_array(np.ones((9, 9, 9), np.uint8))
     picture = mip(image, mask=mask)
+    assert get_filter(image).GetMaskImage() is None
     series = turn(image, frames=2)
     alive = [weakref.ref(each) for each in (image, mask, picture, series.frames)]
     assert id(image) in _FILTERS
@@ -565,6 +586,10 @@ def test_turns(image):
     grid = {"size": frames.shape[:0:-1], "output_origin": list(series.frames.GetOrigin())[:2]}
     assert series.frames["FrameAngles"] == (0, 72, 144, 216, 288)
     assert series.window[0] < series.window[1]
+    # nothing of another turn stays
+    turn(image, transforms=["left"], center=(1, 2, 3), size=(9, 9))
+    turn(image, center=(1, 2, 3), rocking=True, frames=2)
+    np.testing.assert_array_equal(np.asarray(turn(image, elevation=20, frames=5).frames), frames)
     for frame, transform in enumerate(series.transforms):
         picture, depths = mip(image, transform, depth=True, **grid)
         np.testing.assert_array_equal(frames[frame], np.asarray(picture))
@@ -613,6 +638,15 @@ BAD = {
         lambda call: call(xarray.DataArray(SHORTS, dims=list("zyx"), coords={"z": [0, 1, 3]})),
         ValueError,
         "go in equal steps, but those of z do not: see its method interp",
+    ),
+    "units of coordinates": (
+        lambda call: call(
+            xarray.DataArray(
+                SHORTS, dims=list("zyx"), coords={"z": ("z", [0, 1, 2], {"units": "mm"}), "x": ("x", np.arange(5))}
+            )
+        ),
+        ValueError,
+        "must have the same units",
     ),
     "one coordinate": (
         lambda call: call(xarray.DataArray(SHORTS, dims=list("zyx"), coords={"z": [2, 2, 2]})),
@@ -678,12 +712,14 @@ BAD = {
     "oversampling": (lambda call: call(IMAGE, oversampling=3), ValueError, "oversampling must be 1 or 2"),
     "output spacing": (lambda call: call(IMAGE, output_spacing=0), ValueError, "output_spacing must be positive"),
     "size": (lambda call: call(IMAGE, size=5), ValueError, "size must be two whole numbers"),
+    "size beyond integers": (lambda call: call(IMAGE, size=(10**20, 1)), ValueError, "size must be positive and fit"),
     "huge size": (lambda call: call(IMAGE, size=(10**7, 10**7)), ValueError, "size must fit in memory"),
     "output origin": (
         lambda call: call(IMAGE, output_origin=(0, np.nan)),
         ValueError,
         "output_origin must be two finite",
     ),
+    "many threads": (lambda call: call(IMAGE, number_of_threads=2**40), ValueError, "number_of_threads cannot be"),
     "threads": (lambda call: call(IMAGE, number_of_threads=0), ValueError, "number_of_threads must be a whole"),
 }
 BAD_TURN = {
@@ -839,7 +875,7 @@ def test_label_map_of_simpleitk_is_refused():
 def test_background_of_double_precision():
     voxels = np.random.default_rng(5).normal(0, 100, (5, 6, 7))
     # no number of single precision
-    voxels[0, 0, 0] = -1000.1
+    voxels[0, 0, :2] = -1000.1, np.nan
     image = open_image(voxels)
     for shown in (mip(image, azimuth=30), turn(image, azimuth=30, frames=2).frames):
         pixels = np.asarray(shown)
@@ -873,8 +909,9 @@ def test_unknown_parameters_are_those_of_the_function(function):
 def test_picture_as_png(tmp_path):
     picture = mip(open_image(np.arange(60, dtype=np.int16).reshape(3, 4, 5)), "superior")
     path = tmp_path / "picture.png"
-    save_png(picture, path)
-    assert path.read_bytes() == picture._repr_png_()
+    for each in (path, tmp_path / "PICTURE.PNG"):
+        save_png(picture, each)
+        assert each.read_bytes() == picture._repr_png_()
     save_png(picture, path, window=(40, 59))
     np.testing.assert_array_equal(
         np.asarray(itk.imread(path)), np.floor(255 * (np.asarray(picture).clip(40, 59) - 40) / 19 + 0.5)
@@ -896,4 +933,7 @@ def test_picture_as_png(tmp_path):
         with pytest.raises(
             TypeError, match=r"a picture is an itk.Image, but this is a .*: of an array mip\(open_image"
         ):
+            save_png(other, path)
+    for other in (IMAGE, itk.Image[itk.UC, 2].New(), itk.Image[itk.RGBPixel[itk.UC], 2].New()):
+        with pytest.raises(ValueError, match="a picture has 2 dimensions, 1 component and pixels"):
             save_png(other, path)

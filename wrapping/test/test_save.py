@@ -527,10 +527,20 @@ def test_dicom_is_valid(image, tmp_path, name):
         assert done.returncode == 0 and "Error" not in done.stdout + done.stderr
 
 
+@pytest.mark.parametrize("suffix", [".html", ".png", ".nrrd", ".nii.gz", ".mha"])
+def test_capitals(turn, tmp_path, suffix):
+    for name in (f"turn{suffix}", f"TURN{suffix.upper()}"):
+        _save.save_turn(turn, tmp_path / name)
+    files = sorted(tmp_path.iterdir(), key=lambda path: (path.name.lower(), path.name))
+    assert files and len(files) % 2 == 0
+    for one, other in zip(files[::2], files[1::2]):
+        assert one.read_bytes() == other.read_bytes()
+
+
 # ---- Bad input
 
 
-@pytest.mark.parametrize("name", ["turn.jpg", "turn.v2", "turn.PNG", ".gif", "."])
+@pytest.mark.parametrize("name", ["turn.jpg", "turn.v2", ".gif", ".GIF", "."])
 def test_unknown_suffix(turn, tmp_path, name):
     with pytest.raises(ValueError, match=r"must be a name that ends in one of .html .gif .* or be a folder"):
         _save.save_turn(turn, name if name == "." else tmp_path / name)

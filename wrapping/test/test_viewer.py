@@ -7,13 +7,14 @@ import sys
 import threading
 import time
 import weakref
+from types import SimpleNamespace
 
 import itk
 import numpy as np
 import pytest
 import xarray
 from conftest import PROGRAM
-from itk_shearwarpmip import Point, Viewer, _save, _scene, _viewer, mip, show
+from itk_shearwarpmip import Point, Viewer, _save, _scene, _server, _viewer, mip, show
 from PIL import Image
 from rendercanvas.offscreen import RenderCanvas
 
@@ -178,8 +179,10 @@ def test_command_says_what_the_code_says(image, tmp_path, open_viewer):
         f"shear-warp-mip '{tmp_path}/an image.nrrd' mip.png --azimuth 12.5 --mode minimum --slab -1.0 2.0 "
     )
     assert "--size 120 90" in words and words.endswith("--window 0.0 50.0")
-    press(viewer, "p")
-    assert "--view posterior" in viewer.command
+    press(viewer, "p", "m")
+    assert "--view posterior --mode absolute-maximum" in viewer.command
+    with pytest.raises(ValueError, match="no command"):
+        print(open_viewer(tmp_path / "an image.nrrd", background=5).command)
     drag(viewer, 10, 0, button=3)
     with pytest.raises(ValueError, match="no command alone makes this picture"):
         print(viewer.command)
@@ -246,6 +249,7 @@ def test_overlay_is_blended(two, open_viewer):
         two[0], overlay=two[1], overlay_window=(0.5, 1.0), opacity=0.8, azimuth=25, elevation=5, overlay_colours="jet"
     )
     press(viewer, "v")
+    assert viewer.overlay_window == (0.5, 1.0)
     found = drawn(viewer)
     matrix = repr(_scene.get_matrix(viewer.transform).tolist())
     code = viewer.code.partition("  #")[0].replace("azimuth=25.0, elevation=5.0", f"view={matrix}")
@@ -267,6 +271,15 @@ def test_overlay_is_blended(two, open_viewer):
     assert np.abs(found[..., :3] - wanted).max() <= 0.5 + 1e-9
     # where the second volume is black, the first one is as it is by itself
     np.testing.assert_array_equal(found[greys[1] == 0][..., 0], greys[0][greys[1] == 0])
+
+
+def test_overlay_is_cropped_with_the_volume(two, open_viewer):
+    view = _scene.get_matrix(_scene.make_view(two[0], "left", 10, 20))
+    # no view by its name, which has another centre in each volume
+    view[0, 3] += 1
+    viewer = open_viewer(two[0], overlay=two[1], view=view, crop=[(14, -28, 8), (18, -24, np.inf)])
+    for picture, volume in zip(viewer.project(), two):
+        np.testing.assert_array_equal(np.asarray(picture), evaluate_code(viewer, volume))
 
 
 def test_overlay_that_is_an_array_lies_where_the_volume_does(image, rng, open_viewer):
@@ -296,6 +309,10 @@ def test_windows_of_two_volumes(two, open_viewer):
     changed = viewer.window
     drag(viewer, 30, 0, button=2)
     assert viewer.window == changed and viewer.overlay_window != second
+    press(viewer, "o")
+    changed = viewer.overlay_window
+    drag(viewer, 30, 0, button=2)
+    assert viewer.overlay_window == changed
     viewer.overlay_window = (0.25, 0.5)
     assert viewer.overlay_window == (0.25, 0.5)
     viewer.overlay_window = None
@@ -305,7 +322,7 @@ def test_windows_of_two_volumes(two, open_viewer):
 def test_point_of_two_volumes(two, open_viewer):
     viewer = open_viewer(two[0], overlay=two[1], azimuth=25)
     point = viewer.pick(60, 45)
-    assert point.overlay is not None and point.overlay.overlay is None
+    assert viewer.point == point and point.overlay is not None and point.overlay.overlay is None
     pictures = viewer.project()
     for each, picture in zip((point, point.overlay), pictures):
         assert each.value == pytest.approx(picture.GetPixel([60, 45]))
@@ -363,6 +380,20 @@ def record_stamps(viewer, monkeypatch):
         patch.setattr(_scene, "_put", put_stamp)
         viewer._scene.paint(viewer._state, SIZE)
     return placed
+
+
+def test_texts_of_the_picture(image, tmp_path, open_viewer, monkeypatch):
+    itk.imwrite(image, tmp_path / "head.nrrd")
+    viewer = open_viewer(tmp_path / "head.nrrd", azimuth=30, elevation=-10, window=(100, 300))
+    point = viewer.pick(60, 45)
+    placed = record_stamps(viewer, monkeypatch)
+    (x, y, z), (i, j, k) = point.position, point.index
+    assert x > 0 > y and z > 0
+    for text in (f"{point.value}", f"L {x:.1f}  A {-y:.1f}  H {z:.1f} mm", f"voxel {i}, {j}, {k}", "W 200  L 200"):
+        assert text in placed
+    assert "head.nrrd" in placed and "LAO 30°  CAU 10°" in placed and "Minimum" not in placed
+    viewer.transform, viewer.mode = _scene.make_view(image, "anterior", -30.5, 10), "minimum"
+    assert {"RAO 30.5°  CRA 10°", "Minimum"} <= set(record_stamps(viewer, monkeypatch))
 
 
 def test_an_array_has_no_letters_and_units_are_mm(rng, open_viewer, monkeypatch):
@@ -536,6 +567,8 @@ def test_turn_about_the_long_axis_of_any_view(image, viewer):
     )
     drag(viewer, 20, 0)
     assert _scene.find_angles(viewer.transform) == pytest.approx((-10, 20, 25), abs=0.01)
+    drag(viewer, 0, 5)
+    assert _scene.find_angles(viewer.transform)[1] > 25
 
 
 def test_arrow_keys(viewer):
@@ -564,7 +597,7 @@ def test_a_drag_ends_with_its_page(viewer):
     np.testing.assert_array_equal(viewer.canvas.draw(), viewer.snapshot())
 
 
-def test_window_by_drag(viewer):
+def test_window_by_drag(image, viewer):
     low, high = viewer.window
     drag(viewer, 150, 0, button=2)
     assert viewer.window[1] - viewer.window[0] == pytest.approx(2 * (high - low))
@@ -573,6 +606,9 @@ def test_window_by_drag(viewer):
     drag(viewer, 0, -30, button=2)
     assert sum(viewer.window) / 2 < (low + high) / 2
     assert viewer.window[1] - viewer.window[0] == pytest.approx(high - low)
+    check_at_rest(viewer, image)
+    viewer.window = low, high + 200
+    check_at_rest(viewer, image)
 
 
 def test_pan(viewer):
@@ -648,6 +684,10 @@ def test_double_click_resets(image, open_viewer, monkeypatch):
     np.testing.assert_array_equal(drawn(viewer), before)
     assert len(picked) == 1 and viewer.point is None
     assert (viewer.slab, viewer.window, viewer.mode) == ((-2, 2), (0, 500), "maximum")
+    # but not what is written
+    press(viewer, "v")
+    send(viewer, "double_click", 60, 45)
+    assert not viewer._state.has_text
 
 
 def test_point_that_is_found_after_a_reset_is_none(viewer, monkeypatch):
@@ -677,6 +717,12 @@ def test_help(viewer):
     assert (drawn(viewer) != before).mean() > 0.3
     press(viewer, "?")
     np.testing.assert_array_equal(drawn(viewer), before)
+
+
+def test_escape_removes_help_and_point(viewer):
+    viewer.pick(60, 45)
+    press(viewer, "?", "Escape")
+    assert viewer.point is None and not viewer._state.has_help
 
 
 def test_every_gesture_and_key_of_the_help_does_something(viewer, image):
@@ -709,6 +755,15 @@ def test_turn_plays_and_stops(viewer):
     wait(lambda: viewer._worker is None)
     assert viewer.transform is stopped
     np.testing.assert_array_equal(viewer.canvas.draw(), viewer.snapshot())
+
+
+def test_turn_of_eight_seconds_goes_as_turn_does(viewer, monkeypatch):
+    viewer._settle()
+    monkeypatch.setattr(_viewer, "time", SimpleNamespace(monotonic=lambda: 2.0))
+    viewer._played_from = 0.0, viewer._state
+    viewer._play(viewer._state)
+    viewer._played_from = None
+    assert _scene.find_angles(viewer.transform)[0] == pytest.approx(90)
 
 
 def test_stale_requests_are_dropped(viewer, monkeypatch):
@@ -835,10 +890,52 @@ def test_pixel_ratio(image):
     send(viewer, "pointer_up", 60, 45)
     wait(lambda: picked)
     assert picked[0].value == viewer.project().GetPixel([120, 90])
+
+    def find(x, y):
+        grid = viewer._scene.make_grid(viewer._state, (240, 180))
+        return np.array([first + (2 * place - 0.5) * grid.spacing for first, place in zip(grid.origin, (x, y))])
+
+    before = find(30, 70)
+    drag(viewer, 10, -4, button=3)
+    assert find(40, 66) == pytest.approx(before)
+    send(viewer, "wheel", 40, 66, dy=-300)
+    assert find(40, 66) == pytest.approx(before, abs=viewer._scene.make_grid(viewer._state, (240, 180)).spacing)
     viewer.close()
 
 
 # ---- For scripts
+
+
+@pytest.mark.parametrize(
+    "modules, expected",
+    [
+        ({}, False),
+        ({"IPython": SimpleNamespace(get_ipython=lambda: None)}, False),
+        ({"IPython": SimpleNamespace(get_ipython=SimpleNamespace)}, False),
+        ({"IPython": SimpleNamespace(get_ipython=lambda: SimpleNamespace(kernel=1))}, True),
+        ({"marimo": SimpleNamespace(running_in_notebook=lambda: True)}, True),
+        ({"marimo": SimpleNamespace(running_in_notebook=lambda: False)}, False),
+    ],
+    ids=["script", "plain", "terminal", "Jupyter", "marimo", "script with marimo"],
+)
+def test_notebooks_are_known(modules, expected, monkeypatch):
+    for name in ("IPython", "marimo"):
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    for name, module in modules.items():
+        monkeypatch.setitem(sys.modules, name, module)
+    assert _viewer._is_notebook() is expected
+
+
+def test_scripts_wait_and_shells_do_not(image, monkeypatch):
+    found = []
+    monkeypatch.setattr(_server, "serve", lambda make, *, block: found.append(block))
+    monkeypatch.setattr(_viewer, "_is_notebook", lambda: False)
+    show(image)
+    show(image, block=False)
+    monkeypatch.setattr(sys, "ps1", ">>> ", raising=False)
+    show(image)
+    show(image, block=True)
+    assert found == [True, False, False, True]
 
 
 def test_transform(image, viewer, oblique_view):
@@ -849,6 +946,11 @@ def test_transform(image, viewer, oblique_view):
     viewer.transform = "left"
     assert "view='left'" in viewer.code
     check_at_rest(viewer, image)
+    # nearly a view that has a name
+    moved = _scene.get_matrix(viewer.transform)
+    moved[0, 3] += 1e-3
+    viewer.transform = moved
+    assert "view=[[" in viewer.code
 
 
 def test_snapshot(viewer, tmp_path):
@@ -896,14 +998,20 @@ def test_parameters_of_the_filter(image, open_viewer):
         ({"slab": (3, 2)}, ValueError, "near <= far"),
         ({"size": (0, 400)}, ValueError, "size must be positive"),
         ({"canvas": 3}, TypeError, "canvas must be one of rendercanvas, but it is 3"),
-        ({"page": {"hots": 1}}, TypeError, "page has host, port and no_browser, but not hots"),
+        ({"page": {"hots": 1}}, TypeError, "page must be a dictionary of host, port and no_browser, but it is"),
         ({"size": "large"}, ValueError, "size must be two whole numbers"),
         ({"colours": "grayish"}, ValueError, "colours must be one of"),
+        ({"colours": ["hot"]}, ValueError, "colours must be one of"),
+        ({"slab": (np.inf, np.inf)}, ValueError, "near <= far"),
         ({"opacity": 2}, ValueError, "opacity must be 0 to 1"),
         ({"opacity": "half"}, ValueError, "opacity must be 0 to 1, but it is 'half'"),
         ({"source": "cells.ome.zarr"}, ValueError, "cells.ome.zarr is no OME-Zarr"),
         ({"crop": [0, 1]}, ValueError, "crop must be two corners"),
-        ({"exact": True, "oversampling": 2}, ValueError, "exact goes without oversampling"),
+        ({"page": 5}, TypeError, "page must be a dictionary of host, port and no_browser, but it is 5"),
+        ({"exact": True, "oversampling": 2}, ValueError, "exact pictures have no mask"),
+        ({"attenuation": -1}, ValueError, "attenuation must be finite and not negative"),
+        ({"crop": [(5, 5, 5), (1, 1, 1)]}, ValueError, "crop's lower must not be greater"),
+        ({"view": np.diag([1e200, 1, 1, 1])}, ValueError, "view must be invertible"),
         ({"colour": "hot"}, TypeError, "colour"),
     ],
     ids=lambda value: str(value)[:20] if isinstance(value, dict) else "",
@@ -927,13 +1035,33 @@ def test_bad_values_of_attributes(viewer):
         print(viewer.overlay_window)
     with pytest.raises(AttributeError, match="windw"):
         viewer.windw = (0, 1)
+    with pytest.raises(ValueError, match="place must be two finite numbers"):
+        viewer.pick(np.nan, 3)
+    with pytest.raises(TypeError, match="on_pick needs a function, but this is 3"):
+        viewer.on_pick(3)
+
+
+@pytest.mark.parametrize("trackball", [False, True])
+@pytest.mark.parametrize("number", [np.nan, np.inf, -1e300])
+def test_events_of_no_screen_change_nothing(number, trackball, viewer):
+    press(viewer, *"t" * trackball)
+    before = viewer._state
+    for button in (1, 2, 3):
+        send(viewer, "pointer_down", 60, 45, button=button)
+        send(viewer, "pointer_move", number, 45)
+        send(viewer, "pointer_up", 60, 45)
+    for place in ((number, 45, -100), (60, number, -100), (60, 45, number)):
+        send(viewer, "wheel", *place[:2], dy=place[2])
+    viewer._settle()
+    assert vars(viewer._state) == {**vars(before), "point": viewer.point, "message": ""}
 
 
 def test_what_the_filter_refuses_is_told_once(image, open_viewer, caplog):
-    viewer = open_viewer(image, attenuation=-1.0, window=(0, 1))
+    viewer = open_viewer(image, window=(0, 1))
+    viewer.transform = np.diag([1e200, 1, 1, 1])
     viewer.canvas.draw()
     viewer._settle()
-    assert caplog.text.count("the picture cannot be made") == 1 and "DepthAttenuation" in caplog.text
+    assert caplog.text.count("the picture cannot be made") == 1 and "Transform must be invertible" in caplog.text
 
 
 def evaluate_code(viewer, image):
@@ -947,7 +1075,7 @@ def test_code_of_an_array(open_viewer):
         voxels, spacing=(2, 2.5, 5), slab=(-np.inf, 2.0), mask=np.ones(voxels.shape, bool), mask_label=None
     )
     code = viewer.code.replace("mask=mask", "mask=None")
-    assert "spacing=[2, 2.5, 5]" in code and "slab=[float('-inf'), 2.0]" in code
+    assert code != viewer.code and "spacing=[2, 2.5, 5]" in code and "slab=[float('-inf'), 2.0]" in code
     found = eval(code, {"mip": mip, "image": voxels})
     np.testing.assert_array_equal(found, np.asarray(viewer.project()))
     with pytest.raises(ValueError, match="no command"):
@@ -962,8 +1090,7 @@ def test_what_cannot_be_painted_is_refused(viewer):
         with pytest.raises(ValueError, match="window"):
             viewer.window = wrong
     send(viewer, "wheel", 20, 70, dy=-1e6)
-    send(viewer, "wheel", 20, 70, dy=float("nan"))
-    assert 0.1 <= viewer._state.zoom <= 100
+    assert viewer._state.zoom == 100
 
 
 def test_window_is_found_again_for_the_picture(image, open_viewer):
@@ -986,6 +1113,16 @@ def test_voxels_that_change(open_viewer, rng):
     wanted = open_viewer(voxels.copy(), azimuth=20)
     np.testing.assert_array_equal(viewer.canvas.draw(), wanted.snapshot())
     assert viewer.window == wanted.window and viewer.window[1] < 0
+
+
+def test_voxels_that_change_in_one_window(open_viewer, rng):
+    voxels = rng.integers(0, 900, (9, 11, 14), np.int16)
+    viewer = open_viewer(voxels, azimuth=20, window=(0, 900))
+    before = drawn(viewer)
+    voxels[:] //= 2
+    viewer.refresh()
+    viewer._settle()
+    assert (viewer.canvas.draw() != before).any()
 
 
 def test_a_setter_ends_a_turn_that_plays(image, viewer):

@@ -47,8 +47,12 @@ def volume():
     return image
 
 
+HEADERS = {"referrer-policy": "no-referrer", "cache-control": "no-store", "x-content-type-options": "nosniff"}
+
+
 @pytest.fixture
-def viewer(volume):
+def viewer(volume, monkeypatch):
+    monkeypatch.setattr("webbrowser.open", pytest.fail)
     viewer = show(volume, page={"no_browser": True}, block=False)
     yield viewer
     viewer.close()
@@ -63,8 +67,9 @@ def viewer(volume):
 def test_page(viewer, name):
     answer = httpx.get(viewer.url + name)
     assert answer.status_code == 200 and answer.text
-    assert answer.headers["referrer-policy"] == "no-referrer"
-    assert "default-src 'none'" in answer.headers["content-security-policy"]
+    assert {key: answer.headers[key] for key in HEADERS} == HEADERS
+    policy = answer.headers["content-security-policy"]
+    assert "default-src 'none'" in policy and "frame-ancestors 'none'" in policy
 
 
 def test_token_is_new_each_time(volume, viewer):
@@ -88,6 +93,7 @@ def test_wrong_token(viewer, change):
     for path in (f"/{change.format(token)}", f"/{change.format(token[:-1])}/", f"/{change.format(token.swapcase())}/"):
         answer = httpx.get(f"http://{host}{path}")
         assert answer.status_code == 403 and "token is missing or wrong" in answer.text
+        assert {key: answer.headers[key] for key in HEADERS} == HEADERS
         with pytest.raises(InvalidStatus, match="403"), connect(f"ws://{host}{path}"):
             pass
 
@@ -114,8 +120,12 @@ def test_loopback_only(viewer):
     assert f"0100007F:{int(port):04X}" in listening and f"00000000:{int(port):04X}" not in listening
 
 
-def test_host_that_is_asked_for(volume):
-    viewer = show(volume, page={"no_browser": True, "host": "0.0.0.0"}, block=False)
+@pytest.mark.parametrize("host, shown", [("0.0.0.0", "127.0.0.1"), ("::1", "[::1]"), ("::", "[::1]")])
+def test_host_that_is_asked_for(host, shown, volume):
+    if ":" in host and not socket.has_dualstack_ipv6():
+        pytest.skip("no IPv6")
+    viewer = show(volume, page={"no_browser": True, "host": host}, block=False)
+    assert viewer.url.startswith(f"http://{shown}:")
     try:
         assert httpx.get(viewer.url).status_code == 200
         assert httpx.get(viewer.url, headers={"Origin": "http://example.org"}).status_code == 403
