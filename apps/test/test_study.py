@@ -249,6 +249,7 @@ def test_segmentation_is_as_its_labels(study, tmp_path, fractional, overlapping)
         (lambda group: group.PlanePositionSequence[0].ImagePositionPatient.__setitem__(0, "1.5"), "not on the grid"),
         (lambda group: group.PlanePositionSequence[0].ImagePositionPatient.__setitem__(2, "1e30"), "distance"),
         (lambda group: group.__delitem__("PlanePositionSequence"), "no valid position"),
+        (lambda group: group.__delitem__("SegmentIdentificationSequence"), "no segment number"),
     ],
 )
 def test_segmentation_off_its_grid_is_refused(study, tmp_path, change, reason):
@@ -261,6 +262,20 @@ def test_segmentation_off_its_grid_is_refused(study, tmp_path, change, reason):
     outcome = run(study, tmp_path / "mip.png", "--series", 2, "--segments", tmp_path / "seg")
     assert outcome.returncode == 1
     assert reason in outcome.stderr and outcome.stderr.count("\n") == 1
+
+
+def test_frames_may_share_the_segment_number(study, tmp_path):
+    part = np.zeros(GRID, bool)
+    part[10:14, 30:36, 3:9] = True
+    make_segmentation(tmp_path / "seg", {3: part})
+    image = pydicom.dcmread(tmp_path / "seg" / "segments.dcm")
+    for group in image.PerFrameFunctionalGroupsSequence:
+        number = group.SegmentIdentificationSequence
+        del group.SegmentIdentificationSequence
+    image.SharedFunctionalGroupsSequence[0].SegmentIdentificationSequence = number
+    image.save_as(tmp_path / "seg" / "segments.dcm")
+    outcome = run(study, tmp_path / "mip.png", "--series", 2, "--segments", tmp_path / "seg", "-v")
+    assert ", 1 segment: lesion:" in outcome.stderr
 
 
 def spend_day(*arguments):
