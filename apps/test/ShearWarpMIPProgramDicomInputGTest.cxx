@@ -491,7 +491,8 @@ TEST_P(ShearWarpMIPProgramDicomInput, RefusesImpossiblePixels)
   {
     this->WriteSlices({ { "0\\0\\0" }, { "0\\0\\2" }, { "0\\0\\4" } });
     this->ChangeFile(GetParam() ? "dicom/frames.dcm" : "dicom/a1.dcm", change);
-    this->ExpectFailure("dicom out.png", "has no valid pixels: its Bits Allocated, Bits Stored or Pixel Representation");
+    this->ExpectFailure("dicom out.png",
+                        "has no valid pixels: its Bits Allocated, Bits Stored or Pixel Representation");
   }
 }
 
