@@ -271,12 +271,11 @@ GetSlices(const Source & source)
       slice.type = ChooseType(slice);
     }
     gdcm::Attribute<0x0062, 0x000b> segment;
-    segment.SetValue(0);
     for (const DataSet * scope : { &shared, &own })
     {
       segment.SetFromDataSet(GetItem(*scope, { 0x0062, 0x000a }));
     }
-    slice.segment = segment.GetValue();
+    slice.segment = segment.GetNumberOfValues() > 0 ? segment.GetValue() : 0;
     slices.push_back(slice);
   }
   return slices;
