@@ -268,7 +268,9 @@ def test_outline_is_half_a_voxel_away(tmp_path):
     header = ["NRRD0004", "type: uchar", "dimension: 3", "space: left-posterior-superior", "sizes: 3 3 3"]
     header += ["space directions: (9,0,0) (0,9,0) (0,0,9)", "space origin: (-9,-9,-9)", "encoding: raw", "", ""]
     (tmp_path / "labels.nrrd").write_bytes("\n".join(header).encode() + bytes(13) + b"\1" + bytes(13))
-    outcome = run(tmp_path / "labels.nrrd", tmp_path / "mip.png", "--segments", tmp_path / "labels.nrrd", "--spacing", 1)
+    outcome = run(
+        tmp_path / "labels.nrrd", tmp_path / "mip.png", "--segments", tmp_path / "labels.nrrd", "--spacing", 1
+    )
     assert outcome.returncode == 0, outcome.stderr
     picture = np.asarray(Image.open(tmp_path / "mip.png"))
     rows, columns = (picture == (230, 159, 0)).all(axis=-1).nonzero()
