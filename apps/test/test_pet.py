@@ -413,6 +413,20 @@ def test_dicom_of_suv(tmp_path):
     assert still.RescaleType == "US"
 
 
+def test_slice_of_the_name_of_a_picture_is_kept(tmp_path):
+    pet = write_pet(tmp_path / "pet")
+    picture = (pet / "slice-03.dcm").rename(pet / "slice.png")
+    before = picture.read_bytes()
+    assert "this call reads it" in fail(pet, picture, "--no-labels")
+    assert picture.read_bytes() == before
+
+
+def test_burned_in_annotation_stays(tmp_path):
+    pet = write_pet(tmp_path / "pet", change=set_image(BurnedInAnnotation="YES"))
+    run(pet, tmp_path / "mip.mha", "--frames", 2, "--dicom-out", tmp_path / "turn")
+    assert {dataset.BurnedInAnnotation for dataset in read_dicom(tmp_path / "turn")} == {"YES"}
+
+
 # ---- multi-frame
 
 
