@@ -23,7 +23,9 @@
 #include <gdcmReader.h>
 #include <gdcmSequenceOfItems.h>
 
+#include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <sstream>
 #include <stdexcept>
 
@@ -149,6 +151,26 @@ AddItem(DataSet & dataSet, const Tag & tag, const DataSet & nested)
   item.SetVLToUndefined();
   item.SetNestedDataSet(nested);
   GetSequence(dataSet, tag)->AddItem(item);
+}
+
+std::vector<double>
+ParseNumbers(const std::string & text)
+{
+  std::vector<double> numbers;
+  std::istringstream  stream(text);
+  for (std::string part; std::getline(stream, part, '\\');)
+  {
+    part = Trim(part);
+    char *       end = nullptr;
+    const double number = std::strtod(part.c_str(), &end);
+    // hexadecimal ones are none of DICOM
+    if (part.empty() || *end != '\0' || !std::isfinite(number) || part.find_first_of("xX") != std::string::npos)
+    {
+      return {};
+    }
+    numbers.push_back(number);
+  }
+  return numbers;
 }
 
 std::string

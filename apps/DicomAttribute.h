@@ -24,6 +24,7 @@
 
 #include <filesystem>
 #include <string>
+#include <vector>
 
 /** The value of an attribute of text, without what fills it up to an even length. */
 inline std::string
@@ -62,6 +63,10 @@ CopyAttribute(const gdcm::DataSet & from, gdcm::DataSet & to, const gdcm::Tag & 
 /** Adds an item to a sequence, which is made if it is not there. */
 void
 AddItem(gdcm::DataSet & dataSet, const gdcm::Tag & tag, const gdcm::DataSet & nested);
+
+/** As many finite numbers as \a text has, or none. */
+std::vector<double>
+ParseNumbers(const std::string & text);
 
 /** \a number as a decimal string, which has at most 16 characters (PS3.5 6.2). */
 std::string

@@ -65,10 +65,7 @@ ReadHeader(const std::string & path)
 bool
 IsText(const fs::path & path)
 {
-  if (!std::ifstream(path))
-  {
-    throw std::runtime_error("cannot read '" + path.string() + "'");
-  }
+  RequireReadable(path);
   const std::string start = ReadStart(path, 512);
   return !start.empty() && std::all_of(start.begin(), start.end(), [](char character) {
     const auto code = static_cast<unsigned char>(character);

@@ -219,6 +219,10 @@ ReadDicomSegments(const std::filesystem::path & path, const WarningFunction & wa
   std::map<PixelType, std::size_t> layerOf;
   for (const Slice & frame : frames)
   {
+    if (frame.segment == 0)
+    {
+      throw std::runtime_error(GetName(frame) + " has no segment number");
+    }
     layerOf[frame.segment] = 0;
   }
   const auto  layers = MakeLayers(frames, indices, grid->GetLargestPossibleRegion().GetNumberOfPixels(), layerOf);

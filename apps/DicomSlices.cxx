@@ -47,10 +47,8 @@ GetComponentType(gdcm::PixelFormat::ScalarType type)
       return Component::UCHAR;
     case gdcm::PixelFormat::INT8:
       return Component::CHAR;
-    case gdcm::PixelFormat::UINT12:
     case gdcm::PixelFormat::UINT16:
       return Component::USHORT;
-    case gdcm::PixelFormat::INT12:
     case gdcm::PixelFormat::INT16:
       return Component::SHORT;
     case gdcm::PixelFormat::UINT32:
@@ -66,24 +64,20 @@ GetComponentType(gdcm::PixelFormat::ScalarType type)
   }
 }
 
-/** As many finite numbers as \a text has, or none. */
-std::vector<double>
-ParseNumbers(const std::string & text)
+/** Throws if attributes of PS3.3 C.7.6.3 are missing or contradict each other: GDCM would take pixels for what they are
+ * not, or abort. */
+void
+RequirePixelFormat(const Source & source)
 {
-  std::vector<double> numbers;
-  std::istringstream  stream(text);
-  for (std::string part; std::getline(stream, part, '\\');)
+  gdcm::Attribute<0x0028, 0x0101> stored;
+  stored.SetValue(source.format.GetBitsAllocated());
+  stored.SetFromDataSet(source.header);
+  if (source.storedType == Component::UNKNOWNCOMPONENTTYPE || stored.GetValue() > source.format.GetBitsAllocated() ||
+      !source.header.FindDataElement(Tag(0x0028, 0x0103)))
   {
-    part = Trim(part);
-    char *       end = nullptr;
-    const double number = std::strtod(part.c_str(), &end);
-    if (part.empty() || *end != '\0' || !std::isfinite(number))
-    {
-      return {};
-    }
-    numbers.push_back(number);
+    throw std::runtime_error("'" + source.path + "' has no valid pixels: its Bits Allocated, Bits Stored or Pixel " +
+                             "Representation are missing or impossible");
   }
-  return numbers;
 }
 
 /** What a frame is away from the position that all of a file have, in dose and nuclear medicine (PS3.3 C.8.8.3.2 and
@@ -167,6 +161,7 @@ ReadSource(const std::string & path)
     source.slope = image.GetSlope();
     source.intercept = image.GetIntercept();
   }
+  RequirePixelFormat(source);
   return source;
 }
 
@@ -261,19 +256,25 @@ GetSlices(const Source & source)
       {
         slice.slope = require(transformation, doseScaling, 1, "dose grid scaling")[0];
       }
-      else if (slice.isRescaled && groups)
+      else if (slice.isRescaled)
       {
         slice.slope = require(transformation, slope, 1, "rescale slope")[0];
         if (slice.slope == 0.0)
         {
           throw std::runtime_error(GetName(slice) + " has no valid rescale slope");
         }
-        slice.intercept = require(transformation, { 0x0028, 0x1052 }, 1, "rescale intercept")[0];
+        if (groups)
+        {
+          slice.intercept = require(transformation, { 0x0028, 0x1052 }, 1, "rescale intercept")[0];
+        }
       }
       slice.type = ChooseType(slice);
     }
     gdcm::Attribute<0x0062, 0x000b> segment;
-    segment.SetFromDataSet(GetItem(own, { 0x0062, 0x000a }));
+    for (const DataSet * scope : { &shared, &own })
+    {
+      segment.SetFromDataSet(GetItem(*scope, { 0x0062, 0x000a }));
+    }
     slice.segment = segment.GetNumberOfValues() > 0 ? segment.GetValue() : 0;
     slices.push_back(slice);
   }

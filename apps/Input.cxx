@@ -35,20 +35,6 @@
 namespace
 {
 void
-RequireExistence(const std::filesystem::path & path)
-{
-  if (!std::filesystem::exists(path))
-  {
-    throw std::runtime_error("'" + path.string() + "' does not exist");
-  }
-  // ITK would wait for a pipe
-  if (!std::filesystem::is_regular_file(path) && !std::filesystem::is_directory(path))
-  {
-    throw std::runtime_error("'" + path.string() + "' is neither a file nor a folder");
-  }
-}
-
-void
 RequireVolume(const itk::ImageIOBase & io, const std::string & name)
 {
   const unsigned int dimension = io.GetNumberOfDimensions();
@@ -168,7 +154,7 @@ SplitTimes(const itk::VectorImage<TPixel, 4> & image)
 Volume
 ReadVolume(const std::filesystem::path & path, const std::string & series, const WarningFunction & warn)
 {
-  RequireExistence(path);
+  RequireReadable(path);
   const auto folder = GetImageFolder(path);
   if (folder.empty() && !series.empty())
   {

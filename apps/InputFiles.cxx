@@ -22,6 +22,7 @@
 #include "Text.h"
 
 #include <algorithm>
+#include <fstream>
 #include <set>
 #include <sstream>
 #include <stdexcept>
@@ -150,6 +151,25 @@ FindFiles(const fs::path & folder)
   return files;
 }
 
+void
+RequireReadable(const fs::path & path)
+{
+  const std::string name = "'" + path.string() + "'";
+  if (!fs::exists(path))
+  {
+    throw std::runtime_error(name + " does not exist");
+  }
+  // ITK would wait for a pipe
+  if (!fs::is_regular_file(path) && !fs::is_directory(path))
+  {
+    throw std::runtime_error(name + " is neither a file nor a folder");
+  }
+  if (fs::is_regular_file(path) && !std::ifstream(path))
+  {
+    throw std::runtime_error("cannot read " + name);
+  }
+}
+
 fs::path
 GetImageFolder(const fs::path & path)
 {
@@ -170,7 +190,7 @@ RequireOutside(const fs::path & output, const fs::path & input)
       *fs::weakly_canonical(fs::absolute(output)).lexically_relative(fs::canonical(folder)).begin() != "..")
   {
     throw std::runtime_error("cannot write '" + output.string() + "': it is in '" + folder.string() +
-                             "', where images of INPUT are searched; choose a folder elsewhere");
+                             "', where images are searched; choose a folder elsewhere");
   }
 }
 

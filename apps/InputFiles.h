@@ -26,6 +26,10 @@
 std::vector<std::filesystem::path>
 FindFiles(const std::filesystem::path & folder);
 
+/** Throws if \a path is no file or folder, or no file that can be read. */
+void
+RequireReadable(const std::filesystem::path & path);
+
 /** The folder where the images of \a path are: itself, or that of a DICOMDIR. Empty if \a path is neither. */
 std::filesystem::path
 GetImageFolder(const std::filesystem::path & path);

@@ -281,7 +281,7 @@ DefineOptions(CLI::App & app, Options & options)
       "",
       "Bits of a page's pixels: 8 for twice the window's range, or 16 for all values, two to four times as "
       "large")
-    ->check(CLI::IsMember({ 8, 16 }))
+    ->check(CLI::IsMember({ "8", "16" }))
     ->default_str("8");
 
   addList("Picture",
@@ -306,7 +306,7 @@ DefineOptions(CLI::App & app, Options & options)
         options.oversampling,
         "",
         "1, or 2 for twice as many samples along both axes of each slice: sharper, up to three times as slow")
-      ->check(CLI::IsMember({ 1, 2 }))
+      ->check(CLI::IsMember({ "1", "2" }))
       ->capture_default_str();
   const auto exact = addFlag("Picture",
                              "--exact",

@@ -208,7 +208,10 @@ Run(const Options & options, Messages & messages)
   if (!options.dicomOut.empty())
   {
     files.ReserveFolder(options.dicomOut);
-    RequireOutside(options.dicomOut, options.input);
+    for (const std::string & path : { options.input, options.overlay })
+    {
+      RequireOutside(options.dicomOut, path);
+    }
   }
   std::vector<TransformPointer> given;
   if (!options.transform.empty())
@@ -220,10 +223,15 @@ Run(const Options & options, Messages & messages)
   const auto warn = [&](const std::string & text) { messages.Warn(text); };
   Volume     volume = ReadVolume(options.input, options.series, warn);
   files.Protect(volume.dicomFiles);
-  const bool isSuv = options.isSuv && ConvertToSuv(volume);
+  const bool isSuv = options.isSuv && ConvertToSuv(volume, warn);
   if (options.isSuv && !isSuv && options.overlay.empty())
   {
     throw std::runtime_error("--suv is not possible: INPUT is no DICOM series of PET Image Storage");
+  }
+  if (options.window.size() == 1 && FindName(options.window.front(), { "pet" }) == "pet" &&
+      !volume.dicomFiles.empty() && !isSuv)
+  {
+    warn("--window pet is in SUV, but INPUT's values are not; see --suv");
   }
   const AnyImage &  first = volume.times.front();
   const std::string times = volume.times.size() > 1 ? std::to_string(volume.times.size()) + " x " : "";
@@ -266,7 +274,7 @@ Run(const Options & options, Messages & messages)
   {
     overlay = ReadOverlay(options, warn);
     files.Protect(overlay.dicomFiles);
-    isOverlaySuv = options.isSuv && ConvertToSuv(overlay);
+    isOverlaySuv = options.isSuv && ConvertToSuv(overlay, warn);
     if (options.isSuv && !isSuv && !isOverlaySuv)
     {
       throw std::runtime_error(
@@ -369,9 +377,9 @@ Run(const Options & options, Messages & messages)
 std::string
 MakeOneLine(const std::string & text)
 {
-  // without ITK's beginning, "ITK ERROR: Class(0x123): "
+  // without ITK's beginnings, "ITK ERROR: Class(0x123): " and "itk::ERROR: Class(0x123): "
   std::istringstream words(
-    std::regex_replace(text.substr(0, MostCharacters), std::regex("ITK ERROR: |\\w+\\(0x[0-9a-f]+\\): "), ""));
+    std::regex_replace(text.substr(0, MostCharacters), std::regex("(ITK |itk::)ERROR: |\\w+\\(0x[0-9a-f]+\\): "), ""));
   std::string line;
   for (std::string word; words >> word;)
   {

@@ -244,7 +244,8 @@ ProjectVolume(const Volume &                                   volume,
         filter->UpdateOutputInformation();
         const auto stackGrid = options.isInPlace ? MakeGridInPlace(filter->GetOutput(), grid, first)
                                                  : MakeStackGrid(filter->GetOutput(), options);
-        RequireMemory(*stackGrid, components * sizeof(TPixel) + (options.computeDepth ? sizeof(float) : 0));
+        // with the filter's own output
+        RequireMemory(*stackGrid, (components + 1) * sizeof(TPixel) + (options.computeDepth ? 2 * sizeof(float) : 0));
         projections.stack = MakeAnyImage<TPixel>(stackGrid, components);
         projections.depths = options.computeDepth ? MakeAnyImage<float>(stackGrid, 1) : AnyImage();
       }

@@ -26,6 +26,7 @@
 #include <cmath>
 #include <optional>
 #include <regex>
+#include <sstream>
 #include <stdexcept>
 
 namespace
@@ -65,13 +66,12 @@ double
 RequirePositive(const DataSet & dataSet, const Tag & tag)
 {
   const std::string text = RequireText(dataSet, tag);
-  char *            end = nullptr;
-  const double      number = std::strtod(text.c_str(), &end);
-  if (*end != '\0' || !std::isfinite(number) || !(number > 0.0))
+  const auto        numbers = ParseNumbers(text);
+  if (numbers.size() != 1 || !(numbers[0] > 0.0))
   {
     Refuse(tag, "is '" + text + "', not a positive number");
   }
-  return number;
+  return numbers[0];
 }
 
 /** Seconds of the offset from UTC at the end of a date and time, as +0130. */
@@ -182,7 +182,7 @@ FindInjection(const DataSet & image, const DataSet & drug, double scan)
 }
 
 double
-ComputeFactor(const DataSet & image)
+ComputeFactor(const DataSet & image, const WarningFunction & warn)
 {
   const std::string unit = RequireText(image, units);
   if (unit == "GML")
@@ -225,19 +225,28 @@ ComputeFactor(const DataSet & image)
     const double scan = FindScanStart(image, halfLife);
     dose *= std::exp2((FindInjection(image, drug, scan) - scan) / halfLife);
   }
-  return weight / dose;
+  // from 10 g and 1 GBq to 70 kg and 1.4 MBq
+  const double factor = weight / dose;
+  if (!(factor > 1e-8 && factor < 0.05))
+  {
+    std::ostringstream message;
+    message << "--suv: a weight of " << weight / 1000.0 << " kg and a dose of " << dose
+            << " Bq at the scan are unusual; are weight, dose, half-life and times right?";
+    warn(message.str());
+  }
+  return factor;
 }
 } // namespace
 
 bool
-ConvertToSuv(Volume & volume)
+ConvertToSuv(Volume & volume, const WarningFunction & warn)
 {
   const DataSet image = volume.dicomFiles.empty() ? DataSet() : ReadFirstAcquired(volume.dicomFiles);
   if (GetText(image, { 0x0008, 0x0016 }) != petImageStorage)
   {
     return false;
   }
-  const double factor = ComputeFactor(image);
+  const double factor = ComputeFactor(image, warn);
   for (AnyImage & time : volume.times)
   {
     const unsigned int components = time.image->GetNumberOfComponentsPerPixel();

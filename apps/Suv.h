@@ -18,7 +18,7 @@
 #ifndef Suv_h
 #define Suv_h
 
-#include "AnyImage.h"
+#include "Input.h"
 
 /** Converts a DICOM PET series to standardized uptake values by body weight, g/ml, of type float:
  *
@@ -34,8 +34,8 @@
  * Source: QIBA Profile FDG-PET/CT, appendix G, vendor-neutral pseudo-codes; DICOM PS3.3 C.8.9.
  *
  * Throws std::runtime_error with the name of the attribute that is missing or is of no use. Returns false, and changes
- * nothing, if the volume is no series of PET Image Storage. */
+ * nothing, if the volume is no series of PET Image Storage. Warns of a dose that is unusual for the weight. */
 bool
-ConvertToSuv(Volume & volume);
+ConvertToSuv(Volume & volume, const WarningFunction & warn);
 
 #endif

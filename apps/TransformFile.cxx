@@ -16,6 +16,7 @@
  *
  *=========================================================================*/
 #include "TransformFile.h"
+#include "InputFiles.h"
 #include "Integrity.h"
 
 #include "itkCompositeTransform.h"
@@ -254,14 +255,7 @@ Transforms
 ReadLinearTransforms(const fs::path & path)
 {
   const std::string name = "'" + path.string() + "' ";
-  if (!fs::exists(path))
-  {
-    throw std::runtime_error(name + "does not exist");
-  }
-  if (!fs::is_regular_file(path) && !fs::is_directory(path))
-  {
-    throw std::runtime_error(name + "is neither a file nor a folder");
-  }
+  RequireReadable(path);
   const std::string unreadable = name + "is not a transform that ITK can read";
   if (CountSound(FileKind::Transform, { path.string() }) == 0)
   {

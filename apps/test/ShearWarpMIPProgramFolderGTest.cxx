@@ -166,19 +166,23 @@ TEST_F(ShearWarpMIPProgramFolder, IsRefused)
       EXPECT_EQ(result.status, 1);
       EXPECT_NE(result.messages.find(name), std::string::npos) << result.messages;
     }
+    fs::permissions(m_Folder / "in.nrrd", fs::perms::none);
+    EXPECT_EQ(this->Run("in.nrrd out.png", before).messages, "shear-warp-mip: cannot read 'in.nrrd'\n");
+    fs::permissions(m_Folder / "in.nrrd", fs::perms::owner_all);
   }
   std::ofstream(m_Folder / "dicom/inner/DICOMDIR") << "text";
   this->ExpectFailure("in.nrrd out.png --series 1", "--series is for a DICOM folder, but 'in.nrrd' is a file");
   for (const std::string input : { "dicom", "dicom/.", "dicom/../dicom" })
   {
     this->ExpectFailure(input + " dicom/turn/ --frames 2",
-                        "'dicom/turn/': it is in '" + input + "', where images of INPUT");
+                        "'dicom/turn/': it is in '" + input + "', where images are searched");
     this->ExpectFailure(input + " out.png --dicom-out dicom/inner/turn", "'dicom/inner/turn': it is in '" + input);
     this->ExpectFailure(input + " dicom", "'dicom' is there already; a DICOM series needs an empty folder");
     this->ExpectFailure(input + " dicom/", "'dicom/' is there already; a DICOM series needs an empty folder");
   }
+  this->ExpectFailure("in.nrrd dicom/turn/ --overlay dicom", "it is in 'dicom', where images are searched");
   this->ExpectFailure("dicom/DICOMDIR turn/", "'dicom/DICOMDIR' does not exist");
-  this->ExpectFailure("dicom/inner/DICOMDIR dicom/inner/turn/", "it is in 'dicom/inner', where images of INPUT");
+  this->ExpectFailure("dicom/inner/DICOMDIR dicom/inner/turn/", "it is in 'dicom/inner', where images are searched");
   fs::create_symlink("dicom/inner/a2.dcm", m_Folder / "slice.nrrd");
   this->ExpectFailure("dicom slice.nrrd", "'slice.nrrd': this call reads it, as 'dicom/inner/a2.dcm'");
 }

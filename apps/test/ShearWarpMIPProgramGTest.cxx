@@ -398,6 +398,9 @@ TEST_F(ShearWarpMIPProgram, RefusesWrongOptions)
   this->ExpectFailure("in.nrrd out.png --azimuth inf", "--azimuth");
   this->ExpectFailure("in.nrrd out.png --size 0 5", "--size");
   this->ExpectFailure("in.nrrd out.png --size -3 5", "--size");
+  // once they would fit
+  const auto side = std::to_string(std::lround(std::sqrt(0.3 * itk::ShearWarp::GetPhysicalMemory())));
+  this->ExpectFailure("in.nrrd out.png --size " + side + ' ' + side, "do not fit in memory");
   for (const std::string spacing : { "0", "-1", "nan", "inf", "wide", "1,2,3" })
   {
     this->ExpectFailure("in.nrrd out.png --spacing " + spacing, "--spacing");
@@ -428,6 +431,7 @@ TEST_F(ShearWarpMIPProgram, TakesWhatPeopleWrite)
     { "--slab -1,3 in.nrrd a.png", "--slab -1 , 3 in.nrrd b.png" },
     { "--crop -90,90,-90,20,-90,90 in.nrrd a.png", "--crop '-90 90 -90 20 -90 90' in.nrrd b.png" },
     { "--crop -90,90,-90,20,-90,90 in.nrrd a.png", "--crop -90,90 -90,20 -90,90 in.nrrd b.png" },
+    { "--crop -90,90,-90,20,-90,90 in.nrrd a.png", "--crop -90 , 90 , -90 , 20 , -90 , 90 in.nrrd b.png" },
     { "--crop -inf,inf,-.5,inf,-inf,inf in.nrrd a.png", "--crop -inf inf -.5, inf, -inf inf in.nrrd b.png" },
     { "--spacing .5 in.nrrd a.png", "--spacing=.5 in.nrrd b.png" },
     { "--size 40,30 in.nrrd a.png", "in.nrrd b.png --size 40 30" },
@@ -603,7 +607,8 @@ TEST_F(ShearWarpMIPProgram, AnswersWrongCalls)
     { "in.nrrd out.png --wl 40 -80", "--wl: WIDTH must be positive" },
     { "in.nrrd out.png --view left --view right", "--view: at most 1 can be given, not 2" },
     { "in.nrrd out.png --slab 30", "--slab: 2 values are needed, not 1" },
-    { "in.nrrd out.png --crop 0 10 0 10", "--crop: 6 values are needed, not 4" },
+    { "in.nrrd out.png --crop 0 10 0 10 0", "--crop: 6 values are needed, not 5" },
+    { "in.nrrd out.png --oversampling 1e0", "--oversampling: 1e0 not in {1,2}" },
     { "in.nrrd out.png --size 512x512", "--size: '512x512' is not a whole number of at least 1" },
     { "in.nrrd out.png --spacing 0,5", "--spacing: '0' is not a positive number; decimals have a point" },
     { "in.nrrd out.png --window 800,100", "--window: LOW must be less than HIGH" },

@@ -472,7 +472,9 @@ TEST_F(ShearWarpMIPProgramOverlay, IsOverColourAndDicom)
   this->ExpectSuccess(fused + " --overlay-transform t.tfm");
   describe("y", "1.2.9");
   this->ExpectWarning(fused, "'dicom' and INPUT are of different patients");
-  this->ExpectFailure("dicom out.png --series 1.2.3.4 --overlay dicom --overlay-series 1.2.3.6", "1.2.3.6");
+  this->ExpectFailure("dicom out.png --series 1.2.3.4 --overlay dicom --overlay-series 1.2.3.6",
+                      "--overlay-series 1.2.3.6 is not in 'dicom'");
+  this->ExpectFailure("dicom out.png --series 1.2.3.4 --overlay dicom", "choose one by --overlay-series NUMBER");
 }
 
 // one volume over each point in time

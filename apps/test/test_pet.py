@@ -266,13 +266,16 @@ def set_ge_scan_time(dataset, n):
 def find_factor(tmp_path, change):
     """What SUV has been multiplied by, the same in all pixels."""
     pet = write_pet(tmp_path / "pet", change=change)
-    for options, name in (([], "plain"), (["--suv"], "suv")):
-        assert run(pet, tmp_path / f"{name}.mha", *options) == ""
+    assert run(pet, tmp_path / "plain.mha") == ""
+    said = run(pet, tmp_path / "suv.mha", "--suv")
     plain, suv = (read_values(tmp_path / f"{name}.mha") for name in ("plain", "suv"))
     assert suv.dtype == np.float32
     ratios = suv.astype(float) / plain
-    np.testing.assert_allclose(ratios, np.median(ratios), rtol=3e-7)
-    return np.median(ratios)
+    factor = np.median(ratios)
+    np.testing.assert_allclose(ratios, factor, rtol=3e-7)
+    is_suv_already = factor == pytest.approx(1.0, rel=3e-7)
+    assert ("are unusual; are weight, dose" in said) == (factor > 0.05 and not is_suv_already)
+    return factor
 
 
 HALF_LIFE, DOSE, GRAMS = 6586.2, 370e6, 70e3
@@ -295,12 +298,26 @@ PROCESSED = set_image(SeriesTime="120000")
         (set_drug(RadiopharmaceuticalStartDateTime="20240102093000+0900"), 3600),
         (join(MARCH, set_drug(RadiopharmaceuticalStartDateTime="20240229103000")), 86400),
         (set_image(DecayCorrection="ADMIN"), None),
+        # five minutes after the scan: a day before
+        (set_drug(RadiopharmaceuticalStartTime="1035"), 86400 - 300),
         (join(PROCESSED, set_ge_scan_time), 3480),
     ],
 )
 def test_suv(tmp_path, change, seconds):
     decayed = DOSE * (1.0 if seconds is None else 0.5 ** (seconds / HALF_LIFE))
     assert find_factor(tmp_path, change) == pytest.approx(GRAMS / decayed, rel=1e-6)
+
+
+@pytest.mark.parametrize("change", [set_image(PatientWeight="70000"), set_drug(RadionuclideTotalDose="370")])
+def test_unusual_suv(tmp_path, change):
+    pet = write_pet(tmp_path / "pet", change=join(set_image(DecayCorrection="ADMIN"), change))
+    assert "are unusual; are weight, dose, half-life and times right?" in run(pet, tmp_path / "mip.mha", "--suv")
+
+
+def test_window_of_suv(tmp_path):
+    pet = write_pet(tmp_path / "pet")
+    assert "--window pet is in SUV" in run(pet, tmp_path / "mip.png", "--window", "Pet")
+    assert "SUV" not in run(pet, tmp_path / "mip.png", "--window", "pet", "--suv")
 
 
 def test_suv_of_a_processed_series(tmp_path):
@@ -394,6 +411,20 @@ def test_dicom_of_suv(tmp_path):
     (still,) = read_dicom(tmp_path / "still")
     assert still.DerivationDescription == "Maximum intensity projection of SUV by body weight"
     assert still.RescaleType == "US"
+
+
+def test_slice_of_the_name_of_a_picture_is_kept(tmp_path):
+    pet = write_pet(tmp_path / "pet")
+    picture = (pet / "slice-03.dcm").rename(pet / "slice.png")
+    before = picture.read_bytes()
+    assert "this call reads it" in fail(pet, picture, "--no-labels")
+    assert picture.read_bytes() == before
+
+
+def test_burned_in_annotation_stays(tmp_path):
+    pet = write_pet(tmp_path / "pet", change=set_image(BurnedInAnnotation="YES"))
+    run(pet, tmp_path / "mip.mha", "--frames", 2, "--dicom-out", tmp_path / "turn")
+    assert {dataset.BurnedInAnnotation for dataset in read_dicom(tmp_path / "turn")} == {"YES"}
 
 
 # ---- multi-frame

@@ -249,6 +249,7 @@ def test_segmentation_is_as_its_labels(study, tmp_path, fractional, overlapping)
         (lambda group: group.PlanePositionSequence[0].ImagePositionPatient.__setitem__(0, "1.5"), "not on the grid"),
         (lambda group: group.PlanePositionSequence[0].ImagePositionPatient.__setitem__(2, "1e30"), "distance"),
         (lambda group: group.__delitem__("PlanePositionSequence"), "no valid position"),
+        (lambda group: group.__delitem__("SegmentIdentificationSequence"), "no segment number"),
     ],
 )
 def test_segmentation_off_its_grid_is_refused(study, tmp_path, change, reason):
@@ -261,6 +262,33 @@ def test_segmentation_off_its_grid_is_refused(study, tmp_path, change, reason):
     outcome = run(study, tmp_path / "mip.png", "--series", 2, "--segments", tmp_path / "seg")
     assert outcome.returncode == 1
     assert reason in outcome.stderr and outcome.stderr.count("\n") == 1
+
+
+def test_outline_is_half_a_voxel_away(tmp_path):
+    header = ["NRRD0004", "type: uchar", "dimension: 3", "space: left-posterior-superior", "sizes: 3 3 3"]
+    header += ["space directions: (9,0,0) (0,9,0) (0,0,9)", "space origin: (-9,-9,-9)", "encoding: raw", "", ""]
+    (tmp_path / "labels.nrrd").write_bytes("\n".join(header).encode() + bytes(13) + b"\1" + bytes(13))
+    outcome = run(
+        tmp_path / "labels.nrrd", tmp_path / "mip.png", "--segments", tmp_path / "labels.nrrd", "--spacing", 1
+    )
+    assert outcome.returncode == 0, outcome.stderr
+    picture = np.asarray(Image.open(tmp_path / "mip.png"))
+    rows, columns = (picture == (230, 159, 0)).all(axis=-1).nonzero()
+    assert np.ptp(rows) == 8 and np.ptp(columns) == 8
+
+
+def test_frames_may_share_the_segment_number(study, tmp_path):
+    part = np.zeros(GRID, bool)
+    part[10:14, 30:36, 3:9] = True
+    make_segmentation(tmp_path / "seg", {3: part})
+    image = pydicom.dcmread(tmp_path / "seg" / "segments.dcm")
+    for group in image.PerFrameFunctionalGroupsSequence:
+        number = group.SegmentIdentificationSequence
+        del group.SegmentIdentificationSequence
+    image.SharedFunctionalGroupsSequence[0].SegmentIdentificationSequence = number
+    image.save_as(tmp_path / "seg" / "segments.dcm")
+    outcome = run(study, tmp_path / "mip.png", "--series", 2, "--segments", tmp_path / "seg", "-v")
+    assert ", 1 segment: lesion:" in outcome.stderr
 
 
 def spend_day(*arguments):
