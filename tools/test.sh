@@ -95,9 +95,7 @@ test_readme() {
   rm -rf "$dir"
   mkdir -p "$dir"
   sed -n '/^```cpp$/,/^```$/{/^```/d;p}' "$root/README.md" > "$dir/mip.cxx"
-  { echo 'cmake_minimum_required(VERSION 3.16.3)
-project(README LANGUAGES C CXX)'
-    sed -n '/^```cmake$/,/^```$/{/^```/d;p}' "$root/README.md"; } > "$dir/CMakeLists.txt"
+  sed -n '/^```cmake$/,/^```$/{/^```/d;p}' "$root/README.md" > "$dir/CMakeLists.txt"
   cmake -S "$dir" -B "$dir/build" -G Ninja -DCMAKE_BUILD_TYPE=Release -DCMAKE_PREFIX_PATH="$build/root/usr"
   cmake --build "$dir/build"
   cp "$build/examples/phantom.nrrd" "$dir/angiogram.nrrd"
