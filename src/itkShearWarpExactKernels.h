@@ -475,16 +475,16 @@ template <typename TPixel, bool VIsMinimum>
 void
 TileSearch<TPixel, VIsMinimum>::SearchPair(std::ptrdiff_t slice)
 {
-  const CellWindow         columns = this->FindWindow(0, slice);
-  const CellWindow         rows = this->FindWindow(1, slice);
-  const std::ptrdiff_t     count = CellRows + rows.last + 1;
-  const bool               isInside = columns.first >= 0 && columns.first + RowWidth <= m_Slices.columns;
-  const TPixel * const     slices[] = { this->GetSlice(slice), this->GetSlice(slice + 1) };
-  const TPixel * const     later = this->GetSlice(slice + 2);
-  const std::ptrdiff_t     laterColumns[] = { Limit<std::ptrdiff_t>(columns.first, 0, m_Slices.columns - 1),
-                                              Limit<std::ptrdiff_t>(columns.first + CellColumns, 0, m_Slices.columns - 1) };
-  PairOfRows<TPixel>       pairs[CellRows + CellReach - 1];
-  TPixel                   edges[CellRows + CellReach - 1][2][2 * RowWidth];
+  const CellWindow     columns = this->FindWindow(0, slice);
+  const CellWindow     rows = this->FindWindow(1, slice);
+  const std::ptrdiff_t count = CellRows + rows.last + 1;
+  const bool           isInside = columns.first >= 0 && columns.first + RowWidth <= m_Slices.columns;
+  const TPixel * const slices[] = { this->GetSlice(slice), this->GetSlice(slice + 1) };
+  const TPixel * const later = this->GetSlice(slice + 2);
+  const std::ptrdiff_t laterColumns[] = { Limit<std::ptrdiff_t>(columns.first, 0, m_Slices.columns - 1),
+                                          Limit<std::ptrdiff_t>(columns.first + CellColumns, 0, m_Slices.columns - 1) };
+  PairOfRows<TPixel>   pairs[CellRows + CellReach - 1];
+  TPixel               edges[CellRows + CellReach - 1][2][2 * RowWidth];
   for (std::ptrdiff_t row = 0; row < count; ++row)
   {
     const std::ptrdiff_t begin = Limit<std::ptrdiff_t>(rows.first + row, 0, m_Slices.rows - 1) * m_Slices.rowStride;
