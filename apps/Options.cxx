@@ -312,7 +312,7 @@ DefineOptions(CLI::App & app, Options & options)
                              "--exact",
                              options.isExact,
                              "The maximum of the interpolated image along each pixel's ray, in closed form: "
-                             "without steps between samples, 10 to 60 times as slow")
+                             "without steps between samples, 7 to 60 times as slow")
                        ->excludes(oversampling);
   const auto window =
     addList("Picture",

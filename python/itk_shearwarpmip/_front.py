@@ -110,7 +110,7 @@ def mip(
     attenuation: how fast values fade to the background with depth, per mm.
     local_maximum: rays end behind their first local maximum of at least this value.
     background: the value beside the volume; "auto" is 0, or the volume's least value if that is negative.
-    exact: the maximum of the interpolated volume itself, 10 to 60 times as slow.
+    exact: the maximum of the interpolated volume itself, 7 to 60 times as slow.
     oversampling: 1, or 2 for pixels of twice the density before the last step.
     output_spacing: of the pixels, in mm: one number, or (u, v). By default the volume's smallest.
     size: columns and rows; output_origin: (u, v) of the first pixel in the view plane, in mm. By default all of the
