@@ -484,10 +484,12 @@ TEST_P(ShearWarpMIPProgramDicomInput, RefusesWhatIsNoVolume)
 
 TEST_P(ShearWarpMIPProgramDicomInput, RefusesImpossiblePixels)
 {
-  for (const auto & change : std::initializer_list<std::function<void(DataSet &)>>{
-         [](DataSet & dataSet) { SetNumber<0x0028, 0x0100>(dataSet, 12); },
-         [](DataSet & dataSet) { SetNumber<0x0028, 0x0101>(dataSet, 17); },
-         [](DataSet & dataSet) { dataSet.Remove(Tag(0x0028, 0x0103)); } })
+  const std::vector<std::function<void(DataSet &)>> changes = {
+    [](DataSet & dataSet) { SetNumber<0x0028, 0x0100>(dataSet, 12); },
+    [](DataSet & dataSet) { SetNumber<0x0028, 0x0101>(dataSet, 17); },
+    [](DataSet & dataSet) { dataSet.Remove(Tag(0x0028, 0x0103)); },
+  };
+  for (const auto & change : changes)
   {
     this->WriteSlices({ { "0\\0\\0" }, { "0\\0\\2" }, { "0\\0\\4" } });
     this->ChangeFile(GetParam() ? "dicom/frames.dcm" : "dicom/a1.dcm", change);
