@@ -224,7 +224,10 @@ Describe(const Series & series, std::size_t number)
 } // namespace
 
 std::vector<std::string>
-FindSeries(const fs::path & folder, const std::string & series, const WarningFunction & warn)
+FindSeries(const fs::path &        folder,
+           const std::string &     series,
+           const WarningFunction & warn,
+           const std::string &     option)
 {
   const auto all = FindAllSeries(folder, warn);
   if (all.empty())
@@ -258,13 +261,13 @@ FindSeries(const fs::path & folder, const std::string & series, const WarningFun
   const std::string name = "'" + folder.string() + "'";
   if (count == 0)
   {
-    throw std::runtime_error("--series " + series + " is not in " + name + ", which has " + present);
+    throw std::runtime_error(option + " " + series + " is not in " + name + ", which has " + present);
   }
   if (count > 1)
   {
     throw std::runtime_error(series.empty()
-                               ? name + " has several DICOM series, choose one by --series NUMBER: " + present
-                               : "--series " + series + " fits several, choose one by its number: " + fitting);
+                               ? name + " has several DICOM series, choose one by " + option + " NUMBER: " + present
+                               : option + " " + series + " fits several, choose one by its number: " + fitting);
   }
   return all[chosen].files;
 }

@@ -23,10 +23,13 @@
 #include <gdcmDataSet.h>
 
 /** The images of a DICOM series, in the order of their paths, of a folder and those in it. \a series is as in
- * ReadVolume. What is no image is left out; a copy of an image is too. Throws if the series cannot be told, or if a
- * file is damaged that might be one of its images. */
+ * ReadVolume, and so is \a option. What is no image is left out; a copy of an image is too. Throws if the series cannot
+ * be told, or if a file is damaged that might be one of its images. */
 std::vector<std::string>
-FindSeries(const std::filesystem::path & folder, const std::string & series, const WarningFunction & warn);
+FindSeries(const std::filesystem::path & folder,
+           const std::string &           series,
+           const WarningFunction &       warn,
+           const std::string &           option = "--series");
 
 /** Whether an image is a projection of a volume, as those that this program writes (PS3.3 C.8.3.1.1.1, C.8.9.1 and
  * C.8.16.2.1). */

@@ -218,7 +218,7 @@ Rescale(const Slice & slice, const char * stored, std::size_t count, TPixel * va
 } // namespace
 
 Volume
-ReadDicom(const fs::path & path, const std::string & series, const WarningFunction & warn)
+ReadDicom(const fs::path & path, const std::string & series, const WarningFunction & warn, const std::string & option)
 {
   // what matters is said here
   gdcm::Trace::ErrorOff();
@@ -226,7 +226,7 @@ ReadDicom(const fs::path & path, const std::string & series, const WarningFuncti
   std::vector<Source> sources;
   if (fs::is_directory(path))
   {
-    for (const std::string & file : FindSeries(path, series, warn))
+    for (const std::string & file : FindSeries(path, series, warn, option))
     {
       if (const auto source = ReadSource(file))
       {

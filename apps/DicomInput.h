@@ -32,6 +32,9 @@
  *
  * Throws if slices do not make one volume, or if one might be missing. */
 Volume
-ReadDicom(const std::filesystem::path & path, const std::string & series, const WarningFunction & warn);
+ReadDicom(const std::filesystem::path & path,
+          const std::string &           series,
+          const WarningFunction &       warn,
+          const std::string &           option);
 
 #endif

@@ -152,13 +152,16 @@ SplitTimes(const itk::VectorImage<TPixel, 4> & image)
 } // namespace
 
 Volume
-ReadVolume(const std::filesystem::path & path, const std::string & series, const WarningFunction & warn)
+ReadVolume(const std::filesystem::path & path,
+           const std::string &           series,
+           const WarningFunction &       warn,
+           const std::string &           option)
 {
   RequireReadable(path);
   const auto folder = GetImageFolder(path);
   if (folder.empty() && !series.empty())
   {
-    throw std::runtime_error("--series is for a DICOM folder, but '" + path.string() + "' is a file");
+    throw std::runtime_error(option + " is for a DICOM folder, but '" + path.string() + "' is a file");
   }
 
   Volume     volume;
@@ -170,7 +173,7 @@ ReadVolume(const std::filesystem::path & path, const std::string & series, const
     }
     if (dynamic_cast<const itk::GDCMImageIO *>(io.GetPointer()))
     {
-      volume = ReadDicom(path, series, warn);
+      volume = ReadDicom(path, series, warn, option);
       return;
     }
     io->SetFileName(path.string());
@@ -190,7 +193,7 @@ ReadVolume(const std::filesystem::path & path, const std::string & series, const
   {
     if (!folder.empty())
     {
-      volume = ReadDicom(folder, series, warn);
+      volume = ReadDicom(folder, series, warn, option);
     }
     else
     {

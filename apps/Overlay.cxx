@@ -26,7 +26,6 @@
 #include <gdcmReader.h>
 
 #include <cmath>
-#include <regex>
 #include <sstream>
 #include <stdexcept>
 
@@ -95,15 +94,7 @@ ReadOverlay(const Options & options, const WarningFunction & warn)
 {
   const TransformType::Pointer toInput =
     options.overlayTransform.empty() ? nullptr : ReadInverse(options.overlayTransform);
-  Volume volume;
-  try
-  {
-    volume = ReadVolume(options.overlay, options.overlaySeries, warn);
-  }
-  catch (const std::runtime_error & error)
-  {
-    throw std::runtime_error(std::regex_replace(error.what(), std::regex("--series"), "--overlay-series"));
-  }
+  Volume     volume = ReadVolume(options.overlay, options.overlaySeries, warn, "--overlay-series");
   const auto refuse = [&](std::size_t count, const std::string & what) {
     throw std::runtime_error("--overlay: '" + options.overlay + "' has " + std::to_string(count) + ' ' + what +
                              "; 1 is needed");
