@@ -265,9 +265,13 @@ FindSeries(const fs::path &        folder,
   }
   if (count > 1)
   {
-    throw std::runtime_error(series.empty()
-                               ? name + " has several DICOM series, choose one by " + option + " NUMBER: " + present
-                               : option + " " + series + " fits several, choose one by its number: " + fitting);
+    if (!series.empty())
+    {
+      throw std::runtime_error(option + " " + series + " fits several, choose one by its number: " + fitting);
+    }
+    const std::string way =
+      option.empty() ? "put the one to use into a folder of its own: " : "choose one by " + option + " NUMBER: ";
+    throw std::runtime_error(name + " has several DICOM series, " + way + present);
   }
   return all[chosen].files;
 }

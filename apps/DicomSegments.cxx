@@ -202,7 +202,7 @@ std::optional<SegmentFile>
 ReadDicomSegments(const std::filesystem::path & path, const WarningFunction & warn)
 {
   const auto folder = GetImageFolder(path);
-  const auto files = folder.empty() ? std::vector<std::string>{ path.string() } : FindSeries(folder, "", warn);
+  const auto files = folder.empty() ? std::vector<std::string>{ path.string() } : FindSeries(folder, "", warn, "");
   if (files.size() != 1 || !HasPreamble(files.front()))
   {
     return {};

@@ -218,7 +218,7 @@ ReadMask(const std::filesystem::path &       path,
          const itk::ImageBase<3> *           grid,
          const WarningFunction &             warn)
 {
-  const Volume     volume = ReadVolume(path, "", warn);
+  const Volume     volume = ReadVolume(path, "", warn, "");
   const AnyImage & labels = volume.times.front();
   if (volume.times.size() > 1 || labels.image->GetNumberOfComponentsPerPixel() > 1)
   {

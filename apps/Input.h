@@ -32,7 +32,7 @@ using WarningFunction = std::function<void(const std::string &)>;
 /** Reads a 3D image, or a series of them in time: a file, or a DICOM series of the folder \a path or of that of a
  * DICOMDIR, and of the folders in it. \a series is its number in the list that the error has if there are several, its
  * instance UID or, ignoring case, a part of its description; it may be empty if there is only one. Errors name the
- * \a option that gave it. Throws if something of the image is missing or damaged. */
+ * \a option that gave it; an empty one stands for no choice. Throws if something of the image is missing or damaged. */
 Volume
 ReadVolume(const std::filesystem::path & path,
            const std::string &           series,

@@ -190,7 +190,7 @@ ReadSegments(const std::string & path, const WarningFunction & warn)
 
   const auto dicom = ReadDicomSegments(path, warn);
   Segments   segments;
-  segments.labels = dicom ? dicom->labels : ReadVolume(path, "", warn);
+  segments.labels = dicom ? dicom->labels : ReadVolume(path, "", warn, "");
   if (segments.labels.times.size() > 1)
   {
     throw std::runtime_error("--segments: '" + path + "' has " + std::to_string(segments.labels.times.size()) +

@@ -108,6 +108,12 @@ TEST_F(ShearWarpMIPProgramFolder, ListsItsSeries)
                           head + "; 4: MR, 2024-02-01, 1 image\n";
   this->ExpectFailure("dicom out.png",
                       "shear-warp-mip: 'dicom' has several DICOM series, choose one by --series NUMBER: " + all);
+  for (const std::string option : { "--mask", "--segments" })
+  {
+    this->ExpectFailure(
+      "dicom out.png --series 2 " + option + " dicom",
+      "shear-warp-mip: 'dicom' has several DICOM series, put the one to use into a folder of its own: " + all);
+  }
   for (const std::string wrong : { "0", "5", "2.0", "-1", "1.2.3", "spine", "'head  dwi'" })
   {
     this->ExpectFailure("dicom out.png --series " + wrong, " is not in 'dicom', which has " + all);
