@@ -37,7 +37,7 @@ render_cine() {
 
 timed "installed what building needs" need_packages build-essential cmake ninja-build libinsighttoolkit5-dev \
   libcli11-dev ffmpeg
-timed "built the program" build_release demo shear-warp-mip -DShearWarpMIP_BUILD_APPS=ON
+timed "built the program" build_release demo all -DShearWarpMIP_BUILD_APPS=ON
 mkdir -p "$folder"
 if [ -z "$image" ]; then
   image=$folder/phantom.nrrd
