@@ -646,12 +646,13 @@ struct RandomTile
   std::vector<std::int16_t>                 leastLevels;
 };
 
+constexpr std::int64_t FewLargeVoxels = 2;
+
 template <typename TPixel>
 std::vector<TPixel>
-MakeVoxelsForBounds(Random & random, std::size_t count)
+MakeVoxelsForBounds(Random & random, std::size_t count, std::int64_t kind)
 {
   using Limits = std::numeric_limits<TPixel>;
-  const auto          kind = random.Integer(0, 5);
   std::vector<TPixel> voxels(count);
   const auto          rare = random.Integer(2, 60);
   const auto          limit = std::min(1e18, static_cast<double>(Limits::max()));
@@ -660,12 +661,12 @@ MakeVoxelsForBounds(Random & random, std::size_t count)
   {
     const bool isRare = random.Integer(0, rare) == 0;
     const auto few = static_cast<TPixel>(random.Integer(0, 3));
-    voxel = kind == 0   ? MakeRandomPixel<TPixel>(random)
-            : kind == 1 ? few
-            : kind == 2 ? static_cast<TPixel>(isRare ? large : 0)
-            : kind == 3 ? (isRare ? Limits::max() : static_cast<TPixel>(Limits::max() - few))
-            : kind == 4 ? (isRare ? static_cast<TPixel>(Limits::lowest() + few) : Limits::lowest())
-                        : static_cast<TPixel>(random.Integer(0, 127));
+    voxel = kind == 0                ? MakeRandomPixel<TPixel>(random)
+            : kind == 1              ? few
+            : kind == FewLargeVoxels ? static_cast<TPixel>(isRare ? large : 0)
+            : kind == 3              ? (isRare ? Limits::max() : static_cast<TPixel>(Limits::max() - few))
+            : kind == 4              ? (isRare ? static_cast<TPixel>(Limits::lowest() + few) : Limits::lowest())
+                                     : static_cast<TPixel>(random.Integer(0, 127));
     if (std::is_floating_point_v<TPixel> && (std::abs(static_cast<double>(voxel)) > 1e30 || (isRare && kind == 5)))
     {
       voxel = kind == 5 ? Limits::quiet_NaN() : static_cast<TPixel>(few);
@@ -683,12 +684,15 @@ TYPED_TEST(ShearWarpExact, BoundsExcludeNothingBetter)
   for (int repeat = 0; repeat < 60; ++repeat)
   {
     SCOPED_TRACE(repeat);
-    const auto                    columns = random.Integer(1, repeat % 2 == 0 ? 90 : 9);
-    const auto                    rows = random.Integer(1, repeat % 2 == 0 ? 40 : 9);
-    const auto                    slices = random.Integer(1, 20);
-    const auto                    voxels = MakeVoxelsForBounds<TypeParam>(random, columns * rows * slices);
+    const auto columns = random.Integer(1, repeat % 2 == 0 ? 90 : 9);
+    const auto rows = random.Integer(1, repeat % 2 == 0 ? 40 : 9);
+    const auto slices = random.Integer(1, 20);
+    // large voxels that rays touch by 1e-7 of a voxel
+    const bool                    touches = repeat % 4 == 2;
+    const auto                    kind = touches ? FewLargeVoxels : random.Integer(0, 5);
+    const auto                    voxels = MakeVoxelsForBounds<TypeParam>(random, columns * rows * slices, kind);
     Kernels::ExactView<TypeParam> view{};
-    constexpr double              shears[] = { 0.0, -0.0, 1.0, -1.0, 0.5, -0.5, 1.0 - 0x1p-30, 1e-7 };
+    constexpr double              shears[] = { 0.0, -0.0, 1.0, -1.0, 0.5, -0.5, 1.0 - 0x1p-30, 1e-9 };
     view.slices = { voxels.data(), columns, rows, slices, columns, columns * rows };
     if (random.Integer(0, 1) == 0)
     {
@@ -699,9 +703,9 @@ TYPED_TEST(ShearWarpExact, BoundsExcludeNothingBetter)
     for (int axis = 0; axis < 2; ++axis)
     {
       const auto choice = random.Integer(0, 15);
-      view.shear[axis] = choice < 8 ? shears[choice] : random.Uniform(-1, 1);
-      view.translation[axis] =
-        random.Integer(0, 1) == 0 ? 0.5 * static_cast<double>(random.Integer(0, 40)) : random.Uniform(0, 20);
+      view.shear[axis] = touches ? (choice < 8 ? 1e-7 : -1e-7) : choice < 8 ? shears[choice] : random.Uniform(-1, 1);
+      const bool isHalf = touches || random.Integer(0, 1) == 0;
+      view.translation[axis] = isHalf ? 0.5 * static_cast<double>(random.Integer(0, 40)) : random.Uniform(0, 20);
     }
     view.depth = { 0.0, 0.0, repeat % 3 == 0 ? -1.0 : 1.0, 0.0 };
     RandomTile<TypeParam>         rays(random, view);
