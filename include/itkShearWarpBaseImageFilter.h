@@ -37,7 +37,7 @@ namespace itk
 /** \class ShearWarpBaseImageFilter
  * \brief Base of the filters that project 3D images by shear-warp factorization.
  *
- * It has their engine and threads.
+ * It has the engine and the threads of these filters.
  *
  * Observers may change the number of threads and release the prepared volume during an update: both take effect after
  * the update. An update ends with an exception if an observer changes a parameter, an input or an output. The memory of
@@ -79,15 +79,15 @@ public:
                   !std::is_same_v<InputPixelType, long double>,
                 "the pixel type must be a scalar other than bool and long double");
 
-  /** Reduced resampling leaves out parts of slices whose largest voxel is not above what the picture has there already.
-   * It never changes a pixel. Auto, the default, uses it where it saves time. It is used for the plain maximum
-   * alone. */
+  /** Whether the filter skips parts of slices whose largest voxel is not above the values that the picture already has.
+   * Skipping never changes a pixel. Auto, the default, skips parts only where this saves time. Only the plain maximum
+   * uses reduced resampling. */
   itkSetEnumMacro(ReducedResampling, ReducedResamplingEnum);
   itkGetEnumMacro(ReducedResampling, ReducedResamplingEnum);
 
-  /** Pixels of the intermediate image per voxel, along each axis: 1, the default, or 2, which samples each slice four
-   * times as densely, so that the second interpolation, of the intermediate image, loses less. The output's grid stays
-   * as it is. */
+  /** Pixels of the intermediate image per voxel, along each axis: 1, the default, or 2. With 2, the filter takes four
+   * times as many samples of each slice, and the interpolation of the intermediate image loses less detail. The output's
+   * grid does not change. */
   itkSetMacro(Oversampling, unsigned int);
   itkGetConstMacro(Oversampling, unsigned int);
 
@@ -99,8 +99,8 @@ public:
   }
 
   /** The instruction set of the last update's kernels: "portable", "generic" (the compiler's vectors), "avx2" or
-   * "avx512". The fastest that the processor has is used, unless the environment variable SHEARWARPMIP_INSTRUCTION_SET
-   * names another. */
+   * "avx512". The filter uses the fastest one of the processor, unless the environment variable
+   * SHEARWARPMIP_INSTRUCTION_SET names another. */
   const std::string &
   GetInstructionSet() const
   {
@@ -128,13 +128,13 @@ public:
     return m_Engine.GetMeasurements().projectionSeconds;
   }
 
-  /** Frees the memory that is kept for the next update: of the prepared volume, a mask's, and the intermediate images.
-   * A later update prepares them again if it needs to. During an update it waits for the end. */
+  /** Frees the memory that is kept for the next update: the prepared volume, the prepared mask and the intermediate
+   * images. A later update prepares them again if it needs them. A call during an update takes effect at its end. */
   void
   ReleasePreparedVolume();
 
-  /** Bytes that are held beside inputs and outputs: what ReleasePreparedVolume() frees. Not for observers of an update.
-   */
+  /** Returns the bytes that the filter holds beside inputs and outputs, which ReleasePreparedVolume() frees. Observers
+   * must not call it during an update. */
   SizeValueType
   GetPreparedVolumeSizeInBytes() const
   {
@@ -156,22 +156,22 @@ protected:
   void
   EnlargeOutputRequestedRegion(DataObject * output) override;
 
-  /** Calls GeneratePixels(), for which number of threads, parameters, inputs and outputs do not change. */
+  /** Calls GeneratePixels(). The number of threads, parameters, inputs and outputs do not change during this call. */
   void
   GenerateData() override;
 
-  /** Gives the outputs, which are allocated, their pixels. */
+  /** Computes the pixels of the outputs, which are already allocated. */
   virtual void
   GeneratePixels() = 0;
 
-  /** All parameters, and the input's region, as numbers. */
+  /** Returns all parameters, and the input's region, as numbers. */
   virtual std::vector<double>
   GetSettings() const;
 
   static void
   AddRegion(const ImageRegion<3> & region, std::vector<double> & settings);
 
-  /** What an update depends on. Data objects live while it is held. */
+  /** Everything that an update depends on. It keeps its data objects alive. */
   struct State
   {
     std::vector<DataObject::Pointer> inputs, outputs;
@@ -188,8 +188,7 @@ protected:
   void
   RequireUnchanged(bool isUnchanged) const;
 
-  /** Throws ExceptionObject if inputs that have numbers, not names, are not what is wanted: by default the first alone.
-   */
+  /** Throws ExceptionObject if the numbered inputs are not as expected: by default only the first one. */
   virtual void
   VerifyIndexedInputs() const;
 
@@ -201,23 +200,23 @@ protected:
   void
   PrintSelf(std::ostream & os, Indent indent) const override;
 
-  /** Throws ExceptionObject if the input is empty, or its spacing or origin is of no use. */
+  /** Throws ExceptionObject if the input is empty, or its spacing or origin is not valid. */
   void
   VerifyInputGeometry() const;
 
   /** Throws ExceptionObject if \a image, the input of that name, does not have the voxels that were requested. They
-   * stay in memory while what it returns does. */
+   * stay in memory as long as the returned object. */
   template <typename TPixel, unsigned int VDimension>
   typename Image<TPixel, VDimension>::PixelContainerConstPointer
   VerifyVoxels(const std::string & name, const Image<TPixel, VDimension> * image) const;
 
-  /** Throws ExceptionObject if \a output does not have \a count pixels. They stay in memory while what it returns does.
-   */
+  /** Throws ExceptionObject if \a output does not have \a count pixels. They stay in memory as long as the returned
+   * object. */
   template <typename TPixel, unsigned int VDimension>
   typename Image<TPixel, VDimension>::PixelContainerPointer
   VerifyPixels(Image<TPixel, VDimension> * output, SizeValueType count) const;
 
-  /** The update's, which report to the filter's progress and throw ProcessAborted between two calls. */
+  /** Returns the threads of the update, which report the filter's progress and throw ProcessAborted between two calls. */
   ShearWarp::Threads
   GetThreads();
 
@@ -227,7 +226,7 @@ protected:
   unsigned int          m_Oversampling{ 1 };
 
 private:
-  /** As bits: a parameter can be not-a-number. */
+  /** Compares the bits of numbers, because a parameter can be not-a-number. */
   static bool
   AreSame(const std::vector<double> & a, const std::vector<double> & b)
   {

@@ -28,11 +28,11 @@ namespace itk
 /** \class ShearWarpMIPBaseImageFilter
  * \brief Base of the filters that project 3D images along rays.
  *
- * It has their parameters, and projects any number of views onto one grid.
+ * It has the parameters of these filters, and projects any number of views onto one grid.
  *
- * Views of one principal axis are projected together, as many as IntermediateMemory has room for and at most 256. So
- * the volume is read once for all of them, and views from opposite sides share an intermediate image. With
- * LocalMaximum views are projected one after the other. Each view has the bits that it has alone.
+ * It projects views with the same principal axis together: at most 256, and as many as fit into IntermediateMemory. So
+ * it reads the volume once for all of them, and views from opposite sides share an intermediate image. With
+ * LocalMaximum, it projects one view after the other. Each view has the same bits as in an update of its own.
  *
  * \tparam TInputImage An Image of dimension 3 of any arithmetic pixel type but bool and long double.
  * \tparam TOutputImage An Image of the same pixel type, of dimension 2 or 3.
@@ -75,7 +75,7 @@ public:
   static_assert(OutputImageDimension == 2 || OutputImageDimension == 3,
                 "the output of a projection must have dimension 2, or 3 for a slice in the image's physical space");
 
-  /** Size of the output, in pixels; zero while it is fitted. */
+  /** Size of the output, in pixels; zero if the filter fits it to the view. */
   void
   SetSize(const SizeType & size)
   {
@@ -83,7 +83,7 @@ public:
   }
   itkGetConstReferenceMacro(Size, SizeType);
 
-  /** Spacing of the output, in units of view space; zero while it is fitted. */
+  /** Spacing of the output, in units of view space; zero if the filter fits it to the view. */
   void
   SetOutputSpacing(const SpacingType & spacing)
   {
@@ -91,7 +91,8 @@ public:
   }
   itkGetConstReferenceMacro(OutputSpacing, SpacingType);
 
-  /** Position of the output's first pixel center in the view plane, in units of view space; zero while it is fitted. */
+  /** Position of the output's first pixel center in the view plane, in units of view space; zero if the filter fits it
+   * to the view. */
   void
   SetOutputOrigin(const OriginPointType & origin)
   {
@@ -99,55 +100,56 @@ public:
   }
   itkGetConstReferenceMacro(OutputOrigin, OriginPointType);
 
-  /** Fits Size, OutputSpacing and OutputOrigin to the view again: undoes their setting. */
+  /** Lets the filter fit Size, OutputSpacing and OutputOrigin to the view again. */
   void
   FitOutputGrid();
 
-  /** Value of the output where a ray misses the image; 0 by default. */
+  /** Value of pixels whose ray misses the image; 0 by default. */
   itkSetMacro(DefaultPixelValue, OutputPixelType);
   itkGetConstReferenceMacro(DefaultPixelValue, OutputPixelType);
 
-  /** Which of a ray's samples is its value: the Maximum, by default, the Minimum, or the one of AbsoluteMaximum, with
-   * its sign (the positive one of two). */
+  /** Which of a ray's samples is its value: Maximum (the default), Minimum or AbsoluteMaximum. The absolute maximum is
+   * the sample with the largest magnitude, with its sign; of two opposite samples, the positive one. */
   itkSetEnumMacro(Mode, ModeEnum);
   itkGetEnumMacro(Mode, ModeEnum);
 
-  /** Only samples of depth w, in view space, SlabNear <= w <= SlabFar count: by default from minus to plus infinity. In
-   * the views of ShearWarpMIPView depth is mm behind the image's center. */
+  /** Only samples with SlabNear <= w <= SlabFar count, where w is the depth in view space. The default is from minus to
+   * plus infinity. In the views of ShearWarpMIPView, the depth is the distance in mm behind the image's center. */
   itkSetMacro(SlabNear, double);
   itkGetConstMacro(SlabNear, double);
   itkSetMacro(SlabFar, double);
   itkGetConstMacro(SlabFar, double);
 
-  /** Only samples whose physical position is within these corners count, along each physical axis; by default all. */
+  /** Only samples with a physical position between these corners count, along each physical axis; by default all. */
   itkSetMacro(CropLower, PhysicalPointType);
   itkGetConstReferenceMacro(CropLower, PhysicalPointType);
   itkSetMacro(CropUpper, PhysicalPointType);
   itkGetConstReferenceMacro(CropUpper, PhysicalPointType);
 
-  /** Only voxels in the mask take part: those that are MaskLabel or, if that is 0 as by default, not 0. The mask has
-   * the input's grid. A sample counts where its nearest voxel is in the mask; its value is the mean of those of its
-   * voxels that are. */
+  /** Only voxels inside the mask count. A voxel is inside if its mask value is MaskLabel; if MaskLabel is 0, the default,
+   * a voxel is inside if its mask value is not 0. The mask must have the input's grid. A sample counts if its nearest
+   * voxel is inside the mask. Its value is the weighted mean of its voxels inside the mask. */
   itkSetInputMacro(MaskImage, MaskImageType);
   itkGetInputMacro(MaskImage, MaskImageType);
   itkSetMacro(MaskLabel, unsigned char);
   itkGetConstMacro(MaskLabel, unsigned char);
 
-  /** Rays end behind their first local maximum that is not less than LocalMaximumThreshold, so that a near vessel hides
-   * a brighter one behind it. With Minimum it is the first local minimum that is not greater, with AbsoluteMaximum the
-   * first local maximum of magnitude. Rays that meet none have their maximum. Local maximum intensity projection: Sato
-   * et al., J Comput Assist Tomogr 22:912-917, 1998. Off by default. */
+  /** Whether rays end behind their first local maximum of at least LocalMaximumThreshold; off by default. A near vessel
+   * then hides a brighter vessel behind it. With Minimum, rays end behind their first local minimum of at most the
+   * threshold; with AbsoluteMaximum, behind the first local maximum of the magnitude. Rays without such a sample have
+   * their maximum. The method is local maximum intensity projection: Sato et al., J Comput Assist Tomogr 22:912-917,
+   * 1998. */
   itkSetMacro(LocalMaximum, bool);
   itkGetConstMacro(LocalMaximum, bool);
   itkBooleanMacro(LocalMaximum);
   itkSetMacro(LocalMaximumThreshold, InputPixelType);
   itkGetConstReferenceMacro(LocalMaximumThreshold, InputPixelType);
 
-  /** How fast samples fade with depth, in 1 / unit of view space. A sample of value v at depth w takes part as
-   * DefaultPixelValue + (v - DefaultPixelValue) f, where f = exp(-DepthAttenuation (w - w0)). Fading begins at w0, the
-   * least depth of the sphere about the image's center that holds the image, or at SlabNear if that is deeper. So all
-   * views of a turn about that center begin at the same depth. Any finite rate that is not negative will do; 0, none,
-   * by default. DefaultPixelValue must be finite where samples fade. */
+  /** How fast samples fade with depth, in 1 / unit of view space; 0, no fading, by default. A sample with value v at
+   * depth w becomes DefaultPixelValue + (v - DefaultPixelValue) f, where f = exp(-DepthAttenuation (w - w0)). Fading
+   * begins at w0, the least depth of the smallest sphere about the image's center that holds the image, or at SlabNear
+   * if SlabNear is deeper. So fading begins at the same depth in all views of a turn about the center. The rate can be
+   * any finite number that is not negative. With fading, DefaultPixelValue must be finite. */
   itkSetMacro(DepthAttenuation, double);
   itkGetConstMacro(DepthAttenuation, double);
 
@@ -157,34 +159,35 @@ public:
   itkGetConstMacro(ComputeDepth, bool);
   itkBooleanMacro(ComputeDepth);
 
-  /** The depth w of the output's values, in units of view space: T(u, v, w) is where a pixel's maximum lies, the
-   * nearest one of several. It is that of the intermediate pixel that has the largest part in the output's;
-   * not-a-number where no sample is. Null if ComputeDepth is off. */
+  /** The depth w of the output's values, in units of view space; null if ComputeDepth is off. T(u, v, w) is the place of
+   * a pixel's maximum, or the nearest place if there are several. The depth is that of the intermediate pixel with the
+   * largest weight in the output pixel. It is not-a-number if the pixel has no sample. */
   DepthImageType *
   GetDepthOutput();
   const DepthImageType *
   GetDepthOutput() const;
 
-  /** Whether a pixel is the extremum of the image itself along its ray, not of samples. The image is the trilinear
-   * interpolant of the voxels, within the slab and the box; up to half a voxel beyond the outer voxel centers it has
-   * their values. In each cell it is a cubic along the ray, whose extremum is known in closed form: there is no step,
-   * no principal axis and no second interpolation. The extremum is rounded once. The error before rounding is below
-   * 2^-14 of the voxels' range. Cells with a voxel that is not finite are left out. Depth is that of the extremum. Off
-   * by default. With it MaskImage, LocalMaximum, DepthAttenuation, Oversampling and NumberOfStreamDivisions must be as
-   * by default. */
+  /** Whether a pixel is the extremum of the interpolated image along its ray, instead of the extremum of samples; off by
+   * default. The interpolated image is the trilinear interpolant of the voxels, within the slab and the box. It extends
+   * half a voxel beyond the outer voxel centers, with the values of the outer voxels. In each cell it is a cubic along
+   * the ray, and the extremum of the cubic has a closed form. So there is no step, no principal axis and no second
+   * interpolation. The extremum is rounded once. For pixels of 8 and 16 bits, the error before rounding is below 2^-14
+   * of the range of the pixel type. Cells with a voxel that is not finite are left out. The depth is that of the
+   * extremum. MaskImage, LocalMaximum, DepthAttenuation, Oversampling and NumberOfStreamDivisions must have their
+   * default values. */
   itkSetMacro(Exact, bool);
   itkGetConstMacro(Exact, bool);
   itkBooleanMacro(Exact);
 
-  /** In how many slabs along the input's z axis its voxels are requested, one after the other; 1 by default. The output
-   * has the same bits. Slabs have at least eight slices. If there are more than one nothing is kept, and each
-   * update gets all of them again. */
+  /** The number of slabs along the input's z axis in which the filter requests the voxels, one after the other; 1 by
+   * default. It does not change the bits of the output. Slabs have at least eight slices. With more than one slab, the
+   * filter keeps nothing, and each update requests all slabs again. */
   itkSetMacro(NumberOfStreamDivisions, unsigned int);
   itkGetConstMacro(NumberOfStreamDivisions, unsigned int);
 
-  /** The most memory, in bytes, that intermediate images of views which are projected together may take: each view has
-   * one for each thread. A view that needs more is projected alone; more than 256 are never together. 1 GiB by default.
-   */
+  /** The most memory, in bytes, for the intermediate images of views that are projected together; 1 GiB by default. Each
+   * view has an intermediate image for each thread. If one view needs more memory, it is projected alone. At most 256
+   * views are projected together. */
   itkSetMacro(IntermediateMemory, SizeValueType);
   itkGetConstMacro(IntermediateMemory, SizeValueType);
 
@@ -201,12 +204,12 @@ protected:
   ShearWarpMIPBaseImageFilter() = default;
   ~ShearWarpMIPBaseImageFilter() override = default;
 
-  /** The view transforms, from view space to the image's physical space: linear and invertible, at least one. Their
-   * pictures follow each other in the output. */
+  /** Returns the view transforms, at least one, from view space to the image's physical space. They must be linear and
+   * invertible. The output has their pictures in this order. */
   virtual ViewList
   MakeViews() const = 0;
 
-  /** Gives an output its geometry. */
+  /** Sets the geometry of an output. */
   virtual void
   SetGeometry(ImageBase<OutputImageDimension> * output) const = 0;
 
@@ -217,7 +220,7 @@ protected:
     return m_Grid;
   }
 
-  /** Whether a ray's value is the maximum of all its samples. */
+  /** Returns whether a ray's value is the maximum of all its samples. */
   bool
   IsPlainMaximum() const;
 
@@ -252,24 +255,24 @@ private:
   RuleType
   MakeRule() const;
 
-  /** Sets one of the output grid's parameters, which is no longer fitted then. */
+  /** Sets one of the output grid's parameters, so that the filter no longer fits it. */
   template <typename TParameter>
   void
   SetGridParameter(TParameter & parameter, bool & fit, const TParameter & value);
 
-  /** The slices of the input's largest possible region. */
+  /** Returns the slices of the input's largest possible region. */
   ShearWarp::SliceRange
   GetSlices() const;
 
-  /** At most NumberOfStreamDivisions. */
+  /** Returns the number of slabs, at most NumberOfStreamDivisions. */
   SizeValueType
   GetNumberOfSlabs() const;
 
-  /** These slices of the input and the mask, with the slice before, which their samples need. */
+  /** Requests these slices of the input and the mask, and the slice before them, which their samples need. */
   void
   SetInputRequestedRegionToSlab(const ShearWarp::SliceRange & slab);
 
-  /** Makes the source of \a image, if that is not null, put the requested region into memory. */
+  /** Makes the source of \a image, if \a image is not null, put the requested region into memory. */
   void
   UpdateSlab(DataObject * image);
 

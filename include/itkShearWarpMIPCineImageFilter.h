@@ -27,25 +27,25 @@ namespace itk
 /** \class ShearWarpMIPCineImageFilter
  * \brief Maximum intensity projections (MIPs) of a 3D image from many directions: a series that turns.
  *
- * Slice n of the 3D output is frame n: what ShearWarpMIPImageFilter gives, to the bit, for the view that FrameTransform
- * returns, with the same parameters. By default the viewer moves around the image's center, about the patient's long
- * axis, in NumberOfFrames equal steps of a full turn: RotationAxis, Center, StartAngle, AngularRange and Rocking change
- * that. Or the views are any list of transforms: AddTransform().
+ * Slice n of the 3D output is frame n. It has the same bits as the output of ShearWarpMIPImageFilter for the view that
+ * GetFrameTransform() returns, with the same parameters. By default the viewer moves around the image's center, about
+ * the patient's long axis, in NumberOfFrames equal steps of a full turn. RotationAxis, Center, StartAngle, AngularRange
+ * and Rocking change the turn. With AddTransform(), the frames are any list of views instead.
  *
- * All frames have one grid, in view space; by default no frame is clipped by it: its extent is the bounding box of all
- * frames' projections, its spacing the least that one of them would have. The output's third axis counts the frames.
- * Its MetaDataDictionary has, as `std::vector<double>`, the frames' angles in degrees ("FrameAngles"; not for a list of
- * transforms) and for each frame the first three rows of the matrix that takes view space to physical space
- * ("FrameTransforms", twelve numbers a frame).
+ * All frames have one grid, in view space. By default the grid clips no frame: its extent is the bounding box of all
+ * frames' projections, and its spacing is the finest of all frames' own spacings. The output's third axis counts the
+ * frames. The output's MetaDataDictionary has two entries of type `std::vector<double>`. "FrameAngles" has the angles
+ * in degrees (not for a list of transforms). "FrameTransforms" has twelve numbers per frame: the first three rows of the
+ * matrix from view space to physical space.
  *
- * Frames of one principal axis are projected together, so that a block of the volume serves all of them while it is in
- * the cache, and a series costs far less than its views one by one. That takes memory for an intermediate image of each
- * frame and thread, up to IntermediateMemory. With LocalMaximum, which follows rays
- * from front to back, frames are projected one by one.
+ * The filter projects frames with the same principal axis together. A block of the volume serves all of them while it
+ * is in the cache, so a series takes far less time than single views. This needs memory for an intermediate image for
+ * each frame and thread, up to IntermediateMemory. With LocalMaximum, the filter projects frames one by one, because it
+ * follows rays from front to back.
  *
- * Parameters, errors, streaming and what is kept from one update to the next are as for ShearWarpMIPImageFilter.
- * Update() also throws ExceptionObject for a NumberOfFrames of zero or too many, a RotationAxis that is zero or not
- * finite, and a Center, StartAngle or AngularRange that is not finite.
+ * Parameters, errors, streaming and the memory that is kept between updates are as for ShearWarpMIPImageFilter.
+ * Update() also throws ExceptionObject for a NumberOfFrames that is zero or too large, a RotationAxis that is zero or
+ * not finite, and a Center, StartAngle or AngularRange that is not finite.
  *
  * \tparam TInputImage An Image of dimension 3 of any arithmetic pixel type but bool and long double.
  * \tparam TOutputImage An Image of the same pixel type, of dimension 3: (u, v, frame).
@@ -76,29 +76,29 @@ public:
   using DecoratedTransformType = DataObjectDecorator<TransformType>;
   using AxisType = Vector<double, 3>;
 
-  /** The view at angle 0, view space to the image's physical space: linear and invertible. By default that of
-   * ShearWarpMIPView::MakeUprightTransform(): RotationAxis points up the picture. */
+  /** The view at angle 0, from view space to the image's physical space. It must be linear and invertible. The default
+   * is the view of ShearWarpMIPView::MakeUprightTransform(): RotationAxis points up the picture. */
   itkSetGetDecoratedObjectInputMacro(Transform, TransformType);
 
   static constexpr unsigned int MaximumNumberOfFrames = 65535;
 
-  /** How many frames there are, at most MaximumNumberOfFrames; 36 by default. */
+  /** The number of frames, at most MaximumNumberOfFrames; 36 by default. */
   itkSetMacro(NumberOfFrames, unsigned int);
   itkGetConstMacro(NumberOfFrames, unsigned int);
 
-  /** The direction of the axis that the viewer moves about, in physical space; of any length. The patient's, towards
-   * superior, by default. Positive angles are right-handed: about the default axis from anterior to the patient's left.
-   */
+  /** The direction of the axis that the viewer moves about, in physical space, of any length. The default is the
+   * patient's long axis, towards superior. Positive angles are right-handed: with the default axis, from anterior to the
+   * patient's left. */
   itkSetMacro(RotationAxis, AxisType);
   itkGetConstReferenceMacro(RotationAxis, AxisType);
 
-  /** A point of the axis, in physical space; the image's center unless it is set. */
+  /** A point of the axis, in physical space; the image's center by default. */
   void
   SetCenter(const PhysicalPointType & center);
   PhysicalPointType
   GetCenter() const;
 
-  /** Makes the image's center the Center again. */
+  /** Sets Center to the image's center again. */
   void
   UseImageCenter();
 
@@ -107,19 +107,20 @@ public:
   itkGetConstMacro(StartAngle, double);
 
   /** How far the viewer moves, in degrees, negative to the other side; 360 by default. Frame n of N is at StartAngle +
-   * AngularRange n / N, so that a full turn repeats no frame. */
+   * AngularRange n / N, so a full turn repeats no frame. */
   itkSetMacro(AngularRange, double);
   itkGetConstMacro(AngularRange, double);
 
-  /** Whether the viewer moves to and fro instead: frame n of N is at StartAngle + AngularRange / 2 sin(2 pi n / N) / s,
-   * where s is the largest of these sines, so that both ends are frames and the series can be repeated without a jump.
-   * Two frames are the ends, one is at StartAngle. Off by default. */
+  /** Whether the viewer moves to and fro; off by default. Frame n of N is then at StartAngle + AngularRange / 2 sin(2 pi
+   * n / N) / s, where s is the largest of these sines. So both ends of the range are frames, and the series can repeat
+   * without a jump. Two frames are the two ends; a single frame is at StartAngle. */
   itkSetMacro(Rocking, bool);
   itkGetConstMacro(Rocking, bool);
   itkBooleanMacro(Rocking);
 
-  /** Adds a frame of any view, view space to physical space: linear and invertible. If there is one, NumberOfFrames and
-   * all that describes the turn is not used. A transform that is changed in place takes effect at the next Update(). */
+  /** Adds a frame of any view, from view space to physical space. The transform must be linear and invertible. The
+   * filter then ignores NumberOfFrames and all parameters of the turn. If you change the transform in place, the change
+   * takes effect at the next Update(). */
   void
   AddTransform(const TransformType * transform);
 
@@ -127,13 +128,13 @@ public:
   void
   ClearTransforms();
 
-  /** The angles of all frames, in degrees; empty if transforms were added. Those that are set, not those of the last
-   * update. */
+  /** Returns the angles of all frames, in degrees; empty if transforms were added. They are the angles by the present
+   * parameters, not the angles of the last update. */
   std::vector<double>
   GetFrameAngles() const;
 
-  /** The view of frame \a frame, view space to physical space, as it is set: a copy. Throws ExceptionObject if there is
-   * no such frame, or no input. */
+  /** Returns a copy of the view of frame \a frame, from view space to physical space, by the present parameters. Throws
+   * ExceptionObject if there is no such frame, or no input. */
   typename TransformType::Pointer
   GetFrameTransform(unsigned int frame) const;
 

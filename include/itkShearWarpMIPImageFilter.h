@@ -26,63 +26,70 @@ namespace itk
 /** \class ShearWarpMIPImageFilter
  * \brief Maximum intensity projection (MIP) of a 3D image from any direction.
  *
- * Pixel (u, v) of the 2D output is the maximum of the input I along the line of all w at T(u, v, w), where T is the
- * Transform parameter, from view space to the image's physical space (as in ResampleImageFilter, output to input):
+ * Pixel (u, v) of the 2D output is the maximum of the input I along the line of all w at T(u, v, w). T is the Transform
+ * parameter, which maps view space to the image's physical space (as in ResampleImageFilter, output to input):
  * \f[ MIP(u, v) = \max_w I(T(u, v, w)) \f]
- * The output's index axes point along u and v, its spacing and origin are in view space: mm, for a rigid
- * transform of an image in mm. Where the line misses the image the output is DefaultPixelValue; every other
- * value is one that the input's voxels bound.
+ * The output's index axes point along u and v. Its spacing and origin are in units of view space: mm, for a rigid
+ * transform of an image in mm. If the line misses the image, the output is DefaultPixelValue. All other output values
+ * lie within the range of the input's voxels or, if they fade, between this range and DefaultPixelValue.
  *
  * The method is shear-warp factorization: Fang et al., "Fast Maximum Intensity Projection Algorithm Using Shear Warp
- * Factorization and Reduced Resampling", Magn Reson Med 47:696-700, 2002. Each slice of the volume
- * across the principal viewing axis is interpolated bilinearly, with one set of weights, onto the grid of a
- * sheared intermediate image, in which the maximum is taken; the intermediate image is then interpolated
- * bilinearly at the output's pixels. Both interpolations are exactly defined (see itkShearWarpSampling.h), so that a
- * result does not depend on the machine or on the number of threads.
+ * Factorization and Reduced Resampling", Magn Reson Med 47:696-700, 2002. The filter takes the slices of the volume
+ * across the principal viewing axis. It interpolates each slice bilinearly, with one set of weights, onto the grid of a
+ * sheared intermediate image, which collects the maxima. It then interpolates the intermediate image bilinearly at the
+ * output's pixels. Both interpolations are exactly defined (see itkShearWarpSampling.h), so the result does not depend
+ * on the machine or on the number of threads.
  *
- * The first view of an image reads it once. The second one finds the maxima of its cubes of eight voxels a side, for
- * reduced resampling; the second view along the image's x axis makes a transposed copy of the volume, of the input's
- * size. Both are kept until the input changes or ReleasePreparedVolume() is called: further views prepare nothing.
- * Memory is kept too for an intermediate image of each thread, until ReleasePreparedVolume().
+ * The first view of an image prepares nothing. The second view finds the maxima of cubes of eight voxels a side, for
+ * reduced resampling. The second view along the image's x axis makes a transposed copy of the volume. The filter keeps
+ * both until the input changes or ReleasePreparedVolume() is called, so later views prepare nothing. It also keeps the
+ * memory of an intermediate image for each thread, until ReleasePreparedVolume().
  *
- * A ray's value can be another one of its samples (Mode, LocalMaximum), of fewer of them (SlabNear and SlabFar,
- * CropLower and CropUpper, MaskImage) or of faded ones (DepthAttenuation), and there can be a second output, of depths
- * (ComputeDepth). All of these can be combined. Then no part of the volume is skipped by reduced resampling. With
- * LocalMaximum rays are followed from front to back, and there is one intermediate image for all threads; so it is
- * with MaskImage, ComputeDepth or DepthAttenuation if an axis has more than 32766 voxels of 8 or 16 bits.
+ * Mode and LocalMaximum select another sample of a ray than the maximum. SlabNear, SlabFar, CropLower, CropUpper and
+ * MaskImage leave out samples, and DepthAttenuation fades samples. ComputeDepth adds a second output with depths. All of
+ * these can be combined. With any of them, reduced resampling skips no part of the volume. With LocalMaximum, the filter
+ * follows rays from front to back, and all threads share one intermediate image. It does the same for MaskImage,
+ * ComputeDepth and DepthAttenuation if an axis has more than 32766 voxels of 8 or 16 bits.
  *
- * By default the output's grid is fitted to the view. Its extent is the projected bounding box of the whole image;
- * its spacing is the image's smallest spacing, scaled as the transform scales the view plane's axes. Each of Size,
- * OutputSpacing and OutputOrigin that is set stays as it is and the others are fitted around it: a grid of given
- * Size is centered on the projected image, one of given OutputOrigin reaches to the far end of it.
+ * By default the output's grid is fitted to the view. Its extent is the projected bounding box of the whole image. Its
+ * spacing is the image's smallest spacing, scaled as the transform scales the view plane's axes. If you set Size,
+ * OutputSpacing or OutputOrigin, the filter fits only the others: a grid with a given Size is centered on the projected
+ * image, and a grid with a given OutputOrigin reaches to the far end of the projected image.
  *
- * Infinite voxels make the samples around them infinite or not-a-number. Samples that are not a number never win, and a
- * pixel that meets no other sample, or only minus infinity (plus infinity, if Mode is Minimum), has DefaultPixelValue.
+ * Infinite voxels make the samples around them infinite or not-a-number. The filter ignores samples that are
+ * not-a-number. It also ignores minus infinity (plus infinity, if Mode is Minimum). A pixel without any other sample has
+ * DefaultPixelValue.
  *
- * Update() throws ExceptionObject for a transform that is missing, not linear, not finite or not invertible; for an
- * OutputSpacing that is not positive or not finite, an OutputOrigin that is not finite, a Size of zero; for an
- * Oversampling other than 1 and 2, NumberOfStreamDivisions of zero; for a SlabNear or CropLower that is greater than
- * SlabFar or CropUpper or not a number, a LocalMaximumThreshold that is not a number, a DepthAttenuation that is
- * negative or not finite, or a DefaultPixelValue that is not finite for samples to fade to; for a MaskImage on another
- * grid than the input's; for an input that is empty, has a spacing that is not positive, or was not put into memory by
- * its source; and for an output larger than the computer's memory. It throws MemoryAllocationError where memory runs
- * out. After an exception or an abort the filter is as usable as before.
+ * Update() throws ExceptionObject for
+ * - a transform that is missing, not linear, not finite or not invertible
+ * - an OutputSpacing that is not positive or not finite, an OutputOrigin that is not finite, or a Size of zero
+ * - an Oversampling other than 1 and 2, or a NumberOfStreamDivisions of zero
+ * - a SlabNear greater than SlabFar, a CropLower greater than CropUpper, or one of these that is not a number
+ * - a LocalMaximumThreshold that is not a number
+ * - a DepthAttenuation that is negative or not finite, or not zero while DefaultPixelValue is not finite
+ * - Exact together with a parameter that it excludes
+ * - a MaskImage that is not on the input's grid
+ * - an input that is empty, has a spacing that is not positive, or was not put into memory by its source
+ * - an output larger than the computer's memory
  *
- * Filters may update in several threads at once if they share no data object, as ITK's pipeline changes the
- * requested region even of an input. They can share voxels: give each filter an image of its own, made by
- * Image::Graft(). They can share a transform that no one changes.
+ * Update() throws MemoryAllocationError if memory runs out. The filter can be used again after an exception or an
+ * abort.
  *
- * The output can't be computed in pieces; any request enlarges to the whole output. The input is requested whole or,
- * with NumberOfStreamDivisions, slab by slab from a source that streams, and the mask likewise: then an image larger
- * than memory can be projected, and needs memory for a slab (twice for views along x) and for the intermediate images.
- * Parts of an image can also be projected apart from each other, wherever they are, by ShearWarpMIPPartImageFilter;
+ * Several filters may update in different threads at once if they share no data object, because ITK's pipeline changes
+ * even the requested region of an input. They can share voxels if each filter has its own image, made by Image::Graft().
+ * They can also share a transform, if nobody changes it.
+ *
+ * The filter always computes the whole output. It requests the whole input, or slab by slab with
+ * NumberOfStreamDivisions from a source that streams, and the mask in the same way. So it can project an image larger
+ * than memory. It then needs memory for a slab (twice for views along x) and for the intermediate images.
+ * ShearWarpMIPPartImageFilter can also project parts of an image independently, on any computer, and
  * ShearWarpMIPMergePartsImageFilter makes the picture from them.
  *
  * \tparam TInputImage An Image of dimension 3 of any arithmetic pixel type but bool and long double.
- * \tparam TOutputImage An Image of the same pixel type, of dimension 2, or of dimension 3: then the output is one slice
- * in the input's physical space, of the view plane's axes, in the middle of the depths that are projected and as thick
- * as their range (the image's in the view, or the slab's part of it). Size, OutputSpacing and OutputOrigin are those of
- * the view plane all the same.
+ * \tparam TOutputImage An Image of the same pixel type, of dimension 2 or 3. With dimension 3, the output is one slice
+ * in the input's physical space, with the view plane's axes. The slice lies in the middle of the projected depths, and
+ * is as thick as their range: the range of the image in the view, or the slab's part of this range. Size, OutputSpacing
+ * and OutputOrigin still define the grid in the view plane.
  *
  * \ingroup ShearWarpMIP
  * \sa MaximumProjectionImageFilter, ResampleImageFilter, ShearWarpMIPView, ShearWarpMIPPartImageFilter
@@ -112,12 +119,12 @@ public:
   using typename Superclass::TransformType;
   using DecoratedTransformType = DataObjectDecorator<TransformType>;
 
-  /** View space to the image's physical space; identity by default. Must be linear and invertible. A transform that
-   * is changed in place takes effect at the next Update(). */
+  /** The transform from view space to the image's physical space; identity by default. It must be linear and
+   * invertible. If you change it in place, the change takes effect at the next Update(). */
   itkSetGetDecoratedObjectInputMacro(Transform, TransformType);
 
-  /** The physical point of the value of an output pixel, by the Depth output of the last update. Throws ExceptionObject
-   * if there is none, if the index is outside of it, or if the pixel has no value. */
+  /** Returns the physical point of the value of an output pixel, by the Depth output of the last update. Throws
+   * ExceptionObject if there is no Depth output, if the index is outside of it, or if the pixel has no value. */
   PhysicalPointType
   GetPhysicalPoint(const OutputIndexType & index) const;
 

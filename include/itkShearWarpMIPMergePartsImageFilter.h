@@ -25,13 +25,15 @@ namespace itk
 /** \class ShearWarpMIPMergePartsImageFilter
  * \brief Makes the picture of a 3D image from projections of its parts.
  *
- * Parts are outputs of ShearWarpMIPPartImageFilter for the same image, Transform and Oversampling. Parts that together
- * hold the image give the picture that ShearWarpMIPImageFilter makes of the whole, bit by bit. The input's geometry is
- * used, its voxels are not requested. The output's geometry is known before there are parts.
+ * Parts are outputs of ShearWarpMIPPartImageFilter for the same image, Transform and Oversampling. If the parts together
+ * cover the image, the picture has the same bits as the output of ShearWarpMIPImageFilter for the whole image. The
+ * filter uses only the geometry of the input, and does not request its voxels. The output's geometry is known before
+ * there are parts.
  *
- * Rays have plain maxima: Mode, SlabNear, SlabFar, CropLower, CropUpper, MaskImage, LocalMaximum, DepthAttenuation and
- * ComputeDepth must be as by default. Update() throws ExceptionObject if they are not, if a part is missing or there is
- * none, if one does not lie within the intermediate image, and as ShearWarpMIPImageFilter does.
+ * The filter makes only plain maxima: Mode, SlabNear, SlabFar, CropLower, CropUpper, MaskImage, LocalMaximum,
+ * DepthAttenuation and ComputeDepth must have their default values. Otherwise Update() throws ExceptionObject. It also
+ * throws ExceptionObject if there is no part, if a part is missing or does not lie within the intermediate image, and
+ * in the cases of ShearWarpMIPImageFilter.
  *
  * \tparam TInputImage An Image of dimension 3 of any arithmetic pixel type but bool and long double.
  * \tparam TOutputImage An Image of the same pixel type, of dimension 2, or 3 for a slice in physical space.

@@ -26,24 +26,24 @@ namespace itk
 /** \class ShearWarpMIPPartImageFilter
  * \brief Projects a part of a 3D image to its place in the intermediate image of the whole.
  *
- * A maximum of maxima is a maximum: an image that is too large for one memory, or that lies in pieces on many
- * computers, is projected piece by piece, and only small 2D images travel. ShearWarpMIPMergePartsImageFilter makes
- * the picture from them, with the bits that the whole image gives at once.
+ * This filter projects an image that is too large for one memory, or that lies in pieces on many computers. It projects
+ * the image piece by piece, and only small 2D images move between computers. ShearWarpMIPMergePartsImageFilter makes
+ * the picture from these, with the same bits as the whole image gives at once.
  *
- * A part is an image with the geometry of the whole whose region is a piece of WholeRegion, as ExtractImageFilter makes
- * them; or what is buffered of an image whose source can give more. Samples lie between voxels, so that parts must
- * have one voxel in common with their neighbours along each axis. The edge's samples are taken at the whole's edges
- * alone.
+ * A part is an image with the geometry of the whole image and a piece of WholeRegion, as made by ExtractImageFilter. It
+ * can also be the buffered region of an image whose source can give more. Samples lie between voxels, so neighbouring
+ * parts must have one voxel in common along each axis. The rules for the edge of the volume apply only to the edges of
+ * the whole image.
  *
- * The output is a piece of the intermediate image of the whole: its region begins where the part lies there, with a
- * size of at most (c + s, r + s) Oversampling pixels for a part of c columns, r rows and s slices in the view's order
- * of axes. A pixel that no sample of the part reaches has the pixel type's lowest value, or minus infinity. Spacing is
- * 1 and origin 0.
+ * The output is a piece of the intermediate image of the whole image. The index of its region is the place of the part
+ * there. Its size is at most (c + s, r + s) Oversampling pixels for a part of c columns, r rows and s slices in the
+ * view's order of axes. A pixel without a sample of the part has the pixel type's lowest value, or minus infinity.
+ * Spacing is 1 and origin 0.
  *
- * The first view of a part prepares it, as the second one of ShearWarpMIPImageFilter does: what was prepared is kept
- * until the part changes. A part of which there is one view only is projected faster if ReducedResampling is Off: then
- * no block maxima are found, and for a view along x slabs of a few slices are transposed one after the other, so that
- * little memory is needed beside the part, and nothing is kept.
+ * The first view of a part prepares it, as the second view of ShearWarpMIPImageFilter does. The filter keeps this
+ * preparation until the part changes. If a part has only one view, set ReducedResampling to Off: the projection is then
+ * faster. The filter finds no block maxima, and for a view along x it transposes slabs of a few slices, one after the
+ * other. So it needs little memory beside the part, and keeps nothing.
  *
  * Update() throws ExceptionObject for a transform that is missing, not linear, not finite or not invertible, for an
  * Oversampling other than 1 and 2, and for an input that is empty, is not within WholeRegion, has a spacing that is not
@@ -76,11 +76,12 @@ public:
   using DecoratedTransformType = DataObjectDecorator<TransformType>;
   using RegionType = ImageRegion<3>;
 
-  /** View space to the image's physical space; identity by default. Must be linear and invertible. */
+  /** The transform from view space to the image's physical space; identity by default. It must be linear and
+   * invertible. */
   itkSetGetDecoratedObjectInputMacro(Transform, TransformType);
 
-  /** The region of the whole image; by default, and if it has no size, the input's largest possible region. (An image
-   * without a source can't tell it: there ITK takes what is buffered for the largest possible region.) */
+  /** The region of the whole image; by default, and if it has no size, the input's largest possible region. Set it for
+   * an image without a source, because ITK takes the buffered region of such an image for the largest possible one. */
   void
   SetWholeRegion(const RegionType & region);
   itkGetConstReferenceMacro(WholeRegion, RegionType);
