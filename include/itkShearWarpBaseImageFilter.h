@@ -86,8 +86,8 @@ public:
   itkGetEnumMacro(ReducedResampling, ReducedResamplingEnum);
 
   /** Pixels of the intermediate image per voxel, along each axis: 1, the default, or 2. With 2, the filter takes four
-   * times as many samples of each slice, and the interpolation of the intermediate image loses less detail. The output's
-   * grid does not change. */
+   * times as many samples of each slice, and the interpolation of the intermediate image loses less detail. The
+   * output's grid does not change. */
   itkSetMacro(Oversampling, unsigned int);
   itkGetConstMacro(Oversampling, unsigned int);
 
@@ -216,7 +216,8 @@ protected:
   typename Image<TPixel, VDimension>::PixelContainerPointer
   VerifyPixels(Image<TPixel, VDimension> * output, SizeValueType count) const;
 
-  /** Returns the threads of the update, which report the filter's progress and throw ProcessAborted between two calls. */
+  /** Returns the threads of the update, which report the filter's progress and throw ProcessAborted between two calls.
+   */
   ShearWarp::Threads
   GetThreads();
 

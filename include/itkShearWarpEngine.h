@@ -37,7 +37,7 @@ namespace itk
 class ShearWarpMIPImageFilterEnums
 {
 public:
-  /** Whether parts of the volume that cannot change the picture are skipped. */
+  /** Whether the filter skips parts of the volume that cannot change the picture. */
   enum class ReducedResampling : uint8_t
   {
     Off,
@@ -64,23 +64,23 @@ ShearWarpMIP_EXPORT std::ostream &
 
 namespace ShearWarp
 {
-/** The computer's memory in bytes; what can be addressed if the system does not say. */
+/** Returns the computer's memory in bytes, or the size of the address space if the system does not report it. */
 ShearWarpMIP_EXPORT double
 GetPhysicalMemory();
 
 /** Step \a step of piece \a n of some work, by thread \a worker. */
 using Task = std::function<void(SizeValueType n, SizeValueType step, SizeValueType worker)>;
 
-/** Calls the task for each n of [0, count) and, one after the other, each step of [0, steps); calls with the same
- * worker do not overlap. */
+/** Calls the task for each n of [0, count) and each step of [0, steps). The steps of one n run one after the other.
+ * Calls with the same worker do not overlap. */
 using Parallelize = std::function<void(SizeValueType count, SizeValueType steps, const Task & task)>;
 
 /** The threads of an update. */
 struct Threads
 {
-  /** Numbers of workers are less. */
+  /** The numbers of workers are less than this. */
   SizeValueType count{ 1 };
-  /** Parallelize, with its part of the update's progress. */
+  /** As Parallelize; the call is \a share of the update's progress. */
   std::function<void(SizeValueType count, SizeValueType steps, float share, const Task & task)> run;
 };
 
@@ -90,31 +90,31 @@ struct SliceRange
   std::ptrdiff_t begin, end;
 };
 
-/** How many slabs there are where \a wanted are, of \a slices slices: slabs are blocks of eight slices. */
+/** Returns the number of slabs for \a wanted slabs of \a slices slices: slabs consist of blocks of eight slices. */
 ShearWarpMIP_EXPORT SizeValueType
 CountSlabs(SliceRange slices, SizeValueType wanted);
 
-/** Slab \a n of \a slabs, which are as thick as each other. */
+/** Returns slab \a n of \a slabs slabs of equal thickness. */
 ShearWarpMIP_EXPORT SliceRange
 GetSlab(SliceRange slices, SizeValueType n, SizeValueType slabs);
 
-/** What the engine projects: the buffered part of an image, or all of it slab by slab. */
+/** What the engine projects: the buffered part of an image, or the whole image slab by slab. */
 template <typename TPixel>
 struct Volume
 {
   const Image<TPixel, 3> * image;
-  /** What the image is a part of, or its largest possible region. */
+  /** The region of the whole, if the image is a part, or else the image's largest possible region. */
   ImageRegion<3> whole;
-  /** Null if there is none; of the image's geometry. */
+  /** The mask, with the image's geometry, or null. */
   const Image<unsigned char, 3> * mask{ nullptr };
-  /** In how many slabs along z the image comes into memory. If there are more than one nothing of it is kept. */
+  /** The number of slabs along z in which the image comes into memory. With more than one, the engine keeps nothing. */
   SizeValueType streamDivisions{ 1 };
-  /** Makes image and mask buffer these slices and, if there is one, the slice before. They stay in memory until the
-   * next call. */
+  /** Makes image and mask buffer these slices and, if there is one, the slice before them. They stay in memory until
+   * the next call. */
   std::function<void(const SliceRange & slices)> load{};
 };
 
-/** Which samples count, and what becomes of them: see the parameters of ShearWarpMIPBaseImageFilter. */
+/** Which samples count, and how they change: see the parameters of ShearWarpMIPBaseImageFilter. */
 template <typename TPixel>
 struct ProjectionRule
 {
@@ -135,7 +135,7 @@ struct ProjectionRule
   bool                  hasDepth{ false };
   bool                  isExact{ false };
 
-  /** Whether a ray's value is the maximum of all its samples, but for a mask. */
+  /** Returns whether a ray's value is the maximum of all its samples, apart from a mask. */
   bool
   IsPlainMaximum() const
   {
@@ -143,7 +143,7 @@ struct ProjectionRule
            !(depthAttenuation > 0.0) && !hasDepth && !isExact;
   }
 
-  /** Whether only a part of view space or of physical space counts. */
+  /** Returns whether only a part of view space or of physical space counts. */
   bool
   HasRegion() const
   {
@@ -152,7 +152,7 @@ struct ProjectionRule
   }
 };
 
-/** Where a view's pixels come to, row by row. */
+/** The memory for a view's pixels, row by row. */
 template <typename TPixel>
 struct Picture
 {
@@ -184,10 +184,11 @@ struct Measurements
 /** \class ShearWarpEngine
  * \brief Projects volumes of one pixel type.
  *
- * All code that touches voxels is here. It is compiled in the library alone, so that its bits do not depend on who
- * includes this header.
+ * The engine contains all code that touches voxels. This code is compiled only in the library, so its bits do not
+ * depend on the program that includes this header.
  *
- * The engine keeps what it prepares of an image until that changes, and its memory. It has one user at a time.
+ * The engine keeps the prepared image until the image changes, and keeps its memory. Only one thread at a time may use
+ * it.
  *
  * \tparam TPixel Any arithmetic type but bool and long double.
  *
@@ -208,11 +209,11 @@ public:
   using PictureType = ShearWarp::Picture<TPixel>;
   using PartType = ShearWarp::IntermediatePart<TPixel>;
 
-  /** Projects \a volume to the pictures of \a views, of the grid \a grid. Views of one principal axis are projected
-   * together: as many as \a intermediateMemory bytes have room for, at most 256. \a getPicture(n) gives the place of
-   * view n before it is written.
-   * Throws what the functions that it gets throw, MemoryAllocationError, and ExceptionObject if the environment
-   * variable SHEARWARPMIP_INSTRUCTION_SET names what this computer does not have; so do all. */
+  /** Projects \a volume to the pictures of \a views on the grid \a grid. Views with the same principal axis are
+   * projected together: at most 256, and as many as fit into \a intermediateMemory bytes. \a getPicture(n) returns the
+   * memory of view n before the engine writes it. Throws the exceptions of the functions that it gets, and
+   * MemoryAllocationError. Like all functions here, it throws ExceptionObject if the environment variable
+   * SHEARWARPMIP_INSTRUCTION_SET names an instruction set that this computer does not have. */
   void
   Project(const VolumeType &                                volume,
           const ShearWarp::ViewList &                       views,
@@ -223,8 +224,9 @@ public:
           const std::function<PictureType(SizeValueType)> & getPicture,
           const ShearWarp::Threads &                        threads);
 
-  /** Projects \a volume, a part of an image, to the intermediate image of \a factorization, which is that part's: to
-   * \a getPixels(), row by row. Pixels without a sample have the lowest value, or minus infinity. */
+  /** Projects \a volume, a part of an image, to the intermediate image of \a factorization, which must be for this
+   * part. The pixels go to \a getPixels(), row by row. Pixels without a sample have the lowest value, or minus
+   * infinity. */
   void
   ProjectPart(const VolumeType &                              volume,
               const ShearWarpFactorization &                  factorization,
@@ -232,8 +234,8 @@ public:
               const std::function<TPixel *()> &               getPixels,
               const ShearWarp::Threads &                      threads);
 
-  /** Makes a picture of the maxima of intermediate images of parts, which lie within the whole image's, of
-   * \a factorization. \a grid is the picture's. */
+  /** Makes a picture on \a grid from the maxima of the intermediate images of parts. These lie within the intermediate
+   * image of the whole, of \a factorization. */
   void
   WarpParts(const std::vector<PartType> &     parts,
             const ShearWarpFactorization &    factorization,
@@ -242,7 +244,7 @@ public:
             const std::function<TPixel *()> & getPixels,
             const ShearWarp::Threads &        threads);
 
-  /** Of the last projection or picture. */
+  /** Returns the measurements of the last projection or picture. */
   const ShearWarp::Measurements &
   GetMeasurements() const
   {
@@ -253,11 +255,11 @@ public:
   void
   Release();
 
-  /** Bytes that are held. */
+  /** Returns the bytes that the engine holds. */
   SizeValueType
   GetSizeInBytes() const;
 
-  /** Bytes that the copy and the block maxima of the volume hold. */
+  /** Returns the bytes of the copy and of the block maxima of the volume. */
   SizeValueType
   GetPreparedSizeInBytes() const;
 

@@ -30,9 +30,9 @@ namespace itk
 {
 namespace ShearWarp
 {
-/** An image that collects the maxima of sheared slices: where each slice lies in it, and the columns of each row that
- * some slice reaches. That of a part of a volume begins at column `begin.column` and row `begin.row` of the whole
- * volume's, and has the slices from `begin.slice` on. */
+/** An image that collects the maxima of sheared slices: the place of each slice, and the columns of each row that a
+ * slice reaches. The image of a part of a volume begins at column `begin.column` and row `begin.row` of the whole
+ * volume's image, and has the slices from `begin.slice` on. */
 struct IntermediateGrid
 {
   std::ptrdiff_t              columns, rows;
@@ -41,12 +41,12 @@ struct IntermediateGrid
   Corner                      begin{ 0, 0, 0 };
 };
 
-/** The places in \a grid of \a slices slices of a part of a volume whose voxel (0, 0, 0) is the volume's at \a corner.
- */
+/** Returns the places in \a grid of \a slices slices of a part of a volume. The part's voxel (0, 0, 0) is the volume's
+ * voxel at \a corner. */
 ShearWarpMIP_EXPORT std::vector<SlicePlacement>
                     PlacePart(const IntermediateGrid & grid, const Corner & corner, std::ptrdiff_t slices);
 
-/** A view transform as numbers: (u, v, w) of view space is at axes (u, v, w) + offset in physical space. */
+/** A view transform as numbers: point (u, v, w) of view space is at axes (u, v, w) + offset in physical space. */
 struct ViewSpace
 {
   /** Throws ExceptionObject, with the value, if the transform is null, not linear, not finite or singular. */
@@ -56,7 +56,7 @@ struct ViewSpace
   Vector<double, 3>    offset;
 };
 
-/** Views, made one by one: those of a long series would take much memory. */
+/** Views that are made one by one, because all views of a long series would take much memory. */
 struct ViewList
 {
   SizeValueType                           count;
@@ -70,8 +70,9 @@ struct ViewGrid
   Point<double, 2>  origin;
 };
 
-/** The grid of pictures of \a image in all of \a views: that what is to be fitted holds the image's voxels, with the
- * smallest of ShearWarpFactorization::ComputeProjectedSpacing(); the rest as \a given. */
+/** Returns the grid of pictures of \a image in all of \a views. Fitted parameters are such that the grid holds the
+ * image's voxels, with the smallest spacing of ShearWarpFactorization::ComputeProjectedSpacing(). The other parameters
+ * are those of \a given. */
 ShearWarpMIP_EXPORT ViewGrid
 FitGrid(const ViewList &     views,
         const ImageBase<3> * image,
@@ -86,13 +87,13 @@ struct DepthRange
   double nearest, farthest;
 };
 
-/** The depths of \a image from \a slab.nearest to \a slab.farthest. A slab without thickness, or beside the image, has
- * a thousandth of the image's depth. */
+/** Returns the depths of \a image from \a slab.nearest to \a slab.farthest. A slab without thickness, or beside the
+ * image, gets a thousandth of the image's depth. */
 ShearWarpMIP_EXPORT DepthRange
 ClipDepths(const ViewSpace & view, const ImageBase<3> * image, const DepthRange & slab);
 
-/** The least depth of the sphere about the image's center that holds all of its voxels: but for rounding errors the
- * same for all views that are turned about that center. */
+/** Returns the least depth of the smallest sphere about the image's center that holds all voxels. Except for rounding
+ * errors, it is the same for all views that turn about the center. */
 ShearWarpMIP_EXPORT double
 FindSphereDepth(const ViewSpace & view, const ImageBase<3> * image);
 
@@ -117,7 +118,7 @@ struct SliceGeometry
   Matrix<double, 3, 3> direction;
 };
 
-/** A picture as a slice in physical space, in the middle of \a depths and as thick. */
+/** Returns a picture as a slice in physical space, in the middle of \a depths and as thick as their range. */
 ShearWarpMIP_EXPORT SliceGeometry
 MakeSliceGeometry(const ViewSpace & view, const ImageBase<2> * grid, const DepthRange & depths);
 } // namespace ShearWarp
@@ -136,14 +137,14 @@ MakeSliceGeometry(const ViewSpace & view, const ImageBase<2> * grid, const Depth
  * \f[ s_a = (m_{22} m_{13} - m_{12} m_{23}) / (m_{11} m_{22} - m_{21} m_{12}) \f]
  * \f[ s_b = (m_{11} m_{23} - m_{21} m_{13}) / (m_{11} m_{22} - m_{21} m_{12}) \f]
  *
- * The principal axis is the one along which a ray's index changes most (the later one where two are equal but for
- * rounding errors), so that |s_a| <= 1 and |s_b| <= 1 for anisotropic voxels and affine views too. The published
- * translations are twice too large for negative shears; here \f$ t_a = \max(0, -s_a (n_k - 1)) \f$ for n_k slices,
- * and t_b likewise, so that every slice lies at a non-negative offset.
+ * The principal axis is the axis along which a ray's index changes most. If two axes are equal except for rounding
+ * errors, it is the later one. So |s_a| <= 1 and |s_b| <= 1 for anisotropic voxels and affine views too. The published
+ * translations are twice too large for negative shears. Here \f$ t_a = \max(0, -s_a (n_k - 1)) \f$ for n_k slices, and
+ * t_b likewise, so that every slice lies at a non-negative offset.
  *
- * With an oversampling of N the intermediate image has N pixels per voxel along each axis: its pixel (x, y) lies where
- * the sheared voxels have column (x + 1) / N - 1 and row (y + 1) / N - 1. Its N x N phases, of which each takes every
- * N-th column and row, meet a slice like any intermediate image, with one set of weights.
+ * With an oversampling of N, the intermediate image has N pixels per voxel along each axis. Its pixel (x, y) lies at
+ * column (x + 1) / N - 1 and row (y + 1) / N - 1 of the sheared voxels. It has N x N phases, each with every N-th
+ * column and row. A phase meets a slice with one set of weights, like an intermediate image without oversampling.
  *
  * \ingroup ShearWarpMIP
  */
@@ -161,10 +162,11 @@ public:
   using Matrix3Type = Matrix<double, 3, 3>;
   using Matrix4Type = Matrix<double, 4, 4>;
 
-  /** Factors the view of \a image, over its largest possible region, by \a viewTransform, which takes view space to
-   * the image's physical space. \a output gives the grid in the view plane: size, spacing and origin.
-   * \a oversampling is 1 or 2. Throws ExceptionObject as VerifyViewTransform() and VerifyOversampling() do, for an
-   * intermediate image of 2^31 columns or rows, and for a null image, as all functions here do. */
+  /** Factors the view of \a image, over its largest possible region, by \a viewTransform, which maps view space to the
+   * image's physical space. \a output defines the grid in the view plane: size, spacing and origin. \a oversampling is
+   * 1 or 2. Throws ExceptionObject for the cases of VerifyViewTransform() and VerifyOversampling(), and for an
+   * intermediate image of 2^31 columns or rows. Like all functions here, it also throws ExceptionObject for a null
+   * image. */
   ShearWarpFactorization(const ShearWarp::ViewSpace & view,
                          const InputImageBaseType *   image,
                          const OutputImageBaseType *  output,
@@ -209,8 +211,8 @@ public:
     return m_Translation;
   }
 
-  /** The same view, with the intermediate image of a part of the image alone: \a part, which lies within the image's
-   * largest possible region. Throws ExceptionObject if it does not. */
+  /** Returns the same view with the intermediate image of \a part only. Throws ExceptionObject if \a part is not within
+   * the image's largest possible region. */
   ShearWarpFactorization
   MakePart(const ImageRegion<3> & part) const;
 
@@ -221,7 +223,8 @@ public:
     return m_IntermediateRegion.GetSize();
   }
 
-  /** Where the intermediate image lies in the whole image's: it begins at index (0, 0) but for a part. */
+  /** The region of the intermediate image within that of the whole image. It begins at index (0, 0), except for a part.
+   */
   const ImageRegion<2> &
   GetIntermediateRegion() const
   {
@@ -235,7 +238,8 @@ public:
     return m_ViewMatrix;
   }
 
-  /** M_shear: (i, j, k, 1) to sheared column, row, slice; without oversampling those of the intermediate image. */
+  /** M_shear: (i, j, k, 1) to sheared column, row, slice. Without oversampling, these are column and row of the
+   * intermediate image. */
   Matrix4Type
   GetShearMatrix() const;
 
@@ -247,47 +251,50 @@ public:
   Matrix4Type
   GetShearedToViewMatrix() const;
 
-  /** The function \a ofView[0] u + \a ofView[1] v + \a ofView[2] w + \a ofView[3] of view space as one of sheared
-   * column, row and slice. */
+  /** Returns the function \a ofView[0] u + \a ofView[1] v + \a ofView[2] w + \a ofView[3] of view space as a function
+   * of sheared column, row and slice. */
   ShearWarp::ShearedFunction
   GetShearedFunction(const Vector4Type & ofView) const;
 
-  /** A function of sheared column, row and slice as one of the columns and rows of element \a phase of GetPhases(). */
+  /** Returns a function of sheared column, row and slice as a function of column, row and slice of element \a phase of
+   * GetPhases(). */
   ShearWarp::ShearedFunction
   GetFunctionOfPhase(ShearWarp::ShearedFunction function, std::size_t phase) const;
 
-  /** The depth w, as a function of sheared column, row and slice. */
+  /** Returns the depth w as a function of sheared column, row and slice. */
   ShearWarp::ShearedFunction
   GetDepthFunction() const;
 
-  /** Column, row, 1 of the output grid to column, row, 1 of the whole image's intermediate image: the inverse of the
-   * warp, after the grid's spacing and origin. */
+  /** Column, row, 1 of the output grid to column, row, 1 of the whole image's intermediate image. This applies the
+   * grid's spacing and origin, and then the inverse of the warp. */
   Matrix3Type
   GetOutputToIntermediateMatrix() const;
 
-  /** The place of each slice among the sheared voxels; without oversampling in the intermediate image. */
+  /** The place of each slice among the sheared voxels. Without oversampling, this is its place in the intermediate
+   * image.
+   */
   const std::vector<ShearWarp::SlicePlacement> &
   GetSlicePlacements() const
   {
     return m_Phases.back().placements;
   }
 
-  /** The parts of the intermediate image, Oversampling x Oversampling: pixel (x, y) of element `row * Oversampling +
-   * column` is its pixel (Oversampling x + column, Oversampling y + row). */
+  /** The Oversampling x Oversampling phases of the intermediate image. Pixel (x, y) of element `row * Oversampling +
+   * column` is the intermediate image's pixel (Oversampling x + column, Oversampling y + row). */
   const std::vector<ShearWarp::IntermediateGrid> &
   GetPhases() const
   {
     return m_Phases;
   }
 
-  /** For each row of the intermediate image, the columns that some slice reaches. */
+  /** For each row of the intermediate image, the columns that a slice reaches. */
   const std::vector<ShearWarp::ColumnSpan> &
   GetReachedColumns() const
   {
     return m_ReachedColumns;
   }
 
-  /** Whether every slice lies at the same place as with \a other, so that the maxima are the same: as they are for
+  /** Returns whether every slice has the same place as with \a other, so that the maxima are the same. This is so for
    * views from opposite sides. */
   bool
   HasSameSlicePlacements(const ShearWarpFactorization & other) const;
@@ -300,11 +307,11 @@ public:
   static void
   VerifyOversampling(unsigned int oversampling);
 
-  /** The linear part of a transform: its columns are the axes of view space, in physical space. */
+  /** Returns the linear part of a transform. Its columns are the axes of view space, in physical space. */
   static Matrix3Type
   GetLinearPart(const TransformType * viewTransform);
 
-  /** Corners of the bounding box, in view space, of the physical extent of \a image: its voxels, not only their
+  /** Returns the corners of the bounding box of \a image in view space. The box contains whole voxels, not only their
    * centers. */
   static void
   ComputeViewBounds(const TransformType *      viewTransform,
@@ -312,12 +319,12 @@ public:
                     Point3Type &               lower,
                     Point3Type &               upper);
 
-  /** The smallest spacing of \a image, in units of the view plane's two axes. */
+  /** Returns the smallest spacing of \a image, in units of the view plane's two axes. */
   static Vector2Type
   ComputeProjectedSpacing(const TransformType * viewTransform, const InputImageBaseType * image);
 
 private:
-  /** Makes the phases' grids for voxels \a part of the image, and the intermediate image that they join to. */
+  /** Makes the grids of the phases for the voxels \a part of the image, and the joined intermediate image. */
   void
   MakePhases(const ImageRegion<3> & part);
 

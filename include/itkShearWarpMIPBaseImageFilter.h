@@ -126,9 +126,9 @@ public:
   itkSetMacro(CropUpper, PhysicalPointType);
   itkGetConstReferenceMacro(CropUpper, PhysicalPointType);
 
-  /** Only voxels inside the mask count. A voxel is inside if its mask value is MaskLabel; if MaskLabel is 0, the default,
-   * a voxel is inside if its mask value is not 0. The mask must have the input's grid. A sample counts if its nearest
-   * voxel is inside the mask. Its value is the weighted mean of its voxels inside the mask. */
+  /** Only voxels inside the mask count. A voxel is inside if its mask value is MaskLabel; if MaskLabel is 0, the
+   * default, a voxel is inside if its mask value is not 0. The mask must have the input's grid. A sample counts if its
+   * nearest voxel is inside the mask. Its value is the weighted mean of its voxels inside the mask. */
   itkSetInputMacro(MaskImage, MaskImageType);
   itkGetInputMacro(MaskImage, MaskImageType);
   itkSetMacro(MaskLabel, unsigned char);
@@ -159,20 +159,20 @@ public:
   itkGetConstMacro(ComputeDepth, bool);
   itkBooleanMacro(ComputeDepth);
 
-  /** The depth w of the output's values, in units of view space; null if ComputeDepth is off. T(u, v, w) is the place of
-   * a pixel's maximum, or the nearest place if there are several. The depth is that of the intermediate pixel with the
-   * largest weight in the output pixel. It is not-a-number if the pixel has no sample. */
+  /** The depth w of the output's values, in units of view space; null if ComputeDepth is off. T(u, v, w) is the place
+   * of a pixel's maximum, or the nearest place if there are several. The depth is that of the intermediate pixel with
+   * the largest weight in the output pixel. It is not-a-number if the pixel has no sample. */
   DepthImageType *
   GetDepthOutput();
   const DepthImageType *
   GetDepthOutput() const;
 
-  /** Whether a pixel is the extremum of the interpolated image along its ray, instead of the extremum of samples; off by
-   * default. The interpolated image is the trilinear interpolant of the voxels, within the slab and the box. It extends
-   * half a voxel beyond the outer voxel centers, with the values of the outer voxels. In each cell it is a cubic along
-   * the ray, and the extremum of the cubic has a closed form. So there is no step, no principal axis and no second
-   * interpolation. The extremum is rounded once. For pixels of 8 and 16 bits, the error before rounding is below 2^-14
-   * of the range of the pixel type. Cells with a voxel that is not finite are left out. The depth is that of the
+  /** Whether a pixel is the extremum of the interpolated image along its ray, instead of the extremum of samples; off
+   * by default. The interpolated image is the trilinear interpolant of the voxels, within the slab and the box. It
+   * extends half a voxel beyond the outer voxel centers, with the values of the outer voxels. In each cell it is a
+   * cubic along the ray, and the extremum of the cubic has a closed form. So there is no step, no principal axis and no
+   * second interpolation. The extremum is rounded once. For pixels of 8 and 16 bits, the error before rounding is below
+   * 2^-14 of the range of the pixel type. Cells with a voxel that is not finite are left out. The depth is that of the
    * extremum. MaskImage, LocalMaximum, DepthAttenuation, Oversampling and NumberOfStreamDivisions must have their
    * default values. */
   itkSetMacro(Exact, bool);
@@ -185,9 +185,9 @@ public:
   itkSetMacro(NumberOfStreamDivisions, unsigned int);
   itkGetConstMacro(NumberOfStreamDivisions, unsigned int);
 
-  /** The most memory, in bytes, for the intermediate images of views that are projected together; 1 GiB by default. Each
-   * view has an intermediate image for each thread. If one view needs more memory, it is projected alone. At most 256
-   * views are projected together. */
+  /** The most memory, in bytes, for the intermediate images of views that are projected together; 1 GiB by default.
+   * Each view has an intermediate image for each thread. If one view needs more memory, it is projected alone. At most
+   * 256 views are projected together. */
   itkSetMacro(IntermediateMemory, SizeValueType);
   itkGetConstMacro(IntermediateMemory, SizeValueType);
 

@@ -35,8 +35,8 @@ namespace itk
  * All frames have one grid, in view space. By default the grid clips no frame: its extent is the bounding box of all
  * frames' projections, and its spacing is the finest of all frames' own spacings. The output's third axis counts the
  * frames. The output's MetaDataDictionary has two entries of type `std::vector<double>`. "FrameAngles" has the angles
- * in degrees (not for a list of transforms). "FrameTransforms" has twelve numbers per frame: the first three rows of the
- * matrix from view space to physical space.
+ * in degrees (not for a list of transforms). "FrameTransforms" has twelve numbers per frame: the first three rows of
+ * the matrix from view space to physical space.
  *
  * The filter projects frames with the same principal axis together. A block of the volume serves all of them while it
  * is in the cache, so a series takes far less time than single views. This needs memory for an intermediate image for
@@ -87,8 +87,8 @@ public:
   itkGetConstMacro(NumberOfFrames, unsigned int);
 
   /** The direction of the axis that the viewer moves about, in physical space, of any length. The default is the
-   * patient's long axis, towards superior. Positive angles are right-handed: with the default axis, from anterior to the
-   * patient's left. */
+   * patient's long axis, towards superior. Positive angles are right-handed: with the default axis, from anterior to
+   * the patient's left. */
   itkSetMacro(RotationAxis, AxisType);
   itkGetConstReferenceMacro(RotationAxis, AxisType);
 
@@ -111,7 +111,8 @@ public:
   itkSetMacro(AngularRange, double);
   itkGetConstMacro(AngularRange, double);
 
-  /** Whether the viewer moves to and fro; off by default. Frame n of N is then at StartAngle + AngularRange / 2 sin(2 pi
+  /** Whether the viewer moves to and fro; off by default. Frame n of N is then at
+   * StartAngle + AngularRange / 2 sin(2 pi
    * n / N) / s, where s is the largest of these sines. So both ends of the range are frames, and the series can repeat
    * without a jump. Two frames are the two ends; a single frame is at StartAngle. */
   itkSetMacro(Rocking, bool);

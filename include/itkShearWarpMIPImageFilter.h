@@ -46,9 +46,9 @@ namespace itk
  * memory of an intermediate image for each thread, until ReleasePreparedVolume().
  *
  * Mode and LocalMaximum select another sample of a ray than the maximum. SlabNear, SlabFar, CropLower, CropUpper and
- * MaskImage leave out samples, and DepthAttenuation fades samples. ComputeDepth adds a second output with depths. All of
- * these can be combined. With any of them, reduced resampling skips no part of the volume. With LocalMaximum, the filter
- * follows rays from front to back, and all threads share one intermediate image. It does the same for MaskImage,
+ * MaskImage leave out samples, and DepthAttenuation fades samples. ComputeDepth adds a second output with depths. All
+ * of these can be combined. With any of them, reduced resampling skips no part of the volume. With LocalMaximum, the
+ * filter follows rays from front to back, and all threads share one intermediate image. It does the same for MaskImage,
  * ComputeDepth and DepthAttenuation if an axis has more than 32766 voxels of 8 or 16 bits.
  *
  * By default the output's grid is fitted to the view. Its extent is the projected bounding box of the whole image. Its
@@ -57,8 +57,8 @@ namespace itk
  * image, and a grid with a given OutputOrigin reaches to the far end of the projected image.
  *
  * Infinite voxels make the samples around them infinite or not-a-number. The filter ignores samples that are
- * not-a-number. It also ignores minus infinity (plus infinity, if Mode is Minimum). A pixel without any other sample has
- * DefaultPixelValue.
+ * not-a-number. It also ignores minus infinity (plus infinity, if Mode is Minimum). A pixel without any other sample
+ * has DefaultPixelValue.
  *
  * Update() throws ExceptionObject for
  * - a transform that is missing, not linear, not finite or not invertible
@@ -76,8 +76,8 @@ namespace itk
  * abort.
  *
  * Several filters may update in different threads at once if they share no data object, because ITK's pipeline changes
- * even the requested region of an input. They can share voxels if each filter has its own image, made by Image::Graft().
- * They can also share a transform, if nobody changes it.
+ * even the requested region of an input. They can share voxels if each filter has its own image, made by
+ * Image::Graft(). They can also share a transform, if nobody changes it.
  *
  * The filter always computes the whole output. It requests the whole input, or slab by slab with
  * NumberOfStreamDivisions from a source that streams, and the mask in the same way. So it can project an image larger

@@ -25,10 +25,10 @@ namespace itk
 /** \class ShearWarpMIPMergePartsImageFilter
  * \brief Makes the picture of a 3D image from projections of its parts.
  *
- * Parts are outputs of ShearWarpMIPPartImageFilter for the same image, Transform and Oversampling. If the parts together
- * cover the image, the picture has the same bits as the output of ShearWarpMIPImageFilter for the whole image. The
- * filter uses only the geometry of the input, and does not request its voxels. The output's geometry is known before
- * there are parts.
+ * Parts are outputs of ShearWarpMIPPartImageFilter for the same image, Transform and Oversampling. If the parts
+ * together cover the image, the picture has the same bits as the output of ShearWarpMIPImageFilter for the whole image.
+ * The filter uses only the geometry of the input, and does not request its voxels. The output's geometry is known
+ * before there are parts.
  *
  * The filter makes only plain maxima: Mode, SlabNear, SlabFar, CropLower, CropUpper, MaskImage, LocalMaximum,
  * DepthAttenuation and ComputeDepth must have their default values. Otherwise Update() throws ExceptionObject. It also

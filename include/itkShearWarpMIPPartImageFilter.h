@@ -117,7 +117,7 @@ protected:
   PrintSelf(std::ostream & os, Indent indent) const override;
 
 private:
-  /** Whole and part of what is projected. */
+  /** Return the regions of the whole and of the part that are projected. */
   RegionType
   GetWhole() const;
   RegionType

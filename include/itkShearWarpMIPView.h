@@ -28,8 +28,8 @@ namespace itk
 {
 namespace ShearWarp
 {
-/** The angle of frame \a frame of \a frames: start + range frame / frames or, to and fro, start + range / 2 sin(2 pi
- * frame / frames), scaled so that the range's ends are reached. */
+/** Returns the angle of frame \a frame of \a frames. A turn has start + range frame / frames. To and fro has start +
+ * range / 2 sin(2 pi frame / frames), scaled to reach the ends of the range. */
 ShearWarpMIP_EXPORT double
 GetTurnAngle(unsigned int frame, unsigned int frames, double start, double range, bool isRocking);
 } // namespace ShearWarp
@@ -61,10 +61,10 @@ ShearWarpMIP_EXPORT std::ostream &
  * \brief Makes view transforms for ShearWarpMIPImageFilter from anatomical directions.
  *
  * Physical space is ITK's: x to the patient's left, y to posterior, z to superior (LPS), in mm. View space has u to the
- * right of the picture, v down the picture and w away from the viewer; it is right-handed, so that no view is
+ * right of the picture, v down the picture and w away from the viewer. View space is right-handed, so no view is
  * mirrored. Its origin is the center of the image.
  *
- * Towards which side of the patient u, v and w point:
+ * u, v and w point towards these sides of the patient:
  * - Anterior: left, inferior, posterior
  * - Posterior: right, inferior, anterior
  * - Left: posterior, inferior, right
@@ -80,31 +80,32 @@ public:
   using DirectionEnum = ShearWarpMIPViewEnums::Direction;
   using TransformType = AffineTransform<double, 3>;
 
-  /** The rigid transform, from view space to physical space, of a view of \a image from \a direction. From there the
-   * viewer moves around the image's center: first by \a azimuth degrees towards the right of the picture, about the
-   * picture's vertical axis, then by \a elevation degrees towards the top of the picture. From anterior, azimuth 90
-   * is the left view (positive angles are left anterior oblique, positive elevations are cranial).
+  /** Returns the rigid transform, from view space to physical space, of a view of \a image. The viewer starts at
+   * \a direction, and moves around the image's center: first by \a azimuth degrees towards the right of the picture,
+   * about the picture's vertical axis, then by \a elevation degrees towards the top of the picture. From anterior,
+   * azimuth 90 is the left view; a positive azimuth is left anterior oblique, and a positive elevation is cranial.
    * Throws ExceptionObject if \a image is null, or an angle is not finite. */
   static ShearWarpMIP_EXPORT TransformType::Pointer
   MakeTransform(const ImageBase<3> * image, DirectionEnum direction, double azimuth = 0.0, double elevation = 0.0);
 
-  /** The rigid transform of a view of \a image that has \a axis, a direction of physical space of any length, up the
-   * picture: from anterior or, where the axis points that way, from superior. Throws ExceptionObject if \a image is
-   * null, or \a axis is zero or not finite. */
+  /** Returns the rigid transform of a view of \a image with \a axis up the picture. \a axis is a direction in physical
+   * space, of any length. The view is from anterior or, if the axis points that way, from superior. Throws
+   * ExceptionObject if \a image is null, or \a axis is zero or not finite. */
   static ShearWarpMIP_EXPORT TransformType::Pointer
                              MakeUprightTransform(const ImageBase<3> * image, const Vector<double, 3> & axis);
 
-  /** \a view, a linear transform from view space to physical space, after the viewer has moved by \a degrees,
-   * right-handed, about the line through \a center, in mm, along \a axis, of any length. Multiples of 90 degrees about
-   * an axis of physical space are exact. Throws ExceptionObject if \a view is null or not linear, \a axis is zero, or a
-   * number is not finite. */
+  /** Returns \a view, a linear transform from view space to physical space, after the viewer has moved by \a degrees,
+   * right-handed. The viewer moves about the line through \a center, in mm, along \a axis, of any length. Multiples of
+   * 90 degrees about an axis of physical space are exact. Throws ExceptionObject if \a view is null or not linear, if
+   * \a axis
+   * is zero, or if a number is not finite. */
   static ShearWarpMIP_EXPORT TransformType::Pointer
                              Turn(const Transform<double, 3, 3> * view,
                                   const Vector<double, 3> &       axis,
                                   const Point<double, 3> &        center,
                                   double                          degrees);
 
-  /** The physical position, in mm, of the center of \a image's largest possible region. */
+  /** Returns the physical position, in mm, of the center of \a image's largest possible region. */
   static ShearWarpMIP_EXPORT Point<double, 3>
                              GetCenter(const ImageBase<3> * image);
 };

@@ -25,16 +25,15 @@
 #include <string>
 #include <vector>
 
-/** The rule of sampling, which every kernel keeps to the bit, and where slices lie in the intermediate image.
+/** The rule of sampling, which every kernel follows to the bit, and the places of slices in the intermediate image.
  *
  * Positions are quantized to 1/2^15 voxel, and bilinear weights are integers that sum to 2^15:
  * see SamplingPosition and BilinearWeights. Integer samples are the weighted sum rounded once, half upward:
  * \f[ \lfloor (w_{aa} v_{aa} + w_{ab} v_{ab} + w_{ba} v_{ba} + w_{bb} v_{bb} + 2^{14}) / 2^{15} \rfloor \f]
  * Floating-point samples are three linear interpolations `b + x * (a - b)`, along columns first, each in
- * the pixel's own precision and without contraction; the result is never outside the range of the four
- * voxels, because x is at most 1 - 2^-15, unless their difference overflows. A voxel of weight zero takes no part. A
- * sample that is not a number never wins, one of minus infinity counts as no sample, and a maximum of zero
- * is +0.
+ * the pixel's own precision and without contraction. Because x is at most 1 - 2^-15, the result is never outside the
+ * range of the four voxels, unless their difference overflows. A voxel with weight zero is not used. A maximum ignores
+ * samples that are not-a-number or minus infinity, and a maximum of zero is +0.
  */
 namespace itk::ShearWarp
 {
@@ -53,8 +52,8 @@ ShearWarpMIP_EXPORT SamplingPosition
 QuantizePosition(double position);
 
 /** Weights of the four corners of a cell in 1/2^15: none negative, their sum exactly 2^15.
- * First letter: row, second letter: column; `a` is the neighbour of weight \a x (or \a y), `b` the one that
- * has the rest. \f[ aa = \lfloor (x y + 2^{14}) / 2^{15} \rfloor, \quad ab = y - aa, \quad ba = x - aa, \quad
+ * First letter: row, second letter: column; `a` is the neighbour of weight \a x (or \a y), `b` the neighbour with
+ * the rest. \f[ aa = \lfloor (x y + 2^{14}) / 2^{15} \rfloor, \quad ab = y - aa, \quad ba = x - aa, \quad
  * bb = 2^{15} - x - y + aa \f] */
 struct BilinearWeights
 {
@@ -67,11 +66,11 @@ struct BilinearWeights
   std::int32_t aa, ab, ba, bb;
 };
 
-/** Where a slice lies in the intermediate image: its voxel (0, 0) is at column `column`, row `row`.
+/** The place of a slice in the intermediate image: its voxel (0, 0) is at column `column`, row `row`.
  *
  * Intermediate pixel p meets the slice at voxel column p - column.whole - column.fraction / 2^15.
- * The slice reaches half a voxel beyond its outer voxel centers, with the outer voxels' values, so that it always
- * covers as many pixels as it has voxels. */
+ * The slice reaches half a voxel beyond its outer voxel centers, with the outer voxels' values, so it always covers as
+ * many pixels as it has voxels. */
 struct SlicePlacement
 {
   SamplingPosition column;
@@ -90,11 +89,11 @@ struct SlicePlacement
   }
 };
 
-/** The instruction sets that this computer and this build have, the best one last. */
+/** Returns the instruction sets that this computer and this build have, the best one last. */
 ShearWarpMIP_EXPORT std::vector<std::string>
                     GetInstructionSets();
 
-/** Where a part of a volume begins. */
+/** The first voxel of a part of a volume. */
 struct Corner
 {
   std::ptrdiff_t column, row, slice;
