@@ -35,21 +35,22 @@ namespace
 {
 constexpr auto description =
   "Maximum intensity projection (MIP) of a 3D image from any direction.\n"
-  "INPUT is an image that ITK reads (NIfTI, NRRD, MetaImage, DICOM, ...) or a folder whose DICOM files, "
-  "also in folders, are searched. The program projects each component of its pixels by itself. A 4D image gives one "
+  "INPUT is an image that ITK reads (NIfTI, NRRD, MetaImage, DICOM, ...) or a folder. The program searches a folder, "
+  "and the folders in it, for DICOM files. It projects each component of the pixels by itself. A 4D image gives one "
   "frame for each point in time.\n"
-  "The extension of OUTPUT is its format: .mha, .nrrd, .nii and .nii.gz keep the image's values and pixel type, a "
-  "series as a 3D stack; .png, .jpg and .tif have 8 bits, see --window, a series as numbered files; .gif, .apng and "
-  ".mp4 are animations, made by the program ffmpeg; .html is a page that turns and plays a series in any browser. A "
-  "folder, new with a / at its end or empty, gets a DICOM series.\n"
-  "Sizes and positions of the output are in mm in the view plane. Names of values may be in capitals, and as short as "
-  "they are clear. Several numbers have commas or spaces between them.";
+  "The extension of OUTPUT selects the format. Files .mha, .nrrd, .nii and .nii.gz keep the image's values and pixel "
+  "type; a series is a 3D stack. Pictures .png, .jpg and .tif have 8 bits, see --window; a series is numbered files. "
+  "Animations .gif, .apng and .mp4 are made by the program ffmpeg. A page .html turns and plays a series in any "
+  "browser. If OUTPUT is an empty folder, or a new one with a / at its end, the program writes a DICOM series into "
+  "it.\n"
+  "Sizes and positions of the output are in mm in the view plane. Names of values may be in capitals, and may be "
+  "shortened as long as they are unique. Separate several numbers by commas or spaces.";
 
 constexpr auto examples = "Examples:\n"
                           "  shear-warp-mip tof.nii.gz mip.png --view inferior\n"
                           "      a picture, seen from the feet as axial slices are\n"
                           "  shear-warp-mip dicom-folder/ mip.nrrd --azimuth 30 --elevation 15\n"
-                          "      left anterior oblique 30 degrees, cranial 15 degrees, with the image's values\n"
+                          "      the image's values, left anterior oblique 30 degrees, cranial 15 degrees\n"
                           "  shear-warp-mip tof.nrrd turn.html --frames 72\n"
                           "      a page that turns, for any browser\n"
                           "  shear-warp-mip tof.nrrd rocking.mp4 --frames 48 --rocking 60 --elevation 15\n"
@@ -177,8 +178,8 @@ DefineOptions(CLI::App & app, Options & options)
   app
     .add_option("--series",
                 options.series,
-                "DICOM series, if the folder has several: its number in the list that is then printed, a part of its "
-                "description, or its instance UID")
+                "DICOM series, if the folder has several: its number in the printed list, a part of its description, "
+                "or its instance UID")
     ->type_name("SERIES");
 
   const auto add = [&app](const std::string & group,
@@ -202,37 +203,41 @@ DefineOptions(CLI::App & app, Options & options)
                         "--view",
                         options.view,
                         "",
-                        "Side from which the patient is seen; superior: from above, the patient's left at the "
-                        "left; inferior: from the feet, as axial slices are read")
+                        "Side from which the viewer looks; superior: from above, with the patient's left at the "
+                        "left; inferior: from the feet, like axial slices")
                       ->transform(Choice(GetKeys(directions)))
                       ->capture_default_str();
   const auto azimuth = add("View",
                            "--azimuth",
                            options.azimuth,
                            "DEGREES",
-                           "Degrees to go on, towards the right of the picture (LAO positive)")
+                           "Moves the viewer by this angle towards the right of the picture (LAO is positive)")
                          ->check(angle);
   const auto elevation =
-    add("View", "--elevation", options.elevation, "DEGREES", "Degrees to rise then, towards its top (cranial positive)")
+    add("View",
+        "--elevation",
+        options.elevation,
+        "DEGREES",
+        "After --azimuth, moves the viewer by this angle towards the top of the picture (cranial is positive)")
       ->check(angle);
   add("View",
       "--transform",
       options.transform,
       "FILE",
       "Linear ITK transform from view space (right, down, away; mm) to the image's space; depths are then "
-      "from its origin. Several are a series of frames")
+      "measured from the origin of view space. A file with several transforms makes a series of frames")
     ->excludes(view)
     ->excludes(azimuth)
     ->excludes(elevation);
 
-  const auto frames = add("Turning series", "--frames", options.frames, "N", "A turn in N frames: a series")
+  const auto frames = add("Turning series", "--frames", options.frames, "N", "Makes a series of N frames: a turn")
                         ->check(CLI::Range(1u, MostFrames));
   addList("Turning series",
           "--axis",
           options.axis,
           "NAME or X Y Z",
-          "To turn about, right-handed: the patient's left, posterior or superior, the image's i, j or k, or a "
-          "direction X Y Z (LPS); default: superior, towards the patient's left from anterior")
+          "Axis of the turn, right-handed: the patient's left, posterior or superior, the image's i, j or k, or a "
+          "direction X Y Z (LPS); default: superior, from anterior towards the patient's left")
     ->needs(frames);
   add("Turning series",
       "--center,--centre",
@@ -247,15 +252,15 @@ DefineOptions(CLI::App & app, Options & options)
                          "--range",
                          options.range,
                          "DEGREES",
-                         "How far to turn, negative to the other side; default: 360")
+                         "Angle of the whole turn, negative to the other side; default: 360")
                        ->check(angle)
                        ->needs(frames);
   add("Turning series",
       "--rocking",
       options.rocking,
       "DEGREES",
-      "Turn to and fro instead, over so many degrees in all: from the view half of them to one side, then to the "
-      "other, and back, as a sine whose ends are frames; two frames are the ends. Fit to be repeated")
+      "Swings to and fro over this angle instead of a turn: half of the angle to one side of the view, then to the "
+      "other side, and back. The speed follows a sine, and both ends are frames. The series can repeat without a jump")
     ->check(angle)
     ->needs(frames)
     ->excludes(range);
@@ -263,7 +268,8 @@ DefineOptions(CLI::App & app, Options & options)
           "--elevations",
           options.elevations,
           "DEGREES",
-          "A turn at each of these elevations, as -30,0,30, one after the other; in a page drag up and down")
+          "Makes a turn at each of these elevations, such as -30,0,30, one after the other; in a page, drag up and "
+          "down")
     ->check(angle)
     ->needs(frames)
     ->excludes(elevation)
@@ -272,15 +278,15 @@ DefineOptions(CLI::App & app, Options & options)
       "--rate",
       options.rate,
       "FPS",
-      "Frames per second of an animation or page; default: the series, or one turn, in four seconds, from 5 to "
-      "25")
+      "Frames per second of an animation or page; by default from 5 to 25, so that the series or one turn takes "
+      "four seconds")
     ->check(CLI::Range(0.1, 100.0));
   add("Turning series",
       "--page-bits",
       options.pageBits,
       "",
-      "Bits of a page's pixels: 8 for twice the window's range, or 16 for all values, two to four times as "
-      "large")
+      "Bits per pixel of a page: 8 stores values in twice the range of the window; 16 stores the whole range, and "
+      "makes the page two to four times as large")
     ->check(CLI::IsMember({ "8", "16" }))
     ->default_str("8");
 
@@ -288,9 +294,9 @@ DefineOptions(CLI::App & app, Options & options)
           "--spacing",
           options.spacing,
           "MM",
-          "Distance of pixels: one value, or two for x and y; default: the image's smallest")
+          "Distance of pixels: one value, or two for x and y; default: the image's smallest spacing")
     ->check(Number("a positive number; decimals have a point", tiny));
-  add("Picture", "--size", options.size, "WIDTH HEIGHT", "In pixels; default: all of the image is in the picture")
+  add("Picture", "--size", options.size, "WIDTH HEIGHT", "Size in pixels; default: the picture shows the whole image")
     ->check(count)
     ->delimiter(',')
     ->expected(2);
@@ -298,29 +304,30 @@ DefineOptions(CLI::App & app, Options & options)
       "--background",
       options.background,
       "VALUE",
-      "Value beside the image; default: 0, or the image's minimum if that is negative")
+      "Value of pixels beside the image; default: 0, or the image's minimum if it is negative")
     ->check(Value());
   const auto oversampling =
     add("Picture",
         "--oversampling",
         options.oversampling,
         "",
-        "1, or 2 for twice as many samples along both axes of each slice: sharper, up to three times as slow")
+        "1, or 2 for twice as many samples along both axes of each slice, which is sharper and up to three times as "
+        "slow")
       ->check(CLI::IsMember({ "1", "2" }))
       ->capture_default_str();
   const auto exact = addFlag("Picture",
                              "--exact",
                              options.isExact,
-                             "The maximum of the interpolated image along each pixel's ray, in closed form: "
-                             "without steps between samples, 7 to 60 times as slow")
+                             "Computes the maximum of the interpolated image along each pixel's ray in closed form, "
+                             "instead of samples; 7 to 60 times as slow")
                        ->excludes(oversampling);
   const auto window =
     addList("Picture",
             "--window",
             options.window,
             "LOW HIGH or NAME",
-            "Values that become black and white in pictures and animations, and at first in a page "
-            "(white and black if DICOM is MONOCHROME1), or the name of a usual window: " +
+            "Values that become black and white in pictures and animations, and in a page when it opens "
+            "(white and black for DICOM MONOCHROME1), or the name of a usual window: " +
               DescribeWindows() + "; default: percentiles 1 and 99.8 of the pixels that are not background");
   add("Picture",
       "--wl",
@@ -334,18 +341,18 @@ DefineOptions(CLI::App & app, Options & options)
   addFlag("Picture",
           "--no-labels",
           options.isUnlabelled,
-          "No letters of the patient's sides (L, R, A, P, H, F) at the edges of pictures and animations; a page "
-          "hides them and the scale bar at first");
+          "Leaves out the letters of the patient's sides (L, R, A, P, H, F) at the edges of pictures and animations; a "
+          "page hides them and the scale bar when it opens");
   addFlag("Picture",
           "--annotate",
           options.isAnnotated,
-          "A scale bar, and where each frame is seen from (LAO 30 CRA 15), in pictures and animations");
+          "Adds a scale bar and the angles of each frame's view (LAO 30 CRA 15) to pictures and animations");
 
   const auto slab = add("Projection",
                         "--slab",
                         options.slab,
                         "NEAR FAR",
-                        "Only what lies between these depths in mm behind the image's centre along the view "
+                        "Projects only samples between these depths, in mm behind the image's centre along the view "
                         "(negative: nearer to the viewer; -inf and inf: no limit)")
                       ->check(Bound())
                       ->delimiter(',')
@@ -354,8 +361,8 @@ DefineOptions(CLI::App & app, Options & options)
                                "--sliding-slab",
                                options.slidingSlab,
                                "THICKNESS STEP",
-                               "Slabs from the image's front to its back, one every STEP mm: a 3D stack by depth "
-                               "of the slabs' middles, or numbered PNGs")
+                               "Projects slabs from the image's front to its back, one every STEP mm: a 3D stack by "
+                               "the depth of the slabs' middles, or numbered PNGs")
                              ->check(Number("a positive number", tiny))
                              ->delimiter(',')
                              ->expected(2)
@@ -365,7 +372,7 @@ DefineOptions(CLI::App & app, Options & options)
       "--mode",
       options.mode,
       "",
-      "What a ray shows of the values along it; the absolute maximum keeps its sign")
+      "Which of the values along a ray the picture shows; the absolute maximum keeps its sign")
     ->transform(Choice(GetKeys(modes), { { "mip", "maximum" }, { "minip", "minimum" } }))
     ->capture_default_str();
   add("Projection",
@@ -380,18 +387,17 @@ DefineOptions(CLI::App & app, Options & options)
                         "--mask",
                         options.mask,
                         "FILE",
-                        "Only voxels where this image is not 0; it has whole numbers and INPUT's grid")
+                        "Projects only voxels where this image is not 0; it has whole numbers and INPUT's grid")
                       ->excludes(exact);
   const auto maskLabel =
-    add("Projection", "--mask-label", options.maskLabel, "N", "Only voxels where the mask is N, at least 1")
+    add("Projection", "--mask-label", options.maskLabel, "N", "Projects only voxels where the mask is N, at least 1")
       ->check(count)
       ->needs(mask);
   add("Projection",
       "--remove-label",
       options.removedLabels,
       "N",
-      "All voxels but those where the mask is one of these labels, each at least 1: takes bone or the table "
-      "out")
+      "Leaves out voxels where the mask is one of these labels, each at least 1, such as bone or the table")
     ->check(count)
     ->delimiter(',')
     ->needs(mask)
@@ -400,7 +406,7 @@ DefineOptions(CLI::App & app, Options & options)
       "--crop",
       options.crop,
       "X0 X1 Y0 Y1 Z0 Z1",
-      "Only what lies in this box of the patient's space, in mm (LPS: x to the left, y to posterior, z to "
+      "Projects only samples in this box of the patient's space, in mm (LPS: x to the left, y to posterior, z to "
       "superior; -inf and inf: no limit)")
     ->check(Bound())
     ->delimiter(',')
@@ -409,52 +415,53 @@ DefineOptions(CLI::App & app, Options & options)
       "--attenuation",
       options.attenuation,
       "RATE",
-      "Values fade to the background with depth: at d mm behind the front of the sphere that holds the "
-      "image or, if that is deeper, of the slab, to exp(-RATE d) of their difference; RATE is per mm")
+      "Fades values to the background with depth: the difference from the background becomes exp(-RATE d) times "
+      "as large. d is the depth in mm behind the front of the sphere about the image or, if that is deeper, of the "
+      "slab. RATE is per mm")
     ->check(Number("a finite number of at least 0", 0.0))
     ->excludes(exact);
   add("Projection",
       "--depth",
       options.depth,
       "FILE",
-      "Also writes the depth of each pixel's value, in mm behind the image's centre along the view: floats "
-      "in .mha, .nrrd, .nii or .nii.gz, not-a-number where nothing is, which ITK reads as 0 from NIfTI");
+      "Also writes the depth of each pixel's value, in mm behind the image's centre along the view, as floats "
+      "in .mha, .nrrd, .nii or .nii.gz; pixels without a value are not-a-number, which ITK reads as 0 from NIfTI");
   add("Projection",
       "--depth-color,--depth-colour",
       options.depthColour,
       "FILE",
-      "Also writes a .png, or numbered ones or an animation of a series: coloured by depth from red, the "
-      "nearest of what is bright, to blue, the farthest; as bright as OUTPUT with --window; black where "
-      "nothing is");
+      "Also writes a picture coloured by depth: a .png, or for a series numbered ones or an animation. Of the bright "
+      "pixels, the nearest are red and the farthest blue. The brightness is that of OUTPUT with --window; pixels "
+      "without a value are black");
   add("Turning series",
       "--dicom-out",
       options.dicomOut,
       "DIR",
-      "Also writes a DICOM series, one file for each picture, into this folder, which must be new or empty; "
-      "patient, study and frame of reference are those of INPUT if that is DICOM");
+      "Also writes a DICOM series, one file for each picture, into this folder, which must be new or empty. "
+      "Patient, study and frame of reference are those of a DICOM INPUT");
   addFlag("Turning series",
           "--multi-frame",
           options.isMultiFrame,
-          "The DICOM series is one multi-frame file of Secondary Capture, which archives play at --rate");
+          "Writes the DICOM series as one multi-frame file of Secondary Capture, which archives play at --rate");
   addFlag("Picture",
           "--suv",
           options.isSuv,
-          "Values of a DICOM PET series, INPUT or the overlay, are SUV by body weight (float), in all options "
-          "and outputs");
+          "Converts the values of a DICOM PET series, INPUT or the overlay, to SUV by body weight (float), in all "
+          "options and outputs");
 
   const auto overlay =
     add("Overlay",
         "--overlay",
         options.overlay,
         "FILE",
-        "Another volume in INPUT's space, with a grid of its own, as INPUT can be: its maximum in colour over "
-        "pictures, animations, pages and --dicom-out");
-  add("Overlay", "--overlay-series", options.overlaySeries, "SERIES", "As --series, for the overlay")->needs(overlay);
+        "Shows the maximum of another volume in colour over pictures, animations, pages and --dicom-out. It is a "
+        "file or folder like INPUT, in INPUT's space, on any grid");
+  add("Overlay", "--overlay-series", options.overlaySeries, "SERIES", "Like --series, for the overlay")->needs(overlay);
   add("Overlay",
       "--overlay-transform",
       options.overlayTransform,
       "FILE",
-      "Linear ITK transform from INPUT's space to the overlay's, as ITK resamples the overlay on INPUT's grid")
+      "Linear ITK transform from INPUT's space to the overlay's, with which ITK resamples the overlay on INPUT's grid")
     ->needs(overlay);
   add("Overlay",
       "--overlay-color,--overlay-colour",
@@ -468,13 +475,17 @@ DefineOptions(CLI::App & app, Options & options)
       "--overlay-window",
       options.overlayWindow,
       "VALUE",
-      "LOW and HIGH values of the overlay that get the first and the last colour; up to LOW it is "
-      "transparent; default: as --window")
+      "LOW and HIGH values of the overlay, for the first and the last colour; up to LOW the overlay is transparent; "
+      "default: as for --window")
     ->check(Number("a finite number", std::numeric_limits<double>::lowest()))
     ->delimiter(',')
     ->expected(2)
     ->needs(overlay);
-  add("Overlay", "--opacity", options.opacity, "", "Of the overlay above LOW: from 0, only INPUT is seen, to 1")
+  add("Overlay",
+      "--opacity",
+      options.opacity,
+      "",
+      "Opacity of the overlay above LOW, from 0 (only INPUT is visible) to 1")
     ->check(MakeCheck("a number from 0 to 1", [](double value) { return value >= 0.0 && value <= 1.0; }))
     ->capture_default_str()
     ->needs(overlay);
@@ -482,19 +493,19 @@ DefineOptions(CLI::App & app, Options & options)
       "--segments",
       options.segments,
       "FILE",
-      "Image of labels or DICOM SEG in INPUT's space, with a grid of its own: their outlines over pictures, "
-      "animations, pages and --dicom-out, in the colours of a SEG or of a .seg.nrrd of 3D Slicer, or in others");
+      "Draws the outlines of labels over pictures, animations, pages and --dicom-out. FILE is an image of labels or a "
+      "DICOM SEG in INPUT's space, on any grid. Colours are those of the SEG or of 3D Slicer's .seg.nrrd, if any");
 
   addFlag("Projection",
           "--in-place",
           options.isInPlace,
-          "OUTPUT is a slice in the patient's space, as thick as what is projected, which viewers show with INPUT; "
-          "only .mha, .nrrd, .nii and .nii.gz")
+          "Writes OUTPUT as a slice in the patient's space, as thick as the projected depths, so that viewers can show "
+          "it with INPUT; only .mha, .nrrd, .nii and .nii.gz")
     ->excludes(frames)
     ->excludes(slidingSlab);
 
   add("Program", "--threads", options.threads, "N", "Threads to use; default: all processors")->check(count);
-  addFlag("Program", "-v,--verbose", options.verbose, "Says what is done and how long it takes");
+  addFlag("Program", "-v,--verbose", options.verbose, "Prints what the program does and how long it takes");
 
   const auto phantom = app
                          .add_option_function<std::string>(
@@ -508,7 +519,8 @@ DefineOptions(CLI::App & app, Options & options)
                          ->excludes(input)
                          ->type_name("FILE")
                          ->group("Program");
-  add("Program", "--phantom-size", options.phantomSize, "X Y Z", "Its size in voxels; default: 256 256 128")
+  add(
+    "Program", "--phantom-size", options.phantomSize, "X Y Z", "Size of the angiogram in voxels; default: 256 256 128")
     ->check(MakeCheck("a whole number from 1 to 4096",
                       [](double value) { return value >= 1.0 && value <= 4096.0 && value == std::trunc(value); }))
     ->needs(phantom)

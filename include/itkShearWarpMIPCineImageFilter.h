@@ -112,9 +112,9 @@ public:
   itkGetConstMacro(AngularRange, double);
 
   /** Whether the viewer moves to and fro; off by default. Frame n of N is then at
-   * StartAngle + AngularRange / 2 sin(2 pi
-   * n / N) / s, where s is the largest of these sines. So both ends of the range are frames, and the series can repeat
-   * without a jump. Two frames are the two ends; a single frame is at StartAngle. */
+   * StartAngle + AngularRange / 2 sin(2 pi n / N) / s, where s is the largest of these sines. So both ends of the range
+   * are frames, and the series can repeat without a jump. Two frames are the two ends; a single frame is at StartAngle.
+   */
   itkSetMacro(Rocking, bool);
   itkGetConstMacro(Rocking, bool);
   itkBooleanMacro(Rocking);

@@ -97,8 +97,7 @@ public:
   /** Returns \a view, a linear transform from view space to physical space, after the viewer has moved by \a degrees,
    * right-handed. The viewer moves about the line through \a center, in mm, along \a axis, of any length. Multiples of
    * 90 degrees about an axis of physical space are exact. Throws ExceptionObject if \a view is null or not linear, if
-   * \a axis
-   * is zero, or if a number is not finite. */
+   * \a axis is zero, or if a number is not finite. */
   static ShearWarpMIP_EXPORT TransformType::Pointer
                              Turn(const Transform<double, 3, 3> * view,
                                   const Vector<double, 3> &       axis,
