@@ -1,7 +1,8 @@
 """Maximum intensity projection (MIP) of 3D images from any direction.
 
-mip() gives a picture and turn() a series that turns, of whatever holds a volume: a file, an image or an array in memory by
-the filters itk.ShearWarpMIPImageFilter and itk.ShearWarpMIPCineImageFilter; a volume in chunks by Dask, where its chunks are.
+mip() makes a picture, and turn() makes a turning series. The volume is a file, an image or an array in memory, and the
+filters itk.ShearWarpMIPImageFilter and itk.ShearWarpMIPCineImageFilter project it. It can also be a volume in chunks: Dask
+then projects each chunk where the chunk is.
 """
 
 from typing import TYPE_CHECKING, Any
@@ -23,7 +24,7 @@ _WITH_MORE_PACKAGES = ("Point", "Viewer", "Volume", "open_volume", "show")
 
 
 def __getattr__(name: str) -> Any:
-    """What needs Dask or the viewer's packages, when it is asked for."""
+    """Imports the names that need Dask or the viewer's packages, when they are used."""
     if name not in _WITH_MORE_PACKAGES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     if name in ("Point", "Viewer", "show"):

@@ -1,6 +1,6 @@
-"""python -m itk_shearwarpmip [mip]: the projection of an OME-Zarr to a picture or a series of frames.
+"""python -m itk_shearwarpmip [mip]: projects an OME-Zarr image to a picture or a series of frames.
 
-python -m itk_shearwarpmip view, and shear-warp-mip-view: a picture in the browser that turns under the hand.
+python -m itk_shearwarpmip view, and shear-warp-mip-view: opens the viewer in the browser.
 """
 
 import argparse
@@ -20,8 +20,7 @@ def _make_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m itk_shearwarpmip",
         description="Maximum intensity projection (MIP) of an OME-Zarr volume of any size, chunk by chunk. "
-        "For other files there is the program shear-warp-mip. With `view` as its first word: see python -m "
-        "itk_shearwarpmip view --help.",
+        "For other files, use the program shear-warp-mip. For the viewer, see python -m itk_shearwarpmip view --help.",
     )
     parser.add_argument("input", metavar="INPUT", help="path or URL of an OME-Zarr image, version 0.4 or 0.5")
     parser.add_argument(
@@ -35,21 +34,25 @@ def _make_parser() -> argparse.ArgumentParser:
         nargs=3,
         type=float,
         default=(0.0, 0.0, 0.0),
-        help="turns of the view about the volume's centre and axes, in degrees; by default it looks along z",
+        help="turns the view about the volume's centre and axes, in degrees; by default the view is along z",
     )
-    parser.add_argument("--frames", metavar="N", type=int, help="this many views around the axis y instead of one")
-    parser.add_argument("--spacing", metavar="S", type=float, help="of the output, in the units of the file")
+    parser.add_argument("--frames", metavar="N", type=int, help="makes a turn of N views about the y axis")
+    parser.add_argument("--spacing", metavar="S", type=float, help="spacing of the output, in the units of the file")
     parser.add_argument("--oversampling", type=int, choices=(1, 2), default=1, help="intermediate pixels per voxel")
-    parser.add_argument("--level", metavar="N", type=int, help="resolution, 0 is the finest; by default for --spacing")
-    parser.add_argument("--time", metavar="N", type=int, default=0, help="which point in time")
-    parser.add_argument("--channel", metavar="N", type=int, default=0, help="which channel")
-    parser.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask cluster; by default threads of this computer")
-    parser.add_argument("--quiet", action="store_true", help="no progress bar")
+    parser.add_argument(
+        "--level", metavar="N", type=int, help="resolution; 0 is the finest; by default chosen for --spacing"
+    )
+    parser.add_argument("--time", metavar="N", type=int, default=0, help="number of the time point")
+    parser.add_argument("--channel", metavar="N", type=int, default=0, help="number of the channel")
+    parser.add_argument(
+        "--scheduler", metavar="ADDRESS", help="address of a Dask cluster; by default threads of this computer"
+    )
+    parser.add_argument("--quiet", action="store_true", help="shows no progress bar")
     return parser
 
 
 def _holds(path: str, wanted: os.stat_result) -> bool:
-    """Whether a file is the wanted one, or a folder in which it is, by any name."""
+    """Whether a path is the wanted file, or a folder that contains it, by any name."""
     waiting, seen = [path], set()
     while waiting:
         path = waiting.pop()
@@ -67,7 +70,7 @@ def _holds(path: str, wanted: os.stat_result) -> bool:
 
 
 def _is_read(path: str, source: str) -> bool:
-    """Whether a file is what is read, or a part of it. URLs may be chained."""
+    """Whether a path is the source, or a part of the source. URLs may be chained."""
     written = os.path.realpath(path)
     for part in {source, *source.split("::")}:
         scheme, _, read = part.rpartition("://")
@@ -81,7 +84,7 @@ def _is_read(path: str, source: str) -> bool:
 
 
 _FLAT = {"BMPImageIO", "JPEGImageIO", "JPEG2000ImageIO", "PNGImageIO"}
-"""Writers of one picture for each file."""
+"""Writers that store one picture per file."""
 
 
 def _require_writable(path: str, has_frames: bool) -> None:
@@ -123,19 +126,21 @@ def _project(options: argparse.Namespace) -> itk.Image:
 def _make_view_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="shear-warp-mip-view",
-        description="Maximum intensity projection (MIP) that turns under the hand, in a page that the browser opens. "
-        "? in the page lists gestures and keys. Ctrl-C ends it.",
-        epilog="The page is served on this computer only, and its address has a token in it that nobody can guess. "
-        "With --host everyone who has the address can see and turn the picture, and reads it on the way: there is no "
-        "encryption.",
+        description="Maximum intensity projection (MIP) that turns with the mouse, in a page that the browser opens. "
+        "? in the page lists gestures and keys. Ctrl-C ends the program.",
+        epilog="The page is served on this computer only, and its address contains a token that nobody can guess. "
+        "With --host, everyone who has the address can see and turn the picture. There is no encryption, so others in "
+        "the network can read it.",
     )
-    parser.add_argument("input", metavar="FILE", help="an image that ITK reads, a DICOM folder or an OME-Zarr")
+    parser.add_argument("input", metavar="FILE", help="an image that ITK reads, a DICOM folder or an OME-Zarr image")
     parser.add_argument(
-        "--series", metavar="UID", help="of a DICOM folder with several: number, part of the description, or UID"
+        "--series",
+        metavar="UID",
+        help="DICOM series, if the folder has several: its number, a part of its description, or its UID",
     )
-    parser.add_argument("--level", metavar="N", type=int, help="of an OME-Zarr with several: 0 is the finest")
+    parser.add_argument("--level", metavar="N", type=int, help="resolution of an OME-Zarr image; 0 is the finest")
     for name in ("time", "channel"):
-        parser.add_argument(f"--{name}", metavar="N", type=int, default=argparse.SUPPRESS, help="of an OME-Zarr")
+        parser.add_argument(f"--{name}", metavar="N", type=int, default=argparse.SUPPRESS, help="of an OME-Zarr image")
     parser.add_argument(
         "--overlay", metavar="FILE", help="a second image of the same patient, in colours over the first"
     )
@@ -145,10 +150,10 @@ def _make_view_parser() -> argparse.ArgumentParser:
     for name in ("window", "overlay-window"):
         parser.add_argument(f"--{name}", metavar=("LOW", "HIGH"), nargs=2, type=float, help="values of black and white")
     parser.add_argument("--mode", default="maximum", help="maximum, minimum or absolute")
-    parser.add_argument("--slab", metavar=("NEAR", "FAR"), nargs=2, type=float, help="depths that take part, in mm")
+    parser.add_argument("--slab", metavar=("NEAR", "FAR"), nargs=2, type=float, help="depths to project, in mm")
     parser.add_argument("--exact", action="store_true", help="exact maxima while the picture is at rest")
     parser.add_argument("--host", default="127.0.0.1", help="address to serve at; by default this computer only")
-    parser.add_argument("--port", type=int, default=0, help="by default a free one")
+    parser.add_argument("--port", type=int, default=0, help="port of the page; by default a free one")
     parser.add_argument("--no-browser", action="store_true", help="only prints the page's address")
     return parser
 

@@ -1,4 +1,4 @@
-"""mip() and turn(): projections of whatever people have as a volume."""
+"""mip() and turn(): projections of volumes of many kinds."""
 
 import os
 import re
@@ -37,7 +37,7 @@ MODES = {"maximum": "Mode_Maximum", "minimum": "Mode_Minimum", "absolute": "Mode
 
 
 class Place(TypedDict, total=False):
-    """Where the voxels of the source lie, and which ones: see open_image()."""
+    """The geometry of the source, and the choice of voxels: see open_image()."""
 
     spacing: Sequence[float] | None
     origin: Sequence[float] | None
@@ -50,7 +50,7 @@ class Place(TypedDict, total=False):
 
 @dataclass(frozen=True)
 class Parameters:
-    """Those of a projection that filters have, in their words."""
+    """The parameters of the filters, with the names of mip()'s keywords."""
 
     mode: Mode = "maximum"
     slab: Sequence[float] | None = None
@@ -94,42 +94,44 @@ def mip(
 ) -> Any:
     """The maximum intensity projection (MIP) of a volume from any direction.
 
-    source: the volume: see open_image(); a Dask array, an xarray.DataArray of one and an OME-Zarr remain in chunks: see
-        open_volume(). Arrays have the axes z, y, x.
+    source: the volume: see open_image(). A Dask array, an xarray.DataArray of a Dask array and an OME-Zarr image stay in
+        chunks: see open_volume(). Arrays have the axes z, y, x.
     view: the side from which the viewer looks, "anterior", "posterior", "left", "right", "superior" or "inferior"; or a
         linear itk.Transform or a 4 x 4 matrix from view space (u right, v down, w away) to physical space (LPS, mm).
         "superior" is from above, with the patient's left at the left of the picture; "inferior" is the axial view of
         radiology, from the feet.
-    azimuth, elevation: degrees that the viewer then moves towards the right of the picture, and towards its top.
-    mode: "maximum", "minimum", or "absolute" for the value of the largest magnitude, with its sign.
-    slab: (near, far): only depths between these count, in mm behind the volume's centre for a view by its name.
-    crop: (lower, upper), two corners x, y, z: only what lies in this box counts, in mm (LPS); infinity is no limit.
-    mask: a volume of whole numbers on the source's grid, as whatever source can be; an array lies where the source does.
-        Only voxels where it is `mask_label` or, without one, not 0 take part.
-    depth: gives the depths too, in mm: float32, not-a-number where nothing is.
+    azimuth, elevation: degrees that the viewer then moves towards the right and towards the top of the picture.
+    mode: "maximum", "minimum", or "absolute" for the value with the largest magnitude, with its sign.
+    slab: (near, far): only samples between these depths count. For a view by name, depths are mm behind the volume's
+        centre.
+    crop: (lower, upper), two corners x, y, z: only samples in this box count, in mm (LPS); infinity is no limit.
+    mask: a volume of whole numbers on the source's grid, of any kind that source can be. An array takes the source's
+        geometry. Only voxels where the mask is `mask_label` count; without `mask_label`, where the mask is not 0.
+    depth: True to return the depths too, in mm, as float32; pixels without a value are not-a-number.
     attenuation: how fast values fade to the background with depth, per mm.
     local_maximum: rays end behind their first local maximum of at least this value.
-    background: the value beside the volume; "auto" is 0, or the volume's least value if that is negative.
-    exact: the maximum of the interpolated volume itself, 7 to 60 times as slow.
-    oversampling: 1, or 2 for pixels of twice the density before the last step.
-    output_spacing: of the pixels, in mm: one number, or (u, v). By default the volume's smallest.
-    size: columns and rows; output_origin: (u, v) of the first pixel in the view plane, in mm. By default all of the
-        volume is in the picture.
-    number_of_threads: by default that of ITK.
+    background: the value of pixels beside the volume; "auto" is 0, or the volume's least value if it is negative.
+    exact: True for the maximum of the interpolated volume, 7 to 60 times as slow.
+    oversampling: 1, or 2 for twice as many pixels along both axes of the intermediate image.
+    output_spacing: spacing of the pixels, in mm: one number, or (u, v). By default the volume's smallest spacing.
+    size: columns and rows; output_origin: (u, v) of the first pixel in the view plane, in mm. By default the picture
+        shows the whole volume.
+    number_of_threads: by default ITK's.
     where: spacing, origin, direction, series, level, time and channel of open_image().
 
-    All but the view, background, oversampling and the grid is for volumes in memory.
+    Volumes in chunks take only the view, background, oversampling and the parameters of the grid.
 
-    Returns a 2D itk.Image whose spacing and origin lie in the view plane, in mm, and which a notebook shows; its entry
-    "Background" is that value, its attribute `view` the 4 x 4 matrix of the view. For an array an array of its package,
-    for a SimpleITK.Image or an xarray.DataArray one of these. With `depth` a tuple: the picture and its depths.
+    Returns a 2D itk.Image with spacing and origin in the view plane, in mm, which a notebook shows. Its entry
+    "Background" is the value of pixels beside the volume, and its attribute `view` is the 4 x 4 matrix of the view. For an
+    array, returns an array of the same package; for a SimpleITK.Image or an xarray.DataArray, an object of the same type.
+    With `depth`, returns a tuple of the picture and its depths.
 
-    What is prepared for an itk.Image is kept while it lives: further views of the same one are faster. After a change of
-    its voxels in memory, as image[...] = 0, call image.Modified(), or the picture may be the old one. Arrays are always
-    read anew.
+    The preparation of an itk.Image is kept as long as the image object exists, so further views are faster. After you
+    change its voxels in memory, as by image[...] = 0, call image.Modified(); otherwise the picture may show the old
+    values. Arrays are read again by each call.
 
-    Raises ValueError for what cannot be projected so, TypeError for other types, OSError for files that cannot be read,
-    ImportError with the name of a package that is missing.
+    Raises ValueError for unsuitable values, TypeError for unsupported types, OSError for files that cannot be read, and
+    ImportError with the name of a missing package.
 
     >>> import numpy as np
     >>> volume = np.zeros((10, 20, 30), np.uint8)
@@ -160,7 +162,7 @@ def mip(
 
 @dataclass(eq=False, repr=False)
 class Turn:
-    """Projections of a volume from many directions, as turn() gives them; a notebook shows them as a page."""
+    """Projections of a volume from many directions, made by turn(); a notebook shows them as a page."""
 
     frames: Any
     """3D itk.Image, its third axis the frames; its entries "FrameAngles" and "FrameTransforms" are those of
@@ -182,7 +184,7 @@ class Turn:
 
     @cached_property
     def window(self) -> tuple[float, float]:
-        """The values that are shown black and white. It can be set."""
+        """The values that become black and white. It can be set."""
         return _save.find_window(self.frames)
 
     def save(
@@ -196,19 +198,20 @@ class Turn:
     ) -> None:
         """Writes the frames as the program shear-warp-mip does.
 
-        path: its ending says what is written. A file appears when it is complete; after an error, what was there before
-            is still there.
-            .html: a page that turns, and needs nothing but itself.
+        path: its extension selects the format. A file appears only when it is complete; after an error, an older file is
+            unchanged.
+            .html: a page that turns, in one file.
             .gif, .apng, .mp4: an animation, by the program ffmpeg.
             .png: a picture of 8 bits for each frame: turn-000.png, turn-001.png and so on.
             .nrrd, .nii, .nii.gz, .mha: the values, a stack of the frames with spacing and origin in mm.
             none: a DICOM series, one file for each frame, in a folder that is new or empty; needs pydicom.
-        rate: frames per second of pages and animations, from 0.1 to 100; by default the turn in four seconds.
-        window: values that become black and white, (low, high); by default `window`, in DICOM the source's.
-        labels: False for pictures and animations without letters; a page hides them at first. See save_png().
-        annotate: True for pictures and animations with a scale bar and with the angles of each view.
+        rate: frames per second of pages and animations, from 0.1 to 100; by default the turn takes four seconds.
+        window: values that become black and white, (low, high); by default the attribute `window`, and for DICOM the
+            source's window.
+        labels: False for pictures and animations without letters; a page then hides them when it opens. See save_png().
+        annotate: True for pictures and animations with a scale bar and the angles of each view.
 
-        Raises ValueError for another ending, a rate or window that is none, and a path that is not to be written;
+        Raises ValueError for another extension, an unsuitable rate or window, and a path that must not be written;
         OSError for a folder that does not exist or cannot be written; RuntimeError without ffmpeg; ImportError without
         pydicom.
         """
@@ -252,19 +255,20 @@ def turn(
     number_of_threads: int | None = None,
     **where: Unpack[Place],
 ) -> Turn:
-    """Projections of a volume from many directions, on one grid: a series that turns. The volume is read once for all.
+    """Projections of a volume from many directions, on one grid: a series that turns. The volume is read only once.
 
     view, azimuth, elevation: the view at angle 0.
-    frames: how many there are, 1 to 65535.
-    rotation_axis: that the viewer moves about: the patient's "left", "posterior" or "superior", the volume's "i", "j" or
-        "k", or a direction x, y, z (LPS). About "superior" the viewer moves towards the patient's left from anterior.
+    frames: the number of frames, 1 to 65535.
+    rotation_axis: the axis that the viewer moves about: the patient's "left", "posterior" or "superior", the volume's
+        "i", "j" or "k", or a direction x, y, z (LPS). About "superior", the viewer moves from anterior towards the
+        patient's left.
     center: a point of the axis, x, y, z in mm; by default the volume's centre.
     start_angle, angular_range: degrees: frame n of N is at start_angle + angular_range n / N.
-    rocking: to and fro over the range instead, half of it to either side; both ends are frames.
-    transforms: the view of each frame, each as view can be; instead of all above.
-    All else: see mip().
+    rocking: True to move to and fro over the range instead, half of it to either side; both ends are frames.
+    transforms: the view of each frame, of any kind that view can be, instead of all parameters above.
+    For all other parameters, see mip().
 
-    Raises what mip() does.
+    Raises the same exceptions as mip().
 
     >>> import numpy as np
     >>> series = turn(np.ones((10, 20, 30), np.uint8), frames=8, spacing=(0.5, 0.5, 1.0))
@@ -329,7 +333,7 @@ def _require_known(function: str, where: Any) -> None:
 
 
 class _Filters:
-    """The filters of one image, which keep what they prepare."""
+    """The filters of one image, which keep the prepared image."""
 
     def __init__(self, image: Any) -> None:
         # the filters hold its voxels
@@ -412,7 +416,7 @@ def find_lowest(voxels: NDArray[Any]) -> Any:
 
 
 def set_parameters(made: Any, parameters: Parameters, background: Any) -> None:
-    """Sets all that a filter has, but its views and its mask."""
+    """Sets all parameters of a filter, except its views and its mask."""
     is_whole = isinstance(made.GetDefaultPixelValue(), int)
     set_background(made, background)
     made.SetMode(getattr(itk.ShearWarpMIPImageFilterEnums, MODES[check_mode(parameters.mode)]))
@@ -451,7 +455,7 @@ def set_background(made: Any, background: Any) -> None:
 
 
 def set_grid(made: Any, parameters: Parameters) -> None:
-    """What the filters of chunks have too."""
+    """Sets the parameters that the filters of chunks have too."""
     _set(made, "Oversampling", "oversampling", parameters.oversampling)
     made.FitOutputGrid()
     spacing = parameters.output_spacing
@@ -467,7 +471,7 @@ def set_grid(made: Any, parameters: Parameters) -> None:
 
 
 def _set(made: Any, name: str, keyword: str, value: Any) -> None:
-    """Sets a number, of the type that the filter has."""
+    """Sets a number, converted to the filter's type."""
     kind = type(getattr(made, f"Get{name}")())
     try:
         if kind(value) != value and value == value:
@@ -488,7 +492,7 @@ def _set_pixel(made: Any, name: str, keyword: str, value: Any, is_whole: bool) -
 
 
 def update(made: Any, information: bool = False) -> None:
-    """Updates a filter, or what it says of its output. What it refuses is an error of the one who called."""
+    """Updates a filter, or only its output information. An exception of the filter becomes an error for the caller."""
     try:
         made.UpdateOutputInformation() if information else made.UpdateLargestPossibleRegion()
     except RuntimeError as error:
@@ -505,7 +509,7 @@ _WORDS = {
 
 
 def _reword(text: str) -> str:
-    """With the names of keywords."""
+    """Replaces the filter's names by the names of keywords."""
 
     def name(match: re.Match[str]) -> str:
         word = match[0]
@@ -620,7 +624,7 @@ def _project_chunks_turning(source: Any, set_turn: Any, parameters: Parameters, 
 
 
 def show_itself(picture: Any, background: float, source: Any, view: Any = None) -> Any:
-    """The same itk.Image, the projection of an image or a Volume, with what its display needs."""
+    """Adds to an itk.Image, the projection of an image or a Volume, the attributes for its display, and returns it."""
     # ITK would make a number of single precision
     entry = itk.MetaDataObject[itk.D].New()
     entry.SetMetaDataObjectValue(float(background))
@@ -641,7 +645,7 @@ def show_itself(picture: Any, background: float, source: Any, view: Any = None) 
 
 
 def _is_plain_array(source: Any) -> bool:
-    """Whether it has no place in space."""
+    """Whether an array has no geometry."""
     placed = (
         ("xarray", "DataArray"),
         ("SimpleITK", "Image"),
@@ -656,7 +660,7 @@ def _is_plain_array(source: Any) -> bool:
 
 
 def give_back(source: Any, picture: Any) -> Any:
-    """A picture as the kind that came in."""
+    """Converts a picture to the type of the source."""
     if isinstance(source, str | os.PathLike | itk.Object) or is_of(source, "nibabel", "SpatialImage"):
         return picture
     if is_of(source, "xarray", "DataArray"):

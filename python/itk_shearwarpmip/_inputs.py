@@ -1,4 +1,4 @@
-"""What people have as a volume, as a 3D itk.Image: files, images of other packages and arrays, with their place in space."""
+"""Opens files, images of other packages and arrays as a 3D itk.Image, with their geometry."""
 
 import os
 import re
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """Voxels, axes z, y, x, and where they lie: spacing and origin are in the order x, y, z."""
+    """Voxels with the axes z, y, x, and their geometry: spacing and origin have the order x, y, z."""
 
     array: Any
     spacing: Sequence[float] = (1.0, 1.0, 1.0)
@@ -27,12 +27,12 @@ class Placed:
     direction: Any = None
     """3 x 3: its columns are the directions of the axes x, y, z in physical space; the identity by default."""
     has_direction: bool = False
-    """Whether that says where the patient's sides are."""
+    """Whether the direction defines the patient's sides."""
     unit: str | None = None
-    """Of spacing and origin; without one they are in mm."""
+    """The unit of spacing and origin; None is mm."""
 
     def replace(self, spacing: Any, origin: Any, direction: Any) -> "Placed":
-        """The same elsewhere: where what is given says so."""
+        """The same voxels with another geometry: arguments that are not None replace the present values."""
         return Placed(
             self.array,
             make_numbers("spacing", self.spacing if spacing is None else spacing, 3),
@@ -54,27 +54,28 @@ def open_image(
     time: int = 0,
     channel: int = 0,
 ) -> Any:
-    """A volume as a 3D itk.Image, with its place in physical space (LPS, mm).
+    """Opens a volume as a 3D itk.Image, with its geometry in physical space (LPS, mm).
 
     source: one of
-        - a path: an image file that ITK reads, or a DICOM folder or its DICOMDIR, with one series or with `series`
-        - an itk.Image, which is given back if it needs no change
-        - a SimpleITK.Image, or an image of nibabel, whose space (RAS) is turned to LPS
-        - an xarray.DataArray with the dimensions z, y, x, and coordinates in equal steps; where they descend, the axis
-          points against x, y or z
+        - a path: an image file that ITK reads, or a DICOM folder or its DICOMDIR
+        - an itk.Image, which is returned itself if it needs no change
+        - a SimpleITK.Image, or an image of nibabel, whose space (RAS) is converted to LPS
+        - an xarray.DataArray with the dimensions z, y, x, and coordinates in equal steps; if coordinates descend, the
+          axis points against x, y or z
         - an array of NumPy, PyTorch or another package with `__array__` or `__dlpack__`, in the computer's memory, with
           the axes z, y, x
-        - a Dask array, an OME-Zarr or what open_volume() gives: all of it is read into memory
-    spacing, origin: x, y, z, in mm; instead of the source's own, which are 1 and 0 of an array.
-    direction: 3 x 3, its columns are the directions of x, y, z; instead of the source's own, the identity of an array.
-    series: of a DICOM folder with several: the number in the list that the error has, a part of the description, or the
-        Series Instance UID.
-    level, time, channel: of an OME-Zarr; the level must be given if there are several. 0 is the finest.
+        - a Dask array, an OME-Zarr image or a result of open_volume(), which is read into memory as a whole
+    spacing, origin: x, y, z, in mm, instead of the source's own; the defaults for arrays are 1 and 0.
+    direction: 3 x 3, its columns are the directions of x, y, z, instead of the source's own; the default for arrays is
+        the identity.
+    series: for a DICOM folder with several series: the number in the list of the error, a part of the description, or
+        the Series Instance UID.
+    level, time, channel: for an OME-Zarr image. If it has several levels, level is required; 0 is the finest.
 
-    The image has voxels of uint8, int16, uint16, float32 or float64. Those of bool, float16 and of other integers are
-    converted if each value fits. Voxels are shared with the source, not copied, where that can be.
+    The image has voxels of uint8, int16, uint16, float32 or float64. Voxels of bool, float16 and other integers are
+    converted if each value fits. If possible, the image shares its voxels with the source.
 
-    Raises TypeError for objects and voxels of other types, ValueError for what is no such volume or leaves a choice,
+    Raises TypeError for objects and voxels of unsupported types, ValueError if the source does not define one volume, and
     OSError for files that cannot be read.
 
     >>> import numpy as np
@@ -118,7 +119,7 @@ def open_image(
 
 
 def _find_files(source: Any) -> Sequence[Path]:
-    """What it was read from, as far as that is known."""
+    """The files that an image was read from, if they are known."""
     if is_of(source, "nibabel", "SpatialImage"):
         name = source.get_filename()
         return [Path(name)] if name else []
@@ -127,7 +128,7 @@ def _find_files(source: Any) -> Sequence[Path]:
 
 
 def _bring_up_to_date(source: Any) -> None:
-    """An image that a filter makes."""
+    """Updates an image that a filter makes."""
     if isinstance(source, itk.DataObject) and (made_by := source.GetSource()):
         # one at a time: pipelines may share filters
         with _UPDATES:
@@ -141,7 +142,7 @@ _UPDATES = threading.RLock()
 
 
 def make_view(array: NDArray[Any]) -> Any:
-    """An itk.Image that shares the memory of an array, which it keeps."""
+    """Returns an itk.Image that shares the memory of an array, and keeps the array."""
     image = itk.image_view_from_array(array)
     # ITK takes one column for one row
     region = itk.ImageRegion[array.ndim]()
@@ -151,7 +152,7 @@ def make_view(array: NDArray[Any]) -> Any:
 
 
 def place(image: Any, placed: Placed) -> None:
-    """Gives an image its place in space."""
+    """Sets the geometry of an image."""
     try:
         image.SetSpacing(placed.spacing)
         image.SetDirection(itk.matrix_from_array(placed.direction))
@@ -182,13 +183,13 @@ _SHORT = {
 
 
 def find_millimetres(unit: Any) -> float:
-    """Of a unit; 1 of one that is not known."""
+    """The millimetres of a unit; 1 for an unknown unit."""
     metres = UNITS.get(_SHORT.get(str(unit), str(unit)))
     return 1.0 if metres is None else float(1000 * metres)
 
 
 def take(source: Any) -> Placed:
-    """The voxels of what is no path, with its own place in space: an array of Dask, or one that NumPy can share."""
+    """The voxels of a source that is no path, with its geometry: an array of Dask, or an array that NumPy can share."""
     if is_of(source, "xarray", "DataArray"):
         return _take_data_array(source)
     if isinstance(source, itk.ImageBase[3]):
@@ -235,7 +236,7 @@ def take(source: Any) -> Placed:
 
 
 def is_ome_zarr(source: Any) -> bool:
-    """Or a URL, which can be nothing else."""
+    """Whether a source is an OME-Zarr image, as every URL must be."""
     if not isinstance(source, str | os.PathLike):
         return is_of(source, "zarr", "Group")
     path = Path(source)
@@ -249,21 +250,21 @@ def is_ome_zarr(source: Any) -> bool:
 
 
 def is_chunked(source: Any) -> bool:
-    """Whether a source is for Dask."""
+    """Whether Dask projects a source."""
     if is_of(source, "xarray", "DataArray"):
         source = source.variable._data
     return is_ome_zarr(source) or is_of(source, "dask", "Array") or is_of(source, "itk_shearwarpmip", "Volume")
 
 
 def is_of(instance: Any, package: str, name: str) -> bool:
-    """Whether it is of a class of a package, which need not be there."""
+    """Whether an object has a class of a package, which may be missing."""
     return any(
         each.__name__ == name and each.__module__.partition(".")[0] == package for each in type(instance).__mro__
     )
 
 
 def describe(error: Exception) -> str:
-    """In one line, without the places in ITK's sources."""
+    """An error's message in one line, without the places in ITK's sources."""
     text = str(error).rpartition("ITK ERROR: ")[2]
     # as of GDCM
     text = re.sub(r"^\S+:\d+ \(\):\n", "", text)
@@ -274,7 +275,7 @@ def describe(error: Exception) -> str:
 
 
 def make_numbers(name: str, values: Any, count: int, is_whole: bool = False, is_finite: bool = True) -> list[Any]:
-    """That many numbers of x, y and z."""
+    """Converts a keyword's value to a list of `count` numbers."""
     try:
         numbers = [] if isinstance(values, str) else [float(value) for value in values]
     except (TypeError, ValueError):
@@ -311,13 +312,13 @@ def _find_image_types() -> frozenset[Any]:
 
 @cache
 def find_pixel_types() -> dict[np.dtype[Any], Any]:
-    """ITK's types of the voxels that the filters take."""
+    """ITK's types for the voxels that the filters take."""
     pixel_types = [itk.template(image)[1][0] for image in _find_image_types()]
     return {np.dtype(pixel_type.dtype): pixel_type for pixel_type in pixel_types}
 
 
 def narrow(array: NDArray[Any]) -> NDArray[Any]:
-    """The same values in one of the types that the filters take."""
+    """Converts values to one of the types that the filters take."""
     native = array.dtype.newbyteorder("=")
     if native in find_pixel_types():
         return array.astype(native, copy=False)
@@ -335,7 +336,7 @@ def narrow(array: NDArray[Any]) -> NDArray[Any]:
 
 
 class _Voxels:
-    """The voxels of an image, which lives as long as arrays of them."""
+    """The voxels of an image. The image lives as long as arrays of its voxels."""
 
     def __init__(self, owner: Any, array: NDArray[Any]):
         self._owner = owner
@@ -440,12 +441,12 @@ def _take_nibabel(source: Any) -> Placed:
 
 
 def is_dicom_folder(path: Path) -> bool:
-    """Or the DICOMDIR of one."""
+    """Whether a path is a DICOM folder or its DICOMDIR."""
     return path.is_dir() or (path.name.lower() == "dicomdir" and path.is_file())
 
 
 def _read(path: Path, series: str | int | None) -> Any:
-    """An image file or a DICOM folder."""
+    """Reads an image file or a DICOM folder."""
     if not path.exists():
         raise FileNotFoundError(f"'{path}' does not exist")
     if is_dicom_folder(path):
@@ -484,7 +485,7 @@ def _read(path: Path, series: str | int | None) -> Any:
 
 
 def _find_type_in_memory(io: Any) -> Any:
-    """The type that ITK's Python has for all values of a file that open_image() can take."""
+    """The type of ITK's Python that can hold all values of a file for open_image()."""
     name = io.GetComponentTypeAsString(io.GetComponentType())
     types = {"char": itk.SS, "unsigned_char": itk.UC, "short": itk.SS, "unsigned_short": itk.US, "float": itk.F}
     return (types | {"int": itk.SI, "unsigned_int": itk.UI}).get(name, itk.D)

@@ -1,4 +1,4 @@
-"""Files and pages of a turn: the same as those of the program shear-warp-mip."""
+"""Files and pages of a turn, as the program shear-warp-mip writes them."""
 
 import base64
 import html
@@ -36,8 +36,8 @@ def find_window(image: Any) -> Window:
     """The window that the program shear-warp-mip chooses: percentiles 1 and 99.8 of the pixels that are finite and not
     background.
 
-    image: an itk.Image of any dimension, of one or several components. The entry "Background" of its dictionary is the
-        value beside the volume; without it that is 0, or the least pixel if that is negative.
+    image: an itk.Image of any dimension, with one or several components. The entry "Background" of its dictionary is the
+        value of the background. Without this entry, the background is 0, or the least pixel if it is negative.
 
     Returns the values that become black and white, low < high.
 
@@ -49,7 +49,7 @@ def find_window(image: Any) -> Window:
 
 
 def find_window_of(pixels: NDArray[Any], background: float) -> Window:
-    """The same of pixels."""
+    """The window of an array of pixels: see find_window()."""
     values = _select_values(pixels, background)
     if values.size == 0:
         low = float(background) if math.isfinite(background) else 0.0
@@ -60,7 +60,7 @@ def find_window_of(pixels: NDArray[Any], background: float) -> Window:
 
 
 def make_grey(pixels: NDArray[Any], window: Window, is_inverted: bool = False) -> NDArray[np.uint8]:
-    """Pixels of 8 bits, of the shape of `pixels`: the window becomes 0 to 255, or 255 to 0."""
+    """Converts pixels to 8 bits: the window becomes 0 to 255, or 255 to 0."""
     low, high = window
     values = np.asarray(pixels, np.float64)
     values = np.where(values > low, np.minimum(values, high), low)
@@ -74,7 +74,7 @@ def encode_png(pixels: NDArray[Any], spacing: Sequence[float] = (1.0, 1.0)) -> b
     pixels: uint8 or uint16, of shape (rows, columns).
     spacing: of columns and rows, in mm.
 
-    Raises TypeError for other pixels, OSError if there is no room for a temporary file.
+    Raises TypeError for pixels of other types, and OSError if there is no room for a temporary file.
 
     >>> encode_png(np.zeros((4, 6), np.uint16))[:4]
     b'\\x89PNG'
@@ -88,14 +88,14 @@ def encode_png(pixels: NDArray[Any], spacing: Sequence[float] = (1.0, 1.0)) -> b
 
 
 def make_page(turn: "Turn", *, rate: float | None = None, window: Window | None = None, labels: bool = True) -> str:
-    """The text of a web page that shows a turn, to turn and play, with window and level; it needs nothing but itself.
+    """The text of a web page that turns and plays a turn, with window and level. The page is complete in itself.
 
-    rate: frames per second, from 0.1 to 100; by default the turn in four seconds, from 5 to 25.
-    window: low and high value, black and white at first; by default that of the turn.
-    labels: whether the letters of the patient's sides and the scale bar are shown at first. There are letters only where
-        the volume has a direction, as in save_png().
+    rate: frames per second, from 0.1 to 100; by default from 5 to 25, so that the turn takes four seconds.
+    window: low and high value, which are black and white when the page opens; by default the window of the turn.
+    labels: whether the page shows the letters of the patient's sides and the scale bar when it opens. There are letters
+        only if the volume has a direction, as in save_png().
 
-    The page holds the frames with 8 bits, one grey level for a 254th of twice the window.
+    The page stores the frames with 8 bits, whose grey levels cover twice the range of the window in 254 steps.
 
     Raises ValueError and TypeError as save_turn() does.
     """
@@ -149,7 +149,7 @@ def make_page(turn: "Turn", *, rate: float | None = None, window: Window | None 
 
 
 def make_frame(turn: "Turn", *, height: int = 480) -> str:
-    """The page of make_page() in an element of HTML, as a notebook shows it; `height` in pixels."""
+    """The page of make_page() in an HTML element for notebooks; `height` is in pixels."""
     page = html.escape(make_page(turn))
     return f'<iframe srcdoc="{page}" style="width: 100%; height: {height}px; border: 0" allowfullscreen></iframe>'
 
@@ -164,16 +164,16 @@ def save_png(
 ) -> None:
     """Writes a picture of mip() as a grey PNG of 8 bits, as the program shear-warp-mip does.
 
-    picture: a 2D itk.Image; for its values give it to itk.imwrite() instead.
-    window: the values that become black and white, (low, high); by default the one that the program chooses.
-    labels: letters of the patient's sides at the edges, L R A P H F, of oblique views two, the nearer side first. Only
-        where the volume has a direction: an array has none unless `direction` is given. Pictures of less than 48 columns
-        or rows have no room for letters.
-    annotate: a scale bar with its length, and where the picture is seen from: degrees to the left or right anterior
+    picture: a 2D itk.Image. To write its values, pass it to itk.imwrite() instead.
+    window: the values that become black and white, (low, high); by default the window that the program chooses.
+    labels: True for letters of the patient's sides at the edges, L R A P H F. Oblique views have two letters, with the
+        nearer side first. There are letters only if the volume has a direction; an array has one only if `direction` is
+        given. Pictures with less than 48 columns or rows have no letters.
+    annotate: True for a scale bar with its length, and the angles of the view: degrees to the left or right anterior
         oblique side (LAO, RAO) and to cranial or caudal (CRA, CAU).
 
-    Raises ValueError for another ending than .png, for a window that is none and for a picture that is not of mip() with
-    `annotate`; TypeError for other objects, as arrays; OSError if it cannot be written.
+    Raises ValueError for another extension than .png, for an unsuitable window, and with `annotate` for a picture that
+    mip() did not make; TypeError for other objects, such as arrays; OSError if the file cannot be written.
 
     >>> from itk_shearwarpmip import mip
     >>> picture = mip(itk.image_from_array(np.ones((30, 40, 50), np.int16)), azimuth=30)
@@ -207,7 +207,7 @@ def save_png(
 def make_picture(
     picture: Any, window: Window | None = None, labels: bool = True, annotate: bool = False
 ) -> NDArray[np.uint8]:
-    """The grey pixels of a picture of mip()."""
+    """Returns the grey pixels of a picture of mip()."""
     window = find_window(picture) if window is None else check_window(window)
     pixels = itk.array_view_from_image(picture)
     return _make_labelled(pixels, window, picture, getattr(picture, "view", None), labels, annotate)
@@ -216,7 +216,7 @@ def make_picture(
 def _make_labelled(
     pixels: NDArray[Any], window: Window, image: Any, view: NDArray[np.float64] | None, labels: bool, annotate: bool
 ) -> NDArray[np.uint8]:
-    """Of pixels of an image of mip() or turn()."""
+    """Returns the grey pixels of an image of mip() or turn(), with letters and annotations."""
     grey = make_grey(pixels, window, getattr(image, "is_inverted", False))
     if view is None:
         return grey
@@ -234,7 +234,7 @@ def save_turn(
     labels: bool = True,
     annotate: bool = False,
 ) -> None:
-    """See Turn.save(), and TypeError for frames of several components."""
+    """See Turn.save(). Also raises TypeError for frames of several components."""
     given = Path(path)
     suffix = _get_suffix(given)
     pixels = _get_pixels(turn)
@@ -280,7 +280,7 @@ def save_turn(
 
 
 def _round(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """To whole numbers, halves up: as std::lround does for what is not negative."""
+    """Rounds to whole numbers, halves up, like std::lround for numbers that are not negative."""
     whole = np.floor(values)
     return whole + (values - whole >= 0.5)
 
@@ -292,7 +292,7 @@ def _find_background(image: Any) -> float:
 
 
 def is_background(pixels: NDArray[Any], background: float) -> NDArray[np.bool_]:
-    """Also what is not a number."""
+    """Whether pixels are background or not-a-number."""
     found: NDArray[np.bool_] = (pixels == background) | np.isnan(pixels)
     return found
 
@@ -345,7 +345,7 @@ def _get_angles(turn: "Turn") -> list[float]:
 
 
 def _find_loop(angles: list[float]) -> str:
-    """How a turn goes on behind its last frame: "turn" on and on, "swing" to and fro, or "none"."""
+    """How a turn continues after its last frame: "turn" in the same direction, "swing" to and fro, or "none"."""
     if len(angles) == 1:
         return "turn"
     steps = np.diff(angles)
@@ -355,7 +355,7 @@ def _find_loop(angles: list[float]) -> str:
 
 
 def _find_title(turn: "Turn") -> str:
-    """The name of the file, or of the folder of several."""
+    """The name of the source's file, or of the folder of several files."""
     paths = [Path(path) for path in turn.source_files]
     if not paths:
         return "Maximum intensity projection"
@@ -375,7 +375,7 @@ def _get_suffix(path: Path) -> str:
 
 
 def _find_target(given: Path) -> Path:
-    """Where a link leads, in a folder that is there."""
+    """Follows a link; the folder of the target must exist."""
     target = Path(os.path.realpath(given))
     if not target.parent.is_dir():
         raise FileNotFoundError(f"'{target.parent}' is no folder to write '{given.name}' into: make it first")
@@ -403,7 +403,7 @@ def _make_image(pixels: NDArray[Any], spacing: Sequence[float]) -> Any:
 
 
 def _write_image(image: Any, path: Path) -> None:
-    """Not all of ITK's writers notice a full disk."""
+    """Writes an image, and notices a full disk, which not all of ITK's writers do."""
     pixels = itk.array_view_from_image(image)
     full = OSError(f"cannot write all of '{path.name}'; is the disk full?")
     try:
@@ -423,7 +423,7 @@ def _find_ffmpeg() -> str:
 
 
 def _write_animation(pictures: NDArray[np.uint8], rate: float, path: Path) -> None:
-    """The arguments are those of apps/Animation.cxx."""
+    """Writes an animation by ffmpeg, with the arguments of apps/Animation.cxx."""
     encoding = {
         # sizes must be even
         ".mp4": "-vf pad=ceil(iw/2)*2:ceil(ih/2)*2 -c:v libx264 -crf 18 -pix_fmt yuv420p -movflags +faststart -f mp4",
@@ -455,7 +455,7 @@ def _write_dicom(turn: "Turn", folder: Path, window: Window | None) -> None:
 
 
 def _publish(files: Mapping[Path, Path], folder: Path) -> None:
-    """Gives all files, the keys, their names, the values; or none. What was there is kept in `folder` meanwhile."""
+    """Renames all files (the keys) to their names (the values), or none. Meanwhile `folder` keeps the older files."""
     with ExitStack() as undo:
         for number, (made, target) in enumerate(files.items()):
             if not target.exists():

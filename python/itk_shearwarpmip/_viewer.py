@@ -1,4 +1,4 @@
-"""A picture that turns under the hand: show() in notebooks and browsers."""
+"""The viewer: show() in notebooks and browsers."""
 
 import contextlib
 import logging
@@ -52,7 +52,7 @@ class _Drag:
 
 
 class Viewer:
-    """A volume on a canvas, turned by mouse, fingers and keys: see show(), which makes it.
+    """A volume on a canvas, turned by mouse, fingers and keys. show() makes it.
 
     point: the Point of the last click, or None: position (x, y, z in LPS, mm), index (i, j, k), value, overlay.
     canvas: the canvas of rendercanvas.
@@ -68,7 +68,7 @@ class Viewer:
     def __init__(
         self, scene: Scene, canvas: Any, *, source: str = "image", path: str | None = None, code: str = ""
     ) -> None:
-        """source, code: Python of the volume and of parameters; path: of what the program reads."""
+        """source, code: Python code of the volume and of the parameters; path: the file for the program."""
         self.canvas = canvas
         self.url: str | None = None
         self.turns_about_axis = True
@@ -114,8 +114,8 @@ class Viewer:
 
     @property
     def window(self) -> Window:
-        """The values that are black and white, (low, high). Set it to None for that of the picture as it
-        is now: its view, mode and slab."""
+        """The values that are black and white, (low, high). Set it to None for the window of the present view, mode
+        and slab."""
         return self._scene.get_window(self._state, 0)
 
     @window.setter
@@ -148,7 +148,7 @@ class Viewer:
 
     @property
     def slab(self) -> tuple[float, float] | None:
-        """The least and the greatest depth that take part, in mm, or None."""
+        """The least and the greatest depth of the samples that count, in mm, or None."""
         return self._state.slab
 
     @slab.setter
@@ -156,23 +156,23 @@ class Viewer:
         self._change(slab=_make_slab(slab))
 
     def on_pick(self, callback: Callable[[Point], object]) -> Callable[[Point], object]:
-        """Calls callback(point) for each point that is clicked, from now on; returns it, to be used as a decorator."""
+        """Calls callback(point) for each clicked point from now on. Returns the callback, so it can be a decorator."""
         if not callable(callback):
             raise TypeError(f"on_pick needs a function, but this is {callback!r}")
         self._callbacks.append(callback)
         return callback
 
     def pick(self, x: float, y: float) -> Point | None:
-        """The point under a place of the canvas, in its pixels from the upper left corner; None if nothing is there.
-        It becomes viewer.point. ValueError for what is no place."""
+        """Returns the point at a pixel of the canvas, counted from the upper left corner, or None if there is none. It
+        becomes viewer.point. Raises ValueError for an unsuitable place."""
         point = self._find_point(self._state, *make_numbers("place", (x, y), 2))
         self._change(point=point)
         return point
 
     def snapshot(self, path: str | os.PathLike[str] | None = None, *, text: bool = True) -> np.ndarray[Any, Any]:
-        """The picture at rest, as the canvas shows it: uint8, rows x columns x 4, RGBA. Written to an image file, such as
-        "x.png", if path is given; without letters and numbers if text is false. OSError if it cannot be written, ValueError
-        for another ending."""
+        """Returns the picture at rest, as the canvas shows it: uint8, rows x columns x 4, RGBA. If path is given, such as
+        "x.png", writes it to an image file. If text is false, the picture has no letters and numbers. Raises OSError if
+        the file cannot be written, and ValueError for another extension."""
         state = replace(self._state, has_text=text and self._state.has_text, has_help=False, message="")
         rgba = self._scene.paint(state, self._size, ratio=self._ratio)
         if path is not None:
@@ -182,19 +182,19 @@ class Viewer:
         return rgba
 
     def project(self) -> Any:
-        """The values of the picture at rest: an itk.Image of two dimensions, in mm of the view plane; a list of two with
-        an overlay."""
+        """Returns the values of the picture at rest: a 2D itk.Image, in mm of the view plane, or with an overlay a list of
+        two."""
         pictures = self._scene.project(self._state, self._scene.make_grid(self._state, self._size))
         return pictures if len(pictures) > 1 else pictures[0]
 
     def refresh(self) -> None:
-        """Makes the picture anew, of voxels that were changed in memory."""
+        """Makes the picture again after voxels were changed in memory."""
         self._scene.refresh()
         self._change(True)
 
     @property
     def code(self) -> str:
-        """The line of Python that makes this picture's values; its window is the comment at the end."""
+        """The line of Python that makes this picture's values; a comment at its end has the window."""
         grid = self._scene.make_grid(self._state, self._size)
         arguments = [self._source]
         arguments += [f"{name}={each!r}" for name, each in self._name_view().items()]
@@ -208,8 +208,8 @@ class Viewer:
 
     @property
     def command(self) -> str:
-        """The command of the program that makes this picture. ValueError if it needs a file of the transform: the
-        picture is rolled or moved; or if the image came from no file."""
+        """The command of the program that makes this picture. Raises ValueError if the command needs a file of the
+        transform, because the picture is rolled or moved, or if the image does not come from a file."""
         view = self._name_view()
         if isinstance(view.get("view"), list) or self._state.pan != (0.0, 0.0) or self._path is None or self._code:
             raise ValueError("no command alone makes this picture")
@@ -226,7 +226,7 @@ class Viewer:
         return " ".join(words)
 
     def close(self) -> None:
-        """Ends the viewer: its page or widget turns no more. What it holds is freed."""
+        """Ends the viewer and frees its memory. Its page or widget no longer turns."""
         with self._changed:
             if self._closed:
                 return
@@ -678,33 +678,32 @@ def show(
     page: Mapping[str, Any] | None = None,
     **parameters: Any,
 ) -> Viewer:
-    """Shows the maximum intensity projection (MIP) of a volume, which turns under the hand.
+    """Shows the maximum intensity projection (MIP) of a volume, which turns with the mouse.
 
-    In a notebook the Viewer that is returned shows itself. Elsewhere a page opens in the browser, served on this
-    computer only.
+    A notebook shows the returned Viewer. Elsewhere a page opens in the browser, served on this computer only.
 
     source: a volume in memory or a path: see open_image().
-    overlay: a second volume in the same physical space, on any grid, in colours over the first. An array has no place of
-        its own: it must have the first one's shape, and lies where that does.
+    overlay: a second volume in the same physical space, on any grid, in colours over the first. An array must have the
+        first volume's shape, and takes its geometry.
     view, azimuth, elevation: the first view: a side's name and degrees, a linear itk transform from view space to the
         patient, or a 4 x 4 matrix.
     window, overlay_window: values that are black and white, (low, high); by default percentiles 1 and 99.8 of the first
         picture.
-    colours, overlay_colours: ITK's maps, such as "grey", "hot", "red", "jet".
-    opacity: of the overlay's highest value, 0 to 1; lower values are less opaque in proportion.
+    colours, overlay_colours: ITK's colour maps, such as "grey", "hot", "red", "jet".
+    opacity: opacity of the overlay's highest value, 0 to 1; lower values are less opaque in proportion.
     mode: "maximum", "minimum" or "absolute".
-    slab: the least and the greatest depth that take part, in mm behind the middle of the image.
-    exact: makes the picture at rest by exact maxima.
+    slab: the least and the greatest depth of the samples that count, in mm behind the middle of the image.
+    exact: True to make the picture at rest by exact maxima.
     size: columns and rows of the widget in a notebook, in CSS pixels.
-    canvas: a canvas of rendercanvas to show it on, instead.
-    block: whether to return only when the viewer is closed or interrupted; by default in scripts only, not in
+    canvas: a canvas of rendercanvas to show the picture on, instead of a page or widget.
+    block: whether to return only when the viewer is closed or interrupted; by default only in scripts, not in
         notebooks and interactive shells.
-    page: host, port and no_browser of the page, as of the command shear-warp-mip-view.
+    page: host, port and no_browser of the page, as for the command shear-warp-mip-view.
     parameters: crop, mask, mask_label, attenuation, local_maximum, oversampling and background, as in mip(); spacing,
         origin, direction, series, level, time and channel of the source, as in open_image().
 
-    Raises ImportError if rendercanvas or a part of it is missing, ValueError and TypeError for what is no parameter, and
-    what reading the source raises.
+    Raises ImportError if rendercanvas or a part of it is missing, ValueError and TypeError for unsuitable parameters, and
+    the exceptions of reading the source.
 
     >>> from rendercanvas.offscreen import RenderCanvas
     >>> volume = np.zeros((10, 20, 30), np.uint8)
@@ -782,7 +781,7 @@ def _open_overlay(overlay: Any, image: Any) -> Any:
 
 
 def _is_notebook() -> bool:
-    """Jupyter and what is like it, VS Code and Colab among them; marimo."""
+    """Whether this runs in Jupyter or a similar notebook, such as VS Code, Colab or marimo."""
     if "marimo" in sys.modules and sys.modules["marimo"].running_in_notebook():
         return True
     shell = sys.modules["IPython"].get_ipython() if "IPython" in sys.modules else None

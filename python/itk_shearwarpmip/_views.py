@@ -1,4 +1,4 @@
-"""Views by their names, and what else says where the viewer looks from."""
+"""Views by name, transform or matrix."""
 
 import math
 from typing import Any, SupportsFloat
@@ -10,14 +10,14 @@ SIDES = ("anterior", "posterior", "left", "right", "superior", "inferior")
 
 
 def make_transform(image: Any, view: Any = "anterior", azimuth: float = 0.0, elevation: float = 0.0) -> Any:
-    """The itk.Transform, from view space to physical space (LPS, mm), of a view of a 3D itk.Image.
+    """Returns the itk.Transform, from view space to physical space (LPS, mm), of a view of a 3D itk.Image.
 
     view: the side of the patient from which the viewer looks, one of SIDES; or a linear itk.Transform of 3D in double
         precision; or a 4 x 4 matrix. View space has u to the right of the picture, v down, and w away from the viewer.
-    azimuth, elevation: degrees that the viewer then moves towards the right of the picture, and towards its top.
-        Only with a side.
+    azimuth, elevation: degrees that the viewer then moves towards the right and towards the top of the picture; only if
+        view is a side.
 
-    Raises ValueError for another name, a matrix that is none and angles that are not finite; TypeError for other types.
+    Raises ValueError for another name, an unsuitable matrix and angles that are not finite; TypeError for other types.
 
     >>> import numpy as np
     >>> image = itk.image_from_array(np.zeros((3, 4, 5), np.int16))

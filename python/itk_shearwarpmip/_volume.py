@@ -1,4 +1,4 @@
-"""Chunked volumes: arrays, images and OME-Zarr, with their place in physical space."""
+"""Volumes in chunks: arrays, images and OME-Zarr, with their geometry."""
 
 import os
 from collections.abc import Iterator, Sequence
@@ -15,7 +15,7 @@ from itk_shearwarpmip._inputs import UNITS, Placed, find_pixel_types, is_of, pla
 
 @dataclass(frozen=True, eq=False)
 class Volume:
-    """A 3D array in chunks, and where its voxels lie. Spacing and origin are in the order x, y, z. It equals itself only."""
+    """A 3D array in chunks, and its geometry. Spacing and origin have the order x, y, z. A volume equals only itself."""
 
     array: dask.array.Array
     """Axes z, y, x."""
@@ -24,16 +24,16 @@ class Volume:
     direction: np.ndarray
     """3 x 3: its columns are the directions of the axes x, y, z in physical space."""
     unit: str | None = None
-    """Of spacing and origin, as OME-Zarr names it: that of the axis x."""
+    """The unit of spacing and origin, the unit of the x axis in OME-Zarr."""
     has_direction: bool = True
-    """Whether the direction says where the patient's sides are."""
+    """Whether the direction defines the patient's sides."""
 
     @property
     def placed(self) -> Placed:
         return Placed(self.array, self.spacing, self.origin, self.direction, self.has_direction, self.unit)
 
     def persist(self) -> "Volume":
-        """The same, with its voxels in the memory of Dask's workers: for several views."""
+        """Returns the volume with its voxels in the memory of Dask's workers, for several views."""
         return replace(self, array=self.array.persist())
 
     @property
@@ -42,13 +42,13 @@ class Volume:
         return _make_region((0, 0, 0), self.array.shape)
 
     def make_image(self) -> itk.Image:
-        """An itk.Image with this geometry, and without voxels."""
+        """Returns an itk.Image with this geometry and without voxels."""
         image = itk.Image[_find_pixel_type(self.array.dtype), 3].New()
         image.SetLargestPossibleRegion(self.region)
         return self._place(image)
 
     def make_part(self, voxels: np.ndarray, first: Sequence[int]) -> itk.Image:
-        """The part `voxels`, from voxel `first` (z, y, x) on, as an itk.Image that shares their memory."""
+        """Returns `voxels`, the part that begins at voxel `first` (z, y, x), as an itk.Image that shares their memory."""
         image = itk.image_view_from_array(voxels)
         image.SetRegions(_make_region(first, voxels.shape))
         return self._place(image)
@@ -69,18 +69,18 @@ def open_volume(
     time: int = 0,
     channel: int = 0,
 ) -> Volume:
-    """Opens a volume; its voxels are not read yet.
+    """Opens a volume without reading its voxels.
 
-    volume: a dask.array.Array with the axes z, y, x; an OME-Zarr image of version 0.4 or 0.5: its path, its URL or a
-        zarr.Group; a Volume; or an array or image in memory, but no path of one: see open_image().
-    spacing, origin: x, y, z, instead of the volume's own, which are 1 and 0 of an array.
-    direction: 3 x 3, instead of the volume's own, which is the identity of an array and an OME-Zarr.
-    level: of an OME-Zarr's resolutions, 0 is the finest. By default the coarsest one that is not coarser than
-        output_spacing, or the finest one without that.
-    time, channel: which one of an OME-Zarr that has several.
+    volume: a dask.array.Array with the axes z, y, x; an OME-Zarr image of version 0.4 or 0.5 by its path, its URL or as a
+        zarr.Group; a Volume; or an array or image in memory. For other files, see open_image().
+    spacing, origin: x, y, z, instead of the volume's own; the defaults for arrays are 1 and 0.
+    direction: 3 x 3, instead of the volume's own; the default for arrays and OME-Zarr is the identity.
+    level: the resolution of an OME-Zarr image; 0 is the finest. By default the coarsest level that is at least as fine as
+        output_spacing, or the finest level without output_spacing.
+    time, channel: the time point and the channel, for an OME-Zarr image with several.
 
-    Raises ValueError for what is no such volume, TypeError for objects and voxels of other types; ImportError for a URL
-    whose kind needs another package; OSError for a file that cannot be read.
+    Raises ValueError for an unsuitable volume, TypeError for objects and voxels of unsupported types, ImportError for a
+    URL that needs another package, and OSError for a file that cannot be read.
 
     >>> volume = open_volume(dask.array.zeros((40, 50, 60), dtype=np.uint8, chunks=20), spacing=(0.4, 0.4, 0.8))
     >>> volume.array.numblocks, volume.spacing
@@ -114,7 +114,7 @@ def open_volume(
 
 
 def read_volume(source: Any, level: int | None, time: int, channel: int) -> Volume:
-    """An OME-Zarr, all voxels of which will be read: the level must be chosen, as they may be too many."""
+    """Opens an OME-Zarr image to read all voxels. The caller must choose the level, because the finest may be too large."""
     image = _OmeZarr(source)
     if level is None and len(image.levels) > 1:
         raise ValueError(f"{source} has the levels 0, the finest, to {len(image.levels) - 1}: give one, as level=1")
@@ -188,7 +188,7 @@ class _OmeZarr:
             raise ValueError(f"{self._name} has broken metadata: {type(error).__name__}: {error}") from error
 
     def _find_place(self, dataset: dict[str, Any], image: dict[str, Any]) -> tuple[np.ndarray, np.ndarray]:
-        """Scale and offset of a level, of x, y, z."""
+        """Scale and offset of a level, along x, y, z."""
         scale, offset = np.ones(len(self._axes)), np.zeros(len(self._axes))
         for owner in (dataset, image):
             for step in owner.get("coordinateTransformations", []):
@@ -206,7 +206,7 @@ class _OmeZarr:
         return max(fine, default=0)
 
     def read_level(self, level: int, time: int, channel: int) -> Volume:
-        """The array, z, y, x, at these indices of the other axes."""
+        """Returns the array (z, y, x) of a level at these indices of the other axes."""
         levels = len(self.levels)
         if not 0 <= level < levels:
             raise ValueError(f"{self._name} has the levels 0 to {levels - 1}, but not {level}")
@@ -240,7 +240,7 @@ class _OmeZarr:
 
 
 class _Reader:
-    """The space axes of an array, at an index of the others; says which voxels cannot be read."""
+    """The space axes of an array, at an index of the other axes. Its errors name the voxels that cannot be read."""
 
     def __init__(self, array: Any, index: tuple[int | slice, ...]) -> None:
         self._array = array
