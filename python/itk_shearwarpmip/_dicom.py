@@ -1,4 +1,4 @@
-"""DICOM series, by the rules of the program shear-warp-mip: each slice lies where it says."""
+"""DICOM series, by the rules of the program shear-warp-mip: each slice lies at its own position."""
 
 import filecmp
 import mmap
@@ -45,7 +45,8 @@ class Slice(NamedTuple):
 
 
 def read_folder(folder: Path, series: str | int | None) -> Any:
-    """The one series of a folder and those in it, or the chosen one, as an itk.Image with the first slice's dictionary."""
+    """Reads the only or the chosen series of a folder and the folders in it, as an itk.Image with the first slice's
+    dictionary."""
     found, left_out = _find_all_series(folder)
     files = next(iter(found.values())) if series is None and len(found) == 1 else _choose(found, series, folder)
     localizers = [path for path, io in files if "\\LOCALIZER" in _get(io, _TYPE)]
@@ -60,7 +61,8 @@ def read_folder(folder: Path, series: str | int | None) -> Any:
 
 
 def _find_all_series(folder: Path) -> tuple[dict[str, _Files], dict[str, list[Path]]]:
-    """By date, number and UID; and what is left out. What might be an image, but cannot be read, is an error."""
+    """Returns all series, in the order of date, number and UID, and the files that are left out, by reason. A file that may
+    be an image, but cannot be read, is an error."""
     found: dict[str, _Files] = {}
     instances: dict[str, Path] = {}
     others = []
@@ -93,7 +95,7 @@ def _find_all_series(folder: Path) -> tuple[dict[str, _Files], dict[str, list[Pa
 
 
 def _list_files(folder: Path, known: set[str]) -> Iterator[Path]:
-    """Also of the folders in it, but none twice, and nothing hidden."""
+    """Lists the files of a folder and the folders in it, each folder once, without hidden files."""
     if (place := os.path.realpath(folder)) in known:
         return
     known.add(place)
@@ -103,7 +105,7 @@ def _list_files(folder: Path, known: set[str]) -> Iterator[Path]:
 
 
 def _choose(found: dict[str, _Files], series: str | int | None, folder: Path) -> _Files:
-    """By UID, by the number in the list or by a part of the description."""
+    """Chooses a series by UID, by the number in the list or by a part of the description."""
     wanted = "" if series is None else str(series)
     if wanted in found:
         return found[wanted]
@@ -120,7 +122,7 @@ def _choose(found: dict[str, _Files], series: str | int | None, folder: Path) ->
 
 
 def _describe(number: int, uid: str, files: _Files) -> str:
-    """As "2: Thorax, CT, 2024-01-31, 40 images, 1.2.840.1"."""
+    """Describes a series, such as "2: Thorax, CT, 2024-01-31, 40 images, 1.2.840.1"."""
     date, io = _find_date(files), files[0][1]
     if len(date) == 8:
         date = f"{date[:4]}-{date[4:6]}-{date[6:]}"
@@ -131,7 +133,7 @@ def _describe(number: int, uid: str, files: _Files) -> str:
 
 
 def _find_date(files: _Files) -> str:
-    """Of the series, or of the study."""
+    """The date of the series, or of the study."""
     return next(filter(None, (_get(files[0][1], tag) for tag in _DATES)), "")
 
 
@@ -143,7 +145,7 @@ def _is_projection(io: Any) -> bool:
 
 
 def read_file(path: Path) -> Any:
-    """The slice of a DICOM file as an itk.Image."""
+    """Reads the slice of a DICOM file as an itk.Image."""
     io = _open(path)
     if io is None:
         raise OSError(f"'{path}' is not a DICOM image")
@@ -151,7 +153,7 @@ def read_file(path: Path) -> Any:
 
 
 def _open(path: Path) -> Any:
-    """The reader of a DICOM image, with its header; None for what is no image."""
+    """Returns the reader of a DICOM image, with its header, or None if the file is no image."""
     io = itk.GDCMImageIO.New()
     reason = "it is damaged or incomplete"
     try:
@@ -170,11 +172,12 @@ def _open(path: Path) -> Any:
 
 
 _PIXEL_DATA = re.compile(rb"\xe0\x7f\x10\x00(?:(?:OB|OW|UN)..)?(.{4})|\x7f\xe0\x00\x10(?:OB|OW|UN)..(.{4})", re.DOTALL)
-"""Of each transfer syntax but the deflated one, with its length (PS3.5 7.1). What is compressed has the largest one."""
+"""Matches the element of all transfer syntaxes except the deflated one, with its length (PS3.5 7.1). Compressed pixels have
+the largest length."""
 
 
 def _has_all_pixels(path: Path, io: Any) -> bool:
-    """Of pixels that are missing ITK would make any values."""
+    """Whether a file has all its pixels. ITK would give missing pixels arbitrary values."""
     bits = io.GetDimensions(0) * io.GetDimensions(1) * io.GetDimensions(2) * int(_get(io, _BITS) or 0)
     with path.open("rb") as file:
         whole = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
@@ -207,7 +210,7 @@ def _get_count(io: Any, tag: str) -> int:
 
 
 def _get_numbers(io: Any, tag: str) -> NDArray[np.float64]:
-    """As many finite numbers as there are, or none."""
+    """Returns the numbers of an attribute, or none if one is not finite."""
     try:
         numbers = np.array([float(part) for part in _get(io, tag).split("\\")])
     except ValueError:
@@ -253,7 +256,7 @@ def make_slice(
     thicknesses: NDArray[np.float64],
     read: Callable[[], NDArray[Any]],
 ) -> Slice:
-    """A slice of the attributes of DICOM, which may be missing: spacing of rows and columns."""
+    """Makes a slice from the attributes of DICOM, which may be missing. `spacing` is that of rows, then of columns."""
     for what, numbers, count in (
         ("orientation", orientation, 6),
         ("position", position, 3),
@@ -291,7 +294,7 @@ def _require_likeness(each: Slice, first: Slice) -> None:
 
 
 def _find_step(slices: list[Slice]) -> NDArray[np.float64]:
-    """From slice to slice, in mm; slices are sorted."""
+    """Finds the step from slice to slice, in mm. The slices must be sorted."""
     origins = np.array([each.origin for each in slices])
     positions = origins @ slices[0].directions[2]
     gaps = np.abs(np.diff(positions))

@@ -1,4 +1,4 @@
-"""The slices of DICOM files that ITK's Python does not read as they are: multi-frame and MONOCHROME1."""
+"""The slices of DICOM files that ITK's Python does not read correctly: multi-frame and MONOCHROME1."""
 
 from collections.abc import Callable, Sequence
 from functools import cache, partial
@@ -22,8 +22,8 @@ _PIXELS = (
 
 
 def make_slices(path: Path, size: tuple[int, int], frames: int) -> list[Slice]:
-    """Those of one file, of so many columns and rows. Attributes are in the functional groups of the frame or of all frames (PS3.3 C.7.6.16), or in the
-    file itself, or with the detector."""
+    """Returns the slices of one file; `size` is columns and rows. Attributes are in the functional groups of the frame or
+    of all frames (PS3.3 C.7.6.16), in the file itself, or with the detector."""
     header = pydicom.dcmread(path, stop_before_pixels=True, force=True)
     groups = header.get("PerFrameFunctionalGroupsSequence")
     if groups and len(groups) != frames:
@@ -67,12 +67,12 @@ def _make_slice(
 
 
 def _get_item(items: Sequence[Dataset] | None, number: int = 0) -> Dataset:
-    """Of a sequence; an empty one if there is none."""
+    """Returns an item of a sequence, or an empty one if there is none."""
     return items[number] if items and number < len(items) else Dataset()
 
 
 def _get_numbers(dataset: Dataset, name: str) -> NDArray[np.float64]:
-    """As many as there are, or none."""
+    """Returns the numbers of an attribute, or none if it has no valid numbers."""
     try:
         value = dataset.get(name)
         return np.atleast_1d(np.array([] if value in (None, "") else value, float))
@@ -81,7 +81,7 @@ def _get_numbers(dataset: Dataset, name: str) -> NDArray[np.float64]:
 
 
 def _find_offset(header: Dataset, frame: int, frames: int, made: Slice) -> NDArray[np.float64]:
-    """What a frame is away from the position that all of a file have, in dose and nuclear medicine (PS3.3 C.8.8.3.2 and
+    """Finds the offset of a frame from the position in the file, for dose and nuclear medicine (PS3.3 C.8.8.3.2 and
     C.8.4.15)."""
     superior, normal = np.array([0.0, 0.0, 1.0]), made.directions[2]
     offsets = _get_numbers(header, "GridFrameOffsetVector")
@@ -97,7 +97,7 @@ def _find_offset(header: Dataset, frame: int, frames: int, made: Slice) -> NDArr
 
 
 def _read_stored(path: Path) -> NDArray[Any]:
-    """The pixels of all frames as they are stored: a file of nothing else, which ITK decodes."""
+    """Reads the stored pixels of all frames. ITK decodes them from a file that contains only the pixels."""
     plain = pydicom.dcmread(path, force=True, specific_tags=list(_PIXELS))
     plain.PhotometricInterpretation = "MONOCHROME2"
     plain.SOPClassUID = pydicom.uid.SecondaryCaptureImageStorage
@@ -114,7 +114,7 @@ def _read_stored(path: Path) -> NDArray[Any]:
 
 
 def _rescale(stored: NDArray[Any], slope: float, intercept: float, header: Dataset, name: str) -> NDArray[Any]:
-    """In the type that ITK chooses: the smallest whole one for all that its bits can be, or float64."""
+    """Rescales to the type that ITK chooses: the smallest integer type for all values of the stored bits, or float64."""
     if slope == 1 and intercept == 0:
         return stored
     bits, is_signed = int(header.BitsStored), bool(header.PixelRepresentation)

@@ -1,4 +1,4 @@
-"""DICOM series of the frames of a turn: the attributes of apps/DicomSeries.h, which says why."""
+"""DICOM series of the frames of a turn. apps/DicomSeries.h gives the reasons for the attributes."""
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
@@ -85,7 +85,7 @@ def write_series(turn: Any, folder: Path, window: tuple[float, float] | None) ->
 
 
 class _Rescale:
-    """How values become the numbers from 0 to 65535, or -32768 to 32767 if there is a sign."""
+    """The conversion of values to numbers from 0 to 65535, or from -32768 to 32767 with a sign."""
 
     def __init__(self, pixels: NDArray[Any]) -> None:
         self.slope, self.intercept, self.is_signed = 1.0, 0.0, False
@@ -119,7 +119,7 @@ def _read_sources(turn: Any) -> Iterator[Dataset]:
 
 
 def _convert(source_metadata: Mapping[str, Any]) -> Dataset:
-    """What ITK found in a DICOM file: attributes of text as "gggg|eeee"."""
+    """Converts the attributes of text that ITK found in a DICOM file, as "gggg|eeee"."""
     dataset = Dataset()
     for key, value in source_metadata.items():
         if re.fullmatch("[0-9a-f]{4}\\|[0-9a-f]{4}", key) and isinstance(value, str):
@@ -147,7 +147,7 @@ def _make_code(value: str, meaning: str) -> Dataset:
 
 
 def _make_header(turn: Any, rescale: _Rescale, window: tuple[float, float] | None) -> Dataset:
-    """What all frames have."""
+    """Makes the attributes that all frames have."""
     sources = list(_read_sources(turn))
     source = sources[0] if sources else _convert(turn.source_metadata)
     sop_class = source.get("SOPClassUID")
@@ -236,7 +236,7 @@ def _set_window(header: Dataset, source: Dataset, rescale: _Rescale, window: tup
 
 
 def _make_plane(turn: Any, transform: Any, number: int) -> Dataset:
-    """Where a frame lies: in the middle of the slab, or through the image's centre."""
+    """The plane of a frame: in the middle of the slab, or through the image's centre."""
     start = np.array(transform.TransformPoint([0.0, 0.0, 0.0]))
     axes = np.array([transform.TransformPoint(list(axis)) for axis in np.eye(3)]) - start
     near, far = turn.slab or (-np.inf, np.inf)
@@ -266,7 +266,7 @@ def _format(numbers: Iterable[float]) -> list[str]:
 
 
 def _name_direction(direction: NDArray[np.float64]) -> str:
-    """One or two letters, as of ComputeEdgeLetters() in apps/Orientation.h."""
+    """One or two letters for a direction, as by ComputeEdgeLetters() in apps/Orientation.h."""
     first, second = np.argsort(-abs(direction), kind="stable")[:2]
     axes = [first, second] if abs(direction[second]) >= np.sin(np.pi / 8) else [first]
     return "".join(("RL", "AP", "FH")[axis][int(direction[axis] > 0.0)] for axis in axes)

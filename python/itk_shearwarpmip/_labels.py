@@ -1,4 +1,4 @@
-"""What a picture says of its view: letters of the patient's sides, angles, and a scale bar."""
+"""Text in pictures: letters of the patient's sides, angles of the view, and a scale bar."""
 
 from typing import Any
 
@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 LETTERS = ("LR", "PA", "HF")
-"""Of the directions of x, y and z in the patient, and of those against them (PS3.3 C.7.6.1.1.1)."""
+"""For the directions x, y and z in the patient, and the directions against them (PS3.3 C.7.6.1.1.1)."""
 
 _SMALLEST = 48
-"""Columns and rows of a picture that has room for letters."""
+"""The fewest columns and rows of a picture with letters."""
 
 
 def get_matrix(transform: Any) -> NDArray[np.float64]:
@@ -43,8 +43,8 @@ def find_angles(matrix: NDArray[np.float64]) -> tuple[float, float, float]:
 
 
 def find_letters(direction: Any) -> str:
-    """The side of the patient to which a direction points, or the two sides, the nearer first; of two equally near ones
-    L or R, then A or P. A second one has at least the sine of 22.5 degrees."""
+    """The side of the patient to which a direction points, or two sides, the nearer first. If two are equally near, L or R
+    comes first, then A or P. There is a second side from the sine of 22.5 degrees on."""
     # rounding errors make no letter
     lengths = np.round(np.abs(direction) / np.linalg.norm(direction), 6)
     nearest = np.argsort(-lengths, kind="stable")[:2]
@@ -58,7 +58,7 @@ def find_sides(matrix: NDArray[np.float64]) -> dict[str, str]:
 
 
 def round_length(most: float) -> float:
-    """The longest of 1, 2, 5, 10, 20, 50 and so on."""
+    """Rounds a length down to 1, 2, 5, 10, 20, 50 and so on."""
     # not 4.999... for 5
     most *= 1 + 1e-9
     power = 10.0 ** np.floor(np.log10(most))
@@ -66,15 +66,15 @@ def round_length(most: float) -> float:
 
 
 def widen(text: str) -> str:
-    """Pillow's space is narrow."""
+    """Widens spaces, because Pillow's space is narrow."""
     return text.replace(" ", "  ")
 
 
 def draw(
     grey: NDArray[np.uint8], matrix: NDArray[np.float64], spacing: float, *, has_sides: bool, has_scale: bool
 ) -> NDArray[np.uint8]:
-    """A picture with letters at its edges; with a scale bar at the bottom left and the angles at the top left. White with
-    a black rim. What has no room is left out.
+    """Returns a picture with letters at its edges, a scale bar at the bottom left and the angles at the top left, in white
+    with a black rim. Leaves out what does not fit.
 
     matrix: from view space to the patient (LPS), 4 x 4.
     spacing: of columns, in mm of view space.
@@ -117,7 +117,7 @@ def draw(
 
 
 def describe_angles(matrix: NDArray[np.float64]) -> list[str]:
-    """Where a picture is seen from: LAO or RAO, or degrees where that is behind, and CRA or CAU (PS3.3 C.8.7.5.1.2)."""
+    """The angles of a view: LAO or RAO, or degrees for a view from behind, and CRA or CAU (PS3.3 C.8.7.5.1.2)."""
 
     def describe(angle: float, positive: str, negative: str) -> str:
         shown = round(angle, 1) + 0.0

@@ -1,4 +1,4 @@
-"""The projection of a chunked volume: chunks to pieces of the intermediate image, these to one, and that to the picture."""
+"""The projection of a volume in chunks: chunks to pieces of the intermediate image, pieces to one image, to the picture."""
 
 from collections import ChainMap, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -18,11 +18,11 @@ from itk_shearwarpmip._front import Parameters, find_lowest, set_background, set
 from itk_shearwarpmip._volume import Volume
 
 _Place = tuple[int, ...]
-"""Numbers of a chunk along z, y, x."""
+"""The numbers of a chunk along z, y, x."""
 
 
 class _Piece(NamedTuple):
-    """Pixels of the intermediate image of the whole volume, from a row and a column on."""
+    """A part of the intermediate image of the whole volume, which begins at a row and a column."""
 
     row: int
     column: int
@@ -30,7 +30,7 @@ class _Piece(NamedTuple):
 
 
 class _Ends(NamedTuple):
-    """The first and the last voxels of a chunk along axes (0 is z)."""
+    """The first and the last layer of voxels of a chunk along axes (0 is z)."""
 
     first: dict[int, np.ndarray]
     last: dict[int, np.ndarray]
@@ -40,8 +40,8 @@ _EndsOf = dict[_Place, _Ends]
 
 
 class _Pieces(NamedTuple):
-    """Of some chunks: one piece for each view; the bytes of all pieces that were sent to make them, and of themselves;
-    the value beside the volume, as far as they tell; the ends of chunks that were projected, along the axes with seams."""
+    """The result for some chunks: one piece for each view; the bytes of all pieces, including those that were merged; the
+    background by these chunks; and the ends of the projected chunks along the axes with seams."""
 
     views: list[_Piece]
     bytes_sent: int
@@ -53,10 +53,10 @@ class _Pieces(NamedTuple):
 
 
 def project(volume: Volume, view: Any, parameters: Parameters) -> Any:
-    """The picture of a volume in chunks, by Dask's current scheduler. Each chunk is projected where it is, to its piece of
-    the intermediate image of the whole; pieces are merged in a tree, and the last one is warped to the picture here. The
-    picture has the bits that itk.ShearWarpMIPImageFilter gives for the whole volume. Its entry "BytesSent" is the number
-    of bytes of all pieces: the most that can have moved between workers, but for the faces of chunks."""
+    """Makes the picture of a volume in chunks, by Dask's current scheduler. Each chunk is projected where it is, to its piece
+    of the intermediate image of the whole. Pieces are merged in a tree, and the last one is warped to the picture here. The
+    picture has the bits that itk.ShearWarpMIPImageFilter gives for the whole volume. Its entry "BytesSent" is the number of
+    bytes of all pieces. Pieces cannot have moved more bytes between workers; the faces of chunks are not included."""
     picture = _make_filter(itk.ShearWarpMIPMergePartsImageFilter, volume, parameters)
     picture.SetTransform(view)
     update(picture, information=True)
@@ -67,8 +67,8 @@ def project(volume: Volume, view: Any, parameters: Parameters) -> Any:
 
 
 def project_turn(volume: Volume, set_turn: Callable[[Any, Any], None], parameters: Parameters) -> tuple[Any, list[Any]]:
-    """The frames that a itk.ShearWarpMIPCineImageFilter gives after `set_turn` of it and an image of the volume's
-    geometry, and their views; each chunk is read once for all of them."""
+    """Returns the frames of an itk.ShearWarpMIPCineImageFilter, and their views. `set_turn` sets the turn of the filter for
+    an image of the volume's geometry. Each chunk is read once for all frames."""
     cine = _make_filter(itk.ShearWarpMIPCineImageFilter, volume, parameters)
     set_turn(cine, volume.make_image())
     update(cine, information=True)
@@ -120,7 +120,7 @@ def _warp(picture: Any, piece: _Piece, background: Any) -> Any:
 
 @dataclass(frozen=True)
 class _View:
-    """What chunks must know of the volume and of its views."""
+    """What the tasks of chunks need of the volume and of its views."""
 
     volume: Volume
     firsts: list[list[int]]
@@ -139,14 +139,14 @@ class _View:
 
 
 class _Shape(NamedTuple):
-    """What chunks must know of the volume's array."""
+    """What the tasks of chunks need of the volume's array."""
 
     shape: tuple[int, ...]
     dtype: np.dtype
 
 
 def _project(volume: Volume, transforms: Sequence[Any], parameters: Parameters) -> _Pieces:
-    """The intermediate images of all views."""
+    """Returns the intermediate images of all views."""
     array = volume.array
     token = uuid4().hex
     outline = Volume(_Shape(array.shape, array.dtype), volume.spacing, volume.origin, volume.direction)
@@ -173,8 +173,8 @@ def _project(volume: Volume, transforms: Sequence[Any], parameters: Parameters) 
 def _add_boxes(
     graph: dict[Any, Any], tasks: dict[_Place, Any], edge: int, view: _View, numblocks: _Place, token: str
 ) -> tuple[list[Any], "_Priorities"]:
-    """Adds the tasks that merge boxes of `edge` chunks a side, with the seams between them and those before, and returns
-    them. `tasks` are those that project the chunks."""
+    """Adds and returns the tasks that merge boxes of `edge` chunks a side, with the seams inside of a box and at the boxes
+    before it. `tasks` project the chunks."""
     pieces: list[Any] = []
     ends: dict[_Place, Any] = {}
     priorities = _Priorities()
@@ -198,15 +198,15 @@ def _add_boxes(
 
 
 class _Priorities:
-    """Lets a cluster do one box after the other, and whatever merges boxes at once, so that few pieces and ends wait for
-    others. Dask's own order begins many boxes."""
+    """Lets a cluster do one box after the other, and merge boxes as soon as possible, so that few pieces and ends wait.
+    Dask's own order begins many boxes."""
 
     def __init__(self) -> None:
         self._boxes: dict[Any, int] = {}
         self._count = 0
 
     def add_box(self, graph: dict[Any, Any], tasks: Iterable[Any]) -> None:
-        """The next box: its tasks, and those that no box before needed."""
+        """Adds the next box: its tasks, and their dependencies that no box before needs."""
         waiting = list(tasks)
         while waiting:
             task = waiting.pop()
@@ -221,8 +221,8 @@ class _Priorities:
 
 
 def _project_each(array: dask.array.Array, view: _View, token: str) -> tuple[dict[Any, Any], dict[_Place, Any]]:
-    """A graph that projects each chunk in the task that reads it, with the view once for all, and the task of each
-    chunk."""
+    """Returns a graph that projects each chunk in the task that reads it, and the task of each chunk. The tasks share one
+    view."""
     shared = dask.delayed(view, name=f"view-{token}", traverse=False)
     projected = array.map_blocks(
         project_chunk, view=shared, name=f"project_chunks-{token}", dtype=object, meta=np.empty((0, 0, 0), object)
@@ -234,7 +234,7 @@ def _project_each(array: dask.array.Array, view: _View, token: str) -> tuple[dic
 def _project_together(
     array: dask.array.Array, groups: Iterable[list[_Place]], view: _View, token: str
 ) -> tuple[dict[Any, Any], dict[_Place, Any]]:
-    """A graph that projects groups of chunks, and the task of each chunk."""
+    """Returns a graph that projects groups of chunks, and the task of each chunk."""
     graph, tasks = dict(array.__dask_graph__()), {}
     for places in groups:
         task = f"project_chunks-{token}", *places[0]
@@ -257,8 +257,8 @@ def _add_tree(graph: dict[Any, Any], pieces: list[Any], name: str) -> Any:
 
 
 def _find_owners(array: dask.array.Array) -> dict[_Place, tuple[str, int]]:
-    """The worker that has each chunk, and the number of its threads, if all are futures in the memory of a cluster; else
-    nothing."""
+    """Returns the worker that has each chunk, and the number of its threads, if all chunks are futures in the memory of a
+    cluster; otherwise nothing."""
     layer = array.__dask_graph__().layers.get(array.name)
     # others would be made here for nothing
     if not isinstance(layer, MaterializedLayer):
@@ -277,7 +277,7 @@ def _find_owners(array: dask.array.Array) -> dict[_Place, tuple[str, int]]:
 
 
 def _group(owners: dict[_Place, tuple[str, int]], edge: int) -> Iterator[list[_Place]]:
-    """In each box of that edge, the chunks of one worker for two tasks of each of its threads."""
+    """In each box of `edge` chunks a side, divides the chunks of a worker into two groups for each of its threads."""
     groups = defaultdict(list)
     for place, owner in owners.items():
         groups[*np.floor_divide(place, edge), owner].append(place)
@@ -299,7 +299,7 @@ def project_chunk(chunk: np.ndarray, *, view: _View, block_id: _Place) -> _Piece
 
 
 def project_chunks(chunks: Sequence[np.ndarray], places: Sequence[_Place], view: _View) -> _Pieces:
-    """Projects chunks, together; gives their ends too."""
+    """Projects chunks together, and also returns their ends."""
     chunks = [np.ascontiguousarray(chunk, chunk.dtype.newbyteorder("=")) for chunk in chunks]
     parts = ((chunk, view.find_first(place)) for chunk, place in zip(chunks, places, strict=True))
     pieces, ends = [], {}
@@ -321,7 +321,8 @@ def _copy_ends(chunk: np.ndarray, view: _View) -> _Ends:
 
 
 def get_ends(projected: list[_Pieces], high: _Place, axes: Sequence[int]) -> _EndsOf:
-    """Of a box of chunks, to before `high`, the last voxels along some axes: what the boxes after it need of it."""
+    """Returns the last voxels of a box of chunks along some axes, which the boxes after it need. The box ends before
+    `high`."""
     return {
         place: _Ends({}, {axis: ends.last[axis] for axis in axes if place[axis] == high[axis] - 1})
         for of_chunks in projected
@@ -332,9 +333,9 @@ def get_ends(projected: list[_Pieces], high: _Place, axes: Sequence[int]) -> _En
 def make_seam(
     ends: _EndsOf, low: _Place, high: _Place, axis: int, number: int, view: _View
 ) -> tuple[np.ndarray, list[int]]:
-    """Of a box of chunks, from `low` to before `high`, the voxels on both sides of the seam before those of a number
-    along an axis, and their first one (z, y, x). Samples lie between them and those of the chunks before the box, whose
-    last voxels they begin with."""
+    """Returns the voxels on both sides of a seam, and the first of them (z, y, x). The seam lies in a box of chunks, from
+    `low` to before `high`, before the chunks of a number along an axis. Along the other axes, the voxels begin with the
+    last voxels of the chunks before the box, because samples lie between these and the box."""
     places = [
         range(n - (n > 0 and other in view.seams), end) for other, (n, end) in enumerate(zip(low, high, strict=True))
     ]
@@ -355,8 +356,8 @@ def make_seam(
 
 
 def merge_chunks(projected: list[_Pieces], before: list[_EndsOf], low: _Place, high: _Place, view: _View) -> _Pieces:
-    """Merges the pieces of a box of chunks, from `low` to before `high`, and, projected here, of the seams between them
-    and those before them, whose ends are `before`."""
+    """Merges the pieces of a box of chunks, from `low` to before `high`. Also projects and merges the seams between these
+    chunks, and to the chunks before the box, whose ends are `before`."""
     ends = dict(ChainMap(*before, *(of_chunks.get_ends() for of_chunks in projected)))
     seams = (
         make_seam(ends, low, high, axis, number, view)
@@ -368,7 +369,7 @@ def merge_chunks(projected: list[_Pieces], before: list[_EndsOf], low: _Place, h
 
 
 def _project_parts(parts: Iterable[tuple[np.ndarray, Sequence[int]]], view: _View) -> Iterator[list[_Piece]]:
-    """The pieces of each part: its voxels, and its first one (z, y, x)."""
+    """Yields the pieces of each part. A part is its voxels and the place of its first voxel (z, y, x)."""
     projection = itk.ShearWarpMIPPartImageFilter.New(view.volume.make_image())
     projection.SetWholeRegion(view.volume.region)
     projection.SetOversampling(view.oversampling)
@@ -390,7 +391,7 @@ def _project_parts(parts: Iterable[tuple[np.ndarray, Sequence[int]]], view: _Vie
 
 
 def merge_pieces(pieces: list[_Pieces]) -> _Pieces:
-    """The maximum of pieces, as large as they are together."""
+    """Returns the maximum of pieces, with the extent of all of them."""
     merged = [_merge(of_view) for of_view in zip(*(each.views for each in pieces), strict=True)]
     bytes_sent = sum(each.bytes_sent for each in pieces) + sum(piece.pixels.nbytes for piece in merged)
     return _Pieces(merged, bytes_sent, min(each.background for each in pieces))

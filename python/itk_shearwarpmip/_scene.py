@@ -1,4 +1,4 @@
-"""What the viewer shows, without any canvas: volumes, the state of their display, and the picture of it."""
+"""The contents of the viewer without its canvas: volumes, the state of their display, and its picture."""
 
 import threading
 import time
@@ -35,7 +35,7 @@ _TEXT, _QUIET, _ACCENT = "#d5dae0", "#8f99a5", "#7cb3e8"
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """All that a picture depends on but the volumes and the size of the canvas. States are never changed."""
+    """Everything that a picture depends on, except the volumes and the size of the canvas. A state never changes."""
 
     transform: Any
     """An itk.Transform, from view space to the patient."""
@@ -46,7 +46,7 @@ class State:
     slab: Pair | None = None
     """Nearest and farthest depth, in mm."""
     windows: dict[tuple[int, str], Window] = field(default_factory=dict)
-    """Of a volume in a mode; where there is none, it is found."""
+    """The window of a volume in a mode. If there is none, the layer finds one."""
     point: "Point | None" = None
     message: str = ""
     has_text: bool = True
@@ -55,12 +55,12 @@ class State:
 
 @dataclass(frozen=True)
 class Point:
-    """Where a ray has its value.
+    """The point of a ray that gives the pixel its value.
 
     position: x, y, z in the patient's space, LPS, in mm.
-    index: of the nearest voxel, i, j, k.
-    value: of the picture there.
-    overlay: the same of the second volume, or None if the ray meets none.
+    index: index of the nearest voxel, i, j, k.
+    value: value of the picture there.
+    overlay: the point in the second volume, or None if the ray meets none.
     """
 
     position: tuple[float, float, float]
@@ -71,21 +71,21 @@ class Point:
 
 @dataclass(frozen=True)
 class Grid:
-    """The pixels of a picture: columns and rows; mm per pixel; u, v of the first one's centre."""
+    """The pixels of a picture: columns and rows; mm per pixel; u, v of the first pixel's centre."""
 
     size: tuple[int, int]
     spacing: float
     origin: Pair
 
     def coarsen(self, factor: int) -> "Grid":
-        """Pixels of factor x factor of these, which cover them."""
+        """Returns a grid that covers this one, whose pixels have factor x factor pixels of this one."""
         columns, rows = (-(-length // factor) for length in self.size)
         u, v = (first + (factor - 1) / 2 * self.spacing for first in self.origin)
         return Grid((columns, rows), self.spacing * factor, (u, v))
 
 
 class Layer:
-    """A volume, the one filter that projects it, and its colours."""
+    """A volume, its filter and its colours."""
 
     def __init__(self, image: Any, *, colours: str = "grey", background: Any = "auto", **parameters: Any) -> None:
         if not isinstance(colours, str) or colours not in COLOURS:
@@ -107,19 +107,19 @@ class Layer:
         return find_lowest(itk.array_view_from_image(self.image))
 
     def check(self, state: State, exact: bool) -> None:
-        """ValueError for what cannot be projected."""
+        """Raises ValueError for a state that cannot be projected."""
         self._set(state, exact)
         update(self.filter, information=True)
 
     def refresh(self) -> None:
-        """Takes what is in the image now."""
+        """Takes the present values of the image."""
         self.image.Modified()
         if self._is_auto:
             self.filter.SetDefaultPixelValue(self._find_background())
         self.windows.clear()
 
     def project(self, state: State, grid: Grid | None, exact: bool = False, depth: bool = False) -> Array:
-        """Values, until the next call; on a grid fitted to the image if none is given."""
+        """Returns values, which are valid until the next call. Without a grid, the grid is fitted to the image."""
         mip = self.filter
         self._set(state, exact)
         if grid is None:
@@ -143,17 +143,17 @@ class Layer:
         mip.SetExact(exact)
 
     def find_window(self, state: State) -> Window:
-        """Of the picture of a state, fitted to the image."""
+        """Finds the window of the picture of a state, fitted to the image."""
         return find_window_of(self.project(state, None), self.filter.GetDefaultPixelValue())
 
     def get_window(self, first: State) -> Window:
-        """The window found in the first state that asks for its mode."""
+        """Returns the window of a mode, found in the first state that asks for it."""
         if first.mode not in self.windows:
             self.windows[first.mode] = self.find_window(first)
         return self.windows[first.mode]
 
     def make_grey(self, pixels: Array, window: Window) -> Array:
-        """Values in a window, as 0 to 255: rounded as the program's."""
+        """Converts values in a window to 0 to 255, rounded like the program's."""
         if pixels.dtype.kind == "f" or pixels.itemsize > 2:
             return make_grey(pixels, window)
         unsigned = np.dtype(f"u{pixels.itemsize}")
@@ -164,7 +164,7 @@ class Layer:
         return grey
 
     def find_point(self, state: State, u: float, v: float, exact: bool) -> Point | None:
-        """Where the ray at u, v has its value; None if it meets nothing."""
+        """Returns the point that gives the ray at u, v its value, or None if the ray meets nothing."""
         value = self.project(state, Grid((1, 1), 1.0, (u, v)), exact, depth=True)[0, 0]
         if np.isnan(itk.array_view_from_image(self.filter.GetDepthOutput())[0, 0]):
             return None
@@ -176,7 +176,7 @@ class Layer:
 
 
 def _make_colours(name: str) -> Array:
-    """256 colours, by ITK."""
+    """The 256 colours of one of ITK's colour maps."""
     values = itk.image_view_from_array(np.arange(256, dtype=np.uint8)[None])
     colours: Array = itk.array_from_image(itk.scalar_to_rgb_colormap_image_filter(values, colormap=COLOURS[name]))[0]
     return colours
@@ -186,7 +186,7 @@ def _make_colours(name: str) -> Array:
 
 
 def make_view(image: Any, view: Any = "anterior", azimuth: float = 0.0, elevation: float = 0.0) -> Any:
-    """An itk.AffineTransform: see make_transform()."""
+    """Returns a view as an itk.AffineTransform: see make_transform()."""
     found = make_transform(image, view, azimuth, elevation)
     if not found.IsLinear():
         raise ValueError(f"view must be a linear transform, but it is a {found.GetNameOfClass()}")
@@ -216,7 +216,7 @@ def find_angles(transform: Any) -> tuple[float, float, float]:
 
 
 class Scene:
-    """One volume or two in one physical space, and their pictures. One thread at a time.
+    """One volume or two in one physical space, and their pictures. Only one thread at a time may use it.
 
     first: the state in which windows are found.
     """
@@ -252,14 +252,14 @@ class Scene:
         self._decimals = max(1, int(np.ceil(-np.log10(self._millimetres * min(image.GetSpacing())))))
 
     def refresh(self) -> None:
-        """Takes what is in the images now."""
+        """Takes the present values of the images."""
         with self._lock:
             for layer in self.layers:
                 layer.refresh()
             self._measure()
 
     def make_grid(self, state: State, size: tuple[int, int]) -> Grid:
-        """Of a canvas of these columns and rows, on which the whole image can be turned."""
+        """Returns the grid of a canvas of these columns and rows. The whole image fits into it in all views."""
         x, y, z = np.abs(self.extent).max(axis=0)
         across, along = np.hypot(*self.extent[:, :2].T).max(), max(x, y, z)
         spacing = float(max(2 * across / size[0], 2 * along / size[1]) / 0.94 / state.zoom)
@@ -274,12 +274,12 @@ class Scene:
         return window
 
     def find_window(self, state: State, layer: int) -> Window:
-        """Of the picture of this state, fitted to the image."""
+        """Finds the window of a layer in the picture of this state, fitted to the image."""
         with self._lock:
             return self.layers[layer].find_window(state)
 
     def find_point(self, state: State, u: float, v: float) -> Point | None:
-        """Of the first volume, with that of the second one; None if the first has none."""
+        """Returns the point of the first volume with that of the second one, or None if the first has none."""
         with self._lock:
             found = [layer.find_point(state, u, v, self.exact) for layer in self.layers]
         if found[0] is None or len(found) == 1:
@@ -287,13 +287,13 @@ class Scene:
         return Point(found[0].position, found[0].index, found[0].value, found[1])
 
     def abort(self) -> None:
-        """Ends paint(), in any thread, if that may be: it raises RuntimeError."""
+        """Lets paint() raise RuntimeError, in any thread, if it can be ended."""
         with self._abort_lock:
             for layer in self.layers if self._may_abort else ():
                 layer.filter.AbortGenerateDataOn()
 
     def project(self, state: State, grid: Grid) -> list[Any]:
-        """The pictures' values, each an itk.Image."""
+        """Returns the values of the pictures, each as an itk.Image."""
         with self._lock:
             pictures = []
             for layer in self.layers:
@@ -306,9 +306,9 @@ class Scene:
     def paint(
         self, state: State, size: tuple[int, int], *, factor: int = 1, ratio: float = 1.0, may_abort: bool = False
     ) -> Array:
-        """RGBA, rows x columns x 4.
+        """Returns RGBA, rows x columns x 4.
 
-        factor: one pixel in so many along both axes, for pictures in motion; 1 is the full picture.
+        factor: the size of a pixel along both axes, for pictures in motion; 1 is the full picture.
         ratio: pixels of the canvas per unit of text.
         """
         grid = self.make_grid(state, size)
@@ -440,7 +440,7 @@ def _find_corners(image: Any) -> Array:
 
 
 def _format(number: float, width: float) -> str:
-    """With a hundredth of the window's width, but whole from 100 on."""
+    """Formats a number to a hundredth of the window's width; from a width of 100 on as a whole number."""
     decimals = max(0, int(np.ceil(2 - np.log10(max(width, 1e-300)) - 1e-9)))
     return f"{number:.{decimals}f}" if decimals <= 6 else f"{number:.3e}"
 
@@ -451,7 +451,7 @@ def _format(number: float, width: float) -> str:
 @dataclass(frozen=True, eq=False)
 class _Stamp:
     colours: Array
-    """Times opacity."""
+    """Colours multiplied by opacity."""
     transparency: Array
 
 
@@ -463,7 +463,7 @@ def _finish(image: Image.Image) -> _Stamp:
 
 
 def _put(rgba: Array, stamp: _Stamp, x: float, y: float, right: float, bottom: float) -> None:
-    """Where x, y is this part of the stamp from its left and its top; what is outside is cut off."""
+    """Draws a stamp. x, y lies at the fractions `right` and `bottom` of its size. Cuts off what is outside."""
     height, width = stamp.colours.shape[:2]
     left, top = round(x - right * width), round(y - bottom * height)
     rows = slice(max(top, 0), max(min(top + height, rgba.shape[0]), 0))

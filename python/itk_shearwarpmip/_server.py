@@ -1,4 +1,4 @@
-"""The viewer's page: on this computer only unless asked for, behind a token."""
+"""The viewer's page, by default for this computer only, and protected by a token."""
 
 import asyncio
 import base64
@@ -78,21 +78,21 @@ _shown: list[Viewer] = []
 
 class _Canvas(AtOnce, http.RenderCanvas):  # type: ignore[misc]
     def _rc_close(self) -> None:
-        """Leaves the clients to the server: they may be those of a later canvas."""
+        """Does not close the clients, because they may belong to a later canvas; the server closes them."""
         self._is_closed = True
 
     def send(self, message: dict[str, str]) -> None:
         http.asgi.send_all(message)
 
     def _maybe_draw(self) -> None:
-        """Also what the only client was not ready for, as it may be with the picture without loss."""
+        """Also sends a frame for which the only client was not ready, such as the picture without loss."""
         super()._maybe_draw()
         self._send_last_frame_to_ready_clients()
 
 
 class Gate:
-    """An ASGI application before another: lets in what has the token as the first part of its path and comes from no
-    other origin."""
+    """An ASGI application before another one. It accepts only requests with the token as the first part of their path,
+    and no requests from another origin."""
 
     def __init__(self, application: Any, token: str) -> None:
         self._application = application
@@ -138,8 +138,8 @@ def serve(
     port: int = 0,
     no_browser: bool = False,
 ) -> Viewer:
-    """Shows a viewer in the browser; one at a time in a process. RuntimeError if there is one already, OSError if the page
-    cannot be served."""
+    """Shows a viewer in the browser, one at a time in a process. Raises RuntimeError if there is one already, and OSError
+    if the page cannot be served."""
     if _shown:
         raise RuntimeError(f"this process shows {_shown[0]!r} already: close() that first")
     token = secrets.token_urlsafe(32)

@@ -273,7 +273,7 @@ class Viewer:
         self._change(windows=windows)
 
     def _change(self, at_rest: bool = False, **changes: Any) -> None:
-        """The next state; what is not finished of the one before is dropped."""
+        """Sets the next state. Unfinished pictures of the state before are dropped."""
         with self._changed:
             self._state = replace(self._state, **{"message": "", **changes})
             self._moved_at = -np.inf if at_rest else time.monotonic()
@@ -282,13 +282,13 @@ class Viewer:
             self._scene.abort()
 
     def _rest(self) -> None:
-        """The full picture is due."""
+        """Makes the full picture due now."""
         with self._changed:
             self._moved_at = -np.inf
             self._wake()
 
     def _wake(self) -> None:
-        """With the lock."""
+        """Wakes the thread of pictures. The caller holds the lock."""
         self._changed.notify_all()
         if self._worker is None and not self._closed:
             self._worker = threading.Thread(target=self._work, name="shear-warp-mip viewer", daemon=True)
@@ -318,7 +318,7 @@ class Viewer:
                         self.canvas.request_draw()
 
     def _find_task(self) -> Callable[[], None] | None:
-        """Waits, with the lock, for what to do next; None if there is nothing any more."""
+        """Waits for the next task, and returns it, or None if there is none. The caller holds the lock."""
         while not self._closed:
             if self._jobs:
                 return self._jobs.popleft()
@@ -491,7 +491,7 @@ class Viewer:
             actions[lower]()
 
     def _turn(self, transform: Any, right: float, down: float) -> Any:
-        """What is in front goes by degrees to the right and down."""
+        """Turns the volume: its front moves by degrees to the right and down."""
         if not (right or down):
             return transform
         turn = itk.ShearWarpMIPView.Turn
@@ -595,7 +595,7 @@ class Viewer:
                     _LOGGER.exception("on_pick failed")
 
     def _name_view(self) -> dict[str, Any]:
-        """Arguments for the view: a side or angles if they make the same bits, or else its matrix."""
+        """Arguments for the view: a side and angles if they make the same bits, otherwise the matrix."""
         transform = self._state.transform
         for view in SIDES:
             if _is_same(transform, _scene.make_view(self._image, view), 0):
@@ -611,7 +611,7 @@ def _is_same(one: Any, other: Any, tolerance: float) -> bool:
 
 
 def _write(value: Any) -> str:
-    """Python of numbers, texts and what holds them; nothing of other objects."""
+    """Python code of numbers, texts and containers of these; nothing for other objects."""
     if isinstance(value, float) and not np.isfinite(value):
         return f"float('{value}')"
     if isinstance(value, os.PathLike):
@@ -638,8 +638,8 @@ def _make_slab(slab: Sequence[float] | None) -> tuple[float, float] | None:
 
 
 class AtOnce:
-    """For a canvas of rendercanvas: events are handled when they come, and pictures are drawn when they are made, not at
-    the next tick of its clock."""
+    """For a canvas of rendercanvas: handles events when they come, and draws pictures when they are made, not at the next
+    tick of the canvas's clock."""
 
     _rc_canvas_group: Any
 
