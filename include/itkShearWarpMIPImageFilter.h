@@ -57,8 +57,8 @@ namespace itk
  * image, and a grid with a given OutputOrigin reaches to the far end of the projected image.
  *
  * Infinite voxels make the samples around them infinite or not-a-number. The filter ignores samples that are
- * not-a-number. It also ignores minus infinity (plus infinity, if Mode is Minimum). A pixel without any other sample
- * has DefaultPixelValue.
+ * not-a-number. If Mode is Maximum, it also ignores minus infinity; if Mode is Minimum, plus infinity. A pixel without
+ * any other sample has DefaultPixelValue.
  *
  * Update() throws ExceptionObject for
  * - a transform that is missing, not linear, not finite or not invertible
