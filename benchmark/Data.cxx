@@ -19,18 +19,19 @@
 
 #include "Phantom.h"
 
+#include "itkImageIOFactory.h"
 #include "itkMultiThreaderBase.h"
+#include "itkShiftScaleImageFilter.h"
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <type_traits>
 
 namespace itk::ShearWarpBenchmark
 {
 namespace
 {
-using VolumeType = Image<std::uint16_t, 3>;
-
 /** Random numbers of a counter: the finalizer of SplitMix64 (Steele et al. 2014), so that voxels can be made in any
  * order. */
 std::uint64_t
@@ -64,133 +65,122 @@ AddRicianNoise(float signal, float deviation, std::uint64_t voxel)
   return std::sqrt(real * real + imaginary * imaginary);
 }
 
-std::uint16_t
-RoundTo12Bits(float value)
+/** A voxel that a kind of volume is made of. */
+struct Voxel
 {
-  return static_cast<std::uint16_t>(std::min(std::max(value, 0.0F) + 0.5F, 4095.0F));
-}
+  float             artery; // its brightness, 0 for a kind without a head
+  std::uint64_t     number; // in the volume
+  Vector<double, 3> place;
+};
 
-/** Sets each voxel to \a makeValue(what it is, its number, its place), in parallel. */
-template <typename TFunction>
-void
-SetVoxels(VolumeType & volume, const TFunction & makeValue)
+struct Kind
 {
-  const Size<3> size = volume.GetBufferedRegion().GetSize();
-  MultiThreaderBase::New()->ParallelizeArray(
-    0,
-    size[2],
-    [&](SizeValueType z) {
-      std::uint64_t number = z * size[1] * size[0];
-      for (SizeValueType y = 0; y < size[1]; ++y)
-      {
-        for (SizeValueType x = 0; x < size[0]; ++x, ++number)
-        {
-          const SizeValueType index[] = { x, y, z };
-          Vector<double, 3>   place;
-          for (unsigned int axis = 0; axis < 3; ++axis)
-          {
-            place[axis] = volume.GetOrigin()[axis] + volume.GetSpacing()[axis] * static_cast<double>(index[axis]);
-          }
-          std::uint16_t & voxel = volume.GetBufferPointer()[number];
-          voxel = makeValue(voxel, number, place);
-        }
-      }
-    },
-    nullptr);
-}
-
-/** A filling function of \a makeValue, called as by SetVoxels() for a head with arteries. */
-template <typename TFunction>
-std::function<void(VolumeType &)>
-Head(const TFunction & makeValue)
-{
-  return [makeValue](VolumeType & volume) {
-    const auto random = Phantom::RandomType::New();
-    random->SetSeed(2002);
-    Phantom::PaintArteries(volume, *random);
-    SetVoxels(volume, makeValue);
-  };
-}
-
-/** A filling function of \a makeValue(number of the voxel). */
-template <typename TFunction>
-std::function<void(VolumeType &)>
-Voxelwise(const TFunction & makeValue)
-{
-  return [makeValue](VolumeType & volume) {
-    SetVoxels(volume, [&](std::uint16_t, std::uint64_t number, const auto &) { return makeValue(number); });
-  };
-}
+  const char * name;
+  bool         hasHead;
+  float (*makeValue)(const Voxel &);
+};
 
 // the program's head has up to 892
 constexpr float Contrast = 4.0F;
 
-std::uint16_t
-MakeTimeOfFlight(std::uint16_t artery, std::uint64_t number, const Vector<double, 3> & place)
+float
+MakeTimeOfFlight(const Voxel & voxel)
 {
-  const float signal = std::max(static_cast<float>(artery), static_cast<float>(Phantom::GetTissue(place)));
-  return RoundTo12Bits(AddRicianNoise(Contrast * signal, 45.0F, number));
+  const float signal = std::max(voxel.artery, static_cast<float>(Phantom::GetTissue(voxel.place)));
+  return AddRicianNoise(Contrast * signal, 45.0F, voxel.number);
 }
 
-std::uint16_t
-MakeSuppressedBackground(std::uint16_t artery, std::uint64_t number, const Vector<double, 3> & place)
+float
+MakeSuppressedBackground(const Voxel & voxel)
 {
-  return Phantom::IsInBrain(place) ? RoundTo12Bits(AddRicianNoise(Contrast * static_cast<float>(artery), 8.0F, number))
-                                   : std::uint16_t{ 0 };
+  return Phantom::IsInBrain(voxel.place) ? AddRicianNoise(Contrast * voxel.artery, 8.0F, voxel.number) : 0.0F;
 }
 
-std::uint16_t
-MakeComputedTomogram(std::uint16_t artery, std::uint64_t number, const Vector<double, 3> & place)
+float
+MakeComputedTomogram(const Voxel & voxel)
 {
-  const auto  tissue = static_cast<float>(Phantom::GetTissue(place));
+  const auto  tissue = static_cast<float>(Phantom::GetTissue(voxel.place));
   const bool  isBone = tissue == static_cast<float>(Phantom::Bone);
   const float value = tissue == 0.0F ? 24.0F : isBone ? 2000.0F : 1000.0F + 0.4F * tissue;
-  const float contrast = 1000.0F + 0.5F * static_cast<float>(artery);
-  return RoundTo12Bits((artery > 0 ? std::max(value, contrast) : value) + 15.0F * Normal(number));
+  const float contrast = 1000.0F + 0.5F * voxel.artery;
+  return (voxel.artery > 0.0F ? std::max(value, contrast) : value) + 15.0F * Normal(voxel.number);
 }
+
+float
+MakeUniformNoise(const Voxel & voxel)
+{
+  return static_cast<float>(Hash(voxel.number) >> 48);
+}
+
+float
+MakeNormalNoise(const Voxel & voxel)
+{
+  return 1000.0F + 100.0F * Normal(voxel.number);
+}
+
+float
+MakeConstant(const Voxel &)
+{
+  return 1000.0F;
+}
+
+constexpr Kind Kinds[] = { { "mra", true, MakeTimeOfFlight },
+                           { "ct", true, MakeComputedTomogram },
+                           { "noise16", false, MakeUniformNoise },
+                           { "noise12", false, MakeNormalNoise },
+                           { "sparse", true, MakeSuppressedBackground },
+                           { "const", false, MakeConstant } };
 } // namespace
 
-const std::vector<Kind> &
+std::vector<std::string>
 GetKinds()
 {
-  static const std::vector<Kind> kinds = {
-    { "mra",
-      "time-of-flight MR angiogram of a head: arteries to 3568, tissue to 792, Rician noise of 45",
-      12,
-      Head(MakeTimeOfFlight) },
-    { "ct",
-      "CT angiogram of a head, HU + 1024: air 24, tissue 1030 to 1080, arteries to 1446, bone 2000, noise of 15",
-      12,
-      Head(MakeComputedTomogram) },
-    { "noise16", "uniform noise of the full 16 bits", 16, Voxelwise([](std::uint64_t voxel) {
-        return static_cast<std::uint16_t>(Hash(voxel) >> 48);
-      }) },
-    { "noise12",
-      "normal noise, mean 1000 and deviation 100: flat, so that the least can be skipped",
-      12,
-      Voxelwise([](std::uint64_t voxel) { return RoundTo12Bits(1000.0F + 100.0F * Normal(voxel)); }) },
-    { "sparse",
-      "angiogram with suppressed background: the arteries of mra and Rician noise of 8 in the brain, 0 outside",
-      12,
-      Head(MakeSuppressedBackground) },
-    { "const", "1000 everywhere", 12, Voxelwise([](std::uint64_t) { return std::uint16_t{ 1000 }; }) },
-  };
-  return kinds;
+  std::vector<std::string> names;
+  for (const Kind & kind : Kinds)
+  {
+    names.emplace_back(kind.name);
+  }
+  return names;
 }
 
 template <typename TPixel>
 typename Image<TPixel, 3>::Pointer
 MakeVolume(const std::string & name, const Size<3> & size)
 {
-  const auto & kinds = GetKinds();
-  const auto kind = std::find_if(kinds.begin(), kinds.end(), [&name](const Kind & each) { return each.name == name; });
-  if (kind == kinds.end())
+  const auto kind =
+    std::find_if(std::begin(Kinds), std::end(Kinds), [&name](const Kind & each) { return each.name == name; });
+  if (kind == std::end(Kinds))
   {
     itkGenericExceptionMacro("There is no kind of volume called '" << name << "'.");
   }
-
+  const int  bits = name == "noise16" ? 16 : 12;
   const auto volume = Phantom::MakeGrid(size);
-  kind->fill(*volume);
+  if (kind->hasHead)
+  {
+    const auto random = Phantom::RandomType::New();
+    random->SetSeed(2002);
+    Phantom::PaintArteries(*volume, *random);
+  }
+  const float largest = static_cast<float>((1 << bits) - 1);
+  MultiThreaderBase::New()->ParallelizeArray(
+    0,
+    size[2],
+    [&](SizeValueType slice) {
+      const SizeValueType pixels = size[0] * size[1];
+      for (SizeValueType number = slice * pixels; number < (slice + 1) * pixels; ++number)
+      {
+        auto &            voxel = volume->GetBufferPointer()[number];
+        const Index<3>    index = volume->ComputeIndex(static_cast<OffsetValueType>(number));
+        Vector<double, 3> place;
+        for (unsigned int axis = 0; axis < 3; ++axis)
+        {
+          place[axis] = volume->GetOrigin()[axis] + volume->GetSpacing()[axis] * static_cast<double>(index[axis]);
+        }
+        const float value = kind->makeValue({ static_cast<float>(voxel), number, place });
+        voxel = static_cast<std::uint16_t>(std::min(std::max(value, 0.0F) + 0.5F, largest));
+      }
+    },
+    nullptr);
   volume->SetOrigin(Point<double, 3>());
   volume->SetSpacing(Vector<double, 3>(1.0));
   if constexpr (std::is_same_v<TPixel, std::uint16_t>)
@@ -199,17 +189,12 @@ MakeVolume(const std::string & name, const Size<3> & size)
   }
   else
   {
-    const unsigned int shift = sizeof(TPixel) == 1 ? kind->bits - 8 : 0;
-    const int          offset = std::is_same_v<TPixel, std::int16_t> && kind->bits == 16 ? 32768 : 0;
-    const auto         converted = Image<TPixel, 3>::New();
-    converted->SetRegions(size);
-    converted->Allocate();
-    const std::uint16_t * values = volume->GetBufferPointer();
-    std::transform(values,
-                   values + volume->GetBufferedRegion().GetNumberOfPixels(),
-                   converted->GetBufferPointer(),
-                   [=](std::uint16_t value) { return static_cast<TPixel>((value >> shift) - offset); });
-    return converted;
+    const auto convert = ShiftScaleImageFilter<Image<std::uint16_t, 3>, Image<TPixel, 3>>::New();
+    convert->SetInput(volume);
+    convert->SetShift(std::is_same_v<TPixel, std::int16_t> && bits == 16 ? -32768.0 : 0.0);
+    convert->SetScale(sizeof(TPixel) == 1 ? 1.0 / (1 << (bits - 8)) : 1.0);
+    convert->Update();
+    return convert->GetOutput();
   }
 }
 
@@ -222,4 +207,29 @@ MakeVolume<std::uint16_t>(const std::string &, const Size<3> &);
 template Image<float, 3>::Pointer
 MakeVolume<float>(const std::string &, const Size<3> &);
 
+DataSet
+ReadInformation(const std::string & file)
+{
+  const ImageIOBase::Pointer io = ImageIOFactory::CreateImageIO(file.c_str(), IOFileModeEnum::ReadMode);
+  if (!io)
+  {
+    itkGenericExceptionMacro("'" << file << "' is not an image that ITK can read.");
+  }
+  io->SetFileName(file);
+  io->ReadImageInformation();
+  if (io->GetNumberOfDimensions() != 3 || io->GetNumberOfComponents() != 1)
+  {
+    itkGenericExceptionMacro("'" << file << "' has " << io->GetNumberOfDimensions() << " dimensions and "
+                                 << io->GetNumberOfComponents() << " components; 3 and 1 are needed.");
+  }
+  const auto component = io->GetComponentType();
+  const bool isFloat = component == IOComponentEnum::FLOAT || component == IOComponentEnum::DOUBLE;
+  return { std::filesystem::path(file).stem().string(),
+           file,
+           { { io->GetDimensions(0), io->GetDimensions(1), io->GetDimensions(2) } },
+           component == IOComponentEnum::UCHAR    ? "uint8"
+           : component == IOComponentEnum::USHORT ? "uint16"
+           : isFloat                              ? "float"
+                                                  : "int16" };
+}
 } // namespace itk::ShearWarpBenchmark

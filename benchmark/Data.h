@@ -20,33 +20,58 @@
 
 #include "itkImage.h"
 
+#include <chrono>
 #include <cstdint>
-#include <functional>
 #include <string>
 #include <vector>
 
 namespace itk::ShearWarpBenchmark
 {
-/** A kind of synthetic volume: its name, one sentence about its voxels, how many bits they have, and how they are made.
- */
-struct Kind
+/** A volume to project: a synthetic one, see MakeVolume(), or that of a file. */
+struct DataSet
 {
-  std::string                                    name;
-  std::string                                    description;
-  unsigned int                                   bits;
-  std::function<void(Image<std::uint16_t, 3> &)> fill;
+  std::string kind; // or the file's name
+  std::string file; // empty for a synthetic volume
+  Size<3>     size;
+  std::string pixelType; // uint8, int16, uint16 or float
 };
 
-/** The kinds that MakeVolume() knows. */
-const std::vector<Kind> &
+/** The volume of an image file that ITK reads. Pixels of other types become float if they are double, and else int16,
+ * to which reading casts them. Throws ExceptionObject if the file holds no scalar volume. */
+DataSet
+ReadInformation(const std::string & file);
+
+/** The kinds of synthetic volumes, which README.md describes. */
+std::vector<std::string>
 GetKinds();
 
 /** A volume of unit spacing, the same for any number of threads. The anatomy scales with \a size, the noise does not.
- * Values are those of the kind's description for `uint16`; `float` holds the same values, `int16` too (full 16-bit
- * noise shifted to its range), `uint8` the upper eight bits. Throws ExceptionObject for an unknown kind. */
+ * `float` holds the same values as `uint16`, `int16` too (full 16-bit noise shifted to its range), `uint8` the upper
+ * eight bits. Throws ExceptionObject for an unknown kind. */
 template <typename TPixel>
 typename Image<TPixel, 3>::Pointer
 MakeVolume(const std::string & kind, const Size<3> & size);
+
+/** Calls function(T()) with the type that \a pixelType names. */
+template <typename TFunction>
+auto
+Dispatch(const std::string & pixelType, const TFunction & function)
+{
+  return pixelType == "uint8"    ? function(std::uint8_t{})
+         : pixelType == "int16"  ? function(std::int16_t{})
+         : pixelType == "uint16" ? function(std::uint16_t{})
+                                 : function(float{});
+}
+
+/** Seconds that \a function takes. */
+template <typename TFunction>
+double
+Time(const TFunction & function)
+{
+  const auto start = std::chrono::steady_clock::now();
+  function();
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
 } // namespace itk::ShearWarpBenchmark
 
 #endif

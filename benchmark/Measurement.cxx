@@ -27,14 +27,10 @@
 
 #include <benchmark/benchmark.h>
 
-#include <algorithm>
 #include <fstream>
-#include <functional>
-#include <limits>
 #include <memory>
 #include <numeric>
-#include <optional>
-#include <sstream>
+#include <stdexcept>
 
 namespace itk::ShearWarpBenchmark
 {
@@ -42,8 +38,6 @@ namespace
 {
 constexpr unsigned int NumberOfFrames = 36;
 constexpr double       Milliseconds = 1000.0;
-
-bool hasAnyFailed = false;
 
 void
 ForceInstructionSet(const std::string & name)
@@ -65,11 +59,11 @@ double
 GetPeakMemory()
 {
   std::ifstream file("/proc/self/status");
-  double        kilobytes = 0.0;
-  for (std::string name; file >> name && name != "VmHWM:";)
+  std::string   word;
+  while (file >> word && word != "VmHWM:")
   {
-    file.ignore(std::numeric_limits<std::streamsize>::max(), '\n');
   }
+  double kilobytes = 0.0;
   file >> kilobytes;
   return kilobytes / 1024.0;
 }
@@ -95,54 +89,43 @@ GetMedian(std::vector<double> values)
   return *middle;
 }
 
-/** One quantity, measured several times for each view. */
-class ViewSeries
+/** For each view a statistic of the values. */
+template <typename TStatistic>
+std::vector<double>
+Summarize(const ViewSeries & series, const TStatistic & statistic)
 {
-public:
-  void
-  Add(unsigned int view, double value)
+  std::vector<double> result;
+  for (const auto & [view, values] : series)
   {
-    m_Values[view].push_back(value);
+    result.push_back(statistic(values));
   }
+  return result;
+}
 
-  /** For each view that \a other has \a statistic of the values. */
-  template <typename TStatistic>
-  std::vector<double>
-  Summarize(const ViewSeries & other, const TStatistic & statistic) const
-  {
-    std::vector<double> result;
-    for (const auto & view : other.m_Values)
-    {
-      result.push_back(statistic(m_Values.at(view.first)));
-    }
-    return result;
-  }
+double
+GetMeanOfMinima(const ViewSeries & series)
+{
+  return GetMean(Summarize(series, GetMinimum));
+}
 
-  /** Of all views. */
-  double
-  GetMeanOfMinima() const
-  {
-    return GetMean(this->Summarize(*this, GetMinimum));
-  }
+bool
+Contains(const std::vector<unsigned int> & values, unsigned int value)
+{
+  return std::find(values.begin(), values.end(), value) != values.end();
+}
 
-private:
-  std::map<unsigned int, std::vector<double>> m_Values;
-};
-
-/** The subject of \a data. Only the last one is kept, because several may not fit in memory. */
+/** Seconds that it takes to read the whole volume. */
 template <typename TPixel>
-Subject<TPixel> &
-GetSubject(const DataSet & data)
+double
+Read(const Subject<TPixel> & subject, unsigned int threads)
 {
-  static std::optional<DataSet> keptData;
-  static std::shared_ptr<void>  kept;
-  if (!keptData || !(*keptData == data))
+  const auto & volume = subject.volume;
+  const auto   read = MeasureReadLimit(volume->GetBufferPointer(), volume->GetOffsetTable()[3], threads);
+  if (read.maximum != subject.maximum)
   {
-    kept.reset();
-    kept = std::make_shared<Subject<TPixel>>(data);
-    keptData = data;
+    throw std::runtime_error("the read limit has not read the whole volume");
   }
-  return *static_cast<Subject<TPixel> *>(kept.get());
+  return read.seconds;
 }
 
 /** Seconds that the filter needs to prepare the volume for further views along all its axes, in the course of two views
@@ -159,7 +142,7 @@ MeasurePreparation(TFilter & filter, const Subject<TPixel> & subject, unsigned i
     {
       for (const unsigned int view : subject.comparedViews)
       {
-        filter.SetTransform(MakeView(subject.volume, view));
+        filter.SetTransform(MakeView(subject.volume, GetViews()[view]));
         filter.Update();
         sum += filter.GetPreparationSeconds();
       }
@@ -169,15 +152,11 @@ MeasurePreparation(TFilter & filter, const Subject<TPixel> & subject, unsigned i
 }
 
 template <typename TPixel>
-std::string
-Measure(::benchmark::State & state, const Measurement & measurement)
+void
+Measure(::benchmark::State & state, const Measurement & measurement, Subject<TPixel> & subject)
 {
   using FilterType = ShearWarpMIPImageFilter<Image<TPixel, 3>>;
-  Subject<TPixel> & subject = GetSubject<TPixel>(measurement.data);
-  const auto        volume = subject.volume;
-  const bool        isCompared = measurement.threads == 1;
-  const bool        isOversampled =
-    measurement.instructionSet != "portable" && measurement.reducedResampling == Measurement::ReducedResampling::Auto;
+  const bool isCompared = measurement.threads == 1;
   subject.Expect();
   if (isCompared)
   {
@@ -197,17 +176,15 @@ Measure(::benchmark::State & state, const Measurement & measurement)
   {
     variants = MakeVariants(subject);
   }
-  if (isOversampled)
+  if (measurement.instructionSet != "portable" && measurement.reducedResampling == Measurement::ReducedResampling::Auto)
   {
-    variants.push_back({ "oversampling_ratio",
-                         [](auto & changed) { changed.SetOversampling(2); },
-                         [](auto & changed) { changed.SetOversampling(1); } });
+    variants.push_back(
+      { "oversampling_ratio", [](auto & changed, bool isOn) { changed.SetOversampling(isOn ? 2 : 1); } });
   }
-  std::vector<ViewSeries> variantSeconds(variants.size());
-  const double            preparation = MeasurePreparation(*filter, subject, measurement.repetitions);
+  const double preparation = MeasurePreparation(*filter, subject, measurement.repetitions);
   if (filter->GetInstructionSet() != measurement.instructionSet)
   {
-    return "the filter used the instruction set " + filter->GetInstructionSet();
+    throw std::runtime_error("the filter used the instruction set " + filter->GetInstructionSet());
   }
 
   ViewSeries   seconds;
@@ -219,88 +196,82 @@ Measure(::benchmark::State & state, const Measurement & measurement)
   unsigned int iteration = 0;
   for (auto _ : state)
   {
-    const unsigned int view = iteration++ % GetNumberOfViews();
-    const auto         transform = MakeView(volume, view);
-    const double       duration = Time([&] {
+    const auto   view = static_cast<unsigned int>(iteration++ % GetViews().size());
+    const auto   transform = MakeView(subject.volume, GetViews()[view]);
+    const double duration = Time([&] {
       filter->SetTransform(transform);
       filter->Update();
     });
     state.SetIterationTime(duration);
     if (!subject.IsExpected(view, filter->GetOutput()))
     {
-      return "the output of view " + std::to_string(view) + " differs from that of the plain shear-warp";
+      throw std::runtime_error("the output of view " + std::to_string(view) +
+                               " differs from that of the plain shear-warp");
     }
-    const auto read = MeasureReadLimit(volume->GetBufferPointer(), volume->GetOffsetTable()[3], measurement.threads);
-    if (read.maximum != subject.maximum)
-    {
-      return "the read limit has not read the whole volume";
-    }
-    seconds.Add(view, duration);
-    projectionSeconds.Add(view, filter->GetProjectionSeconds());
-    warpSeconds.Add(view, filter->GetWarpSeconds());
-    readSeconds.Add(view, read.seconds);
+    readSeconds[view].push_back(Read(subject, measurement.threads));
+    seconds[view].push_back(duration);
+    projectionSeconds[view].push_back(filter->GetProjectionSeconds());
+    warpSeconds[view].push_back(filter->GetWarpSeconds());
     skipped += filter->GetSkippedFraction();
-    if (std::count(subject.comparedViews.begin(), subject.comparedViews.end(), view) > 0)
+    if (Contains(subject.comparedViews, view))
     {
-      compared.Add(view, duration);
+      compared[view].push_back(duration);
     }
-    for (std::size_t n = 0; n < variants.size(); ++n)
+    for (Variant<FilterType> & variant : variants)
     {
-      const Variant<FilterType> & variant = variants[n];
-      if (std::count(variant.principalAxes.begin(), variant.principalAxes.end(), filter->GetPrincipalAxis()) > 0)
+      if (Contains(variant.principalAxes, filter->GetPrincipalAxis()))
       {
         FilterType & changed = variant.isFirstView ? *firstFilter : *filter;
         changed.SetTransform(transform);
-        variant.set(changed);
+        variant.set(changed, true);
         changed.Modified();
         const double whole = Time([&] { changed.Update(); });
         // a mask is prepared once
-        variantSeconds[n].Add(view, whole - (variant.isFirstView ? 0.0 : changed.GetPreparationSeconds()));
-        variant.reset(changed);
+        variant.seconds[view].push_back(whole - (variant.isFirstView ? 0.0 : changed.GetPreparationSeconds()));
+        variant.unchangedSeconds[view].push_back(duration);
+        variant.set(changed, false);
       }
     }
   }
 
-  const double readLimit = readSeconds.GetMeanOfMinima();
-  const auto   minima = seconds.Summarize(seconds, GetMinimum);
+  const double readLimit = GetMeanOfMinima(readSeconds);
+  const auto   minima = Summarize(seconds, GetMinimum);
   auto &       counters = state.counters;
   counters["read_limit_ratio"] = GetMean(minima) / readLimit;
   counters["worst_view_ratio"] = *std::max_element(minima.begin(), minima.end()) / readLimit;
   counters["read_limit_ms"] = Milliseconds * readLimit;
   counters["min_ms"] = Milliseconds * GetMean(minima);
-  counters["median_ms"] = Milliseconds * GetMean(seconds.Summarize(seconds, GetMedian));
-  counters["projection_ms"] = Milliseconds * projectionSeconds.GetMeanOfMinima();
-  counters["warp_ms"] = Milliseconds * warpSeconds.GetMeanOfMinima();
+  counters["median_ms"] = Milliseconds * GetMean(Summarize(seconds, GetMedian));
+  counters["projection_ms"] = Milliseconds * GetMeanOfMinima(projectionSeconds);
+  counters["warp_ms"] = Milliseconds * GetMeanOfMinima(warpSeconds);
   counters["preparation_ms"] = Milliseconds * preparation;
   counters["skipped_fraction"] = skipped / iteration;
   if (isCompared)
   {
-    const auto & comparison = subject.Compare(measurement.repetitions);
-    counters["raycast_ratio"] = comparison.rayCasting / compared.GetMeanOfMinima();
-    counters["plain_ratio"] = comparison.plainShearWarp / compared.GetMeanOfMinima();
+    counters["raycast_ratio"] = subject.rayCastingSeconds / GetMeanOfMinima(compared);
+    counters["plain_ratio"] = subject.plainSeconds / GetMeanOfMinima(compared);
   }
-  for (std::size_t n = 0; n < variants.size(); ++n)
+  for (const Variant<FilterType> & variant : variants)
   {
-    counters[variants[n].counter] =
-      variantSeconds[n].GetMeanOfMinima() / GetMean(seconds.Summarize(variantSeconds[n], GetMinimum));
+    counters[variant.counter] = GetMeanOfMinima(variant.seconds) / GetMeanOfMinima(variant.unchangedSeconds);
   }
   if (isPeakKnown)
   {
     counters["peak_mb"] = GetPeakMemory();
   }
-  return {};
 }
 
 template <typename TPixel>
-std::string
-MeasureCine(::benchmark::State & state, const Measurement & measurement, const Vector<double, 3> & axis)
+void
+MeasureCine(::benchmark::State &      state,
+            const Measurement &       measurement,
+            const Subject<TPixel> &   subject,
+            const Vector<double, 3> & axis)
 {
-  using VolumeType = Image<TPixel, 3>;
   ForceInstructionSet(measurement.instructionSet);
-  const Subject<TPixel> & subject = GetSubject<TPixel>(measurement.data);
-  const auto              cine = ShearWarpMIPCineImageFilter<VolumeType>::New();
-  const auto              single = ShearWarpMIPImageFilter<VolumeType>::New();
-  const SizeValueType     pixels = subject.output->GetBufferedRegion().GetNumberOfPixels();
+  const auto          cine = ShearWarpMIPCineImageFilter<Image<TPixel, 3>>::New();
+  const auto          single = ShearWarpMIPImageFilter<Image<TPixel, 3>>::New();
+  const SizeValueType pixels = subject.output->GetBufferedRegion().GetNumberOfPixels();
   subject.SetUp(*cine, measurement);
   subject.SetUp(*single, measurement);
   cine->SetNumberOfFrames(NumberOfFrames);
@@ -339,12 +310,10 @@ MeasureCine(::benchmark::State & state, const Measurement & measurement, const V
                       single->GetOutput()->GetBufferPointer(),
                       pixels * sizeof(TPixel)) != 0)
       {
-        return "frame " + std::to_string(frame) + " differs from the single filter's picture";
+        throw std::runtime_error("frame " + std::to_string(frame) + " differs from the single filter's picture");
       }
     }
-    readTimes.push_back(
-      MeasureReadLimit(subject.volume->GetBufferPointer(), subject.volume->GetOffsetTable()[3], measurement.threads)
-        .seconds);
+    readTimes.push_back(Read(subject, measurement.threads));
   }
 
   const double frame = GetMinimum(cineTimes) / NumberOfFrames;
@@ -356,7 +325,15 @@ MeasureCine(::benchmark::State & state, const Measurement & measurement, const V
   counters["projection_ms"] = Milliseconds * cine->GetProjectionSeconds() / NumberOfFrames;
   counters["warp_ms"] = Milliseconds * cine->GetWarpSeconds() / NumberOfFrames;
   counters["skipped_fraction"] = cine->GetSkippedFraction();
-  return {};
+}
+
+/** For example mip/mra/512x512x512/uint16/. */
+std::string
+GetName(const DataSet & data)
+{
+  const auto & size = data.size;
+  return "mip/" + data.kind + '/' + std::to_string(size[0]) + 'x' + std::to_string(size[1]) + 'x' +
+         std::to_string(size[2]) + '/' + data.pixelType + '/';
 }
 
 /** For example mip/mra/512x512x512/uint16/avx2/threads:2/auto. */
@@ -364,46 +341,50 @@ std::string
 GetName(const Measurement & measurement)
 {
   using ReducedResampling = Measurement::ReducedResampling;
-  const DataSet &    data = measurement.data;
-  const auto         mode = measurement.reducedResampling;
-  std::ostringstream name;
-  name << "mip/" << data.kind << '/' << data.size[0] << 'x' << data.size[1] << 'x' << data.size[2] << '/'
-       << PixelTypeNames[static_cast<int>(data.pixelType)] << '/' << measurement.instructionSet
-       << "/threads:" << measurement.threads << '/'
-       << (mode == ReducedResampling::Off  ? "off"
-           : mode == ReducedResampling::On ? "on"
-                                           : "auto");
-  return name.str();
+  const auto mode = measurement.reducedResampling;
+  return GetName(measurement.data) + measurement.instructionSet + "/threads:" + std::to_string(measurement.threads) +
+         (mode == ReducedResampling::Off  ? "/off"
+          : mode == ReducedResampling::On ? "/on"
+                                          : "/auto");
 }
 
-/** Text that \a measure(state) returns, and what it throws, is an error of the benchmark. */
+// only the last subject is kept, because several may not fit in memory
+std::string           keptName;
+std::shared_ptr<void> keptSubject;
+
+template <typename TPixel>
+Subject<TPixel> &
+GetSubject(const DataSet & data)
+{
+  const std::string name = GetName(data) + data.file;
+  if (name != keptName)
+  {
+    keptName.clear();
+    keptSubject.reset();
+    keptSubject = std::make_shared<Subject<TPixel>>(data);
+    keptName = name;
+  }
+  return *static_cast<Subject<TPixel> *>(keptSubject.get());
+}
+
+/** Registers \a measure(state, subject); what it throws is an error of the benchmark. */
 template <typename TFunction>
 void
-RegisterChecked(const std::string & name, unsigned int iterations, const TFunction & measure)
+RegisterChecked(const std::string & name, std::size_t iterations, const DataSet & data, const TFunction & measure)
 {
-  const auto check = [measure](::benchmark::State & state) {
-    std::string error;
+  const auto check = [data, measure](::benchmark::State & state) {
     try
     {
-      error = measure(state);
-    }
-    catch (const ExceptionObject & exception)
-    {
-      error = exception.GetDescription();
+      Dispatch(data.pixelType, [&](auto pixel) { measure(state, GetSubject<decltype(pixel)>(data)); });
     }
     catch (const std::exception & exception)
     {
-      error = exception.what();
-    }
-    if (!error.empty())
-    {
-      hasAnyFailed = true;
-      state.SkipWithError(error.c_str());
+      state.SkipWithError(exception.what());
     }
   };
   ::benchmark::RegisterBenchmark(name.c_str(), check)
     ->UseManualTime()
-    ->Iterations(iterations)
+    ->Iterations(static_cast<std::int64_t>(iterations))
     ->Unit(::benchmark::kMillisecond);
 }
 } // namespace
@@ -411,11 +392,10 @@ RegisterChecked(const std::string & name, unsigned int iterations, const TFuncti
 void
 Register(const Measurement & measurement)
 {
-  RegisterChecked(
-    GetName(measurement), measurement.repetitions * GetNumberOfViews(), [measurement](::benchmark::State & state) {
-      return Dispatch(measurement.data.pixelType,
-                      [&](auto pixel) { return Measure<decltype(pixel)>(state, measurement); });
-    });
+  RegisterChecked(GetName(measurement),
+                  measurement.repetitions * GetViews().size(),
+                  measurement.data,
+                  [measurement](auto & state, auto & subject) { Measure(state, measurement, subject); });
 }
 
 void
@@ -427,19 +407,11 @@ RegisterCine(const Measurement & measurement)
   for (const auto & [name, direction] : axes)
   {
     const Vector<double, 3> axis(direction.data());
-    RegisterChecked("cine/" + name + '/' + GetName(measurement),
-                    measurement.repetitions,
-                    [measurement, axis](::benchmark::State & state) {
-                      return Dispatch(measurement.data.pixelType, [&](auto pixel) {
-                        return MeasureCine<decltype(pixel)>(state, measurement, axis);
-                      });
-                    });
+    RegisterChecked(
+      "cine/" + name + '/' + GetName(measurement),
+      measurement.repetitions,
+      measurement.data,
+      [measurement, axis](auto & state, auto & subject) { MeasureCine(state, measurement, subject, axis); });
   }
-}
-
-bool
-HasAnyFailed()
-{
-  return hasAnyFailed;
 }
 } // namespace itk::ShearWarpBenchmark

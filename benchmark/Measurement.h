@@ -18,31 +18,13 @@
 #ifndef Measurement_h
 #define Measurement_h
 
-#include "Input.h"
+#include "Data.h"
 
 #include "itkShearWarpMIPImageFilter.h"
 
-#include <string>
-#include <vector>
-
 namespace itk::ShearWarpBenchmark
 {
-/** A volume to project: a synthetic one, see MakeVolume(), or that of a file. */
-struct DataSet
-{
-  std::string kind;
-  std::string file; // empty for a synthetic volume
-  Size<3>     size;
-  PixelType   pixelType;
-
-  bool
-  operator==(const DataSet & other) const
-  {
-    return kind == other.kind && file == other.file && size == other.size && pixelType == other.pixelType;
-  }
-};
-
-/** How the filter projects it. */
+/** How the filter projects a volume. */
 struct Measurement
 {
   using ReducedResampling = ShearWarpMIPImageFilter<Image<float, 3>>::ReducedResamplingEnum;
@@ -66,10 +48,6 @@ Register(const Measurement & measurement);
  * its frames; frames that differ in a bit are an error of the benchmark. */
 void
 RegisterCine(const Measurement & measurement);
-
-/** Whether a benchmark that ran ended with an error. */
-bool
-HasAnyFailed();
 } // namespace itk::ShearWarpBenchmark
 
 #endif

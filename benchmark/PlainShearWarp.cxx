@@ -17,8 +17,8 @@
  *=========================================================================*/
 #include "PlainShearWarp.h"
 
+#include "itkMultiThreaderBase.h"
 
-#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <limits>
@@ -85,6 +85,29 @@ struct CellSampler<float>
   float x, y;
 };
 
+/** Calls \a process(begin, end) for [0, count), or in parallel for bands of it. */
+template <typename TFunction>
+void
+ForEachBand(std::ptrdiff_t count, bool isParallel, const TFunction & process)
+{
+  constexpr std::ptrdiff_t band = 32;
+  if (isParallel)
+  {
+    MultiThreaderBase::New()->ParallelizeArray(
+      0,
+      static_cast<SizeValueType>((count + band - 1) / band),
+      [&](SizeValueType n) {
+        const auto begin = static_cast<std::ptrdiff_t>(n) * band;
+        process(begin, std::min(begin + band, count));
+      },
+      nullptr);
+  }
+  else
+  {
+    process(std::ptrdiff_t{ 0 }, count);
+  }
+}
+
 /** Up to four pixels of the intermediate image with their weights. */
 template <typename TPixel>
 class Mean
@@ -99,25 +122,22 @@ public:
     m_Largest = std::max(m_Largest, value);
   }
 
-  bool
-  IsEmpty() const
-  {
-    return m_Weight == 0;
-  }
-
   TPixel
-  Get() const
+  GetOr(TPixel background) const
   {
+    if (m_Weight == 0)
+    {
+      return background;
+    }
     if constexpr (std::is_floating_point_v<TPixel>)
     {
       return std::clamp(static_cast<TPixel>(m_Sum / static_cast<SumType>(m_Weight)), m_Smallest, m_Largest);
     }
     else
     {
-      // half upward, for negative sums too
-      const std::int64_t divisor = 2 * m_Weight;
-      const std::int64_t dividend = 2 * m_Sum + m_Weight;
-      return static_cast<TPixel>((dividend - (dividend % divisor + divisor) % divisor) / divisor);
+      // half upward; the offset makes negative sums positive
+      constexpr std::int64_t offset = 1 << 15;
+      return static_cast<TPixel>((2 * (m_Sum + offset * m_Weight) + m_Weight) / (2 * m_Weight) - offset);
     }
   }
 
@@ -159,105 +179,90 @@ PermutedVolume<TPixel>::PermutedVolume(const Image<TPixel, 3> * image, unsigned 
 }
 
 template <typename TPixel>
-void
-ProjectRows(const PermutedVolume<TPixel> & volume,
-            const ShearWarpFactorization & factorization,
-            std::ptrdiff_t                 rowBegin,
-            std::ptrdiff_t                 rowEnd,
-            std::vector<TPixel> &          intermediate)
+std::vector<TPixel>
+Project(const PermutedVolume<TPixel> & volume, const ShearWarpFactorization & factorization, bool isParallel)
 {
   using SumType = typename CellSampler<TPixel>::SumType;
-  const auto           columns = static_cast<std::ptrdiff_t>(factorization.GetIntermediateSize()[0]);
-  std::vector<SumType> sums((rowEnd - rowBegin) * columns, std::numeric_limits<SumType>::lowest());
-  ForEachRow(
-    volume,
-    factorization,
-    rowBegin,
-    rowEnd,
-    [&](const ShearWarp::SlicePlacement & placement, const TPixel * a, std::ptrdiff_t column, std::ptrdiff_t row) {
-      const CellSampler<TPixel> sample(placement);
-      const TPixel *            b = a + volume.rowStride;
-      SumType *                 sum = sums.data() + (row - rowBegin) * columns + column;
-      for (std::ptrdiff_t i = 0; i < volume.columns; ++i)
-      {
-        sum[i] = std::max(sum[i], sample(a[i], a[i + 1], b[i], b[i + 1]));
-      }
-    });
-  std::transform(sums.begin(), sums.end(), intermediate.begin() + rowBegin * columns, CellSampler<TPixel>::Round);
-}
-
-template <typename TPixel>
-std::vector<TPixel>
-Project(const PermutedVolume<TPixel> & volume, const ShearWarpFactorization & factorization)
-{
   const auto          size = factorization.GetIntermediateSize();
+  const auto          columns = static_cast<std::ptrdiff_t>(size[0]);
   std::vector<TPixel> intermediate(size[0] * size[1]);
-  ProjectRows(volume, factorization, 0, static_cast<std::ptrdiff_t>(size[1]), intermediate);
+  ForEachBand(static_cast<std::ptrdiff_t>(size[1]), isParallel, [&](std::ptrdiff_t rowBegin, std::ptrdiff_t rowEnd) {
+    std::vector<SumType> sums((rowEnd - rowBegin) * columns, std::numeric_limits<SumType>::lowest());
+    ForEachRow(
+      volume,
+      factorization,
+      rowBegin,
+      rowEnd,
+      [&](const ShearWarp::SlicePlacement & placement, const TPixel * a, std::ptrdiff_t column, std::ptrdiff_t row) {
+        const CellSampler<TPixel> sample(placement);
+        const TPixel *            b = a + volume.rowStride;
+        SumType *                 sum = sums.data() + (row - rowBegin) * columns + column;
+        for (std::ptrdiff_t i = 0; i < volume.columns; ++i)
+        {
+          sum[i] = std::max(sum[i], sample(a[i], a[i + 1], b[i], b[i + 1]));
+        }
+      });
+    std::transform(sums.begin(), sums.end(), intermediate.begin() + rowBegin * columns, CellSampler<TPixel>::Round);
+  });
   return intermediate;
 }
 
 template <typename TPixel>
-void
-WarpRows(const ShearWarpFactorization & factorization,
-         const std::vector<TPixel> &    intermediate,
-         std::ptrdiff_t                 rowBegin,
-         std::ptrdiff_t                 rowEnd,
-         std::ptrdiff_t                 columns,
-         TPixel                         background,
-         std::vector<TPixel> &          output)
+std::vector<TPixel>
+Warp(const ShearWarpFactorization & factorization,
+     const std::vector<TPixel> &    intermediate,
+     const Size<2> &                size,
+     TPixel                         background,
+     bool                           isParallel)
 {
-  const auto           map = factorization.GetOutputToIntermediateMatrix();
-  const auto &         reached = factorization.GetReachedColumns();
-  const auto           rows = static_cast<std::ptrdiff_t>(factorization.GetIntermediateSize()[1]);
-  const std::ptrdiff_t rowStride = static_cast<std::ptrdiff_t>(factorization.GetIntermediateSize()[0]);
-  for (std::ptrdiff_t y = rowBegin; y < rowEnd; ++y)
-  {
-    for (std::ptrdiff_t x = 0; x < columns; ++x)
-    {
-      const auto locate = [&](unsigned int axis) {
-        const double position =
-          (map(axis, 0) * static_cast<double>(x) + map(axis, 1) * static_cast<double>(y)) + map(axis, 2);
-        return static_cast<std::int64_t>(std::floor(position * One + 0.5));
-      };
-      const std::int64_t column = locate(0);
-      const std::int64_t row = locate(1);
-      const auto         columnFraction = static_cast<std::int32_t>(column & (One - 1));
-      const auto         rowFraction = static_cast<std::int32_t>(row & (One - 1));
+  const auto          map = factorization.GetOutputToIntermediateMatrix();
+  const auto &        reached = factorization.GetReachedColumns();
+  const auto          rowStride = static_cast<std::ptrdiff_t>(factorization.GetIntermediateSize()[0]);
+  const auto          rows = static_cast<std::ptrdiff_t>(factorization.GetIntermediateSize()[1]);
+  const auto          columns = static_cast<std::ptrdiff_t>(size[0]);
+  std::vector<TPixel> output(size[0] * size[1]);
+  const auto          interpolate = [&](std::ptrdiff_t x, std::ptrdiff_t y) {
+    const auto locate = [&](unsigned int axis) {
+      const double position =
+        (map(axis, 0) * static_cast<double>(x) + map(axis, 1) * static_cast<double>(y)) + map(axis, 2);
+      return static_cast<std::int64_t>(std::floor(position * One + 0.5));
+    };
+    const std::int64_t column = locate(0);
+    const std::int64_t row = locate(1);
 
-      // here the weights of the second pixel and row are those of the fraction
-      const ShearWarp::BilinearWeights cell(columnFraction, rowFraction);
-      const std::int32_t               weights[2][2] = { { cell.bb, cell.ba }, { cell.ab, cell.aa } };
-      Mean<TPixel>                     mean;
-      for (unsigned int corner = 0; corner < 4; ++corner)
+    // here the weights of the second pixel and row are those of the fraction
+    const ShearWarp::BilinearWeights cell(static_cast<std::int32_t>(column & (One - 1)),
+                                          static_cast<std::int32_t>(row & (One - 1)));
+    const std::int32_t               weights[] = { cell.bb, cell.ba, cell.ab, cell.aa };
+    Mean<TPixel>                     mean;
+    for (unsigned int corner = 0; corner < 4; ++corner)
+    {
+      const std::ptrdiff_t i = (column >> FractionBits) + corner % 2;
+      const std::ptrdiff_t j = (row >> FractionBits) + corner / 2;
+      if (weights[corner] > 0 && j >= 0 && j < rows && i >= reached[j].begin && i < reached[j].end)
       {
-        const std::ptrdiff_t i = (column >> FractionBits) + corner % 2;
-        const std::ptrdiff_t j = (row >> FractionBits) + corner / 2;
-        const std::int32_t   weight = weights[corner / 2][corner % 2];
-        if (weight > 0 && j >= 0 && j < rows && i >= reached[j].begin && i < reached[j].end)
-        {
-          mean.Add(intermediate[j * rowStride + i], weight);
-        }
+        mean.Add(intermediate[j * rowStride + i], weights[corner]);
       }
-      output[y * columns + x] = mean.IsEmpty() ? background : mean.Get();
     }
-  }
+    return mean.GetOr(background);
+  };
+  ForEachBand(static_cast<std::ptrdiff_t>(size[1]), isParallel, [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
+    for (std::ptrdiff_t y = begin; y < end; ++y)
+    {
+      for (std::ptrdiff_t x = 0; x < columns; ++x)
+      {
+        output[y * columns + x] = interpolate(x, y);
+      }
+    }
+  });
+  return output;
 }
 
-#define INSTANTIATE(TPixel)                                                                             \
-  template struct PermutedVolume<TPixel>;                                                               \
-  template void                ProjectRows(const PermutedVolume<TPixel> &,                              \
-                                           const ShearWarpFactorization &,                              \
-                                           std::ptrdiff_t,                                              \
-                                           std::ptrdiff_t,                                              \
-                                           std::vector<TPixel> &);                                      \
-  template std::vector<TPixel> Project(const PermutedVolume<TPixel> &, const ShearWarpFactorization &); \
-  template void                WarpRows(const ShearWarpFactorization &,                                 \
-                                        const std::vector<TPixel> &,                                    \
-                                        std::ptrdiff_t,                                                 \
-                                        std::ptrdiff_t,                                                 \
-                                        std::ptrdiff_t,                                                 \
-                                        TPixel,                                                         \
-                                        std::vector<TPixel> &)
+#define INSTANTIATE(TPixel)                                                                                   \
+  template struct PermutedVolume<TPixel>;                                                                     \
+  template std::vector<TPixel> Project(const PermutedVolume<TPixel> &, const ShearWarpFactorization &, bool); \
+  template std::vector<TPixel> Warp(                                                                          \
+    const ShearWarpFactorization &, const std::vector<TPixel> &, const Size<2> &, TPixel, bool)
 
 INSTANTIATE(std::uint8_t);
 INSTANTIATE(std::int16_t);

@@ -28,8 +28,7 @@
  * compared with, in speed and bit by bit. It shares no code with the filter's kernels but the slices' places and
  * the weights. The compiler is given the flags of a release build and may do what they allow.
  *
- * Rows of an image, the intermediate one or the output, are independent of each other: threads may share them. Voxels
- * must be finite. Instantiated for `uint8 int16 uint16 float`; without oversampling. */
+ * Voxels must be finite. Instantiated for `uint8 int16 uint16 float`; without oversampling. */
 namespace itk::ShearWarpBenchmark
 {
 /** One of the three copies of a volume that the paper makes before any view, one for each principal axis: its slices
@@ -78,34 +77,23 @@ ForEachRow(const PermutedVolume<TPixel> & volume,
   }
 }
 
-/** Figure 2 and equation 2 of the paper: slice by slice, each sample the sum of four voxels times the slice's four
- * weights, and the larger of it and what the pixel has already. Sums are kept in 32 bits. Nothing is skipped.
- * Writes rows [rowBegin, rowEnd) of \a intermediate, which has the factorization's intermediate size. */
-template <typename TPixel>
-void
-ProjectRows(const PermutedVolume<TPixel> & volume,
-            const ShearWarpFactorization & factorization,
-            std::ptrdiff_t                 rowBegin,
-            std::ptrdiff_t                 rowEnd,
-            std::vector<TPixel> &          intermediate);
-
-/** The whole intermediate image, in one thread. */
+/** Figure 2 and equation 2 of the paper: the intermediate image, slice by slice. Each sample is the sum of four voxels
+ * times the slice's four weights, and a pixel keeps the largest. Sums have 32 bits. Nothing is skipped. One thread
+ * makes it or, if \a isParallel, all of ITK's. */
 template <typename TPixel>
 std::vector<TPixel>
-Project(const PermutedVolume<TPixel> & volume, const ShearWarpFactorization & factorization);
+Project(const PermutedVolume<TPixel> & volume, const ShearWarpFactorization & factorization, bool isParallel = false);
 
-/** Bilinear interpolation of the intermediate image at the pixels of the factorization's output grid, of which
- * \a columns is the number of columns. Pixels that no slice reached are left out, and the weights of the others
- * scaled to sum to one; where none is left the output is \a background. Writes rows [rowBegin, rowEnd) of \a output. */
+/** Bilinear interpolation of the intermediate image at the pixels of the factorization's output grid, of the given
+ * size. Pixels that no slice reached are left out, and the weights of the others scaled to sum to one; where none is
+ * left the output is \a background. */
 template <typename TPixel>
-void
-WarpRows(const ShearWarpFactorization & factorization,
-         const std::vector<TPixel> &    intermediate,
-         std::ptrdiff_t                 rowBegin,
-         std::ptrdiff_t                 rowEnd,
-         std::ptrdiff_t                 columns,
-         TPixel                         background,
-         std::vector<TPixel> &          output);
+std::vector<TPixel>
+Warp(const ShearWarpFactorization & factorization,
+     const std::vector<TPixel> &    intermediate,
+     const Size<2> &                size,
+     TPixel                         background = TPixel{},
+     bool                           isParallel = false);
 } // namespace itk::ShearWarpBenchmark
 
 #endif

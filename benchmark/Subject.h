@@ -25,10 +25,8 @@
 #include "Views.h"
 
 #include "itkImageFileReader.h"
-#include "itkMultiThreaderBase.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -37,16 +35,6 @@
 
 namespace itk::ShearWarpBenchmark
 {
-/** Seconds that \a function takes. */
-template <typename TFunction>
-double
-Time(const TFunction & function)
-{
-  const auto start = std::chrono::steady_clock::now();
-  function();
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-}
-
 /** What all measurements of one volume share: the volume, the output grid and, made without the filter, the expected
  * output of every view and the times of the methods that the filter is compared with. */
 template <typename TPixel>
@@ -55,13 +43,6 @@ class Subject
 public:
   using VolumeType = Image<TPixel, 3>;
   using OutputType = Image<TPixel, 2>;
-
-  /** Mean seconds for a view, over the compared views, of methods with one thread. */
-  struct Comparison
-  {
-    double rayCasting{ 0.0 };
-    double plainShearWarp{ 0.0 }; // without the warp
-  };
 
   /** Makes or reads the volume. Throws ExceptionObject if a voxel is not finite. */
   explicit Subject(const DataSet & data)
@@ -104,15 +85,16 @@ public:
   {
     std::map<unsigned int, double>       differences;
     std::map<unsigned int, unsigned int> nearest;
-    for (auto view = static_cast<unsigned int>(m_Expected.size()); view < GetNumberOfViews(); ++view)
+    for (auto view = static_cast<unsigned int>(m_Expected.size()); view < GetViews().size(); ++view)
     {
       const ShearWarpFactorization factorization = this->Factorize(view);
-      m_Expected.push_back(this->ProjectPlainly(factorization));
+      const unsigned int           axis = factorization.GetPrincipalAxis();
+      const auto                   intermediate = Project(this->GetCopy(axis), factorization, true);
+      m_Expected.push_back(Warp(factorization, intermediate, output->GetBufferedRegion().GetSize(), TPixel{}, true));
 
-      const unsigned int axis = factorization.GetPrincipalAxis();
-      const auto         shear = factorization.GetShear();
-      const double       larger = std::max(std::abs(shear[0]), std::abs(shear[1]));
-      const double       difference = std::abs(larger - std::tan(30.0 * Math::pi_over_180));
+      const auto   shear = factorization.GetShear();
+      const double larger = std::max(std::abs(shear[0]), std::abs(shear[1]));
+      const double difference = std::abs(larger - std::tan(30.0 * Math::pi_over_180));
       if (differences.count(axis) == 0 || difference < differences[axis] - 1e-6)
       {
         differences[axis] = difference;
@@ -137,37 +119,36 @@ public:
 
   /** Times the other methods when first called: each view \a repetitions times, or for a second, and the minimum
    * counts. */
-  const Comparison &
+  void
   Compare(unsigned int repetitions)
   {
-    if (!m_Comparison)
+    if (rayCastingSeconds > 0.0)
     {
-      const auto getShortestTime = [repetitions](const auto & function) {
-        double shortest = std::numeric_limits<double>::max();
-        double total = 0.0;
-        for (unsigned int repetition = 0; repetition < repetitions && total < 1.0; ++repetition)
-        {
-          const double seconds = Time(function);
-          shortest = std::min(shortest, seconds);
-          total += seconds;
-        }
-        return shortest;
-      };
-      m_Comparison.emplace();
-      for (const unsigned int view : comparedViews)
-      {
-        const ShearWarpFactorization factorization = this->Factorize(view);
-        const auto &                 copy = this->GetCopy(factorization.GetPrincipalAxis());
-        const auto                   transform = MakeView(volume, view);
-        const auto                   count = static_cast<double>(comparedViews.size());
-        m_Comparison->plainShearWarp += getShortestTime([&] { Project(copy, factorization); }) / count;
-        m_Comparison->rayCasting +=
-          getShortestTime([&] { CastRays<TPixel>(volume, transform, output->GetSpacing()[0], TPixel{}, output); }) /
-          count;
-      }
-      m_Copy.reset();
+      return;
     }
-    return *m_Comparison;
+    const auto getShortestTime = [repetitions](const auto & function) {
+      double shortest = std::numeric_limits<double>::max();
+      double total = 0.0;
+      for (unsigned int repetition = 0; repetition < repetitions && total < 1.0; ++repetition)
+      {
+        const double seconds = Time(function);
+        shortest = std::min(shortest, seconds);
+        total += seconds;
+      }
+      return shortest;
+    };
+    const auto count = static_cast<double>(comparedViews.size());
+    for (const unsigned int view : comparedViews)
+    {
+      const ShearWarpFactorization factorization = this->Factorize(view);
+      const auto &                 copy = this->GetCopy(factorization.GetPrincipalAxis());
+      const auto                   transform = MakeView(volume, GetViews()[view]);
+      const double                 step = output->GetSpacing()[0];
+      plainSeconds += getShortestTime([&] { Project(copy, factorization); }) / count;
+      rayCastingSeconds +=
+        getShortestTime([&] { CastRays<TPixel>(volume, transform, step, TPixel{}, output); }) / count;
+    }
+    m_Copy.reset();
   }
 
   typename VolumeType::Pointer volume;
@@ -178,6 +159,10 @@ public:
 
   /** For each principal axis the view whose larger shear is nearest to that of 30 degrees off the axis. */
   std::vector<unsigned int> comparedViews;
+
+  /** Of Compare(), with one thread: mean over the compared views. That of the plain shear-warp is without the warp. */
+  double rayCastingSeconds{ 0.0 };
+  double plainSeconds{ 0.0 };
 
 private:
   /** Only the last one is kept. */
@@ -196,39 +181,12 @@ private:
   ShearWarpFactorization
   Factorize(unsigned int view) const
   {
-    return ShearWarpFactorization(MakeView(volume, view), volume, output);
-  }
-
-  std::vector<TPixel>
-  ProjectPlainly(const ShearWarpFactorization & factorization)
-  {
-    // bands of rows in parallel
-    const auto parallelize = [](SizeValueType count, const auto & function) {
-      constexpr SizeValueType band = 32;
-      MultiThreaderBase::New()->ParallelizeArray(
-        0,
-        (count + band - 1) / band,
-        [&](SizeValueType n) { function(n * band, std::min((n + 1) * band, count)); },
-        nullptr);
-    };
-    const auto &        copy = this->GetCopy(factorization.GetPrincipalAxis());
-    const auto          size = factorization.GetIntermediateSize();
-    const auto          length = output->GetBufferedRegion().GetSize(0);
-    std::vector<TPixel> intermediate(size[0] * size[1]);
-    std::vector<TPixel> picture(length * length);
-    parallelize(size[1], [&](SizeValueType begin, SizeValueType end) {
-      ProjectRows(copy, factorization, begin, end, intermediate);
-    });
-    parallelize(length, [&](SizeValueType begin, SizeValueType end) {
-      WarpRows(factorization, intermediate, begin, end, length, TPixel{}, picture);
-    });
-    return picture;
+    return ShearWarpFactorization(MakeView(volume, GetViews()[view]), volume, output);
   }
 
   std::optional<PermutedVolume<TPixel>> m_Copy;
   unsigned int                          m_CopiedAxis{ 0 };
   std::vector<std::vector<TPixel>>      m_Expected;
-  std::optional<Comparison>             m_Comparison;
 };
 } // namespace itk::ShearWarpBenchmark
 

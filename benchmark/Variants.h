@@ -26,16 +26,19 @@
 
 namespace itk::ShearWarpBenchmark
 {
-/** A parameter that is set for one update and then set back; its time is a ratio to that without, of the views
- * along the same axes. */
+/** One quantity, measured several times for each view. */
+using ViewSeries = std::map<unsigned int, std::vector<double>>;
+
+/** A parameter that is set for one update and then set back; its time is a ratio to that without, of the same views. */
 template <typename TFilter>
 struct Variant
 {
-  std::string                    counter;
-  std::function<void(TFilter &)> set;
-  std::function<void(TFilter &)> reset;
-  bool                           isFirstView{ false };
-  std::vector<unsigned int>      principalAxes{ 0, 1, 2 };
+  std::string                          counter;
+  std::function<void(TFilter &, bool)> set; // or sets back
+  bool                                 isFirstView{ false };
+  std::vector<unsigned int>            principalAxes{ 0, 1, 2 };
+  ViewSeries                           seconds{};
+  ViewSeries                           unchangedSeconds{};
 };
 
 /** A ball in the middle, of a diameter of \a fraction of the volume's extent. */
@@ -67,24 +70,12 @@ MakeVariants(const Subject<TPixel> & subject)
 {
   using FilterType = ShearWarpMIPImageFilter<Image<TPixel, 3>>;
   using Mode = ShearWarpMIPImageFilterEnums::Mode;
-  const auto *     volume = subject.volume.GetPointer();
-  constexpr double infinity = std::numeric_limits<double>::infinity();
-  const auto       setMode = [](Mode mode) { return [mode](FilterType & filter) { filter.SetMode(mode); }; };
-  const auto       setSlab = [](double near, double far) {
-    return [=](FilterType & filter) {
-      filter.SetSlabNear(near);
-      filter.SetSlabFar(far);
-    };
-  };
-  const auto setBox = [](const Point<double, 3> & lower, const Point<double, 3> & upper) {
-    return [=](FilterType & filter) {
-      filter.SetCropLower(lower);
-      filter.SetCropUpper(upper);
-    };
-  };
-  const Size<3> size = volume->GetLargestPossibleRegion().GetSize();
-  const double  depth =
+  const auto *            volume = subject.volume.GetPointer();
+  static constexpr double infinity = std::numeric_limits<double>::infinity();
+  const Size<3>           size = volume->GetLargestPossibleRegion().GetSize();
+  const double            depth =
     subject.output->GetSpacing()[0] * static_cast<double>(subject.output->GetBufferedRegion().GetSize(0));
+  const auto                 threshold = static_cast<TPixel>(subject.maximum / 2);
   Point<double, 3>           lower;
   Point<double, 3>           upper;
   ContinuousIndex<double, 3> quarter;
@@ -96,35 +87,46 @@ MakeVariants(const Subject<TPixel> & subject)
   }
   volume->TransformContinuousIndexToPhysicalPoint(quarter, lower);
   volume->TransformContinuousIndexToPhysicalPoint(threeQuarters, upper);
-  const auto threshold = static_cast<TPixel>(subject.maximum / 2);
-  const auto setMask = [volume](double fraction) {
-    return [mask = MakeBall(volume, fraction)](FilterType & filter) { filter.SetMaskImage(mask); };
+  const auto setMode = [](Mode mode) {
+    return [mode](FilterType & filter, bool isOn) { filter.SetMode(isOn ? mode : Mode::Maximum); };
   };
-  const auto removeMask = [](FilterType & filter) { filter.SetMaskImage(nullptr); };
-  const auto release = [](FilterType & filter) { filter.ReleasePreparedVolume(); };
-  const auto keep = [](FilterType &) {};
+  const auto setMask = [volume](double fraction) {
+    return [mask = MakeBall(volume, fraction)](FilterType & filter, bool isOn) {
+      filter.SetMaskImage(isOn ? mask.GetPointer() : nullptr);
+    };
+  };
+  const auto release = [](FilterType & filter, bool isOn) {
+    if (isOn)
+    {
+      filter.ReleasePreparedVolume();
+    }
+  };
   return {
-    { "first_ratio", release, keep, true, { 1, 2 } },
-    { "first_x_ratio", release, keep, true, { 0 } },
-    { "minimum_ratio", setMode(Mode::Minimum), setMode(Mode::Maximum) },
-    { "absolute_ratio", setMode(Mode::AbsoluteMaximum), setMode(Mode::Maximum) },
-    { "depth_ratio",
-      [](FilterType & filter) { filter.ComputeDepthOn(); },
-      [](FilterType & filter) { filter.ComputeDepthOff(); } },
-    { "slab_ratio", setSlab(-0.05 * depth, 0.05 * depth), setSlab(-infinity, infinity) },
-    { "box_ratio", setBox(lower, upper), setBox(Point<double, 3>(-infinity), Point<double, 3>(infinity)) },
-    { "mask_ratio", setMask(0.7), removeMask },
-    { "small_mask_ratio", setMask(0.57), removeMask },
+    { "first_ratio", release, true, { 1, 2 } },
+    { "first_x_ratio", release, true, { 0 } },
+    { "minimum_ratio", setMode(Mode::Minimum) },
+    { "absolute_ratio", setMode(Mode::AbsoluteMaximum) },
+    { "depth_ratio", [](FilterType & filter, bool isOn) { filter.SetComputeDepth(isOn); } },
+    { "slab_ratio",
+      [depth](FilterType & filter, bool isOn) {
+        filter.SetSlabNear(isOn ? -0.05 * depth : -infinity);
+        filter.SetSlabFar(isOn ? 0.05 * depth : infinity);
+      } },
+    { "box_ratio",
+      [lower, upper](FilterType & filter, bool isOn) {
+        filter.SetCropLower(isOn ? lower : Point<double, 3>(-infinity));
+        filter.SetCropUpper(isOn ? upper : Point<double, 3>(infinity));
+      } },
+    { "mask_ratio", setMask(0.7) },
+    { "small_mask_ratio", setMask(0.57) },
     { "local_ratio",
-      [threshold](FilterType & filter) {
-        filter.LocalMaximumOn();
+      [threshold](FilterType & filter, bool isOn) {
+        filter.SetLocalMaximum(isOn);
         filter.SetLocalMaximumThreshold(threshold);
-      },
-      [](FilterType & filter) { filter.LocalMaximumOff(); } },
+      } },
     { "fading_ratio",
-      [depth](FilterType & filter) { filter.SetDepthAttenuation(1.0 / depth); },
-      [](FilterType & filter) { filter.SetDepthAttenuation(0.0); } },
-    { "exact_ratio", [](FilterType & filter) { filter.ExactOn(); }, [](FilterType & filter) { filter.ExactOff(); } },
+      [depth](FilterType & filter, bool isOn) { filter.SetDepthAttenuation(isOn ? 1.0 / depth : 0.0); } },
+    { "exact_ratio", [](FilterType & filter, bool isOn) { filter.SetExact(isOn); } },
   };
 }
 } // namespace itk::ShearWarpBenchmark

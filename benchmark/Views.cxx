@@ -20,16 +20,12 @@
 #include "itkMath.h"
 #include "itkShearWarpMIPView.h"
 
-#include <vector>
-
 namespace itk::ShearWarpBenchmark
 {
-namespace
-{
 const std::vector<Angles> &
-GetAngles()
+GetViews()
 {
-  static const std::vector<Angles> angles = [] {
+  static const std::vector<Angles> views = [] {
     std::vector<Angles> result;
     for (int angle = 0; angle <= 180; angle += 10)
     {
@@ -39,22 +35,11 @@ GetAngles()
     {
       result.push_back({ static_cast<double>(angle), 0.0, 0.0 });
     }
-    constexpr double azimuthsAndAltitudes[][2] = { { 40, 50 }, { 20, 65 },  { 70, 40 },
-                                                   { 30, 85 }, { 110, 70 }, { 200, 25 } };
-    for (const auto & [azimuth, altitude] : azimuthsAndAltitudes)
-    {
-      result.push_back({ altitude, 0.0, azimuth });
-    }
+    result.insert(result.end(),
+                  { { 50, 0, 40 }, { 65, 0, 20 }, { 40, 0, 70 }, { 85, 0, 30 }, { 70, 0, 110 }, { 25, 0, 200 } });
     return result;
   }();
-  return angles;
-}
-} // namespace
-
-unsigned int
-GetNumberOfViews()
-{
-  return static_cast<unsigned int>(GetAngles().size());
+  return views;
 }
 
 ViewTransformType::Pointer
@@ -72,11 +57,5 @@ MakeView(const ImageBase<3> * image, const Angles & angles)
   transform->SetMatrix(image->GetDirection() * transform->GetMatrix());
   transform->SetOffset(ShearWarpMIPView::GetCenter(image).GetVectorFromOrigin());
   return transform;
-}
-
-ViewTransformType::Pointer
-MakeView(const ImageBase<3> * image, unsigned int view)
-{
-  return MakeView(image, GetAngles().at(view));
 }
 } // namespace itk::ShearWarpBenchmark

@@ -21,6 +21,8 @@
 #include "itkAffineTransform.h"
 #include "itkImageBase.h"
 
+#include <vector>
+
 namespace itk::ShearWarpBenchmark
 {
 using ViewTransformType = AffineTransform<double, 3>;
@@ -33,17 +35,13 @@ struct Angles
 
 /** The views that are measured: 19 about the image's second axis, every 10 degrees from 0 to 180; 10 about the first
  * axis, every 20 degrees from 0 to 180; 6 oblique ones. */
-unsigned int
-GetNumberOfViews();
+const std::vector<Angles> &
+GetViews();
 
 /** A new transform of the given view, from view space (mm, its origin the image's center) to the image's physical
  * space. */
 ViewTransformType::Pointer
 MakeView(const ImageBase<3> * image, const Angles & angles);
-
-/** The same, of one of the views that are measured. */
-ViewTransformType::Pointer
-MakeView(const ImageBase<3> * image, unsigned int view);
 } // namespace itk::ShearWarpBenchmark
 
 #endif

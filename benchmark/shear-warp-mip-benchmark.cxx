@@ -15,10 +15,7 @@
  *  limitations under the License.
  *
  *=========================================================================*/
-#include "Data.h"
-#include "Input.h"
 #include "Measurement.h"
-#include "ReportErrors.h"
 
 #include "itkMultiThreaderBase.h"
 #include "itkShearWarpSampling.h"
@@ -30,9 +27,7 @@
 #include <benchmark/benchmark.h>
 
 #include <algorithm>
-#include <filesystem>
 #include <iostream>
-#include <map>
 
 namespace
 {
@@ -43,37 +38,13 @@ struct Options
 {
   std::vector<std::string>  kinds;
   std::vector<std::string>  sizes{ "256x256x64", "391x257x173", "512x512x512" };
-  std::vector<PixelType>    pixelTypes;
+  std::vector<std::string>  pixelTypes;
   std::vector<unsigned int> threads{ 1, 2 };
   std::vector<std::string>  images;
   unsigned int              viewRepetitions{ 0 };
   bool                      hasVariants{ false };
   bool                      isCine{ false };
 };
-
-std::string
-Describe()
-{
-  std::string description =
-    "Times maximum intensity projections by itk::ShearWarpMIPImageFilter, 35 views of each volume, beside reading\n"
-    "the volume, ray casting and a plain shear-warp.\n\nKinds of volumes:\n";
-  for (const Kind & kind : GetKinds())
-  {
-    description += "  " + kind.name + ": " + kind.description + "\n";
-  }
-  return description;
-}
-
-std::vector<std::string>
-GetKindNames()
-{
-  std::vector<std::string> names;
-  for (const Kind & kind : GetKinds())
-  {
-    names.push_back(kind.name);
-  }
-  return names;
-}
 
 itk::Size<3>
 ParseSize(const std::string & text)
@@ -96,73 +67,42 @@ CountVoxels(const itk::Size<3> & size)
   return size[0] * size[1] * size[2];
 }
 
-/** Without --pixel-types all volumes have uint16, and the largest of the first kind the other types too. */
-std::vector<DataSet>
-MakeSyntheticDataSets(const Options & options)
+/** Without --pixel-types all volumes have uint16, and the largest of the first kind the other types too.
+ * ReducedResampling Off and On are measured for the fastest instruction set and the largest `uint16` volumes and files.
+ */
+void
+RegisterAll(const Options & options)
 {
-  std::vector<std::string>  kinds = options.kinds.empty() ? GetKindNames() : options.kinds;
-  std::vector<itk::Size<3>> sizes;
-  std::transform(options.sizes.begin(), options.sizes.end(), std::back_inserter(sizes), ParseSize);
-  std::vector<PixelType> pixelTypes = options.pixelTypes;
-  std::vector<PixelType> furtherPixelTypes;
-  if (pixelTypes.empty())
-  {
-    pixelTypes = { PixelType::UInt16 };
-    furtherPixelTypes = { PixelType::Float, PixelType::UInt8, PixelType::Int16 };
-  }
-
+  const bool           isTyped = !options.pixelTypes.empty();
+  const auto           kinds = options.kinds.empty() && options.images.empty() ? GetKinds() : options.kinds;
+  const auto           pixelTypes = isTyped ? options.pixelTypes : std::vector<std::string>{ "uint16" };
   std::vector<DataSet> dataSets;
+  itk::Size<3>         largest{};
   for (const std::string & kind : kinds)
   {
-    for (const itk::Size<3> & size : sizes)
+    for (const std::string & text : options.sizes)
     {
-      for (const PixelType pixelType : pixelTypes)
+      const itk::Size<3> size = ParseSize(text);
+      largest = CountVoxels(size) > CountVoxels(largest) ? size : largest;
+      for (const std::string & pixelType : pixelTypes)
       {
         dataSets.push_back({ kind, "", size, pixelType });
       }
     }
   }
-  const auto largest = std::max_element(
-    sizes.begin(), sizes.end(), [](const auto & a, const auto & b) { return CountVoxels(a) < CountVoxels(b); });
-  for (const PixelType pixelType : furtherPixelTypes)
+  if (!kinds.empty() && !isTyped)
   {
-    dataSets.push_back({ kinds.front(), "", *largest, pixelType });
+    for (const std::string pixelType : { "float", "uint8", "int16" })
+    {
+      dataSets.push_back({ kinds.front(), "", largest, pixelType });
+    }
   }
-  return dataSets;
-}
+  std::transform(options.images.begin(), options.images.end(), std::back_inserter(dataSets), ReadInformation);
 
-std::vector<DataSet>
-MakeDataSets(const Options & options)
-{
-  std::vector<DataSet> dataSets;
-  if (options.images.empty() || !options.kinds.empty())
-  {
-    dataSets = MakeSyntheticDataSets(options);
-  }
-  for (const std::string & file : options.images)
-  {
-    const FileInformation information = ReadInformation(file);
-    dataSets.push_back({ std::filesystem::path(file).stem().string(), file, information.size, information.pixelType });
-  }
-  return dataSets;
-}
-
-/** ReducedResampling Off and On are measured for the fastest instruction set and the largest `uint16` volumes and
- * files. */
-void
-RegisterAll(const Options & options)
-{
-  const auto         dataSets = MakeDataSets(options);
-  const auto         instructionSets = itk::ShearWarp::GetInstructionSets();
-  itk::SizeValueType most = 0;
+  const auto instructionSets = itk::ShearWarp::GetInstructionSets();
   for (const DataSet & data : dataSets)
   {
-    most = data.file.empty() ? std::max(most, CountVoxels(data.size)) : most;
-  }
-  for (const DataSet & data : dataSets)
-  {
-    const bool isLargest = CountVoxels(data.size) == most && data.pixelType == PixelType::UInt16;
-    const bool isMeasuredInAllModes = isLargest || !data.file.empty();
+    const bool isLargest = CountVoxels(data.size) == CountVoxels(largest) && data.pixelType == "uint16";
     const bool isLong = CountVoxels(data.size) >= 1U << 26;
     for (const std::string & instructionSet : instructionSets)
     {
@@ -172,7 +112,7 @@ RegisterAll(const Options & options)
                                                                       : 3;
 
       std::vector<ReducedResampling> modes{ ReducedResampling::Auto };
-      if (isMeasuredInAllModes && instructionSet == instructionSets.back())
+      if ((isLargest || !data.file.empty()) && instructionSet == instructionSets.back())
       {
         modes = { ReducedResampling::Off, ReducedResampling::On, ReducedResampling::Auto };
       }
@@ -199,27 +139,24 @@ AddContext()
   ::benchmark::AddCustomContext(
     "threader", itk::MultiThreaderBase::ThreaderTypeToString(itk::MultiThreaderBase::GetGlobalDefaultThreader()));
 }
+} // namespace
 
 int
-Run(int argc, char * argv[])
+main(int argc, char * argv[])
+try
 {
-  std::map<std::string, PixelType> pixelTypes;
-  for (const PixelType type : { PixelType::UInt8, PixelType::Int16, PixelType::UInt16, PixelType::Float })
-  {
-    pixelTypes[PixelTypeNames[static_cast<int>(type)]] = type;
-  }
-  Options  options;
-  CLI::App app(Describe());
-  app.allow_extras();
+  static CLI::App app("Times maximum intensity projections by itk::ShearWarpMIPImageFilter, 35 views of each volume,\n"
+                      "beside reading the volume, ray casting and a plain shear-warp.");
+  Options         options;
   app.add_option("--kinds", options.kinds, "Kinds of volumes to make [all, or none with --image]")
     ->delimiter(',')
-    ->check(CLI::IsMember(GetKindNames()));
+    ->check(CLI::IsMember(GetKinds()));
   app.add_option("--sizes", options.sizes, "Their sizes in voxels")->delimiter(',')->capture_default_str();
   app
     .add_option(
       "--pixel-types", options.pixelTypes, "Their pixel types [uint16, and all for the largest of the first kind]")
     ->delimiter(',')
-    ->transform(CLI::CheckedTransformer(pixelTypes));
+    ->check(CLI::IsMember({ "uint8", "int16", "uint16", "float" }));
   app.add_option("--image", options.images, "A file that ITK reads, to measure too")->check(CLI::ExistingFile);
   app.add_flag("--variants", options.hasVariants, "Measure modes, slab, box, mask, depth and the like too, where Auto");
   app.add_flag("--cine", options.isCine, "Measure turning series of 36 frames instead of single views");
@@ -233,52 +170,30 @@ Run(int argc, char * argv[])
                 "How often each view is timed [5; for 512x512x512 3, and 1 where portable]")
     ->check(CLI::Range(1, 1000));
 
+  // it takes its own options and --help away
+  ::benchmark::Initialize(&argc, argv, [] {
+    std::cout << app.help() << "\nOptions of Google Benchmark:\n";
+    ::benchmark::PrintDefaultHelp();
+  });
   try
   {
     app.parse(argc, argv);
-    // the pool has as many threads as are asked for
-    itk::MultiThreaderBase::SetGlobalDefaultNumberOfThreads(
-      *std::max_element(options.threads.begin(), options.threads.end()));
-
-    // Google Benchmark keeps pointers to them
-    static std::vector<std::string> arguments;
-    arguments = app.remaining();
-    std::vector<char *> pointers{ argv[0] };
-    for (std::string & argument : arguments)
-    {
-      pointers.push_back(argument.data());
-    }
-    auto count = static_cast<int>(pointers.size());
-    pointers.push_back(nullptr);
-    ::benchmark::Initialize(&count, pointers.data());
-    if (::benchmark::ReportUnrecognizedArguments(count, pointers.data()))
-    {
-      return EXIT_FAILURE;
-    }
     RegisterAll(options);
-  }
-  catch (const CLI::CallForHelp & help)
-  {
-    app.exit(help);
-    std::cout << "\nOptions of Google Benchmark:\n";
-    ::benchmark::PrintDefaultHelp();
-    return EXIT_SUCCESS;
   }
   catch (const CLI::ParseError & error)
   {
-    app.exit(error);
-    return EXIT_FAILURE;
+    return app.exit(error);
   }
-
+  // the pool has as many threads as are asked for
+  itk::MultiThreaderBase::SetGlobalDefaultNumberOfThreads(
+    *std::max_element(options.threads.begin(), options.threads.end()));
   AddContext();
   const auto measured = ::benchmark::RunSpecifiedBenchmarks();
   ::benchmark::Shutdown();
-  return measured > 0 && !HasAnyFailed() ? EXIT_SUCCESS : EXIT_FAILURE;
+  return measured > 0 ? EXIT_SUCCESS : EXIT_FAILURE;
 }
-} // namespace
-
-int
-main(int argc, char * argv[])
+catch (const std::exception & error)
 {
-  return ReportErrors([=] { return Run(argc, argv); });
+  std::cerr << error.what() << std::endl;
+  return EXIT_FAILURE;
 }

@@ -23,13 +23,10 @@
 #include "itkImageFileWriter.h"
 #include "itkImageRegionIteratorWithIndex.h"
 #include "itkMath.h"
-#include "itkMultiThreaderBase.h"
 #include "itkShearWarpMIPImageFilter.h"
 
 #include <cmath>
 #include <fstream>
-#include <sstream>
-#include <utility>
 
 namespace itk::ShearWarpBenchmark
 {
@@ -96,24 +93,16 @@ MakeView(double angle)
   return transform;
 }
 
-/** A picture of 0, its center at the origin of view space. */
-PictureType::Pointer
-MakePicture(SizeValueType columns, double spacing)
-{
-  const auto picture = PictureType::New();
-  picture->SetRegions(Size<2>{ { columns, columns } });
-  picture->SetSpacing(Vector<double, 2>(spacing));
-  picture->SetOrigin(Point<double, 2>(-0.5 * spacing * static_cast<double>(columns - 1)));
-  picture->Allocate(true);
-  return picture;
-}
-
-/** Sets each pixel to \a getValue(index, u, v). */
+/** A picture whose center is at the origin of view space; sets each pixel to \a getValue(index, u, v). */
 template <typename TFunction>
 PictureType::Pointer
 MakePicture(SizeValueType columns, double spacing, const TFunction & getValue)
 {
-  const auto picture = MakePicture(columns, spacing);
+  const auto picture = PictureType::New();
+  picture->SetRegions(Size<2>::Filled(columns));
+  picture->SetSpacing(Vector<double, 2>(spacing));
+  picture->SetOrigin(Point<double, 2>(-0.5 * spacing * static_cast<double>(columns - 1)));
+  picture->Allocate();
   for (ImageRegionIteratorWithIndex<PictureType> pixel(picture, picture->GetBufferedRegion()); !pixel.IsAtEnd();
        ++pixel)
   {
@@ -124,11 +113,42 @@ MakePicture(SizeValueType columns, double spacing, const TFunction & getValue)
   return picture;
 }
 
-void
-ProjectTruth(const Vessel & vessel, const ViewTransformType * view, VesselPictures & pictures)
+PictureType::Pointer
+MakeEmptyPicture()
 {
+  return MakePicture(Length, 1.0, [](const Index<2> &, double, double) { return 0.0; });
+}
+
+PictureType::Pointer
+ProjectByRayCasting(const VolumeType * volume, const ViewTransformType * view, double step)
+{
+  const auto picture = MakeEmptyPicture();
+  CastRays<float>(volume, view, step, 0.0F, picture);
+  return picture;
+}
+
+PictureType::Pointer
+ProjectByShearWarp(const VolumeType * volume, const ViewTransformType * view, unsigned int oversampling)
+{
+  const auto filter = ShearWarpMIPImageFilter<VolumeType>::New();
+  filter->SetInput(volume);
+  filter->SetTransform(view);
+  filter->SetOversampling(oversampling);
+  filter->SetSize(Size<2>::Filled(Length));
+  filter->SetOutputSpacing(Vector<double, 2>(1.0));
+  filter->SetOutputOrigin(MakeEmptyPicture()->GetOrigin());
+  filter->Update();
+  return filter->GetOutput();
+}
+
+VesselPictures
+ProjectVessel(const VesselSetting & setting, const VolumeType * volume, double angle)
+{
+  const Vessel     vessel = MakeVessel(setting);
+  const auto       view = MakeView(angle);
   constexpr double ahead[] = { 0.0, 0.0, 1.0 };
   const VectorType w = view->TransformVector(VectorType(ahead));
+  VesselPictures   pictures;
   pictures.truth = MakePicture(Length, 1.0, [&](const Index<2> & index, double u, double v) {
     const double    coordinates[] = { u, v, 0.0 };
     const PointType start = view->TransformPoint(PointType(coordinates));
@@ -139,41 +159,6 @@ ProjectTruth(const Vessel & vessel, const ViewTransformType * view, VesselPictur
     }
     return maximum;
   });
-}
-
-PictureType::Pointer
-ProjectByRayCasting(const VolumeType * volume, const ViewTransformType * view, double step)
-{
-  const auto picture = MakePicture(Length, 1.0);
-  CastRays<float>(volume, view, step, 0.0F, picture);
-  return picture;
-}
-
-PictureType::Pointer
-ProjectByShearWarp(const VolumeType * volume, const ViewTransformType * view, unsigned int oversampling)
-{
-  // threads must not share a filter's input, which the pipeline changes
-  const auto input = VolumeType::New();
-  input->Graft(volume);
-
-  const auto filter = ShearWarpMIPImageFilter<VolumeType>::New();
-  filter->SetInput(input);
-  filter->SetTransform(view);
-  filter->SetOversampling(oversampling);
-  filter->SetSize(Size<2>::Filled(Length));
-  filter->SetOutputSpacing(Vector<double, 2>(1.0));
-  filter->SetOutputOrigin(MakePicture(Length, 1.0)->GetOrigin());
-  filter->SetNumberOfWorkUnits(1);
-  filter->Update();
-  return filter->GetOutput();
-}
-
-VesselPictures
-ProjectVessel(const VesselSetting & setting, const VolumeType * volume, double angle)
-{
-  const auto     view = MakeView(angle);
-  VesselPictures pictures;
-  ProjectTruth(MakeVessel(setting), view, pictures);
   pictures.methods = { { "ray-casting", ProjectByRayCasting(volume, view, 1.0) },
                        { "ray-casting-half-step", ProjectByRayCasting(volume, view, 0.5) },
                        { "shear-warp", ProjectByShearWarp(volume, view, 1) },
@@ -181,39 +166,19 @@ ProjectVessel(const VesselSetting & setting, const VolumeType * volume, double a
   return pictures;
 }
 
-std::vector<VesselSetting>
-GetSettings()
+void
+WriteErrors(std::ostream & out, const VesselSetting & setting)
 {
-  std::vector<VesselSetting> settings;
-  for (const double tilt : { 0.0, 30.0, 45.0, 60.0, 70.0 })
-  {
-    for (const double radius : { 2.0, 3.0, 4.0 })
-    {
-      for (unsigned int offset = 0; offset < 4; ++offset)
-      {
-        settings.push_back({ tilt, radius, offset });
-      }
-    }
-  }
-  return settings;
-}
-
-/** The lines of one setting. */
-std::string
-DescribeErrors(const VesselSetting & setting)
-{
-  const auto         volume = MakeVolume(setting);
-  std::ostringstream lines;
+  const auto volume = MakeVolume(setting);
   for (int angle = 0; angle <= 180; angle += 10)
   {
     const VesselPictures pictures = ProjectVessel(setting, volume, angle);
     for (const auto & [name, picture] : pictures.methods)
     {
-      lines << setting.tilt << ',' << setting.radius << ',' << setting.offset << ',' << angle << ','
-            << pictures.object.size() << ',' << name << ',' << 100.0 * pictures.GetError(picture) << '\n';
+      out << setting.tilt << ',' << setting.radius << ',' << setting.offset << ',' << angle << ','
+          << pictures.object.size() << ',' << name << ',' << 100.0 * pictures.GetError(picture) << '\n';
     }
   }
-  return lines.str();
 }
 } // namespace
 
@@ -237,16 +202,17 @@ ProjectVessel(const VesselSetting & setting, double angle)
 void
 WriteVesselErrors(const std::string & file)
 {
-  const auto               settings = GetSettings();
-  std::vector<std::string> lines(settings.size());
-  MultiThreaderBase::New()->ParallelizeArray(
-    0, settings.size(), [&](SizeValueType n) { lines[n] = DescribeErrors(settings[n]); }, nullptr);
-
   std::ofstream out(file);
   out << "tilt,radius,offset,angle,pixels,method,error\n";
-  for (const std::string & some : lines)
+  for (const double tilt : { 0.0, 30.0, 45.0, 60.0, 70.0 })
   {
-    out << some;
+    for (const double radius : { 2.0, 3.0, 4.0 })
+    {
+      for (unsigned int offset = 0; offset < 4; ++offset)
+      {
+        WriteErrors(out, { tilt, radius, offset });
+      }
+    }
   }
   if (!out.flush())
   {
@@ -279,7 +245,7 @@ WriteVesselPictures(const std::string & folder)
   write(pictures.truth, "truth");
   for (const std::string name : { "ray-casting", "shear-warp", "shear-warp-oversampled" })
   {
-    const auto    difference = MakePicture(Length, 1.0);
+    const auto    difference = MakeEmptyPicture();
     const float * picture = pictures.methods.at(name)->GetBufferPointer();
     for (const SizeValueType pixel : pictures.object)
     {

@@ -17,7 +17,7 @@
  *=========================================================================*/
 #include "Volumes.h"
 
-#include "Input.h"
+#include "Data.h"
 
 #include "itkImageFileReader.h"
 #include "itkResampleImageFilter.h"

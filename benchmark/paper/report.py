@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Draws what shear-warp-mip-paper measured and writes REPORT.md about it, into the folder of its results.
 
-report.py FOLDER [NAME [ORIGIN]]
+report.py FOLDER NAME ORIGIN
 
 NAME says what the data set `image` is, ORIGIN where it comes from. Every number of the page but the paper's own is read
 from the folder's files. Fails if one is missing or empty.
@@ -21,7 +21,7 @@ import numpy as np
 import pandas as pd
 from PIL import Image
 
-VOLUMES = {"mra": "synthetic MR angiogram", "image": "image"}
+VOLUMES = {"mra": "synthetic MR angiogram"}
 METHODS = {
     "ray casting": "ray casting",
     "shear warp": "shear warp",
@@ -52,7 +52,8 @@ Reduced Resampling. Magn Reson Med 47:696-700, 2002:
 its table and its figures, measured with its methods and with the filter of this module.
 `benchmark/paper/run.sh` writes this page and repeats everything in some minutes.
 
-Machine: {machine}. Data: {data}, {size} 256 x 256 x 64 voxels and 14 bits."""
+Machine: {machine}. Data: a synthetic time-of-flight MR angiogram (`mra` of the benchmark) \
+and an {image} ({origin}), interpolated to 256 x 256 x 64 voxels and 14 bits."""
 
 TIMES = """\
 ## Table 1: times
@@ -136,11 +137,6 @@ def table(frame: pd.DataFrame, text: int) -> str:
     return frame.to_markdown(index=False, disable_numparse=True, colalign=align)
 
 
-def read(folder: Path, stem: str, names: list[str]) -> pd.DataFrame:
-    """A file of each data set."""
-    return pd.concat({VOLUMES[name]: pd.read_csv(folder / f"{stem}-{name}.csv") for name in names}, names=["data"])
-
-
 def read_picture(file: Path) -> np.ndarray:
     return np.asarray(Image.open(file), float)
 
@@ -150,13 +146,14 @@ def save(folder: Path, name: str, figure: plt.Figure) -> None:
     plt.close(figure)
 
 
-def describe_times(folder: Path, names: list[str]) -> str:
-    times = read(folder, "table1", names).rename(columns=lambda name: name.removesuffix("_ms"))
+def describe_times(folder: Path) -> str:
+    files = {title: pd.read_csv(folder / f"table1-{name}.csv") for name, title in VOLUMES.items()}
+    times = pd.concat(files, names=["data"]).rename(columns=lambda name: name.removesuffix("_ms"))
     times = times.rename(columns={"skipped_fraction": "skipped"})
     times = times.groupby(["data", "method", "angle"], sort=False).median().reset_index(["method", "angle"])
     means = pd.concat([PAPER_TIMES, times.groupby(["data", "method"], sort=False)[[*COLUMNS, "skipped"]].mean()])
     means["speed-up"] = means.xs("ray casting", level="method")["total"] / means["total"]
-    factor, tagged = (means.loc[data_of(names), :].xs(m, level=1)["speed-up"] for m in list(METHODS)[1:3])
+    factor, tagged = (means.loc[list(files), :].xs(m, level=1)["speed-up"] for m in list(METHODS)[1:3])
 
     shown = means.drop(columns="skipped").round(12).apply(lambda column: column.map(number))
     shown["speed-up"] = means["speed-up"].map("{:.1f}".format)
@@ -164,9 +161,9 @@ def describe_times(folder: Path, names: list[str]) -> str:
     shown.loc[(slice(None), "filter, auto"), "skipped"] = means["skipped"].map("{:.0%}".format)
     shown = shown.rename(METHODS, level="method").rename(columns={"clip": "clipping"}).reset_index()
 
-    figure, axes = plt.subplots(1, len(names), figsize=(6.2 * len(names), 4.2), squeeze=False)
+    figure, axes = plt.subplots(1, 2, figsize=(12.4, 4.2))
     texts = []
-    for axis, (data, lines) in zip(axes[0], times.groupby(level="data", sort=False)):
+    for axis, (data, lines) in zip(axes, times.groupby(level="data", sort=False)):
         wide = lines.pivot(index="angle", columns="method", values="total")[list(METHODS)].rename(columns=METHODS)
         wide.plot(ax=axis, logy=True, style=".-", legend=False, title=data, xticks=range(0, 181, 30))
         axis.set(xlabel="angle (degrees)", ylabel="time of a view (ms)")
@@ -184,8 +181,9 @@ def describe_times(folder: Path, names: list[str]) -> str:
             f"{cast.max() / cast.min():.1f} times as long, and the filter's slowest angle "
             f"{filtered.max() / filtered.mean():.2f} times its mean."
         )
-    lines_and_labels = axes[0][0].get_legend_handles_labels()
-    figure.legend(*lines_and_labels, fontsize=9, loc="upper center", ncol=3, bbox_to_anchor=(0.5, 0.0))
+    figure.legend(
+        *axes[0].get_legend_handles_labels(), fontsize=9, loc="upper center", ncol=3, bbox_to_anchor=(0.5, 0.0)
+    )
     save(folder, "figure4.png", figure)
     return TIMES.format(
         table=table(shown, 2),
@@ -196,27 +194,22 @@ def describe_times(folder: Path, names: list[str]) -> str:
     )
 
 
-def data_of(names: list[str]) -> list[str]:
-    return [VOLUMES[name] for name in names]
-
-
-def describe_pictures(folder: Path, names: list[str]) -> str:
-    figure, axes = plt.subplots(len(names), 3, figsize=(12, 4.1 * len(names)), squeeze=False, layout="constrained")
+def describe_pictures(folder: Path) -> str:
+    figure, axes = plt.subplots(2, 3, figsize=(12, 8.2), layout="constrained")
     texts = []
-    for row, name in zip(axes, names):
+    for row, (name, volume) in zip(axes, VOLUMES.items()):
         files = (f"figure5-{name}-{key}.tif" for key in ("raycasting", "shearwarp", "difference"))
         cast, sheared, difference = (read_picture(folder / file) for file in files)
         difference *= 100 / cast.max()
         for axis, picture, title in zip(row, (cast, sheared), ("ray casting", "shear-warp")):
             axis.imshow(picture, cmap="gray", vmax=np.percentile(picture, 99.8))
-            axis.set_title(f"{VOLUMES[name]}, {title}", fontsize=9)
+            axis.set_title(f"{volume}, {title}", fontsize=9)
         image = row[2].imshow(difference, cmap="RdBu_r", vmin=-5, vmax=5)
         row[2].set_title("ray casting less shear-warp", fontsize=9)
         figure.colorbar(image, ax=row[2], fraction=0.045, label="% of the maximum")
         inside = difference[(cast > 0) & (sheared > 0)]
-        texts.append(
-            f"{VOLUMES[name]}: mean magnitude {np.abs(inside).mean():.2f} %, mean {inside.mean():+.2f} % of the maximum"
-        )
+        magnitude, mean = np.abs(inside).mean(), inside.mean()
+        texts.append(f"{volume}: mean magnitude {magnitude:.2f} %, mean {mean:+.2f} % of the maximum")
     for axis in axes.flat:
         axis.set_axis_off()
     save(folder, "figure5.png", figure)
@@ -267,23 +260,16 @@ def name_processor() -> str:
 
 
 def main() -> None:
-    if not 2 <= len(sys.argv) <= 4:
+    if len(sys.argv) != 4:
         sys.exit(__doc__)
-    folder, *described = Path(sys.argv[1]), *sys.argv[2:]
-    VOLUMES["image"] = described[0] if described else VOLUMES["image"]
-    origin = f" ({described[1]})" if len(described) > 1 else ""
+    folder, (image, origin) = Path(sys.argv[1]), sys.argv[2:]
+    VOLUMES["image"] = image
     (folder / "figures").mkdir(exist_ok=True)
-    names = [name for name in VOLUMES if (folder / f"table1-{name}.csv").exists()]
-    data = "a synthetic time-of-flight MR angiogram (`mra` of the benchmark)"
-    data += f" and an {VOLUMES['image']}{origin}" if "image" in names else ""
+    machine = f"{name_processor()}, {platform.system()}"
     parts = [
-        INTRODUCTION.format(
-            machine=f"{name_processor()}, {platform.system()}",
-            data=data,
-            size="interpolated to" if "image" in names else "of",
-        ),
-        describe_times(folder, names),
-        describe_pictures(folder, names),
+        INTRODUCTION.format(machine=machine, image=image, origin=origin),
+        describe_times(folder),
+        describe_pictures(folder),
         describe_vessels(folder),
         SLIPS,
     ]

@@ -15,13 +15,13 @@
 set -euo pipefail
 . "$(dirname "${BASH_SOURCE[0]}")/../../tools/common.sh"
 
-smoke=
+repetitions=9
 output=paper-output
 image=
 description=('MR image of a head' 'MultiFrameDicomTest.dcm of the test data of ITK')
 while [ $# -gt 0 ]; do
   case $1 in
-    --smoke) smoke=yes ;;
+    --smoke) repetitions=1 ;;
     --output | --image)
       [ $# -ge 2 ] || die "$1 needs a value, see --help"
       if [ "$1" = --output ]; then output=$2; else image=$2 description=(image "$(basename "$2")"); fi
@@ -35,21 +35,13 @@ program=$root/build/benchmark-program/benchmark/paper/shear-warp-mip-paper
 
 find_image() { image=$(find_head); }
 
-measure() {
-  local repetitions=9
-  [ -z "$smoke" ] || repetitions=1
-  timed "timed the methods" "$program" timing --output "$output" --image "$image" --repetitions "$repetitions"
-  timed "drew figure 5" "$program" pictures --output "$output" --image "$image"
-  timed "measured the errors of the vessels" "$program" vessel --output "$output"
-}
-
 timed "installed what building needs" need_packages build-essential cmake ninja-build libinsighttoolkit5-dev \
   libbenchmark-dev libcli11-dev python3-matplotlib python3-pandas python3-pil python3-tabulate
 timed "built the program" build_release benchmark-program shear-warp-mip-paper -DShearWarpMIP_BUILD_APPS=OFF \
   -DShearWarpMIP_BUILD_BENCHMARKS=ON
 [ -n "$image" ] || timed "found the image" find_image
 mkdir -p "$output"
-measure
+timed "measured" "$program" --output "$output" --image "$image" --repetitions "$repetitions"
 timed "wrote the report" /usr/bin/python3 "$root/benchmark/paper/report.py" "$output" "${description[@]}"
 say "
 The report is $(cd "$output" && pwd)/REPORT.md. The program is $program; try it with --help."

@@ -16,9 +16,7 @@
  *
  *=========================================================================*/
 #include "Data.h"
-#include "Figure5.h"
-#include "ReportErrors.h"
-#include "Timing.h"
+#include "MethodStudy.h"
 #include "VesselStudy.h"
 #include "Volumes.h"
 
@@ -26,92 +24,46 @@
 
 #include <CLI/CLI.hpp>
 
-#include <filesystem>
-#include <utility>
-#include <vector>
-
-namespace
-{
-using namespace itk::ShearWarpBenchmark;
-using VolumeType = itk::Image<std::uint16_t, 3>;
-
-struct Options
-{
-  std::string  output{ "." };
-  std::string  image;
-  unsigned int repetitions{ 9 };
-};
-
-constexpr char Description[] =
-  "Measures what Fang et al. (Magn Reson Med 47:696-700, 2002) measured, with their methods and with the filter of "
-  "this\n"
-  "module. Writes CSV files and pictures (TIFF). The data are a synthetic time-of-flight MR angiogram, `mra`, and\n"
-  "--image, which is called `image`.";
-
-/** The data sets by their names, of the paper's size and 14 bits. */
-std::vector<std::pair<std::string, VolumeType::Pointer>>
-MakeVolumes(const Options & options)
-{
-  std::vector<std::pair<std::string, VolumeType::Pointer>> volumes{ { "mra",
-                                                                      MakeVolume<std::uint16_t>("mra", PaperSize) } };
-  if (!options.image.empty())
-  {
-    volumes.emplace_back("image", ReadVolume(options.image, PaperSize));
-  }
-  return volumes;
-}
-
-int
-Run(int argc, char * argv[])
-{
-  Options  options;
-  CLI::App app(Description);
-  app.require_subcommand(1);
-  app.add_option("--output", options.output, "Folder for the results")
-    ->check(CLI::ExistingDirectory)
-    ->capture_default_str();
-  app.add_option("--image", options.image, "A 3D image that ITK reads")->check(CLI::ExistingFile);
-  const auto getPath = [&options](const std::string & name) {
-    return (std::filesystem::path(options.output) / name).string();
-  };
-
-  auto * timing =
-    app.add_subcommand("timing", "Table 1 and figure 4: the methods' times, with one thread")->fallthrough();
-  timing->add_option("--repetitions", options.repetitions, "How often each angle is timed")
-    ->check(CLI::Range(1, 1000))
-    ->capture_default_str();
-  timing->callback([&] {
-    // the filter has no more threads than ITK's pool
-    itk::MultiThreaderBase::SetGlobalDefaultNumberOfThreads(1);
-    for (const auto & [name, volume] : MakeVolumes(options))
-    {
-      WriteTimings(TimeMethods(volume, options.repetitions), getPath("table1-" + name + ".csv"));
-    }
-  });
-
-  app.add_subcommand("pictures", "Figure 5: a view by ray casting and by shear-warp, and their difference")
-    ->fallthrough()
-    ->callback([&] {
-      for (const auto & [name, volume] : MakeVolumes(options))
-      {
-        WriteFigure5(volume, name, options.output);
-      }
-    });
-
-  app.add_subcommand("vessel", "Figure 6: errors for a vessel with a stenosis, whose projection is known")
-    ->fallthrough()
-    ->callback([&] {
-      WriteVesselErrors(getPath("figure6.csv"));
-      WriteVesselPictures(options.output);
-    });
-
-  CLI11_PARSE(app, argc, argv);
-  return EXIT_SUCCESS;
-}
-} // namespace
+#include <iostream>
+#include <map>
 
 int
 main(int argc, char * argv[])
+try
 {
-  return ReportErrors([=] { return Run(argc, argv); });
+  using namespace itk::ShearWarpBenchmark;
+
+  std::string  output{ "." };
+  std::string  image;
+  unsigned int repetitions{ 9 };
+  CLI::App     app("Measures what Fang et al. (Magn Reson Med 47:696-700, 2002) measured, with their methods and with "
+                   "the filter of this\n"
+                   "module. Writes CSV files and pictures (TIFF). The data are a synthetic time-of-flight MR angiogram, "
+                   "`mra`, and\n"
+                   "--image, which is called `image`.");
+  app.add_option("--output", output, "Folder for the results")->check(CLI::ExistingDirectory)->capture_default_str();
+  app.add_option("--image", image, "A 3D image that ITK reads")->required()->check(CLI::ExistingFile);
+  app.add_option("--repetitions", repetitions, "How often each angle is timed")
+    ->check(CLI::Range(1, 1000))
+    ->capture_default_str();
+  CLI11_PARSE(app, argc, argv);
+
+  const std::map<std::string, itk::Image<std::uint16_t, 3>::Pointer> volumes{
+    { "mra", MakeVolume<std::uint16_t>("mra", PaperSize) }, { "image", ReadVolume(image, PaperSize) }
+  };
+  // the filter has no more threads than ITK's pool
+  itk::MultiThreaderBase::SetGlobalDefaultNumberOfThreads(1);
+  for (const auto & [name, volume] : volumes)
+  {
+    WriteTimings(TimeMethods(volume, repetitions), output + "/table1-" + name + ".csv");
+    WriteFigure5(volume, name, output);
+  }
+  WriteVesselErrors(output + "/figure6.csv");
+  WriteVesselPictures(output);
+  return EXIT_SUCCESS;
+}
+catch (const std::exception & error)
+{
+  std::cerr << error.what() << std::endl;
+  return EXIT_FAILURE;
 }

@@ -17,32 +17,20 @@
  *=========================================================================*/
 #include "VesselStudy.h"
 
-#include "itkImageRegionIteratorWithIndex.h"
-#include "itkMath.h"
-
-#include <gtest/gtest.h>
+#include "itkShearWarpMIPTestImages.h"
 
 #include <cmath>
-#include <random>
 
 namespace
 {
 using namespace itk::ShearWarpBenchmark;
-using PointType = Vessel::PointType;
+using namespace itk::ShearWarpMIPTest;
 using VectorType = Vessel::VectorType;
-
-template <typename TVector = VectorType>
-TVector
-Make(double x, double y, double z)
-{
-  const double coordinates[] = { x, y, z };
-  return TVector(coordinates);
-}
 
 constexpr double Radius = 3.0;
 constexpr double StenosisLength = 12.0;
 
-const Vessel vessel{ Make<PointType>(1.0, 2.0, 3.0), Make(2.0, 3.0, -1.0), Radius, StenosisLength };
+const Vessel vessel{ MakePoint3(1.0, 2.0, 3.0), MakeVector3(2.0, 3.0, -1.0), Radius, StenosisLength };
 
 /** The largest value along a line: dense samples, and denser ones around the best of them. */
 double
@@ -81,15 +69,15 @@ TEST(ShearWarpMIPVessel, IsHalfAsWideInTheMiddle)
 
 TEST(ShearWarpMIPVessel, HasItsProfileAcrossTheAxis)
 {
-  const VectorType axis = Make(2.0, 3.0, -1.0) / std::sqrt(14.0);
-  VectorType       across = Make(1.0, 0.0, 2.0); // at a right angle to the axis
+  const VectorType axis = MakeVector3(2.0, 3.0, -1.0) / std::sqrt(14.0);
+  VectorType       across = MakeVector3(1.0, 0.0, 2.0); // at a right angle to the axis
   across.Normalize();
   for (const double position : { 0.0, 2.0, -5.0, 20.0 })
   {
     for (const double fraction : { 0.0, 0.5, 0.99, 1.01 })
     {
       const double    distance = fraction * vessel.GetRadius(position);
-      const PointType point = Make<PointType>(1.0, 2.0, 3.0) + axis * position + across * distance;
+      const PointType point = MakePoint3(1.0, 2.0, 3.0) + axis * position + across * distance;
       EXPECT_NEAR(vessel.GetPosition(point), position, 1e-12);
       EXPECT_NEAR(vessel.GetDistance(point), distance, 1e-7);
       EXPECT_NEAR(vessel.GetValue(point), fraction < 1.0 ? 1.0 - fraction * fraction : 0.0, 1e-9);
@@ -99,17 +87,17 @@ TEST(ShearWarpMIPVessel, HasItsProfileAcrossTheAxis)
 
 TEST(ShearWarpMIPVessel, MaximumOfARayAcrossIsAtTheNearestPoint)
 {
-  const Vessel upright(Make<PointType>(0, 0, 0), Make(0, 1, 0), Radius, StenosisLength);
+  const Vessel upright(MakePoint3(0, 0, 0), MakeVector3(0, 1, 0), Radius, StenosisLength);
   for (const double angle : { 0.0, 0.3, 1.2, 2.5 })
   {
-    const VectorType direction = Make(std::sin(angle), 0.0, std::cos(angle));
-    const VectorType across = Make(std::cos(angle), 0.0, -std::sin(angle));
+    const VectorType direction = MakeVector3(std::sin(angle), 0.0, std::cos(angle));
+    const VectorType across = MakeVector3(std::cos(angle), 0.0, -std::sin(angle));
     for (const double y : { 0.0, 1.5, -4.0, 30.0 })
     {
       for (const double distance : { 0.0, 0.7, 1.4, 2.9 })
       {
         const double radii = distance / upright.GetRadius(y);
-        const auto   start = Make<PointType>(0, y, 0) + across * distance + direction * 17.0;
+        const auto   start = MakePoint3(0, y, 0) + across * distance + direction * 17.0;
         EXPECT_NEAR(upright.GetMaximum(start, direction), std::max(0.0, 1.0 - radii * radii), 1e-9);
       }
     }
@@ -118,20 +106,20 @@ TEST(ShearWarpMIPVessel, MaximumOfARayAcrossIsAtTheNearestPoint)
 
 TEST(ShearWarpMIPVessel, MaximumOfARayAlongIsOutsideOfTheStenosis)
 {
-  const Vessel along(Make<PointType>(0, 0, 0), Make(0, 0, 1), Radius, StenosisLength);
-  EXPECT_NEAR(along.GetMaximum(Make<PointType>(2, 0, 0), Make(0, 0, -1)), 1.0 - 4.0 / 9.0, 1e-9);
-  EXPECT_EQ(along.GetMaximum(Make<PointType>(3.1, 0, 0), Make(0, 0, 1)), 0.0);
+  const Vessel along(MakePoint3(0, 0, 0), MakeVector3(0, 0, 1), Radius, StenosisLength);
+  EXPECT_NEAR(along.GetMaximum(MakePoint3(2, 0, 0), MakeVector3(0, 0, -1)), 1.0 - 4.0 / 9.0, 1e-9);
+  EXPECT_EQ(along.GetMaximum(MakePoint3(3.1, 0, 0), MakeVector3(0, 0, 1)), 0.0);
 }
 
 TEST(ShearWarpMIPVessel, MaximumIsThatOfADenseSearch)
 {
-  std::mt19937                           random(1);
-  std::uniform_real_distribution<double> uniform(-1.0, 1.0);
+  Random     random(1);
+  const auto uniform = [&random] { return random.Uniform(-1.0, 1.0); };
   for (int n = 0; n < 150; ++n)
   {
-    const auto direction = Make(uniform(random), uniform(random), uniform(random));
-    const auto nearby = Make<PointType>(1.0, 2.0, 3.0) + Make(2.0, 3.0, -1.0) * (2.0 * uniform(random)) +
-                        Make(uniform(random), uniform(random), uniform(random)) * (1.5 * Radius);
+    const auto direction = MakeVector3(uniform(), uniform(), uniform());
+    const auto nearby = MakePoint3(1.0, 2.0, 3.0) + MakeVector3(2.0, 3.0, -1.0) * (2.0 * uniform()) +
+                        MakeVector3(uniform(), uniform(), uniform()) * (1.5 * Radius);
     const VectorType unit = direction / direction.GetNorm();
     const auto       start = vessel.GetNearestPoint(nearby, unit);
     EXPECT_NEAR(vessel.GetMaximum(nearby, direction), SearchMaximum(start, unit), 1e-9) << n;
@@ -140,8 +128,8 @@ TEST(ShearWarpMIPVessel, MaximumIsThatOfADenseSearch)
 
 TEST(ShearWarpMIPVessel, NearestPointIsOnTheLineAndNoOtherIsNearer)
 {
-  const auto       start = Make<PointType>(10.0, -4.0, 2.0);
-  const VectorType direction = Make(-1.0, 0.4, 0.3);
+  const auto       start = MakePoint3(10.0, -4.0, 2.0);
+  const VectorType direction = MakeVector3(-1.0, 0.4, 0.3);
   const auto       nearest = vessel.GetNearestPoint(start, direction);
   EXPECT_NEAR(CrossProduct(nearest - start, direction).GetNorm(), 0.0, 1e-9);
   EXPECT_LT(vessel.GetDistance(nearest), vessel.GetDistance(nearest + direction * 0.01));

@@ -15,8 +15,8 @@
  *  limitations under the License.
  *
  *=========================================================================*/
-#ifndef Timing_h
-#define Timing_h
+#ifndef MethodStudy_h
+#define MethodStudy_h
 
 #include "itkImage.h"
 
@@ -38,15 +38,15 @@ struct Timing
   double preparation;
 
   /** With the memory access. */
-  double interpolation;
-  double clip;
-  double warp;
+  double interpolation{ 0.0 };
+  double clip{ 0.0 };
+  double warp{ 0.0 };
 
   /** Without the preparation. */
-  double total;
+  double total{ 0.0 };
 
   /** Of the cells, or in the filter of the volume, 0 to 1. */
-  double skippedFraction;
+  double skippedFraction{ 0.0 };
 };
 
 /** Times the methods of table 1 of Fang et al. 2002, each in one thread, and beside them the module's filter with
@@ -67,6 +67,15 @@ TimeMethods(const Image<std::uint16_t, 3> * image, unsigned int repetitions);
 /** One line for each element. Throws ExceptionObject if the file cannot be written. */
 void
 WriteTimings(const std::vector<Timing> & timings, const std::string & csvFile);
+
+/** The pictures of figure 5: \a image from azimuth 40 and altitude 50 degrees on the grid that the filter fits, as TIFF
+ * files `figure5-<name>-raycasting.tif` (RayCasting.h, a sample for each voxel of way)
+ * and `figure5-<name>-shearwarp.tif` (TaggedShearWarp.h), 16 bits, and `figure5-<name>-difference.tif`, ray casting
+ * less shear-warp, 32-bit floating point, in \a folder. The azimuth turns about the image's third axis, then the
+ * altitude about the first. \a image has voxels of up to 14 bits. Throws ExceptionObject if the filter's picture is not
+ * that of the published shear-warp in every bit, or if a file cannot be written. */
+void
+WriteFigure5(const Image<std::uint16_t, 3> * image, const std::string & name, const std::string & folder);
 } // namespace itk::ShearWarpBenchmark
 
 #endif
