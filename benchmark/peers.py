@@ -33,15 +33,10 @@ import multiprocessing
 import os
 import platform
 import re
-import signal
 import statistics
 import sys
-import tempfile
 import time
-import traceback
-from concurrent.futures import ThreadPoolExecutor
-from itertools import chain
-from multiprocessing.connection import Connection
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -124,54 +119,29 @@ def measure(peer: Peer, view: View, repetitions: int, budget: float) -> Record:
     }
 
 
-def work(key: str, volume: Volume, arguments: argparse.Namespace, log: Path, connection: Connection) -> None:
-    """A peer's process: sends a record for each view and then None, or the text of what went wrong."""
-    file = os.open(log, os.O_WRONLY)
-    for stream in (1, 2):  # libraries warn from C++
-        os.dup2(file, stream)
+def project(key: str, volume: Volume, view: View, arguments: argparse.Namespace) -> Record:
+    """The record of a view, in the peer's process."""
     entry = PEERS[key]
-    try:
-        version = importlib.metadata.version(entry.package)
-        module = importlib.import_module(f"peer.{entry.module}")
-        for view in arguments.views:
-            peer = module.Projector(volume, arguments.threads, **entry.options)
-            record = {"image": volume.name, "view": view.name, "peer": key}
-            record |= measure(peer, view, arguments.repetitions, arguments.budget)
-            connection.send(record | {"version": f"{version} {peer.note}".strip()})
-        connection.send(None)
-    except importlib.metadata.PackageNotFoundError:
-        connection.send(f"the package {entry.package} is not installed")
-    except Exception as error:  # of any library, which may be broken in any way
-        traceback.print_exc()
-        connection.send(f"{type(error).__name__}: {error}")
+    version = importlib.metadata.version(entry.package)
+    peer = importlib.import_module(f"peer.{entry.module}").Projector(volume, arguments.threads, **entry.options)
+    record = measure(peer, view, arguments.repetitions, arguments.budget)
+    return record | {"version": f"{version} {peer.note}".strip()}
 
 
 def run(key: str, volume: Volume, arguments: argparse.Namespace) -> list[Record]:
-    """A record for each view by a peer in a process of its own, which is stopped after `timeout` s of silence."""
+    """A record for each view by a peer in a process of its own, up to the first problem."""
     print(f"{volume.name}: {PEERS[key].title} ...", file=sys.stderr, flush=True)
-    context = multiprocessing.get_context("spawn")
-    receiver, sender = context.Pipe(duplex=False)
     records: list[Record] = []
-    message: Any = {}
-    with tempfile.NamedTemporaryFile(prefix="peers-") as log:
-        process = context.Process(target=work, args=(key, volume, arguments, Path(log.name), sender), daemon=True)
-        process.start()
-        sender.close()
-        while isinstance(message, dict):
-            try:
-                answers = receiver.poll(arguments.timeout)
-                message = receiver.recv() if answers else f"no answer for {arguments.timeout:g} s"
-            except EOFError:
-                process.join()
-                code = process.exitcode or 0
-                message = f"stopped by {signal.Signals(-code).name}" if code < 0 else f"exit status {code}"
-                message += ", " + log.read().decode(errors="replace").strip().rpartition("\n")[2]
-            if isinstance(message, dict):
-                records.append(message)
-        process.join(0 if message else 10)
-        process.kill()
-    if message:
-        records.append({"image": volume.name, "peer": key, "problem": " ".join(message.split())[:200].rstrip(", ")})
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as process:
+        try:
+            for view in arguments.views:
+                record = process.submit(project, key, volume, view, arguments).result(arguments.timeout)
+                records.append({"image": volume.name, "view": view.name, "peer": key} | record)
+        except Exception as error:  # of any library, which may be broken in any way; or it crashed or hangs
+            problem = " ".join(f"{type(error).__name__}: {error}".split())[:200].rstrip(": ")
+            records.append({"image": volume.name, "peer": key, "problem": problem})
+            for child in multiprocessing.active_children():
+                child.kill()
     return records
 
 
@@ -209,9 +179,7 @@ def project_image(volume: Volume, arguments: argparse.Namespace) -> tuple[list[R
         exact = {view.name: exact_picture(volume, view, arguments.threads) for view in arguments.views}
     except (ImportError, AttributeError) as error:
         sys.exit(f"error: there are no exact pictures without itk-shearwarpmip: {error}")
-    keys = [key for key in PEERS if key in arguments.peers]
-    with ThreadPoolExecutor(2 if arguments.smoke else 1) as pool:
-        records = [r for some in pool.map(lambda key: run(key, volume, arguments), keys) for r in some]
+    records = [r for key in PEERS if key in arguments.peers for r in run(key, volume, arguments)]
     ours = {r["view"]: r["median_ms"] for r in records if r["peer"] == "ours" and "view" in r}
     for record in records:
         if "view" in record:
@@ -246,24 +214,6 @@ def markdown(table: pd.DataFrame, head: str) -> str:
             whole = names.join(numbers).fillna("")
             parts += [title, whole.to_markdown(index=False, disable_numparse=True, colalign=align)]
     return "\n\n".join(parts) + "\n"
-
-
-def draw_numbers(file: Path, table: pd.DataFrame) -> None:
-    """For each image the median times, logarithmic, and the mean magnitudes of the errors."""
-    images = table["image"].unique()
-    size = (11, 1 + 0.45 * len(PEERS) * len(images))
-    figure, panels = plt.subplots(len(images), 2, figsize=size, squeeze=False, sharey="row", layout="constrained")
-    for line, image in zip(panels, images):
-        rows = table[table["image"] == image].iloc[::-1]
-        for panel, value, label in zip(line, ("median_ms", "magnitude"), ("ms a view", "mean error, % of the range")):
-            bars = rows.pivot(index="peer", columns="view", values=value)
-            bars = bars.loc[rows["peer"].unique(), rows["view"].unique()].rename(lambda key: PEERS[key].title)
-            bars.plot.barh(ax=panel, logx=value == "median_ms", width=0.8, legend=False)
-            panel.set(title=image, xlabel=label, ylabel="")
-            panel.grid(axis="x", alpha=0.3)
-    panels[0, 1].legend(reverse=True)
-    figure.savefig(file, dpi=120)
-    plt.close(figure)
 
 
 def draw_pictures(file: Path, records: list[Record], volume: Volume) -> None:
@@ -328,18 +278,8 @@ def draw_vessel(file: Path, records: list[Record], exact: dict[str, Exact], volu
 
 def parse_size(text: str) -> tuple[int, ...]:
     """Voxels along x, y and z."""
-    match = re.fullmatch(r"(\d+)x(\d+)x(\d+)", text)
-    size = tuple(map(int, match.groups())) if match else (0,)
-    if min(size) < 16:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a size such as 256x256x64, 16 or more each")
-    return size
-
-
-def positive(text: str) -> int:
-    """A whole number from 1."""
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a positive number")
-    return int(text)
+    x, y, z = map(int, text.split("x"))
+    return x, y, z
 
 
 def parse_arguments() -> argparse.Namespace:
@@ -353,16 +293,15 @@ def parse_arguments() -> argparse.Namespace:
     text = "rotations by degrees about the axes, of which + makes products [y30 x40 y60+x20]"
     add("--views", type=View.parse, nargs="+", default=views, metavar="VIEW", help=text)
     add("--peers", nargs="+", choices=PEERS, default=list(PEERS), metavar="PEER", help="which [all]")
-    add("--repetitions", type=positive, default=10, metavar="N", help="of each view [10]")
+    add("--repetitions", type=int, default=10, metavar="N", help="of each view [10]")
     text = "no repetition begins after so many seconds spent on a view [10]"
     add("--budget", type=float, default=10.0, metavar="S", help=text)
     add("--timeout", type=float, default=300.0, metavar="S", help="a peer silent for so long is stopped [300]")
-    add("--threads", type=positive, default=2, metavar="N", help="of every peer [2]")
-    add("--output", type=Path, metavar="DIR", help="for peers.csv, peers.md and peers.png [none]")
+    add("--threads", type=int, default=2, metavar="N", help="of every peer [2]")
+    add("--output", type=Path, metavar="DIR", help="for peers.csv and peers.md [none]")
     text = "pictures-IMAGE.png too, and vessel-IMAGE.png: where ray casting errs most, magnified"
     add("--pictures", action="store_true", help=text)
-    text = "a quick try: small image, few repetitions, two peers at once: the times are void"
-    add("--smoke", action="store_true", help=text)
+    add("--smoke", action="store_true", help="a quick try: small image, few repetitions: the times are void")
     arguments = parser.parse_args()
     if arguments.pictures and not arguments.output:
         parser.error("--pictures needs --output")
@@ -397,8 +336,8 @@ def main() -> None:
             draw_pictures(output / f"pictures-{name}.png", done, volume)
             draw_vessel(output / f"vessel-{name}.png", done, exact, volume)
 
-    table = pd.DataFrame(everything, columns=list(dict.fromkeys(["image", "view", "peer", *chain(*everything)])))
-    table = table.drop(columns="picture", errors="ignore")
+    table = pd.DataFrame(everything).drop(columns="picture", errors="ignore")
+    table.insert(1, "view", table.pop("view") if "view" in table else math.nan)
     done = table.dropna(subset="view")
     shown = table.drop(columns="version", errors="ignore")
     whole = {"runs": lambda runs: f"{runs:.0f}".replace("nan", "")}
@@ -416,8 +355,6 @@ def main() -> None:
         (output / "peers.md").write_text(markdown(table, head))
     if done.empty:
         sys.exit("error: no peer could be measured")
-    if output:
-        draw_numbers(output / "peers.png", done)
     if done["picture_is"].eq("WRONG").any():
         sys.exit("error: a picture is wrong")
 
