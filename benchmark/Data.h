@@ -18,6 +18,7 @@
 #ifndef Data_h
 #define Data_h
 
+#include "itkAffineTransform.h"
 #include "itkImage.h"
 
 #include <chrono>
@@ -62,6 +63,24 @@ Dispatch(const std::string & pixelType, const TFunction & function)
          : pixelType == "uint16" ? function(std::uint16_t{})
                                  : function(float{});
 }
+
+using ViewTransformType = AffineTransform<double, 3>;
+
+/** Turns, in degrees, about a volume's axes, the first axis first. */
+struct Angles
+{
+  double first, second, third;
+};
+
+/** The views that are measured: 19 about the image's second axis, every 10 degrees from 0 to 180; 10 about the first
+ * axis, every 20 degrees from 0 to 180; 6 oblique ones. */
+const std::vector<Angles> &
+GetViews();
+
+/** A new transform of the given view, from view space (mm, its origin the image's center) to the image's physical
+ * space. */
+ViewTransformType::Pointer
+MakeView(const ImageBase<3> * image, const Angles & angles);
 
 /** Seconds that \a function takes. */
 template <typename TFunction>

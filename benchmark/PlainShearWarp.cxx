@@ -21,7 +21,10 @@
 
 #include <cmath>
 #include <cstdint>
+#include <functional>
 #include <limits>
+#include <numeric>
+#include <type_traits>
 
 namespace itk::ShearWarpBenchmark
 {
@@ -30,60 +33,47 @@ namespace
 using ShearWarp::FractionBits;
 using ShearWarp::One;
 
-/** Equation 2: the sum in 1/2^15, which fits for pixels of up to 16 bits because the weights sum to 2^15. */
 template <typename TPixel>
-struct CellSampler
+using SumType = std::conditional_t<std::is_floating_point_v<TPixel>, TPixel, std::int32_t>;
+
+/** A function of a cell's four voxels. For integers it is equation 2, the sum in 1/2^15, which fits for pixels of up to
+ * 16 bits because the weights sum to 2^15; for floating point, columns first, then rows. */
+template <typename TPixel>
+auto
+MakeSampler(const ShearWarp::SlicePlacement & placement)
 {
-  using SumType = std::int32_t;
-
-  // the checker misses the specialization's members here
-  // cppcheck-suppress uninitMemberVar
-  explicit CellSampler(const ShearWarp::SlicePlacement & placement)
-    : weights(placement.column.fraction, placement.row.fraction)
-  {}
-
-  SumType
-  operator()(SumType aa, SumType ab, SumType ba, SumType bb) const
+  if constexpr (std::is_floating_point_v<TPixel>)
   {
-    return weights.aa * aa + weights.ab * ab + weights.ba * ba + weights.bb * bb;
+    const TPixel x = static_cast<TPixel>(placement.column.fraction) / One;
+    const TPixel y = static_cast<TPixel>(placement.row.fraction) / One;
+    return [x, y](TPixel aa, TPixel ab, TPixel ba, TPixel bb) {
+      const TPixel a = ab + x * (aa - ab);
+      const TPixel b = bb + x * (ba - bb);
+      return b + y * (a - b);
+    };
   }
-
-  static TPixel
-  Round(SumType sum)
+  else
   {
-    return static_cast<TPixel>((sum + One / 2) >> FractionBits);
+    const ShearWarp::BilinearWeights weights(placement.column.fraction, placement.row.fraction);
+    return [weights](std::int32_t aa, std::int32_t ab, std::int32_t ba, std::int32_t bb) {
+      return weights.aa * aa + weights.ab * ab + weights.ba * ba + weights.bb * bb;
+    };
   }
+}
 
-  ShearWarp::BilinearWeights weights;
-};
-
-/** Floating point: columns first, then rows. */
-template <>
-struct CellSampler<float>
+template <typename TPixel>
+TPixel
+Round(SumType<TPixel> sum)
 {
-  using SumType = float;
-
-  explicit CellSampler(const ShearWarp::SlicePlacement & placement)
-    : x(static_cast<float>(placement.column.fraction) / One)
-    , y(static_cast<float>(placement.row.fraction) / One)
-  {}
-
-  SumType
-  operator()(SumType aa, SumType ab, SumType ba, SumType bb) const
-  {
-    const float a = ab + x * (aa - ab);
-    const float b = bb + x * (ba - bb);
-    return b + y * (a - b);
-  }
-
-  static float
-  Round(SumType sum)
+  if constexpr (std::is_floating_point_v<TPixel>)
   {
     return sum;
   }
-
-  float x, y;
-};
+  else
+  {
+    return static_cast<TPixel>((sum + One / 2) >> FractionBits);
+  }
+}
 
 /** Calls \a process(begin, end) for [0, count), or in parallel for bands of it. */
 template <typename TFunction>
@@ -108,47 +98,28 @@ ForEachBand(std::ptrdiff_t count, bool isParallel, const TFunction & process)
   }
 }
 
-/** Up to four pixels of the intermediate image with their weights. */
+/** Of up to four pixels with their weights. */
 template <typename TPixel>
-class Mean
+TPixel
+GetMean(const TPixel * values, const std::int64_t * weights, unsigned int count)
 {
-public:
-  void
-  Add(TPixel value, std::int32_t weight)
+  if constexpr (std::is_floating_point_v<TPixel>)
   {
-    m_Sum += static_cast<SumType>(weight) * static_cast<SumType>(value);
-    m_Weight += weight;
-    m_Smallest = std::min(m_Smallest, value);
-    m_Largest = std::max(m_Largest, value);
+    const auto   multiply = [](double value, double weight) { return value * weight; };
+    const double sum = std::inner_product(values, values + count, weights, 0.0, std::plus<>(), multiply);
+    const auto   weight = static_cast<double>(std::accumulate(weights, weights + count, std::int64_t{ 0 }));
+    const auto [smallest, largest] = std::minmax_element(values, values + count);
+    return std::clamp(static_cast<TPixel>(sum / weight), *smallest, *largest);
   }
-
-  TPixel
-  GetOr(TPixel background) const
+  else
   {
-    if (m_Weight == 0)
-    {
-      return background;
-    }
-    if constexpr (std::is_floating_point_v<TPixel>)
-    {
-      return std::clamp(static_cast<TPixel>(m_Sum / static_cast<SumType>(m_Weight)), m_Smallest, m_Largest);
-    }
-    else
-    {
-      // half upward; the offset makes negative sums positive
-      constexpr std::int64_t offset = 1 << 15;
-      return static_cast<TPixel>((2 * (m_Sum + offset * m_Weight) + m_Weight) / (2 * m_Weight) - offset);
-    }
+    // half upward; the offset makes negative sums positive
+    constexpr std::int64_t offset = 1 << 15;
+    const std::int64_t     sum = std::inner_product(values, values + count, weights, std::int64_t{ 0 });
+    const std::int64_t     weight = std::accumulate(weights, weights + count, std::int64_t{ 0 });
+    return static_cast<TPixel>((2 * (sum + offset * weight) + weight) / (2 * weight) - offset);
   }
-
-private:
-  using SumType = std::conditional_t<std::is_floating_point_v<TPixel>, double, std::int64_t>;
-
-  SumType      m_Sum{ 0 };
-  std::int64_t m_Weight{ 0 };
-  TPixel       m_Smallest{ std::numeric_limits<TPixel>::max() };
-  TPixel       m_Largest{ std::numeric_limits<TPixel>::lowest() };
-};
+}
 } // namespace
 
 template <typename TPixel>
@@ -182,27 +153,26 @@ template <typename TPixel>
 std::vector<TPixel>
 Project(const PermutedVolume<TPixel> & volume, const ShearWarpFactorization & factorization, bool isParallel)
 {
-  using SumType = typename CellSampler<TPixel>::SumType;
   const auto          size = factorization.GetIntermediateSize();
   const auto          columns = static_cast<std::ptrdiff_t>(size[0]);
   std::vector<TPixel> intermediate(size[0] * size[1]);
   ForEachBand(static_cast<std::ptrdiff_t>(size[1]), isParallel, [&](std::ptrdiff_t rowBegin, std::ptrdiff_t rowEnd) {
-    std::vector<SumType> sums((rowEnd - rowBegin) * columns, std::numeric_limits<SumType>::lowest());
+    std::vector<SumType<TPixel>> sums((rowEnd - rowBegin) * columns, std::numeric_limits<SumType<TPixel>>::lowest());
     ForEachRow(
       volume,
       factorization,
       rowBegin,
       rowEnd,
       [&](const ShearWarp::SlicePlacement & placement, const TPixel * a, std::ptrdiff_t column, std::ptrdiff_t row) {
-        const CellSampler<TPixel> sample(placement);
-        const TPixel *            b = a + volume.rowStride;
-        SumType *                 sum = sums.data() + (row - rowBegin) * columns + column;
+        const auto        sample = MakeSampler<TPixel>(placement);
+        const TPixel *    b = a + volume.rowStride;
+        SumType<TPixel> * sum = sums.data() + (row - rowBegin) * columns + column;
         for (std::ptrdiff_t i = 0; i < volume.columns; ++i)
         {
           sum[i] = std::max(sum[i], sample(a[i], a[i + 1], b[i], b[i + 1]));
         }
       });
-    std::transform(sums.begin(), sums.end(), intermediate.begin() + rowBegin * columns, CellSampler<TPixel>::Round);
+    std::transform(sums.begin(), sums.end(), intermediate.begin() + rowBegin * columns, Round<TPixel>);
   });
   return intermediate;
 }
@@ -233,18 +203,21 @@ Warp(const ShearWarpFactorization & factorization,
     // here the weights of the second pixel and row are those of the fraction
     const ShearWarp::BilinearWeights cell(static_cast<std::int32_t>(column & (One - 1)),
                                           static_cast<std::int32_t>(row & (One - 1)));
-    const std::int32_t               weights[] = { cell.bb, cell.ba, cell.ab, cell.aa };
-    Mean<TPixel>                     mean;
+    const std::int32_t               corners[] = { cell.bb, cell.ba, cell.ab, cell.aa };
+    TPixel                           values[4];
+    std::int64_t                     weights[4];
+    unsigned int                     count = 0;
     for (unsigned int corner = 0; corner < 4; ++corner)
     {
       const std::ptrdiff_t i = (column >> FractionBits) + corner % 2;
       const std::ptrdiff_t j = (row >> FractionBits) + corner / 2;
-      if (weights[corner] > 0 && j >= 0 && j < rows && i >= reached[j].begin && i < reached[j].end)
+      if (corners[corner] > 0 && j >= 0 && j < rows && i >= reached[j].begin && i < reached[j].end)
       {
-        mean.Add(intermediate[j * rowStride + i], weights[corner]);
+        values[count] = intermediate[j * rowStride + i];
+        weights[count++] = corners[corner];
       }
     }
-    return mean.GetOr(background);
+    return count > 0 ? GetMean(values, weights, count) : background;
   };
   ForEachBand(static_cast<std::ptrdiff_t>(size[1]), isParallel, [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
     for (std::ptrdiff_t y = begin; y < end; ++y)

@@ -22,7 +22,6 @@
 #include "Measurement.h"
 #include "PlainShearWarp.h"
 #include "RayCasting.h"
-#include "Views.h"
 
 #include "itkImageFileReader.h"
 

@@ -136,8 +136,6 @@ AddContext()
   ::benchmark::AddCustomContext("processor", system.GetModelName());
   ::benchmark::AddCustomContext("itk", itk::Version::GetITKVersion());
   ::benchmark::AddCustomContext("compiler", ShearWarpMIP_COMPILER);
-  ::benchmark::AddCustomContext(
-    "threader", itk::MultiThreaderBase::ThreaderTypeToString(itk::MultiThreaderBase::GetGlobalDefaultThreader()));
 }
 } // namespace
 

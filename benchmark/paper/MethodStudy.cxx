@@ -21,10 +21,10 @@
 #include "PlainShearWarp.h"
 #include "RayCasting.h"
 #include "TaggedShearWarp.h"
-#include "Views.h"
-#include "Volumes.h"
 
+#include "itkImageFileReader.h"
 #include "itkImageFileWriter.h"
+#include "itkResampleImageFilter.h"
 #include "itkShearWarpMIPImageFilter.h"
 #include "itkSubtractImageFilter.h"
 
@@ -52,18 +52,11 @@ struct View
 struct Method
 {
   std::string             name;
-  std::function<double()> prepare; // returns milliseconds
+  std::function<double()> prepare; // returns seconds
 
   /** Sets what a Timing has of one view; returns the picture of a shear-warp. */
   std::function<PixelsType(const View &, Timing &)> project;
 };
-
-template <typename TFunction>
-double
-TimeMilliseconds(const TFunction & function)
-{
-  return 1000.0 * Time(function);
-}
 
 Method
 MakeRayCasting(const VolumeType * volume)
@@ -72,9 +65,8 @@ MakeRayCasting(const VolumeType * volume)
            [] { return 0.0; },
            [volume](const View & view, Timing & timing) {
              const double step = GetVoxelStep(volume, view.transform);
-             timing.clip = TimeMilliseconds([&] { CountSamples(volume, view.transform, step, view.output); });
-             timing.total =
-               TimeMilliseconds([&] { CastRays<PixelType>(volume, view.transform, step, PixelType{}, view.output); });
+             timing.clip = Time([&] { CountSamples(volume, view.transform, step, view.output); });
+             timing.total = Time([&] { CastRays<PixelType>(volume, view.transform, step, PixelType{}, view.output); });
              timing.interpolation = timing.total - timing.clip;
              return PixelsType();
            } };
@@ -86,17 +78,15 @@ Method
 MakeShearWarp(const std::string & name, const VolumeType * volume, const TPrepare & prepare, const TProject & project)
 {
   return { name,
-           [prepare] { return TimeMilliseconds(prepare); },
+           [prepare] { return Time(prepare); },
            [volume, project](const View & view, Timing & timing) {
              std::optional<ShearWarpFactorization> factorization;
              PixelsType                            intermediate;
              PixelsType                            picture;
-             const double                          factorizing =
-               TimeMilliseconds([&] { factorization.emplace(view.transform, volume, view.output); });
-             timing.interpolation =
-               TimeMilliseconds([&] { intermediate = project(*factorization, timing.skippedFraction); });
-             timing.warp = TimeMilliseconds(
-               [&] { picture = Warp(*factorization, intermediate, view.output->GetBufferedRegion().GetSize()); });
+             const double factorizing = Time([&] { factorization.emplace(view.transform, volume, view.output); });
+             timing.interpolation = Time([&] { intermediate = project(*factorization, timing.skippedFraction); });
+             timing.warp =
+               Time([&] { picture = Warp(*factorization, intermediate, view.output->GetBufferedRegion().GetSize()); });
              timing.total = factorizing + timing.interpolation + timing.warp;
              return picture;
            } };
@@ -121,22 +111,85 @@ MakeFilter(const std::string &               name,
       filter->Update();
       seconds += filter->GetPreparationSeconds();
     }
-    return 1000.0 * seconds;
+    return seconds;
   };
   return { name, prepare, [filter](const View & view, Timing & timing) {
-            timing.total = TimeMilliseconds([&] {
+            timing.total = Time([&] {
               filter->SetTransform(view.transform);
               filter->Update();
             });
-            timing.interpolation = 1000.0 * filter->GetProjectionSeconds();
-            timing.warp = 1000.0 * filter->GetWarpSeconds();
+            timing.interpolation = filter->GetProjectionSeconds();
+            timing.warp = filter->GetWarpSeconds();
             timing.skippedFraction = filter->GetSkippedFraction();
             const auto * output = filter->GetOutput();
             const auto * begin = output->GetBufferPointer();
             return PixelsType(begin, begin + output->GetBufferedRegion().GetNumberOfPixels());
           } };
 }
+using FloatImageType = Image<float, 3>;
+
+FloatImageType::Pointer
+Resample(const FloatImageType * image, const Size<3> & size)
+{
+  const auto                  region = image->GetLargestPossibleRegion();
+  FloatImageType::SpacingType spacing;
+  ContinuousIndex<double, 3>  firstVoxel;
+  for (unsigned int axis = 0; axis < 3; ++axis)
+  {
+    const double scale = static_cast<double>(region.GetSize(axis)) / static_cast<double>(size[axis]);
+    spacing[axis] = scale * image->GetSpacing()[axis];
+    firstVoxel[axis] = static_cast<double>(region.GetIndex(axis)) - 0.5 + 0.5 * scale;
+  }
+  FloatImageType::PointType origin;
+  image->TransformContinuousIndexToPhysicalPoint(firstVoxel, origin);
+
+  const auto resample = ResampleImageFilter<FloatImageType, FloatImageType>::New();
+  resample->SetInput(image);
+  resample->SetSize(size);
+  resample->SetOutputSpacing(spacing);
+  resample->SetOutputOrigin(origin);
+  resample->SetOutputDirection(image->GetDirection());
+  resample->Update();
+  return resample->GetOutput();
+}
 } // namespace
+
+VolumeType::Pointer
+ReadVolume(const std::string & file, const Size<3> & size)
+{
+  // throws for other dimensions and components
+  ReadInformation(file);
+  const auto image = Resample(ReadImage<FloatImageType>(file), size);
+
+  const auto volume = VolumeType::New();
+  volume->CopyInformation(image);
+  volume->SetRegions(size);
+  volume->Allocate();
+  const float * voxels = image->GetBufferPointer();
+  const float * voxelsEnd = voxels + image->GetBufferedRegion().GetNumberOfPixels();
+  const auto [lowest, highest] = std::minmax_element(voxels, voxelsEnd);
+  constexpr float largest = (1 << 14) - 1;
+  const float     scale = *highest > *lowest ? largest / (*highest - *lowest) : 0.0F;
+  std::transform(voxels, voxelsEnd, volume->GetBufferPointer(), [offset = *lowest, scale](float voxel) {
+    return static_cast<std::uint16_t>(scale * (voxel - offset) + 0.5F);
+  });
+  return volume;
+}
+
+PictureType::Pointer
+MakeFittedOutput(const VolumeType * image, const Transform<double, 3, 3> * viewTransform)
+{
+  const auto filter = FilterType::New();
+  filter->SetInput(image);
+  filter->SetTransform(viewTransform);
+  filter->UpdateOutputInformation();
+
+  const auto output = PictureType::New();
+  output->CopyInformation(filter->GetOutput());
+  output->SetRegions(filter->GetOutput()->GetLargestPossibleRegion());
+  output->Allocate();
+  return output;
+}
 
 std::vector<Timing>
 TimeMethods(const VolumeType * image, unsigned int repetitions)
@@ -208,9 +261,12 @@ WriteTimings(const std::vector<Timing> & timings, const std::string & csvFile)
   csv << "method,angle,principal_axis,preparation_ms,interpolation_ms,clip_ms,warp_ms,total_ms,skipped_fraction\n";
   for (const Timing & timing : timings)
   {
-    csv << '"' << timing.method << "\"," << timing.angle << ',' << timing.principalAxis << ',' << timing.preparation
-        << ',' << timing.interpolation << ',' << timing.clip << ',' << timing.warp << ',' << timing.total << ','
-        << timing.skippedFraction << '\n';
+    csv << '"' << timing.method << "\"," << timing.angle << ',' << timing.principalAxis;
+    for (const double seconds : { timing.preparation, timing.interpolation, timing.clip, timing.warp, timing.total })
+    {
+      csv << ',' << 1000.0 * seconds;
+    }
+    csv << ',' << timing.skippedFraction << '\n';
   }
   if (!csv.flush())
   {

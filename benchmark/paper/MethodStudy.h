@@ -19,6 +19,7 @@
 #define MethodStudy_h
 
 #include "itkImage.h"
+#include "itkTransform.h"
 
 #include <cstdint>
 #include <string>
@@ -26,7 +27,22 @@
 
 namespace itk::ShearWarpBenchmark
 {
-/** One method at one angle, once: points of figure 4 of Fang et al. 2002. Times are in milliseconds. */
+/** The size of the paper's data set (table 1). */
+constexpr Size<3> PaperSize{ { 256, 256, 64 } };
+
+/** Reads a 3D image of one component that ITK reads, and brings it to \a size voxels and 14 bits: interpolated linearly
+ * at the new voxels' centers over the same physical extent, so that its spacing changes, then scaled linearly so that
+ * its smallest voxel is 0 and its largest 16383. Nothing is smoothed before, and a constant image becomes 0. Throws
+ * ExceptionObject for a file that is none of this. */
+Image<std::uint16_t, 3>::Pointer
+ReadVolume(const std::string & file, const Size<3> & size);
+
+/** An allocated image of the grid that the filter fits to the view: the projected bounding box of \a image at its
+ * smallest spacing. \a viewTransform takes view space to the image's physical space. */
+Image<std::uint16_t, 2>::Pointer
+MakeFittedOutput(const Image<std::uint16_t, 3> * image, const Transform<double, 3, 3> * viewTransform);
+
+/** One method at one angle, once: points of figure 4 of Fang et al. 2002. Times are in seconds. */
 struct Timing
 {
   /** "ray casting", "shear warp", "shear warp, tagged", "filter, off" or "filter, auto". */
@@ -64,7 +80,7 @@ struct Timing
 std::vector<Timing>
 TimeMethods(const Image<std::uint16_t, 3> * image, unsigned int repetitions);
 
-/** One line for each element. Throws ExceptionObject if the file cannot be written. */
+/** One line for each element, times in milliseconds. Throws ExceptionObject if the file cannot be written. */
 void
 WriteTimings(const std::vector<Timing> & timings, const std::string & csvFile);
 

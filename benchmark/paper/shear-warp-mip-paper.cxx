@@ -18,7 +18,6 @@
 #include "Data.h"
 #include "MethodStudy.h"
 #include "VesselStudy.h"
-#include "Volumes.h"
 
 #include "itkMultiThreaderBase.h"
 
@@ -48,11 +47,11 @@ try
     ->capture_default_str();
   CLI11_PARSE(app, argc, argv);
 
+  // the filter has no more threads than ITK's pool
+  itk::MultiThreaderBase::SetGlobalDefaultNumberOfThreads(1);
   const std::map<std::string, itk::Image<std::uint16_t, 3>::Pointer> volumes{
     { "mra", MakeVolume<std::uint16_t>("mra", PaperSize) }, { "image", ReadVolume(image, PaperSize) }
   };
-  // the filter has no more threads than ITK's pool
-  itk::MultiThreaderBase::SetGlobalDefaultNumberOfThreads(1);
   for (const auto & [name, volume] : volumes)
   {
     WriteTimings(TimeMethods(volume, repetitions), output + "/table1-" + name + ".csv");

@@ -15,12 +15,11 @@
  *  limitations under the License.
  *
  *=========================================================================*/
+#include "Data.h"
 #include "MethodStudy.h"
 #include "PlainShearWarp.h"
 #include "RayCasting.h"
 #include "TaggedShearWarp.h"
-#include "Views.h"
-#include "Volumes.h"
 
 #include "itkImageFileReader.h"
 #include "itkImageFileWriter.h"
