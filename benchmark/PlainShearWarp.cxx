@@ -21,9 +21,7 @@
 
 #include <cmath>
 #include <cstdint>
-#include <functional>
 #include <limits>
-#include <numeric>
 #include <type_traits>
 
 namespace itk::ShearWarpBenchmark
@@ -98,28 +96,47 @@ ForEachBand(std::ptrdiff_t count, bool isParallel, const TFunction & process)
   }
 }
 
-/** Of up to four pixels with their weights. */
+/** Up to four pixels of the intermediate image with their weights. */
 template <typename TPixel>
-TPixel
-GetMean(const TPixel * values, const std::int64_t * weights, unsigned int count)
+class Mean
 {
-  if constexpr (std::is_floating_point_v<TPixel>)
+public:
+  void
+  Add(TPixel value, std::int32_t weight)
   {
-    const auto   multiply = [](double value, double weight) { return value * weight; };
-    const double sum = std::inner_product(values, values + count, weights, 0.0, std::plus<>(), multiply);
-    const auto   weight = static_cast<double>(std::accumulate(weights, weights + count, std::int64_t{ 0 }));
-    const auto [smallest, largest] = std::minmax_element(values, values + count);
-    return std::clamp(static_cast<TPixel>(sum / weight), *smallest, *largest);
+    m_Sum += static_cast<SumType>(weight) * static_cast<SumType>(value);
+    m_Weight += weight;
+    m_Smallest = std::min(m_Smallest, value);
+    m_Largest = std::max(m_Largest, value);
   }
-  else
+
+  TPixel
+  GetOr(TPixel background) const
   {
-    // half upward; the offset makes negative sums positive
-    constexpr std::int64_t offset = 1 << 15;
-    const std::int64_t     sum = std::inner_product(values, values + count, weights, std::int64_t{ 0 });
-    const std::int64_t     weight = std::accumulate(weights, weights + count, std::int64_t{ 0 });
-    return static_cast<TPixel>((2 * (sum + offset * weight) + weight) / (2 * weight) - offset);
+    if (m_Weight == 0)
+    {
+      return background;
+    }
+    if constexpr (std::is_floating_point_v<TPixel>)
+    {
+      return std::clamp(static_cast<TPixel>(m_Sum / static_cast<SumType>(m_Weight)), m_Smallest, m_Largest);
+    }
+    else
+    {
+      // half upward; the offset makes negative sums positive
+      constexpr std::int64_t offset = 1 << 15;
+      return static_cast<TPixel>((2 * (m_Sum + offset * m_Weight) + m_Weight) / (2 * m_Weight) - offset);
+    }
   }
-}
+
+private:
+  using SumType = std::conditional_t<std::is_floating_point_v<TPixel>, double, std::int64_t>;
+
+  SumType      m_Sum{ 0 };
+  std::int64_t m_Weight{ 0 };
+  TPixel       m_Smallest{ std::numeric_limits<TPixel>::max() };
+  TPixel       m_Largest{ std::numeric_limits<TPixel>::lowest() };
+};
 } // namespace
 
 template <typename TPixel>
@@ -203,21 +220,18 @@ Warp(const ShearWarpFactorization & factorization,
     // here the weights of the second pixel and row are those of the fraction
     const ShearWarp::BilinearWeights cell(static_cast<std::int32_t>(column & (One - 1)),
                                           static_cast<std::int32_t>(row & (One - 1)));
-    const std::int32_t               corners[] = { cell.bb, cell.ba, cell.ab, cell.aa };
-    TPixel                           values[4];
-    std::int64_t                     weights[4];
-    unsigned int                     count = 0;
+    const std::int32_t               weights[] = { cell.bb, cell.ba, cell.ab, cell.aa };
+    Mean<TPixel>                     mean;
     for (unsigned int corner = 0; corner < 4; ++corner)
     {
       const std::ptrdiff_t i = (column >> FractionBits) + corner % 2;
       const std::ptrdiff_t j = (row >> FractionBits) + corner / 2;
-      if (corners[corner] > 0 && j >= 0 && j < rows && i >= reached[j].begin && i < reached[j].end)
+      if (weights[corner] > 0 && j >= 0 && j < rows && i >= reached[j].begin && i < reached[j].end)
       {
-        values[count] = intermediate[j * rowStride + i];
-        weights[count++] = corners[corner];
+        mean.Add(intermediate[j * rowStride + i], weights[corner]);
       }
     }
-    return count > 0 ? GetMean(values, weights, count) : background;
+    return mean.GetOr(background);
   };
   ForEachBand(static_cast<std::ptrdiff_t>(size[1]), isParallel, [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
     for (std::ptrdiff_t y = begin; y < end; ++y)
