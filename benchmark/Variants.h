@@ -75,18 +75,15 @@ MakeVariants(const Subject<TPixel> & subject)
   const Size<3>           size = volume->GetLargestPossibleRegion().GetSize();
   const double            depth =
     subject.output->GetSpacing()[0] * static_cast<double>(subject.output->GetBufferedRegion().GetSize(0));
-  const auto                 threshold = static_cast<TPixel>(subject.maximum / 2);
-  Point<double, 3>           lower;
-  Point<double, 3>           upper;
-  ContinuousIndex<double, 3> quarter;
-  ContinuousIndex<double, 3> threeQuarters;
-  for (unsigned int axis = 0; axis < 3; ++axis)
-  {
-    quarter[axis] = 0.25 * static_cast<double>(size[axis]);
-    threeQuarters[axis] = 0.75 * static_cast<double>(size[axis]);
-  }
-  volume->TransformContinuousIndexToPhysicalPoint(quarter, lower);
-  volume->TransformContinuousIndexToPhysicalPoint(threeQuarters, upper);
+  const auto threshold = static_cast<TPixel>(subject.maximum / 2);
+  const auto getPoint = [volume, size](SizeValueType quarters) {
+    Index<3> index;
+    for (unsigned int axis = 0; axis < 3; ++axis)
+    {
+      index[axis] = static_cast<IndexValueType>(quarters * size[axis] / 4);
+    }
+    return volume->template TransformIndexToPhysicalPoint<double>(index);
+  };
   const auto setMode = [](Mode mode) {
     return [mode](FilterType & filter, bool isOn) { filter.SetMode(isOn ? mode : Mode::Maximum); };
   };
@@ -113,7 +110,7 @@ MakeVariants(const Subject<TPixel> & subject)
         filter.SetSlabFar(isOn ? 0.05 * depth : infinity);
       } },
     { "box_ratio",
-      [lower, upper](FilterType & filter, bool isOn) {
+      [lower = getPoint(1), upper = getPoint(3)](FilterType & filter, bool isOn) {
         filter.SetCropLower(isOn ? lower : Point<double, 3>(-infinity));
         filter.SetCropUpper(isOn ? upper : Point<double, 3>(infinity));
       } },

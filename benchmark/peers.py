@@ -49,6 +49,8 @@ from peer.volume import Peer, View, Volume, make_head, read_image
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
+BUDGET = 10.0  # seconds spent on a view, after which no repetition begins
+TIMEOUT = 300.0  # seconds of silence, after which a peer is stopped
 BUSY = 0.3  # processors that other programs use when times are not worth much
 BOUND = 0.85  # measured: right pictures up to 0.75 (noise in a view along the grid: 0.97), wrong ones from 0.98
 CROP = 24  # pixels along each side of the magnified vessel
@@ -93,8 +95,8 @@ def clock(peer: Peer, view: View) -> tuple[float, float]:
     return time.perf_counter() - start, time.process_time() - processor
 
 
-def measure(peer: Peer, view: View, repetitions: int, budget: float) -> Record:
-    """The first projection of a view, then others until `repetitions` or `budget` s are spent; times in ms.
+def measure(peer: Peer, view: View, repetitions: int) -> Record:
+    """The first projection of a view, then others until `repetitions` or BUDGET are spent; times in ms.
 
     A peer whose first projection alone spends the budget is timed by that one. `cores` is the peer's processor time by
     time, `others` that of all other programs meanwhile, which is not known for what is over at once.
@@ -103,7 +105,7 @@ def measure(peer: Peer, view: View, repetitions: int, budget: float) -> Record:
     own, start = time.process_time(), time.perf_counter()
     first = clock(peer, view)
     runs: list[tuple[float, float]] = []
-    while len(runs) < repetitions and first[0] + sum(run[0] for run in runs) < budget:
+    while len(runs) < repetitions and first[0] + sum(run[0] for run in runs) < BUDGET:
         runs.append(clock(peer, view))
     own, elapsed = time.process_time() - own, time.perf_counter() - start
     machine = psutil.cpu_percent() / 100 * psutil.cpu_count()
@@ -124,7 +126,7 @@ def project(key: str, volume: Volume, view: View, arguments: argparse.Namespace)
     entry = PEERS[key]
     version = importlib.metadata.version(entry.package)
     peer = importlib.import_module(f"peer.{entry.module}").Projector(volume, arguments.threads, **entry.options)
-    record = measure(peer, view, arguments.repetitions, arguments.budget)
+    record = measure(peer, view, arguments.repetitions)
     return record | {"version": f"{version} {peer.note}".strip()}
 
 
@@ -135,7 +137,7 @@ def run(key: str, volume: Volume, arguments: argparse.Namespace) -> list[Record]
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as process:
         try:
             for view in arguments.views:
-                record = process.submit(project, key, volume, view, arguments).result(arguments.timeout)
+                record = process.submit(project, key, volume, view, arguments).result(TIMEOUT)
                 records.append({"image": volume.name, "view": view.name, "peer": key} | record)
         except Exception as error:  # of any library, which may be broken in any way; or it crashed or hangs
             problem = " ".join(f"{type(error).__name__}: {error}".split())[:200].rstrip(": ")
@@ -294,9 +296,6 @@ def parse_arguments() -> argparse.Namespace:
     add("--views", type=View.parse, nargs="+", default=views, metavar="VIEW", help=text)
     add("--peers", nargs="+", choices=PEERS, default=list(PEERS), metavar="PEER", help="which [all]")
     add("--repetitions", type=int, default=10, metavar="N", help="of each view [10]")
-    text = "no repetition begins after so many seconds spent on a view [10]"
-    add("--budget", type=float, default=10.0, metavar="S", help=text)
-    add("--timeout", type=float, default=300.0, metavar="S", help="a peer silent for so long is stopped [300]")
     add("--threads", type=int, default=2, metavar="N", help="of every peer [2]")
     add("--output", type=Path, metavar="DIR", help="for peers.csv and peers.md [none]")
     text = "pictures-IMAGE.png too, and vessel-IMAGE.png: where ray casting errs most, magnified"
@@ -340,12 +339,9 @@ def main() -> None:
     table.insert(1, "view", table.pop("view") if "view" in table else math.nan)
     done = table.dropna(subset="view")
     shown = table.drop(columns="version", errors="ignore")
-    whole = {"runs": lambda runs: f"{runs:.0f}".replace("nan", "")}
-    print(shown.to_string(index=False, na_rep="", float_format="{:.3f}".format, formatters=whole))
-    head = (
-        f"{platform.machine()}, {os.cpu_count()} processors, {platform.system()}, Python {platform.python_version()};"
-    )
-    head += f" {arguments.threads} threads."
+    print(shown.to_string(index=False, na_rep="", float_format="{:.3f}".format))
+    system = f"{platform.system()}, Python {platform.python_version()}"
+    head = f"{platform.machine()}, {os.cpu_count()} processors, {system}; {arguments.threads} threads."
     if "others" in done and done["others"].max() > BUSY:
         warning = f"Other programs used up to {done['others'].max():.1f} processors meanwhile: the times are void."
         print(f"warning: {warning}", file=sys.stderr)

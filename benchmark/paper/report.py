@@ -171,10 +171,8 @@ def describe_times(folder: Path) -> str:
         for after in principal.index[1:][np.diff(principal) != 0]:
             axis.axvline(after - 5, color="grey", lw=0.8, ls=":")
             label = f" {'xyz'[principal[after - 10]]} | {'xyz'[principal[after]]}"
-            axis.text(
-                after - 5, 0.97, label, color="grey", fontsize=8, ha="center", va="top",
-                transform=axis.get_xaxis_transform(),
-            )  # fmt: skip
+            place = {"xycoords": ("data", "axes fraction"), "ha": "center", "va": "top"}
+            axis.annotate(label, (after - 5, 0.97), color="grey", fontsize=8, **place)
         cast, filtered = wide["ray casting"], wide["the filter"]
         texts.append(
             f"In the {data} ray casting takes least at {cast.idxmin()} degrees and most at {cast.idxmax()}, "

@@ -37,7 +37,6 @@ using namespace itk::ShearWarpBenchmark;
 using namespace itk::ShearWarpMIPTest;
 
 using VolumeType = itk::Image<std::uint16_t, 3>;
-using PictureType = itk::Image<std::uint16_t, 2>;
 
 /** Most cells can be skipped where a tenth of the voxels is bright. */
 VolumeType::Pointer
@@ -72,15 +71,14 @@ MakeVolumeOf(const itk::Size<3> & size, const std::function<int(const itk::Index
   return volume;
 }
 
-/** A square grid of spacing 1 around the view's origin. */
+/** A grid of spacing 1 around the view's origin. */
 template <typename TPixel>
 typename itk::Image<TPixel, 2>::Pointer
-MakeOutput(itk::SizeValueType length)
+MakeOutput(const itk::Size<2> & size)
 {
   const auto output = itk::Image<TPixel, 2>::New();
-  output->SetRegions(itk::Size<2>{ { length, length } });
-  const double first = -0.5 * static_cast<double>(length - 1);
-  output->SetOrigin(MakePoint2(first, first));
+  output->SetRegions(size);
+  output->SetOrigin(MakePoint2(-0.5 * static_cast<double>(size[0] - 1), -0.5 * static_cast<double>(size[1] - 1)));
   output->Allocate();
   return output;
 }
@@ -189,10 +187,7 @@ TEST(PaperMethods, RayCastingAlongAnAxisGivesTheMaxima)
   const auto         volume = MakePlainImage<std::uint16_t>(size);
   FillRandom(random, volume.GetPointer());
   const auto view = MakeView(volume, AlongZ);
-  const auto output = PictureType::New();
-  output->SetRegions(itk::Size<2>{ { 7, 6 } });
-  output->SetOrigin(MakePoint2(-3, -2.5));
-  output->Allocate();
+  const auto output = MakeOutput<std::uint16_t>({ { 7, 6 } });
   CastRays<std::uint16_t>(volume, view, 1.0, 3, output);
   ForEachPixel(output.GetPointer(), [&](auto pixel, const auto & index) {
     // one pixel of background around the volume
@@ -215,7 +210,7 @@ TEST(PaperMethods, RayCastingOfALinearRamp)
   const double     half = 0.5 * (length - 1);
   const auto       volume = MakePlainImage<float>({ { 9, 9, 9 } });
   const auto       view = MakeView(volume, { 0, 30, 0 });
-  const auto       output = MakeOutput<float>(15);
+  const auto       output = MakeOutput<float>({ { 15, 15 } });
 
   // view space is where the inverse of the view takes a voxel
   const auto toView = view->GetInverseTransform();
@@ -250,7 +245,7 @@ TEST(PaperMethods, RayCastingOfALinearRamp)
 TEST(PaperMethods, ClippingCountsTheSamples)
 {
   const auto volume = MakePlainImage<std::uint16_t>({ { 5, 5, 7 } });
-  const auto output = MakeOutput<std::uint16_t>(9);
+  const auto output = MakeOutput<std::uint16_t>({ { 9, 9 } });
   EXPECT_EQ(CountSamples(volume, MakeView(volume, AlongZ), 1.0, output), 5 * 5 * 7);
   EXPECT_EQ(CountSamples(volume, MakeView(volume, AlongZ), 0.5, output), 5 * 5 * 13);
   EXPECT_EQ(CountSamples(volume, MakeView(volume, AlongX), 1.0, output), 7 * 5 * 5);
