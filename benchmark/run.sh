@@ -51,7 +51,9 @@ PYTHON
 
 # table.py fails if a benchmark has.
 measure() {
+  rm -f "$output/results.json"
   "$program" --benchmark_out="$output/results.json" --benchmark_out_format=json "$@" "${options[@]}"
+  [ -s "$output/results.json" ] || die "the program measured nothing"
   /usr/bin/python3 "$root/benchmark/table.py" "$output/results.json" > "$output/results.md"
 }
 
