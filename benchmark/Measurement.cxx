@@ -39,12 +39,6 @@ namespace
 constexpr unsigned int NumberOfFrames = 36;
 constexpr double       Milliseconds = 1000.0;
 
-void
-ForceInstructionSet(const std::string & name)
-{
-  itksys::SystemTools::PutEnv("SHEARWARPMIP_INSTRUCTION_SET=" + name);
-}
-
 /** Makes this process forget its peak memory. Returns whether the system can do so: Linux, see proc(5), clear_refs. */
 bool
 ResetPeakMemory()
@@ -163,7 +157,6 @@ Measure(::benchmark::State & state, const Measurement & measurement, Subject<TPi
     subject.Compare(measurement.repetitions);
   }
 
-  ForceInstructionSet(measurement.instructionSet);
   const bool isPeakKnown = ResetPeakMemory();
 
   const auto filter = FilterType::New();
@@ -268,7 +261,6 @@ MeasureCine(::benchmark::State &      state,
             const Subject<TPixel> &   subject,
             const Vector<double, 3> & axis)
 {
-  ForceInstructionSet(measurement.instructionSet);
   const auto          cine = ShearWarpMIPCineImageFilter<Image<TPixel, 3>>::New();
   const auto          single = ShearWarpMIPImageFilter<Image<TPixel, 3>>::New();
   const SizeValueType pixels = subject.output->GetBufferedRegion().GetNumberOfPixels();
@@ -370,19 +362,24 @@ GetSubject(const DataSet & data)
 /** Registers \a measure(state, subject); what it throws is an error of the benchmark. */
 template <typename TFunction>
 void
-RegisterChecked(const std::string & name, std::size_t iterations, const DataSet & data, const TFunction & measure)
+RegisterChecked(const std::string & prefix,
+                const Measurement & measurement,
+                std::size_t         iterations,
+                const TFunction &   measure)
 {
-  const auto check = [data, measure](::benchmark::State & state) {
+  const auto check = [measurement, measure](::benchmark::State & state) {
+    itksys::SystemTools::PutEnv("SHEARWARPMIP_INSTRUCTION_SET=" + measurement.instructionSet);
     try
     {
-      Dispatch(data.pixelType, [&](auto pixel) { measure(state, GetSubject<decltype(pixel)>(data)); });
+      Dispatch(measurement.data.pixelType,
+               [&](auto pixel) { measure(state, GetSubject<decltype(pixel)>(measurement.data)); });
     }
     catch (const std::exception & exception)
     {
       state.SkipWithError(exception.what());
     }
   };
-  ::benchmark::RegisterBenchmark(name.c_str(), check)
+  ::benchmark::RegisterBenchmark((prefix + GetName(measurement)).c_str(), check)
     ->UseManualTime()
     ->Iterations(static_cast<std::int64_t>(iterations))
     ->Unit(::benchmark::kMillisecond);
@@ -392,9 +389,9 @@ RegisterChecked(const std::string & name, std::size_t iterations, const DataSet 
 void
 Register(const Measurement & measurement)
 {
-  RegisterChecked(GetName(measurement),
+  RegisterChecked("",
+                  measurement,
                   measurement.repetitions * GetViews().size(),
-                  measurement.data,
                   [measurement](auto & state, auto & subject) { Measure(state, measurement, subject); });
 }
 
@@ -408,10 +405,9 @@ RegisterCine(const Measurement & measurement)
   {
     const Vector<double, 3> axis(direction.data());
     RegisterChecked(
-      "cine/" + name + '/' + GetName(measurement),
-      measurement.repetitions,
-      measurement.data,
-      [measurement, axis](auto & state, auto & subject) { MeasureCine(state, measurement, subject, axis); });
+      "cine/" + name + '/', measurement, measurement.repetitions, [measurement, axis](auto & state, auto & subject) {
+        MeasureCine(state, measurement, subject, axis);
+      });
   }
 }
 } // namespace itk::ShearWarpBenchmark

@@ -38,6 +38,7 @@ namespace
 {
 using PixelType = std::uint16_t;
 using VolumeType = Image<PixelType, 3>;
+using FloatImageType = Image<float, 3>;
 using PictureType = Image<PixelType, 2>;
 using PixelsType = std::vector<PixelType>;
 using FilterType = ShearWarpMIPImageFilter<VolumeType>;
@@ -126,7 +127,6 @@ MakeFilter(const std::string &               name,
             return PixelsType(begin, begin + output->GetBufferedRegion().GetNumberOfPixels());
           } };
 }
-using FloatImageType = Image<float, 3>;
 
 FloatImageType::Pointer
 Resample(const FloatImageType * image, const Size<3> & size)
