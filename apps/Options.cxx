@@ -225,7 +225,8 @@ DefineOptions(CLI::App & app, Options & options)
       options.transform,
       "FILE",
       "Linear ITK transform from view space (right, down, away; mm) to the image's space; depths are then "
-      "measured from the origin of view space. A file with several transforms makes a series of frames")
+      "measured from the origin of view space. A file with several transforms makes a series of frames; a composite is "
+      "one transform")
     ->excludes(view)
     ->excludes(azimuth)
     ->excludes(elevation);
@@ -278,8 +279,8 @@ DefineOptions(CLI::App & app, Options & options)
       "--rate",
       options.rate,
       "FPS",
-      "Frames per second of an animation or page; by default from 5 to 25, so that the series or one turn takes "
-      "four seconds")
+      "Frames per second of an animation or page; by default the series, or one turn, takes four seconds, with 5 to "
+      "25 frames per second")
     ->check(CLI::Range(0.1, 100.0));
   add("Turning series",
       "--page-bits",

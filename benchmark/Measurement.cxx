@@ -359,6 +359,8 @@ GetSubject(const DataSet & data)
   return *static_cast<Subject<TPixel> *>(keptSubject.get());
 }
 
+bool hasFailed = false;
+
 /** Registers \a measure(state, subject); what it throws is an error of the benchmark. */
 template <typename TFunction>
 void
@@ -374,9 +376,15 @@ RegisterChecked(const std::string & prefix,
       Dispatch(measurement.data.pixelType,
                [&](auto pixel) { measure(state, GetSubject<decltype(pixel)>(measurement.data)); });
     }
-    catch (const std::exception & exception)
+    catch (const ExceptionObject & error)
     {
-      state.SkipWithError(exception.what());
+      state.SkipWithError(error.GetDescription());
+      hasFailed = true;
+    }
+    catch (const std::exception & error)
+    {
+      state.SkipWithError(error.what());
+      hasFailed = true;
     }
   };
   ::benchmark::RegisterBenchmark((prefix + GetName(measurement)).c_str(), check)
@@ -385,6 +393,12 @@ RegisterChecked(const std::string & prefix,
     ->Unit(::benchmark::kMillisecond);
 }
 } // namespace
+
+bool
+HasAnyFailed()
+{
+  return hasFailed;
+}
 
 void
 Register(const Measurement & measurement)

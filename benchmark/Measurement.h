@@ -48,6 +48,10 @@ Register(const Measurement & measurement);
  * its frames; frames that differ in a bit are an error of the benchmark. */
 void
 RegisterCine(const Measurement & measurement);
+
+/** Whether a benchmark that ran ended with an error. */
+bool
+HasAnyFailed();
 } // namespace itk::ShearWarpBenchmark
 
 #endif

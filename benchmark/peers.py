@@ -139,8 +139,10 @@ def run(key: str, volume: Volume, arguments: argparse.Namespace) -> list[Record]
             for view in arguments.views:
                 record = process.submit(project, key, volume, view, arguments).result(TIMEOUT)
                 records.append({"image": volume.name, "view": view.name, "peer": key} | record)
-        except Exception as error:  # of any library, which may be broken in any way; or it crashed or hangs
-            problem = " ".join(f"{type(error).__name__}: {error}".split())[:200].rstrip(": ")
+        except (Exception, SystemExit) as error:  # of any library, broken in any way; or it crashed or hangs
+            is_silent = isinstance(error, TimeoutError)
+            problem = f"no answer for {TIMEOUT:g} s" if is_silent else f"{type(error).__name__}: {error}"
+            problem = " ".join(problem.split())[:200].rstrip(": ")
             records.append({"image": volume.name, "peer": key, "problem": problem})
             for child in multiprocessing.active_children():
                 child.kill()
@@ -281,7 +283,16 @@ def draw_vessel(file: Path, records: list[Record], exact: dict[str, Exact], volu
 def parse_size(text: str) -> tuple[int, ...]:
     """Voxels along x, y and z."""
     x, y, z = map(int, text.split("x"))
+    if min(x, y, z) < 16:
+        raise argparse.ArgumentTypeError("at least 16 voxels along each axis")
     return x, y, z
+
+
+def parse_count(text: str) -> int:
+    """A number from 1 on."""
+    if int(text) < 1:
+        raise argparse.ArgumentTypeError("at least 1")
+    return int(text)
 
 
 def parse_arguments() -> argparse.Namespace:
@@ -295,8 +306,8 @@ def parse_arguments() -> argparse.Namespace:
     text = "rotations by degrees about the axes, of which + makes products [y30 x40 y60+x20]"
     add("--views", type=View.parse, nargs="+", default=views, metavar="VIEW", help=text)
     add("--peers", nargs="+", choices=PEERS, default=list(PEERS), metavar="PEER", help="which [all]")
-    add("--repetitions", type=int, default=10, metavar="N", help="of each view [10]")
-    add("--threads", type=int, default=2, metavar="N", help="of every peer [2]")
+    add("--repetitions", type=parse_count, default=10, metavar="N", help=f"of each view [10]; none begins after {BUDGET:g} s")
+    add("--threads", type=parse_count, default=2, metavar="N", help="of every peer [2]")
     add("--output", type=Path, metavar="DIR", help="for peers.csv and peers.md [none]")
     text = "pictures-IMAGE.png too, and vessel-IMAGE.png: where ray casting errs most, magnified"
     add("--pictures", action="store_true", help=text)
@@ -336,6 +347,8 @@ def main() -> None:
             draw_vessel(output / f"vessel-{name}.png", done, exact, volume)
 
     table = pd.DataFrame(everything).drop(columns="picture", errors="ignore")
+    if "runs" in table:
+        table["runs"] = table["runs"].astype("Int64")
     table.insert(1, "view", table.pop("view") if "view" in table else math.nan)
     done = table.dropna(subset="view")
     shown = table.drop(columns="version", errors="ignore")

@@ -188,7 +188,12 @@ try
   AddContext();
   const auto measured = ::benchmark::RunSpecifiedBenchmarks();
   ::benchmark::Shutdown();
-  return measured > 0 ? EXIT_SUCCESS : EXIT_FAILURE;
+  return measured > 0 && !HasAnyFailed() ? EXIT_SUCCESS : EXIT_FAILURE;
+}
+catch (const itk::ExceptionObject & error)
+{
+  std::cerr << error.GetDescription() << std::endl;
+  return EXIT_FAILURE;
 }
 catch (const std::exception & error)
 {

@@ -65,11 +65,13 @@ namespace itk
  * - an OutputSpacing that is not positive or not finite, an OutputOrigin that is not finite, or a Size of zero
  * - an Oversampling other than 1 and 2, or a NumberOfStreamDivisions of zero
  * - a SlabNear greater than SlabFar, a CropLower greater than CropUpper, or one of these that is not a number
+ * - a SlabNear of infinity or a SlabFar of minus infinity
  * - a LocalMaximumThreshold that is not a number
  * - a DepthAttenuation that is negative or not finite, or not zero while DefaultPixelValue is not finite
  * - Exact together with a parameter that it excludes
  * - a MaskImage that is not on the input's grid
- * - an input that is empty, has a spacing that is not positive, or was not put into memory by its source
+ * - an input that is empty, has a spacing that is not positive or not finite or an origin that is not finite, or was
+ *   not put into memory by its source
  * - an output larger than the computer's memory
  *
  * Update() throws MemoryAllocationError if memory runs out. The filter can be used again after an exception or an

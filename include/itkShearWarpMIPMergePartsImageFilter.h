@@ -31,9 +31,9 @@ namespace itk
  * before there are parts.
  *
  * The filter makes only plain maxima: Mode, SlabNear, SlabFar, CropLower, CropUpper, MaskImage, LocalMaximum,
- * DepthAttenuation and ComputeDepth must have their default values. Otherwise Update() throws ExceptionObject. It also
- * throws ExceptionObject if there is no part, if a part is missing or does not lie within the intermediate image, and
- * in the cases of ShearWarpMIPImageFilter.
+ * DepthAttenuation, ComputeDepth and Exact must have their default values. Otherwise Update() throws ExceptionObject.
+ * It also throws ExceptionObject if there is no part, if a part is missing or does not lie within the intermediate
+ * image, and in the cases of ShearWarpMIPImageFilter.
  *
  * \tparam TInputImage An Image of dimension 3 of any arithmetic pixel type but bool and long double.
  * \tparam TOutputImage An Image of the same pixel type, of dimension 2, or 3 for a slice in physical space.

@@ -26,9 +26,9 @@ namespace itk
 /** \class ShearWarpMIPPartImageFilter
  * \brief Projects a part of a 3D image to its place in the intermediate image of the whole.
  *
- * This filter projects an image that is too large for one memory, or that lies in pieces on many computers. It projects
- * the image piece by piece, and only small 2D images move between computers. ShearWarpMIPMergePartsImageFilter makes
- * the picture from these, with the same bits as the whole image gives at once.
+ * With this filter, an image that is too large for one memory, or that lies in pieces on many computers, is projected
+ * piece by piece, and only small 2D images move between computers. ShearWarpMIPMergePartsImageFilter makes the picture
+ * from these, with the same bits as the whole image gives at once.
  *
  * A part is an image with the geometry of the whole image and a piece of WholeRegion, as made by ExtractImageFilter. It
  * can also be the buffered region of an image whose source can give more. Samples lie between voxels, so neighbouring

@@ -36,10 +36,8 @@ try
   std::string  image;
   unsigned int repetitions{ 9 };
   CLI::App     app("Measures what Fang et al. (Magn Reson Med 47:696-700, 2002) measured, with their methods and with "
-                   "the filter of this\n"
-                   "module. Writes CSV files and pictures (TIFF). The data are a synthetic time-of-flight MR angiogram, "
-                   "`mra`, and\n"
-                   "--image, which is called `image`.");
+                   "the filter of this\nmodule. Writes CSV files and pictures (TIFF). The data are a synthetic "
+                   "time-of-flight MR angiogram, `mra`, and\n--image, which is called `image`.");
   app.add_option("--output", output, "Folder for the results")->check(CLI::ExistingDirectory)->capture_default_str();
   app.add_option("--image", image, "A 3D image that ITK reads")->required()->check(CLI::ExistingFile);
   app.add_option("--repetitions", repetitions, "How often each angle is timed")
@@ -60,6 +58,11 @@ try
   WriteVesselErrors(output + "/figure6.csv");
   WriteVesselPictures(output);
   return EXIT_SUCCESS;
+}
+catch (const itk::ExceptionObject & error)
+{
+  std::cerr << error.GetDescription() << std::endl;
+  return EXIT_FAILURE;
 }
 catch (const std::exception & error)
 {

@@ -90,7 +90,7 @@ def encode_png(pixels: NDArray[Any], spacing: Sequence[float] = (1.0, 1.0)) -> b
 def make_page(turn: "Turn", *, rate: float | None = None, window: Window | None = None, labels: bool = True) -> str:
     """The text of a web page that turns and plays a turn, with window and level. The page is complete in itself.
 
-    rate: frames per second, from 0.1 to 100; by default from 5 to 25, so that the turn takes four seconds.
+    rate: frames per second, from 0.1 to 100; by default 5 to 25, so that the turn takes about four seconds.
     window: low and high value, which are black and white when the page opens; by default the window of the turn.
     labels: whether the page shows the letters of the patient's sides and the scale bar when it opens. There are letters
         only if the volume has a direction, as in save_png().
