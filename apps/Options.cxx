@@ -320,7 +320,7 @@ DefineOptions(CLI::App & app, Options & options)
                              "--exact",
                              options.isExact,
                              "Computes the maximum of the interpolated image along each pixel's ray in closed form, "
-                             "instead of samples; 7 to 60 times as slow")
+                             "instead of samples; 8 to 40 times as slow")
                        ->excludes(oversampling);
   const auto window =
     addList("Picture",

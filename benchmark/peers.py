@@ -306,7 +306,7 @@ def parse_arguments() -> argparse.Namespace:
     text = "rotations by degrees about the axes, of which + makes products [y30 x40 y60+x20]"
     add("--views", type=View.parse, nargs="+", default=views, metavar="VIEW", help=text)
     add("--peers", nargs="+", choices=PEERS, default=list(PEERS), metavar="PEER", help="which [all]")
-    add("--repetitions", type=parse_count, default=10, metavar="N", help=f"of each view [10]; none begins after {BUDGET:g} s")
+    add("--repetitions", type=parse_count, default=10, metavar="N", help=f"of each view [10]; up to {BUDGET:g} s")
     add("--threads", type=parse_count, default=2, metavar="N", help="of every peer [2]")
     add("--output", type=Path, metavar="DIR", help="for peers.csv and peers.md [none]")
     text = "pictures-IMAGE.png too, and vessel-IMAGE.png: where ray casting errs most, magnified"
