@@ -138,7 +138,12 @@ def _make_view_parser() -> argparse.ArgumentParser:
         metavar="UID",
         help="DICOM series, if the folder has several: its number, a part of its description, or its UID",
     )
-    parser.add_argument("--level", metavar="N", type=int, help="resolution of an OME-Zarr image, needed if it has several; 0 is the finest")
+    parser.add_argument(
+        "--level",
+        metavar="N",
+        type=int,
+        help="resolution of an OME-Zarr image, needed if it has several; 0 is the finest",
+    )
     for name in ("time", "channel"):
         parser.add_argument(f"--{name}", metavar="N", type=int, default=argparse.SUPPRESS, help="of an OME-Zarr image")
     parser.add_argument(
