@@ -1,5 +1,7 @@
 """mip() and turn(): projections of volumes of many kinds."""
 
+import difflib
+import inspect
 import os
 import re
 import sys
@@ -23,6 +25,7 @@ from itk_shearwarpmip._inputs import (
     is_of,
     is_ome_zarr,
     make_count,
+    make_flag,
     make_numbers,
     make_view,
     open_image,
@@ -297,7 +300,7 @@ def turn(
             made.SetCenter(make_numbers("center", center, 3))
         _set(made, "StartAngle", "start_angle", start_angle)
         _set(made, "AngularRange", "angular_range", angular_range)
-        made.SetRocking(bool(rocking))
+        made.SetRocking(make_flag("rocking", rocking))
 
     if is_chunked(source):
         stack, views = _project_chunks_turning(source, set_turn, parameters, where)
@@ -329,7 +332,10 @@ def _copy_metadata(image: Any) -> dict[str, Any]:
 
 def _require_known(function: str, where: Any) -> None:
     if unknown := where.keys() - Place.__annotations__.keys():
-        raise TypeError(f"{function}() has no parameter {', '.join(sorted(unknown))}")
+        known = [*inspect.signature(globals()[function]).parameters, *Place.__annotations__]
+        similar = [match for name in sorted(unknown) for match in difflib.get_close_matches(name, known, 1, 0.75)]
+        hint = f": did you mean {' and '.join(similar)}?" if similar else ""
+        raise TypeError(f"{function}() has no parameter {', '.join(sorted(unknown))}{hint}")
 
 
 class _Filters:
@@ -381,9 +387,9 @@ class _Filters:
                 show_itself(each, beside, image, made.GetTransform())
         limits = [name for name in ("slab", "crop") if getattr(parameters, name) is not None]
         if limits and _save.is_background(itk.array_view_from_image(picture), background).all():
-            warnings.warn(
-                f"there is only background in the picture: is the image within {' and '.join(limits)}?", stacklevel=3
-            )
+            question = f"is the image within {' and '.join(limits)}?"
+            hint = " A slab must be at least as thick as the voxels." if "slab" in limits else ""
+            warnings.warn(f"there is only background in the picture: {question}{hint}", stacklevel=3)
         return picture, depths
 
     def _find_lowest(self) -> float:
@@ -420,9 +426,10 @@ def set_parameters(made: Any, parameters: Parameters, background: Any) -> None:
     is_whole = isinstance(made.GetDefaultPixelValue(), int)
     set_background(made, background)
     made.SetMode(getattr(itk.ShearWarpMIPImageFilterEnums, MODES[check_mode(parameters.mode)]))
-    near, far = (
-        (-np.inf, np.inf) if parameters.slab is None else make_numbers("slab", parameters.slab, 2, is_finite=False)
-    )
+    slab = (-np.inf, np.inf) if parameters.slab is None else parameters.slab
+    if np.ndim(slab) == 0 and not isinstance(slab, str):
+        raise ValueError(f"slab must be two numbers, (near, far), but it is {slab!r}")
+    near, far = make_numbers("slab", slab, 2, is_finite=False)
     made.SetSlabNear(near)
     made.SetSlabFar(far)
     lower, upper = [-np.inf] * 3, [np.inf] * 3
@@ -439,8 +446,8 @@ def set_parameters(made: Any, parameters: Parameters, background: Any) -> None:
     threshold = 0 if parameters.local_maximum is None else parameters.local_maximum
     _set_pixel(made, "LocalMaximumThreshold", "local_maximum", threshold, is_whole)
     _set(made, "DepthAttenuation", "attenuation", parameters.attenuation)
-    made.SetComputeDepth(bool(parameters.depth))
-    made.SetExact(bool(parameters.exact))
+    made.SetComputeDepth(make_flag("depth", parameters.depth))
+    made.SetExact(make_flag("exact", parameters.exact))
     set_grid(made, parameters)
 
 
@@ -478,12 +485,12 @@ def _set(made: Any, name: str, keyword: str, value: Any) -> None:
             raise ValueError
         getattr(made, f"Set{name}")(kind(value))
     except (OverflowError, TypeError, ValueError) as error:
-        raise ValueError(f"{keyword} cannot be {value!r}") from error
+        raise ValueError(f"{keyword} cannot be {value!r}: give a {'whole ' if kind is int else ''}number") from error
 
 
 def _set_pixel(made: Any, name: str, keyword: str, value: Any, is_whole: bool) -> None:
     try:
-        if is_whole and not float(value).is_integer():
+        if isinstance(value, bool | str) or (is_whole and not float(value).is_integer()):
             raise ValueError
         getattr(made, f"Set{name}")(int(value) if is_whole else float(value))
     except (OverflowError, TypeError, ValueError) as error:
@@ -543,7 +550,7 @@ def open_mask(mask: Any, label: int | None, image: Any) -> Any:
         raise type(error)(f"mask: {error}") from error
     voxels = np.asarray(placed.array)
     if voxels.dtype.kind not in "biu":
-        raise TypeError(f"a mask must have whole numbers, but its voxels are {voxels.dtype}")
+        raise TypeError(f"a mask must have whole numbers, but its voxels are {voxels.dtype}: use astype(np.uint8)")
     if voxels.shape != image.shape:
         raise ValueError(
             f"a mask must be on the volume's grid: it has the shape {voxels.shape} instead of {image.shape}. Resample an "
@@ -552,7 +559,7 @@ def open_mask(mask: Any, label: int | None, image: Any) -> Any:
     chosen = voxels != 0 if label is None else voxels == make_count("mask_label", label)
     if not chosen.any():
         labels = np.unique(voxels).tolist()
-        present = f"its labels are {', '.join(map(str, labels[:20]))}{', ...' if len(labels) > 20 else ''}"
+        present = f"its labels are {', '.join(f'{n:d}' for n in labels[:20])}{', ...' if len(labels) > 20 else ''}"
         what = "no voxel is in the mask: all are 0" if label is None else f"the mask has no label {label}: {present}"
         warnings.warn(what, stacklevel=4)
     binary = make_view(chosen.astype(np.uint8))

@@ -295,6 +295,12 @@ def make_count(name: str, value: Any) -> int:
     return count
 
 
+def make_flag(name: str, value: Any) -> bool:
+    if not isinstance(value, bool | np.bool_):
+        raise ValueError(f"{name} must be True or False, but it is {value!r}")
+    return bool(value)
+
+
 def _make_direction(values: Any) -> NDArray[np.float64]:
     try:
         direction = np.eye(3) if values is None else np.asarray(values, dtype=float)
