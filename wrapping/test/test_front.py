@@ -353,7 +353,10 @@ def test_masks_with_a_place_of_their_own(kind, image, tmp_path):
     [
         ({"slab": (500, 600)}, "is the image within slab? A slab must be at least as thick as the voxels."),
         ({"crop": ((500, 500, 500), (600, 600, 600))}, "is the image within crop?"),
-        ({"slab": (500, 600), "background": np.nan}, "is the image within slab? A slab must be at least as thick as the voxels."),
+        (
+            {"slab": (500, 600), "background": np.nan},
+            "is the image within slab? A slab must be at least as thick as the voxels.",
+        ),
     ],
 )
 @pytest.mark.parametrize("function", [mip, turn])
@@ -710,7 +713,11 @@ BAD = {
     "file of depths": (lambda call: call(IMAGE, depth="d.nrrd"), ValueError, "depth must be True or False"),
     "fading": (lambda call: call(IMAGE, attenuation=-1), ValueError, "attenuation must be finite and not negative"),
     "local maximum": (lambda call: call(IMAGE, local_maximum=1.5), ValueError, "local_maximum must be whole"),
-    "switched local maximum": (lambda call: call(IMAGE, local_maximum=False), ValueError, "local_maximum must be whole"),
+    "switched local maximum": (
+        lambda call: call(IMAGE, local_maximum=False),
+        ValueError,
+        "local_maximum must be whole",
+    ),
     "text as local maximum": (lambda call: call(IMAGE, local_maximum="3"), ValueError, "local_maximum must be whole"),
     "background": (lambda call: call(IMAGE, background=70000), ValueError, "background must be whole"),
     "backgrounds": (lambda call: call(IMAGE, background=np.arange(2)), ValueError, "background must be whole"),
