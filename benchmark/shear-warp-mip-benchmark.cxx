@@ -144,7 +144,8 @@ main(int argc, char * argv[])
 try
 {
   static CLI::App app("Times maximum intensity projections by itk::ShearWarpMIPImageFilter, 35 views of each volume,\n"
-                      "beside reading the volume, ray casting and a plain shear-warp.");
+                      "beside reading the volume, ray casting and a plain shear-warp.",
+                      "shear-warp-mip-benchmark");
   Options         options;
   app.add_option("--kinds", options.kinds, "Kinds of volumes to make [all, or none with --image]")
     ->delimiter(',')
