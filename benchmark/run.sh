@@ -49,12 +49,15 @@ with open(sys.argv[1], "wb") as file:
 PYTHON
 }
 
-# table.py fails if a benchmark has.
+# A result is written whatever the program says of it.
 measure() {
+  local status=0
   rm -f "$output/results.json"
-  "$program" --benchmark_out="$output/results.json" --benchmark_out_format=json "$@" "${options[@]}"
+  "$program" --benchmark_out="$output/results.json" --benchmark_out_format=json "$@" \
+    "${options[@]}" || status=$?
   [ -s "$output/results.json" ] || die "the program measured nothing"
-  /usr/bin/python3 "$root/benchmark/table.py" "$output/results.json" > "$output/results.md"
+  /usr/bin/python3 "$root/benchmark/table.py" "$output/results.json" > "$output/results.md" || status=1
+  return "$status"
 }
 
 timed "installed what building needs" need_packages build-essential cmake ninja-build libinsighttoolkit5-dev \
