@@ -29,7 +29,7 @@ std::vector<std::string>
 FindSeries(const std::filesystem::path & folder,
            const std::string &           series,
            const WarningFunction &       warn,
-           const std::string &           option = "--series");
+           const std::string &           option);
 
 /** Whether an image is a projection of a volume, as those that this program writes (PS3.3 C.8.3.1.1.1, C.8.9.1 and
  * C.8.16.2.1). */

@@ -235,6 +235,13 @@ ReadInformation(const std::string & file)
                                                   : "int16" };
 }
 
+std::string
+Describe(const std::exception & error)
+{
+  const auto * const exception = dynamic_cast<const ExceptionObject *>(&error);
+  return exception ? exception->GetDescription() : error.what();
+}
+
 const std::vector<Angles> &
 GetViews()
 {

@@ -82,6 +82,10 @@ GetViews();
 ViewTransformType::Pointer
 MakeView(const ImageBase<3> * image, const Angles & angles);
 
+/** What an error says, without the place in the code that ITK's exceptions have. */
+std::string
+Describe(const std::exception & error);
+
 /** Seconds that \a function takes. */
 template <typename TFunction>
 double

@@ -376,14 +376,9 @@ RegisterChecked(const std::string & prefix,
       Dispatch(measurement.data.pixelType,
                [&](auto pixel) { measure(state, GetSubject<decltype(pixel)>(measurement.data)); });
     }
-    catch (const ExceptionObject & error)
-    {
-      state.SkipWithError(error.GetDescription());
-      hasFailed = true;
-    }
     catch (const std::exception & error)
     {
-      state.SkipWithError(error.what());
+      state.SkipWithError(Describe(error).c_str());
       hasFailed = true;
     }
   };

@@ -191,13 +191,8 @@ try
   ::benchmark::Shutdown();
   return measured > 0 && !HasAnyFailed() ? EXIT_SUCCESS : EXIT_FAILURE;
 }
-catch (const itk::ExceptionObject & error)
-{
-  std::cerr << error.GetDescription() << std::endl;
-  return EXIT_FAILURE;
-}
 catch (const std::exception & error)
 {
-  std::cerr << error.what() << std::endl;
+  std::cerr << Describe(error) << std::endl;
   return EXIT_FAILURE;
 }

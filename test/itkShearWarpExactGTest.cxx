@@ -675,6 +675,25 @@ MakeVoxelsForBounds(Random & random, std::size_t count, std::int64_t kind)
   }
   return voxels;
 }
+
+/** Slices that differ by at most 3, so that bounds must not be too low by one; with \a isNarrow they have two thirds of
+ * the type's range. */
+template <typename TPixel>
+std::vector<TPixel>
+MakeAlikeSlices(Random & random, std::size_t pixels, std::size_t slices, bool isNarrow)
+{
+  auto voxels = MakeVoxelsForBounds<TPixel>(random, pixels, AnyVoxels);
+  for (std::size_t n = 0; isNarrow && n < pixels; ++n)
+  {
+    voxels[n] = static_cast<TPixel>(voxels[n] - voxels[n] / 3);
+  }
+  while (voxels.size() < pixels * slices)
+  {
+    const TPixel first = voxels[voxels.size() % pixels];
+    voxels.push_back(static_cast<TPixel>(first > 3 ? first - static_cast<TPixel>(random.Integer(0, 3)) : first));
+  }
+  return voxels;
+}
 } // namespace
 
 /** All parts of all rays have the maxima, bit by bit, that are found where bounds leave parts out. */
@@ -690,20 +709,10 @@ TYPED_TEST(ShearWarpExact, BoundsExcludeNothingBetter)
     const auto slices = random.Integer(1, 20);
     // large voxels that rays touch by 1e-7 of a voxel
     const bool touches = repeat % 4 == 2;
-    // rays that have almost the same everywhere, so that bounds must not be too low by one
     const bool isAlike = repeat % 4 == 0;
-    const auto kind = touches ? FewLargeVoxels : isAlike ? AnyVoxels : random.Integer(0, 5);
-    auto       voxels = MakeVoxelsForBounds<TypeParam>(random, columns * rows * slices, kind);
-    for (TypeParam & voxel : voxels)
-    {
-      // two thirds of the type's range too
-      voxel = repeat % 8 == 4 ? static_cast<TypeParam>(voxel - voxel / 3) : voxel;
-    }
-    for (auto n = columns * rows; isAlike && n < columns * rows * slices; ++n)
-    {
-      const TypeParam first = voxels[n % (columns * rows)];
-      voxels[n] = static_cast<TypeParam>(first > 3 ? first - static_cast<TypeParam>(random.Integer(0, 3)) : first);
-    }
+    const auto voxels = isAlike ? MakeAlikeSlices<TypeParam>(random, columns * rows, slices, repeat % 8 == 4)
+                                : MakeVoxelsForBounds<TypeParam>(
+                                    random, columns * rows * slices, touches ? FewLargeVoxels : random.Integer(0, 5));
     Kernels::ExactView<TypeParam> view{};
     constexpr double              shears[] = { 0.0, -0.0, 1.0, -1.0, 0.5, -0.5, 1.0 - 0x1p-30, 1e-9 };
     view.slices = { voxels.data(), columns, rows, slices, columns, columns * rows };

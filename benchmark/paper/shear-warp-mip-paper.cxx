@@ -59,13 +59,8 @@ try
   WriteVesselPictures(output);
   return EXIT_SUCCESS;
 }
-catch (const itk::ExceptionObject & error)
-{
-  std::cerr << error.GetDescription() << std::endl;
-  return EXIT_FAILURE;
-}
 catch (const std::exception & error)
 {
-  std::cerr << error.what() << std::endl;
+  std::cerr << itk::ShearWarpBenchmark::Describe(error) << std::endl;
   return EXIT_FAILURE;
 }

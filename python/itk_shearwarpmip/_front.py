@@ -8,7 +8,7 @@ import sys
 import threading
 import warnings
 import weakref
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
@@ -150,7 +150,7 @@ def mip(
         mode, slab, crop, mask, mask_label, depth, attenuation, local_maximum, background, exact, oversampling,
         output_spacing, size, output_origin, number_of_threads,
     )  # fmt: skip
-    _require_known("mip", where)
+    _require_known(mip, where)
     if is_chunked(source):
         return give_back(source, _project_chunks(source, view, azimuth, elevation, parameters, where))
     image = open_image(source, **where)
@@ -283,7 +283,7 @@ def turn(
         output_spacing, size, output_origin, number_of_threads,
     )  # fmt: skip
 
-    _require_known("turn", where)
+    _require_known(turn, where)
 
     def set_turn(made: Any, image: Any) -> None:
         made.ClearTransforms()
@@ -330,12 +330,12 @@ def _copy_metadata(image: Any) -> dict[str, Any]:
     return {key: value for key, value in entries.items() if isinstance(value, str | int | float)}
 
 
-def _require_known(function: str, where: Any) -> None:
+def _require_known(function: Callable[..., Any], where: Any) -> None:
     if unknown := where.keys() - Place.__annotations__.keys():
-        known = [*inspect.signature(globals()[function]).parameters, *Place.__annotations__]
+        known = [*inspect.signature(function).parameters, *Place.__annotations__]
         similar = [match for name in sorted(unknown) for match in difflib.get_close_matches(name, known, 1, 0.75)]
         hint = f": did you mean {' and '.join(similar)}?" if similar else ""
-        raise TypeError(f"{function}() has no parameter {', '.join(sorted(unknown))}{hint}")
+        raise TypeError(f"{function.__name__}() has no parameter {', '.join(sorted(unknown))}{hint}")
 
 
 class _Filters:
@@ -427,9 +427,7 @@ def set_parameters(made: Any, parameters: Parameters, background: Any) -> None:
     set_background(made, background)
     made.SetMode(getattr(itk.ShearWarpMIPImageFilterEnums, MODES[check_mode(parameters.mode)]))
     slab = (-np.inf, np.inf) if parameters.slab is None else parameters.slab
-    if np.ndim(slab) == 0 and not isinstance(slab, str):
-        raise ValueError(f"slab must be two numbers, (near, far), but it is {slab!r}")
-    near, far = make_numbers("slab", slab, 2, is_finite=False)
+    near, far = make_numbers("slab", slab, 2, is_finite=False, parts="(near, far)")
     made.SetSlabNear(near)
     made.SetSlabFar(far)
     lower, upper = [-np.inf] * 3, [np.inf] * 3

@@ -274,8 +274,10 @@ def describe(error: Exception) -> str:
     return " ".join(words) or type(error).__name__
 
 
-def make_numbers(name: str, values: Any, count: int, is_whole: bool = False, is_finite: bool = True) -> list[Any]:
-    """Converts a keyword's value to a list of `count` numbers."""
+def make_numbers(
+    name: str, values: Any, count: int, is_whole: bool = False, is_finite: bool = True, parts: str = ""
+) -> list[Any]:
+    """Converts a keyword's value to a list of `count` numbers, two `parts` or three of "x, y, z"."""
     try:
         numbers = [] if isinstance(values, str) else [float(value) for value in values]
     except (TypeError, ValueError):
@@ -283,8 +285,10 @@ def make_numbers(name: str, values: Any, count: int, is_whole: bool = False, is_
     is_right = all(number.is_integer() if is_whole else not is_finite or isfinite(number) for number in numbers)
     if len(numbers) != count or not is_right:
         kind = "whole" if is_whole else "finite" if is_finite else ""
-        axes = ["two", kind, "numbers"] if count == 2 else ["three", kind, "numbers, x, y, z"]
-        raise ValueError(f"{name} must be {' '.join(filter(None, axes))}, but it is {values!r}")
+        words = ["two" if count == 2 else "three", kind, "numbers"]
+        named = parts or ("x, y, z" if count == 3 else "")
+        what = " ".join(filter(None, words)) + (f", {named}" if named else "")
+        raise ValueError(f"{name} must be {what}, but it is {values!r}")
     return [int(number) for number in numbers] if is_whole else numbers
 
 

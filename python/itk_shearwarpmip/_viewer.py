@@ -631,7 +631,7 @@ def _write_arguments(arguments: Mapping[str, Any]) -> list[str]:
 def _make_slab(slab: Sequence[float] | None) -> tuple[float, float] | None:
     if slab is None:
         return None
-    near, far = make_numbers("slab", slab, 2, is_finite=False)
+    near, far = make_numbers("slab", slab, 2, is_finite=False, parts="(near, far)")
     if not -np.inf < far >= near < np.inf:
         raise ValueError(f"slab must be (near, far) in mm with near <= far, but it is {slab!r}")
     return near, far
