@@ -1,8 +1,8 @@
 """Maximum intensity projection (MIP) of 3D images from any direction.
 
 mip() makes a picture, and turn() makes a turning series. The volume is a file, an image or an array in memory, and the
-filters itk.ShearWarpMIPImageFilter and itk.ShearWarpMIPCineImageFilter project it. It can also be a volume in chunks: Dask
-then projects each chunk where the chunk is.
+filters itk.ShearWarpMIPImageFilter and itk.ShearWarpMIPCineImageFilter project it. It can also be a volume in chunks:
+Dask then projects each chunk where the chunk is.
 """
 
 from typing import TYPE_CHECKING, Any

@@ -61,8 +61,8 @@ def read_folder(folder: Path, series: str | int | None) -> Any:
 
 
 def _find_all_series(folder: Path) -> tuple[dict[str, _Files], dict[str, list[Path]]]:
-    """Returns all series, in the order of date, number and UID, and the files that are left out, by reason. A file that may
-    be an image, but cannot be read, is an error."""
+    """Returns all series, in the order of date, number and UID, and the files that are left out, by reason. A file
+    that may be an image, but cannot be read, is an error."""
     found: dict[str, _Files] = {}
     instances: dict[str, Path] = {}
     others = []
@@ -117,7 +117,10 @@ def _choose(found: dict[str, _Files], series: str | int | None, folder: Path) ->
         return fitting[0]
     present = "; ".join(_describe(n, uid, files) for n, (uid, files) in enumerate(found.items(), 1))
     if series is None:
-        raise ValueError(f"'{folder}' has several DICOM series, choose one by its number or UID, series=: {present}")
+        raise ValueError(
+            f"'{folder}' has several DICOM series, choose one by its number or UID, as series=1 here or in open_image(): "
+            f"{present}"
+        )
     raise ValueError(f"series {series} {'fits several' if fitting else 'is not'} in '{folder}', which has {present}")
 
 
@@ -172,8 +175,8 @@ def _open(path: Path) -> Any:
 
 
 _PIXEL_DATA = re.compile(rb"\xe0\x7f\x10\x00(?:(?:OB|OW|UN)..)?(.{4})|\x7f\xe0\x00\x10(?:OB|OW|UN)..(.{4})", re.DOTALL)
-"""Matches the element of all transfer syntaxes except the deflated one, with its length (PS3.5 7.1). Compressed pixels have
-the largest length."""
+"""Matches the element of all transfer syntaxes except the deflated one, with its length (PS3.5 7.1). Compressed pixels
+have the largest length."""
 
 
 def _has_all_pixels(path: Path, io: Any) -> bool:

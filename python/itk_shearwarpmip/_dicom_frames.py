@@ -22,8 +22,8 @@ _PIXELS = (
 
 
 def make_slices(path: Path, size: tuple[int, int], frames: int) -> list[Slice]:
-    """Returns the slices of one file; `size` is columns and rows. Attributes are in the functional groups of the frame or
-    of all frames (PS3.3 C.7.6.16), in the file itself, or with the detector."""
+    """Returns the slices of one file; `size` is columns and rows. Attributes are in the functional groups of the frame
+    or of all frames (PS3.3 C.7.6.16), in the file itself, or with the detector."""
     header = pydicom.dcmread(path, stop_before_pixels=True, force=True)
     groups = header.get("PerFrameFunctionalGroupsSequence")
     if groups and len(groups) != frames:
@@ -114,7 +114,7 @@ def _read_stored(path: Path) -> NDArray[Any]:
 
 
 def _rescale(stored: NDArray[Any], slope: float, intercept: float, header: Dataset, name: str) -> NDArray[Any]:
-    """Rescales to the type that ITK chooses: the smallest integer type for all values of the stored bits, or float64."""
+    """Rescales to the type that ITK chooses: the least integer type for all values of the stored bits, or float64."""
     if slope == 1 and intercept == 0:
         return stored
     bits, is_signed = int(header.BitsStored), bool(header.PixelRepresentation)

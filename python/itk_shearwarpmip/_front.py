@@ -97,8 +97,8 @@ def mip(
 ) -> Any:
     """The maximum intensity projection (MIP) of a volume from any direction.
 
-    source: the volume: see open_image(). A Dask array, an xarray.DataArray of a Dask array and an OME-Zarr image stay in
-        chunks: see open_volume(). Arrays have the axes z, y, x.
+    source: the volume: see open_image(). A Dask array, an xarray.DataArray of a Dask array and an OME-Zarr image stay
+        in chunks: see open_volume(). Arrays have the axes z, y, x.
     view: the side from which the viewer looks, "anterior", "posterior", "left", "right", "superior" or "inferior"; or a
         linear itk.Transform or a 4 x 4 matrix from view space (u right, v down, w away) to physical space (LPS, mm).
         "superior" is from above, with the patient's left at the left of the picture; "inferior" is the axial view of
@@ -125,9 +125,9 @@ def mip(
     Volumes in chunks take only the view, background, oversampling and the parameters of the grid.
 
     Returns a 2D itk.Image with spacing and origin in the view plane, in mm, which a notebook shows. Its entry
-    "Background" is the value of pixels beside the volume, and its attribute `view` is the 4 x 4 matrix of the view. For an
-    array, returns an array of the same package; for a SimpleITK.Image or an xarray.DataArray, an object of the same type.
-    With `depth`, returns a tuple of the picture and its depths.
+    "Background" is the value of pixels beside the volume, and its attribute `view` is the 4 x 4 matrix of the view. For
+    an array, returns an array of the same package; for a SimpleITK.Image or an xarray.DataArray, an object of the same
+    type. With `depth`, returns a tuple of the picture and its depths.
 
     The preparation of an itk.Image is kept as long as the image object exists, so further views are faster. After you
     change its voxels in memory, as by image[...] = 0, call image.Modified(); otherwise the picture may show the old
@@ -201,8 +201,8 @@ class Turn:
     ) -> None:
         """Writes the frames as the program shear-warp-mip does.
 
-        path: its extension selects the format. A file appears only when it is complete; after an error, an older file is
-            unchanged.
+        path: its extension selects the format. A file appears only when it is complete; after an error, an older file
+            is unchanged.
             .html: a page that turns, in one file.
             .gif, .apng, .mp4: an animation, by the program ffmpeg.
             .png: a picture of 8 bits for each frame: turn-000.png, turn-001.png and so on.

@@ -33,6 +33,8 @@ class Placed:
 
     def replace(self, spacing: Any, origin: Any, direction: Any) -> "Placed":
         """The same voxels with another geometry: arguments that are not None replace the present values."""
+        if direction is not None:
+            _require_unit_columns(_make_direction(direction))
         return Placed(
             self.array,
             make_numbers("spacing", self.spacing if spacing is None else spacing, 3),
@@ -66,8 +68,8 @@ def open_image(
           the axes z, y, x
         - a Dask array, an OME-Zarr image or a result of open_volume(), which is read into memory as a whole
     spacing, origin: x, y, z, in mm, instead of the source's own; the defaults for arrays are 1 and 0.
-    direction: 3 x 3, its columns are the directions of x, y, z, instead of the source's own; the default for arrays is
-        the identity.
+    direction: 3 x 3, its columns, of length 1, are the directions of x, y, z, instead of the source's own; the default
+        for arrays is the identity.
     series: for a DICOM folder with several series: the number in the list of the error, a part of the description, or
         the Series Instance UID.
     level, time, channel: for an OME-Zarr image. If it has several levels, level is required; 0 is the finest.
@@ -75,8 +77,8 @@ def open_image(
     The image has voxels of uint8, int16, uint16, float32 or float64. Voxels of bool, float16 and other integers are
     converted if each value fits. If possible, the image shares its voxels with the source.
 
-    Raises TypeError for objects and voxels of unsupported types, ValueError if the source does not define one volume, and
-    OSError for files that cannot be read.
+    Raises TypeError for objects and voxels of unsupported types, ValueError if the source does not define one volume,
+    and OSError for files that cannot be read.
 
     >>> import numpy as np
     >>> image = open_image(np.zeros((3, 4, 5), np.int16), spacing=(0.4, 0.4, 0.8))
@@ -313,6 +315,15 @@ def _make_direction(values: Any) -> NDArray[np.float64]:
     if direction.size != 9 or not np.isfinite(direction).all():
         raise ValueError(f"direction must be 3 x 3 finite numbers, but it is {values!r}")
     return direction.reshape(3, 3)
+
+
+def _require_unit_columns(direction: NDArray[np.float64]) -> None:
+    lengths = np.linalg.norm(direction, axis=0)
+    # zeros are ITK's to refuse
+    if not np.all((np.abs(lengths - 1.0) < 1e-3) | (lengths == 0.0)):
+        raise ValueError(
+            f"direction must have columns of length 1, but their lengths are {lengths.tolist()}: see spacing"
+        )
 
 
 @cache

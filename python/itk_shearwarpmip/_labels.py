@@ -43,8 +43,8 @@ def find_angles(matrix: NDArray[np.float64]) -> tuple[float, float, float]:
 
 
 def find_letters(direction: Any) -> str:
-    """The side of the patient to which a direction points, or two sides, the nearer first. If two are equally near, L or R
-    comes first, then A or P. There is a second side from the sine of 22.5 degrees on."""
+    """The side of the patient to which a direction points, or two sides, the nearer first. If two are equally near, L
+    or R comes first, then A or P. There is a second side from the sine of 22.5 degrees on."""
     # rounding errors make no letter
     lengths = np.round(np.abs(direction) / np.linalg.norm(direction), 6)
     nearest = np.argsort(-lengths, kind="stable")[:2]
@@ -73,8 +73,8 @@ def widen(text: str) -> str:
 def draw(
     grey: NDArray[np.uint8], matrix: NDArray[np.float64], spacing: float, *, has_sides: bool, has_scale: bool
 ) -> NDArray[np.uint8]:
-    """Returns a picture with letters at its edges, a scale bar at the bottom left and the angles at the top left, in white
-    with a black rim. Leaves out what does not fit.
+    """Returns a picture with letters at its edges, a scale bar at the bottom left and the angles at the top left, in
+    white with a black rim. Leaves out what does not fit.
 
     matrix: from view space to the patient (LPS), 4 x 4.
     spacing: of columns, in mm of view space.

@@ -1,4 +1,4 @@
-"""The projection of a volume in chunks: chunks to pieces of the intermediate image, pieces to one image, to the picture."""
+"""The projection of a volume in chunks, by pieces of the intermediate image."""
 
 from collections import ChainMap, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -40,8 +40,8 @@ _EndsOf = dict[_Place, _Ends]
 
 
 class _Pieces(NamedTuple):
-    """The result for some chunks: one piece for each view; the bytes of all pieces, including those that were merged; the
-    background by these chunks; and the ends of the projected chunks along the axes with seams."""
+    """The result for some chunks: one piece for each view; the bytes of all pieces, including those that were merged;
+    the background by these chunks; and the ends of the projected chunks along the axes with seams."""
 
     views: list[_Piece]
     bytes_sent: int
@@ -53,10 +53,12 @@ class _Pieces(NamedTuple):
 
 
 def project(volume: Volume, view: Any, parameters: Parameters) -> Any:
-    """Makes the picture of a volume in chunks, by Dask's current scheduler. Each chunk is projected where it is, to its piece
-    of the intermediate image of the whole. Pieces are merged in a tree, and the last one is warped to the picture here. The
-    picture has the bits that itk.ShearWarpMIPImageFilter gives for the whole volume. Its entry "BytesSent" is the number of
-    bytes of all pieces. Pieces cannot have moved more bytes between workers; the faces of chunks are not included."""
+    """Makes the picture of a volume in chunks, by Dask's current scheduler. Each chunk is projected where it is, to
+    its piece of the intermediate image of the whole. Pieces are merged in a tree, and the last one is warped to the
+    picture here. The picture has the bits that itk.ShearWarpMIPImageFilter gives for the whole volume. Its entry
+    "BytesSent" is the number of bytes of all pieces. Pieces cannot have moved more bytes between workers; the faces of
+    chunks are not included.
+    """
     picture = _make_filter(itk.ShearWarpMIPMergePartsImageFilter, volume, parameters)
     picture.SetTransform(view)
     update(picture, information=True)
@@ -67,8 +69,8 @@ def project(volume: Volume, view: Any, parameters: Parameters) -> Any:
 
 
 def project_turn(volume: Volume, set_turn: Callable[[Any, Any], None], parameters: Parameters) -> tuple[Any, list[Any]]:
-    """Returns the frames of an itk.ShearWarpMIPCineImageFilter, and their views. `set_turn` sets the turn of the filter for
-    an image of the volume's geometry. Each chunk is read once for all frames."""
+    """Returns the frames of an itk.ShearWarpMIPCineImageFilter, and their views. `set_turn` sets the turn of the
+    filter for an image of the volume's geometry. Each chunk is read once for all frames."""
     cine = _make_filter(itk.ShearWarpMIPCineImageFilter, volume, parameters)
     set_turn(cine, volume.make_image())
     update(cine, information=True)
@@ -173,8 +175,8 @@ def _project(volume: Volume, transforms: Sequence[Any], parameters: Parameters) 
 def _add_boxes(
     graph: dict[Any, Any], tasks: dict[_Place, Any], edge: int, view: _View, numblocks: _Place, token: str
 ) -> tuple[list[Any], "_Priorities"]:
-    """Adds and returns the tasks that merge boxes of `edge` chunks a side, with the seams inside of a box and at the boxes
-    before it. `tasks` project the chunks."""
+    """Adds and returns the tasks that merge boxes of `edge` chunks a side, with the seams inside of a box and at the
+    boxes before it. `tasks` project the chunks."""
     pieces: list[Any] = []
     ends: dict[_Place, Any] = {}
     priorities = _Priorities()
@@ -221,8 +223,8 @@ class _Priorities:
 
 
 def _project_each(array: dask.array.Array, view: _View, token: str) -> tuple[dict[Any, Any], dict[_Place, Any]]:
-    """Returns a graph that projects each chunk in the task that reads it, and the task of each chunk. The tasks share one
-    view."""
+    """Returns a graph that projects each chunk in the task that reads it, and the task of each chunk. The tasks share
+    one view."""
     shared = dask.delayed(view, name=f"view-{token}", traverse=False)
     projected = array.map_blocks(
         project_chunk, view=shared, name=f"project_chunks-{token}", dtype=object, meta=np.empty((0, 0, 0), object)
@@ -257,8 +259,8 @@ def _add_tree(graph: dict[Any, Any], pieces: list[Any], name: str) -> Any:
 
 
 def _find_owners(array: dask.array.Array) -> dict[_Place, tuple[str, int]]:
-    """Returns the worker that has each chunk, and the number of its threads, if all chunks are futures in the memory of a
-    cluster; otherwise nothing."""
+    """Returns the worker that has each chunk, and the number of its threads, if all chunks are futures in the memory
+    of a cluster; otherwise nothing."""
     layer = array.__dask_graph__().layers.get(array.name)
     # others would be made here for nothing
     if not isinstance(layer, MaterializedLayer):
@@ -333,9 +335,9 @@ def get_ends(projected: list[_Pieces], high: _Place, axes: Sequence[int]) -> _En
 def make_seam(
     ends: _EndsOf, low: _Place, high: _Place, axis: int, number: int, view: _View
 ) -> tuple[np.ndarray, list[int]]:
-    """Returns the voxels on both sides of a seam, and the first of them (z, y, x). The seam lies in a box of chunks, from
-    `low` to before `high`, before the chunks of a number along an axis. Along the other axes, the voxels begin with the
-    last voxels of the chunks before the box, because samples lie between these and the box."""
+    """Returns the voxels on both sides of a seam, and the first of them (z, y, x). The seam lies in a box of chunks,
+    from `low` to before `high`, before the chunks of a number along an axis. Along the other axes, the voxels begin
+    with the last voxels of the chunks before the box, because samples lie between these and the box."""
     places = [
         range(n - (n > 0 and other in view.seams), end) for other, (n, end) in enumerate(zip(low, high, strict=True))
     ]
@@ -356,8 +358,8 @@ def make_seam(
 
 
 def merge_chunks(projected: list[_Pieces], before: list[_EndsOf], low: _Place, high: _Place, view: _View) -> _Pieces:
-    """Merges the pieces of a box of chunks, from `low` to before `high`. Also projects and merges the seams between these
-    chunks, and to the chunks before the box, whose ends are `before`."""
+    """Merges the pieces of a box of chunks, from `low` to before `high`. Also projects and merges the seams between
+    these chunks, and to the chunks before the box, whose ends are `before`."""
     ends = dict(ChainMap(*before, *(of_chunks.get_ends() for of_chunks in projected)))
     seams = (
         make_seam(ends, low, high, axis, number, view)

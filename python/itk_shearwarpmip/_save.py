@@ -19,7 +19,7 @@ import itk
 import numpy as np
 from numpy.typing import NDArray
 
-from itk_shearwarpmip._inputs import find_millimetres, make_view
+from itk_shearwarpmip._inputs import find_millimetres, make_flag, make_view
 from itk_shearwarpmip._labels import draw, find_sides, get_matrix
 
 if TYPE_CHECKING:
@@ -36,8 +36,8 @@ def find_window(image: Any) -> Window:
     """The window that the program shear-warp-mip chooses: percentiles 1 and 99.8 of the pixels that are finite and not
     background.
 
-    image: an itk.Image of any dimension, with one or several components. The entry "Background" of its dictionary is the
-        value of the background. Without this entry, the background is 0, or the least pixel if it is negative.
+    image: an itk.Image of any dimension, with one or several components. The entry "Background" of its dictionary is
+        the value of the background. Without this entry, the background is 0, or the least pixel if it is negative.
 
     Returns the values that become black and white, low < high.
 
@@ -132,7 +132,7 @@ def make_page(turn: "Turn", *, rate: float | None = None, window: Window | None 
         "window": [low, high],
         "rate": rate,
         "loop": _find_loop(angles),
-        "labels": bool(labels),
+        "labels": make_flag("labels", labels),
         "frames": [],
     }
     if angles:
@@ -195,7 +195,7 @@ def save_png(
         )
     if annotate and not hasattr(picture, "view"):
         raise ValueError("annotate is for a picture as mip() gives it: this one has no view")
-    grey = make_picture(picture, window, labels, annotate)
+    grey = make_picture(picture, window, make_flag("labels", labels), make_flag("annotate", annotate))
     target = _find_target(Path(path))
     _require_writable(target)
     with tempfile.TemporaryDirectory(prefix=".shear-warp-mip-", dir=target.parent) as folder:
@@ -237,6 +237,8 @@ def save_turn(
     """See Turn.save(). Also raises TypeError for frames of several components."""
     given = Path(path)
     suffix = _get_suffix(given)
+    make_flag("labels", labels)
+    make_flag("annotate", annotate)
     pixels = _get_pixels(turn)
     rate = _get_rate(rate, len(pixels))
     if window is not None:

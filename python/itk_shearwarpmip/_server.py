@@ -138,8 +138,8 @@ def serve(
     port: int = 0,
     no_browser: bool = False,
 ) -> Viewer:
-    """Shows a viewer in the browser, one at a time in a process. Raises RuntimeError if there is one already, and OSError
-    if the page cannot be served."""
+    """Shows a viewer in the browser, one at a time in a process. Raises RuntimeError if there is one already, and
+    OSError if the page cannot be served."""
     if _shown:
         raise RuntimeError(f"this process shows {_shown[0]!r} already: close() that first")
     token = secrets.token_urlsafe(32)

@@ -170,9 +170,9 @@ class Viewer:
         return point
 
     def snapshot(self, path: str | os.PathLike[str] | None = None, *, text: bool = True) -> np.ndarray[Any, Any]:
-        """Returns the picture at rest, as the canvas shows it: uint8, rows x columns x 4, RGBA. If path is given, such as
-        "x.png", writes it to an image file. If text is false, the picture has no letters and numbers. Raises OSError if
-        the file cannot be written, and ValueError for another extension."""
+        """Returns the picture at rest, as the canvas shows it: uint8, rows x columns x 4, RGBA. If path is given, such
+        as "x.png", writes it to an image file. If text is false, the picture has no letters and numbers. Raises
+        OSError if the file cannot be written, and ValueError for another extension."""
         state = replace(self._state, has_text=text and self._state.has_text, has_help=False, message="")
         rgba = self._scene.paint(state, self._size, ratio=self._ratio)
         if path is not None:
@@ -182,8 +182,8 @@ class Viewer:
         return rgba
 
     def project(self) -> Any:
-        """Returns the values of the picture at rest: a 2D itk.Image, in mm of the view plane, or with an overlay a list of
-        two."""
+        """Returns the values of the picture at rest: a 2D itk.Image, in mm of the view plane, or with an overlay a
+        list of two."""
         pictures = self._scene.project(self._state, self._scene.make_grid(self._state, self._size))
         return pictures if len(pictures) > 1 else pictures[0]
 
@@ -638,8 +638,8 @@ def _make_slab(slab: Sequence[float] | None) -> tuple[float, float] | None:
 
 
 class AtOnce:
-    """For a canvas of rendercanvas: handles events when they come, and draws pictures when they are made, not at the next
-    tick of the canvas's clock."""
+    """For a canvas of rendercanvas: handles events when they come, and draws pictures when they are made, not at the
+    next tick of the canvas's clock."""
 
     _rc_canvas_group: Any
 
@@ -702,8 +702,8 @@ def show(
     parameters: crop, mask, mask_label, attenuation, local_maximum, oversampling and background, as in mip(); spacing,
         origin, direction, series, level, time and channel of the source, as in open_image().
 
-    Raises ImportError if rendercanvas or a part of it is missing, ValueError and TypeError for unsuitable parameters, and
-    the exceptions of reading the source.
+    Raises ImportError if rendercanvas or a part of it is missing, ValueError and TypeError for unsuitable parameters,
+    and the exceptions of reading the source.
 
     >>> from rendercanvas.offscreen import RenderCanvas
     >>> volume = np.zeros((10, 20, 30), np.uint8)

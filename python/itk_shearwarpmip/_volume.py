@@ -15,7 +15,7 @@ from itk_shearwarpmip._inputs import UNITS, Placed, find_pixel_types, is_of, pla
 
 @dataclass(frozen=True, eq=False)
 class Volume:
-    """A 3D array in chunks, and its geometry. Spacing and origin have the order x, y, z. A volume equals only itself."""
+    """A 3D array in chunks, and its geometry. Spacing and origin have the order x, y, z."""
 
     array: dask.array.Array
     """Axes z, y, x."""
@@ -48,7 +48,7 @@ class Volume:
         return self._place(image)
 
     def make_part(self, voxels: np.ndarray, first: Sequence[int]) -> itk.Image:
-        """Returns `voxels`, the part that begins at voxel `first` (z, y, x), as an itk.Image that shares their memory."""
+        """Returns `voxels`, the part that begins at voxel `first` (z, y, x), as an itk.Image that shares memory."""
         image = itk.image_view_from_array(voxels)
         image.SetRegions(_make_region(first, voxels.shape))
         return self._place(image)
@@ -71,12 +71,12 @@ def open_volume(
 ) -> Volume:
     """Opens a volume without reading its voxels.
 
-    volume: a dask.array.Array with the axes z, y, x; an OME-Zarr image of version 0.4 or 0.5 by its path, its URL or as a
-        zarr.Group; a Volume; or an array or image in memory. For other files, see open_image().
+    volume: a dask.array.Array with the axes z, y, x; an OME-Zarr image of version 0.4 or 0.5 by its path, its URL or
+        as a zarr.Group; a Volume; or an array or image in memory. For other files, see open_image().
     spacing, origin: x, y, z, instead of the volume's own; the defaults for arrays are 1 and 0.
     direction: 3 x 3, instead of the volume's own; the default for arrays and OME-Zarr is the identity.
-    level: the resolution of an OME-Zarr image; 0 is the finest. By default the coarsest level that is at least as fine as
-        output_spacing, or the finest level without output_spacing.
+    level: the resolution of an OME-Zarr image; 0 is the finest. By default the coarsest level that is at least as fine
+        as output_spacing, or the finest level without output_spacing.
     time, channel: the time point and the channel, for an OME-Zarr image with several.
 
     Raises ValueError for an unsuitable volume, TypeError for objects and voxels of unsupported types, ImportError for a
@@ -114,7 +114,7 @@ def open_volume(
 
 
 def read_volume(source: Any, level: int | None, time: int, channel: int) -> Volume:
-    """Opens an OME-Zarr image to read all voxels. The caller must choose the level, because the finest may be too large."""
+    """Opens an OME-Zarr image to read all voxels. The caller chooses the level: the finest may be too large."""
     image = _OmeZarr(source)
     if level is None and len(image.levels) > 1:
         raise ValueError(f"{source} has the levels 0, the finest, to {len(image.levels) - 1}: give one, as level=1")

@@ -89,7 +89,7 @@ def test_several_series_are_listed(tmp_path):
         r"1: CT, 2024-01-31, 6 images, 1.2.3.4; 2: CT, 2024-01-31, 3 images, 1.2.3.5; "
         r"3: Thorax, CT, 2024-02-01, 1 image, 1.2.3.3$"
     )
-    with pytest.raises(ValueError, match=r"several DICOM series, .* series=: " + listed):
+    with pytest.raises(ValueError, match=r"several DICOM series, .* series=1 here or in open_image\(\): " + listed):
         mip(folder)
     for wrong in ("1.2", "abdomen", 4):
         with pytest.raises(ValueError, match=rf"series {wrong} is not in .*, which has {listed}"):

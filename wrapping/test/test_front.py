@@ -684,6 +684,11 @@ BAD = {
     "zero spacing": (lambda call: call(SHORTS, spacing=(1, 2, 0)), ValueError, "Zero-valued spacing"),
     "infinite origin": (lambda call: call(SHORTS, origin=(1, 2, np.inf)), ValueError, "origin must be three finite"),
     "singular direction": (lambda call: call(SHORTS, direction=np.zeros((3, 3))), ValueError, "determinant is 0"),
+    "long direction": (
+        lambda call: call(SHORTS, direction=2 * np.eye(3)),
+        ValueError,
+        "columns of length 1, but .* 2.0",
+    ),
     "words as direction": (lambda call: call(SHORTS, direction="RAS"), ValueError, "direction must be 3 x 3"),
     "view": (lambda call: call(IMAGE, "front"), ValueError, "one of anterior, posterior, .* but it is 'front'"),
     "enumerator": (lambda call: call(IMAGE, 0), TypeError, "view must be one of"),

@@ -12,13 +12,13 @@ import itk
 import pytest
 
 SETTERS = set(
-    """SetTransform SetSize SetOutputSpacing SetOutputOrigin SetDefaultPixelValue SetMode SetSlabNear SetSlabFar SetCropLower
-    SetCropUpper SetMaskImage SetMaskLabel SetLocalMaximum SetLocalMaximumThreshold SetDepthAttenuation SetComputeDepth
-    SetReducedResampling SetOversampling SetNumberOfStreamDivisions""".split()
+    """SetTransform SetSize SetOutputSpacing SetOutputOrigin SetDefaultPixelValue SetMode SetSlabNear SetSlabFar
+    SetCropLower SetCropUpper SetMaskImage SetMaskLabel SetLocalMaximum SetLocalMaximumThreshold SetDepthAttenuation
+    SetComputeDepth SetReducedResampling SetOversampling SetNumberOfStreamDivisions""".split()
 )
 METHODS = SETTERS | set(
-    """GetDepthOutput GetPhysicalPoint GetTransform GetSize GetOutputSpacing GetOutputOrigin GetDefaultPixelValue FitOutputGrid
-    GetPrincipalAxis GetPreparationSeconds GetProjectionSeconds GetWarpSeconds ReleasePreparedVolume
+    """GetDepthOutput GetPhysicalPoint GetTransform GetSize GetOutputSpacing GetOutputOrigin GetDefaultPixelValue
+    FitOutputGrid GetPrincipalAxis GetPreparationSeconds GetProjectionSeconds GetWarpSeconds ReleasePreparedVolume
     GetPreparedVolumeSizeInBytes""".split()
 )
 

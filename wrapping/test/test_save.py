@@ -565,6 +565,21 @@ def test_bad_window(turn, tmp_path, window):
     assert not os.listdir(tmp_path)
 
 
+@pytest.mark.parametrize("flag", ["labels", "annotate"])
+def test_bad_flag(turn, tmp_path, flag):
+    for call in (
+        lambda: _save.save_turn(turn, tmp_path / "turn.nrrd", **{flag: "no"}),
+        lambda: _save.save_png(
+            itk_shearwarpmip.mip(itk_shearwarpmip.open_image(np.ones((3, 4, 5), np.uint8))),
+            tmp_path / "mip.png",
+            **{flag: "no"},
+        ),
+    ):
+        with pytest.raises(ValueError, match=f"{flag} must be True or False, but it is 'no'"):
+            call()
+    assert not os.listdir(tmp_path)
+
+
 def test_bad_folder(turn, tmp_path):
     for name in ("turn.nrrd", "turn.png", "turn"):
         with pytest.raises(FileNotFoundError, match=r"is no folder to write 'turn.* into: make it first"):
