@@ -162,11 +162,15 @@ NoteUnused(const Options & options, const itk::ImageBase<3> * stack, bool hasOri
        "--annotate",
        name + " has scale bar and angles anyway");
   note(!isMoving && !options.isMultiFrame && options.rate.has_value(), "--rate", name + " does not play");
+  const auto size = stack->GetLargestPossibleRegion().GetSize();
+  if (isMoving && size[2] == 1 && options.frames == 0)
+  {
+    messages.Note("one view does not move; see --frames");
+  }
   if (picture.empty())
   {
     return;
   }
-  const auto        size = stack->GetLargestPossibleRegion().GetSize();
   const bool        isSmall = !isPage && std::min(size[0], size[1]) < SmallestLabelled;
   const std::string small =
     '\'' + picture + "' has less than " + std::to_string(SmallestLabelled) + " pixels along one side";
