@@ -1,21 +1,21 @@
 #!/usr/bin/env bash
 # Builds and tests, in build/ of this checkout:
 #
-#   quick      library, program and their tests against Debian's installed ITK; here, in `tree` and in `module` tests that
-#              there are for each pixel type run for unsigned char, short, unsigned short and float only
-#   tree       library, program and their tests against an ITK 5.4 build tree (tools/itk-build-tree.sh makes it once
-#              and caches it), with real clinical images from ITK's test data
-#   installed  as `quick` for all types, with those images if `tree` went before; and the tests that need a browser,
+#   quick      library, program and their tests against Debian's installed ITK; here and in `module` tests that there are
+#              for each pixel type run for unsigned char, short, unsigned short and float only
+#   tree       library, program and the program's tests against an ITK 5.4 build tree (tools/itk-build-tree.sh makes it
+#              once and caches it)
+#   module     the module and its tests inside ITK's source tree, fetched as ShearWarpMIP.remote.cmake says, with nothing
+#              but the folders that ITK takes, and with real clinical images from ITK's test data
+#   installed  as `quick` for all types, with those images if `module` went before; and the tests that need a browser,
 #              a DICOM archive or other packages, the methods that the benchmarks compare with, the Debian packages
-#   module     the module inside ITK's source tree, fetched as ShearWarpMIP.remote.cmake says, with nothing but the
-#              folders that ITK takes
 #   python     the wheel, in a fresh environment beside PyPI's itk of the same version; the sdist
 #   sanitize   the C++ tests under AddressSanitizer with UndefinedBehaviorSanitizer, and under ThreadSanitizer, against
 #              Debian's installed ITK
 #   arm        the kernels and their tests, without ITK, for ARM64 under emulation
 #
-# Usage: test.sh [quick | tree | installed | module | python | --sanitize | arm]...    [quick]
-#        test.sh --all     tree, installed, module, python and arm
+# Usage: test.sh [quick | tree | module | installed | python | --sanitize | arm]...    [quick]
+#        test.sh --all     tree, module, installed, python and arm
 #        test.sh --long    random cases for 30 minutes and an image of 2^31 voxels (5 GB), on an installed ITK
 # Installs what is missing, as root or with sudo. Environment: see itk-build-tree.sh, and
 #   PYTHONS='<program> ...'  more versions of Python to test the wheel with
@@ -23,6 +23,7 @@ set -euo pipefail
 . "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 build=$root/build
+remote_module=$cache/itk-remote-module
 test_filter=()
 rare_types='<(signed )?char>|<(unsigned )?(int|long|long long)>|<double>'
 export CTEST_OUTPUT_ON_FAILURE=1 CTEST_PARALLEL_LEVEL=$jobs
@@ -32,12 +33,12 @@ if [ "$*" = --long ]; then
   test_filter=(--tests-regex '^ShearWarp(MIPProperties|MIPLarge|Exact[.]IsTheExtremum)' --timeout 3600 --verbose)
   set -- installed
 fi
-[ "$*" != --all ] || set -- tree installed module python arm
+[ "$*" != --all ] || set -- tree module installed python arm
 stages=("${@/#--sanitize/sanitize}")
 [ ${#stages[@]} -gt 0 ] || stages=(quick)
 for stage in "${stages[@]}"; do
   case $stage in
-    quick | tree | installed | module | python | sanitize | arm) ;;
+    quick | tree | module | installed | python | sanitize | arm) ;;
     *) exit_with_usage ;;
   esac
 done
@@ -70,7 +71,7 @@ test_installed() (
     libgtest-dev dicom3tools ffmpeg libgdcm-tools python3-numpy python3-pil python3-pydicom python3-pytest python3-selenium
   # Ubuntu has no such packages: the page is not tested in a browser there; its orthanc would be started as a service
   grep -q '^ID=ubuntu' /etc/os-release || need_packages chromium chromium-driver orthanc orthanc-dicomweb
-  local package images=$build/tree/ExternalData/test/Input
+  local package images=$remote_module/build/ExternalData/Modules/Remote/ShearWarpMIP/test/Input
   [ -d "$images" ] || images=
   configure_build_test "$build/installed" -DShearWarpMIP_TEST_IMAGES="$images" -DShearWarpMIP_BUILD_BENCHMARKS=ON
 
@@ -105,12 +106,14 @@ test_readme() {
 test_tree() {
   need_packages libcli11-dev
   use_tree
-  local skip=$rare_types
-  configure_build_test "$build/tree" -DITK_DIR="$tree" -DITK_WRAP_PYTHON=OFF \
-    -DITK_USE_KWSTYLE=OFF -DITK_USE_CLANG_FORMAT=OFF \
-    -DExternalData_OBJECT_STORES="$source/.ExternalData" \
-    -DCMAKE_ARCHIVE_OUTPUT_DIRECTORY="$build/tree/lib" -DCMAKE_LIBRARY_OUTPUT_DIRECTORY="$build/tree/lib" \
-    -DCMAKE_RUNTIME_OUTPUT_DIRECTORY="$build/tree/bin"
+  local dir=$build/tree
+  cmake -S "$root" -B "$dir" -G Ninja -DCMAKE_BUILD_TYPE=Release -DBUILD_TESTING=ON -DITK_DIR="$tree" \
+    -DITK_WRAP_PYTHON=OFF -DITK_USE_KWSTYLE=OFF -DITK_USE_CLANG_FORMAT=OFF \
+    -DCMAKE_ARCHIVE_OUTPUT_DIRECTORY="$dir/lib" -DCMAKE_LIBRARY_OUTPUT_DIRECTORY="$dir/lib" \
+    -DCMAKE_RUNTIME_OUTPUT_DIRECTORY="$dir/bin"
+  # `module` has the tests of the module
+  cmake --build "$dir" --parallel "$jobs" --target apps/all
+  ctest --test-dir "$dir/apps" --no-tests=error
 }
 
 # ITK's source as links, in it the module as ITK fetches it, from a stand-in for the published repository; at fixed
@@ -118,7 +121,7 @@ test_tree() {
 test_module() {
   need_packages git rsync
   use_tree
-  local dir=$cache/itk-remote-module remote=ShearWarpMIP.remote.cmake published entry key
+  local dir=$remote_module remote=ShearWarpMIP.remote.cmake published entry key
   key="$tree $(declare -f test_module | sha256sum)"
   published=$dir/published
   if [ "$(cat "$dir/key" 2>/dev/null)" != "$key" ]; then
