@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Static analysis of the C++ code; any finding is a failure.
+# Static analysis of the C++ code; any finding is a failure. Files that passed before are not analysed again.
 #
 #   compile   g++ with -Wall -Wextra -Wconversion -Wshadow; what asks for Linux or POSIX without these too
 #   libcxx    clang with libc++, on the library and the program
@@ -37,21 +37,36 @@ list_commands() {
   sed -n 's/^ *"command": "\(.*\)",$/\1/p' "$build/compile_commands.json" | sed 's/\\\(.\)/\1/g'
 }
 
+# check COMPILATION [COMMAND]: runs the command, or the compilation itself, unless it passed for the same source before.
+check() {
+  local compilation=$1 command=${2:-$1} key
+  key=$({ echo "$command"; cat .clang-tidy; eval "$(sed 's/ -o [^ ]*//; s/ -fsyntax-only//' <<< "$compilation") -E -C"; } |
+    sed "s|$root|.|g" | sha256sum | cut -d ' ' -f 1)
+  [ -e "$passed/$key" ] || { eval "$command" && touch "$passed/$key"; }
+}
+
+# Reads lines of arguments of check, with tabs between them.
+check_all() {
+  export root passed=$cache/passed
+  mkdir -p "$passed"
+  find "$passed" -type f -mtime +30 -delete
+  export -f check
+  xargs -d '\n' -P "$jobs" -n 1 bash -c 'IFS=$'"'\t'"' read -r -a arguments <<< "$1" && check "${arguments[@]}"' -
+}
+
 check_compile() {
   configure
   local commands asking
   commands=$(list_commands)
   asking=$(git grep -l '^#ifdef \(__linux__\|ShearWarpMIP_HAS_POSIX\)' -- "apps/*.cxx" "src/*.cxx")
-  { echo "$commands"; grep -F "$asking" <<< "$commands" | sed 's/$/ -U__linux__ -DShearWarpMIP_WITHOUT_POSIX/'; } |
-    xargs -d '\n' -P "$jobs" -n 1 sh -c
+  { echo "$commands"; grep -F "$asking" <<< "$commands" | sed 's/$/ -U__linux__ -DShearWarpMIP_WITHOUT_POSIX/'; } | check_all
 }
 
 check_libcxx() {
   need_packages clang libc++-dev libc++abi-dev
   configure
   list_commands | grep -E "$root/(apps|src)/[^/]*\.cxx$" |
-    sed "s|^.*/c++ |clang++ -stdlib=libc++ |; s|$| ${clang_flags[*]}|" |
-    xargs -d '\n' -P "$jobs" -n 1 sh -c
+    sed "s|^.*/c++ |clang++ -stdlib=libc++ |; s|$| ${clang_flags[*]}|" | check_all
 }
 
 check_tidy() {
@@ -60,8 +75,9 @@ check_tidy() {
   [ -x "$cache/clang-tidy/bin/python" ] || /usr/bin/python3 -m venv "$cache/clang-tidy"
   "$cache/clang-tidy/bin/pip" install --quiet --disable-pip-version-check clang-tidy==23.1.4
   configure
-  sed -n 's/^ *"file": "\(.*\)".*/\1/p' "$build/compile_commands.json" | grep -v "^$root/benchmark/" |
-    xargs -P "$jobs" -n 1 "$cache/clang-tidy/bin/clang-tidy" --quiet -p "$build" "${clang_flags[@]/#/--extra-arg=}"
+  list_commands | grep -v "UnoptimizedKernels\| $root/benchmark/[^ ]*$" |
+    sed "s|.* \([^ ]*\)$|&\t$cache/clang-tidy/bin/clang-tidy --quiet -p $build ${clang_flags[*]/#/--extra-arg=} \1|" |
+    check_all
 }
 
 check_cppcheck() {
