@@ -706,7 +706,7 @@ TEST_F(ShearWarpMIPPipeline, AllocationsThatFailAreErrorsThatNameThemAndTheNextU
       }
       allocationsUntilFailure = -1;
       ASSERT_NO_THROW(filter->Update());
-      EXPECT_TRUE(HaveSamePixels<short>(m_Filter->GetOutput(), filter->GetOutput()))
+      EXPECT_TRUE(HaveSamePixels(m_Filter->GetOutput(), filter->GetOutput()))
         << "allocation " << allocation << ", " << threads << " threads";
     }
   }

@@ -18,7 +18,6 @@
 #ifndef itkShearWarpMIPTestOracle_h
 #define itkShearWarpMIPTestOracle_h
 
-#include "itkImageRegionIteratorWithIndex.h"
 #include "itkShearWarpFactorization.h"
 #include "itkShearWarpMIPTestImages.h"
 
@@ -42,13 +41,10 @@ struct RayRule : SampleRule<TPixel>
 };
 
 inline Image<unsigned char, 3>::Pointer
-MakeMask(const ImageBase<3> * image)
+MakeMask(const ImageBase<3> * image, unsigned char label = 0)
 {
-  auto mask = Image<unsigned char, 3>::New();
-  mask->CopyInformation(image);
-  mask->SetRegions(image->GetLargestPossibleRegion());
-  mask->Allocate();
-  mask->FillBuffer(0);
+  const auto mask = MakeAlike<unsigned char>(image, image->GetLargestPossibleRegion());
+  mask->FillBuffer(label);
   return mask;
 }
 
@@ -56,21 +52,20 @@ MakeMask(const ImageBase<3> * image)
 inline Image<unsigned char, 3>::Pointer
 MakeRandomMask(Random & random, const ImageBase<3> * image)
 {
-  const auto                                            mask = MakeMask(image);
-  const auto                                            region = image->GetLargestPossibleRegion();
-  const auto                                            length = random.Integer(1, random.Integer(0, 1) == 0 ? 7 : 40);
-  const bool                                            hasSpecks = random.Integer(0, 1) == 0;
-  ImageRegionIteratorWithIndex<Image<unsigned char, 3>> it(mask, region);
-  std::uint64_t                                         labels[512];
+  const auto    mask = MakeMask(image);
+  const auto    region = image->GetLargestPossibleRegion();
+  const auto    length = random.Integer(1, random.Integer(0, 1) == 0 ? 7 : 40);
+  const bool    hasSpecks = random.Integer(0, 1) == 0;
+  std::uint64_t labels[512];
   std::generate_n(labels, 512, [&] { return random.Bits() % 3; });
-  for (; !it.IsAtEnd(); ++it)
+  for (const auto & index : ImageRegionIndexRange<3>(region))
   {
     std::int64_t cell = 0;
     for (unsigned int axis = 0; axis < 3; ++axis)
     {
-      cell = cell * 8 + (it.GetIndex()[axis] - region.GetIndex(axis)) / length % 8;
+      cell = cell * 8 + (index[axis] - region.GetIndex(axis)) / length % 8;
     }
-    it.Set(static_cast<unsigned char>(hasSpecks && random.Integer(0, 20) == 0 ? 1 : labels[cell]));
+    mask->SetPixel(index, static_cast<unsigned char>(hasSpecks && random.Integer(0, 20) == 0 ? 1 : labels[cell]));
   }
   return mask;
 }
@@ -123,6 +118,14 @@ DrawRule(Random & random, TFilter * filter, const ViewBaseType * view, const Ima
   }
   filter->SetComputeDepth(random.Integer(0, 1) == 0);
   return rule;
+}
+
+/** The place in the view plane of a pixel of an axis-aligned grid, without the rounding of a direction. */
+inline Point<double, 2>
+GetPlace(const ImageBase<2> * grid, const Index<2> & index)
+{
+  return MakePoint2(grid->GetOrigin()[0] + grid->GetSpacing()[0] * static_cast<double>(index[0]),
+                    grid->GetOrigin()[1] + grid->GetSpacing()[1] * static_cast<double>(index[1]));
 }
 
 /** The projection of an image, pixel by pixel; \a oversampling is the number of intermediate pixels per voxel. */
@@ -353,17 +356,11 @@ public:
   typename Image<TPixel, 2>::Pointer
   Evaluate(const ImageBase<2> * grid, TPixel background)
   {
-    auto output = Image<TPixel, 2>::New();
-    output->CopyInformation(grid);
-    output->SetRegions(grid->GetLargestPossibleRegion());
-    output->Allocate();
-    ImageRegionIteratorWithIndex<Image<TPixel, 2>> it(output, output->GetBufferedRegion());
-    for (; !it.IsAtEnd(); ++it)
+    const auto output = MakeAlike<TPixel>(grid, grid->GetLargestPossibleRegion());
+    for (const auto & index : ImageRegionIndexRange<2>(output->GetBufferedRegion()))
     {
-      const auto & index = it.GetIndex();
-      it.Set(this->Evaluate(grid->GetOrigin()[0] + grid->GetSpacing()[0] * static_cast<double>(index[0]),
-                            grid->GetOrigin()[1] + grid->GetSpacing()[1] * static_cast<double>(index[1]),
-                            background));
+      const auto place = GetPlace(grid, index);
+      output->SetPixel(index, this->Evaluate(place[0], place[1], background));
     }
     return output;
   }
