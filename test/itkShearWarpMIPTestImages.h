@@ -330,13 +330,13 @@ GetExceptionDescription(const TFunction & function)
 }
 
 /** Expects an exception of \a expression that says each of the texts. */
-#define EXPECT_NAMES(expression, ...)                                                                    \
-  {                                                                                                      \
-    const std::string description = itk::ShearWarpMIPTest::GetExceptionDescription([&] { expression; }); \
-    for (const std::string & text : std::initializer_list<std::string>{ __VA_ARGS__ })                   \
-    {                                                                                                    \
-      EXPECT_NE(description.find(text), std::string::npos) << text << " is not in: " << description;     \
-    }                                                                                                    \
+#define EXPECT_NAMES(expression, ...)                                                                        \
+  {                                                                                                          \
+    const std::string description = itk::ShearWarpMIPTest::GetExceptionDescription([&] { expression; });     \
+    for (const std::string & eachText : std::initializer_list<std::string>{ __VA_ARGS__ })                   \
+    {                                                                                                        \
+      EXPECT_NE(description.find(eachText), std::string::npos) << eachText << " is not in: " << description; \
+    }                                                                                                        \
   }
 
 /** Expects each of \a texts in what \a object prints. */
