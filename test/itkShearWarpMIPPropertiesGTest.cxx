@@ -20,8 +20,6 @@
 
 #include "itkShearWarpMIPTestOracle.h"
 
-#include "itkImageRegionConstIteratorWithIndex.h"
-
 #include <gtest/gtest.h>
 
 #include <array>
@@ -233,23 +231,21 @@ CheckCase(Random & random, Tally & tally)
     filter->Modified();
     filter->UpdateLargestPossibleRegion();
     first = first ? first : Copy(filter->GetOutput());
-    EXPECT_TRUE(HaveSamePixels(first.GetPointer(), filter->GetOutput()))
-      << name << ", " << threads << " threads, " << mode;
+    EXPECT_TRUE(HaveSamePixels(first, filter->GetOutput())) << name << ", " << threads << " threads, " << mode;
   });
 
   ASSERT_EQ(image->GetLargestPossibleRegion(), buffered);
   BruteForceProjection<TPixel> bruteForce(view, image, static_cast<int>(oversampling), rule);
-  itk::ImageRegionIteratorWithIndex<itk::Image<TPixel, 2>> it(first, first->GetBufferedRegion());
-  for (; !it.IsAtEnd(); ++it)
+  for (const auto & index : itk::ImageRegionIndexRange<2>(first->GetBufferedRegion()))
   {
-    const double u = first->GetOrigin()[0] + first->GetSpacing()[0] * static_cast<double>(it.GetIndex()[0]);
-    const double v = first->GetOrigin()[1] + first->GetSpacing()[1] * static_cast<double>(it.GetIndex()[1]);
-    const TPixel expected = bruteForce.Evaluate(u, v, background);
+    const auto   place = GetPlace(first, index);
+    const TPixel pixel = first->GetPixel(index);
+    const TPixel expected = bruteForce.Evaluate(place[0], place[1], background);
     ++tally.pixels;
-    if (!HaveSameBits(it.Get(), expected))
+    if (!HaveSameBits(pixel, expected))
     {
-      ASSERT_TRUE(bruteForce.IsTie(u, v))
-        << "pixel " << it.GetIndex() << " is " << +it.Get() << " instead of " << +expected << "; "
+      ASSERT_TRUE(bruteForce.IsTie(place[0], place[1]))
+        << "pixel " << index << " is " << +pixel << " instead of " << +expected << "; "
         << first->GetBufferedRegion().GetSize() << " pixels of " << buffered.GetSize() << " voxels";
       ++tally.ties;
     }
@@ -309,16 +305,14 @@ TakeMaxima(const itk::Image<short, 3> * image, const ViewType * view, const TGri
   const auto         toView = view->GetInverseTransform();
   const auto         size = grid->GetLargestPossibleRegion().GetSize();
   std::vector<short> maxima(size[0] * size[1]);
-  for (itk::ImageRegionConstIteratorWithIndex it(image, image->GetBufferedRegion()); !it.IsAtEnd(); ++it)
+  for (const auto & index : itk::ImageRegionIndexRange<3>(image->GetBufferedRegion()))
   {
-    PointType point;
-    image->TransformIndexToPhysicalPoint(it.GetIndex(), point);
-    point = toView->TransformPoint(point);
+    const auto point = toView->TransformPoint(image->TransformIndexToPhysicalPoint<double>(index));
     const auto place = [&](unsigned int axis) {
       return static_cast<std::size_t>(std::lround((point[axis] - grid->GetOrigin()[axis]) / grid->GetSpacing()[axis]));
     };
     short & maximum = maxima.at(place(1) * size[0] + place(0));
-    maximum = std::max(maximum, it.Get());
+    maximum = std::max(maximum, image->GetPixel(index));
   }
   return maxima;
 }
@@ -338,15 +332,13 @@ TEST(ShearWarpMIPProperties, ViewsAlongTheGridHaveTheMaximaOfTheirVoxels)
     return static_cast<short>(random.Integer(1, 9999));
   });
 
-  const auto single = itk::ShearWarpMIPImageFilter<ImageType>::New();
+  const auto single = MakeFilter(image);
   const auto cine = itk::ShearWarpMIPCineImageFilter<ImageType>::New();
-  single->SetInput(image);
   cine->SetInput(image);
   for (const MatrixType & direction : DrawSignedPermutations(random))
   {
     image->SetDirection(direction);
-    PointType corner;
-    image->TransformIndexToPhysicalPoint(image->GetBufferedRegion().GetIndex(), corner);
+    const auto corner = image->TransformIndexToPhysicalPoint<double>(image->GetBufferedRegion().GetIndex());
     std::vector<ViewType::Pointer> views;
     for (const MatrixType & matrix : DrawSignedPermutations(random))
     {

@@ -16,11 +16,10 @@
  *
  *=========================================================================*/
 #include "itkEuler3DTransform.h"
-#include "itkImageAlgorithm.h"
 #include "itkShearWarpMIPImageFilter.h"
 #include "itkShearWarpProjector.h"
 
-#include "itkShearWarpMIPTestImages.h"
+#include "itkShearWarpMIPTestParts.h"
 
 #include <gtest/gtest.h>
 
@@ -38,7 +37,6 @@ class ShearWarpProjectorTyped : public testing::Test
 {
 public:
   using ImageType = itk::Image<TPixel, 3>;
-  using FilterType = itk::ShearWarpMIPImageFilter<ImageType>;
 
   /** Projects with every instruction set, mode and number of threads, without and with oversampling; all must give the
    * bits of the portable kernels without reduced resampling. Returns the largest skipped fraction. */
@@ -75,11 +73,7 @@ public:
     projector.Start({ { &factorization, {} } }, kernels, parameters, 2);
     for (const auto & region : MakeParts(image->GetLargestPossibleRegion(), begins))
     {
-      const auto part = ImageType::New();
-      part->SetLargestPossibleRegion(image->GetLargestPossibleRegion());
-      part->SetBufferedRegion(region);
-      part->Allocate();
-      itk::ImageAlgorithm::Copy(image, part.GetPointer(), region, region);
+      const auto part = MakePart(image, region);
       const auto begin = region.GetIndex(2) - image->GetLargestPossibleRegion().GetIndex(2);
       const auto end = begin + static_cast<itk::IndexValueType>(region.GetSize(2));
       volume.PreparePart(part, image->GetLargestPossibleRegion(), begin, end, axis, true, kernels, call);
@@ -126,14 +120,12 @@ private:
   ExpectTheSameBits(const ImageType * image, const itk::Transform<double, 3, 3> * view, unsigned int oversampling)
   {
     SCOPED_TRACE("oversampling " + std::to_string(oversampling));
-    const auto filter = FilterType::New();
-    filter->SetInput(image);
-    filter->SetTransform(view);
+    const auto filter = MakeFilter(image, view);
     filter->SetOversampling(oversampling);
     filter->SetDefaultPixelValue(TPixel{ 7 });
     // positions between the intermediate image's pixels, and beyond it
     filter->SetOutputSpacing(itk::Vector<double, 2>(0.73));
-    typename FilterType::OutputImageType::Pointer expected;
+    typename itk::Image<TPixel, 2>::Pointer expected;
 
     double skipped = 0.0;
     ForEachInstructionSet([&](const std::string & name) {
@@ -147,16 +139,9 @@ private:
           filter->Modified();
           filter->Update();
           EXPECT_EQ(filter->GetInstructionSet(), HasVectorKernels() ? name : "portable");
-          if (!expected)
-          {
-            expected = filter->GetOutput();
-            expected->DisconnectPipeline();
-          }
-          else
-          {
-            EXPECT_TRUE(HaveSamePixels(expected.GetPointer(), filter->GetOutput()))
-              << name << ", " << mode << ", " << threads << " threads";
-          }
+          expected = expected ? expected : Copy(filter->GetOutput());
+          EXPECT_TRUE(HaveSamePixels(expected, filter->GetOutput()))
+            << name << ", " << mode << ", " << threads << " threads";
           EXPECT_GE(filter->GetSkippedFraction(), 0.0);
           EXPECT_LE(filter->GetSkippedFraction(), mode == ReducedResamplingEnum::Off ? 0.0 : 1.0);
           skipped = std::max(skipped, filter->GetSkippedFraction());
@@ -243,12 +228,11 @@ TYPED_TEST(ShearWarpProjectorTyped, FewBrightVoxelsGiveTheSameBitsHoweverTheyAre
 {
   Random     random(602);
   const auto image = MakeRandomImage<TypeParam>(random, { { 129, 77, 45 } });
-  auto *     voxels = image->GetBufferPointer();
-  const auto count = image->GetBufferedRegion().GetNumberOfPixels();
-  std::fill(voxels, voxels + count, TypeParam{ 3 });
+  image->FillBuffer(TypeParam{ 3 });
   for (int n = 0; n < 60; ++n)
   {
-    voxels[random.Integer(0, count - 1)] = static_cast<TypeParam>(random.Integer(4, 120));
+    TypeParam & voxel = image->GetBufferPointer()[random.Integer(0, 129 * 77 * 45 - 1)];
+    voxel = static_cast<TypeParam>(random.Integer(4, 120));
   }
   for (const auto & view : MakeViews())
   {
