@@ -450,8 +450,7 @@ TYPED_TEST(ShearWarpInputs, AllThatIsHeldIsCountedAndFreed)
     configure(filter);
     // the second view along x
     filter->Update();
-    filter->Modified();
-    filter->Update();
+    UpdateAnew(filter);
     const auto         expected = GetPixels(filter->GetOutput());
     const itk::Size<2> size =
       itk::ShearWarpFactorization(filter->GetTransform(), filter->GetInput(), itk::ImageBase<2>::New())
@@ -466,8 +465,7 @@ TYPED_TEST(ShearWarpInputs, AllThatIsHeldIsCountedAndFreed)
       EXPECT_NEAR(static_cast<double>(allocated - CountAllocatedBytes()), counted, 0.03 * counted);
     }
     EXPECT_EQ(filter->GetPreparedVolumeSizeInBytes(), 0u);
-    filter->Modified();
-    filter->Update();
+    UpdateAnew(filter);
     EXPECT_EQ(GetPixels(filter->GetOutput()), expected);
   }
 }

@@ -314,8 +314,7 @@ TYPED_TEST(ShearWarpExact, IsTheExtremumOfTheInterpolant)
     RayRule<TypeParam> rule;
     rule.mode = static_cast<RayMode>(repeat % 3);
     filter->SetMode(static_cast<ModeEnum>(rule.mode));
-    PointType lower, upper;
-    itk::ShearWarpFactorization::ComputeViewBounds(view, image, lower, upper);
+    const auto [lower, upper] = FindCornerBounds(view, image);
     if (random.Integer(0, 1) == 0)
     {
       const double ends[] = { random.Uniform(lower[2], upper[2]), random.Uniform(lower[2], upper[2]) };
@@ -342,8 +341,7 @@ TYPED_TEST(ShearWarpExact, IsTheExtremumOfTheInterpolant)
     typename itk::Image<TypeParam, 2>::Pointer first;
     ForEachInstructionSet([&](const std::string & name) {
       filter->SetNumberOfWorkUnits(static_cast<itk::ThreadIdType>(random.Integer(1, 5)));
-      filter->Modified();
-      filter->Update();
+      UpdateAnew(filter);
       first = first ? first : Copy(filter->GetOutput());
       EXPECT_TRUE(HaveSamePixels(first, filter->GetOutput())) << name;
     });
@@ -475,9 +473,7 @@ ProjectRay(const itk::Image<float, 3> * image, const PointType & begin, const it
     matrix(n, 2) = direction[n];
   }
   const auto filter = MakeExactFilter(image, MakeView(matrix, begin));
-  filter->SetSize({ { 1, 1 } });
-  filter->SetOutputOrigin(itk::Point<double, 2>(0.0));
-  filter->SetOutputSpacing(MakeVector2(1, 1));
+  SetGrid(filter, { { 1, 1 } }, MakeVector2(1, 1), itk::Point<double, 2>(0.0));
   filter->ComputeDepthOn();
   filter->Update();
   return { filter->GetOutput()->GetPixel({ { 0, 0 } }), filter->GetDepthOutput()->GetPixel({ { 0, 0 } }) };
@@ -526,9 +522,7 @@ TEST(ShearWarpExactClosedForms, ARampEndsWhereSlabAndBoxEnd)
     const double far = random.Uniform(0, 6);
     const auto   filter = MakeExactFilter(image, view);
     const auto   centre = view->GetInverseTransform()->TransformPoint(GetCenter(image));
-    filter->SetSize({ { 3, 3 } });
-    filter->SetOutputSpacing(MakeVector2(0.3, 0.3));
-    filter->SetOutputOrigin(MakePoint2(centre[0] - 0.3, centre[1] - 0.3));
+    SetGrid(filter, { { 3, 3 } }, MakeVector2(0.3, 0.3), MakePoint2(centre[0] - 0.3, centre[1] - 0.3));
     filter->SetSlabNear(centre[2] + near);
     filter->SetSlabFar(centre[2] + far);
     filter->Update();
@@ -813,8 +807,7 @@ TEST(ShearWarpExactRays, NoSampleIsBetter)
     filter->Update();
     const auto * output = filter->GetOutput();
     const auto & region = output->GetBufferedRegion();
-    PointType    lower, upper;
-    itk::ShearWarpFactorization::ComputeViewBounds(view, image, lower, upper);
+    const auto [lower, upper] = FindCornerBounds(view, image);
     int samples = 0;
     while (samples < 1000)
     {
@@ -851,9 +844,7 @@ TEST(ShearWarpExactRays, AllPlacesInTheVolumeAreSeen)
       const auto transform = itk::Euler3DTransform<double>::New();
       transform->SetRotation(angle, 0.7 * angle, 0.0);
       const auto filter = MakeExactFilter(image, transform);
-      filter->SetSize({ { 10, 10 } });
-      filter->SetOutputSpacing(itk::Vector<double, 2>(0.25));
-      filter->SetOutputOrigin(itk::Point<double, 2>(-1.125));
+      SetGrid(filter, { { 10, 10 } }, itk::Vector<double, 2>(0.25), itk::Point<double, 2>(-1.125));
       filter->Update();
       const auto picture = GetPixels(filter->GetOutput());
       expected = expected.empty() ? picture : expected;
@@ -907,9 +898,7 @@ TEST(ShearWarpExactRays, AnyZoomHasTheSameBits)
   const auto view = MakeRandomView(random, ViewKind::Rigid, image.GetPointer());
   const auto filter = MakeExactFilter(image, view);
   const auto centre = view->GetInverseTransform()->TransformPoint(GetCenter(image));
-  filter->SetOutputSpacing(MakeVector2(0.01, 0.01));
-  filter->SetOutputOrigin(MakePoint2(centre[0] - 1.5, centre[1] - 1.5));
-  filter->SetSize({ { 300, 300 } });
+  SetGrid(filter, { { 300, 300 } }, MakeVector2(0.01, 0.01), MakePoint2(centre[0] - 1.5, centre[1] - 1.5));
   filter->SetNumberOfWorkUnits(3);
   filter->Update();
   const auto whole = Copy(filter->GetOutput());
@@ -972,9 +961,7 @@ TEST(ShearWarpExactRays, OrderOfAxesChangesAtMostOneUnit)
     filter->SetMode(static_cast<ModeEnum>(repeat % 2));
     filter->Update();
     const auto first = Copy(filter->GetOutput());
-    filter->SetSize(first->GetBufferedRegion().GetSize());
-    filter->SetOutputOrigin(first->GetOrigin());
-    filter->SetOutputSpacing(first->GetSpacing());
+    SetGrid(filter, first->GetBufferedRegion().GetSize(), first->GetSpacing(), first->GetOrigin());
     filter->SetInput(other);
     filter->Update();
     int beside = 0;
@@ -998,9 +985,7 @@ TEST(ShearWarpExactRays, PicturesDoNotJumpWhereThePrincipalAxisChanges)
   const auto image = MakePlainImage<float>({ { 48, 48, 48 } });
   FillRandom(random, image.GetPointer());
   const auto filter = MakeFilter(image);
-  filter->SetSize({ { 150, 110 } });
-  filter->SetOutputSpacing(MakeVector2(0.4, 0.4));
-  filter->SetOutputOrigin(MakePoint2(-30, -22));
+  SetGrid(filter, { { 150, 110 } }, MakeVector2(0.4, 0.4), MakePoint2(-30, -22));
   const auto project = [&](bool isExact, double azimuth, unsigned int & axis) {
     using DirectionEnum = itk::ShearWarpMIPView::DirectionEnum;
     filter->SetTransform(itk::ShearWarpMIPView::MakeTransform(image, DirectionEnum::Anterior, azimuth, 30));
@@ -1079,9 +1064,10 @@ TEST(ShearWarpExactSeries, FramesHaveTheBitsOfTheSingleFilter)
   const auto * frames = cine->GetOutput();
   const auto   single = MakeExactFilter(image, views.front());
   const auto   frameSize = frames->GetBufferedRegion().GetSize();
-  single->SetSize({ { frameSize[0], frameSize[1] } });
-  single->SetOutputSpacing(MakeVector2(frames->GetSpacing()[0], frames->GetSpacing()[1]));
-  single->SetOutputOrigin(MakePoint2(frames->GetOrigin()[0], frames->GetOrigin()[1]));
+  SetGrid(single,
+          { { frameSize[0], frameSize[1] } },
+          MakeVector2(frames->GetSpacing()[0], frames->GetSpacing()[1]),
+          MakePoint2(frames->GetOrigin()[0], frames->GetOrigin()[1]));
   const unsigned short * pixels = frames->GetBufferPointer();
   for (const auto & view : views)
   {

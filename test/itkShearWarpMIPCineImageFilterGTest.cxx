@@ -65,9 +65,10 @@ ExpectFramesOfTheSingleFilter(CineType<TPixel> * cine, SingleType<TPixel> * sing
   cine->Update();
   const auto * frames = cine->GetOutput();
   const auto   size = frames->GetLargestPossibleRegion().GetSize();
-  single->SetSize({ { size[0], size[1] } });
-  single->SetOutputSpacing(MakeVector2(frames->GetSpacing()[0], frames->GetSpacing()[1]));
-  single->SetOutputOrigin(MakePoint2(frames->GetOrigin()[0], frames->GetOrigin()[1]));
+  SetGrid(single,
+          { { size[0], size[1] } },
+          MakeVector2(frames->GetSpacing()[0], frames->GetSpacing()[1]),
+          MakePoint2(frames->GetOrigin()[0], frames->GetOrigin()[1]));
   for (unsigned int n = 0; n < size[2]; ++n)
   {
     single->SetTransform(cine->GetFrameTransform(n));
@@ -251,13 +252,11 @@ TEST(ShearWarpMIPCine, NoFrameIsClippedAndNoGridIsFiner)
       double       finest = 1e300;
       for (unsigned int n = 0; n < 9; ++n)
       {
-        PointType lower;
-        PointType upper;
-        itk::ShearWarpFactorization::ComputeViewBounds(cine->GetFrameTransform(n), image, lower, upper);
+        const auto view = cine->GetFrameTransform(n);
+        const auto [lower, upper] = FindCornerBounds(view, image);
         lowest = std::min(lowest, lower[axis]);
         highest = std::max(highest, upper[axis]);
-        finest = std::min(
-          finest, itk::ShearWarpFactorization::ComputeProjectedSpacing(cine->GetFrameTransform(n), image)[axis]);
+        finest = std::min(finest, itk::ShearWarpFactorization::ComputeProjectedSpacing(view, image)[axis]);
       }
       EXPECT_DOUBLE_EQ(spacing, finest);
       EXPECT_LE(begin, lowest + 1e-5 * spacing);

@@ -55,9 +55,7 @@ SetRandomGrid(Random & random, TFilter * filter, const ViewType * view, const it
     size[axis] = static_cast<itk::SizeValueType>(random.Integer(5, 32));
     origin[axis] = center[axis] - spacing[axis] * random.Uniform(0.2, 0.8) * static_cast<double>(size[axis]);
   }
-  filter->SetSize(size);
-  filter->SetOutputSpacing(spacing);
-  filter->SetOutputOrigin(origin);
+  SetGrid(filter, size, spacing, origin);
 }
 
 ViewType::Pointer
@@ -213,8 +211,7 @@ TYPED_TEST(ShearWarpMIPImageFilterTyped, AnyNumberOfWorkUnitsGivesTheSameBits)
     {
       filter->SetNumberOfWorkUnits(workUnits);
       filter->ReleasePreparedVolume();
-      filter->Modified();
-      filter->Update();
+      UpdateAnew(filter);
       ASSERT_TRUE(HaveSamePixels(expected, filter->GetOutput())) << workUnits << " work units";
     }
   }
@@ -449,9 +446,7 @@ TEST(ShearWarpMIPImageFilter, PartsOfTheGridThatAreSetStayAndTheOthersAreFitted)
   filter->SetOutputOrigin(MakePoint2(0.5, 0.5));
   expectGrid("OutputSpacing and OutputOrigin", { { 10, 5 } }, MakeVector2(2, 2), MakePoint2(0.5, 0.5));
   filter->FitOutputGrid();
-  filter->SetSize({ { 4, 3 } });
-  filter->SetOutputSpacing(MakeVector2(0.5, 0.25));
-  filter->SetOutputOrigin(MakePoint2(-1, -2));
+  SetGrid(filter, { { 4, 3 } }, MakeVector2(0.5, 0.25), MakePoint2(-1, -2));
   expectGrid("all of them", { { 4, 3 } }, MakeVector2(0.5, 0.25), MakePoint2(-1, -2));
   EXPECT_EQ(filter->GetSize(), (itk::Size<2>{ { 4, 3 } }));
   EXPECT_EQ(filter->GetOutputSpacing(), MakeVector2(0.5, 0.25));
@@ -542,9 +537,7 @@ TEST(ShearWarpMIPImageFilter, FootprintIsTheImagesPhysicalExtent)
   // the outer voxels reach half a voxel beyond their centers
   const auto image = MakePlainImage<unsigned char>({ { 8, 6, 5 } }, 9);
   const auto filter = MakeFilter(image, MakeAxisView(2));
-  filter->SetOutputSpacing(MakeVector2(0.25, 0.25));
-  filter->SetOutputOrigin(MakePoint2(-1.375, -1.375));
-  filter->SetSize({ { 44, 36 } });
+  SetGrid(filter, { { 44, 36 } }, MakeVector2(0.25, 0.25), MakePoint2(-1.375, -1.375));
   filter->Update();
   const auto * output = filter->GetOutput();
   auto         first = MakePoint2(1e9, 1e9);

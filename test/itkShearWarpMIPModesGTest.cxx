@@ -88,8 +88,7 @@ TYPED_TEST(ShearWarpMIPModes, FollowTheRuleOnEveryInstructionSet)
     filter->SetDefaultPixelValue(MakeRandomPixel<TypeParam>(random));
     filter->SetOutputSpacing(itk::ShearWarpFactorization::ComputeProjectedSpacing(view, image) * random.Uniform(1, 3));
     ForEachInstructionSet([&](const std::string & name) {
-      filter->Modified();
-      filter->Update();
+      UpdateAnew(filter);
       EXPECT_EQ(filter->GetInstructionSet() == name, itk::ShearWarp::GetKernels<TypeParam>().instructionSet == name);
       ExpectRule<TypeParam>(filter, view, image, rule, oversampling);
     });
@@ -120,8 +119,7 @@ TYPED_TEST(ShearWarpMIPModes, ValuesAndDepthHaveTheBitsOfSamplesInTheirOrder)
     }
     const auto view = MakeRandomView(random, AllViewKinds[repeat % 3], image);
     const auto filter = MakeFilter(image, view);
-    PointType  lower, upper;
-    itk::ShearWarpFactorization::ComputeViewBounds(view, image, lower, upper);
+    const auto [lower, upper] = FindCornerBounds(view, image);
     const double near = random.Uniform(lower[2], upper[2]);
     filter->SetSlabNear(repeat % 4 == 0 ? -std::numeric_limits<double>::infinity() : near);
     // without a sample in many rays
@@ -149,8 +147,7 @@ TYPED_TEST(ShearWarpMIPModes, ValuesAndDepthHaveTheBitsOfSamplesInTheirOrder)
       filter->ComputeDepthOff();
       filter->LocalMaximumOff();
       filter->SetNumberOfWorkUnits(static_cast<itk::ThreadIdType>(random.Integer(1, 8)));
-      filter->Modified();
-      filter->Update();
+      UpdateAnew(filter);
       const auto pixels = Copy(filter->GetOutput());
       filter->ComputeDepthOn();
       filter->Update();
@@ -178,8 +175,7 @@ TEST(ShearWarpMIPModesOutput, FewGapsAreSeenByAllThreads)
   filter->SetNumberOfWorkUnits(8);
   for (int repeat = 0; repeat < 200; ++repeat)
   {
-    filter->Modified();
-    filter->Update();
+    UpdateAnew(filter);
     ASSERT_EQ(filter->GetOutput()->GetPixel({ { 30, 512 } }), 7) << repeat;
   }
 }
@@ -224,8 +220,7 @@ TYPED_TEST(ShearWarpMIPModes, FadesByTheFormula)
     // of every magnitude
     rule.attenuation = repeat % 4 == 0 ? std::pow(10.0, random.Uniform(-320.0, 308.0)) : random.Uniform(0.0, 0.2);
     rule.background = MakeRandomPixel<TypeParam>(random);
-    PointType lower, upper;
-    itk::ShearWarpFactorization::ComputeViewBounds(view, image, lower, upper);
+    const auto [lower, upper] = FindCornerBounds(view, image);
     rule.slabNear = repeat % 3 == 0 ? random.Uniform(lower[2], upper[2]) : rule.slabNear;
     filter->SetMode(modes[repeat % 2]);
     filter->SetDepthAttenuation(rule.attenuation);
@@ -233,8 +228,7 @@ TYPED_TEST(ShearWarpMIPModes, FadesByTheFormula)
     filter->SetSlabNear(rule.slabNear);
     typename itk::Image<TypeParam, 2>::Pointer first;
     ForEachInstructionSet([&](const std::string &) {
-      filter->Modified();
-      filter->Update();
+      UpdateAnew(filter);
       first = first ? first : Copy(filter->GetOutput());
       ASSERT_TRUE(HaveSamePixels(first, filter->GetOutput()));
     });
@@ -269,8 +263,7 @@ TYPED_TEST(ShearWarpMIPModes, FasterFadingIsNeverBrighter)
     const auto [lowest, highest] = std::minmax_element(voxels.begin(), voxels.end());
     const TypeParam background = isMinimum ? *highest : *lowest;
     const TypeParam farthest = isMinimum ? *lowest : *highest;
-    PointType       lower, upper;
-    itk::ShearWarpFactorization::ComputeViewBounds(view, image, lower, upper);
+    const auto [lower, upper] = FindCornerBounds(view, image);
     if (repeat % 4 < 2)
     {
       const double ends[] = { random.Uniform(lower[2], upper[2]), random.Uniform(lower[2], upper[2]) };
@@ -488,8 +481,7 @@ TEST(ShearWarpMIPModesClosedForms, DepthOfAVeryLongImageLeadsToTheVoxel)
           filter->SetLocalMaximumThreshold(2);
           filter->SetNumberOfStreamDivisions(divisions);
           ForEachInstructionSet([&](const std::string & name) {
-            filter->Modified();
-            filter->Update();
+            UpdateAnew(filter);
             const auto * output = filter->GetOutput();
             ASSERT_EQ(filter->GetPrincipalAxis(), axis);
             for (const auto & pixel : itk::ImageRegionIndexRange<2>(output->GetBufferedRegion()))
@@ -613,9 +605,7 @@ TEST(ShearWarpMIPModesClosedForms, ABoxChangesNoBitOfWhatFadesInIt)
     const double view[3][3] = { { 1, 0, 0 }, { 0, 1, 0 }, { slope, 0, 1 } };
     const auto   filter = MakeFilter(image, MakeView(MakeMatrix(view), MakePoint3(0, 0, 0)));
     filter->SetDepthAttenuation(0.0123);
-    filter->SetSize({ { 64, 3 } });
-    filter->SetOutputSpacing(MakeVector2(1, 1));
-    filter->SetOutputOrigin(MakePoint2(0, 0));
+    SetGrid(filter, { { 64, 3 } }, MakeVector2(1, 1), MakePoint2(0, 0));
     filter->Update();
     const auto whole = Copy(filter->GetOutput());
     filter->SetCropLower(MakePoint3(9.5, -10, -10));
@@ -686,8 +676,7 @@ TEST(ShearWarpMIPModesOutput, OfThreeDimensionsLiesInThePatient)
     ASSERT_EQ(filter->GetOutput()->GetBufferedRegion().GetSize(), (itk::Size<3>{ { size[0], size[1], 1 } }));
     EXPECT_EQ(GetPixels(filter->GetOutput()), GetPixels(flat->GetOutput()));
 
-    PointType lower, upper;
-    itk::ShearWarpFactorization::ComputeViewBounds(view, image, lower, upper);
+    const auto [lower, upper] = FindCornerBounds(view, image);
     EXPECT_NEAR(filter->GetOutput()->GetSpacing()[2], upper[2] - lower[2], 1e-9);
     for (const itk::IndexValueType x : { itk::IndexValueType{ 0 }, static_cast<itk::IndexValueType>(size[0] - 1) })
     {

@@ -309,8 +309,7 @@ TEST(ShearWarpMIPPart, OneViewAlongXIsOfSlabs)
     filter->SetReducedResampling(ReducedResamplingEnum::Off);
     for (int repeat = 0; repeat < 2; ++repeat)
     {
-      filter->Modified();
-      filter->Update();
+      UpdateAnew(filter);
       EXPECT_EQ(filter->GetPrincipalAxis(), 0u);
       EXPECT_TRUE(HaveSamePixels(expected, filter->GetOutput()));
       EXPECT_GT(filter->GetPreparationSeconds(), 0.0);

@@ -268,8 +268,7 @@ TEST_F(ShearWarpMIPPipeline, OnlySecondViewsAlongXCopyTheVolume)
     m_Filter->Update();
     EXPECT_LE(GetPreparedBytes(m_Filter.GetPointer()), BlockExtremaBytes);
   }
-  m_Filter->Modified();
-  m_Filter->Update();
+  UpdateAnew(m_Filter);
   EXPECT_EQ(GetPreparedBytes(m_Filter.GetPointer()), PreparedBytes);
 }
 
@@ -305,8 +304,7 @@ TEST_F(ShearWarpMIPPipeline, FirstViewsHaveTheBitsOfFurtherOnes)
       const auto first = Copy(m_Filter->GetOutput());
       for (int repeat = 0; repeat < 2; ++repeat)
       {
-        m_Filter->Modified();
-        m_Filter->Update();
+        UpdateAnew(m_Filter);
         EXPECT_TRUE(HaveSamePixels(first, m_Filter->GetOutput()));
       }
     }
@@ -388,16 +386,12 @@ TEST_F(ShearWarpMIPPipeline, TransformMutatedInPlaceTakesEffect)
 
 TEST_F(ShearWarpMIPPipeline, NoChangeExecutesNothing)
 {
-  m_Filter->SetSize({ { 20, 20 } });
-  m_Filter->SetOutputSpacing(MakeVector2(1.5, 1.5));
-  m_Filter->SetOutputOrigin(MakePoint2(-10, -10));
+  SetGrid(m_Filter, { { 20, 20 } }, MakeVector2(1.5, 1.5), MakePoint2(-10, -10));
   m_Filter->SetDefaultPixelValue(3);
   const ExecutionCounter executions(m_Filter);
   m_Filter->Update();
   m_Filter->Update();
-  m_Filter->SetSize({ { 20, 20 } });
-  m_Filter->SetOutputSpacing(MakeVector2(1.5, 1.5));
-  m_Filter->SetOutputOrigin(MakePoint2(-10, -10));
+  SetGrid(m_Filter, { { 20, 20 } }, MakeVector2(1.5, 1.5), MakePoint2(-10, -10));
   m_Filter->SetDefaultPixelValue(3);
   m_Filter->SetTransform(m_Filter->GetTransform());
   m_Filter->SetInput(m_Image);
@@ -429,8 +423,7 @@ TEST_F(ShearWarpMIPPipeline, ReleasePreparedVolumeFreesItUntilItIsNeeded)
   const auto updateTwice = [this] {
     for (int repeat = 0; repeat < 2; ++repeat)
     {
-      m_Filter->Modified();
-      m_Filter->Update();
+      UpdateAnew(m_Filter);
     }
     EXPECT_GT(m_Filter->GetPreparationSeconds(), 0.0);
     EXPECT_EQ(GetPreparedBytes(m_Filter.GetPointer()), PreparedBytes);
@@ -538,8 +531,7 @@ TEST_F(ShearWarpMIPPipeline, AbortThrowsAndTheNextUpdateIsRight)
   for (const float abortAt : { 0.05f, 0.6f, 0.92f })
   {
     m_Filter->ReleasePreparedVolume();
-    m_Filter->Modified();
-    m_Filter->Update();
+    UpdateAnew(m_Filter);
     m_Filter->Modified();
     ProgressRecorder recorder(m_Filter);
     recorder.abortAt = abortAt;
@@ -659,8 +651,7 @@ TEST_F(ShearWarpMIPPipeline, AllocationsThatFailAreErrorsThatNameThemAndTheNextU
       try
       {
         filter->Update();
-        filter->Modified();
-        filter->Update();
+        UpdateAnew(filter);
       }
       catch (const itk::MemoryAllocationError & error)
       {
@@ -871,9 +862,7 @@ TEST_F(ShearWarpMIPPipeline, SetGetAndPrintEveryParameter)
                   "WarpSeconds: 0",
                   "PreparedVolumeSizeInBytes: 0" });
 
-  m_Filter->SetSize({ { 11, 12 } });
-  m_Filter->SetOutputSpacing(MakeVector2(1.5, 2.5));
-  m_Filter->SetOutputOrigin(MakePoint2(-3.5, 4.5));
+  SetGrid(m_Filter, { { 11, 12 } }, MakeVector2(1.5, 2.5), MakePoint2(-3.5, 4.5));
   m_Filter->SetDefaultPixelValue(-77);
   m_Filter->SetOversampling(2);
   m_Filter->Update();

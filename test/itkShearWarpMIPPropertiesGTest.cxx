@@ -132,10 +132,8 @@ template <typename TFilter>
 void
 DrawGrid(Random & random, TFilter * filter, const ViewType * view, const itk::ImageBase<3> * image)
 {
-  constexpr double      largest = 80.0;
-  itk::Point<double, 3> lower;
-  itk::Point<double, 3> upper;
-  itk::ShearWarpFactorization::ComputeViewBounds(view, image, lower, upper);
+  constexpr double largest = 80.0;
+  const auto [lower, upper] = FindCornerBounds(view, image);
   const auto             extent = upper - lower;
   const auto             fitted = itk::ShearWarpFactorization::ComputeProjectedSpacing(view, image);
   itk::Size<2>           size;
@@ -368,8 +366,7 @@ TEST(ShearWarpMIPProperties, ViewsAlongTheGridHaveTheMaximaOfTheirVoxels)
       std::vector<short> expected;
       single->SetTransform(view);
       ForEachInstructionSet([&](const std::string & name) {
-        single->Modified();
-        single->Update();
+        UpdateAnew(single);
         const auto * output = single->GetOutput();
         expected = expected.empty() ? TakeMaxima(image, view, output) : expected;
         EXPECT_TRUE(std::equal(expected.begin(), expected.end(), output->GetBufferPointer())) << name << ", direction\n"
@@ -379,8 +376,7 @@ TEST(ShearWarpMIPProperties, ViewsAlongTheGridHaveTheMaximaOfTheirVoxels)
     }
     std::vector<std::vector<short>> expected;
     ForEachInstructionSet([&](const std::string & name) {
-      cine->Modified();
-      cine->Update();
+      UpdateAnew(cine);
       for (std::size_t n = 0; n < views.size(); ++n)
       {
         if (n == expected.size())

@@ -121,10 +121,8 @@ TEST(ShearWarpMIPStreamingPipeline, EveryInstructionSetHasTheSameBits)
     whole->SetTransform(view);
     streamed->SetTransform(view);
     ForEachInstructionSet([&](const std::string & name) {
-      whole->Modified();
-      whole->Update();
-      streamed->Modified();
-      streamed->Update();
+      UpdateAnew(whole);
+      UpdateAnew(streamed);
       EXPECT_EQ(streamed->GetInstructionSet(), name);
       EXPECT_TRUE(HaveSamePixels(whole->GetOutput(), streamed->GetOutput())) << "in repetition " << repeat;
     });

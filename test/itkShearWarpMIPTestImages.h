@@ -69,15 +69,7 @@ MakePoint2(double x, double y)
 inline MatrixType
 MakeMatrix(const double (&rows)[3][3])
 {
-  MatrixType matrix;
-  for (unsigned int row = 0; row < 3; ++row)
-  {
-    for (unsigned int column = 0; column < 3; ++column)
-    {
-      matrix(row, column) = rows[row][column];
-    }
-  }
-  return matrix;
+  return MatrixType(vnl_matrix_fixed<double, 3, 3>(&rows[0][0]));
 }
 
 inline MatrixType
@@ -86,8 +78,7 @@ MakeDiagonal(double x, double y, double z)
   return MakeMatrix({ { x, 0, 0 }, { 0, y, 0 }, { 0, 0, z } });
 }
 
-/** Looks along \a axis of an image whose direction is the identity; the other axes are the picture's, in their order.
- */
+/** Looks along \a axis of an image whose direction is the identity; the other axes keep their order. */
 inline MatrixType
 MakeAxisMatrix(unsigned int axis)
 {
@@ -303,6 +294,27 @@ MakeFilter(const TImagePointer & image, const Transform<double, 3, 3> * view = n
     filter->SetTransform(view);
   }
   return filter;
+}
+
+template <typename TFilterPointer>
+void
+SetGrid(const TFilterPointer &    filter,
+        const Size<2> &           size,
+        const Vector<double, 2> & spacing,
+        const Point<double, 2> &  origin)
+{
+  filter->SetSize(size);
+  filter->SetOutputSpacing(spacing);
+  filter->SetOutputOrigin(origin);
+}
+
+/** Even if nothing has changed. */
+template <typename TFilterPointer>
+void
+UpdateAnew(const TFilterPointer & filter)
+{
+  filter->Modified();
+  filter->Update();
 }
 
 /** In the order of memory. */

@@ -79,8 +79,7 @@ DrawRule(Random & random, TFilter * filter, const ViewBaseType * view, const Ima
   const auto      mode = random.Integer(0, 2);
   rule.mode = static_cast<RayMode>(mode);
   filter->SetMode(static_cast<typename TFilter::ModeEnum>(mode));
-  PointType lower, upper;
-  ShearWarpFactorization::ComputeViewBounds(view, image, lower, upper);
+  const auto [lower, upper] = FindCornerBounds(view, image);
   if (random.Integer(0, 1) == 0)
   {
     const double ends[] = { random.Uniform(lower[2], upper[2]), random.Uniform(lower[2], upper[2]) };

@@ -136,8 +136,7 @@ private:
           filter->GetMultiThreader()->SetMaximumNumberOfThreads(threads);
           filter->SetNumberOfWorkUnits(threads);
           filter->SetReducedResampling(mode);
-          filter->Modified();
-          filter->Update();
+          UpdateAnew(filter);
           EXPECT_EQ(filter->GetInstructionSet(), HasVectorKernels() ? name : "portable");
           expected = expected ? expected : Copy(filter->GetOutput());
           EXPECT_TRUE(HaveSamePixels(expected, filter->GetOutput()))
