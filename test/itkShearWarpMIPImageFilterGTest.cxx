@@ -113,21 +113,6 @@ TYPED_TEST(ShearWarpMIPImageFilterTyped, HasTheBitsOfABruteForceEvaluation)
   EXPECT_EQ(axes.size(), 6u) << "every axis from both sides";
 }
 
-TYPED_TEST(ShearWarpMIPImageFilterTyped, FittedGridHasTheBitsOfABruteForceEvaluation)
-{
-  Random random(402);
-  for (int repeat = 0; repeat < 100; ++repeat)
-  {
-    const auto image = MakeRandomImage<TypeParam>(random, MakeRandomSize(random, 1, 12));
-    const auto view = MakeRandomView(random, AllViewKinds[repeat % 3], image);
-    const auto filter = MakeFilter(image, view);
-    filter->Update();
-    BruteForceProjection<TypeParam> bruteForce(view, image);
-    const auto                      expected = bruteForce.Evaluate(filter->GetOutput(), TypeParam{});
-    ASSERT_TRUE(HaveSamePixels(expected, filter->GetOutput())) << "in repetition " << repeat;
-  }
-}
-
 TYPED_TEST(ShearWarpMIPImageFilterTyped, AxisAlignedViewsEqualMaximumProjectionImageFilter)
 {
   Random random(403);
@@ -214,25 +199,6 @@ TYPED_TEST(ShearWarpMIPImageFilterTyped, AnyNumberOfWorkUnitsGivesTheSameBits)
       UpdateAnew(filter);
       ASSERT_TRUE(HaveSamePixels(expected, filter->GetOutput())) << workUnits << " work units";
     }
-  }
-}
-
-TYPED_TEST(ShearWarpMIPImageFilterTyped, StartIndexOnlyMovesTheImage)
-{
-  Random random(406);
-  for (int repeat = 0; repeat < 60; ++repeat)
-  {
-    const auto image = MakeRandomImage<TypeParam>(random, MakeRandomSize(random, 1, 12));
-    auto       same = itk::Image<TypeParam, 3>::New();
-    same->CopyInformation(image);
-    same->SetOrigin(image->template TransformIndexToPhysicalPoint<double>(image->GetBufferedRegion().GetIndex()));
-    same->SetRegions(image->GetBufferedRegion().GetSize());
-    same->SetPixelContainer(image->GetPixelContainer());
-    const auto view = MakeRandomView(random, AllViewKinds[repeat % 3], image);
-    const auto expected = Project(image, view);
-    const auto output = Project(same, view);
-    EXPECT_TRUE(HaveSamePixels(expected, output)) << "in repetition " << repeat;
-    EXPECT_NEAR((expected->GetOrigin() - output->GetOrigin()).GetNorm(), 0.0, 1e-9);
   }
 }
 

@@ -32,33 +32,6 @@ using namespace itk::ShearWarpMIPTest;
 using RegionType = itk::ImageRegion<3>;
 using ViewType = itk::Transform<double, 3, 3>;
 
-/** Boxes of \a least to \a most voxels a side that together are \a whole, each with one voxel more below. */
-std::vector<RegionType>
-MakeRandomParts(Random & random, const RegionType & whole, int least, int most)
-{
-  std::vector<RegionType> parts{ whole };
-  for (unsigned int axis = 0; axis < 3; ++axis)
-  {
-    const auto              first = whole.GetIndex(axis);
-    const auto              last = first + static_cast<itk::IndexValueType>(whole.GetSize(axis));
-    std::vector<RegionType> smaller;
-    for (auto begin = first; begin < last;)
-    {
-      const auto end = std::min<itk::IndexValueType>(begin + random.Integer(least, most), last);
-      for (RegionType part : parts)
-      {
-        const auto halo = std::max(begin - 1, first);
-        part.SetIndex(axis, halo);
-        part.SetSize(axis, static_cast<itk::SizeValueType>(end - halo));
-        smaller.push_back(part);
-      }
-      begin = end;
-    }
-    parts = smaller;
-  }
-  return parts;
-}
-
 template <typename TImagePointer>
 auto
 MakePartFilter(const TImagePointer & part, const RegionType & whole, const ViewType * view)

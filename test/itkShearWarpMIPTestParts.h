@@ -36,6 +36,33 @@ MakePart(const Image<TPixel, 3> * image, const ImageRegion<3> & region)
   return part;
 }
 
+/** Boxes of \a least to \a most voxels a side that together are \a whole, each with one voxel more below. */
+inline std::vector<ImageRegion<3>>
+MakeRandomParts(Random & random, const ImageRegion<3> & whole, int least, int most)
+{
+  std::vector<ImageRegion<3>> parts{ whole };
+  for (unsigned int axis = 0; axis < 3; ++axis)
+  {
+    const auto                  first = whole.GetIndex(axis);
+    const auto                  last = first + static_cast<IndexValueType>(whole.GetSize(axis));
+    std::vector<ImageRegion<3>> smaller;
+    for (auto begin = first; begin < last;)
+    {
+      const auto end = std::min<IndexValueType>(begin + random.Integer(least, most), last);
+      for (ImageRegion<3> part : parts)
+      {
+        const auto halo = std::max(begin - 1, first);
+        part.SetIndex(axis, halo);
+        part.SetSize(axis, static_cast<SizeValueType>(end - halo));
+        smaller.push_back(part);
+      }
+      begin = end;
+    }
+    parts = smaller;
+  }
+  return parts;
+}
+
 /** Only the geometry. */
 template <typename TPixel>
 typename Image<TPixel, 3>::Pointer

@@ -47,13 +47,12 @@ public:
     return std::max(skipped, ExpectTheSameBits(image, view, 2));
   }
 
-  /** The intermediate image, where slices reach it, from parts that begin at these voxels along each axis. Each is an
-   * image that has one voxel more below, if there is one. Empty lists are the whole. */
+  /** The intermediate image, where slices reach it, from \a parts. */
   static std::vector<TPixel>
-  ProjectInParts(const ImageType *                                       image,
-                 const itk::Transform<double, 3, 3> *                    view,
-                 unsigned int                                            oversampling,
-                 const std::array<std::vector<itk::IndexValueType>, 3> & begins)
+  ProjectInParts(const ImageType *                        image,
+                 const itk::Transform<double, 3, 3> *     view,
+                 unsigned int                             oversampling,
+                 const std::vector<itk::ImageRegion<3>> & parts)
   {
     const auto & kernels = itk::ShearWarp::GetKernels<TPixel>();
     const auto   grid = itk::ImageBase<2>::New();
@@ -71,7 +70,7 @@ public:
     typename itk::ShearWarpProjector<TPixel>::Parameters parameters;
     parameters.reducedResampling = ReducedResamplingEnum::On;
     projector.Start({ { &factorization, {} } }, kernels, parameters, 2);
-    for (const auto & region : MakeParts(image->GetLargestPossibleRegion(), begins))
+    for (const auto & region : parts)
     {
       const auto part = MakePart(image, region);
       const auto begin = region.GetIndex(2) - image->GetLargestPossibleRegion().GetIndex(2);
@@ -90,32 +89,6 @@ public:
   }
 
 private:
-  using RegionType = typename ImageType::RegionType;
-
-  static std::vector<RegionType>
-  MakeParts(const RegionType & whole, const std::array<std::vector<itk::IndexValueType>, 3> & begins)
-  {
-    std::vector<RegionType> parts{ whole };
-    for (unsigned int axis = 0; axis < 3; ++axis)
-    {
-      std::vector<RegionType> smaller;
-      for (const RegionType & part : parts)
-      {
-        for (auto begin = begins[axis].begin(); begin != begins[axis].end(); ++begin)
-        {
-          const auto next = std::next(begin);
-          const auto end = next == begins[axis].end() ? static_cast<itk::IndexValueType>(whole.GetSize(axis)) : *next;
-          const auto first = std::max<itk::IndexValueType>(*begin - 1, 0);
-          smaller.push_back(part);
-          smaller.back().SetIndex(axis, whole.GetIndex(axis) + first);
-          smaller.back().SetSize(axis, static_cast<itk::SizeValueType>(end - first));
-        }
-      }
-      parts = begins[axis].empty() ? parts : smaller;
-    }
-    return parts;
-  }
-
   static double
   ExpectTheSameBits(const ImageType * image, const itk::Transform<double, 3, 3> * view, unsigned int oversampling)
   {
@@ -199,25 +172,17 @@ TYPED_TEST(ShearWarpProjectorTyped, NoiseGivesTheSameBitsHoweverItIsProjected)
 
 TYPED_TEST(ShearWarpProjectorTyped, PartsOfAnImageGiveTheBitsOfTheWhole)
 {
-  Random             random(606);
-  const itk::Size<3> size{ { 61, 45, 38 } };
-  const auto         image = MakeRandomImage<TypeParam>(random, size);
+  Random       random(606);
+  const auto   image = MakeRandomImage<TypeParam>(random, { { 61, 45, 38 } });
+  const auto & region = image->GetLargestPossibleRegion();
   for (const auto & view : MakeViews())
   {
     for (const unsigned int oversampling : { 1, 2 })
     {
-      const auto whole = TestFixture::ProjectInParts(image, view, oversampling, {});
-      std::array<std::vector<itk::IndexValueType>, 3> begins;
-      for (unsigned int axis = 0; axis < 3; ++axis)
-      {
-        for (itk::IndexValueType begin = 0; begin < static_cast<itk::IndexValueType>(size[axis]);)
-        {
-          begins[axis].push_back(begin);
-          begin += random.Integer(1, 30);
-        }
-      }
+      const auto whole = TestFixture::ProjectInParts(image, view, oversampling, { region });
+      const auto parts = MakeRandomParts(random, region, 1, 30);
       ForEachInstructionSet([&](const std::string &) {
-        EXPECT_TRUE(TestFixture::ProjectInParts(image, view, oversampling, begins) == whole);
+        EXPECT_TRUE(TestFixture::ProjectInParts(image, view, oversampling, parts) == whole);
       });
     }
   }
