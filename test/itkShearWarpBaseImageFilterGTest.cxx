@@ -21,12 +21,8 @@
 
 #include "itkShearWarpMIPTestParts.h"
 
-#include "itkCommand.h"
-
-#include <gtest/gtest.h>
 
 #include <functional>
-#include <string>
 
 #if defined(__GLIBC__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
 #  if __GLIBC__ > 2 || __GLIBC_MINOR__ >= 33

@@ -23,7 +23,6 @@
 #include "itkShearWarpMIPView.h"
 
 #include <array>
-#include <set>
 
 namespace
 {
@@ -314,26 +313,7 @@ TYPED_TEST(ShearWarpExact, IsTheExtremumOfTheInterpolant)
     RayRule<TypeParam> rule;
     rule.mode = static_cast<RayMode>(repeat % 3);
     filter->SetMode(static_cast<ModeEnum>(rule.mode));
-    const auto [lower, upper] = FindCornerBounds(view, image);
-    if (random.Integer(0, 1) == 0)
-    {
-      const double ends[] = { random.Uniform(lower[2], upper[2]), random.Uniform(lower[2], upper[2]) };
-      rule.slabNear = std::min(ends[0], ends[1]);
-      rule.slabFar = std::max(ends[0], ends[1]);
-      filter->SetSlabNear(rule.slabNear);
-      filter->SetSlabFar(rule.slabFar);
-    }
-    if (random.Integer(0, 2) == 0)
-    {
-      const PointType centre = GetCenter(image.GetPointer());
-      for (unsigned int axis = 0; axis < 3; ++axis)
-      {
-        rule.cropLower[axis] = centre[axis] - random.Uniform(0, 0.4) * (upper[2] - lower[2]);
-        rule.cropUpper[axis] = centre[axis] + random.Uniform(0, 0.4) * (upper[2] - lower[2]);
-      }
-      filter->SetCropLower(rule.cropLower);
-      filter->SetCropUpper(rule.cropUpper);
-    }
+    DrawSlabAndBox(random, filter.GetPointer(), view.GetPointer(), image.GetPointer(), false, rule);
     filter->SetDefaultPixelValue(MakeRandomPixel<TypeParam>(random));
     filter->SetOutputSpacing(itk::ShearWarpFactorization::ComputeProjectedSpacing(view, image) *
                              random.Uniform(0.8, 3));

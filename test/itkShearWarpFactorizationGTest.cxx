@@ -28,8 +28,6 @@
 #include "itkTranslationTransform.h"
 #include "itkVersorRigid3DTransform.h"
 
-#include <gtest/gtest.h>
-
 #include <set>
 #include <utility>
 

@@ -19,11 +19,6 @@
 
 #include "itkShearWarpMIPTestRule.h"
 
-#include <gtest/gtest.h>
-
-#include <array>
-#include <cmath>
-#include <cstring>
 #include <memory>
 #include <optional>
 

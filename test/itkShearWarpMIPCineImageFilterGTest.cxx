@@ -20,10 +20,7 @@
 #include "itkShearWarpMIPTestOracle.h"
 #include "itkShearWarpMIPTestParts.h"
 
-#include "itkCommand.h"
 #include "itkMetaDataObject.h"
-
-#include <gtest/gtest.h>
 
 namespace
 {

@@ -23,8 +23,6 @@
 #include "itkMaximumProjectionImageFilter.h"
 #include "itkResampleImageFilter.h"
 
-#include <gtest/gtest.h>
-
 #include <set>
 #include <utility>
 

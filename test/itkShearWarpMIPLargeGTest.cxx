@@ -19,10 +19,6 @@
 
 #include "itkShearWarpMIPTestImages.h"
 
-#include <gtest/gtest.h>
-
-#include <cstdlib>
-
 namespace
 {
 using namespace itk::ShearWarpMIPTest;

@@ -21,10 +21,7 @@
 #include "itkShearWarpMIPTestParts.h"
 
 #include "itkCastImageFilter.h"
-#include "itkCommand.h"
 #include "itkTranslationTransform.h"
-
-#include <gtest/gtest.h>
 
 namespace
 {

@@ -21,14 +21,11 @@
 
 #include "itkBSplineTransform.h"
 #include "itkCastImageFilter.h"
-#include "itkCommand.h"
 #include "itkCompositeTransform.h"
 #include "itkEuler3DTransform.h"
 #include "itkStreamingImageFilter.h"
 
 #include "itksys/SystemTools.hxx"
-
-#include <gtest/gtest.h>
 
 #include <atomic>
 #include <chrono>
@@ -527,27 +524,26 @@ TEST_F(ShearWarpMIPPipeline, ProgressRisesToOneThroughAllPhases)
 TEST_F(ShearWarpMIPPipeline, AbortThrowsAndTheNextUpdateIsRight)
 {
   m_Filter->SetNumberOfWorkUnits(1);
+  const auto abortAt = [this](float limit) {
+    m_Filter->Modified();
+    ProgressRecorder recorder(m_Filter);
+    recorder.abortAt = limit;
+    EXPECT_THROW(m_Filter->Update(), itk::ProcessAborted) << "at progress " << limit;
+    EXPECT_LT(recorder.progress.back(), 1.0f);
+    m_Filter->RemoveAllObservers();
+  };
   // the preparation, the projection, and the warp
-  for (const float abortAt : { 0.05f, 0.6f, 0.92f })
+  for (const float limit : { 0.05f, 0.6f, 0.92f })
   {
     m_Filter->ReleasePreparedVolume();
     UpdateAnew(m_Filter);
-    m_Filter->Modified();
-    ProgressRecorder recorder(m_Filter);
-    recorder.abortAt = abortAt;
-    EXPECT_THROW(m_Filter->Update(), itk::ProcessAborted) << "at progress " << abortAt;
-    EXPECT_LT(recorder.progress.back(), 1.0f);
-    m_Filter->RemoveAllObservers();
-    EXPECT_EQ(GetPreparedBytes(m_Filter.GetPointer()), abortAt < 0.4f ? 0u : PreparedBytes);
+    abortAt(limit);
+    EXPECT_EQ(GetPreparedBytes(m_Filter.GetPointer()), limit < 0.4f ? 0u : PreparedBytes);
     ExpectWorksAgain();
   }
 
   m_Filter->ReleasePreparedVolume();
-  m_Filter->Modified();
-  ProgressRecorder recorder(m_Filter);
-  recorder.abortAt = 0.05f;
-  EXPECT_THROW(m_Filter->Update(), itk::ProcessAborted);
-  m_Filter->RemoveAllObservers();
+  abortAt(0.05f);
   ExpectWorksAgain();
   EXPECT_EQ(GetPreparedBytes(m_Filter.GetPointer()), 0u) << "the first view is to come after an abort";
 }
@@ -730,18 +726,16 @@ TEST_F(ShearWarpMIPPipeline, ErrorsOfTheTransformNameIt)
   m_Filter->SetTransform(composite);
   EXPECT_NAMES(m_Filter->Update(), "Transform", "linear", "CompositeTransform");
 
-  const auto singular = ViewType::New();
-  auto       parameters = singular->GetParameters();
+  const auto view = ViewType::New();
+  auto       parameters = view->GetParameters();
   parameters[8] = 0.0;
   parameters[0] = 3.25;
-  singular->SetParameters(parameters);
-  m_Filter->SetTransform(singular);
+  view->SetParameters(parameters);
+  m_Filter->SetTransform(view);
   EXPECT_NAMES(m_Filter->Update(), "Transform", "invertible", "3.25");
 
-  const auto notFinite = ViewType::New();
   parameters[8] = std::numeric_limits<double>::quiet_NaN();
-  notFinite->SetParameters(parameters);
-  m_Filter->SetTransform(notFinite);
+  view->SetParameters(parameters);
   EXPECT_NAMES(m_Filter->Update(), "Transform", "finite", "nan", "3.25");
 
   m_Filter->SetTransform(MakeViewAlong(1));

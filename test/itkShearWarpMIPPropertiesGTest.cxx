@@ -20,8 +20,6 @@
 
 #include "itkShearWarpMIPTestOracle.h"
 
-#include <gtest/gtest.h>
-
 #include <array>
 #include <iostream>
 

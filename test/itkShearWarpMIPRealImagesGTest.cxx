@@ -26,10 +26,6 @@
 #include "itkNrrdImageIO.h"
 #include "itkVectorImage.h"
 
-#include <gtest/gtest.h>
-
-#include <string>
-
 /** Clinical images from ITK's own test data: the content links in the folder Input. */
 namespace
 {

@@ -19,10 +19,6 @@
 
 #include "itkShearWarpMIPTestImages.h"
 
-#include <gtest/gtest.h>
-
-#include <cstdint>
-
 namespace
 {
 using namespace itk::ShearWarpMIPTest;

@@ -19,10 +19,7 @@
 
 #include "itkShearWarpMIPTestParts.h"
 
-#include <gtest/gtest.h>
-
 #include <set>
-#include <string>
 
 namespace
 {

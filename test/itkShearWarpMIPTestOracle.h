@@ -70,21 +70,22 @@ MakeRandomMask(Random & random, const ImageBase<3> * image)
   return mask;
 }
 
-/** Chooses parameters, for the filter and for the rule that its result must follow. */
+/** Chooses a slab and a box for the filter and for its rule; some of their ends are open if \a mayBeOpen. */
 template <typename TFilter, typename TPixel>
-RayRule<TPixel>
-DrawRule(Random & random, TFilter * filter, const ViewBaseType * view, const Image<TPixel, 3> * image)
+void
+DrawSlabAndBox(Random &             random,
+               TFilter *            filter,
+               const ViewBaseType * view,
+               const ImageBase<3> * image,
+               bool                 mayBeOpen,
+               RayRule<TPixel> &    rule)
 {
-  RayRule<TPixel> rule;
-  const auto      mode = random.Integer(0, 2);
-  rule.mode = static_cast<RayMode>(mode);
-  filter->SetMode(static_cast<typename TFilter::ModeEnum>(mode));
   const auto [lower, upper] = FindCornerBounds(view, image);
   if (random.Integer(0, 1) == 0)
   {
     const double ends[] = { random.Uniform(lower[2], upper[2]), random.Uniform(lower[2], upper[2]) };
-    rule.slabNear = random.Integer(0, 3) == 0 ? rule.slabNear : std::min(ends[0], ends[1]);
-    rule.slabFar = random.Integer(0, 3) == 0 ? rule.slabFar : std::max(ends[0], ends[1]);
+    rule.slabNear = mayBeOpen && random.Integer(0, 3) == 0 ? rule.slabNear : std::min(ends[0], ends[1]);
+    rule.slabFar = mayBeOpen && random.Integer(0, 3) == 0 ? rule.slabFar : std::max(ends[0], ends[1]);
     filter->SetSlabNear(rule.slabNear);
     filter->SetSlabFar(rule.slabFar);
   }
@@ -96,10 +97,22 @@ DrawRule(Random & random, TFilter * filter, const ViewBaseType * view, const Ima
       rule.cropLower[axis] = center[axis] - random.Uniform(0, 0.4) * (upper[2] - lower[2]);
       rule.cropUpper[axis] = center[axis] + random.Uniform(0, 0.4) * (upper[2] - lower[2]);
     }
-    rule.cropUpper[2] = random.Integer(0, 1) == 0 ? rule.Infinity : rule.cropUpper[2];
+    rule.cropUpper[2] = mayBeOpen && random.Integer(0, 1) == 0 ? rule.Infinity : rule.cropUpper[2];
     filter->SetCropLower(rule.cropLower);
     filter->SetCropUpper(rule.cropUpper);
   }
+}
+
+/** Chooses parameters, for the filter and for the rule that its result must follow. */
+template <typename TFilter, typename TPixel>
+RayRule<TPixel>
+DrawRule(Random & random, TFilter * filter, const ViewBaseType * view, const Image<TPixel, 3> * image)
+{
+  RayRule<TPixel> rule;
+  const auto      mode = random.Integer(0, 2);
+  rule.mode = static_cast<RayMode>(mode);
+  filter->SetMode(static_cast<typename TFilter::ModeEnum>(mode));
+  DrawSlabAndBox(random, filter, view, image, true, rule);
   if (random.Integer(0, 1) == 0)
   {
     const auto mask = MakeRandomMask(random, image);

@@ -20,8 +20,6 @@
 #include "itkShearWarpMIPImageFilter.h"
 #include "itkShearWarpMIPTestImages.h"
 
-#include <gtest/gtest.h>
-
 #include <sstream>
 
 namespace

@@ -19,8 +19,6 @@
 
 #include "itkShearWarpMIPTestImages.h"
 
-#include <gtest/gtest.h>
-
 #include <stdexcept>
 
 namespace

@@ -21,8 +21,6 @@
 
 #include "itkShearWarpMIPTestParts.h"
 
-#include <gtest/gtest.h>
-
 namespace
 {
 using namespace itk::ShearWarpMIPTest;
