@@ -490,10 +490,7 @@ TEST(ShearWarpExactClosedForms, ARampEndsWhereSlabAndBoxEnd)
   const auto image = itk::Image<float, 3>::New();
   image->SetRegions(itk::ImageRegion<3>({ { -3, 4, 5 } }, { { 40, 30, 20 } }));
   image->Allocate();
-  for (const auto & index : itk::ImageRegionIndexRange<3>(image->GetBufferedRegion()))
-  {
-    image->SetPixel(index, static_cast<float>(index[0] + 2 * index[1] + 3 * index[2]));
-  }
+  FillByIndex(image, [](const auto & index) { return index[0] + 2 * index[1] + 3 * index[2]; });
   Random random(2404);
   for (int repeat = 0; repeat < 200; ++repeat)
   {
@@ -767,10 +764,9 @@ TEST(ShearWarpExactGuess, ChangesNoBit)
       expectedDepths = n == 0 ? depths : expectedDepths;
       EXPECT_EQ(pixels, expected);
       EXPECT_EQ(std::memcmp(depths.data(), expectedDepths.data(), depths.size() * sizeof(float)), 0);
-      for (auto & guess : guesses)
-      {
-        guess = static_cast<std::int32_t>(random.Integer(-1, slices - 1));
-      }
+      std::generate(guesses.begin(), guesses.end(), [&random] {
+        return static_cast<std::int32_t>(random.Integer(-1, slices - 1));
+      });
     }
     EXPECT_GT(std::count(pixels.begin(), pixels.end(), 7), 0);
   }
@@ -927,15 +923,14 @@ TEST(ShearWarpExactRays, OrderOfAxesChangesAtMostOneUnit)
     other->SetSpacing(spacing);
     other->SetDirection(direction);
     other->SetOrigin(image->TransformIndexToPhysicalPoint<double>(corner));
-    for (const auto & otherIndex : itk::ImageRegionIndexRange<3>(other->GetBufferedRegion()))
-    {
+    FillByIndex(other, [&](const auto & otherIndex) {
       itk::Index<3> index = corner;
       for (unsigned int axis = 0; axis < 3; ++axis)
       {
         index[order[axis]] += ((flips >> axis & 1) != 0 ? -1 : 1) * otherIndex[axis];
       }
-      other->SetPixel(otherIndex, image->GetPixel(index));
-    }
+      return image->GetPixel(index);
+    });
 
     const auto filter = MakeExactFilter(image, view);
     filter->SetMode(static_cast<ModeEnum>(repeat % 2));

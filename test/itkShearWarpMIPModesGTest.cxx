@@ -359,10 +359,7 @@ TEST(ShearWarpMIPModesClosedForms, LocalMaximumHidesABrighterVesselBehind)
   // along z: rising to 50, falling, rising to 90
   const auto  image = MakePlainImage<unsigned char>({ { 3, 3, 8 } });
   const short ray[] = { 0, 20, 50, 50, 30, 90, 90, 10 };
-  for (const auto & index : itk::ImageRegionIndexRange<3>(image->GetBufferedRegion()))
-  {
-    image->SetPixel(index, static_cast<unsigned char>(ray[index[2]]));
-  }
+  FillByIndex(image, [&ray](const auto & index) { return ray[index[2]]; });
   const auto filter = MakeFilter(image, ViewType::New());
   const auto get = [&] {
     filter->Update();
@@ -393,10 +390,7 @@ TEST(ShearWarpMIPModesClosedForms, SlabIsThatOfItsMillimetres)
   // each slice has its number
   const auto image = MakePlainImage<unsigned short>({ { 5, 4, 40 } });
   image->SetSpacing(MakeVector3(1, 1, 2.5));
-  for (const auto & index : itk::ImageRegionIndexRange<3>(image->GetBufferedRegion()))
-  {
-    image->SetPixel(index, static_cast<unsigned short>(index[2] + 1));
-  }
+  FillByIndex(image, [](const auto & index) { return index[2] + 1; });
   const auto filter = MakeFilter(image, ViewType::New());
   const auto project = [&](double near, double far) {
     filter->SetSlabNear(near);
@@ -519,11 +513,8 @@ TEST(ShearWarpMIPModesClosedForms, MaskedBrightNeighboursDoNotBleed)
   // vessel beside bone
   const auto image = MakePlainImage<short>({ { 16, 16, 16 } });
   const auto mask = MakeMask(image);
-  for (const auto & index : itk::ImageRegionIndexRange<3>(image->GetBufferedRegion()))
-  {
-    image->SetPixel(index, index[0] < 8 ? 2000 : 300);
-    mask->SetPixel(index, index[0] < 8 ? 0 : 1);
-  }
+  FillByIndex(image, [](const auto & index) { return index[0] < 8 ? 2000 : 300; });
+  FillByIndex(mask, [](const auto & index) { return index[0] < 8 ? 0 : 1; });
   Random random(906);
   for (int repeat = 0; repeat < 20; ++repeat)
   {

@@ -117,12 +117,7 @@ DrawView(Random & random, const itk::ImageBase<3> * image)
   {
     matrix = matrix * MakeDiagonal(1.0, 1.0, std::pow(10.0, random.Uniform(-2, 2)));
   }
-  PointType origin = GetCenter(image);
-  for (auto & coordinate : origin)
-  {
-    coordinate += random.Uniform(-20, 20);
-  }
-  return MakeView(matrix, origin);
+  return MakeView(matrix, GetCenter(image) + DrawVector(random, 20));
 }
 
 /** Sets some of the grid's parameters, or none, and what is needed to keep the output small. */

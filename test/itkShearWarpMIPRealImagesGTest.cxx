@@ -155,11 +155,10 @@ KeepSide(const itk::Image<TPixel, 3> * image, const itk::Vector<double, 3> & sid
 {
   const auto half = MakeAlike<TPixel>(image, image->GetBufferedRegion());
   const auto center = GetCenter(image);
-  for (const auto & index : itk::ImageRegionIndexRange<3>(image->GetBufferedRegion()))
-  {
+  FillByIndex(half, [&](const auto & index) {
     const auto position = image->template TransformIndexToPhysicalPoint<double>(index);
-    half->SetPixel(index, (position - center) * side > 0 ? image->GetPixel(index) : TPixel{});
-  }
+    return (position - center) * side > 0 ? image->GetPixel(index) : TPixel{};
+  });
   return half;
 }
 

@@ -89,6 +89,15 @@ MakeAxisMatrix(unsigned int axis)
   return matrix;
 }
 
+/** Each component is within \a limit of 0. */
+inline Vector<double, 3>
+DrawVector(Random & random, double limit)
+{
+  const double x = random.Uniform(-limit, limit);
+  const double y = random.Uniform(-limit, limit);
+  return MakeVector3(x, y, random.Uniform(-limit, limit));
+}
+
 /** Uniformly distributed over all rotations: of a random unit quaternion. */
 inline MatrixType
 MakeRandomRotation(Random & random)
@@ -187,11 +196,7 @@ FindCornerBounds(const Transform<double, 3, 3> * view, const ImageBase<3> * imag
 inline ViewType::Pointer
 MakeRandomView(Random & random, ViewKind kind, const ImageBase<3> * image)
 {
-  PointType origin = GetCenter(image);
-  for (unsigned int axis = 0; axis < 3; ++axis)
-  {
-    origin[axis] += random.Uniform(-20, 20);
-  }
+  const PointType origin = GetCenter(image) + DrawVector(random, 20);
   return MakeView(MakeRandomViewMatrix(random, kind), origin);
 }
 
@@ -245,6 +250,18 @@ FillRandom(Random & random, Image<TPixel, VDimension> * image)
 {
   const SizeValueType count = image->GetBufferedRegion().GetNumberOfPixels();
   std::generate_n(image->GetBufferPointer(), count, [&random] { return MakeRandomPixel<TPixel>(random); });
+}
+
+/** Gives each pixel the value of \a function(index). */
+template <typename TImagePointer, typename TFunction>
+void
+FillByIndex(const TImagePointer & image, const TFunction & function)
+{
+  using ImageType = std::decay_t<decltype(*image)>;
+  for (const auto & index : ImageRegionIndexRange<ImageType::ImageDimension>(image->GetBufferedRegion()))
+  {
+    image->SetPixel(index, static_cast<typename ImageType::PixelType>(function(index)));
+  }
 }
 
 template <typename TPixel>

@@ -369,11 +369,10 @@ public:
   Evaluate(const ImageBase<2> * grid, TPixel background)
   {
     const auto output = MakeAlike<TPixel>(grid, grid->GetLargestPossibleRegion());
-    for (const auto & index : ImageRegionIndexRange<2>(output->GetBufferedRegion()))
-    {
+    FillByIndex(output, [&](const Index<2> & index) {
       const auto place = GetPlace(grid, index);
-      output->SetPixel(index, this->Evaluate(place[0], place[1], background));
-    }
+      return this->Evaluate(place[0], place[1], background);
+    });
     return output;
   }
 

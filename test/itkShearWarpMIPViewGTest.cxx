@@ -68,14 +68,6 @@ ExpectRightHanded(const itk::Transform<double, 3, 3> * view)
   EXPECT_NEAR((itk::CrossProduct(u, v) - GetViewAxis(view, 0, 0, 1)).GetNorm(), 0.0, 1e-12);
 }
 
-VectorType
-MakeRandomVector(Random & random, double limit)
-{
-  const double x = random.Uniform(-limit, limit);
-  const double y = random.Uniform(-limit, limit);
-  return MakeVector3(x, y, random.Uniform(-limit, limit));
-}
-
 void
 ExpectAxes(const ShearWarpMIPView::TransformType * view,
            const VectorType &                      u,
@@ -279,14 +271,14 @@ TEST(ShearWarpMIPView, TurningIsARotationAboutTheLine)
   for (int repeat = 0; repeat < 200; ++repeat)
   {
     const auto view = MakeRandomView(random, ViewKind::Rigid, image);
-    const auto axis = MakeRandomVector(random, 3);
-    const auto center = PointType(0.0) + MakeRandomVector(random, 50);
+    const auto axis = DrawVector(random, 3);
+    const auto center = PointType(0.0) + DrawVector(random, 50);
     const auto degrees = random.Uniform(-400, 400);
     const auto turned = ShearWarpMIPView::Turn(view, axis, center, degrees);
     auto       rotation = itk::AffineTransform<double, 3>::New();
     rotation->SetCenter(center);
     rotation->Rotate3D(axis, degrees * itk::Math::pi_over_180);
-    const auto point = PointType(0.0) + MakeRandomVector(random, 9);
+    const auto point = PointType(0.0) + DrawVector(random, 9);
     const auto expected = rotation->TransformPoint(view->TransformPoint(point));
     ASSERT_LT((turned->TransformPoint(point) - expected).GetNorm(), 1e-10);
   }
@@ -302,7 +294,7 @@ TEST(ShearWarpMIPView, UprightViewsHaveTheAxisUpThePicture)
   Random random(311);
   for (int repeat = 0; repeat < 100; ++repeat)
   {
-    const auto axis = MakeRandomVector(random, 1);
+    const auto axis = DrawVector(random, 1);
     const auto view = ShearWarpMIPView::MakeUprightTransform(image, axis * (repeat % 2 == 0 ? 1e-200 : 1e200));
     ExpectRightHanded(view);
     ASSERT_LT((GetViewAxis(view, 0, 1, 0) + axis / axis.GetNorm()).GetNorm(), 1e-12);
