@@ -225,18 +225,15 @@ TEST(ShearWarpFactorization, WarpAfterShearIsTheViewForRandomViewsOfRandomImages
   Random                                     random(101);
   std::set<std::pair<unsigned int, bool>>    axes;
   std::set<std::tuple<unsigned, bool, bool>> shearSigns;
-  for (int repeat = 0; repeat < 6000; ++repeat)
+  for (int repeat = 0; repeat < 6000 && !HasFatalFailure(); ++repeat)
   {
+    SCOPED_TRACE(repeat);
     const auto image = MakeRandomGeometry(random, 1, 12);
     const auto view = MakeRandomView(random, AllViewKinds[repeat % 3], image);
     const auto grid =
       MakeGrid(random.Uniform(0.2, 3), random.Uniform(0.2, 3), random.Uniform(-50, 50), random.Uniform(-50, 50));
     const ShearWarpFactorization factorization(view, image, grid);
     ExpectFactors(factorization, view, image, grid);
-    if (HasFatalFailure())
-    {
-      FAIL() << "in repetition " << repeat;
-    }
 
     // the ray's index changes most along the principal axis
     const auto toIndex = [&](double w) {
@@ -323,52 +320,44 @@ TEST(ShearWarpFactorization, TranslationsAreHalfOfThePublishedOnes)
 
 TEST(ShearWarpFactorization, EveryLinearTransformClassWorks)
 {
-  std::vector<itk::Transform<double, 3, 3>::Pointer> transforms;
-  transforms.push_back(itk::IdentityTransform<double, 3>::New().GetPointer());
-
   auto translation = itk::TranslationTransform<double, 3>::New();
   translation->SetOffset(MakeVector3(3, -4, 5.5));
-  transforms.push_back(translation.GetPointer());
 
   auto scale = itk::ScaleTransform<double, 3>::New();
   scale->Scale(MakeVector3(0.7, 1.3, -2.0));
   scale->SetCenter(MakePoint3(1, 2, 3));
-  transforms.push_back(scale.GetPointer());
 
   auto euler = itk::Euler3DTransform<double>::New();
   euler->SetCenter(MakePoint3(4, 5, 6));
   euler->SetRotation(0.3, -0.9, 2.2);
   euler->SetTranslation(MakeVector3(1, 2, 3));
-  transforms.push_back(euler.GetPointer());
 
   auto versor = itk::VersorRigid3DTransform<double>::New();
   versor->SetRotation(MakeVector3(0.6, 0.0, 0.8), 1.1);
   versor->SetTranslation(MakeVector3(-1, 2, 9));
-  transforms.push_back(versor.GetPointer());
 
   auto similarity = itk::Similarity3DTransform<double>::New();
   similarity->SetRotation(MakeVector3(0.0, 0.6, 0.8), 2.1);
   similarity->SetScale(1.7);
-  transforms.push_back(similarity.GetPointer());
 
-  Random random(103);
-  transforms.push_back(MakeView(MakeRandomViewMatrix(random, ViewKind::Affine), MakePoint3(7, 8, 9)).GetPointer());
+  Random     random(103);
+  const auto affine = MakeView(MakeRandomViewMatrix(random, ViewKind::Affine), MakePoint3(7, 8, 9));
 
   auto composite = itk::CompositeTransform<double, 3>::New();
   composite->AddTransform(euler);
   composite->AddTransform(translation);
   composite->AddTransform(scale);
-  transforms.push_back(composite.GetPointer());
 
   auto nested = itk::CompositeTransform<double, 3>::New();
   nested->AddTransform(composite);
   nested->AddTransform(versor);
-  transforms.push_back(nested.GetPointer());
 
-  auto image = GeometryType::New();
+  const auto image = GeometryType::New();
   SetRandomGeometry(random, image, { { 7, 9, 11 } });
   const auto grid = MakeGrid(0.5, 0.7, -10, 4);
-  for (const auto & transform : transforms)
+  const auto identity = itk::IdentityTransform<double, 3>::New();
+  for (const itk::Transform<double, 3, 3> * transform : std::initializer_list<const itk::Transform<double, 3, 3> *>{
+         identity, translation, scale, euler, versor, similarity, affine, composite, nested })
   {
     SCOPED_TRACE(transform->GetNameOfClass());
     const ShearWarpFactorization factorization(transform, image, grid);

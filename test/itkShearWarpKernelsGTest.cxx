@@ -1117,18 +1117,6 @@ TYPED_TEST(ShearWarpKernelsTyped, WarpRowFollowsTheRule)
   }
 }
 
-TYPED_TEST(ShearWarpKernelsTyped, WarpRowNeverMixesUnreachedPixelsIn)
-{
-  // the left column alone is reached, and the position moves across it
-  const std::vector<TypeParam> pixels{ 50, 100, 50, 100 };
-  const auto output = Warp<TypeParam>(pixels, { { 0, 1 }, { 0, 1 } }, { 0.125, 0, -1.5, 0, 0, 0.5 }, 24, 1, 7, 0);
-  for (int n = 0; n < 24; ++n)
-  {
-    const double column = 0.125 * n - 1.5;
-    EXPECT_EQ(output[n], column > -1.0 && column < 1.0 ? 50 : 7) << "at column " << column;
-  }
-}
-
 TYPED_TEST(ShearWarpKernelsTyped, WarpRowGivesBackgroundForPositionsFarOutsideOrNotANumber)
 {
   const double infinity = std::numeric_limits<double>::infinity();

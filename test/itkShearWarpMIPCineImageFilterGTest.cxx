@@ -119,8 +119,7 @@ TYPED_TEST(ShearWarpMIPCineTyped, FramesHaveTheBitsOfTheSingleFilter)
     cine->SetAngularRange(repeat % 3 == 0 ? 360.0 : random.Uniform(-400, 400));
     cine->SetRocking(random.Integer(0, 3) == 0);
     const auto threads = static_cast<unsigned int>(random.Integer(1, 4));
-    cine->SetNumberOfWorkUnits(threads);
-    cine->GetMultiThreader()->SetMaximumNumberOfThreads(threads);
+    SetThreads(cine, threads);
     cine->SetIntermediateMemory(random.Integer(0, 2) == 0 ? 1 : 1 << 20);
     const auto reducedResampling = static_cast<ReducedResamplingEnum>(random.Integer(0, 2));
     const auto oversampling = static_cast<unsigned int>(random.Integer(1, 2));

@@ -211,8 +211,7 @@ CheckCase(Random & random, Tally & tally)
   ForEachInstructionSet([&](const std::string & name) {
     const auto threads = static_cast<itk::ThreadIdType>(random.Integer(1, 8));
     const auto mode = static_cast<ReducedResamplingEnum>(random.Integer(0, 2));
-    filter->GetMultiThreader()->SetMaximumNumberOfThreads(threads);
-    filter->SetNumberOfWorkUnits(threads);
+    SetThreads(filter, threads);
     filter->SetReducedResampling(mode);
     filter->SetNumberOfStreamDivisions(static_cast<unsigned int>(random.Integer(0, 1) == 0 ? 1 : random.Integer(2, 9)));
     if (random.Integer(0, 1) == 0)

@@ -62,8 +62,7 @@ ExpectChecksum(unsigned int oversampling, std::uint64_t expected)
         filter->SetDefaultPixelValue(TPixel{ 1 });
         filter->SetSize({ { 90, 80 } });
         filter->SetOutputSpacing(MakeVector2(0.7, 0.9));
-        filter->GetMultiThreader()->SetMaximumNumberOfThreads(threads);
-        filter->SetNumberOfWorkUnits(threads);
+        SetThreads(filter, threads);
         filter->Update();
         AddToChecksum<itk::Image<TPixel, 2>>(filter->GetOutput(), checksum);
       }

@@ -325,6 +325,14 @@ SetGrid(const TFilterPointer &    filter,
   filter->SetOutputOrigin(origin);
 }
 
+template <typename TFilterPointer>
+void
+SetThreads(const TFilterPointer & filter, ThreadIdType threads)
+{
+  filter->GetMultiThreader()->SetMaximumNumberOfThreads(threads);
+  filter->SetNumberOfWorkUnits(threads);
+}
+
 /** Even if nothing has changed. */
 template <typename TFilterPointer>
 void

@@ -112,31 +112,24 @@ TEST(ShearWarpMIPView, EveryViewIsRigidAndRightHanded)
   }
 }
 
-TEST(ShearWarpMIPView, AzimuthMovesTheViewerTowardsTheRightOfThePicture)
+TEST(ShearWarpMIPView, AzimuthMovesTheViewerToTheRightAndElevationToTheTopOfThePicture)
 {
   const auto image = MakeHead();
-  for (const Direction direction : AllDirections)
-  {
-    const auto start = ShearWarpMIPView::MakeTransform(image, direction);
-    const auto turned = ShearWarpMIPView::MakeTransform(image, direction, 30.0);
+  const auto expectMoved = [](const auto & start, const auto & turned, double right, double top) {
     const auto towardsViewer = GetViewAxis(turned, 0, 0, -1);
-    EXPECT_NEAR(towardsViewer * GetViewAxis(start, 1, 0, 0), 0.5, 1e-12);
+    EXPECT_NEAR(towardsViewer * GetViewAxis(start, right, -top, 0), 0.5, 1e-12);
     EXPECT_NEAR(towardsViewer * GetViewAxis(start, 0, 0, -1), std::sqrt(0.75), 1e-12);
-    EXPECT_NEAR((GetViewAxis(turned, 0, 1, 0) - GetViewAxis(start, 0, 1, 0)).GetNorm(), 0.0, 1e-12);
-  }
-}
-
-TEST(ShearWarpMIPView, ElevationMovesTheViewerTowardsTheTopOfThePicture)
-{
-  const auto image = MakeHead();
+    // the picture's other axis stays
+    EXPECT_NEAR((GetViewAxis(turned, top, right, 0) - GetViewAxis(start, top, right, 0)).GetNorm(), 0.0, 1e-12);
+  };
   for (const Direction direction : AllDirections)
   {
-    const auto start = ShearWarpMIPView::MakeTransform(image, direction, 20.0);
-    const auto raised = ShearWarpMIPView::MakeTransform(image, direction, 20.0, 30.0);
-    const auto towardsViewer = GetViewAxis(raised, 0, 0, -1);
-    EXPECT_NEAR(towardsViewer * GetViewAxis(start, 0, -1, 0), 0.5, 1e-12);
-    EXPECT_NEAR(towardsViewer * GetViewAxis(start, 0, 0, -1), std::sqrt(0.75), 1e-12);
-    EXPECT_NEAR((GetViewAxis(raised, 1, 0, 0) - GetViewAxis(start, 1, 0, 0)).GetNorm(), 0.0, 1e-12);
+    SCOPED_TRACE(direction);
+    const auto make = [&](double azimuth, double elevation) {
+      return ShearWarpMIPView::MakeTransform(image, direction, azimuth, elevation);
+    };
+    expectMoved(make(0, 0), make(30, 0), 1, 0);
+    expectMoved(make(20, 0), make(20, 30), 0, 1);
   }
 }
 

@@ -131,8 +131,7 @@ private:
       {
         for (const unsigned int threads : { 1, 2, 5 })
         {
-          filter->GetMultiThreader()->SetMaximumNumberOfThreads(threads);
-          filter->SetNumberOfWorkUnits(threads);
+          SetThreads(filter, threads);
           filter->SetReducedResampling(mode);
           UpdateAnew(filter);
           EXPECT_EQ(filter->GetInstructionSet(), HasVectorKernels() ? name : "portable");
