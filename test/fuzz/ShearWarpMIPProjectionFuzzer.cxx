@@ -408,7 +408,7 @@ Project(Numbers & numbers)
   {
     BruteForceProjection<TPixel> bruteForce(view, input, static_cast<int>(filter->GetOversampling()));
     const auto                   expected = bruteForce.Evaluate(grid, background);
-    const bool isRight = HaveSamePixels(first, expected) || bruteForce.GetMargin() < 2.0 * error;
+    const bool                   isRight = HaveSamePixels(first, expected) || bruteForce.GetMargin() < 2.0 * error;
     if (!isRight)
     {
       std::cerr << *input << *view << *grid << "error " << error << ", margin " << bruteForce.GetMargin() << std::endl;
