@@ -21,12 +21,8 @@
 
 #include "itkShearWarpMIPTestParts.h"
 
-#include "itkCommand.h"
-
-#include <gtest/gtest.h>
 
 #include <functional>
-#include <string>
 
 #if defined(__GLIBC__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
 #  if __GLIBC__ > 2 || __GLIBC_MINOR__ >= 33
@@ -40,7 +36,6 @@ namespace
 using namespace itk::ShearWarpMIPTest;
 
 using ImageType = itk::Image<short, 3>;
-using MaskType = itk::Image<unsigned char, 3>;
 using SingleType = itk::ShearWarpMIPImageFilter<ImageType>;
 using CineType = itk::ShearWarpMIPCineImageFilter<ImageType>;
 using PartType = itk::ShearWarpMIPPartImageFilter<ImageType>;
@@ -73,14 +68,6 @@ CountAllocatedBytes()
 #endif
 }
 
-template <typename TImage>
-std::vector<char>
-GetBytes(const TImage * image)
-{
-  const auto * bytes = reinterpret_cast<const char *>(image->GetBufferPointer());
-  return { bytes, bytes + image->GetBufferedRegion().GetNumberOfPixels() * sizeof(typename TImage::PixelType) };
-}
-
 /** Takes one pixel from what is held. */
 template <typename TPixel, unsigned int VDimension>
 void
@@ -108,6 +95,15 @@ Configure(TFilter * filter)
   {
     filter->SetNumberOfFrames(6);
   }
+}
+
+template <typename TFilter>
+typename TFilter::Pointer
+MakeConfigured()
+{
+  const auto filter = TFilter::New();
+  Configure<TFilter>(filter);
+  return filter;
 }
 
 template <typename TFilter>
@@ -187,7 +183,7 @@ Disturb(void (*configure)(TFilter *), const Change<TFilter> & change, Outcome ou
   const auto undisturbed = TFilter::New();
   configure(undisturbed);
   undisturbed->Update();
-  const auto expected = GetBytes(undisturbed->GetOutput());
+  const auto expected = GetPixels(undisturbed->GetOutput());
   for (const unsigned int threads : { 1, 2 })
   {
     for (const int at : { -1, 0, 1, 2, 4, 7 })
@@ -209,7 +205,7 @@ Disturb(void (*configure)(TFilter *), const Change<TFilter> & change, Outcome ou
         filter->Update();
         // the calling thread alone has events: with a second one, perhaps the last event only
         EXPECT_TRUE(outcome != Outcome::Error || (at != -1 && (at != 0 || threads > 1))) << "no exception";
-        EXPECT_TRUE(outcome != Outcome::SameBits || GetBytes(filter->GetOutput()) == expected);
+        EXPECT_TRUE(outcome != Outcome::SameBits || GetPixels(filter->GetOutput()) == expected);
       }
       catch (const itk::ExceptionObject & error)
       {
@@ -290,8 +286,7 @@ TEST(ShearWarpObserved, NoObserverBreaksPartsAndTheirPicture)
 
   const auto configureParts = [](MergeType * filter) {
     Configure(filter);
-    const auto part = PartType::New();
-    Configure(part.GetPointer());
+    const auto part = MakeConfigured<PartType>();
     part->Update();
     for (const unsigned int n : { 0, 1 })
     {
@@ -319,8 +314,7 @@ TYPED_TEST_SUITE(ShearWarpInputs, FilterTypes, );
 
 TYPED_TEST(ShearWarpInputs, FewerVoxelsThanTheirRegionAreAnError)
 {
-  const auto filter = TypeParam::New();
-  Configure(filter.GetPointer());
+  const auto filter = MakeConfigured<TypeParam>();
   const auto image = MakeTestImage();
   Shorten(image.GetPointer());
   filter->SetInput(image);
@@ -339,15 +333,9 @@ TYPED_TEST(ShearWarpInputs, NoVoxelsAreAnErrorAlongEachAxis)
 {
   for (const unsigned int axis : { 0, 1, 2 })
   {
-    const auto filter = TypeParam::New();
-    Configure(filter.GetPointer());
+    const auto filter = MakeConfigured<TypeParam>();
     filter->SetInput(MakeOutline(filter->GetInput()));
-    itk::Matrix<double, 3, 3> matrix;
-    for (unsigned int column = 0; column < 3; ++column)
-    {
-      matrix((axis + 1 + column) % 3, column) = 1;
-    }
-    filter->SetTransform(MakeView(matrix, PointType(0.0)));
+    filter->SetTransform(MakeView(MakeAxisMatrix(axis), PointType(0.0)));
     for (const auto reducedResampling :
          { TypeParam::ReducedResamplingEnum::Off, TypeParam::ReducedResamplingEnum::Auto })
     {
@@ -364,8 +352,7 @@ TYPED_TEST(ShearWarpInputs, NoVoxelsAreAnErrorAlongEachAxis)
 
 TYPED_TEST(ShearWarpInputs, MeasurementsOutliveWhatIsReleased)
 {
-  const auto filter = TypeParam::New();
-  Configure(filter.GetPointer());
+  const auto          filter = MakeConfigured<TypeParam>();
   const std::string & name = filter->GetInstructionSet();
   EXPECT_EQ(name, "portable");
   filter->Update();
@@ -378,11 +365,9 @@ TYPED_TEST(ShearWarpInputs, MeasurementsOutliveWhatIsReleased)
 
 TEST(ShearWarpInputsOfParts, FewerPixelsThanTheirRegionAreAnError)
 {
-  const auto source = PartType::New();
-  Configure(source.GetPointer());
+  const auto source = MakeConfigured<PartType>();
   source->Update();
-  const auto filter = MergeType::New();
-  Configure(filter.GetPointer());
+  const auto filter = MakeConfigured<MergeType>();
   const auto part = Copy(source->GetOutput());
   filter->SetPart(0, Copy(part.GetPointer()));
   Shorten(part.GetPointer());
@@ -428,8 +413,7 @@ TYPED_TEST(ShearWarpInputs, OfAnotherTypeAreErrorsThatSayWhatTheyAreFor)
 
 TEST(ShearWarpInputsOfParts, OfAnotherTypeAreErrorsThatSayWhatTheyAreFor)
 {
-  const auto filter = MergeType::New();
-  Configure(filter.GetPointer());
+  const auto filter = MakeConfigured<MergeType>();
   filter->SetInput(1, MakeTestImage());
   EXPECT_EQ(filter->GetPart(0), nullptr);
   EXPECT_NAMES(filter->Update(),
@@ -438,18 +422,13 @@ TEST(ShearWarpInputsOfParts, OfAnotherTypeAreErrorsThatSayWhatTheyAreFor)
 
 TEST(ShearWarpInputsOfParts, OfOtherFiltersAreErrors)
 {
-  const auto single = SingleType::New();
-  Configure(single.GetPointer());
-  single->SetInput(1, MakeTestImage(20));
-  EXPECT_NAMES(single->Update(), "Input 1 is for nothing: input 0 is the 3D image that is projected");
-  const auto cine = CineType::New();
-  Configure(cine.GetPointer());
-  cine->SetInput(1, MakeTestImage(20));
-  EXPECT_NAMES(cine->Update(), "Input 1 is for nothing: input 0 is the 3D image that is projected");
-  const auto part = PartType::New();
-  Configure(part.GetPointer());
-  part->SetInput(2, MakeTestImage(20));
-  EXPECT_NAMES(part->Update(), "Input 2 is for nothing");
+  const auto expect = [](const auto & filter, unsigned int input, const std::string & text) {
+    filter->SetInput(input, MakeTestImage(20));
+    EXPECT_NAMES(filter->Update(), text);
+  };
+  expect(MakeConfigured<SingleType>(), 1, "Input 1 is for nothing: input 0 is the 3D image that is projected");
+  expect(MakeConfigured<CineType>(), 1, "Input 1 is for nothing: input 0 is the 3D image that is projected");
+  expect(MakeConfigured<PartType>(), 2, "Input 2 is for nothing");
 }
 
 TYPED_TEST(ShearWarpInputs, AllThatIsHeldIsCountedAndFreed)
@@ -467,9 +446,8 @@ TYPED_TEST(ShearWarpInputs, AllThatIsHeldIsCountedAndFreed)
     configure(filter);
     // the second view along x
     filter->Update();
-    filter->Modified();
-    filter->Update();
-    const auto         expected = GetBytes(filter->GetOutput());
+    UpdateAnew(filter);
+    const auto         expected = GetPixels(filter->GetOutput());
     const itk::Size<2> size =
       itk::ShearWarpFactorization(filter->GetTransform(), filter->GetInput(), itk::ImageBase<2>::New())
         .GetIntermediateSize();
@@ -483,9 +461,8 @@ TYPED_TEST(ShearWarpInputs, AllThatIsHeldIsCountedAndFreed)
       EXPECT_NEAR(static_cast<double>(allocated - CountAllocatedBytes()), counted, 0.03 * counted);
     }
     EXPECT_EQ(filter->GetPreparedVolumeSizeInBytes(), 0u);
-    filter->Modified();
-    filter->Update();
-    EXPECT_EQ(GetBytes(filter->GetOutput()), expected);
+    UpdateAnew(filter);
+    EXPECT_EQ(GetPixels(filter->GetOutput()), expected);
   }
 }
 

@@ -28,8 +28,6 @@
 #include "itkTranslationTransform.h"
 #include "itkVersorRigid3DTransform.h"
 
-#include <gtest/gtest.h>
-
 #include <set>
 #include <utility>
 
@@ -60,16 +58,20 @@ MakeGeometry(const itk::Size<3> & size, const itk::Vector<double, 3> & spacing)
   return geometry;
 }
 
+GeometryType::Pointer
+MakeRandomGeometry(Random & random, itk::SizeValueType low, itk::SizeValueType high)
+{
+  auto geometry = GeometryType::New();
+  SetRandomGeometry(random, geometry, MakeRandomSize(random, low, high));
+  return geometry;
+}
+
 /** A homogeneous 4x4 matrix times (x, y, z, 1). */
 itk::Vector<double, 4>
 Apply(const ShearWarpFactorization::Matrix4Type & matrix, double x, double y, double z)
 {
-  itk::Vector<double, 4> position;
-  position[0] = x;
-  position[1] = y;
-  position[2] = z;
-  position[3] = 1.0;
-  return matrix * position;
+  const double position[] = { x, y, z, 1.0 };
+  return matrix * itk::Vector<double, 4>(position);
 }
 
 itk::Vector<double, 3>
@@ -100,15 +102,24 @@ ToView(const itk::Transform<double, 3, 3> *            inverse,
   {
     index[permutation[n]] = static_cast<double>(image->GetLargestPossibleRegion().GetIndex(permutation[n])) + ijk[n];
   }
-  PointType physical;
-  image->TransformContinuousIndexToPhysicalPoint(index, physical);
-  return inverse->TransformPoint(physical);
+  return inverse->TransformPoint(image->TransformContinuousIndexToPhysicalPoint<double>(index));
 }
 
-itk::BSplineTransform<double, 3>::Pointer
-MakeBSpline()
+/** The columns of each row are those of its span. */
+void
+ExpectSpans(const std::vector<std::set<std::int32_t>> &     columnsOfRows,
+            const std::vector<itk::ShearWarp::ColumnSpan> & spans)
 {
-  return itk::BSplineTransform<double, 3>::New();
+  ASSERT_EQ(columnsOfRows.size(), spans.size());
+  for (std::size_t row = 0; row < spans.size(); ++row)
+  {
+    std::set<std::int32_t> columns;
+    for (std::int32_t column = spans[row].begin; column < spans[row].end; ++column)
+    {
+      columns.insert(columns.end(), column);
+    }
+    ASSERT_EQ(columnsOfRows[row], columns) << "in row " << row;
+  }
 }
 
 /** Everything that holds for every factorization. */
@@ -205,15 +216,7 @@ ExpectFactors(const ShearWarpFactorization &       factorization,
   ASSERT_EQ(lowestRow, 0.0);
   ASSERT_EQ(endColumn, static_cast<double>(intermediateSize[0]));
   ASSERT_EQ(endRow, static_cast<double>(intermediateSize[1]));
-  for (std::size_t q = 0; q < reached.size(); ++q)
-  {
-    std::set<std::int32_t> span;
-    for (std::int32_t p = reached[q].begin; p < reached[q].end; ++p)
-    {
-      span.insert(span.end(), p);
-    }
-    ASSERT_EQ(reachedByRow[q], span) << "in row " << q;
-  }
+  ExpectSpans(reachedByRow, reached);
 }
 } // namespace
 
@@ -222,19 +225,15 @@ TEST(ShearWarpFactorization, WarpAfterShearIsTheViewForRandomViewsOfRandomImages
   Random                                     random(101);
   std::set<std::pair<unsigned int, bool>>    axes;
   std::set<std::tuple<unsigned, bool, bool>> shearSigns;
-  for (int repeat = 0; repeat < 6000; ++repeat)
+  for (int repeat = 0; repeat < 6000 && !HasFatalFailure(); ++repeat)
   {
-    auto image = GeometryType::New();
-    SetRandomGeometry(random, image, MakeRandomSize(random, 1, 12));
+    SCOPED_TRACE(repeat);
+    const auto image = MakeRandomGeometry(random, 1, 12);
     const auto view = MakeRandomView(random, AllViewKinds[repeat % 3], image);
     const auto grid =
       MakeGrid(random.Uniform(0.2, 3), random.Uniform(0.2, 3), random.Uniform(-50, 50), random.Uniform(-50, 50));
     const ShearWarpFactorization factorization(view, image, grid);
     ExpectFactors(factorization, view, image, grid);
-    if (HasFatalFailure())
-    {
-      FAIL() << "in repetition " << repeat;
-    }
 
     // the ray's index changes most along the principal axis
     const auto toIndex = [&](double w) {
@@ -294,8 +293,7 @@ TEST(ShearWarpFactorization, TranslationsAreHalfOfThePublishedOnes)
   int    negative = 0;
   for (int repeat = 0; repeat < 200; ++repeat)
   {
-    auto image = GeometryType::New();
-    SetRandomGeometry(random, image, MakeRandomSize(random, 2, 12));
+    const auto                   image = MakeRandomGeometry(random, 2, 12);
     const auto                   view = MakeRandomView(random, AllViewKinds[repeat % 3], image);
     const ShearWarpFactorization factorization(view, image, MakeGrid());
     const auto &                 m = factorization.GetViewMatrix();
@@ -322,52 +320,44 @@ TEST(ShearWarpFactorization, TranslationsAreHalfOfThePublishedOnes)
 
 TEST(ShearWarpFactorization, EveryLinearTransformClassWorks)
 {
-  std::vector<itk::Transform<double, 3, 3>::Pointer> transforms;
-  transforms.push_back(itk::IdentityTransform<double, 3>::New().GetPointer());
-
   auto translation = itk::TranslationTransform<double, 3>::New();
   translation->SetOffset(MakeVector3(3, -4, 5.5));
-  transforms.push_back(translation.GetPointer());
 
   auto scale = itk::ScaleTransform<double, 3>::New();
   scale->Scale(MakeVector3(0.7, 1.3, -2.0));
   scale->SetCenter(MakePoint3(1, 2, 3));
-  transforms.push_back(scale.GetPointer());
 
   auto euler = itk::Euler3DTransform<double>::New();
   euler->SetCenter(MakePoint3(4, 5, 6));
   euler->SetRotation(0.3, -0.9, 2.2);
   euler->SetTranslation(MakeVector3(1, 2, 3));
-  transforms.push_back(euler.GetPointer());
 
   auto versor = itk::VersorRigid3DTransform<double>::New();
   versor->SetRotation(MakeVector3(0.6, 0.0, 0.8), 1.1);
   versor->SetTranslation(MakeVector3(-1, 2, 9));
-  transforms.push_back(versor.GetPointer());
 
   auto similarity = itk::Similarity3DTransform<double>::New();
   similarity->SetRotation(MakeVector3(0.0, 0.6, 0.8), 2.1);
   similarity->SetScale(1.7);
-  transforms.push_back(similarity.GetPointer());
 
-  Random random(103);
-  transforms.push_back(MakeView(MakeRandomViewMatrix(random, ViewKind::Affine), MakePoint3(7, 8, 9)).GetPointer());
+  Random     random(103);
+  const auto affine = MakeView(MakeRandomViewMatrix(random, ViewKind::Affine), MakePoint3(7, 8, 9));
 
   auto composite = itk::CompositeTransform<double, 3>::New();
   composite->AddTransform(euler);
   composite->AddTransform(translation);
   composite->AddTransform(scale);
-  transforms.push_back(composite.GetPointer());
 
   auto nested = itk::CompositeTransform<double, 3>::New();
   nested->AddTransform(composite);
   nested->AddTransform(versor);
-  transforms.push_back(nested.GetPointer());
 
-  auto image = GeometryType::New();
+  const auto image = GeometryType::New();
   SetRandomGeometry(random, image, { { 7, 9, 11 } });
   const auto grid = MakeGrid(0.5, 0.7, -10, 4);
-  for (const auto & transform : transforms)
+  const auto identity = itk::IdentityTransform<double, 3>::New();
+  for (const itk::Transform<double, 3, 3> * transform : std::initializer_list<const itk::Transform<double, 3, 3> *>{
+         identity, translation, scale, euler, versor, similarity, affine, composite, nested })
   {
     SCOPED_TRACE(transform->GetNameOfClass());
     const ShearWarpFactorization factorization(transform, image, grid);
@@ -377,38 +367,30 @@ TEST(ShearWarpFactorization, EveryLinearTransformClassWorks)
 
 TEST(ShearWarpFactorization, TransformErrorsNameTheValue)
 {
-  const auto verify = [](const itk::Transform<double, 3, 3> * transform) {
-    return GetExceptionDescription([=] { ShearWarpFactorization::VerifyViewTransform(transform); });
-  };
-  const auto expect = [](const std::string & description, std::initializer_list<const char *> texts) {
-    for (const char * text : texts)
-    {
-      EXPECT_NE(description.find(text), std::string::npos) << "'" << text << "' is not in: " << description;
-    }
-  };
-  expect(verify(nullptr), { "Transform", "not set" });
-  expect(verify(MakeBSpline()), { "Transform", "linear", "BSplineTransform" });
+  const auto verify = &ShearWarpFactorization::VerifyViewTransform;
+  EXPECT_NAMES(verify(nullptr), "Transform", "not set");
+  EXPECT_NAMES(verify(itk::BSplineTransform<double, 3>::New()), "Transform", "linear", "BSplineTransform");
 
   auto composite = itk::CompositeTransform<double, 3>::New();
   composite->AddTransform(itk::TranslationTransform<double, 3>::New());
-  composite->AddTransform(MakeBSpline());
-  expect(verify(composite), { "Transform", "linear", "CompositeTransform" });
+  composite->AddTransform(itk::BSplineTransform<double, 3>::New());
+  EXPECT_NAMES(verify(composite), "Transform", "linear", "CompositeTransform");
 
   auto                     view = ViewType::New();
   ViewType::ParametersType parameters = view->GetParameters();
   parameters[4] = std::numeric_limits<double>::quiet_NaN();
   view->SetParameters(parameters);
-  expect(verify(view), { "Transform", "finite", "nan" });
+  EXPECT_NAMES(verify(view), "Transform", "finite", "nan");
   parameters[4] = 1.0;
   parameters[10] = std::numeric_limits<double>::infinity();
   view->SetParameters(parameters);
-  expect(verify(view), { "Transform", "finite", "inf" });
+  EXPECT_NAMES(verify(view), "Transform", "finite", "inf");
 
   parameters.Fill(0.0);
   parameters[0] = 2.5;
   parameters[4] = 7.25;
   view->SetParameters(parameters);
-  expect(verify(view), { "Transform", "invertible", "2.5", "7.25", "determinant" });
+  EXPECT_NAMES(verify(view), "Transform", "invertible", "2.5", "7.25", "determinant");
 }
 
 TEST(ShearWarpFactorization, TooManyIntermediateColumnsAreAnError)
@@ -416,15 +398,7 @@ TEST(ShearWarpFactorization, TooManyIntermediateColumnsAreAnError)
   auto image = itk::Image<unsigned char, 3>::New();
   image->SetRegions(itk::Size<3>{ { 1, 1, std::size_t{ 1 } << 31 } });
   const auto output = itk::Image<unsigned char, 2>::New();
-  try
-  {
-    const itk::ShearWarpFactorization factorization(ViewType::New(), image, output);
-    FAIL() << "no exception";
-  }
-  catch (const itk::ExceptionObject & exception)
-  {
-    EXPECT_NE(std::string(exception.GetDescription()).find("[1, 1, 2147483648] needs 2147483649"), std::string::npos);
-  }
+  EXPECT_NAMES(ShearWarpFactorization(ViewType::New(), image, output), "[1, 1, 2147483648] needs 2147483649");
 }
 
 TEST(ShearWarpFactorization, OfEqualAxesTheLastIsPrincipal)
@@ -449,7 +423,7 @@ TEST(ShearWarpFactorization, OfEqualAxesTheLastIsPrincipal)
 TEST(ShearWarpFactorization, ConstructorAndProjectedGridVerifyTheTransform)
 {
   const auto image = MakeGeometry({ { 3, 3, 3 } }, MakeVector3(1, 1, 1));
-  const auto spline = MakeBSpline();
+  const auto spline = itk::BSplineTransform<double, 3>::New();
   EXPECT_NAMES(ShearWarpFactorization(spline, image, MakeGrid()), "BSplineTransform");
   EXPECT_NAMES(ShearWarpFactorization::ComputeProjectedSpacing(spline, image), "BSplineTransform");
   ShearWarpFactorization::Point3Type lower, upper;
@@ -494,30 +468,11 @@ TEST(ShearWarpFactorization, ViewBoundsAreThoseOfTheEightCorners)
   Random random(104);
   for (int repeat = 0; repeat < 500; ++repeat)
   {
-    auto image = GeometryType::New();
-    SetRandomGeometry(random, image, MakeRandomSize(random, 1, 12));
+    const auto                         image = MakeRandomGeometry(random, 1, 12);
     const auto                         view = MakeRandomView(random, AllViewKinds[repeat % 3], image);
-    const auto                         inverse = view->GetInverseTransform();
     ShearWarpFactorization::Point3Type lower, upper;
     ShearWarpFactorization::ComputeViewBounds(view, image, lower, upper);
-
-    const auto                              size = image->GetLargestPossibleRegion().GetSize();
-    ShearWarpFactorization::PermutationType identity;
-    identity[0] = 0;
-    identity[1] = 1;
-    identity[2] = 2;
-    double expectedLower[3] = { 1e9, 1e9, 1e9 };
-    double expectedUpper[3] = { -1e9, -1e9, -1e9 };
-    for (int corner = 0; corner < 8; ++corner)
-    {
-      const auto end = [&](int axis) { return (corner >> axis & 1) ? static_cast<double>(size[axis]) - 0.5 : -0.5; };
-      const auto point = ToView(inverse, image, identity, end(0), end(1), end(2));
-      for (int n = 0; n < 3; ++n)
-      {
-        expectedLower[n] = std::min(expectedLower[n], point[n]);
-        expectedUpper[n] = std::max(expectedUpper[n], point[n]);
-      }
-    }
+    const auto [expectedLower, expectedUpper] = FindCornerBounds(view, image);
     for (unsigned int n = 0; n < 3; ++n)
     {
       ASSERT_NEAR(lower[n], expectedLower[n], 1e-9);
@@ -545,8 +500,7 @@ TEST(ShearWarpFactorization, OversampledPhasesLieBetweenThePixels)
   Random random(106);
   for (int repeat = 0; repeat < 500; ++repeat)
   {
-    auto image = GeometryType::New();
-    SetRandomGeometry(random, image, MakeRandomSize(random, 1, 12));
+    const auto                   image = MakeRandomGeometry(random, 1, 12);
     const auto                   view = MakeRandomView(random, AllViewKinds[repeat % 3], image);
     const auto                   grid = MakeGrid(0.5, 0.7, -10, 4);
     const ShearWarpFactorization plain(view, image, grid);
@@ -595,13 +549,7 @@ TEST(ShearWarpFactorization, OversampledPhasesLieBetweenThePixels)
     }
     ASSERT_EQ(endColumn, static_cast<double>(fine.GetIntermediateSize()[0]));
     ASSERT_EQ(endRow, static_cast<double>(fine.GetIntermediateSize()[1]));
-    for (std::size_t y = 0; y < expected.size(); ++y)
-    {
-      const itk::ShearWarp::ColumnSpan & span = fine.GetReachedColumns()[y];
-      ASSERT_EQ(*expected[y].begin(), span.begin);
-      ASSERT_EQ(*expected[y].rbegin(), span.end - 1);
-      ASSERT_EQ(expected[y].size(), static_cast<std::size_t>(span.end - span.begin));
-    }
+    ExpectSpans(expected, fine.GetReachedColumns());
   }
   const auto image = MakeGeometry({ { 3, 3, 3 } }, MakeVector3(1, 1, 1));
   for (const unsigned int oversampling : { 0u, 3u })
@@ -617,8 +565,7 @@ TEST(ShearWarpFactorization, ViewsFromOppositeSidesHaveTheSameSlicePlacements)
   int    opposites = 0;
   for (int repeat = 0; repeat < 100; ++repeat)
   {
-    auto image = GeometryType::New();
-    SetRandomGeometry(random, image, MakeRandomSize(random, 2, 60));
+    const auto image = MakeRandomGeometry(random, 2, 60);
     const auto view = MakeRandomView(random, AllViewKinds[repeat % 3], image);
     // the same rays, from the other side, in a picture that is turned and shifted
     auto turned = itk::AffineTransform<double, 3>::New();

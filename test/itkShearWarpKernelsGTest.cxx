@@ -19,11 +19,6 @@
 
 #include "itkShearWarpMIPTestRule.h"
 
-#include <gtest/gtest.h>
-
-#include <array>
-#include <cmath>
-#include <cstring>
 #include <memory>
 #include <optional>
 
@@ -100,6 +95,35 @@ private:
   char *      m_Last{ nullptr };
 };
 
+/** Nothing has been written before and behind what is in the middle of \a memory. */
+template <typename T>
+void
+ExpectGuards(const std::vector<T> & memory, T untouched)
+{
+  EXPECT_EQ(std::count(memory.begin(), memory.begin() + Guard, untouched), Guard);
+  EXPECT_EQ(std::count(memory.end() - Guard, memory.end(), untouched), Guard);
+}
+
+/** What pixels begin with. */
+template <typename TPixel>
+TPixel
+GetStart(Kernels::Extremum extremum)
+{
+  using Kernels::Extremum;
+  return extremum == Extremum::Minimum     ? Kernels::NoSample<TPixel, Extremum::Minimum>
+         : extremum == Extremum::Magnitude ? TPixel{ 0 }
+                                           : Kernels::NoSample<TPixel>;
+}
+
+template <typename TPixel>
+std::vector<TPixel>
+MakeRandomPixels(Random & random, std::ptrdiff_t count)
+{
+  std::vector<TPixel> pixels(count);
+  std::generate(pixels.begin(), pixels.end(), [&random] { return MakeRandomPixel<TPixel>(random); });
+  return pixels;
+}
+
 /** The same bits, or both not a number. */
 template <typename TPixel>
 bool
@@ -138,9 +162,16 @@ Warp(const std::vector<TPixel> &              pixels,
     EXPECT_EQ(std::count(pixelsOfRow + split, pixelsOfRow + columns, untouched), columns - split);
     warpRow(intermediate, map, row, split, columns, background, pixelsOfRow);
   }
-  EXPECT_EQ(std::count(output.begin(), output.begin() + Guard, untouched), Guard);
-  EXPECT_EQ(std::count(output.end() - Guard, output.end(), untouched), Guard);
+  ExpectGuards(output, untouched);
   return { output.begin() + Guard, output.end() - Guard };
+}
+
+/** The pixel at (x, y) of 2 x 2 pixels, all of which are reached; the background is 7. */
+template <typename TPixel>
+TPixel
+WarpAt(const std::vector<TPixel> & pixels, double x, double y)
+{
+  return Warp<TPixel>(pixels, { { 0, 2 }, { 0, 2 } }, { 0, 0, x, 0, 0, y }, 1, 1, 7, 0).front();
 }
 
 /** \class SlicesFixture
@@ -168,12 +199,6 @@ public:
     m_Memory = std::make_unique<GuardedMemory>(m_Voxels.size() * sizeof(TPixel));
     this->Fill([&random](std::ptrdiff_t) { return MakeRandomPixel<TPixel>(random); });
     m_Placements.resize(slices);
-  }
-
-  std::ptrdiff_t
-  GetNumberOfSlices() const
-  {
-    return m_Stack.slices;
   }
 
   template <typename TFunction>
@@ -224,6 +249,18 @@ public:
     m_Placements[slice] = { position(column), position(row) };
   }
 
+  /** Each slice at a column and a row that \a draw gives. */
+  template <typename TDraw>
+  void
+  PlaceEach(const TDraw & draw)
+  {
+    for (std::ptrdiff_t k = 0; k < m_Stack.slices; ++k)
+    {
+      const std::int64_t column = draw();
+      this->Place(k, column, draw());
+    }
+  }
+
   /** Projects with the chosen instruction set, in blocks that begin at \a rowSplits and \a sliceSplits, and \a views
    * times in one list; checks that nothing outside the image's columns is written. \a active marks tiles of the whole.
    */
@@ -262,7 +299,7 @@ public:
       for (std::ptrdiff_t row = 0; row < rows; ++row)
       {
         const auto begin = memory.begin() + Guard + row * stride;
-        std::fill(begin, begin + columns, this->GetStart());
+        std::fill(begin, begin + columns, GetStart<TPixel>(extremum));
         std::fill_n(rankMemory + row * stride, columns, Kernels::NoRank<TPixel>);
       }
       const auto view = static_cast<std::ptrdiff_t>(list.size());
@@ -303,26 +340,23 @@ public:
       block.rowBegin = rowEnd;
     }
 
-    std::vector<TPixel> pixels;
-    ranks.clear();
-    for (std::ptrdiff_t row = 0; row < rows; ++row)
-    {
-      const auto begin = memories.front().begin() + Guard + row * stride;
-      pixels.insert(pixels.end(), begin, begin + columns);
-      EXPECT_EQ(std::count(begin + columns, begin + stride, untouched), stride - columns);
-      const auto ranksEnd = memoryOfRanks.begin() + Guard + (row + 1) * stride;
-      EXPECT_EQ(std::count(ranksEnd - (stride - columns), ranksEnd, untouchedRank), stride - columns);
-      ranks.insert(ranks.end(), ranksEnd - stride, ranksEnd - stride + columns);
-    }
-    EXPECT_EQ(std::count(memoryOfRanks.begin(), memoryOfRanks.begin() + Guard, untouchedRank), Guard);
-    EXPECT_EQ(std::count(memoryOfRanks.end() - Guard, memoryOfRanks.end(), untouchedRank), Guard);
+    const auto takeImage = [&](const auto & memory, auto value) {
+      std::decay_t<decltype(memory)> image;
+      for (std::ptrdiff_t row = 0; row < rows; ++row)
+      {
+        const auto begin = memory.begin() + Guard + row * stride;
+        image.insert(image.end(), begin, begin + columns);
+        EXPECT_EQ(std::count(begin + columns, begin + stride, value), stride - columns);
+      }
+      ExpectGuards(memory, value);
+      return image;
+    };
+    ranks = takeImage(memoryOfRanks, untouchedRank);
     for (const auto & memory : memories)
     {
-      EXPECT_EQ(std::count(memory.begin(), memory.begin() + Guard, untouched), Guard);
-      EXPECT_EQ(std::count(memory.end() - Guard, memory.end(), untouched), Guard);
       EXPECT_TRUE(HaveSameValues(memory, memories.front()));
     }
-    return pixels;
+    return takeImage(memories.front(), untouched);
   }
 
   /** Projects, one after the other, parts that end with columns and rows of these numbers, the last ones with the
@@ -453,15 +487,6 @@ public:
     localThreshold.reset();
   }
 
-  TPixel
-  GetStart() const
-  {
-    using Kernels::Extremum;
-    return extremum == Extremum::Minimum     ? Kernels::NoSample<TPixel, Extremum::Minimum>
-           : extremum == Extremum::Magnitude ? TPixel{ 0 }
-                                             : Kernels::NoSample<TPixel>;
-  }
-
   std::ptrdiff_t        columns{ 0 }, rows{ 0 };
   std::optional<TPixel> localThreshold;
   Kernels::BlockRows    rowsOf{ Kernels::BlockRows::OfSlices };
@@ -587,24 +612,6 @@ FadeSamples(const Kernels::Kernels<TPixel> & kernels,
   return pixels;
 }
 
-/** A volume of noise above a gradient, from integers alone; floats are multiples of 1/64. */
-template <typename TPixel>
-std::vector<TPixel>
-MakeFixedVoxels(std::int64_t count)
-{
-  std::vector<TPixel> voxels;
-  std::uint64_t       state = 1;
-  for (std::int64_t n = 0; n < count; ++n)
-  {
-    state = state * 6364136223846793005u + 1442695040888963407u;
-    const auto noise = static_cast<std::int64_t>(state >> 40);
-    const auto value = (noise % 200 * n) / count + noise % 5;
-    voxels.push_back(std::is_floating_point_v<TPixel> ? static_cast<TPixel>(noise - (1 << 23)) / 64
-                                                      : static_cast<TPixel>(sizeof(TPixel) == 1 ? value : value * 311));
-  }
-  return voxels;
-}
-
 constexpr std::ptrdiff_t FixedColumns = 61;
 constexpr std::ptrdiff_t FixedRows = 45;
 constexpr std::ptrdiff_t FixedSlices = 21;
@@ -633,11 +640,7 @@ AddFixedPictures(const Kernels::SliceStack<TPixel> & stack, std::uint64_t & chec
     }
     for (const auto extremum : { Kernels::Extremum::Maximum, Kernels::Extremum::Minimum, Kernels::Extremum::Magnitude })
     {
-      const TPixel                 start = extremum == Kernels::Extremum::Minimum
-                                             ? Kernels::NoSample<TPixel, Kernels::Extremum::Minimum>
-                                           : extremum == Kernels::Extremum::Maximum ? Kernels::NoSample<TPixel>
-                                                                                    : TPixel{ 0 };
-      std::vector<TPixel>          pixels(columns * rows, start);
+      std::vector<TPixel>          pixels(columns * rows, GetStart<TPixel>(extremum));
       Kernels::ShearedView<TPixel> view{ placements.data(), { pixels.data(), columns, rows, columns, reached.data() } };
       view.extremum = extremum;
       if (extremum == Kernels::Extremum::Magnitude)
@@ -816,13 +819,10 @@ TEST(ShearWarpKernels, QuantizePositionIsWithinHalfAUnit)
 TEST(ShearWarpKernels, BilinearWeightsAreNotNegativeAndSumToOne)
 {
   std::vector<std::int32_t> fractions;
-  for (std::int32_t x = 0; x < Kernels::One; x += 13)
+  for (std::int32_t x = 0; x < Kernels::One; ++x)
   {
-    fractions.push_back(x);
-  }
-  for (const std::int32_t base : { 0, Half, Kernels::One })
-  {
-    for (std::int32_t x = std::max(0, base - 40); x < std::min(Kernels::One, base + 40); ++x)
+    const bool isAtRim = x < 40 || x >= Kernels::One - 40 || (x >= Half - 40 && x < Half + 40);
+    if (isAtRim || x % 13 == 0)
     {
       fractions.push_back(x);
     }
@@ -884,10 +884,7 @@ TYPED_TEST(ShearWarpKernelsTyped, ProjectBlockTakesTheMaximumOfManySlices)
   {
     SlicesFixture<TypeParam> slices(
       random, OddLengths[random.Integer(0, 5)], OddLengths[random.Integer(0, 5)], random.Integer(2, 9));
-    for (std::ptrdiff_t k = 0; k < slices.GetNumberOfSlices(); ++k)
-    {
-      slices.Place(k, random.Integer(0, 4 * WholePixel), random.Integer(0, 4 * WholePixel));
-    }
+    slices.PlaceEach([&random] { return random.Integer(0, 4 * WholePixel); });
     slices.ExpectProjectionFollowsRule();
   }
 }
@@ -904,11 +901,7 @@ TYPED_TEST(ShearWarpKernelsTyped, ProjectBlockTakesTheNearestOfEqualSamples)
   for (int repeat = 0; repeat < 40; ++repeat)
   {
     SlicesFixture<TypeParam> slices(random, random.Integer(1, 80), random.Integer(1, 20), random.Integer(2, 12));
-    for (std::ptrdiff_t k = 0; k < slices.GetNumberOfSlices(); ++k)
-    {
-      const auto draw = [&] { return random.Integer(0, 2) == 0 ? WholePixel : random.Integer(0, 2 * WholePixel); };
-      slices.Place(k, draw(), draw());
-    }
+    slices.PlaceEach([&] { return random.Integer(0, 2) == 0 ? WholePixel : random.Integer(0, 2 * WholePixel); });
     // differences that do not overflow
     const bool isExtreme = !std::is_floating_point_v<TypeParam> && repeat % 2 == 0;
     slices.Fill([&](std::ptrdiff_t) { return values[random.Integer(0, isExtreme ? 4 : 2)]; });
@@ -924,13 +917,9 @@ TYPED_TEST(ShearWarpKernelsTyped, PartsHaveTheSamplesOfTheWhole)
     const std::ptrdiff_t     columns = random.Integer(1, 150);
     const std::ptrdiff_t     rows = random.Integer(1, 25);
     SlicesFixture<TypeParam> slices(random, columns, rows, random.Integer(1, 3));
-    for (std::ptrdiff_t k = 0; k < slices.GetNumberOfSlices(); ++k)
-    {
-      const auto position = [&random] {
-        return random.Integer(0, 3) * WholePixel + RimFractions[random.Integer(0, std::size(RimFractions) - 1)];
-      };
-      slices.Place(k, position(), position());
-    }
+    slices.PlaceEach([&random] {
+      return random.Integer(0, 3) * WholePixel + RimFractions[random.Integer(0, std::size(RimFractions) - 1)];
+    });
     const auto makeEnds = [&random](std::ptrdiff_t length) {
       std::vector<std::ptrdiff_t> ends{ length };
       for (std::ptrdiff_t end = random.Integer(1, length); end < length; end = random.Integer(end + 1, length))
@@ -962,11 +951,7 @@ TYPED_TEST(ShearWarpKernelsTyped, ProjectBlockTakesNoMoreThanTheRegion)
   for (int repeat = 0; repeat < 120; ++repeat)
   {
     SlicesFixture<TypeParam> slices(random, lengths[repeat % 7], random.Integer(1, 21), random.Integer(1, 12));
-    for (std::ptrdiff_t k = 0; k < slices.GetNumberOfSlices(); ++k)
-    {
-      const auto draw = [&] { return random.Integer(0, 3) == 0 ? 0 : random.Integer(0, 4 * WholePixel); };
-      slices.Place(k, draw(), draw());
-    }
+    slices.PlaceEach([&] { return random.Integer(0, 3) == 0 ? 0 : random.Integer(0, 4 * WholePixel); });
     slices.region.firstSlice = slicesBefore;
     for (int n = 0; n <= repeat % 3; ++n)
     {
@@ -1006,23 +991,17 @@ TYPED_TEST(ShearWarpKernelsTyped, ProjectBlockIsExactAtTheLimitsOfTheType)
   for (int repeat = 0; repeat < 100; ++repeat)
   {
     slices.Place(0, random.Integer(0, WholePixel), random.Integer(0, WholePixel));
-    slices.Fill([=](std::ptrdiff_t) { return high; });
-    slices.ExpectProjectionFollowsRule();
-    slices.Fill([=](std::ptrdiff_t) { return low; });
-    slices.ExpectProjectionFollowsRule();
-    slices.Fill([=](std::ptrdiff_t n) { return n % 2 == 0 ? high : low; });
-    slices.ExpectProjectionFollowsRule();
-    slices.Fill([&](std::ptrdiff_t) {
-      return static_cast<TypeParam>(high - step * static_cast<TypeParam>(random.Integer(0, 9)));
-    });
-    slices.ExpectProjectionFollowsRule();
-    slices.Fill([&](std::ptrdiff_t) {
-      return static_cast<TypeParam>(low + step * static_cast<TypeParam>(random.Integer(0, 9)));
-    });
-    slices.ExpectProjectionFollowsRule();
-    slices.Fill(
-      [&](std::ptrdiff_t) { return static_cast<TypeParam>(step * static_cast<TypeParam>(random.Integer(0, 2))); });
-    slices.ExpectProjectionFollowsRule();
+    const auto draw = [&](int last) { return step * static_cast<TypeParam>(random.Integer(0, last)); };
+    const auto expect = [&slices](const auto & value) {
+      slices.Fill(value);
+      slices.ExpectProjectionFollowsRule();
+    };
+    expect([=](std::ptrdiff_t) { return high; });
+    expect([=](std::ptrdiff_t) { return low; });
+    expect([=](std::ptrdiff_t n) { return n % 2 == 0 ? high : low; });
+    expect([&](std::ptrdiff_t) { return static_cast<TypeParam>(high - draw(9)); });
+    expect([&](std::ptrdiff_t) { return static_cast<TypeParam>(low + draw(9)); });
+    expect([&](std::ptrdiff_t) { return static_cast<TypeParam>(draw(2)); });
   }
 }
 
@@ -1034,25 +1013,19 @@ TYPED_TEST(ShearWarpKernelsTyped, ProjectBlockKeepsConstantsAndTheRangeOfTheVoxe
     SlicesFixture<TypeParam> slices(random, 3, 2, 1);
     slices.Place(0, random.Integer(0, WholePixel), random.Integer(0, WholePixel));
     const auto constant = MakeRandomPixel<TypeParam>(random);
-    slices.Fill([=](std::ptrdiff_t) { return constant; });
-    slices.ExpectProjectionFollowsRule();
-    TypeParam sample{};
-    for (std::ptrdiff_t p = 0; p < slices.columns; ++p)
+    for (const TypeParam other : { constant, MakeRandomPixel<TypeParam>(random) })
     {
-      if (slices.Evaluate(p, 0, sample))
+      slices.Fill([=](std::ptrdiff_t n) { return n % 2 == 0 ? constant : other; });
+      slices.ExpectProjectionFollowsRule();
+      const auto pixels = slices.Project();
+      TypeParam  sample{};
+      for (std::ptrdiff_t n = 0; n < slices.columns * slices.rows; ++n)
       {
-        ASSERT_EQ(sample, constant);
-      }
-    }
-    const auto other = MakeRandomPixel<TypeParam>(random);
-    slices.Fill([=](std::ptrdiff_t n) { return n % 2 == 0 ? constant : other; });
-    const auto pixels = slices.Project();
-    for (std::ptrdiff_t n = 0; n < slices.columns * slices.rows; ++n)
-    {
-      if (slices.Evaluate(n % slices.columns, n / slices.columns, sample))
-      {
-        ASSERT_GE(pixels[n], std::min(constant, other));
-        ASSERT_LE(pixels[n], std::max(constant, other));
+        if (slices.Evaluate(n % slices.columns, n / slices.columns, sample))
+        {
+          ASSERT_GE(pixels[n], std::min(constant, other));
+          ASSERT_LE(pixels[n], std::max(constant, other));
+        }
       }
     }
   }
@@ -1094,10 +1067,9 @@ TYPED_TEST(ShearWarpKernelsTyped, WarpRowFollowsTheRule)
   Random random(7);
   for (int repeat = 0; repeat < 150; ++repeat)
   {
-    const std::ptrdiff_t   columns = OddLengths[random.Integer(0, 5)];
-    const std::ptrdiff_t   rows = OddLengths[random.Integer(0, 5)];
-    std::vector<TypeParam> pixels(columns * rows);
-    std::generate(pixels.begin(), pixels.end(), [&random] { return MakeRandomPixel<TypeParam>(random); });
+    const std::ptrdiff_t             columns = OddLengths[random.Integer(0, 5)];
+    const std::ptrdiff_t             rows = OddLengths[random.Integer(0, 5)];
+    const auto                       pixels = MakeRandomPixels<TypeParam>(random, columns * rows);
     std::vector<Kernels::ColumnSpan> reached(rows);
     for (auto & span : reached)
     {
@@ -1145,18 +1117,6 @@ TYPED_TEST(ShearWarpKernelsTyped, WarpRowFollowsTheRule)
   }
 }
 
-TYPED_TEST(ShearWarpKernelsTyped, WarpRowNeverMixesUnreachedPixelsIn)
-{
-  // the left column alone is reached, and the position moves across it
-  const std::vector<TypeParam> pixels{ 50, 100, 50, 100 };
-  const auto output = Warp<TypeParam>(pixels, { { 0, 1 }, { 0, 1 } }, { 0.125, 0, -1.5, 0, 0, 0.5 }, 24, 1, 7, 0);
-  for (int n = 0; n < 24; ++n)
-  {
-    const double column = 0.125 * n - 1.5;
-    EXPECT_EQ(output[n], column > -1.0 && column < 1.0 ? 50 : 7) << "at column " << column;
-  }
-}
-
 TYPED_TEST(ShearWarpKernelsTyped, WarpRowGivesBackgroundForPositionsFarOutsideOrNotANumber)
 {
   const double infinity = std::numeric_limits<double>::infinity();
@@ -1164,10 +1124,8 @@ TYPED_TEST(ShearWarpKernelsTyped, WarpRowGivesBackgroundForPositionsFarOutsideOr
   for (const double position : { -1.0, 2.0, 1.0e300, -1.0e300, infinity, -infinity, notANumber })
   {
     const std::vector<TypeParam> pixels{ 50, 60, 70, 80 };
-    for (const auto & map : { Kernels::AffineMap2D{ 0, 0, position, 0, 0, 0.5 }, { 0, 0, 0.5, 0, 0, position } })
-    {
-      EXPECT_EQ(Warp<TypeParam>(pixels, { { 0, 2 }, { 0, 2 } }, map, 1, 1, 7, 0).front(), 7) << position;
-    }
+    EXPECT_EQ(WarpAt(pixels, position, 0.5), 7) << position;
+    EXPECT_EQ(WarpAt(pixels, 0.5, position), 7) << position;
   }
 }
 
@@ -1196,8 +1154,7 @@ TYPED_TEST(ShearWarpKernelsTyped, WarpRowHasTheBitsOfThePortableKernelsAtSpecial
   Random           random(43);
   const auto       draw = [&] { return numbers[random.Integer(0, 5)]; };
 
-  std::vector<TypeParam> pixels(21 * 5);
-  std::generate(pixels.begin(), pixels.end(), [&random] { return MakeRandomPixel<TypeParam>(random); });
+  const auto                             pixels = MakeRandomPixels<TypeParam>(random, 21 * 5);
   const std::vector<Kernels::ColumnSpan> reached{ { 0, 21 }, { 0, 21 }, { 3, 18 }, { 0, 21 }, { 0, 21 } };
   for (const double slope : numbers)
   {
@@ -1326,20 +1283,12 @@ TYPED_TEST(ShearWarpKernelsTyped, WarpRowStaysWithinTheRangeOfItsPixels)
   Random random(8);
   for (int repeat = 0; repeat < 2000; ++repeat)
   {
-    std::vector<TypeParam> pixels(4);
-    std::generate(pixels.begin(), pixels.end(), [&random] { return MakeRandomPixel<TypeParam>(random); });
+    auto pixels = MakeRandomPixels<TypeParam>(random, 4);
     if (repeat % 2 == 0)
     {
       std::fill(pixels.begin(), pixels.end(), pixels.front());
     }
-    const auto value = Warp<TypeParam>(pixels,
-                                       { { 0, 2 }, { 0, 2 } },
-                                       { 0, 0, random.Uniform(-0.9, 1.9), 0, 0, random.Uniform(-0.9, 1.9) },
-                                       1,
-                                       1,
-                                       0,
-                                       0)
-                         .front();
+    const auto value = WarpAt(pixels, random.Uniform(-0.9, 1.9), random.Uniform(-0.9, 1.9));
     ASSERT_GE(value, *std::min_element(pixels.begin(), pixels.end()));
     ASSERT_LE(value, *std::max_element(pixels.begin(), pixels.end()));
   }
@@ -1352,8 +1301,7 @@ TYPED_TEST(ShearWarpKernelsTyped, TransposeSliceSwapsColumnsAndRows)
   {
     for (const std::ptrdiff_t rows : { 1, 2, 17, 31, 32, 33, 64, 77, 129 })
     {
-      std::vector<TypeParam> input(columns * rows);
-      std::generate(input.begin(), input.end(), [&random] { return MakeRandomPixel<TypeParam>(random); });
+      const auto           input = MakeRandomPixels<TypeParam>(random, columns * rows);
       const TypeParam      untouched{ 77 };
       const std::ptrdiff_t length = Guard + columns * rows + Guard;
       // begins at a line of the cache
@@ -1387,14 +1335,11 @@ TYPED_TEST(ShearWarpKernelsFloating, NotANumberNeverWins)
   {
     SlicesFixture<TypeParam> slices(random, 3, 3, 2);
     slices.Fill([=](std::ptrdiff_t n) { return n / 9 == bad ? notANumber : TypeParam{ -5 }; });
-    slices.Place(0, 0, 0);
-    slices.Place(1, 0, 0);
     EXPECT_EQ(slices.Project(), std::vector<TypeParam>(9, -5));
   }
 
   SlicesFixture<TypeParam> slices(random, 5, 1, 1);
   slices.Fill([=](std::ptrdiff_t n) { return n == 2 ? notANumber : TypeParam{ 1 }; });
-  slices.Place(0, 0, 0);
   constexpr TypeParam none = -std::numeric_limits<TypeParam>::infinity();
   EXPECT_EQ(slices.Project(), (std::vector<TypeParam>{ 1, 1, none, 1, 1 }));
   slices.Place(0, 1, 0);
@@ -1405,9 +1350,9 @@ TYPED_TEST(ShearWarpKernelsFloating, MinusInfinityCountsAsNoSample)
 {
   constexpr TypeParam    infinity = std::numeric_limits<TypeParam>::infinity();
   std::vector<TypeParam> pixels(4, -infinity);
-  EXPECT_EQ(Warp<TypeParam>(pixels, { { 0, 2 }, { 0, 2 } }, { 0, 0, 0.5, 0, 0, 0.5 }, 1, 1, 7, 0).front(), 7);
+  EXPECT_EQ(WarpAt(pixels, 0.5, 0.5), 7);
   pixels[3] = 20;
-  EXPECT_EQ(Warp<TypeParam>(pixels, { { 0, 2 }, { 0, 2 } }, { 0, 0, 0.5, 0, 0, 0.5 }, 1, 1, 7, 0).front(), 20);
+  EXPECT_EQ(WarpAt(pixels, 0.5, 0.5), 20);
 }
 
 TYPED_TEST(ShearWarpKernelsFloating, InfinityWinsWhereItHasWeight)
@@ -1416,9 +1361,8 @@ TYPED_TEST(ShearWarpKernelsFloating, InfinityWinsWhereItHasWeight)
   Random                   random(11);
   SlicesFixture<TypeParam> slices(random, 5, 1, 1);
   slices.Fill([=](std::ptrdiff_t n) { return n == 2 ? infinity : TypeParam{ 1 }; });
-  slices.Place(0, 0, 0);
   EXPECT_EQ(slices.Project(), (std::vector<TypeParam>{ 1, 1, infinity, 1, 1 }));
   const std::vector<TypeParam> pixels{ 1, infinity, 1, 1 };
-  EXPECT_EQ(Warp<TypeParam>(pixels, { { 0, 2 }, { 0, 2 } }, { 0, 0, 0.5, 0, 0, 0.5 }, 1, 1, 7, 0).front(), infinity);
-  EXPECT_EQ(Warp<TypeParam>(pixels, { { 0, 2 }, { 0, 2 } }, { 0, 0, 0.0, 0, 0, 0.5 }, 1, 1, 7, 0).front(), 1);
+  EXPECT_EQ(WarpAt(pixels, 0.5, 0.5), infinity);
+  EXPECT_EQ(WarpAt(pixels, 0.0, 0.5), 1);
 }

@@ -20,8 +20,6 @@
 #include "itkShearWarpMIPImageFilter.h"
 #include "itkShearWarpMIPTestImages.h"
 
-#include <gtest/gtest.h>
-
 /* Compiled twice, the second time by a compiler that may fuse multiplications and additions. */
 namespace
 {

@@ -20,11 +20,7 @@
 #include "itkShearWarpMIPTestOracle.h"
 #include "itkShearWarpMIPTestParts.h"
 
-#include "itkCommand.h"
-#include "itkExtractImageFilter.h"
 #include "itkMetaDataObject.h"
-
-#include <gtest/gtest.h>
 
 namespace
 {
@@ -37,19 +33,25 @@ using CineType = itk::ShearWarpMIPCineImageFilter<itk::Image<TPixel, 3>>;
 template <typename TPixel>
 using SingleType = itk::ShearWarpMIPImageFilter<itk::Image<TPixel, 3>>;
 
+template <typename TImagePointer>
+auto
+MakeCine(const TImagePointer & image)
+{
+  const auto cine = itk::ShearWarpMIPCineImageFilter<std::decay_t<decltype(*image)>>::New();
+  cine->SetInput(image);
+  return cine;
+}
+
 template <typename TPixel>
 typename itk::Image<TPixel, 2>::Pointer
 GetFrame(const itk::Image<TPixel, 3> * frames, unsigned int n)
 {
-  auto extract = itk::ExtractImageFilter<itk::Image<TPixel, 3>, itk::Image<TPixel, 2>>::New();
-  auto region = frames->GetLargestPossibleRegion();
-  region.SetIndex(2, n);
-  region.SetSize(2, 0);
-  extract->SetInput(frames);
-  extract->SetExtractionRegion(region);
-  extract->SetDirectionCollapseToSubmatrix();
-  extract->Update();
-  return extract->GetOutput();
+  const auto size = frames->GetLargestPossibleRegion().GetSize();
+  const auto frame = itk::Image<TPixel, 2>::New();
+  frame->SetRegions(itk::Size<2>{ { size[0], size[1] } });
+  frame->Allocate();
+  std::copy_n(frames->GetBufferPointer() + n * size[0] * size[1], size[0] * size[1], frame->GetBufferPointer());
+  return frame;
 }
 
 /** Compares each frame with the single filter's picture on the same grid. */
@@ -60,18 +62,18 @@ ExpectFramesOfTheSingleFilter(CineType<TPixel> * cine, SingleType<TPixel> * sing
   cine->Update();
   const auto * frames = cine->GetOutput();
   const auto   size = frames->GetLargestPossibleRegion().GetSize();
-  single->SetSize({ { size[0], size[1] } });
-  single->SetOutputSpacing(MakeVector2(frames->GetSpacing()[0], frames->GetSpacing()[1]));
-  single->SetOutputOrigin(MakePoint2(frames->GetOrigin()[0], frames->GetOrigin()[1]));
+  SetGrid(single,
+          { { size[0], size[1] } },
+          MakeVector2(frames->GetSpacing()[0], frames->GetSpacing()[1]),
+          MakePoint2(frames->GetOrigin()[0], frames->GetOrigin()[1]));
   for (unsigned int n = 0; n < size[2]; ++n)
   {
     single->SetTransform(cine->GetFrameTransform(n));
     single->Update();
-    const auto picture = single->GetOutput();
-    ASSERT_TRUE(HaveSamePixels(GetFrame(frames, n).GetPointer(), picture)) << "frame " << n;
+    ASSERT_TRUE(HaveSamePixels(GetFrame(frames, n), single->GetOutput())) << "frame " << n;
     if (cine->GetComputeDepth())
     {
-      ASSERT_TRUE(HaveSamePixels(GetFrame(cine->GetDepthOutput(), n).GetPointer(), single->GetDepthOutput()))
+      ASSERT_TRUE(HaveSamePixels(GetFrame(cine->GetDepthOutput(), n), single->GetDepthOutput()))
         << "depths of frame " << n;
     }
   }
@@ -109,18 +111,15 @@ TYPED_TEST(ShearWarpMIPCineTyped, FramesHaveTheBitsOfTheSingleFilter)
       FillRandom(random, plain.GetPointer());
       image = plain;
     }
-    const auto cine = CineType<TypeParam>::New();
-    const auto single = SingleType<TypeParam>::New();
-    cine->SetInput(image);
-    single->SetInput(image);
+    const auto cine = MakeCine(image);
+    const auto single = MakeFilter(image);
     cine->SetNumberOfFrames(static_cast<unsigned int>(random.Integer(1, 13)));
     cine->SetRotationAxis(MakeRandomAxis(random));
     cine->SetStartAngle(random.Uniform(-400, 400));
     cine->SetAngularRange(repeat % 3 == 0 ? 360.0 : random.Uniform(-400, 400));
     cine->SetRocking(random.Integer(0, 3) == 0);
     const auto threads = static_cast<unsigned int>(random.Integer(1, 4));
-    cine->SetNumberOfWorkUnits(threads);
-    cine->GetMultiThreader()->SetMaximumNumberOfThreads(threads);
+    SetThreads(cine, threads);
     cine->SetIntermediateMemory(random.Integer(0, 2) == 0 ? 1 : 1 << 20);
     const auto reducedResampling = static_cast<ReducedResamplingEnum>(random.Integer(0, 2));
     const auto oversampling = static_cast<unsigned int>(random.Integer(1, 2));
@@ -145,18 +144,16 @@ TYPED_TEST(ShearWarpMIPCineTyped, EveryModeHasTheBitsOfTheSingleFilter)
   {
     SCOPED_TRACE("repetition " + std::to_string(repeat));
     const auto image = MakeRandomImage<TypeParam>(random, MakeRandomSize(random, 1, 40));
-    const auto cine = CineType<TypeParam>::New();
-    const auto single = SingleType<TypeParam>::New();
+    const auto cine = MakeCine(image);
+    const auto single = MakeFilter(image);
     const auto view = MakeRandomView(random, ViewKind::Rigid, image);
     Random     sameRandom = random;
     DrawRule(random, cine.GetPointer(), view.GetPointer(), image.GetPointer());
     DrawRule(sameRandom, single.GetPointer(), view.GetPointer(), image.GetPointer());
-    cine->SetInput(image);
     cine->SetTransform(view);
     // with opposite ones
     cine->SetNumberOfFrames(4 + repeat % 2);
     cine->SetComputeDepth(repeat % 2 == 0);
-    single->SetInput(image);
     single->SetComputeDepth(repeat % 2 == 0);
     ExpectFramesOfTheSingleFilter(cine.GetPointer(), single.GetPointer());
   }
@@ -164,12 +161,10 @@ TYPED_TEST(ShearWarpMIPCineTyped, EveryModeHasTheBitsOfTheSingleFilter)
 
 TEST(ShearWarpMIPCine, AListOfTransformsHasTheBitsOfTheSingleFilter)
 {
-  Random     random(1003);
-  const auto image = MakeRandomImage<short>(random, { { 50, 44, 39 } });
-  const auto cine = CineType<short>::New();
-  const auto single = SingleType<short>::New();
-  cine->SetInput(image);
-  single->SetInput(image);
+  Random                                             random(1003);
+  const auto                                         image = MakeRandomImage<short>(random, { { 50, 44, 39 } });
+  const auto                                         cine = MakeCine(image);
+  const auto                                         single = MakeFilter(image);
   std::vector<itk::Transform<double, 3, 3>::Pointer> views;
   for (int n = 0; n < 12; ++n)
   {
@@ -200,11 +195,9 @@ TEST(ShearWarpMIPCine, MoreFramesThanAreProjectedTogetherHaveTheBitsOfTheSingleF
 {
   Random     random(1012);
   const auto image = MakeRandomImage<short>(random, { { 5, 6, 7 } });
-  const auto cine = CineType<short>::New();
-  const auto single = SingleType<short>::New();
-  cine->SetInput(image);
+  const auto cine = MakeCine(image);
+  const auto single = MakeFilter(image);
   cine->SetNumberOfFrames(1300);
-  single->SetInput(image);
   ExpectFramesOfTheSingleFilter(cine.GetPointer(), single.GetPointer());
 }
 
@@ -213,10 +206,8 @@ TEST(ShearWarpMIPCine, StreamingHasTheBitsOfTheWholeImage)
   Random     random(1004);
   const auto image = MakeRandomImage<unsigned short>(random, { { 45, 38, 60 } });
   const auto source = MakeSource<unsigned short>(image);
-  const auto whole = CineType<unsigned short>::New();
-  const auto streamed = CineType<unsigned short>::New();
-  whole->SetInput(image);
-  streamed->SetInput(source->GetOutput());
+  const auto whole = MakeCine(image);
+  const auto streamed = MakeCine(source->GetOutput());
   streamed->SetNumberOfStreamDivisions(4);
   for (const auto & axis : { MakeVector3(0, 0, 1), MakeVector3(1, 0, 0), MakeVector3(0.3, 0.8, 0.5) })
   {
@@ -230,12 +221,7 @@ TEST(ShearWarpMIPCine, StreamingHasTheBitsOfTheWholeImage)
                                   : itk::ShearWarpMIPImageFilterEnums::Mode::Maximum);
         filter->Update();
       }
-      for (unsigned int n = 0; n < 7; ++n)
-      {
-        EXPECT_TRUE(
-          HaveSamePixels(GetFrame(whole->GetOutput(), n).GetPointer(), GetFrame(streamed->GetOutput(), n).GetPointer()))
-          << "frame " << n;
-      }
+      EXPECT_TRUE(HaveSamePixels(whole->GetOutput(), streamed->GetOutput())) << axis;
     }
   }
   EXPECT_LE(source->mostSlices, 17u);
@@ -247,8 +233,7 @@ TEST(ShearWarpMIPCine, NoFrameIsClippedAndNoGridIsFiner)
   for (int repeat = 0; repeat < 20; ++repeat)
   {
     const auto image = MakeRandomImage<unsigned char>(random, MakeRandomSize(random, 1, 30));
-    const auto cine = CineType<unsigned char>::New();
-    cine->SetInput(image);
+    const auto cine = MakeCine(image);
     cine->SetRotationAxis(MakeRandomAxis(random));
     cine->SetNumberOfFrames(9);
     cine->UpdateOutputInformation();
@@ -263,13 +248,11 @@ TEST(ShearWarpMIPCine, NoFrameIsClippedAndNoGridIsFiner)
       double       finest = 1e300;
       for (unsigned int n = 0; n < 9; ++n)
       {
-        PointType lower;
-        PointType upper;
-        itk::ShearWarpFactorization::ComputeViewBounds(cine->GetFrameTransform(n), image, lower, upper);
+        const auto view = cine->GetFrameTransform(n);
+        const auto [lower, upper] = FindCornerBounds(view, image);
         lowest = std::min(lowest, lower[axis]);
         highest = std::max(highest, upper[axis]);
-        finest = std::min(
-          finest, itk::ShearWarpFactorization::ComputeProjectedSpacing(cine->GetFrameTransform(n), image)[axis]);
+        finest = std::min(finest, itk::ShearWarpFactorization::ComputeProjectedSpacing(view, image)[axis]);
       }
       EXPECT_DOUBLE_EQ(spacing, finest);
       EXPECT_LE(begin, lowest + 1e-5 * spacing);
@@ -285,8 +268,7 @@ TEST(ShearWarpMIPCine, TheDefaultTurnBeginsAtAnteriorAndGoesToTheLeft)
 {
   Random     random(1006);
   const auto image = MakeRandomImage<float>(random, { { 20, 25, 30 } });
-  const auto cine = CineType<float>::New();
-  cine->SetInput(image);
+  const auto cine = MakeCine(image);
   cine->SetNumberOfFrames(4);
   using Direction = itk::ShearWarpMIPViewEnums::Direction;
   unsigned int n = 0;
@@ -302,7 +284,7 @@ TEST(ShearWarpMIPCine, TheDefaultTurnBeginsAtAnteriorAndGoesToTheLeft)
   EXPECT_THROW(cine->GetFrameTransform(4), itk::ExceptionObject);
 }
 
-TEST(ShearWarpMIPCine, AnglesOfTurnsAndOfRocking)
+TEST(ShearWarpMIPCine, AnglesOfTurnsAndOfRockingAsASine)
 {
   const auto cine = CineType<short>::New();
   cine->SetNumberOfFrames(8);
@@ -313,25 +295,11 @@ TEST(ShearWarpMIPCine, AnglesOfTurnsAndOfRocking)
   EXPECT_EQ(cine->GetFrameAngles(), (std::vector<double>{ 10, -35, -80, -125 }));
   cine->SetAngularRange(60.0);
   cine->RockingOn();
-  const auto angles = cine->GetFrameAngles();
-  ASSERT_EQ(angles.size(), 4u);
-  const double expected[] = { 10, 40, 10, -20 };
-  for (unsigned int n = 0; n < 4; ++n)
-  {
-    EXPECT_NEAR(angles[n], expected[n], 1e-12);
-  }
-}
-
-TEST(ShearWarpMIPCine, RockingReachesBothEndsAsASine)
-{
-  const auto cine = CineType<short>::New();
-  cine->SetStartAngle(10.0);
-  cine->SetAngularRange(60.0);
-  cine->RockingOn();
   for (const unsigned int count : { 2u, 3u, 4u, 5u, 6u, 7u, 30u, 48u, 101u })
   {
     cine->SetNumberOfFrames(count);
     const auto angles = cine->GetFrameAngles();
+    ASSERT_EQ(angles.size(), count);
     EXPECT_NEAR(*std::max_element(angles.begin(), angles.end()), 40.0, 1e-12) << count;
     EXPECT_NEAR(*std::min_element(angles.begin(), angles.end()), -20.0, 1e-12) << count;
     const double step = itk::Math::twopi / count;
@@ -342,6 +310,8 @@ TEST(ShearWarpMIPCine, RockingReachesBothEndsAsASine)
       EXPECT_NEAR(both, 2.0 * std::cos(step) * (angles[n] - 10.0), 1e-10) << n << " of " << count;
     }
     EXPECT_EQ(angles[0], count > 2 ? 10.0 : 40.0) << count;
+    // the first quarter goes up
+    EXPECT_TRUE(count == 2 || angles[1] > 10.0) << count;
   }
   cine->SetNumberOfFrames(1);
   EXPECT_EQ(cine->GetFrameAngles(), std::vector<double>{ 10.0 });
@@ -351,8 +321,7 @@ TEST(ShearWarpMIPCine, ThePointThatTheViewerMovesAboutStaysInPlace)
 {
   Random     random(1007);
   const auto image = MakeRandomImage<short>(random, { { 20, 20, 20 } });
-  const auto cine = CineType<short>::New();
-  cine->SetInput(image);
+  const auto cine = MakeCine(image);
   EXPECT_LT((cine->GetCenter() - GetCenter(image)).GetNorm(), 1e-9);
   const auto center = MakePoint3(3.0, -4.0, 5.0);
   const auto axis = MakeVector3(1.0, 2.0, -0.5);
@@ -376,8 +345,7 @@ TEST(ShearWarpMIPCine, AnglesAndTransformsAreInTheMetaDataDictionary)
 {
   Random     random(1008);
   const auto image = MakeRandomImage<short>(random, { { 12, 10, 8 } });
-  const auto cine = CineType<short>::New();
-  cine->SetInput(image);
+  const auto cine = MakeCine(image);
   cine->SetNumberOfFrames(5);
   cine->Update();
   const auto &        dictionary = cine->GetOutput()->GetMetaDataDictionary();
@@ -404,18 +372,9 @@ TEST(ShearWarpMIPCine, ErrorsNameParameterAndValue)
   Random     random(1009);
   const auto image = MakeRandomImage<short>(random, { { 12, 10, 8 } });
   const auto expectError = [&](const auto & change, const std::string & text) {
-    const auto cine = CineType<short>::New();
-    cine->SetInput(image);
+    const auto cine = MakeCine(image);
     change(cine.GetPointer());
-    try
-    {
-      cine->Update();
-      ADD_FAILURE() << "no exception for " << text;
-    }
-    catch (const itk::ExceptionObject & error)
-    {
-      EXPECT_NE(std::string(error.GetDescription()).find(text), std::string::npos) << error.GetDescription();
-    }
+    EXPECT_NAMES(cine->Update(), text);
   };
   constexpr double notANumber = std::numeric_limits<double>::quiet_NaN();
   using Cine = CineType<short>;
@@ -441,8 +400,7 @@ TEST(ShearWarpMIPCine, AbortThrowsProgressRisesAndTheNextUpdateIsRight)
 {
   Random     random(1010);
   const auto image = MakeRandomImage<unsigned short>(random, { { 120, 110, 100 } });
-  const auto cine = CineType<unsigned short>::New();
-  cine->SetInput(image);
+  const auto cine = MakeCine(image);
   cine->SetNumberOfFrames(10);
   cine->SetReducedResampling(ReducedResamplingEnum::Off);
   // only the thread that updates reports
@@ -464,8 +422,7 @@ TEST(ShearWarpMIPCine, AbortThrowsProgressRisesAndTheNextUpdateIsRight)
   }
   abortAt = 2.0f;
   reported.clear();
-  const auto single = SingleType<unsigned short>::New();
-  single->SetInput(image);
+  const auto single = MakeFilter(image);
   cine->Modified();
   ExpectFramesOfTheSingleFilter(cine.GetPointer(), single.GetPointer());
   EXPECT_GT(reported.size(), 20u);
@@ -478,44 +435,35 @@ TEST(ShearWarpMIPCine, PrintsItsParameters)
   const auto cine = CineType<short>::New();
   cine->SetNumberOfFrames(17);
   cine->SetCenter(MakePoint3(1, 2, 3));
-  std::ostringstream text;
-  cine->Print(text);
-  for (const char * part : { "NumberOfFrames: 17",
-                             "RotationAxis: [0, 0, 1]",
-                             "Center: [1, 2, 3]",
-                             "StartAngle: 0",
-                             "AngularRange: 360",
-                             "Rocking: Off",
-                             "Transforms: 0",
-                             "IntermediateMemory: 1073741824" })
-  {
-    EXPECT_NE(text.str().find(part), std::string::npos) << part;
-  }
+  ExpectPrinted(cine,
+                { "NumberOfFrames: 17",
+                  "RotationAxis: [0, 0, 1]",
+                  "Center: [1, 2, 3]",
+                  "StartAngle: 0",
+                  "AngularRange: 360",
+                  "Rocking: Off",
+                  "Transforms: 0",
+                  "IntermediateMemory: 1073741824" });
 }
 
 TEST(ShearWarpMIPCine, OppositeFramesFadeFromTheirOwnSides)
 {
   Random     random(818);
   const auto image = MakeRandomImage<short>(random, { { 30, 20, 25 } });
-  const auto cine = CineType<short>::New();
-  const auto single = SingleType<short>::New();
-  cine->SetInput(image);
+  const auto cine = MakeCine(image);
+  const auto single = MakeFilter(image);
   cine->SetNumberOfFrames(4);
-  single->SetInput(image);
   single->SetDepthAttenuation(0.05);
   cine->SetDepthAttenuation(0.05);
   ExpectFramesOfTheSingleFilter(cine.GetPointer(), single.GetPointer());
-  const auto first = GetFrame(cine->GetOutput(), 0);
-  const auto opposite = GetFrame(cine->GetOutput(), 2);
-  EXPECT_FALSE(HaveSamePixels(first.GetPointer(), opposite.GetPointer()));
+  EXPECT_FALSE(HaveSamePixels(GetFrame(cine->GetOutput(), 0), GetFrame(cine->GetOutput(), 2)));
 }
 
 TEST(ShearWarpMIPCine, AnEmptyMaskLeavesOutAllAndNoMore)
 {
   Random     random(817);
   const auto image = MakeRandomImage<short>(random, { { 30, 20, 25 } });
-  auto       cine = CineType<short>::New();
-  cine->SetInput(image);
+  const auto cine = MakeCine(image);
   cine->SetMaskImage(MakeMask(image));
   cine->SetDefaultPixelValue(7);
   // views of two axes, whose shares of the work do not sum to 1 exactly
@@ -525,9 +473,8 @@ TEST(ShearWarpMIPCine, AnEmptyMaskLeavesOutAllAndNoMore)
     cine->Update();
     EXPECT_LE(cine->GetSkippedFraction(), 1.0);
     EXPECT_GT(cine->GetSkippedFraction(), 0.9999);
-    const auto * pixels = cine->GetOutput()->GetBufferPointer();
-    const auto   count = cine->GetOutput()->GetBufferedRegion().GetNumberOfPixels();
-    EXPECT_EQ(std::count(pixels, pixels + count, 7), static_cast<std::ptrdiff_t>(count));
+    const auto pixels = GetPixels(cine->GetOutput());
+    EXPECT_EQ(pixels, std::vector<short>(pixels.size(), 7));
   }
 }
 
@@ -537,15 +484,11 @@ TEST(ShearWarpMIPCine, WhatIsSkippedChangesNoPixel)
   const auto image = MakePlainImage<unsigned short>({ { 130, 90, 75 } }, 3);
   for (int n = 0; n < 40; ++n)
   {
-    itk::Index<3> index;
-    for (unsigned int axis = 0; axis < 3; ++axis)
-    {
-      index[axis] = random.Integer(0, static_cast<std::int64_t>(image->GetBufferedRegion().GetSize(axis)) - 1);
-    }
+    const auto index = DrawIndex(random, image->GetBufferedRegion());
     image->SetPixel(index, static_cast<unsigned short>(random.Integer(4, 60000)));
   }
-  const auto whole = CineType<unsigned short>::New();
-  const auto skipping = CineType<unsigned short>::New();
+  const auto whole = MakeCine(image);
+  const auto skipping = MakeCine(image);
   for (const auto & axis :
        { MakeVector3(0, 0, 1), MakeVector3(1, 0, 0), MakeVector3(0, 1, 0), MakeVector3(0.3, 0.8, 0.5) })
   {
@@ -553,7 +496,6 @@ TEST(ShearWarpMIPCine, WhatIsSkippedChangesNoPixel)
     {
       for (auto * filter : { whole.GetPointer(), skipping.GetPointer() })
       {
-        filter->SetInput(image);
         filter->SetRotationAxis(axis);
         filter->SetNumberOfFrames(17);
         filter->SetReducedResampling(ReducedResamplingEnum::Off);
@@ -562,12 +504,7 @@ TEST(ShearWarpMIPCine, WhatIsSkippedChangesNoPixel)
       whole->Update();
       skipping->Update();
       EXPECT_GT(skipping->GetSkippedFraction(), reducedResampling == ReducedResamplingEnum::On ? 0.1 : -1.0);
-      for (unsigned int n = 0; n < 17; ++n)
-      {
-        EXPECT_TRUE(
-          HaveSamePixels(GetFrame(whole->GetOutput(), n).GetPointer(), GetFrame(skipping->GetOutput(), n).GetPointer()))
-          << "frame " << n << " about " << axis;
-      }
+      EXPECT_TRUE(HaveSamePixels(whole->GetOutput(), skipping->GetOutput())) << "about " << axis;
     }
   }
 }

@@ -19,16 +19,11 @@
 
 #include "itkShearWarpMIPTestImages.h"
 
-#include <gtest/gtest.h>
-
-#include <cstdlib>
-
 namespace
 {
 using namespace itk::ShearWarpMIPTest;
 
 using ImageType = itk::Image<unsigned char, 3>;
-using FilterType = itk::ShearWarpMIPImageFilter<ImageType>;
 
 constexpr itk::SizeValueType Length = 1300;
 constexpr unsigned char      Bright = 255;
@@ -56,10 +51,9 @@ MakeLargeImage()
   {
     itk::ImageRegion<3> cube(center, { { 1, 1, 1 } });
     cube.PadByRadius(Radius);
-    itk::ImageRegionIterator<ImageType> it(image, cube);
-    for (; !it.IsAtEnd(); ++it)
+    for (const auto & index : itk::ImageRegionIndexRange<3>(cube))
     {
-      it.Set(Bright);
+      image->SetPixel(index, Bright);
     }
   }
   return image;
@@ -96,16 +90,11 @@ TEST(ShearWarpMIPLarge, MoreThan2To31VoxelsAreProjected)
     GTEST_SKIP() << "takes 5 GB of memory: set SHEARWARPMIP_TEST_LARGE";
   }
   const auto image = MakeLargeImage();
-  const auto filter = FilterType::New();
-  filter->SetInput(image);
-
-  const auto   maxima = FindAxisMaxima(image);
-  const double axisViews[][3][3] = { { { 0, 0, 1 }, { 1, 0, 0 }, { 0, 1, 0 } },
-                                     { { 1, 0, 0 }, { 0, 0, 1 }, { 0, 1, 0 } },
-                                     { { 1, 0, 0 }, { 0, 1, 0 }, { 0, 0, 1 } } };
+  const auto filter = MakeFilter(image);
+  const auto maxima = FindAxisMaxima(image);
   for (unsigned int axis = 0; axis < 3; ++axis)
   {
-    filter->SetTransform(MakeView(MakeMatrix(axisViews[axis]), MakePoint3(0, 0, 0)));
+    filter->SetTransform(MakeView(MakeAxisMatrix(axis), PointType(0.0)));
     filter->UpdateLargestPossibleRegion();
     ASSERT_EQ(filter->GetPrincipalAxis(), axis);
     ASSERT_EQ(filter->GetOutput()->GetBufferedRegion().GetSize(), (itk::Size<2>{ { Length, Length } }));
@@ -134,23 +123,21 @@ TEST(ShearWarpMIPLarge, MoreThan2To31VoxelsAreProjected)
     std::vector<itk::Index<2>> places;
     for (const itk::Index<3> & center : Cubes)
     {
-      PointType physical;
-      image->TransformIndexToPhysicalPoint(center, physical);
+      const auto          physical = image->TransformIndexToPhysicalPoint<double>(center);
       const PointType     inView = view->GetInverseTransform()->TransformPoint(physical);
       const itk::Index<2> place = output->TransformPhysicalPointToIndex(MakePoint2(inView[0], inView[1]));
       EXPECT_EQ(+output->GetPixel(place), +Bright) << center;
       places.push_back(place);
     }
     // a cube's corner, and a pixel for each interpolation
-    constexpr double                                                     reach = 1.75 * (Radius + 0.5) + 3;
-    itk::SizeValueType                                                   strangers = 0;
-    itk::ImageRegionConstIteratorWithIndex<itk::Image<unsigned char, 2>> it(output, output->GetBufferedRegion());
-    for (; !it.IsAtEnd(); ++it)
+    constexpr double   reach = 1.75 * (Radius + 0.5) + 3;
+    itk::SizeValueType strangers = 0;
+    for (const auto & index : itk::ImageRegionIndexRange<2>(output->GetBufferedRegion()))
     {
       const auto isNear = [&](const itk::Index<2> & place) {
-        return std::hypot(place[0] - it.GetIndex()[0], place[1] - it.GetIndex()[1]) < reach;
+        return std::hypot(place[0] - index[0], place[1] - index[1]) < reach;
       };
-      strangers += it.Get() > Dark && std::none_of(places.begin(), places.end(), isNear);
+      strangers += output->GetPixel(index) > Dark && std::none_of(places.begin(), places.end(), isNear);
     }
     EXPECT_EQ(strangers, 0u);
   }

@@ -20,10 +20,6 @@
 
 #include "itkShearWarpMIPTestOracle.h"
 
-#include "itkImageRegionConstIteratorWithIndex.h"
-
-#include <gtest/gtest.h>
-
 #include <array>
 #include <iostream>
 
@@ -121,12 +117,7 @@ DrawView(Random & random, const itk::ImageBase<3> * image)
   {
     matrix = matrix * MakeDiagonal(1.0, 1.0, std::pow(10.0, random.Uniform(-2, 2)));
   }
-  PointType origin = GetCenter(image);
-  for (auto & coordinate : origin)
-  {
-    coordinate += random.Uniform(-20, 20);
-  }
-  return MakeView(matrix, origin);
+  return MakeView(matrix, GetCenter(image) + DrawVector(random, 20));
 }
 
 /** Sets some of the grid's parameters, or none, and what is needed to keep the output small. */
@@ -134,10 +125,8 @@ template <typename TFilter>
 void
 DrawGrid(Random & random, TFilter * filter, const ViewType * view, const itk::ImageBase<3> * image)
 {
-  constexpr double      largest = 80.0;
-  itk::Point<double, 3> lower;
-  itk::Point<double, 3> upper;
-  itk::ShearWarpFactorization::ComputeViewBounds(view, image, lower, upper);
+  constexpr double largest = 80.0;
+  const auto [lower, upper] = FindCornerBounds(view, image);
   const auto             extent = upper - lower;
   const auto             fitted = itk::ShearWarpFactorization::ComputeProjectedSpacing(view, image);
   itk::Size<2>           size;
@@ -222,8 +211,7 @@ CheckCase(Random & random, Tally & tally)
   ForEachInstructionSet([&](const std::string & name) {
     const auto threads = static_cast<itk::ThreadIdType>(random.Integer(1, 8));
     const auto mode = static_cast<ReducedResamplingEnum>(random.Integer(0, 2));
-    filter->GetMultiThreader()->SetMaximumNumberOfThreads(threads);
-    filter->SetNumberOfWorkUnits(threads);
+    SetThreads(filter, threads);
     filter->SetReducedResampling(mode);
     filter->SetNumberOfStreamDivisions(static_cast<unsigned int>(random.Integer(0, 1) == 0 ? 1 : random.Integer(2, 9)));
     if (random.Integer(0, 1) == 0)
@@ -233,23 +221,21 @@ CheckCase(Random & random, Tally & tally)
     filter->Modified();
     filter->UpdateLargestPossibleRegion();
     first = first ? first : Copy(filter->GetOutput());
-    EXPECT_TRUE(HaveSamePixels(first.GetPointer(), filter->GetOutput()))
-      << name << ", " << threads << " threads, " << mode;
+    EXPECT_TRUE(HaveSamePixels(first, filter->GetOutput())) << name << ", " << threads << " threads, " << mode;
   });
 
   ASSERT_EQ(image->GetLargestPossibleRegion(), buffered);
   BruteForceProjection<TPixel> bruteForce(view, image, static_cast<int>(oversampling), rule);
-  itk::ImageRegionIteratorWithIndex<itk::Image<TPixel, 2>> it(first, first->GetBufferedRegion());
-  for (; !it.IsAtEnd(); ++it)
+  for (const auto & index : itk::ImageRegionIndexRange<2>(first->GetBufferedRegion()))
   {
-    const double u = first->GetOrigin()[0] + first->GetSpacing()[0] * static_cast<double>(it.GetIndex()[0]);
-    const double v = first->GetOrigin()[1] + first->GetSpacing()[1] * static_cast<double>(it.GetIndex()[1]);
-    const TPixel expected = bruteForce.Evaluate(u, v, background);
+    const auto   place = GetPlace(first, index);
+    const TPixel pixel = first->GetPixel(index);
+    const TPixel expected = bruteForce.Evaluate(place[0], place[1], background);
     ++tally.pixels;
-    if (!HaveSameBits(it.Get(), expected))
+    if (!HaveSameBits(pixel, expected))
     {
-      ASSERT_TRUE(bruteForce.IsTie(u, v))
-        << "pixel " << it.GetIndex() << " is " << +it.Get() << " instead of " << +expected << "; "
+      ASSERT_TRUE(bruteForce.IsTie(place[0], place[1]))
+        << "pixel " << index << " is " << +pixel << " instead of " << +expected << "; "
         << first->GetBufferedRegion().GetSize() << " pixels of " << buffered.GetSize() << " voxels";
       ++tally.ties;
     }
@@ -309,16 +295,14 @@ TakeMaxima(const itk::Image<short, 3> * image, const ViewType * view, const TGri
   const auto         toView = view->GetInverseTransform();
   const auto         size = grid->GetLargestPossibleRegion().GetSize();
   std::vector<short> maxima(size[0] * size[1]);
-  for (itk::ImageRegionConstIteratorWithIndex it(image, image->GetBufferedRegion()); !it.IsAtEnd(); ++it)
+  for (const auto & index : itk::ImageRegionIndexRange<3>(image->GetBufferedRegion()))
   {
-    PointType point;
-    image->TransformIndexToPhysicalPoint(it.GetIndex(), point);
-    point = toView->TransformPoint(point);
+    const auto point = toView->TransformPoint(image->TransformIndexToPhysicalPoint<double>(index));
     const auto place = [&](unsigned int axis) {
       return static_cast<std::size_t>(std::lround((point[axis] - grid->GetOrigin()[axis]) / grid->GetSpacing()[axis]));
     };
     short & maximum = maxima.at(place(1) * size[0] + place(0));
-    maximum = std::max(maximum, it.Get());
+    maximum = std::max(maximum, image->GetPixel(index));
   }
   return maxima;
 }
@@ -338,15 +322,13 @@ TEST(ShearWarpMIPProperties, ViewsAlongTheGridHaveTheMaximaOfTheirVoxels)
     return static_cast<short>(random.Integer(1, 9999));
   });
 
-  const auto single = itk::ShearWarpMIPImageFilter<ImageType>::New();
+  const auto single = MakeFilter(image);
   const auto cine = itk::ShearWarpMIPCineImageFilter<ImageType>::New();
-  single->SetInput(image);
   cine->SetInput(image);
   for (const MatrixType & direction : DrawSignedPermutations(random))
   {
     image->SetDirection(direction);
-    PointType corner;
-    image->TransformIndexToPhysicalPoint(image->GetBufferedRegion().GetIndex(), corner);
+    const auto corner = image->TransformIndexToPhysicalPoint<double>(image->GetBufferedRegion().GetIndex());
     std::vector<ViewType::Pointer> views;
     for (const MatrixType & matrix : DrawSignedPermutations(random))
     {
@@ -376,8 +358,7 @@ TEST(ShearWarpMIPProperties, ViewsAlongTheGridHaveTheMaximaOfTheirVoxels)
       std::vector<short> expected;
       single->SetTransform(view);
       ForEachInstructionSet([&](const std::string & name) {
-        single->Modified();
-        single->Update();
+        UpdateAnew(single);
         const auto * output = single->GetOutput();
         expected = expected.empty() ? TakeMaxima(image, view, output) : expected;
         EXPECT_TRUE(std::equal(expected.begin(), expected.end(), output->GetBufferPointer())) << name << ", direction\n"
@@ -387,8 +368,7 @@ TEST(ShearWarpMIPProperties, ViewsAlongTheGridHaveTheMaximaOfTheirVoxels)
     }
     std::vector<std::vector<short>> expected;
     ForEachInstructionSet([&](const std::string & name) {
-      cine->Modified();
-      cine->Update();
+      UpdateAnew(cine);
       for (std::size_t n = 0; n < views.size(); ++n)
       {
         if (n == expected.size())

@@ -21,15 +21,10 @@
 
 #include "itkGDCMImageIO.h"
 #include "itkImageFileReader.h"
-#include "itkImageRegionConstIteratorWithIndex.h"
 #include "itkMaximumProjectionImageFilter.h"
 #include "itkMetaImageIO.h"
 #include "itkNrrdImageIO.h"
 #include "itkVectorImage.h"
-
-#include <gtest/gtest.h>
-
-#include <string>
 
 /** Clinical images from ITK's own test data: the content links in the folder Input. */
 namespace
@@ -70,11 +65,8 @@ Read(const std::string & name)
 itk::Image<short, 3>::Pointer
 ReadCardiacCT(unsigned int component)
 {
-  const auto phases = Read<itk::VectorImage<short, 3>, itk::NrrdImageIO>("CTCardioCropped.seq.nrrd");
-  auto       image = itk::Image<short, 3>::New();
-  image->CopyInformation(phases);
-  image->SetRegions(phases->GetBufferedRegion());
-  image->Allocate();
+  const auto         phases = Read<itk::VectorImage<short, 3>, itk::NrrdImageIO>("CTCardioCropped.seq.nrrd");
+  const auto         image = MakeAlike<short, 3>(phases, phases->GetBufferedRegion());
   const unsigned int length = phases->GetNumberOfComponentsPerPixel();
   for (itk::SizeValueType n = 0; n < image->GetBufferedRegion().GetNumberOfPixels(); ++n)
   {
@@ -107,17 +99,6 @@ ReadCardiacMR(itk::SizeValueType phase)
   return image;
 }
 
-template <typename TPixel>
-typename itk::ShearWarpMIPImageFilter<itk::Image<TPixel, 3>>::Pointer
-MakeFilter(const itk::Image<TPixel, 3> * image, const ViewType * view, TPixel background)
-{
-  auto filter = itk::ShearWarpMIPImageFilter<itk::Image<TPixel, 3>>::New();
-  filter->SetInput(image);
-  filter->SetTransform(view);
-  filter->SetDefaultPixelValue(background);
-  return filter;
-}
-
 /** A view by azimuth and elevation, and the picture's facts that hold for any image. */
 template <typename TPixel>
 void
@@ -130,35 +111,17 @@ ExpectProjectionIsRight(const itk::Image<TPixel, 3> * image, Direction direction
   const auto     brightestVoxel = std::max_element(voxels, voxels + count);
   const TPixel   darkest = *std::min_element(voxels, voxels + count);
   const auto     background = static_cast<TPixel>(darkest > 0 ? darkest / 2 : darkest - 1);
-  const auto     filter = MakeFilter(image, view.GetPointer(), background);
+  const auto     filter = MakeFilter(image, view);
+  filter->SetDefaultPixelValue(background);
   filter->Update();
   const auto * output = filter->GetOutput();
 
   BruteForceProjection<TPixel> bruteForce(view, image);
-  EXPECT_TRUE(HaveSamePixels(bruteForce.Evaluate(output, background).GetPointer(), output));
+  EXPECT_TRUE(HaveSamePixels(bruteForce.Evaluate(output, background), output));
 
   // the image's physical corners just fit in
   const auto & size = output->GetBufferedRegion().GetSize();
-  double       lower[2] = { 1e9, 1e9 };
-  double       upper[2] = { -1e9, -1e9 };
-  const auto   inverse = view->GetInverseTransform();
-  const auto   imageSize = image->GetBufferedRegion().GetSize();
-  for (int corner = 0; corner < 8; ++corner)
-  {
-    itk::ContinuousIndex<double, 3> index;
-    for (unsigned int axis = 0; axis < 3; ++axis)
-    {
-      index[axis] = (corner >> axis & 1) ? static_cast<double>(imageSize[axis]) - 0.5 : -0.5;
-    }
-    PointType physical;
-    image->TransformContinuousIndexToPhysicalPoint(index, physical);
-    const auto position = inverse->TransformPoint(physical);
-    for (unsigned int axis = 0; axis < 2; ++axis)
-    {
-      lower[axis] = std::min(lower[axis], position[axis]);
-      upper[axis] = std::max(upper[axis], position[axis]);
-    }
-  }
+  const auto [lower, upper] = FindCornerBounds(view, image);
   for (unsigned int axis = 0; axis < 2; ++axis)
   {
     const double extent = output->GetSpacing()[axis] * static_cast<double>(size[axis]);
@@ -167,26 +130,19 @@ ExpectProjectionIsRight(const itk::Image<TPixel, 3> * image, Direction direction
   }
 
   // the brightest voxel is seen, and nothing is brighter
-  itk::Index<3> index = image->ComputeIndex(brightestVoxel - voxels);
-  PointType     physical;
-  image->TransformIndexToPhysicalPoint(index, physical);
-  const auto                                                    expected = inverse->TransformPoint(physical);
-  const auto                                                    smallest = output->GetSpacing()[0];
-  TPixel                                                        nearby = background;
-  itk::ImageRegionConstIteratorWithIndex<itk::Image<TPixel, 2>> it(output, output->GetBufferedRegion());
-  for (; !it.IsAtEnd(); ++it)
+  const auto brightest = image->ComputeIndex(brightestVoxel - voxels);
+  const auto physical = image->template TransformIndexToPhysicalPoint<double>(brightest);
+  const auto expected = view->GetInverseTransform()->TransformPoint(physical);
+  const auto smallest = output->GetSpacing()[0];
+  TPixel     nearby = background;
+  for (const auto & index : itk::ImageRegionIndexRange<2>(output->GetBufferedRegion()))
   {
-    if (it.Get() == background)
-    {
-      continue;
-    }
-    ASSERT_GE(it.Get(), darkest);
-    ASSERT_LE(it.Get(), *brightestVoxel);
-    itk::Point<double, 2> position;
-    output->TransformIndexToPhysicalPoint(it.GetIndex(), position);
+    const TPixel pixel = output->GetPixel(index);
+    ASSERT_TRUE(pixel == background || (pixel >= darkest && pixel <= *brightestVoxel)) << index;
+    const auto position = output->template TransformIndexToPhysicalPoint<double>(index);
     if (std::abs(position[0] - expected[0]) <= smallest && std::abs(position[1] - expected[1]) <= smallest)
     {
-      nearby = std::max(nearby, it.Get());
+      nearby = pixel == background ? nearby : std::max(nearby, pixel);
     }
   }
   EXPECT_GT(nearby, 0.2 * static_cast<double>(*brightestVoxel));
@@ -197,19 +153,12 @@ template <typename TPixel>
 typename itk::Image<TPixel, 3>::Pointer
 KeepSide(const itk::Image<TPixel, 3> * image, const itk::Vector<double, 3> & side)
 {
-  auto half = itk::Image<TPixel, 3>::New();
-  half->CopyInformation(image);
-  half->SetRegions(image->GetBufferedRegion());
-  half->Allocate();
-  const PointType                                               center = GetCenter(image);
-  itk::ImageRegionConstIteratorWithIndex<itk::Image<TPixel, 3>> it(image, image->GetBufferedRegion());
-  TPixel *                                                      voxel = half->GetBufferPointer();
-  for (; !it.IsAtEnd(); ++it)
-  {
-    PointType position;
-    image->TransformIndexToPhysicalPoint(it.GetIndex(), position);
-    *voxel++ = (position - center) * side > 0 ? it.Get() : TPixel{};
-  }
+  const auto half = MakeAlike<TPixel>(image, image->GetBufferedRegion());
+  const auto center = GetCenter(image);
+  FillByIndex(half, [&](const auto & index) {
+    const auto position = image->template TransformIndexToPhysicalPoint<double>(index);
+    return (position - center) * side > 0 ? image->GetPixel(index) : TPixel{};
+  });
   return half;
 }
 
@@ -223,22 +172,19 @@ ExpectSideIsSeen(const itk::Image<TPixel, 3> *  image,
                  double                         sign)
 {
   const auto half = KeepSide(image, side);
-  const auto view = ShearWarpMIPView::MakeTransform(half, direction);
-  const auto filter = MakeFilter<TPixel>(half, view, TPixel{});
+  const auto filter = MakeFilter(half, ShearWarpMIPView::MakeTransform(half, direction));
   filter->Update();
   const auto * output = filter->GetOutput();
-  const double reach = std::max({ image->GetSpacing()[0], image->GetSpacing()[1], image->GetSpacing()[2] }) * 2;
+  const double reach = image->GetSpacing().GetVnlVector().max_value() * 2;
   double       there = 0.0;
-  itk::ImageRegionConstIteratorWithIndex<itk::Image<TPixel, 2>> it(output, output->GetBufferedRegion());
-  for (; !it.IsAtEnd(); ++it)
+  for (const auto & index : itk::ImageRegionIndexRange<2>(output->GetBufferedRegion()))
   {
-    itk::Point<double, 2> position;
-    output->TransformIndexToPhysicalPoint(it.GetIndex(), position);
+    const auto position = output->template TransformIndexToPhysicalPoint<double>(index);
     if (sign * position[axis] < -reach)
     {
-      ASSERT_EQ(it.Get(), 0) << "on the wrong side, at " << position;
+      ASSERT_EQ(output->GetPixel(index), 0) << "on the wrong side, at " << position;
     }
-    there += it.Get();
+    there += output->GetPixel(index);
   }
   EXPECT_GT(there, 0.0);
 }
@@ -275,22 +221,10 @@ ExpectAxisViewsEqualMaximumProjection(const itk::Image<TPixel, 3> * image)
 
     const unsigned int columnAxis = axis == 0 ? 1 : 0;
     const unsigned int rowAxis = axis == 2 ? 1 : 2;
-    MatrixType         matrix;
-    for (unsigned int row = 0; row < 3; ++row)
-    {
-      matrix(row, 0) = image->GetDirection()(row, columnAxis);
-      matrix(row, 1) = image->GetDirection()(row, rowAxis);
-      matrix(row, 2) = image->GetDirection()(row, axis);
-    }
-    const auto filter = MakeFilter<TPixel>(image, MakeView(matrix, image->GetOrigin()), TPixel{});
+    const auto filter = MakeFilter(image, MakeView(image->GetDirection() * MakeAxisMatrix(axis), image->GetOrigin()));
     filter->SetOutputSpacing(MakeVector2(image->GetSpacing()[columnAxis], image->GetSpacing()[rowAxis]));
     filter->Update();
-    const auto count = projection->GetOutput()->GetBufferedRegion().GetNumberOfPixels();
-    ASSERT_EQ(filter->GetOutput()->GetBufferedRegion().GetNumberOfPixels(), count);
-    EXPECT_TRUE(std::equal(projection->GetOutput()->GetBufferPointer(),
-                           projection->GetOutput()->GetBufferPointer() + count,
-                           filter->GetOutput()->GetBufferPointer()))
-      << "along axis " << axis;
+    EXPECT_TRUE(GetPixels(projection->GetOutput()) == GetPixels(filter->GetOutput())) << "along axis " << axis;
   }
 }
 
@@ -321,7 +255,7 @@ TEST_F(ShearWarpMIPRealImages, DirectionTurnsThePatientAndNothingElse)
   using ImageType = itk::Image<unsigned char, 3>;
   const auto first = Read<ImageType, itk::MetaImageIO>(HeadFiles[0]);
   const auto view = ShearWarpMIPView::MakeTransform(first, Direction::Anterior, 20, 30);
-  const auto expected = MakeFilter<unsigned char>(first, view, 0);
+  const auto expected = MakeFilter(first, view);
   expected->Update();
   for (const char * file : HeadFiles)
   {
@@ -329,7 +263,7 @@ TEST_F(ShearWarpMIPRealImages, DirectionTurnsThePatientAndNothingElse)
     const MatrixType turn = image->GetDirection() * MatrixType(first->GetDirection().GetInverse());
     const auto       offset = turn * (view->GetOffset() - first->GetOrigin().GetVectorFromOrigin());
     const auto       turned = MakeView(turn * view->GetMatrix(), image->GetOrigin() + offset);
-    const auto       output = MakeFilter<unsigned char>(image, turned, 0);
+    const auto       output = MakeFilter(image, turned);
     output->Update();
     EXPECT_TRUE(HaveSamePixels(expected->GetOutput(), output->GetOutput())) << file;
   }

@@ -19,15 +19,10 @@
 
 #include "itkShearWarpMIPTestImages.h"
 
-#include <gtest/gtest.h>
-
-#include <cstdint>
-
 namespace
 {
 using namespace itk::ShearWarpMIPTest;
 
-/** Noise above a gradient, from integers alone; floats are multiples of 1/64. */
 template <typename TPixel>
 typename itk::Image<TPixel, 3>::Pointer
 MakeFixedImage()
@@ -35,23 +30,8 @@ MakeFixedImage()
   const auto image = MakePlainImage<TPixel>({ { 61, 45, 53 } });
   image->SetSpacing(MakeVector3(0.75, 1.25, 1.0));
   image->SetOrigin(MakePoint3(-30.0, 12.5, 4.0));
-  std::uint64_t state = 1;
-  const auto    count = static_cast<std::int64_t>(image->GetBufferedRegion().GetNumberOfPixels());
-  for (std::int64_t n = 0; n < count; ++n)
-  {
-    state = state * 6364136223846793005u + 1442695040888963407u;
-    const auto noise = static_cast<std::int64_t>(state >> 40);
-    const auto value = (noise % 200 * n) / count + noise % 5;
-    TPixel &   voxel = image->GetBufferPointer()[n];
-    if constexpr (std::is_floating_point_v<TPixel>)
-    {
-      voxel = static_cast<TPixel>(noise - (1 << 23)) / 64;
-    }
-    else
-    {
-      voxel = static_cast<TPixel>(sizeof(TPixel) == 1 ? value : value * 311);
-    }
-  }
+  const auto voxels = MakeFixedVoxels<TPixel>(static_cast<std::int64_t>(image->GetPixelContainer()->Size()));
+  std::copy(voxels.begin(), voxels.end(), image->GetBufferPointer());
   return image;
 }
 
@@ -77,15 +57,12 @@ ExpectChecksum(unsigned int oversampling, std::uint64_t expected)
       std::uint64_t checksum = EmptyChecksum;
       for (const auto & matrix : Views)
       {
-        const auto filter = itk::ShearWarpMIPImageFilter<itk::Image<TPixel, 3>>::New();
-        filter->SetInput(image);
-        filter->SetTransform(MakeView(MakeMatrix(matrix), MakePoint3(-7, 40, 31)));
+        const auto filter = MakeFilter(image, MakeView(MakeMatrix(matrix), MakePoint3(-7, 40, 31)));
         filter->SetOversampling(oversampling);
         filter->SetDefaultPixelValue(TPixel{ 1 });
         filter->SetSize({ { 90, 80 } });
         filter->SetOutputSpacing(MakeVector2(0.7, 0.9));
-        filter->GetMultiThreader()->SetMaximumNumberOfThreads(threads);
-        filter->SetNumberOfWorkUnits(threads);
+        SetThreads(filter, threads);
         filter->Update();
         AddToChecksum<itk::Image<TPixel, 2>>(filter->GetOutput(), checksum);
       }

@@ -22,8 +22,13 @@
 #include "itkImage.h"
 #include "itkImageRegionIterator.h"
 #include "itkImageRegionIteratorWithIndex.h"
+#include "itkIndexRange.h"
 #include "itkMatrix.h"
+#include "itkShearWarpMIPImageFilter.h"
 #include "itkShearWarpMIPTestRule.h"
+
+#include <sstream>
+#include <utility>
 
 /** Random images and views; what images have in common. */
 namespace itk::ShearWarpMIPTest
@@ -64,21 +69,33 @@ MakePoint2(double x, double y)
 inline MatrixType
 MakeMatrix(const double (&rows)[3][3])
 {
-  MatrixType matrix;
-  for (unsigned int row = 0; row < 3; ++row)
-  {
-    for (unsigned int column = 0; column < 3; ++column)
-    {
-      matrix(row, column) = rows[row][column];
-    }
-  }
-  return matrix;
+  return MatrixType(vnl_matrix_fixed<double, 3, 3>(&rows[0][0]));
 }
 
 inline MatrixType
 MakeDiagonal(double x, double y, double z)
 {
   return MakeMatrix({ { x, 0, 0 }, { 0, y, 0 }, { 0, 0, z } });
+}
+
+/** Looks along \a axis of an image whose direction is the identity; the other axes keep their order. */
+inline MatrixType
+MakeAxisMatrix(unsigned int axis)
+{
+  MatrixType matrix;
+  matrix(axis == 0 ? 1 : 0, 0) = 1.0;
+  matrix(axis == 2 ? 1 : 2, 1) = 1.0;
+  matrix(axis, 2) = 1.0;
+  return matrix;
+}
+
+/** Each component is within \a limit of 0. */
+inline Vector<double, 3>
+DrawVector(Random & random, double limit)
+{
+  const double x = random.Uniform(-limit, limit);
+  const double y = random.Uniform(-limit, limit);
+  return MakeVector3(x, y, random.Uniform(-limit, limit));
 }
 
 /** Uniformly distributed over all rotations: of a random unit quaternion. */
@@ -146,20 +163,40 @@ GetCenter(const ImageBase<3> * image)
   {
     index[axis] = static_cast<double>(region.GetIndex(axis)) + 0.5 * (static_cast<double>(region.GetSize(axis)) - 1.0);
   }
-  PointType center;
-  image->TransformContinuousIndexToPhysicalPoint(index, center);
-  return center;
+  return image->TransformContinuousIndexToPhysicalPoint<double>(index);
+}
+
+/** The bounds in view space of the eight corners of the outer voxels, by the transform's own inverse. */
+inline std::pair<PointType, PointType>
+FindCornerBounds(const Transform<double, 3, 3> * view, const ImageBase<3> * image)
+{
+  const auto   inverse = view->GetInverseTransform();
+  const auto & region = image->GetLargestPossibleRegion();
+  PointType    lower(1e9);
+  PointType    upper(-1e9);
+  for (int corner = 0; corner < 8; ++corner)
+  {
+    ContinuousIndex<double, 3> index;
+    for (unsigned int axis = 0; axis < 3; ++axis)
+    {
+      const double length = (corner >> axis & 1) != 0 ? static_cast<double>(region.GetSize(axis)) : 0.0;
+      index[axis] = static_cast<double>(region.GetIndex(axis)) - 0.5 + length;
+    }
+    const auto point = inverse->TransformPoint(image->TransformContinuousIndexToPhysicalPoint<double>(index));
+    for (unsigned int axis = 0; axis < 3; ++axis)
+    {
+      lower[axis] = std::min(lower[axis], point[axis]);
+      upper[axis] = std::max(upper[axis], point[axis]);
+    }
+  }
+  return { lower, upper };
 }
 
 /** A view whose origin is somewhere near the image's center. */
 inline ViewType::Pointer
 MakeRandomView(Random & random, ViewKind kind, const ImageBase<3> * image)
 {
-  PointType origin = GetCenter(image);
-  for (unsigned int axis = 0; axis < 3; ++axis)
-  {
-    origin[axis] += random.Uniform(-20, 20);
-  }
+  const PointType origin = GetCenter(image) + DrawVector(random, 20);
   return MakeView(MakeRandomViewMatrix(random, kind), origin);
 }
 
@@ -194,12 +231,37 @@ MakeRandomSize(Random & random, SizeValueType low, SizeValueType high)
   return size;
 }
 
+/** Of \a region without \a margin pixels on each side. */
+template <unsigned int VDimension>
+Index<VDimension>
+DrawIndex(Random & random, const ImageRegion<VDimension> & region, std::int64_t margin = 0)
+{
+  Index<VDimension> index = region.GetIndex();
+  for (unsigned int axis = 0; axis < VDimension; ++axis)
+  {
+    index[axis] += random.Integer(margin, static_cast<std::int64_t>(region.GetSize(axis)) - 1 - margin);
+  }
+  return index;
+}
+
 template <typename TPixel, unsigned int VDimension>
 void
 FillRandom(Random & random, Image<TPixel, VDimension> * image)
 {
   const SizeValueType count = image->GetBufferedRegion().GetNumberOfPixels();
   std::generate_n(image->GetBufferPointer(), count, [&random] { return MakeRandomPixel<TPixel>(random); });
+}
+
+/** Gives each pixel the value of \a function(index). */
+template <typename TImagePointer, typename TFunction>
+void
+FillByIndex(const TImagePointer & image, const TFunction & function)
+{
+  using ImageType = std::decay_t<decltype(*image)>;
+  for (const auto & index : ImageRegionIndexRange<ImageType::ImageDimension>(image->GetBufferedRegion()))
+  {
+    image->SetPixel(index, static_cast<typename ImageType::PixelType>(function(index)));
+  }
 }
 
 template <typename TPixel>
@@ -225,6 +287,70 @@ MakePlainImage(const Size<3> & size, TPixel value = TPixel{})
   return image;
 }
 
+/** An image of \a TPixel with the geometry and the buffered region of \a image. */
+template <typename TPixel, unsigned int VDimension>
+typename Image<TPixel, VDimension>::Pointer
+MakeAlike(const ImageBase<VDimension> * image, const ImageRegion<VDimension> & region)
+{
+  auto alike = Image<TPixel, VDimension>::New();
+  alike->CopyInformation(image);
+  alike->SetRegions(region);
+  alike->Allocate();
+  return alike;
+}
+
+/** A filter with the input \a image and, if there is one, the view \a view. */
+template <typename TImagePointer>
+auto
+MakeFilter(const TImagePointer & image, const Transform<double, 3, 3> * view = nullptr)
+{
+  const auto filter = ShearWarpMIPImageFilter<std::decay_t<decltype(*image)>>::New();
+  filter->SetInput(image);
+  if (view)
+  {
+    filter->SetTransform(view);
+  }
+  return filter;
+}
+
+template <typename TFilterPointer>
+void
+SetGrid(const TFilterPointer &    filter,
+        const Size<2> &           size,
+        const Vector<double, 2> & spacing,
+        const Point<double, 2> &  origin)
+{
+  filter->SetSize(size);
+  filter->SetOutputSpacing(spacing);
+  filter->SetOutputOrigin(origin);
+}
+
+template <typename TFilterPointer>
+void
+SetThreads(const TFilterPointer & filter, ThreadIdType threads)
+{
+  filter->GetMultiThreader()->SetMaximumNumberOfThreads(threads);
+  filter->SetNumberOfWorkUnits(threads);
+}
+
+/** Even if nothing has changed. */
+template <typename TFilterPointer>
+void
+UpdateAnew(const TFilterPointer & filter)
+{
+  filter->Modified();
+  filter->Update();
+}
+
+/** In the order of memory. */
+template <typename TImagePointer>
+auto
+GetPixels(const TImagePointer & image)
+{
+  const auto * const pixels = image->GetBufferPointer();
+  return std::vector(pixels, pixels + image->GetBufferedRegion().GetNumberOfPixels());
+}
+
 template <typename TFunction>
 std::string
 GetExceptionDescription(const TFunction & function)
@@ -240,20 +366,37 @@ GetExceptionDescription(const TFunction & function)
   return "no exception";
 }
 
-#define EXPECT_NAMES(expression, text)                                                                   \
-  {                                                                                                      \
-    const std::string description = itk::ShearWarpMIPTest::GetExceptionDescription([&] { expression; }); \
-    EXPECT_NE(description.find(text), std::string::npos) << "the exception says: " << description;       \
+/** Expects an exception of \a expression that says each of the texts. */
+#define EXPECT_NAMES(expression, ...)                                                                        \
+  {                                                                                                          \
+    const std::string description = itk::ShearWarpMIPTest::GetExceptionDescription([&] { expression; });     \
+    for (const std::string & eachText : std::initializer_list<std::string>{ __VA_ARGS__ })                   \
+    {                                                                                                        \
+      EXPECT_NE(description.find(eachText), std::string::npos) << eachText << " is not in: " << description; \
+    }                                                                                                        \
   }
 
-template <typename TPixel>
-bool
-HaveSamePixels(const Image<TPixel, 2> * a, const Image<TPixel, 2> * b)
+/** Expects each of \a texts in what \a object prints. */
+inline void
+ExpectPrinted(const Object * object, std::initializer_list<std::string> texts)
 {
-  return a->GetBufferedRegion() == b->GetBufferedRegion() &&
-         std::memcmp(a->GetBufferPointer(),
-                     b->GetBufferPointer(),
-                     a->GetBufferedRegion().GetNumberOfPixels() * sizeof(TPixel)) == 0;
+  std::ostringstream printed;
+  object->Print(printed);
+  for (const std::string & text : texts)
+  {
+    EXPECT_NE(printed.str().find(text), std::string::npos) << text << " is not in:\n" << printed.str();
+  }
+}
+
+/** The same region, and the same bits of all pixels. */
+template <typename TImagePointer, typename TOtherPointer>
+bool
+HaveSamePixels(const TImagePointer & a, const TOtherPointer & b)
+{
+  const auto * const     pixels = a->GetBufferPointer();
+  const decltype(pixels) others = b->GetBufferPointer();
+  const auto             count = a->GetBufferedRegion().GetNumberOfPixels();
+  return a->GetBufferedRegion() == b->GetBufferedRegion() && std::memcmp(pixels, others, count * sizeof(*pixels)) == 0;
 }
 
 template <typename TImage>
@@ -267,10 +410,7 @@ template <typename TPixel>
 typename Image<TPixel, 2>::Pointer
 Copy(const Image<TPixel, 2> * image)
 {
-  auto copy = Image<TPixel, 2>::New();
-  copy->CopyInformation(image);
-  copy->SetRegions(image->GetBufferedRegion());
-  copy->Allocate();
+  const auto copy = MakeAlike<TPixel>(image, image->GetBufferedRegion());
   std::copy_n(image->GetBufferPointer(), image->GetBufferedRegion().GetNumberOfPixels(), copy->GetBufferPointer());
   return copy;
 }

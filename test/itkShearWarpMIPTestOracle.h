@@ -18,7 +18,6 @@
 #ifndef itkShearWarpMIPTestOracle_h
 #define itkShearWarpMIPTestOracle_h
 
-#include "itkImageRegionIteratorWithIndex.h"
 #include "itkShearWarpFactorization.h"
 #include "itkShearWarpMIPTestImages.h"
 
@@ -42,13 +41,10 @@ struct RayRule : SampleRule<TPixel>
 };
 
 inline Image<unsigned char, 3>::Pointer
-MakeMask(const ImageBase<3> * image)
+MakeMask(const ImageBase<3> * image, unsigned char label = 0)
 {
-  auto mask = Image<unsigned char, 3>::New();
-  mask->CopyInformation(image);
-  mask->SetRegions(image->GetLargestPossibleRegion());
-  mask->Allocate();
-  mask->FillBuffer(0);
+  const auto mask = MakeAlike<unsigned char>(image, image->GetLargestPossibleRegion());
+  mask->FillBuffer(label);
   return mask;
 }
 
@@ -56,41 +52,40 @@ MakeMask(const ImageBase<3> * image)
 inline Image<unsigned char, 3>::Pointer
 MakeRandomMask(Random & random, const ImageBase<3> * image)
 {
-  const auto                                            mask = MakeMask(image);
-  const auto                                            region = image->GetLargestPossibleRegion();
-  const auto                                            length = random.Integer(1, random.Integer(0, 1) == 0 ? 7 : 40);
-  const bool                                            hasSpecks = random.Integer(0, 1) == 0;
-  ImageRegionIteratorWithIndex<Image<unsigned char, 3>> it(mask, region);
-  std::uint64_t                                         labels[512];
+  const auto    mask = MakeMask(image);
+  const auto    region = image->GetLargestPossibleRegion();
+  const auto    length = random.Integer(1, random.Integer(0, 1) == 0 ? 7 : 40);
+  const bool    hasSpecks = random.Integer(0, 1) == 0;
+  std::uint64_t labels[512];
   std::generate_n(labels, 512, [&] { return random.Bits() % 3; });
-  for (; !it.IsAtEnd(); ++it)
+  for (const auto & index : ImageRegionIndexRange<3>(region))
   {
     std::int64_t cell = 0;
     for (unsigned int axis = 0; axis < 3; ++axis)
     {
-      cell = cell * 8 + (it.GetIndex()[axis] - region.GetIndex(axis)) / length % 8;
+      cell = cell * 8 + (index[axis] - region.GetIndex(axis)) / length % 8;
     }
-    it.Set(static_cast<unsigned char>(hasSpecks && random.Integer(0, 20) == 0 ? 1 : labels[cell]));
+    mask->SetPixel(index, static_cast<unsigned char>(hasSpecks && random.Integer(0, 20) == 0 ? 1 : labels[cell]));
   }
   return mask;
 }
 
-/** Chooses parameters, for the filter and for the rule that its result must follow. */
+/** Chooses a slab and a box for the filter and for its rule; some of their ends are open if \a mayBeOpen. */
 template <typename TFilter, typename TPixel>
-RayRule<TPixel>
-DrawRule(Random & random, TFilter * filter, const ViewBaseType * view, const Image<TPixel, 3> * image)
+void
+DrawSlabAndBox(Random &             random,
+               TFilter *            filter,
+               const ViewBaseType * view,
+               const ImageBase<3> * image,
+               bool                 mayBeOpen,
+               RayRule<TPixel> &    rule)
 {
-  RayRule<TPixel> rule;
-  const auto      mode = random.Integer(0, 2);
-  rule.mode = static_cast<RayMode>(mode);
-  filter->SetMode(static_cast<typename TFilter::ModeEnum>(mode));
-  PointType lower, upper;
-  ShearWarpFactorization::ComputeViewBounds(view, image, lower, upper);
+  const auto [lower, upper] = FindCornerBounds(view, image);
   if (random.Integer(0, 1) == 0)
   {
     const double ends[] = { random.Uniform(lower[2], upper[2]), random.Uniform(lower[2], upper[2]) };
-    rule.slabNear = random.Integer(0, 3) == 0 ? rule.slabNear : std::min(ends[0], ends[1]);
-    rule.slabFar = random.Integer(0, 3) == 0 ? rule.slabFar : std::max(ends[0], ends[1]);
+    rule.slabNear = mayBeOpen && random.Integer(0, 3) == 0 ? rule.slabNear : std::min(ends[0], ends[1]);
+    rule.slabFar = mayBeOpen && random.Integer(0, 3) == 0 ? rule.slabFar : std::max(ends[0], ends[1]);
     filter->SetSlabNear(rule.slabNear);
     filter->SetSlabFar(rule.slabFar);
   }
@@ -102,10 +97,22 @@ DrawRule(Random & random, TFilter * filter, const ViewBaseType * view, const Ima
       rule.cropLower[axis] = center[axis] - random.Uniform(0, 0.4) * (upper[2] - lower[2]);
       rule.cropUpper[axis] = center[axis] + random.Uniform(0, 0.4) * (upper[2] - lower[2]);
     }
-    rule.cropUpper[2] = random.Integer(0, 1) == 0 ? rule.Infinity : rule.cropUpper[2];
+    rule.cropUpper[2] = mayBeOpen && random.Integer(0, 1) == 0 ? rule.Infinity : rule.cropUpper[2];
     filter->SetCropLower(rule.cropLower);
     filter->SetCropUpper(rule.cropUpper);
   }
+}
+
+/** Chooses parameters, for the filter and for the rule that its result must follow. */
+template <typename TFilter, typename TPixel>
+RayRule<TPixel>
+DrawRule(Random & random, TFilter * filter, const ViewBaseType * view, const Image<TPixel, 3> * image)
+{
+  RayRule<TPixel> rule;
+  const auto      mode = random.Integer(0, 2);
+  rule.mode = static_cast<RayMode>(mode);
+  filter->SetMode(static_cast<typename TFilter::ModeEnum>(mode));
+  DrawSlabAndBox(random, filter, view, image, true, rule);
   if (random.Integer(0, 1) == 0)
   {
     const auto mask = MakeRandomMask(random, image);
@@ -123,6 +130,14 @@ DrawRule(Random & random, TFilter * filter, const ViewBaseType * view, const Ima
   }
   filter->SetComputeDepth(random.Integer(0, 1) == 0);
   return rule;
+}
+
+/** The place in the view plane of a pixel of an axis-aligned grid, without the rounding of a direction. */
+inline Point<double, 2>
+GetPlace(const ImageBase<2> * grid, const Index<2> & index)
+{
+  return MakePoint2(grid->GetOrigin()[0] + grid->GetSpacing()[0] * static_cast<double>(index[0]),
+                    grid->GetOrigin()[1] + grid->GetSpacing()[1] * static_cast<double>(index[1]));
 }
 
 /** The projection of an image, pixel by pixel; \a oversampling is the number of intermediate pixels per voxel. */
@@ -353,18 +368,11 @@ public:
   typename Image<TPixel, 2>::Pointer
   Evaluate(const ImageBase<2> * grid, TPixel background)
   {
-    auto output = Image<TPixel, 2>::New();
-    output->CopyInformation(grid);
-    output->SetRegions(grid->GetLargestPossibleRegion());
-    output->Allocate();
-    ImageRegionIteratorWithIndex<Image<TPixel, 2>> it(output, output->GetBufferedRegion());
-    for (; !it.IsAtEnd(); ++it)
-    {
-      const auto & index = it.GetIndex();
-      it.Set(this->Evaluate(grid->GetOrigin()[0] + grid->GetSpacing()[0] * static_cast<double>(index[0]),
-                            grid->GetOrigin()[1] + grid->GetSpacing()[1] * static_cast<double>(index[1]),
-                            background));
-    }
+    const auto output = MakeAlike<TPixel>(grid, grid->GetLargestPossibleRegion());
+    FillByIndex(output, [&](const Index<2> & index) {
+      const auto place = GetPlace(grid, index);
+      return this->Evaluate(place[0], place[1], background);
+    });
     return output;
   }
 

@@ -19,7 +19,6 @@
 #define itkShearWarpMIPTestParts_h
 
 #include "itkImageAlgorithm.h"
-#include "itkImageRegionIteratorWithIndex.h"
 #include "itkImageSource.h"
 #include "itkShearWarpMIPMergePartsImageFilter.h"
 #include "itkShearWarpMIPTestImages.h"
@@ -32,12 +31,36 @@ template <typename TPixel>
 typename Image<TPixel, 3>::Pointer
 MakePart(const Image<TPixel, 3> * image, const ImageRegion<3> & region)
 {
-  auto part = Image<TPixel, 3>::New();
-  part->CopyInformation(image);
-  part->SetRegions(region);
-  part->Allocate();
+  const auto part = MakeAlike<TPixel>(image, region);
   ImageAlgorithm::Copy(image, part.GetPointer(), region, region);
   return part;
+}
+
+/** Boxes of \a least to \a most voxels a side that together are \a whole, each with one voxel more below. */
+inline std::vector<ImageRegion<3>>
+MakeRandomParts(Random & random, const ImageRegion<3> & whole, int least, int most)
+{
+  std::vector<ImageRegion<3>> parts{ whole };
+  for (unsigned int axis = 0; axis < 3; ++axis)
+  {
+    const auto                  first = whole.GetIndex(axis);
+    const auto                  last = first + static_cast<IndexValueType>(whole.GetSize(axis));
+    std::vector<ImageRegion<3>> smaller;
+    for (auto begin = first; begin < last;)
+    {
+      const auto end = std::min<IndexValueType>(begin + random.Integer(least, most), last);
+      for (ImageRegion<3> part : parts)
+      {
+        const auto halo = std::max(begin - 1, first);
+        part.SetIndex(axis, halo);
+        part.SetSize(axis, static_cast<SizeValueType>(end - halo));
+        smaller.push_back(part);
+      }
+      begin = end;
+    }
+    parts = smaller;
+  }
+  return parts;
 }
 
 /** Only the geometry. */
@@ -87,22 +110,16 @@ public:
   using ImageType = Image<TPixel, 3>;
   itkNewMacro(Self);
 
-  void
-  SetWhole(const ImageType * image)
-  {
-    m_Whole = image;
-    this->Modified();
-  }
-
-  SizeValueType executions{ 0 };
-  SizeValueType mostSlices{ 0 };
-  SizeValueType missingSlices{ 0 }; // an error
+  typename ImageType::ConstPointer whole;
+  SizeValueType                    executions{ 0 };
+  SizeValueType                    mostSlices{ 0 };
+  SizeValueType                    missingSlices{ 0 }; // an error
 
 protected:
   void
   GenerateOutputInformation() override
   {
-    this->GetOutput()->CopyInformation(m_Whole);
+    this->GetOutput()->CopyInformation(whole);
   }
 
   void
@@ -113,16 +130,10 @@ protected:
     region.SetSize(2, region.GetSize(2) - missingSlices);
     output->SetBufferedRegion(region);
     output->Allocate();
-    for (ImageRegionIteratorWithIndex<ImageType> it(output, region); !it.IsAtEnd(); ++it)
-    {
-      it.Set(m_Whole->GetPixel(it.GetIndex()));
-    }
+    ImageAlgorithm::Copy(whole.GetPointer(), output, region, region);
     ++executions;
     mostSlices = std::max(mostSlices, region.GetSize(2));
   }
-
-private:
-  typename ImageType::ConstPointer m_Whole;
 };
 
 template <typename TPixel>
@@ -130,7 +141,7 @@ typename PartSource<TPixel>::Pointer
 MakeSource(const Image<TPixel, 3> * image)
 {
   auto source = PartSource<TPixel>::New();
-  source->SetWhole(image);
+  source->whole = image;
   return source;
 }
 

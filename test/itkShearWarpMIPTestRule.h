@@ -113,6 +113,24 @@ MakeRandomPixel(Random & random)
   }
 }
 
+/** A volume of noise above a gradient, from integers alone; floats are multiples of 1/64. */
+template <typename TPixel>
+std::vector<TPixel>
+MakeFixedVoxels(std::int64_t count)
+{
+  std::vector<TPixel> voxels;
+  std::uint64_t       state = 1;
+  for (std::int64_t n = 0; n < count; ++n)
+  {
+    state = state * 6364136223846793005u + 1442695040888963407u;
+    const auto noise = static_cast<std::int64_t>(state >> 40);
+    const auto value = (noise % 200 * n) / count + noise % 5;
+    voxels.push_back(std::is_floating_point_v<TPixel> ? static_cast<TPixel>(noise - (1 << 23)) / 64
+                                                      : static_cast<TPixel>(sizeof(TPixel) == 1 ? value : value * 311));
+  }
+  return voxels;
+}
+
 template <typename TPixel>
 bool
 HaveSameBits(TPixel a, TPixel b)

@@ -20,10 +20,6 @@
 #include "itkShearWarpMIPImageFilter.h"
 #include "itkShearWarpMIPTestImages.h"
 
-#include "itkImageRegionConstIteratorWithIndex.h"
-
-#include <gtest/gtest.h>
-
 #include <sstream>
 
 namespace
@@ -59,6 +55,17 @@ VectorType
 GetViewAxis(const itk::Transform<double, 3, 3> * view, double u, double v, double w)
 {
   return view->TransformPoint(MakePoint3(u, v, w)) - view->TransformPoint(MakePoint3(0, 0, 0));
+}
+
+/** The axes are of length 1 and at right angles, and right-handed. */
+void
+ExpectRightHanded(const itk::Transform<double, 3, 3> * view)
+{
+  const auto u = GetViewAxis(view, 1, 0, 0);
+  const auto v = GetViewAxis(view, 0, 1, 0);
+  EXPECT_NEAR(u.GetNorm(), 1.0, 1e-12);
+  EXPECT_NEAR(v.GetNorm(), 1.0, 1e-12);
+  EXPECT_NEAR((itk::CrossProduct(u, v) - GetViewAxis(view, 0, 0, 1)).GetNorm(), 0.0, 1e-12);
 }
 
 void
@@ -101,44 +108,32 @@ TEST(ShearWarpMIPView, EveryViewIsRigidAndRightHanded)
   {
     const auto view = ShearWarpMIPView::MakeTransform(
       image, AllDirections[repeat % 6], random.Uniform(-720, 720), random.Uniform(-720, 720));
-    const auto u = GetViewAxis(view, 1, 0, 0);
-    const auto v = GetViewAxis(view, 0, 1, 0);
-    const auto w = GetViewAxis(view, 0, 0, 1);
-    EXPECT_NEAR(u.GetNorm(), 1.0, 1e-12);
-    EXPECT_NEAR(v.GetNorm(), 1.0, 1e-12);
-    EXPECT_NEAR((itk::CrossProduct(u, v) - w).GetNorm(), 0.0, 1e-12);
+    ExpectRightHanded(view);
   }
 }
 
-TEST(ShearWarpMIPView, AzimuthMovesTheViewerTowardsTheRightOfThePicture)
+TEST(ShearWarpMIPView, AzimuthMovesTheViewerToTheRightAndElevationToTheTopOfThePicture)
 {
   const auto image = MakeHead();
-  for (const Direction direction : AllDirections)
-  {
-    const auto start = ShearWarpMIPView::MakeTransform(image, direction);
-    const auto turned = ShearWarpMIPView::MakeTransform(image, direction, 30.0);
+  const auto expectMoved = [](const auto & start, const auto & turned, double right, double top) {
     const auto towardsViewer = GetViewAxis(turned, 0, 0, -1);
-    EXPECT_NEAR(towardsViewer * GetViewAxis(start, 1, 0, 0), 0.5, 1e-12);
+    EXPECT_NEAR(towardsViewer * GetViewAxis(start, right, -top, 0), 0.5, 1e-12);
     EXPECT_NEAR(towardsViewer * GetViewAxis(start, 0, 0, -1), std::sqrt(0.75), 1e-12);
-    EXPECT_NEAR((GetViewAxis(turned, 0, 1, 0) - GetViewAxis(start, 0, 1, 0)).GetNorm(), 0.0, 1e-12);
-  }
-}
-
-TEST(ShearWarpMIPView, ElevationMovesTheViewerTowardsTheTopOfThePicture)
-{
-  const auto image = MakeHead();
+    // the picture's other axis stays
+    EXPECT_NEAR((GetViewAxis(turned, top, right, 0) - GetViewAxis(start, top, right, 0)).GetNorm(), 0.0, 1e-12);
+  };
   for (const Direction direction : AllDirections)
   {
-    const auto start = ShearWarpMIPView::MakeTransform(image, direction, 20.0);
-    const auto raised = ShearWarpMIPView::MakeTransform(image, direction, 20.0, 30.0);
-    const auto towardsViewer = GetViewAxis(raised, 0, 0, -1);
-    EXPECT_NEAR(towardsViewer * GetViewAxis(start, 0, -1, 0), 0.5, 1e-12);
-    EXPECT_NEAR(towardsViewer * GetViewAxis(start, 0, 0, -1), std::sqrt(0.75), 1e-12);
-    EXPECT_NEAR((GetViewAxis(raised, 1, 0, 0) - GetViewAxis(start, 1, 0, 0)).GetNorm(), 0.0, 1e-12);
+    SCOPED_TRACE(direction);
+    const auto make = [&](double azimuth, double elevation) {
+      return ShearWarpMIPView::MakeTransform(image, direction, azimuth, elevation);
+    };
+    expectMoved(make(0, 0), make(30, 0), 1, 0);
+    expectMoved(make(20, 0), make(20, 30), 0, 1);
   }
 }
 
-TEST(ShearWarpMIPView, QuarterTurnsAreExact)
+TEST(ShearWarpMIPView, QuarterAndFullTurnsAreExact)
 {
   const auto image = MakeHead();
   const auto matrixOf = [&](Direction direction, double azimuth, double elevation) {
@@ -157,14 +152,7 @@ TEST(ShearWarpMIPView, QuarterTurnsAreExact)
   ExpectAxes(ShearWarpMIPView::MakeTransform(image, Direction::Anterior, 0.0, -90.0), Left, Posterior, Superior);
   ExpectAxes(ShearWarpMIPView::MakeTransform(image, Direction::Posterior, 0.0, 90.0), Right, Posterior, Inferior);
   ExpectAxes(ShearWarpMIPView::MakeTransform(image, Direction::Superior, 180.0), Left, Posterior, Superior);
-}
-
-TEST(ShearWarpMIPView, FullTurnsRepeatTheView)
-{
-  const auto image = MakeHead();
-  const auto once = ShearWarpMIPView::MakeTransform(image, Direction::Left, 33.0, -12.0);
-  const auto again = ShearWarpMIPView::MakeTransform(image, Direction::Left, 33.0 + 720.0, -12.0 - 360.0);
-  EXPECT_EQ(once->GetMatrix(), again->GetMatrix());
+  EXPECT_EQ(matrixOf(Direction::Left, 33.0, -12.0), matrixOf(Direction::Left, 33.0 + 720.0, -12.0 - 360.0));
 }
 
 TEST(ShearWarpMIPView, ViewOriginIsTheCenterOfTheImage)
@@ -184,24 +172,13 @@ TEST(ShearWarpMIPView, ViewOriginIsTheCenterOfTheImage)
 
 TEST(ShearWarpMIPView, ErrorsNameTheValue)
 {
-  const auto image = MakeHead();
-  const auto describe = [&](const itk::ImageBase<3> * of, Direction direction, double azimuth, double elevation) {
-    try
-    {
-      ShearWarpMIPView::MakeTransform(of, direction, azimuth, elevation);
-    }
-    catch (const itk::ExceptionObject & exception)
-    {
-      return std::string(exception.GetDescription());
-    }
-    return std::string("no exception");
-  };
+  const auto   image = MakeHead();
   const double notANumber = std::numeric_limits<double>::quiet_NaN();
   const double infinity = std::numeric_limits<double>::infinity();
-  EXPECT_NE(describe(image, Direction::Left, notANumber, 12.5).find("nan and 12.5"), std::string::npos);
-  EXPECT_NE(describe(image, Direction::Left, 3.5, -infinity).find("3.5 and -inf"), std::string::npos);
-  EXPECT_NE(describe(nullptr, Direction::Left, 0, 0).find("image"), std::string::npos);
-  EXPECT_NE(describe(image, static_cast<Direction>(17), 0, 0).find("17"), std::string::npos);
+  EXPECT_NAMES(ShearWarpMIPView::MakeTransform(image, Direction::Left, notANumber, 12.5), "nan and 12.5");
+  EXPECT_NAMES(ShearWarpMIPView::MakeTransform(image, Direction::Left, 3.5, -infinity), "3.5 and -inf");
+  EXPECT_NAMES(ShearWarpMIPView::MakeTransform(nullptr, Direction::Left, 0, 0), "image");
+  EXPECT_NAMES(ShearWarpMIPView::MakeTransform(image, static_cast<Direction>(17), 0, 0), "17");
   EXPECT_THROW(ShearWarpMIPView::GetCenter(nullptr), itk::ExceptionObject);
 }
 
@@ -226,10 +203,8 @@ TEST(ShearWarpMIPView, PatientSidesAreWhereTheReaderExpectsThem)
 {
   const auto      image = MakeHead();
   const PointType center = GetCenter(image);
-  const auto      filter = itk::ShearWarpMIPImageFilter<ImageType>::New();
-  filter->SetInput(image);
-
-  const auto expectBright =
+  const auto      filter = MakeFilter(image);
+  const auto      expectBright =
     [&](const VectorType & side, Direction direction, double azimuth, double elevation, int u, int v) {
       image->FillBuffer(0);
       itk::Index<3> index;
@@ -238,18 +213,10 @@ TEST(ShearWarpMIPView, PatientSidesAreWhereTheReaderExpectsThem)
       image->Modified();
       filter->SetTransform(ShearWarpMIPView::MakeTransform(image, direction, azimuth, elevation));
       filter->Update();
-      double                                                                brightest = 0.0;
-      itk::Point<double, 2>                                                 position;
-      itk::ImageRegionConstIteratorWithIndex<itk::Image<unsigned short, 2>> it(
-        filter->GetOutput(), filter->GetOutput()->GetBufferedRegion());
-      for (; !it.IsAtEnd(); ++it)
-      {
-        if (it.Get() > brightest)
-        {
-          brightest = it.Get();
-          filter->GetOutput()->TransformIndexToPhysicalPoint(it.GetIndex(), position);
-        }
-      }
+      const auto * output = filter->GetOutput();
+      const auto   pixels = GetPixels(output);
+      const auto   brightest = std::max_element(pixels.begin(), pixels.end()) - pixels.begin();
+      const auto   position = output->TransformIndexToPhysicalPoint<double>(output->ComputeIndex(brightest));
       // the voxel's center may be 1.1 mm from the point asked for
       EXPECT_NEAR(position[0], 3.0 * u, 2.0);
       EXPECT_NEAR(position[1], 3.0 * v, 2.0);
@@ -297,14 +264,14 @@ TEST(ShearWarpMIPView, TurningIsARotationAboutTheLine)
   for (int repeat = 0; repeat < 200; ++repeat)
   {
     const auto view = MakeRandomView(random, ViewKind::Rigid, image);
-    const auto axis = MakeVector3(random.Uniform(-3, 3), random.Uniform(-3, 3), random.Uniform(-3, 3));
-    const auto center = MakePoint3(random.Uniform(-50, 50), random.Uniform(-50, 50), random.Uniform(-50, 50));
+    const auto axis = DrawVector(random, 3);
+    const auto center = PointType(0.0) + DrawVector(random, 50);
     const auto degrees = random.Uniform(-400, 400);
     const auto turned = ShearWarpMIPView::Turn(view, axis, center, degrees);
     auto       rotation = itk::AffineTransform<double, 3>::New();
     rotation->SetCenter(center);
     rotation->Rotate3D(axis, degrees * itk::Math::pi_over_180);
-    const auto point = MakePoint3(random.Uniform(-9, 9), random.Uniform(-9, 9), random.Uniform(-9, 9));
+    const auto point = PointType(0.0) + DrawVector(random, 9);
     const auto expected = rotation->TransformPoint(view->TransformPoint(point));
     ASSERT_LT((turned->TransformPoint(point) - expected).GetNorm(), 1e-10);
   }
@@ -320,15 +287,10 @@ TEST(ShearWarpMIPView, UprightViewsHaveTheAxisUpThePicture)
   Random random(311);
   for (int repeat = 0; repeat < 100; ++repeat)
   {
-    const auto axis = MakeVector3(random.Uniform(-1, 1), random.Uniform(-1, 1), random.Uniform(-1, 1)) *
-                      (repeat % 2 == 0 ? 1e-200 : 1e200);
-    const auto view = ShearWarpMIPView::MakeUprightTransform(image, axis);
-    const auto u = GetViewAxis(view, 1, 0, 0);
-    const auto v = GetViewAxis(view, 0, 1, 0);
-    const auto w = GetViewAxis(view, 0, 0, 1);
-    ASSERT_LT((itk::CrossProduct(u, v) - w).GetNorm(), 1e-12);
-    const auto unit = axis / (repeat % 2 == 0 ? 1e-200 : 1e200);
-    ASSERT_LT((v + unit / unit.GetNorm()).GetNorm(), 1e-12);
+    const auto axis = DrawVector(random, 1);
+    const auto view = ShearWarpMIPView::MakeUprightTransform(image, axis * (repeat % 2 == 0 ? 1e-200 : 1e200));
+    ExpectRightHanded(view);
+    ASSERT_LT((GetViewAxis(view, 0, 1, 0) + axis / axis.GetNorm()).GetNorm(), 1e-12);
   }
 }
 

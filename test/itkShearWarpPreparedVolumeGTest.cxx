@@ -19,8 +19,6 @@
 
 #include "itkShearWarpMIPTestImages.h"
 
-#include <gtest/gtest.h>
-
 #include <stdexcept>
 
 namespace
@@ -89,8 +87,20 @@ class ShearWarpPreparedVolumeTyped : public testing::Test
 using PixelTypes = testing::Types<signed char, unsigned short, int, long long, float, double>;
 TYPED_TEST_SUITE(ShearWarpPreparedVolumeTyped, PixelTypes, );
 
-using ImageType = itk::Image<short, 3>;
-using VolumeType = itk::ShearWarpPreparedVolume<short>;
+class ShearWarpPreparedVolume : public testing::Test
+{
+protected:
+  itk::ShearWarp::SliceStack<short>
+  GetSlices(unsigned int axis, const itk::Image<short, 3> * image = nullptr)
+  {
+    return ::GetSlices<short>(m_Volume, image ? image : m_Image.GetPointer(), axis, m_Parallelize);
+  }
+
+  Random                              m_Random{ 203 };
+  itk::Image<short, 3>::Pointer       m_Image{ MakeRandomImage<short>(m_Random, { { 4, 5, 6 } }) };
+  itk::ShearWarpPreparedVolume<short> m_Volume;
+  CountingParallelize                 m_Parallelize;
+};
 } // namespace
 
 TYPED_TEST(ShearWarpPreparedVolumeTyped, GivesTheImagesVoxelsAlongEachAxis)
@@ -139,17 +149,14 @@ TYPED_TEST(ShearWarpPreparedVolumeTyped, GivesTheMaximaOfCubesAlongEachAxis)
           const std::ptrdiff_t slice = n / blocks.columns / blocks.rows;
           TypeParam            maximum = std::numeric_limits<TypeParam>::lowest();
           TypeParam            minimum = std::numeric_limits<TypeParam>::max();
-          for (std::ptrdiff_t k = slice * 8; k < std::min(slice * 8 + 8, slices.slices); ++k)
+          for (int voxel = 0; voxel < 8 * 8 * 8; ++voxel)
           {
-            for (std::ptrdiff_t j = row * 8; j < std::min(row * 8 + 8, slices.rows); ++j)
-            {
-              for (std::ptrdiff_t i = column * 8; i < std::min(column * 8 + 8, slices.columns); ++i)
-              {
-                const TypeParam voxel = slices.voxels[k * slices.sliceStride + j * slices.rowStride + i];
-                maximum = std::max(maximum, voxel);
-                minimum = std::min(minimum, voxel);
-              }
-            }
+            const std::ptrdiff_t i = std::min(column * 8 + voxel % 8, slices.columns - 1);
+            const std::ptrdiff_t j = std::min(row * 8 + voxel / 8 % 8, slices.rows - 1);
+            const std::ptrdiff_t k = std::min(slice * 8 + voxel / 64, slices.slices - 1);
+            const TypeParam      value = slices.voxels[k * slices.sliceStride + j * slices.rowStride + i];
+            maximum = std::max(maximum, value);
+            minimum = std::min(minimum, value);
           }
           const auto block = column * blocks.columnStride + row * blocks.rowStride + slice * blocks.sliceStride;
           ASSERT_EQ(blocks.maxima[block], maximum);
@@ -160,13 +167,12 @@ TYPED_TEST(ShearWarpPreparedVolumeTyped, GivesTheMaximaOfCubesAlongEachAxis)
   }
 }
 
-TEST(ShearWarpPreparedVolume, NotANumberIsNoMaximum)
+TEST(ShearWarpPreparedVolumeOfFloats, NotANumberIsNoMaximum)
 {
   Random     random(210);
   const auto image = MakeRandomImage<float>(random, { { 40, 9, 3 } });
   float *    voxels = image->GetBufferPointer();
-  const auto count = image->GetBufferedRegion().GetNumberOfPixels();
-  std::fill(voxels, voxels + count, std::numeric_limits<float>::quiet_NaN());
+  image->FillBuffer(std::numeric_limits<float>::quiet_NaN());
   voxels[50] = 3;
   voxels[400] = -7;
   ForEachInstructionSet([&](const std::string &) {
@@ -182,114 +188,77 @@ TEST(ShearWarpPreparedVolume, NotANumberIsNoMaximum)
   });
 }
 
-TEST(ShearWarpPreparedVolume, AlongYAndZNoVoxelIsCopied)
+TEST_F(ShearWarpPreparedVolume, AlongYAndZNoVoxelIsCopied)
 {
-  Random                    random(202);
-  const auto                image = MakeRandomImage<short>(random, { { 4, 5, 6 } });
-  VolumeType                volume;
-  const CountingParallelize parallelize;
   for (const unsigned int axis : { 1, 2 })
   {
-    EXPECT_EQ(GetSlices<short>(volume, image, axis, parallelize).voxels, image->GetBufferPointer());
+    EXPECT_EQ(GetSlices(axis).voxels, m_Image->GetBufferPointer());
   }
-  EXPECT_EQ(parallelize.calls, 1);
-  EXPECT_EQ(volume.GetSizeInBytes(), sizeof(short));
+  EXPECT_EQ(m_Parallelize.calls, 1);
+  EXPECT_EQ(m_Volume.GetSizeInBytes(), sizeof(short));
 }
 
-TEST(ShearWarpPreparedVolume, AlongXTheCopyIsMadeOnceAndKept)
+TEST_F(ShearWarpPreparedVolume, AlongXTheCopyIsMadeOnceAndKept)
 {
-  Random                    random(203);
-  const auto                image = MakeRandomImage<short>(random, { { 4, 5, 6 } });
-  VolumeType                volume;
-  const CountingParallelize parallelize;
-  EXPECT_FALSE(volume.IsPrepared(image, 0));
-  const auto slices = GetSlices<short>(volume, image, 0, parallelize);
-  EXPECT_TRUE(volume.IsPrepared(image, 0));
-  GetSlices<short>(volume, image, 1, parallelize);
-  GetSlices<short>(volume, image, 2, parallelize);
-  EXPECT_EQ(GetSlices<short>(volume, image, 0, parallelize).voxels, slices.voxels);
-  EXPECT_EQ(parallelize.calls, 2);
-  EXPECT_EQ(volume.GetSizeInBytes(), (4u * 5u * 6u + 1u) * sizeof(short));
+  EXPECT_FALSE(m_Volume.IsPrepared(m_Image, 0));
+  const auto slices = GetSlices(0);
+  EXPECT_TRUE(m_Volume.IsPrepared(m_Image, 0));
+  GetSlices(1);
+  GetSlices(2);
+  EXPECT_EQ(GetSlices(0).voxels, slices.voxels);
+  EXPECT_EQ(m_Parallelize.calls, 2);
+  EXPECT_EQ(m_Volume.GetSizeInBytes(), (4u * 5u * 6u + 1u) * sizeof(short));
 }
 
-TEST(ShearWarpPreparedVolume, AModifiedImageIsCopiedAgain)
+TEST_F(ShearWarpPreparedVolume, AModifiedImageIsCopiedAgainToTheSameMemory)
 {
-  Random                    random(204);
-  const auto                image = MakeRandomImage<short>(random, { { 4, 5, 6 } });
-  VolumeType                volume;
-  const CountingParallelize parallelize;
-  GetSlices<short>(volume, image, 0, parallelize);
-  FillRandom(random, image.GetPointer());
-  image->Modified();
-  EXPECT_FALSE(volume.IsPrepared(image, 0));
-  ExpectSlicesOf<short>(image, 0, GetSlices<short>(volume, image, 0, parallelize));
-  EXPECT_EQ(parallelize.calls, 4);
+  const short * memory = GetSlices(0).voxels;
+  FillRandom(m_Random, m_Image.GetPointer());
+  m_Image->Modified();
+  EXPECT_FALSE(m_Volume.IsPrepared(m_Image, 0));
+  const auto slices = GetSlices(0);
+  ExpectSlicesOf<short>(m_Image, 0, slices);
+  EXPECT_EQ(slices.voxels, memory);
+  EXPECT_EQ(m_Parallelize.calls, 4);
 }
 
-TEST(ShearWarpPreparedVolume, AnotherImageIsCopiedAgain)
+TEST_F(ShearWarpPreparedVolume, AnotherImageIsCopiedAgain)
 {
-  Random                    random(205);
-  const auto                first = MakeRandomImage<short>(random, { { 4, 5, 6 } });
-  const auto                second = MakeRandomImage<short>(random, { { 4, 5, 6 } });
-  VolumeType                volume;
-  const CountingParallelize parallelize;
-  GetSlices<short>(volume, first, 0, parallelize);
-  EXPECT_FALSE(volume.IsPrepared(second, 0));
-  ExpectSlicesOf<short>(second, 0, GetSlices<short>(volume, second, 0, parallelize));
-  ExpectSlicesOf<short>(first, 0, GetSlices<short>(volume, first, 0, parallelize));
-  EXPECT_EQ(parallelize.calls, 6);
+  const auto other = MakeRandomImage<short>(m_Random, { { 4, 5, 6 } });
+  GetSlices(0);
+  EXPECT_FALSE(m_Volume.IsPrepared(other, 0));
+  ExpectSlicesOf<short>(other, 0, GetSlices(0, other));
+  ExpectSlicesOf<short>(m_Image, 0, GetSlices(0));
+  EXPECT_EQ(m_Parallelize.calls, 6);
 }
 
-TEST(ShearWarpPreparedVolume, AChangedImageIsCopiedToTheSameMemory)
+TEST_F(ShearWarpPreparedVolume, AChangedImageSeenAlongZFreesTheCopy)
 {
-  Random                    random(211);
-  const auto                image = MakeRandomImage<short>(random, { { 4, 5, 6 } });
-  VolumeType                volume;
-  const CountingParallelize parallelize;
-  const short *             memory = GetSlices<short>(volume, image, 0, parallelize).voxels;
-  image->Modified();
-  EXPECT_EQ(GetSlices<short>(volume, image, 0, parallelize).voxels, memory);
+  GetSlices(0);
+  m_Image->Modified();
+  GetSlices(2);
+  EXPECT_EQ(m_Volume.GetSizeInBytes(), sizeof(short));
 }
 
-TEST(ShearWarpPreparedVolume, AChangedImageSeenAlongZFreesTheCopy)
+TEST_F(ShearWarpPreparedVolume, ReleaseFreesTheCopy)
 {
-  Random                    random(206);
-  const auto                image = MakeRandomImage<short>(random, { { 4, 5, 6 } });
-  VolumeType                volume;
-  const CountingParallelize parallelize;
-  GetSlices<short>(volume, image, 0, parallelize);
-  image->Modified();
-  GetSlices<short>(volume, image, 2, parallelize);
-  EXPECT_EQ(volume.GetSizeInBytes(), sizeof(short));
+  m_Volume.Release();
+  GetSlices(0);
+  m_Volume.Release();
+  EXPECT_EQ(m_Volume.GetSizeInBytes(), 0u);
+  EXPECT_FALSE(m_Volume.IsPrepared(m_Image, 0));
+  ExpectSlicesOf<short>(m_Image, 0, GetSlices(0));
+  EXPECT_EQ(m_Parallelize.calls, 4);
 }
 
-TEST(ShearWarpPreparedVolume, ReleaseFreesTheCopy)
+TEST_F(ShearWarpPreparedVolume, KeepsNothingIfPreparationThrows)
 {
-  Random                    random(207);
-  const auto                image = MakeRandomImage<short>(random, { { 4, 5, 6 } });
-  VolumeType                volume;
-  const CountingParallelize parallelize;
-  volume.Release();
-  GetSlices<short>(volume, image, 0, parallelize);
-  volume.Release();
-  EXPECT_EQ(volume.GetSizeInBytes(), 0u);
-  EXPECT_FALSE(volume.IsPrepared(image, 0));
-  ExpectSlicesOf<short>(image, 0, GetSlices<short>(volume, image, 0, parallelize));
-  EXPECT_EQ(parallelize.calls, 4);
-}
-
-TEST(ShearWarpPreparedVolume, KeepsNothingIfPreparationThrows)
-{
-  Random                    random(208);
-  const auto                image = MakeRandomImage<short>(random, { { 4, 5, 6 } });
-  VolumeType                volume;
-  const CountingParallelize parallelize;
-  const auto                failing = [](itk::SizeValueType, itk::SizeValueType, const itk::ShearWarp::Task & task) {
+  const auto failing = [](itk::SizeValueType, itk::SizeValueType, const itk::ShearWarp::Task & task) {
     task(0, 0, 0);
     throw std::runtime_error("stopped");
   };
-  EXPECT_THROW(GetSlices<short>(volume, image, 0, failing), std::runtime_error);
-  EXPECT_FALSE(volume.IsPrepared(image, 0));
-  EXPECT_EQ(volume.GetSizeInBytes(), 0u);
-  ExpectSlicesOf<short>(image, 0, GetSlices<short>(volume, image, 0, parallelize));
+  EXPECT_THROW(::GetSlices<short>(m_Volume, m_Image, 0, failing), std::runtime_error);
+  EXPECT_FALSE(m_Volume.IsPrepared(m_Image, 0));
+  EXPECT_EQ(m_Volume.GetSizeInBytes(), 0u);
+  ExpectSlicesOf<short>(m_Image, 0, GetSlices(0));
 }

@@ -392,7 +392,7 @@ Project(Numbers & numbers)
     filter->Modified();
     filter->Update();
     first = first ? first : Copy<TPixel>(filter->GetOutput());
-    Require(HaveSamePixels<TPixel>(first, filter->GetOutput()), "every instruction set gives the same bits");
+    Require(HaveSamePixels(first, filter->GetOutput()), "every instruction set gives the same bits");
   });
   RequireBounded<TPixel>(input, first, background, filter->GetDepthAttenuation() > 0.0);
   if (!isPlain)
@@ -401,14 +401,14 @@ Project(Numbers & numbers)
   }
 
   const auto fromParts = MakePictureFromParts(numbers, static_cast<const FilterType *>(filter));
-  Require(HaveSamePixels<TPixel>(first, fromParts), "parts give the same bits");
+  Require(HaveSamePixels(first, fromParts), "parts give the same bits");
 
   const double error = EstimateError(view, image, grid);
   if (error < 1e-6)
   {
     BruteForceProjection<TPixel> bruteForce(view, input, static_cast<int>(filter->GetOversampling()));
     const auto                   expected = bruteForce.Evaluate(grid, background);
-    const bool isRight = HaveSamePixels<TPixel>(first, expected) || bruteForce.GetMargin() < 2.0 * error;
+    const bool                   isRight = HaveSamePixels(first, expected) || bruteForce.GetMargin() < 2.0 * error;
     if (!isRight)
     {
       std::cerr << *input << *view << *grid << "error " << error << ", margin " << bruteForce.GetMargin() << std::endl;
