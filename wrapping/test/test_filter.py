@@ -9,6 +9,7 @@ import numpy as np
 import oracle
 import pytest
 import xarray
+from numpy.testing import assert_array_equal
 
 Anterior = itk.ShearWarpMIPViewEnums.Direction_Anterior
 
@@ -40,20 +41,7 @@ def test_functional_interface_with_keywords(image, oblique_view):
     assert list(mip.GetSpacing()) == [0.5, 0.75]
     assert list(mip.GetOrigin()) == [-15.0, -14.0]
     assert itk.array_from_image(mip)[0, 0] == -1024
-    np.testing.assert_array_equal(itk.array_from_image(mip), oracle.project(image, oblique_view, mip, -1024))
-
-
-def test_functional_and_object_interface_agree(image, oblique_view):
-    expected = itk.shear_warp_mip_image_filter(image, transform=oblique_view)
-
-    mip = filter_type(image).New()
-    mip.SetInput(image)
-    mip.SetTransform(oblique_view)
-    mip.Update()
-
-    np.testing.assert_array_equal(itk.array_from_image(mip.GetOutput()), itk.array_from_image(expected))
-    assert mip.GetOutput().GetSpacing() == expected.GetSpacing()
-    assert mip.GetOutput().GetOrigin() == expected.GetOrigin()
+    assert_array_equal(mip, oracle.project(image, oblique_view, mip, -1024))
 
 
 def test_setters_and_getters(image, oblique_view):
@@ -85,12 +73,12 @@ def test_setters_and_getters(image, oblique_view):
 
 
 def test_slabs_give_the_same_bits(image, oblique_view, tmp_path):
-    expected = np.asarray(itk.shear_warp_mip_image_filter(image, transform=oblique_view))
+    expected = itk.shear_warp_mip_image_filter(image, transform=oblique_view)
     itk.imwrite(image, tmp_path / "image.mha")
     reader = itk.ImageFileReader[type(image)].New(FileName=str(tmp_path / "image.mha"))
     mip = itk.ShearWarpMIPImageFilter.New(reader.GetOutput(), Transform=oblique_view, NumberOfStreamDivisions=2)
     mip.Update()
-    np.testing.assert_array_equal(itk.array_from_image(mip.GetOutput()), expected)
+    assert_array_equal(mip.GetOutput(), expected)
     depth = reader.GetOutput().GetBufferedRegion().GetSize()[2]
     assert depth < image.GetLargestPossibleRegion().GetSize()[2]
 
@@ -123,24 +111,26 @@ def test_reduced_resampling_and_instruction_sets_never_change_a_pixel(oblique_vi
         mip.Update()
 
 
-def test_grid_is_fitted_again(image, oblique_view):
-    mip = filter_type(image).New(image, Transform=oblique_view)
-
-    def grid() -> list[list[float]]:
-        output = mip.GetOutput()
+def test_both_interfaces_fit_the_grid(image, oblique_view):
+    def grid(output) -> list[list[float]]:
         return [list(values) for values in (itk.size(output), output.GetSpacing(), output.GetOrigin())]
 
+    expected = itk.shear_warp_mip_image_filter(image, transform=oblique_view)
+    mip = filter_type(image).New()
+    mip.SetInput(image)
+    mip.SetTransform(oblique_view)
     mip.Update()
-    fitted = grid()
+    assert_array_equal(mip.GetOutput(), expected)
+    assert grid(mip.GetOutput()) == grid(expected)
+
     mip.SetSize([3, 4])
     mip.SetOutputSpacing([2.0, 3.0])
     mip.SetOutputOrigin([0.0, 0.0])
     mip.Update()
-    assert grid() == [[3, 4], [2.0, 3.0], [0.0, 0.0]]
-
+    assert grid(mip.GetOutput()) == [[3, 4], [2.0, 3.0], [0.0, 0.0]]
     mip.FitOutputGrid()
     mip.Update()
-    assert grid() == fitted
+    assert grid(mip.GetOutput()) == grid(expected)
 
 
 def test_fitted_grid_holds_the_whole_image(image):
@@ -164,71 +154,39 @@ def test_fitted_grid_holds_the_whole_image(image):
         )
         around = itk.array_from_image(wider)
         inside = np.s_[margin:-margin, margin:-margin]
-        np.testing.assert_array_equal(around[inside], pixels)
+        assert_array_equal(around[inside], pixels)
         around[inside] = -9999
         assert (around[[0, -1]] == -9999).all() and (around[:, [0, -1]] == -9999).all()
         assert (around > -9999).sum() < 0.05 * (pixels > -9999).sum()
 
 
-def make_composite():
-    composite = itk.CompositeTransform[itk.D, 3].New()
-    composite.AddTransform(rotation(x=0.4))
-    composite.AddTransform(rotation(z=0.3))
-    return composite
+# what makes a transform of each class
+TRANSFORMS = {
+    itk.AffineTransform[itk.D, 3]: [("Rotate3D", [1.0, 2.0, 3.0], 1.1), ("Shear", 0, 1, 0.2)],
+    itk.CompositeTransform[itk.D, 3]: [("AddTransform", rotation(x=0.4)), ("AddTransform", rotation(z=0.3))],
+    itk.ScaleTransform[itk.D, 3]: [("SetScale", [0.5, 1.5, 2.0])],
+    itk.Similarity3DTransform[itk.D]: [("SetRotation", [1.0, 1.0, 0.0], 0.9), ("SetScale", 1.25)],
+    itk.TranslationTransform[itk.D, 3]: [("SetOffset", [1.25, -3.5, 8.0])],
+    itk.VersorRigid3DTransform[itk.D]: [("SetRotation", [0.0, 1.0, 0.5], 0.7)],
+    itk.Euler3DTransform[itk.D]: [("SetRotation", 0.3, 0.2, 1.0)],
+    itk.IdentityTransform[itk.D, 3]: [],
+}
 
 
-def make_versor():
-    transform = itk.VersorRigid3DTransform[itk.D].New()
-    transform.SetRotation([0.0, 1.0, 0.5], 0.7)
+def make_transform(kind):
+    transform = kind.New()
+    for method, *arguments in TRANSFORMS[kind]:
+        getattr(transform, method)(*arguments)
     return transform
 
 
-def make_similarity():
-    transform = itk.Similarity3DTransform[itk.D].New()
-    transform.SetRotation([1.0, 1.0, 0.0], 0.9)
-    transform.SetScale(1.25)
-    return transform
-
-
-def make_affine():
-    transform = itk.AffineTransform[itk.D, 3].New()
-    transform.Rotate3D([1.0, 2.0, 3.0], 1.1)
-    transform.Shear(0, 1, 0.2)
-    return transform
-
-
-def make_translation():
-    transform = itk.TranslationTransform[itk.D, 3].New()
-    transform.SetOffset([1.25, -3.5, 8.0])
-    return transform
-
-
-def make_scale():
-    transform = itk.ScaleTransform[itk.D, 3].New()
-    transform.SetScale([0.5, 1.5, 2.0])
-    return transform
-
-
-@pytest.mark.parametrize(
-    "make",
-    [
-        make_affine,
-        make_composite,
-        make_scale,
-        make_similarity,
-        make_translation,
-        make_versor,
-        lambda: rotation(0.3, 0.2, 1.0),
-        itk.IdentityTransform[itk.D, 3].New,
-    ],
-    ids=["Affine", "Composite", "Scale", "Similarity3D", "Translation", "VersorRigid3D", "Euler3D", "Identity"],
-)
-def test_any_linear_transform_class(make, image):
-    transform = make()
+@pytest.mark.parametrize("kind", TRANSFORMS)
+def test_any_linear_transform_class(kind, image):
+    transform = make_transform(kind)
     mip = itk.shear_warp_mip_image_filter(image, transform=transform, default_pixel_value=-3000)
     pixels = itk.array_from_image(mip)
     assert pixels.max() > 0
-    np.testing.assert_array_equal(pixels, oracle.project(image, transform, mip, -3000))
+    assert_array_equal(pixels, oracle.project(image, transform, mip, -3000))
 
 
 # Kinds of input
@@ -248,72 +206,53 @@ def test_one_bright_voxel_lands_in_its_place():
     assert np.argwhere(along_y > 150).tolist() == [[1, 3]]
 
 
-def test_numpy_array_gives_numpy_array(rng):
-    voxels = rng.integers(0, 255, (5, 6, 7), np.uint8)
-    view = rotation(0.1, 0.2, 0.3)
-    pixels = itk.shear_warp_mip_image_filter(voxels, transform=view)
-    expected = itk.shear_warp_mip_image_filter(itk.image_from_array(voxels), transform=view)
-    assert isinstance(pixels, np.ndarray) and isinstance(expected, itk.Image)
-    assert pixels.dtype == np.uint8
-    np.testing.assert_array_equal(pixels, itk.array_from_image(expected))
-
-
-def test_output_array_outlives_filter_and_input(rng):
-    expected = rng.integers(0, 255, (5, 6, 7), np.uint8).max(axis=0)
-    rng = np.random.default_rng(20021)
-    pixels = itk.shear_warp_mip_image_filter(rng.integers(0, 255, (5, 6, 7), np.uint8))
-    np.zeros((500, 500)) + 1  # reuses what was freed
-    np.testing.assert_array_equal(pixels, expected)
-
-
-@pytest.mark.parametrize(
-    "select",
-    [
-        lambda a: a[::2, ::-1, 1::3],
-        lambda a: a[2:6, 3:9, 4:8],
-        lambda a: a.transpose(1, 0, 2),
-        lambda a: a.transpose(2, 0, 1),
-        lambda a: np.broadcast_to(a[3], a.shape),
-    ],
-    ids=["strided", "part", "swapped", "rolled", "broadcast"],
-)
-def test_arrays_that_are_not_contiguous(select, rng):
-    voxels = select(rng.integers(0, 60_000, (9, 10, 11), np.uint16))
-    assert not voxels.flags.c_contiguous and not voxels.flags.f_contiguous
-    view = rotation(0.4, 0.3, 0.2)
-    np.testing.assert_array_equal(itk.shear_warp_mip_image_filter(voxels), voxels.max(axis=0))
-    np.testing.assert_array_equal(
-        itk.shear_warp_mip_image_filter(voxels, transform=view),
-        itk.shear_warp_mip_image_filter(np.ascontiguousarray(voxels), transform=view),
-    )
-
-
 def label_axes(voxels, order="zyx"):
     """A DataArray, in the order of these axes."""
     coordinates = {name: np.arange(length) for name, length in zip("zyx", voxels.shape)}
     return xarray.DataArray(voxels, dims=tuple("zyx"), coords=coordinates).transpose(*order)
 
 
-@pytest.mark.parametrize(
-    "arrange",
-    [
-        np.asfortranarray,
-        lambda a: np.ascontiguousarray(a.T).T,
-        dask.array.from_array,
-        label_axes,
-        lambda a: label_axes(a, "xyz"),
-        lambda a: label_axes(np.asfortranarray(a), "yzx"),
-    ],
-    ids=["Fortran", "transposed", "Dask", "DataArray", "DataArray xyz", "DataArray yzx"],
-)
-def test_axes_are_zyx_whatever_their_order_in_memory(arrange, rng):
-    voxels = np.asfortranarray(rng.integers(0, 60_000, (9, 10, 11), np.uint16))
+def make_read_only(voxels):
+    voxels = voxels.copy()
+    voxels.flags.writeable = False
+    return voxels
+
+
+ARRAYS = {
+    "contiguous": np.array,
+    "read-only": make_read_only,
+    "strided": lambda a: a[::2, ::-1, 1::3],
+    "part": lambda a: a[2:6, 3:9, 4:8],
+    "swapped": lambda a: a.transpose(1, 0, 2),
+    "rolled": lambda a: a.transpose(2, 0, 1),
+    "broadcast": lambda a: np.broadcast_to(a[3], a.shape),
+    "Fortran": np.asfortranarray,
+    "transposed": lambda a: np.ascontiguousarray(a.T).T,
+    "other byte order": lambda a: a.astype(">u2"),
+    "Dask": dask.array.from_array,
+    "DataArray": label_axes,
+    "DataArray xyz": lambda a: label_axes(a, "xyz"),
+    "DataArray yzx": lambda a: label_axes(np.asfortranarray(a), "yzx"),
+}
+
+
+@pytest.mark.parametrize("make", ARRAYS.values(), ids=ARRAYS)
+def test_axes_of_arrays_are_zyx_whatever_their_order_in_memory(make, rng):
+    source = make(rng.integers(0, 60_000, (9, 10, 11), np.uint16))
+    is_labelled = isinstance(source, xarray.DataArray)
+    voxels = np.array(source.transpose(*"zyx") if is_labelled else source, np.uint16, order="C")
     mask = np.asfortranarray(rng.integers(0, 2, voxels.shape, np.uint8))
-    mip = itk.shear_warp_mip_image_filter(arrange(voxels), mask_image=mask)
-    np.testing.assert_array_equal(np.asarray(mip), (voxels * mask).max(axis=0))
+    masked = itk.shear_warp_mip_image_filter(source, mask_image=mask)
+    assert_array_equal(masked, (voxels * mask).max(axis=0))
+    view = rotation(0.4, 0.3, 0.2)
+    turned = itk.shear_warp_mip_image_filter(source, transform=view)
+    assert_array_equal(turned, itk.shear_warp_mip_image_filter(itk.image_from_array(voxels), transform=view))
+    for picture in (masked, turned):
+        assert type(picture) is (xarray.DataArray if is_labelled else np.ndarray) and picture.dtype == np.uint16
     front = itk.IdentityTransform[itk.D, 3].New()
-    frames = itk.shear_warp_mip_cine_image_filter(arrange(voxels), transforms=[front])
-    np.testing.assert_array_equal(np.asarray(frames), voxels.max(axis=0)[np.newaxis])
+    frames = itk.shear_warp_mip_cine_image_filter(source, transforms=[front])
+    assert_array_equal(frames, voxels.max(axis=0)[np.newaxis])
+    assert_array_equal(source.transpose(*"zyx") if is_labelled else source, voxels)
 
 
 @pytest.mark.parametrize("project", [itk.shear_warp_mip_image_filter, itk.shear_warp_mip_cine_image_filter])
@@ -332,14 +271,6 @@ def test_arrays_that_would_lose_something_are_refused(project, make, kind, text)
         project(make(np.ones((9, 10, 11), np.uint16)))
 
 
-def test_read_only_array_is_read_in_place(rng):
-    voxels = rng.integers(0, 60_000, (5, 6, 7), np.uint16)
-    voxels.flags.writeable = False
-    before = voxels.copy()
-    np.testing.assert_array_equal(itk.shear_warp_mip_image_filter(voxels), voxels.max(axis=0))
-    np.testing.assert_array_equal(voxels, before)
-
-
 def test_data_array_gives_data_array(rng):
     voxels = xarray.DataArray(
         rng.integers(0, 60_000, (4, 5, 6), np.uint16),
@@ -352,14 +283,18 @@ def test_data_array_gives_data_array(rng):
     assert mip.dtype == np.uint16
     np.testing.assert_allclose(mip.coords["y"], voxels.coords["y"], rtol=0, atol=1e-9)
     np.testing.assert_allclose(mip.coords["x"], voxels.coords["x"], rtol=0, atol=1e-9)
-    np.testing.assert_array_equal(mip.values, voxels.values.max(axis=0))
+    assert_array_equal(mip, voxels.max("z"))
+    labels = voxels.copy(data=rng.integers(0, 2, (4, 5, 6), np.uint8))
+    near = itk.shear_warp_mip_image_filter(voxels, mask_image=labels, output_spacing=[1.5, 2.0], slab_near=102.0)
+    assert isinstance(near, xarray.DataArray) and near.dims == ("y", "x")
+    assert_array_equal(near, (voxels * labels)[1:].max("z"))
 
     image = itk.image_from_xarray(voxels)
     view = itk.ShearWarpMIPView.MakeTransform(image, Anterior, 20.0)
     turned = itk.shear_warp_mip_image_filter(voxels, transform=view)
     expected = itk.shear_warp_mip_image_filter(image, transform=view)
     assert turned.dims == ("y", "x")
-    np.testing.assert_array_equal(turned.values, itk.array_from_image(expected))
+    assert_array_equal(turned, expected)
     assert float(turned.coords["x"][0]) == expected.GetOrigin()[0]
     assert float(turned.coords["y"][1] - turned.coords["y"][0]) == pytest.approx(expected.GetSpacing()[1])
 
@@ -383,7 +318,7 @@ def count_events(process, event) -> list:
 @pytest.mark.parametrize("extension", [".nrrd", ".mha"])
 def test_pipeline_from_reader_to_writer(extension, image, tmp_path):
     itk.imwrite(image, tmp_path / f"volume{extension}")
-    view = make_affine()
+    view = make_transform(itk.AffineTransform[itk.D, 3])
 
     reader = itk.ImageFileReader[type(image)].New(FileName=str(tmp_path / f"volume{extension}"))
     cast = itk.CastImageFilter[type(image), itk.Image[itk.F, 3]].New(reader.GetOutput())
@@ -395,8 +330,7 @@ def test_pipeline_from_reader_to_writer(extension, image, tmp_path):
     writer.Update()
     assert (len(reads), len(projections)) == (1, 1)
     written = itk.imread(tmp_path / f"mip{extension}")
-    expected = oracle.project(cast.GetOutput(), view, mip.GetOutput())
-    np.testing.assert_array_equal(itk.array_from_image(written), expected)
+    assert_array_equal(written, oracle.project(cast.GetOutput(), view, mip.GetOutput()))
     assert list(written.GetSpacing()) == pytest.approx(list(mip.GetOutput().GetSpacing()))
     assert list(written.GetOrigin()) == pytest.approx(list(mip.GetOutput().GetOrigin()))
 
@@ -408,8 +342,8 @@ def test_pipeline_from_reader_to_writer(extension, image, tmp_path):
     view.Rotate3D([1.0, 0.0, 0.0], 0.3)
     writer.Update()
     assert (len(reads), len(projections)) == (1, 2)  # the transform was changed in place
-    changed = itk.array_from_image(itk.imread(tmp_path / f"mip{extension}"))
-    np.testing.assert_array_equal(changed, oracle.project(cast.GetOutput(), view, mip.GetOutput()))
+    changed = itk.imread(tmp_path / f"mip{extension}")
+    assert_array_equal(changed, oracle.project(cast.GetOutput(), view, mip.GetOutput()))
 
     reader.Modified()
     mip.Update()
@@ -482,11 +416,10 @@ def test_cine_follows_changed_voxels(image):
     before = itk.array_from_image(mip.GetOutput())
     itk.array_view_from_image(image)[4, 5, 6] = 5000
     mip.Update()
-    np.testing.assert_array_equal(itk.array_from_image(mip.GetOutput()), before)
+    assert_array_equal(mip.GetOutput(), before)
     image.Modified()
     mip.Update()
-    pixels = itk.array_from_image(mip.GetOutput())
-    np.testing.assert_array_equal(pixels, oracle.project(image, view, mip.GetOutput()))
+    assert_array_equal(mip.GetOutput(), oracle.project(image, view, mip.GetOutput()))
 
 
 def test_release_prepared_volume(image):
@@ -505,7 +438,7 @@ def test_release_prepared_volume(image):
     mip.Modified()
     mip.Update()
     assert mip.GetPreparationSeconds() > 0
-    np.testing.assert_array_equal(itk.array_from_image(mip.GetOutput()), before)
+    assert_array_equal(itk.array_from_image(mip.GetOutput()), before)
 
 
 # resident memory in MiB, and a view along x of 256 MiB
@@ -556,32 +489,10 @@ def test_functional_interface_gives_an_array_of_its_own():
         assert (picture == n).all()
 
 
-def test_functional_interface_takes_the_other_byte_order(rng):
-    voxels = rng.integers(-9, 9, (7, 8, 9), np.int16)
-    mask = (voxels > 2).astype(np.uint8)
-    expected = itk.shear_warp_mip_image_filter(voxels, mask_image=mask)
-    picture = itk.shear_warp_mip_image_filter(voxels.astype(">i2"), mask_image=mask)
-    np.testing.assert_array_equal(picture, expected)
-    assert picture.dtype == np.int16
-
-
 # Progress and abort
 
 
-def test_progress_reaches_observers(rng):
-    image = itk.image_from_array(rng.integers(0, 255, (80, 90, 100), np.uint8))
-    mip = filter_type(image).New(image, Transform=rotation(0.1, 0.2, 0.3))
-    mip.SetNumberOfWorkUnits(1)
-    seen = []
-    mip.AddObserver(itk.ProgressEvent(), lambda: seen.append(mip.GetProgress()))
-    mip.Update()
-    assert len(seen) > 5
-    assert seen == sorted(seen)
-    assert 0.0 <= seen[0] < 0.5
-    assert mip.GetProgress() == pytest.approx(1.0)
-
-
-def test_abort_from_the_observer(rng):
+def test_progress_and_abort_by_observers(rng):
     image = itk.image_from_array(rng.integers(0, 255, (80, 90, 100), np.uint8))
     mip = filter_type(image).New(image, Transform=rotation(0.1, 0.2, 0.3))
     mip.SetNumberOfWorkUnits(1)
@@ -592,9 +503,14 @@ def test_abort_from_the_observer(rng):
     assert aborts
     mip.RemoveObserver(tag)
     mip.AbortGenerateDataOff()
+    seen = []
+    mip.AddObserver(itk.ProgressEvent(), lambda: seen.append(mip.GetProgress()))
     mip.Update()
-    expected = oracle.project(image, mip.GetTransform(), mip.GetOutput())
-    np.testing.assert_array_equal(itk.array_from_image(mip.GetOutput()), expected)
+    assert_array_equal(mip.GetOutput(), oracle.project(image, mip.GetTransform(), mip.GetOutput()))
+    assert len(seen) > 5
+    assert seen == sorted(seen)
+    assert 0.0 <= seen[0] < 0.5
+    assert mip.GetProgress() == pytest.approx(1.0)
 
 
 # Other threads of Python
@@ -703,4 +619,4 @@ def test_python_before_the_filter(divisions, rng):
     mip.Update()
     assert len(lengths) == divisions
     expected = 60_000 - np.asarray(image).min(axis=0)
-    np.testing.assert_array_equal(np.asarray(mip.GetOutput()), expected)
+    assert_array_equal(np.asarray(mip.GetOutput()), expected)
