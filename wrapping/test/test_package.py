@@ -108,6 +108,9 @@ def test_types_of_the_package_are_its_own(files):
     assert any(file.parts[-2:] == ("itk_shearwarpmip", "py.typed") for file in files)
 
 
+VIEWER, VIEWER_PACKAGES = "ImportError: the viewer.*", r".*pip install itk-shearwarpmip\[viewer\]$"
+
+
 @pytest.mark.parametrize(
     "missing, code, text",
     [
@@ -128,8 +131,12 @@ def test_types_of_the_package_are_its_own(files):
             "from itk_shearwarpmip.__main__ import main; main(['http://a/b', 'c.mha'])",
             "itk_shearwarpmip: .*aiohttp",
         ),
+        ("rendercanvas", "import itk_shearwarpmip; itk_shearwarpmip.show", f"{VIEWER}rendercanvas{VIEWER_PACKAGES}"),
+        ("PIL", "import itk_shearwarpmip; itk_shearwarpmip.show", f"{VIEWER}Pillow{VIEWER_PACKAGES}"),
+        ("uvicorn", "import itk_shearwarpmip._server", f"{VIEWER}uvicorn{VIEWER_PACKAGES}"),
+        ("anywidget", "import itk_shearwarpmip._notebook", f"{VIEWER}anywidget{VIEWER_PACKAGES}"),
     ],
-    ids=["package", "function", "Zarr", "program", "URL"],
+    ids=["package", "function", "Zarr", "program", "URL", "canvas", "Pillow", "server", "notebook"],
 )
 def test_what_is_missing_is_named_where_it_is_needed(missing, code, text):
     code = f"import sys; sys.modules['{missing}'] = None; {code}"
