@@ -391,7 +391,14 @@ def test_regions_that_do_not_begin_at_0(image):
 
 @pytest.mark.parametrize(
     "dtype, kept",
-    [(bool, np.uint8), (np.int8, np.uint8), (np.uint32, np.int16), (np.float16, np.float32), (">f8", np.float64)],
+    [
+        (bool, np.uint8),
+        (np.int8, np.uint8),
+        (np.uint32, np.int16),
+        (np.uint64, np.int16),
+        (np.float16, np.float32),
+        (">f8", np.float64),
+    ],
     ids=str,
 )
 def test_types_of_voxels(dtype, kept):

@@ -137,38 +137,6 @@ def test_each_parameter_in_both_interfaces(rule, image, labels, oblique_view):
         assert_array_equal(pixels, expected)
 
 
-def test_getters(image, labels):
-    mip = itk.ShearWarpMIPImageFilter.New(image)
-    assert mip.GetMode() == Enums.Mode_Maximum
-    assert (mip.GetSlabNear(), mip.GetSlabFar()) == (-np.inf, np.inf)
-    assert list(mip.GetCropLower()) == [-np.inf] * 3
-    assert list(mip.GetCropUpper()) == [np.inf] * 3
-    assert mip.GetMaskImage() is None and mip.GetMaskLabel() == 0
-    assert mip.GetLocalMaximum() is False and mip.GetLocalMaximumThreshold() == 0
-    assert mip.GetDepthAttenuation() == 0.0
-    assert mip.GetComputeDepth() is False and mip.GetDepthOutput() is None
-
-    rule = RULES["all"]._replace(
-        mask_image=make_mask(image, labels), crop_upper=(1e3, 2e3, 3e3), depth_attenuation=0.25
-    )
-    set_rule(mip, rule)
-    mip.ComputeDepthOn()
-    assert mip.GetMode() == Enums.Mode_Minimum
-    assert (mip.GetSlabNear(), mip.GetSlabFar()) == (rule.slab_near, rule.slab_far)
-    assert tuple(mip.GetCropLower()) == rule.crop_lower
-    assert tuple(mip.GetCropUpper()) == rule.crop_upper
-    assert mip.GetMaskImage() == rule.mask_image and mip.GetMaskLabel() == 1
-    assert mip.GetLocalMaximum() is True and mip.GetLocalMaximumThreshold() == -100
-    assert mip.GetDepthAttenuation() == 0.25
-    assert mip.GetComputeDepth() is True
-    assert type(mip.GetDepthOutput()) is itk.Image[itk.F, 2]
-    mip.LocalMaximumOff()
-    mip.ComputeDepthOff()
-    mip.SetMaskImage(None)
-    assert mip.GetLocalMaximum() is False
-    assert mip.GetDepthOutput() is None and mip.GetMaskImage() is None
-
-
 # Depth
 
 

@@ -78,6 +78,8 @@ def test_metadata(files):
     wheel = next(file for file in files if file.name == "WHEEL").read_text()
     assert "Tag: cp311-abi3-" in wheel
     assert "Root-Is-Purelib: false" in wheel
+    # its types are its own
+    assert any(file.parts[-2:] == ("itk_shearwarpmip", "py.typed") for file in files)
 
 
 def test_needs_runtime_libraries_only(files):
@@ -102,10 +104,6 @@ def test_program(files, tmp_path):
     assert version.startswith(f"shear-warp-mip {metadata.version('itk-shearwarpmip')}, ITK 5.4.")
     subprocess.run([program, "--write-phantom", tmp_path / "head.nrrd"], check=True)
     assert itk.imread(tmp_path / "head.nrrd").GetImageDimension() == 3
-
-
-def test_types_of_the_package_are_its_own(files):
-    assert any(file.parts[-2:] == ("itk_shearwarpmip", "py.typed") for file in files)
 
 
 VIEWER, VIEWER_PACKAGES = "ImportError: the viewer.*", r".*pip install itk-shearwarpmip\[viewer\]$"

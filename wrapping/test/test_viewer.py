@@ -2,7 +2,6 @@
 
 import gc
 import itertools
-import subprocess
 import sys
 import threading
 import time
@@ -13,8 +12,7 @@ import itk
 import numpy as np
 import pytest
 import xarray
-from conftest import PROGRAM
-from itk_shearwarpmip import Point, Viewer, _save, _scene, _server, _viewer, mip, show
+from itk_shearwarpmip import Point, Viewer, _scene, _server, _viewer, mip, show
 from numpy.testing import assert_array_equal
 from PIL import Image
 from rendercanvas.offscreen import RenderCanvas
@@ -147,15 +145,6 @@ def test_picture_at_rest_is_that_of_the_filter(type_, image, rng, open_viewer):
     check_at_rest(viewer, typed)
 
 
-def test_other_pixel_types_become_those_that_are_wrapped(image, open_viewer):
-    pictures = []
-    for type_ in (np.uint64, np.int16):
-        typed = itk.image_from_array(abs(itk.array_from_image(image)).astype(type_))
-        typed.CopyInformation(image)
-        pictures.append(open_viewer(typed).snapshot())
-    assert_array_equal(*pictures)
-
-
 @pytest.mark.parametrize("keys", ["", "t", "s", "si", "tl", "]-[", "m", "mm"])
 def test_code_makes_the_picture(keys, image, viewer):
     """After turns, views, slabs and modes: the same bits."""
@@ -212,15 +201,6 @@ def test_window_is_that_of_the_program(image, viewer):
     ).ravel()
     pixels = np.sort(pixels[pixels != background])
     assert viewer.window == tuple(pixels[[round(part * (pixels.size - 1)) for part in (0.01, 0.998)]])
-
-
-@pytest.mark.parametrize(
-    "pixels, window",
-    [([5, 5, 5], (5, 6)), ([5, 7, 7], (6, 7)), ([np.nan, 5, 1, np.inf, 3], (1, 3))],
-    ids=["background only", "one value", "not finite"],
-)
-def test_window_of_special_pictures(pixels, window):
-    assert _save.find_window_of(np.array(pixels, float), 5) == window
 
 
 def test_lower_resolution(image, viewer):
@@ -468,16 +448,6 @@ def test_point_of_a_bright_voxel(azimuth, elevation, exact, image, open_viewer):
     # within the pixel and the distance of slices
     assert np.linalg.norm(np.array(point.position) - place) < 1.1
     assert find_pixel(viewer, point.position) == pytest.approx([int(x), int(y)], rel=1e-8)
-
-
-@pytest.mark.skipif(not PROGRAM, reason="needs the program shear-warp-mip")
-def test_point_of_the_aneurysm(tmp_path, open_viewer):
-    subprocess.run([PROGRAM, "--write-phantom", tmp_path / "head.nrrd"], check=True)
-    viewer = open_viewer(tmp_path / "head.nrrd", azimuth=30, elevation=10)
-    aneurysm = np.array([37.5, -10.5, -9.5])
-    point = viewer.pick(*(each + 0.5 for each in find_pixel(viewer, aneurysm)))
-    # in the sphere of 3.6 mm
-    assert point.value > 700 and np.linalg.norm(np.array(point.position) - aneurysm) < 3.6
 
 
 def test_cross_follows_its_point(image, viewer):
