@@ -10,15 +10,9 @@ PIXEL_TYPES = [itk.UC, itk.SS, itk.US, itk.F, itk.D]
 
 def single(image, transform, frames):
     """The single filter's picture on the grid of the frames."""
-    return itk.array_from_image(
-        itk.shear_warp_mip_image_filter(
-            image,
-            transform=transform,
-            size=list(itk.size(frames))[:2],
-            output_spacing=list(frames.GetSpacing())[:2],
-            output_origin=list(frames.GetOrigin())[:2],
-        )
-    )
+    spacing, origin = list(frames.GetSpacing())[:2], list(frames.GetOrigin())[:2]
+    grid = {"size": list(itk.size(frames))[:2], "output_spacing": spacing, "output_origin": origin}
+    return itk.shear_warp_mip_image_filter(image, transform=transform, **grid)
 
 
 @pytest.mark.parametrize("pixel_type", PIXEL_TYPES)

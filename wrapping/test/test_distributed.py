@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -21,6 +22,7 @@ import numpy as np
 import pytest
 import xarray
 import zarr
+from conftest import make_image
 from dask.utils import key_split
 from distributed import Client, LocalCluster, get_task_stream, wait
 from itk_shearwarpmip import mip, open_image, open_volume, show, turn
@@ -77,14 +79,6 @@ def make_view(generator):
     view.SetRotation(*generator.uniform(-np.pi, np.pi, 3))
     view.SetTranslation(generator.uniform(-20, 20, 3).tolist())
     return view
-
-
-def make_image(array, spacing=(1, 1, 1), origin=(0, 0, 0), direction=((1, 0, 0), (0, 1, 0), (0, 0, 1))):
-    image = itk.image_from_array(array)
-    image.SetSpacing(spacing)
-    image.SetOrigin(origin)
-    image.SetDirection(itk.matrix_from_array(np.array(direction, float)))
-    return image
 
 
 def project_whole(array, view=None, **geometry):
@@ -335,7 +329,7 @@ def test_ome_zarr_in_memory(ome_zarr):
     viewer = show(path, level=1, channel=1, slab=(-20, 20), canvas=RenderCanvas(size=(80, 60)))
     assert viewer.code.startswith(f"mip(open_image({str(path)!r}, level=1, channel=1), ") and "slab=[-20" in viewer.code
     found = eval(viewer.code, {"mip": mip, "open_image": open_image})
-    assert_array_equal(np.asarray(found), np.asarray(viewer.project()))
+    assert_array_equal(found, viewer.project())
     with pytest.raises(ValueError, match="no command"):
         print(viewer.command)
     viewer.close()
@@ -437,8 +431,7 @@ def test_broken_metadata_is_one_line(ome_zarr, spoil, tmp_path, capsys):
         spoil(image)
     with pytest.raises(ValueError, match=r"image\.ome\.zarr has broken metadata"):
         open_volume(path)
-    assert main([str(path), str(tmp_path / "mip.mha"), "--quiet"]) == 1
-    assert capsys.readouterr().err.count("\n") == 1
+    check_error(capsys, "image.ome.zarr has broken metadata", path, tmp_path / "mip.mha")
 
 
 def test_transformations_of_all_levels_come_after_those_of_each(ome_zarr):
@@ -475,6 +468,14 @@ def test_a_corrupt_chunk_is_named_and_a_missing_one_is_empty(ome_zarr):
     assert_same(project(path, level=0), project_whole(expected, **WRITTEN))
 
 
+def check_error(capsys, text, *arguments):
+    """One line."""
+    assert main([*map(str, arguments), "--quiet"]) == 1
+    error = capsys.readouterr().err
+    assert error.startswith("itk_shearwarpmip: ") and error.count("\n") == 1
+    assert text in error
+
+
 def test_program(ome_zarr, tmp_path, capsys):
     path, array = ome_zarr
     output = tmp_path / "mip.mha"
@@ -484,25 +485,19 @@ def test_program(ome_zarr, tmp_path, capsys):
     assert not done.stdout + done.stderr
     assert np.array_equal(np.asarray(itk.imread(output)), array[1].max(axis=0))
 
-    def run(*arguments):
-        status = main([str(each) for each in arguments])
-        return status, *capsys.readouterr()
-
-    status, out, _ = run(path, output, "--frames", 5, "--level", 1)
-    assert status == 0 and "100%" in out
+    assert main([str(path), str(output), "--frames", "5", "--level", "1"]) == 0
+    assert "100%" in capsys.readouterr().out
     assert itk.imread(output).shape[0] == 5
-    status, _, error = run(path, output, "--level", 9, "--quiet")
-    assert status == 1 and error.startswith("itk_shearwarpmip: ") and "levels 0 to 2" in error
-    assert run(tmp_path / "none.zarr", output)[0] == 1
+    check_error(capsys, "levels 0 to 2", path, output, "--level", 9)
+    check_error(capsys, "none.zarr is no OME-Zarr", tmp_path / "none.zarr", output)
     with pytest.raises(SystemExit, match="2"):
-        run()
+        main([])
+    assert "usage" in capsys.readouterr().err
     # the word of what it does
     output.unlink()
-    assert run("mip", path, output, "--channel", "1", "--quiet")[0] == 0
+    assert main(["mip", str(path), str(output), "--channel", "1", "--quiet"]) == 0
     assert np.array_equal(np.asarray(itk.imread(output)), array[1].max(axis=0))
-    status, _, error = run("mip", output, tmp_path / "other.mha", "--quiet")
-    assert status == 1
-    assert error.endswith("mip.mha' is another file: use shear-warp-mip\n") and error.count("\n") == 1
+    check_error(capsys, "mip.mha' is another file: use shear-warp-mip\n", "mip", output, tmp_path / "other.mha")
 
 
 @pytest.mark.parametrize(
@@ -518,10 +513,7 @@ def test_program(ome_zarr, tmp_path, capsys):
 def test_errors_of_the_program_are_one_line(ome_zarr, arguments, text, tmp_path, capsys):
     path, _ = ome_zarr
     output = tmp_path / "mip.mha"
-    assert main([str(each) for each in (path, output, "--quiet", *arguments)]) == 1
-    error = capsys.readouterr().err
-    assert error.startswith("itk_shearwarpmip: ") and error.count("\n") == 1
-    assert text in error
+    check_error(capsys, text, path, output, *arguments)
     assert not output.exists()
 
 
@@ -539,10 +531,7 @@ def test_errors_of_the_program_are_one_line(ome_zarr, arguments, text, tmp_path,
 def test_outputs_that_cannot_be_written_are_refused_first(ome_zarr, name, options, text, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("itk_shearwarpmip.__main__._project", lambda options: pytest.fail("projected"))
     path, _ = ome_zarr
-    assert main([str(path), str(tmp_path / name) if name else "", "--quiet", *options]) == 1
-    error = capsys.readouterr().err
-    assert error.startswith("itk_shearwarpmip: ") and error.count("\n") == 1
-    assert text in error
+    check_error(capsys, text, path, tmp_path / name if name else "", *options)
 
 
 def link_folder(path):
@@ -626,16 +615,8 @@ def test_views_at_once_on_a_cluster(client):
     array = make_array(np.random.default_rng(8), (80, 70, 60))
     chunked = dask.array.from_array(array, 32)
     views = [make_view(np.random.default_rng(n)) for n in range(2)]
-    pictures = [None, None]
-
-    def work(n):
-        pictures[n] = project(chunked, views[n])
-
-    threads = [threading.Thread(target=work, args=(n,)) for n in range(2)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
+    with ThreadPoolExecutor(2) as pool:
+        pictures = list(pool.map(partial(project, chunked), views))
     for picture, view in zip(pictures, views):
         assert_same(picture, project_whole(array, view))
     # nothing stays on the workers

@@ -106,31 +106,20 @@ def test_program(files, tmp_path):
     assert itk.imread(tmp_path / "head.nrrd").GetImageDimension() == 3
 
 
+MAIN = "from itk_shearwarpmip.__main__ import main; main"
 VIEWER, VIEWER_PACKAGES = "ImportError: the viewer.*", r".*pip install itk-shearwarpmip\[viewer\]$"
 
 
 @pytest.mark.parametrize(
     "missing, code, text",
     [
-        (
-            "dask",
-            "import itk_shearwarpmip; assert hasattr(itk_shearwarpmip, 'mip'); itk_shearwarpmip.mipp",
-            "AttributeError",
-        ),
+        ("dask", "import itk_shearwarpmip as i; assert hasattr(i, 'mip'); i.mipp", "AttributeError"),
         ("dask", "from itk_shearwarpmip import open_volume", "ImportError: itk_shearwarpmip needs Dask: pip install"),
         ("zarr", "from itk_shearwarpmip import mip; mip('a.zarr')", "ImportError: an OME-Zarr needs zarr: pip install"),
-        (
-            "dask",
-            "from itk_shearwarpmip.__main__ import main; main(['a', 'b.mha'])",
-            "itk_shearwarpmip: itk_shearwarpmip needs Dask: pip install",
-        ),
-        (
-            "aiohttp",
-            "from itk_shearwarpmip.__main__ import main; main(['http://a/b', 'c.mha'])",
-            "itk_shearwarpmip: .*aiohttp",
-        ),
-        ("rendercanvas", "import itk_shearwarpmip; itk_shearwarpmip.show", f"{VIEWER}rendercanvas{VIEWER_PACKAGES}"),
-        ("PIL", "import itk_shearwarpmip; itk_shearwarpmip.show", f"{VIEWER}Pillow{VIEWER_PACKAGES}"),
+        ("dask", f"{MAIN}(['a', 'b.mha'])", "itk_shearwarpmip: itk_shearwarpmip needs Dask: pip install"),
+        ("aiohttp", f"{MAIN}(['http://a/b', 'c.mha'])", "itk_shearwarpmip: .*aiohttp"),
+        ("rendercanvas", "import itk_shearwarpmip as i; i.show", f"{VIEWER}rendercanvas{VIEWER_PACKAGES}"),
+        ("PIL", "import itk_shearwarpmip as i; i.show", f"{VIEWER}Pillow{VIEWER_PACKAGES}"),
         ("uvicorn", "import itk_shearwarpmip._server", f"{VIEWER}uvicorn{VIEWER_PACKAGES}"),
         ("anywidget", "import itk_shearwarpmip._notebook", f"{VIEWER}anywidget{VIEWER_PACKAGES}"),
     ],

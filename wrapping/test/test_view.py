@@ -3,6 +3,7 @@
 import itk
 import numpy as np
 import pytest
+from conftest import make_image
 
 Enums = itk.ShearWarpMIPViewEnums
 
@@ -22,10 +23,7 @@ def patient():
     voxels[20, 15, 18] = 200
     voxels[38, 15, 10] = 150
     voxels[20, 1, 10] = 100
-    image = itk.image_from_array(voxels)
-    image.SetSpacing([2.0, 2.0, 1.0])
-    image.SetOrigin([-20.0, -30.0, -20.0])
-    return image
+    return make_image(voxels, (2.0, 2.0, 1.0), (-20.0, -30.0, -20.0))
 
 
 def find(pixels: np.ndarray, value: int) -> tuple[float, float]:

@@ -12,6 +12,7 @@ import itk
 import numpy as np
 import pytest
 import xarray
+from conftest import make_image, make_like
 from itk_shearwarpmip import Point, Viewer, _scene, _server, _viewer, mip, show
 from numpy.testing import assert_array_equal
 from PIL import Image
@@ -131,8 +132,7 @@ def check_at_rest(viewer, image):
 @pytest.mark.parametrize("type_", [np.uint8, np.int16, np.uint16, np.float32, np.float64])
 def test_picture_at_rest_is_that_of_the_filter(type_, image, rng, open_viewer):
     voxels = rng.integers(0 if np.dtype(type_).kind == "u" else -1000, 250, (9, 11, 14)).astype(type_)
-    typed = itk.image_from_array(voxels)
-    typed.CopyInformation(image)
+    typed = make_like(voxels, image)
     viewer = open_viewer(typed, azimuth=30, elevation=-10)
     assert "azimuth=30.0, elevation=-10.0" in viewer.code
     first = check_at_rest(viewer, typed)
@@ -194,12 +194,8 @@ def test_line_is_told(viewer, capsys):
 
 def test_window_is_that_of_the_program(image, viewer):
     """Percentiles 1 and 99.8 of the pixels that are not background, of the picture that is fitted to the image."""
-    view = itk.ShearWarpMIPView.MakeTransform(image, itk.ShearWarpMIPViewEnums.Direction_Anterior)
-    background = int(itk.array_view_from_image(image).min())
-    pixels = itk.array_from_image(
-        itk.shear_warp_mip_image_filter(image, transform=view, default_pixel_value=background)
-    ).ravel()
-    pixels = np.sort(pixels[pixels != background])
+    pixels = project(image)
+    pixels = np.sort(pixels[pixels != itk.array_view_from_image(image).min()])
     assert viewer.window == tuple(pixels[[round(part * (pixels.size - 1)) for part in (0.01, 0.998)]])
 
 
@@ -225,10 +221,7 @@ def test_lower_resolution(image, viewer):
 @pytest.fixture
 def two(image, rng):
     """A second volume on another grid in the same space."""
-    other = itk.image_from_array(rng.random((7, 8, 9), np.float32))
-    other.SetSpacing([1.4, 1.1, 2.0])
-    other.SetOrigin([13.0, -29.0, 6.0])
-    return image, other
+    return image, make_image(rng.random((7, 8, 9), np.float32), (1.4, 1.1, 2.0), (13.0, -29.0, 6.0))
 
 
 def test_overlay_is_blended(two, open_viewer):
@@ -269,9 +262,8 @@ def test_overlay_that_is_an_array_lies_where_the_volume_does(image, rng, open_vi
     region.SetIndex([3, -2, 5])
     image.SetRegions(region)
     voxels = rng.random((9, 11, 14), np.float32)
-    placed = itk.image_from_array(voxels)
-    placed.CopyInformation(image)
-    placed.SetOrigin(image.TransformIndexToPhysicalPoint([3, -2, 5]))
+    origin, direction = image.TransformIndexToPhysicalPoint([3, -2, 5]), itk.array_from_matrix(image.GetDirection())
+    placed = make_image(voxels, image.GetSpacing(), origin, direction)
     found, wanted = (open_viewer(image, overlay=each, azimuth=20, overlay_window=(0, 1)) for each in (voxels, placed))
     assert_array_equal(found.snapshot(), wanted.snapshot())
     indices = [each.pick(60, 45).overlay.index for each in (found, wanted)]
@@ -904,7 +896,7 @@ def test_snapshot(viewer, tmp_path):
     drawn(viewer)
     press(viewer, "?", "l")
     rgba = viewer.snapshot(tmp_path / "x.png")
-    assert_array_equal(np.asarray(Image.open(tmp_path / "x.png")), rgba[..., :3])
+    assert_array_equal(Image.open(tmp_path / "x.png"), rgba[..., :3])
     assert (viewer.snapshot(text=False) != rgba).any()
     press(viewer, "?")
     assert_array_equal(drawn(viewer), rgba)
@@ -918,8 +910,7 @@ def test_parameters_of_the_filter(image, open_viewer):
     viewer, whole = (open_viewer(image, azimuth=10, window=(0, 900), crop=each) for each in (crop, None))
     assert (drawn(viewer) != drawn(whole)).any()
     assert evaluate_code(viewer, image).tobytes() == np.asarray(viewer.project()).tobytes()
-    mask = itk.image_from_array(np.zeros((9, 11, 14), np.uint8))
-    mask.CopyInformation(image)
+    mask = make_like(np.zeros((9, 11, 14), np.uint8), image)
     with pytest.warns(UserWarning, match="no voxel is in the mask"):
         masked = open_viewer(image, mask=mask, window=(0, 900), background=0)
     press(masked, "v")

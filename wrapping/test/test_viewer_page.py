@@ -21,6 +21,7 @@ import httpx
 import itk
 import numpy as np
 import pytest
+from conftest import make_image
 from itk_shearwarpmip import _scene, show
 from itk_shearwarpmip.__main__ import main, view
 from PIL import Image
@@ -41,10 +42,7 @@ def volume():
     voxels = np.full(z.shape, 100, np.uint16)
     voxels += (np.hypot(x - 32, y - 32) < 5).astype(np.uint16) * 400
     voxels += ((x - 50) ** 2 + (y - 12) ** 2 + (z - 30) ** 2 < 25).astype(np.uint16) * 900
-    image = itk.image_from_array(voxels)
-    image.SetSpacing([1.0, 1.0, 1.5])
-    image.SetOrigin([-40.0, 10.0, 25.0])
-    return image
+    return make_image(voxels, (1.0, 1.0, 1.5), (-40.0, 10.0, 25.0))
 
 
 HEADERS = {"referrer-policy": "no-referrer", "cache-control": "no-store", "x-content-type-options": "nosniff"}
