@@ -75,17 +75,37 @@ def rng() -> np.random.Generator:
     return np.random.default_rng(20021)
 
 
+def make_rotation(x=0.0, y=0.0, z=0.0):
+    transform = itk.Euler3DTransform[itk.D].New()
+    transform.SetRotation(x, y, z)
+    return transform
+
+
+def make_image(array, spacing=(1, 1, 1), origin=(0, 0, 0), direction=((1, 0, 0), (0, 1, 0), (0, 0, 1))):
+    image = itk.image_from_array(array)
+    image.SetSpacing(spacing)
+    image.SetOrigin(origin)
+    image.SetDirection(itk.matrix_from_array(np.array(direction, float)))
+    return image
+
+
+def make_like(array, image):
+    """An image of these voxels where the other one lies."""
+    result = itk.image_from_array(array)
+    result.CopyInformation(image)
+    result.SetRegions(image.GetLargestPossibleRegion())
+    return result
+
+
+def make_oblique(rng):
+    """A small anisotropic, oblique image of signed shorts: 14 x 11 x 9 voxels."""
+    direction = itk.array_from_matrix(make_rotation(0.2, -0.3, 0.4).GetMatrix())
+    return make_image(rng.integers(-1000, 1000, (9, 11, 14), np.int16), (0.7, 0.9, 2.1), (12.0, -30.0, 5.5), direction)
+
+
 @pytest.fixture
 def image(rng):
-    """A small anisotropic, oblique image of signed shorts: 14 x 11 x 9 voxels."""
-    voxels = rng.integers(-1000, 1000, (9, 11, 14), np.int16)
-    result = itk.image_from_array(voxels)
-    result.SetSpacing([0.7, 0.9, 2.1])
-    result.SetOrigin([12.0, -30.0, 5.5])
-    rotation = itk.Euler3DTransform[itk.D].New()
-    rotation.SetRotation(0.2, -0.3, 0.4)
-    result.SetDirection(rotation.GetMatrix())
-    return result
+    return make_oblique(rng)
 
 
 @pytest.fixture

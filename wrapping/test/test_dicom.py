@@ -10,6 +10,7 @@ import pydicom
 import pytest
 from conftest import NO_LABELS, PROGRAM
 from itk_shearwarpmip import mip, open_image, save_png, turn
+from numpy.testing import assert_array_equal
 from pydicom.data import get_testdata_file
 from pydicom.dataset import Dataset
 from pydicom.sequence import Sequence
@@ -62,7 +63,7 @@ def test_slices_lie_where_they_say(tmp_path):
     (folder / ".hidden").write_bytes(b"\0\1")
     (folder / "folder").mkdir()
     image = open_image(folder)
-    np.testing.assert_array_equal(itk.array_view_from_image(image), VOXELS)
+    assert_array_equal(image, VOXELS)
     assert list(image.GetSpacing()) == pytest.approx([0.5, 0.75, 2.5])
     assert list(image.GetOrigin()) == [-10, 20, 30]
     assert np.allclose(itk.array_from_matrix(image.GetDirection()), np.column_stack([ROW, COLUMN, NORMAL]))
@@ -111,12 +112,12 @@ def replace_bytes(path, old, new):
 
 def test_each_slice_has_its_own_rescaling(tmp_path):
     folder = write_series(tmp_path / "series", t00281053="2", t00281052="0")
-    np.testing.assert_array_equal(np.asarray(open_image(folder)), VOXELS)
+    assert_array_equal(open_image(folder), VOXELS)
     # the first slice
     replace_bytes(folder / "0-.dcm", b"\x53\x10\x02\x00\x00\x002 ", b"\x53\x10\x02\x00\x00\x00.5")
     voxels = np.asarray(open_image(folder))
     assert voxels.dtype == np.float64
-    np.testing.assert_array_equal(voxels, [0.25 * VOXELS[0], *VOXELS[1:]])
+    assert_array_equal(voxels, [0.25 * VOXELS[0], *VOXELS[1:]])
     assert_as_the_program(folder, tmp_path)
 
 
@@ -157,7 +158,7 @@ def test_dicomdir_stands_for_its_folder(tmp_path):
     folder = write_series(tmp_path / "disc" / "series").parent
     (folder / "DICOMDIR").write_bytes(bytes(128) + b"DICM")
     image = open_image(folder / "DICOMDIR", series=1)
-    np.testing.assert_array_equal(np.asarray(image), VOXELS)
+    assert_array_equal(image, VOXELS)
 
 
 def test_series_that_are_no_volume(tmp_path):
@@ -230,7 +231,7 @@ def test_pixels_that_are_fewer_than_the_size_says(syntax, tmp_path):
         )
 
     write(0)
-    np.testing.assert_array_equal(np.asarray(open_image(folder)), VOXELS)
+    assert_array_equal(open_image(folder), VOXELS)
     for missing in (2, len(pixels) - 2):
         write(missing)
         for source in (folder, path):
@@ -295,7 +296,7 @@ def test_frames_lie_where_they_say(photometric, order, step, rescales, dtype, tm
     expected = VOXELS * slopes[:, 0, None, None] + slopes[:, 1, None, None]
     expected = expected[np.argsort(order)][:: 1 if step > 0 else -1]
     assert np.asarray(image).dtype == dtype
-    np.testing.assert_array_equal(np.asarray(image), expected)
+    assert_array_equal(image, expected)
     assert list(image.GetSpacing()) == pytest.approx([0.5, 0.75, 2.5])
     assert np.allclose(itk.array_from_matrix(image.GetDirection())[:, 2], np.sign(step) * NORMAL)
     assert_as_the_program(path, tmp_path)
@@ -308,7 +309,7 @@ def test_frames_without_a_sign(slope, intercept, dtype, tmp_path):
     path = write_frames(tmp_path / "frames.dcm", **values)
     image = open_image(path)
     assert np.asarray(image).dtype == dtype
-    np.testing.assert_array_equal(np.asarray(image), pixels * float(slope) + intercept)
+    assert_array_equal(image, pixels * float(slope) + intercept)
     assert_as_the_program(path, tmp_path)
 
 
@@ -318,7 +319,7 @@ def test_frames_that_are_compressed(tmp_path):
     dataset = pydicom.dcmread(path)
     dataset.compress(pydicom.uid.RLELossless)
     dataset.save_as(path)
-    np.testing.assert_array_equal(np.asarray(mip(path)), np.asarray(expected))
+    assert_array_equal(mip(path), expected)
     assert_as_the_program(path, tmp_path)
 
 
@@ -329,7 +330,7 @@ def test_files_of_one_frame_make_a_series(tmp_path):
         write_frames(
             folder / f"{(n * 5) % 7}.dcm", order=[n], NumberOfFrames=1, PixelData=VOXELS[n].tobytes(), rescales=[(1, n)]
         )
-    np.testing.assert_array_equal(np.asarray(open_image(folder)), VOXELS + np.arange(6)[:, None, None])
+    assert_array_equal(open_image(folder), VOXELS + np.arange(6)[:, None, None])
     assert_as_the_program(folder, tmp_path)
 
 
@@ -350,7 +351,7 @@ PLAIN = {**PLACE, "PerFrameFunctionalGroupsSequence": None, "SharedFunctionalGro
 def test_frames_without_functional_groups(values, axis, tmp_path):
     path = write_frames(tmp_path / "frames.dcm", **PLAIN, **values)
     image = open_image(path)
-    np.testing.assert_array_equal(np.asarray(image), VOXELS * float(values.get("DoseGridScaling", 1)))
+    assert_array_equal(image, VOXELS * float(values.get("DoseGridScaling", 1)))
     assert list(image.GetSpacing()) == [1, 1, 2]
     assert np.allclose(itk.array_from_matrix(image.GetDirection())[:, 2], axis)
     assert_as_the_program(path, tmp_path)
@@ -418,15 +419,15 @@ def test_inverted_values_are_kept_and_shown_inverted(tmp_path):
     upright = mip(folder, azimuth=30)
     for path in folder.iterdir():
         replace_bytes(path, b"MONOCHROME2", b"MONOCHROME1")
-    np.testing.assert_array_equal(np.asarray(open_image(folder)), VOXELS)
+    assert_array_equal(open_image(folder), VOXELS)
     picture = assert_as_the_program(folder, tmp_path)
     picture = mip(folder, azimuth=30)
-    np.testing.assert_array_equal(np.asarray(picture), np.asarray(upright))
+    assert_array_equal(picture, upright)
     grey = {}
     for name, each in {"upright": upright, "inverted": picture}.items():
         save_png(each, tmp_path / f"{name}.png", labels=False)
         grey[name] = np.asarray(itk.imread(str(tmp_path / f"{name}.png")))
-    np.testing.assert_array_equal(grey["inverted"], 255 - grey["upright"])
+    assert_array_equal(grey["inverted"], 255 - grey["upright"])
     save_png(picture, tmp_path / "inverted.png")
     assert (tmp_path / "inverted.png").read_bytes() == picture._repr_png_()
     series = turn(folder, frames=2, azimuth=30)
@@ -440,7 +441,7 @@ def test_inverted_values_are_kept_and_shown_inverted(tmp_path):
         subprocess.run(command, check=True, capture_output=True)
         for n in range(2):
             pictures = (np.asarray(itk.imread(str(tmp_path / f"{name}-00{n}.png"))) for name in ("p", "turn"))
-            np.testing.assert_array_equal(*pictures)
+            assert_array_equal(*pictures)
     replace_bytes(folder / "0-.dcm", b"MONOCHROME1", b"MONOCHROME2")
     with pytest.raises(ValueError, match="differ in photometric interpretation"):
         mip(folder)

@@ -9,7 +9,9 @@ import nbclient
 import nbformat
 import numpy as np
 import pytest
+from conftest import make_image
 from itk_shearwarpmip import open_volume
+from numpy.testing import assert_array_equal
 from PIL import Image
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -86,13 +88,12 @@ def test_channels_mip(kind, tmp_path):
     pixels = itk.array_from_image(result)
     pixels = pixels.reshape(times, *pixels.shape[dimension - 3 :][:2], channels)
     for time, channel in np.ndindex(times, channels):
-        volume = itk.image_from_array(np.ascontiguousarray(voxels[time, ..., channel]))
-        volume.SetSpacing([0.5, 0.75, 2.0])
-        volume.SetOrigin([-3.0, 4.0, 50.0])
+        array = np.ascontiguousarray(voxels[time, ..., channel])
+        volume = make_image(array, (0.5, 0.75, 2.0), (-3.0, 4.0, 50.0))
         view = itk.ShearWarpMIPView.MakeTransform(volume, itk.ShearWarpMIPViewEnums.Direction_Anterior, 25.0)
         darkest = voxels.min().item()
         mip = itk.shear_warp_mip_image_filter(volume, transform=view, default_pixel_value=darkest)
-        np.testing.assert_array_equal(pixels[time, ..., channel], itk.array_from_image(mip))
+        assert_array_equal(pixels[time, ..., channel], mip)
     assert list(result.GetSpacing()) == pytest.approx([*mip.GetSpacing(), 1.5][: dimension - 1])
     assert list(result.GetOrigin()) == pytest.approx([*mip.GetOrigin(), 10.0][: dimension - 1])
 

@@ -8,8 +8,10 @@ import subprocess
 import sys
 import threading
 import weakref
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
+from unittest.mock import call
 
 import itk
 import itk_shearwarpmip
@@ -18,11 +20,12 @@ import numpy as np
 import pytest
 import SimpleITK
 import xarray
-from conftest import NO_LABELS, PROGRAM
+from conftest import NO_LABELS, PROGRAM, make_like
 from IPython.core.formatters import DisplayFormatter
 from itk_shearwarpmip import Turn, mip, open_image, save_png, turn
 from itk_shearwarpmip._front import _FILTERS
 from itk_shearwarpmip._save import find_window, find_window_of
+from numpy.testing import assert_array_equal
 
 Enums = itk.ShearWarpMIPImageFilterEnums
 
@@ -128,7 +131,7 @@ def check_kind(kind, image, folder):
         assert list(picture.GetSpacing()) == pytest.approx(list(expected.GetSpacing()), rel=1e-14)
         assert list(picture.GetOrigin()) == pytest.approx(list(expected.GetOrigin()), rel=1e-12)
     frames = turn(source, azimuth=30, frames=1, **where).frames
-    np.testing.assert_array_equal(np.asarray(frames)[0], itk.array_from_image(expected))
+    assert_array_equal(np.asarray(frames)[0], expected)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -142,12 +145,10 @@ def test_chunks_give_the_same_bits(image):
     expected = project(image)
     for source, where in ((chunked, get_geometry(image)), (itk.xarray_from_image(image).chunk(5), {})):
         picture = mip(source, azimuth=30, **where)
-        np.testing.assert_array_equal(np.asarray(picture), itk.array_from_image(expected))
+        assert_array_equal(picture, expected)
     assert picture.dims == ("y", "x")
     series = turn(chunked, azimuth=30, elevation=10, frames=5, **get_geometry(image))
-    np.testing.assert_array_equal(
-        np.asarray(series.frames), np.asarray(turn(image, azimuth=30, elevation=10, frames=5).frames)
-    )
+    assert_array_equal(series.frames, turn(image, azimuth=30, elevation=10, frames=5).frames)
     assert len(series.transforms) == 5
     # of signed voxels each chunk may have the least
     assert series.frames["Background"] == itk.array_view_from_image(image).min()
@@ -158,7 +159,7 @@ def test_tensors(image):
     tensor = torch.from_numpy(itk.array_from_image(image))
     picture = mip(tensor, azimuth=30, **get_geometry(image))
     assert isinstance(picture, torch.Tensor)
-    np.testing.assert_array_equal(picture.numpy(), itk.array_from_image(project(image)))
+    assert_array_equal(picture.numpy(), project(image))
     with pytest.raises(TypeError, match=r"must be in the computer's memory: .*grad"):
         mip(torch.ones((3, 4, 5), requires_grad=True))
 
@@ -168,16 +169,12 @@ def test_without_dask(tmp_path):
 import sys
 sys.modules["dask"] = sys.modules["zarr"] = None
 sys.path.insert(0, {os.path.dirname(__file__)!r})
-import pathlib, itk, numpy as np, itk_shearwarpmip
+import pathlib, numpy as np, itk_shearwarpmip
 assert hasattr(itk_shearwarpmip, "mip") and "dask.array" not in sys.modules
+from conftest import make_oblique
 from test_front import KINDS, check_kind
-image = itk.image_from_array(np.random.default_rng(1).integers(-1000, 1000, (9, 11, 14), np.int16))
-image.SetSpacing([0.7, 0.9, 2.1])
-rotation = itk.Euler3DTransform[itk.D].New()
-rotation.SetRotation(0.2, -0.3, 0.4)
-image.SetDirection(rotation.GetMatrix())
 for kind in KINDS:
-    check_kind(kind, image, pathlib.Path({str(tmp_path)!r}))
+    check_kind(kind, make_oblique(np.random.default_rng(1)), pathlib.Path({str(tmp_path)!r}))
 try:
     itk_shearwarpmip.mip("light-sheet.ome.zarr")
 except ImportError as error:
@@ -253,25 +250,22 @@ def test_pictures_are_the_programs(parameters, options, image, tmp_path):
     subprocess.run([PROGRAM, path, tmp_path / "mip.png", *options, *NO_LABELS], check=True)
     save_png(picture, tmp_path / "shown.png", labels=False)
     shown, expected = (np.asarray(itk.imread(str(tmp_path / f"{name}.png"))) for name in ("shown", "mip"))
-    np.testing.assert_array_equal(shown, expected)
+    assert_array_equal(shown, expected)
 
 
 @with_program
 @pytest.mark.parametrize(
     "parameters, options",
     [
-        ({}, []),
-        (
-            {"elevation": 20, "rotation_axis": "i", "center": (1, 2, 3)},
-            ["--elevation=20", "--axis=i", "--centre=1,2,3"],
-        ),
-        ({"angular_range": 60, "rocking": True, "view": "right"}, ["--rocking=60", "--view=right"]),
-        ({"angular_range": -90, "rotation_axis": (1, 2, 3)}, ["--range=-90", "--axis=1,2,3"]),
+        ({}, ""),
+        ({"elevation": 20, "rotation_axis": "i", "center": (1, 2, 3)}, "--elevation=20 --axis=i --centre=1,2,3"),
+        ({"angular_range": 60, "rocking": True, "view": "right"}, "--rocking=60 --view=right"),
+        ({"angular_range": -90, "rotation_axis": (1, 2, 3)}, "--range=-90 --axis=1,2,3"),
     ],
 )
 def test_turns_are_the_programs(parameters, options, image, tmp_path):
     path = write(image, tmp_path / "image.nrrd")
-    subprocess.run([PROGRAM, path, tmp_path / "turn.nrrd", "--frames=7", *options], check=True)
+    subprocess.run([PROGRAM, path, tmp_path / "turn.nrrd", "--frames=7", *options.split()], check=True)
     series = turn(path, frames=7, **parameters)
     assert np.asarray(series.frames).tobytes() == np.asarray(itk.imread(str(tmp_path / "turn.nrrd"))).tobytes()
 
@@ -306,20 +300,19 @@ FILTERS = {
 def test_parameters_are_the_filters(keywords, parameters, image):
     parameters = parameters.copy()
     if "mask_image" in parameters:
-        parameters["mask_image"] = itk.image_from_array(parameters["mask_image"])
-        parameters["mask_image"].CopyInformation(image)
+        parameters["mask_image"] = make_like(parameters["mask_image"], image)
     expected = project(image, **parameters)
     before = mip(image, azimuth=30)
     kept = np.array(before)
     threads = get_filter(image).GetNumberOfWorkUnits()
     for source, where in ((image, {}), (itk.array_from_image(image), get_geometry(image))):
         picture, depths = mip(source, azimuth=30, depth=True, **where, **keywords)
-        np.testing.assert_array_equal(np.asarray(picture), itk.array_from_image(expected))
+        assert_array_equal(picture, expected)
         assert np.asarray(depths).dtype == np.float32 and np.isfinite(depths).any()
-        np.testing.assert_array_equal(np.asarray(mip(source, azimuth=30, **where, **keywords)), np.asarray(picture))
+        assert_array_equal(mip(source, azimuth=30, **where, **keywords), picture)
     # nothing of it stays
     for each in (before, mip(image, azimuth=30)):
-        np.testing.assert_array_equal(np.asarray(each), kept)
+        assert_array_equal(each, kept)
     assert get_filter(image).GetNumberOfWorkUnits() == threads
 
 
@@ -328,20 +321,19 @@ def test_views(image):
     view = make_view(image, 25.0, 10.0)
     matrix[:3, :3] = itk.array_from_matrix(view.GetMatrix())
     matrix[:3, 3] = list(view.GetTranslation())
-    expected = itk.array_from_image(project(image, transform=view))
+    expected = project(image, transform=view)
     for each in (view, matrix, matrix.tolist(), [view]):
-        np.testing.assert_array_equal(np.asarray(mip(image, each)), expected)
+        assert_array_equal(mip(image, each), expected)
     frames = np.asarray(turn(image, transforms=["left", matrix], size=(20, 20)).frames)
-    np.testing.assert_array_equal(frames[0], np.asarray(mip(image, "left", size=(20, 20))))
+    assert_array_equal(frames[0], mip(image, "left", size=(20, 20)))
 
 
 @pytest.mark.parametrize("kind", ["itk", "xarray", "SimpleITK", "nibabel", "path", "bool"])
 def test_masks_with_a_place_of_their_own(kind, image, tmp_path):
-    mask = itk.image_from_array(MASK.astype(np.uint8))
-    mask.CopyInformation(image)
+    mask = make_like(MASK.astype(np.uint8), image)
     source = MASK != 0 if kind == "bool" else KINDS[kind](mask, tmp_path)[0]
     expected = mip(image, mask=MASK)
-    np.testing.assert_array_equal(np.asarray(mip(image, mask=source)), np.asarray(expected))
+    assert_array_equal(mip(image, mask=source), expected)
     if kind != "bool":
         mask.SetOrigin([12.0, -30.0, 5.6])
         with pytest.raises(ValueError, match=r"a corner is 0\.1 mm away"):
@@ -349,22 +341,18 @@ def test_masks_with_a_place_of_their_own(kind, image, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "parameters, text",
-    [
-        ({"slab": (500, 600)}, "is the image within slab? A slab must be at least as thick as the voxels."),
-        ({"crop": ((500, 500, 500), (600, 600, 600))}, "is the image within crop?"),
-        (
-            {"slab": (500, 600), "background": np.nan},
-            "is the image within slab? A slab must be at least as thick as the voxels.",
-        ),
-    ],
+    "parameters",
+    [{"slab": (500, 600)}, {"crop": ((500,) * 3, (600,) * 3)}, {"slab": (500, 600), "background": np.nan}],
+    ids=["slab", "crop", "not a number"],
 )
 @pytest.mark.parametrize("function", [mip, turn])
-def test_only_background_is_said(function, parameters, text, image):
+def test_only_background_is_said(function, parameters, image):
+    text = "there is only background in the picture: is the image within "
+    text += "slab? A slab must be at least as thick as the voxels." if "slab" in parameters else "crop?"
     image = open_image(np.asarray(image, np.float32)) if "background" in parameters else image
     with pytest.warns(UserWarning) as said:
         function(image, **parameters)
-    assert [str(each.message) for each in said] == [f"there is only background in the picture: {text}"]
+    assert [str(each.message) for each in said] == [text]
     # of the line that called
     assert said[0].filename == __file__
     function(image, slab=(-500, 500))
@@ -386,19 +374,24 @@ def test_regions_that_do_not_begin_at_0(image):
     region.SetIndex([3, -2, 5])
     image.SetRegions(region)
     expected = project(image)
-    np.testing.assert_array_equal(np.asarray(mip(image, azimuth=30)), np.asarray(expected))
+    assert_array_equal(mip(image, azimuth=30), expected)
     voxels = itk.array_from_image(image)
     geometry = get_geometry(image) | {"origin": list(image.TransformIndexToPhysicalPoint([3, -2, 5]))}
-    np.testing.assert_array_equal(np.asarray(mip(voxels, azimuth=30, **geometry)), np.asarray(expected))
-    mask = itk.image_from_array(MASK.astype(np.uint8))
-    mask.SetRegions(region)
-    mask.CopyInformation(image)
-    np.testing.assert_array_equal(np.asarray(mip(image, mask=mask)), np.asarray(mip(image, mask=MASK)))
+    assert_array_equal(mip(voxels, azimuth=30, **geometry), expected)
+    mask = make_like(MASK.astype(np.uint8), image)
+    assert_array_equal(mip(image, mask=mask), mip(image, mask=MASK))
 
 
 @pytest.mark.parametrize(
     "dtype, kept",
-    [(bool, np.uint8), (np.int8, np.uint8), (np.uint32, np.int16), (np.float16, np.float32), (">f8", np.float64)],
+    [
+        (bool, np.uint8),
+        (np.int8, np.uint8),
+        (np.uint32, np.int16),
+        (np.uint64, np.int16),
+        (np.float16, np.float32),
+        (">f8", np.float64),
+    ],
     ids=str,
 )
 def test_types_of_voxels(dtype, kept):
@@ -406,13 +399,13 @@ def test_types_of_voxels(dtype, kept):
     voxels.setflags(write=False)
     picture = mip(voxels, "superior")
     assert picture.dtype == kept
-    np.testing.assert_array_equal(picture[:, ::-1], voxels.max(axis=0))
+    assert_array_equal(picture[:, ::-1], voxels.max(axis=0))
 
 
 def test_what_is_given_goes_before(image):
     picture = mip(image, "superior", spacing=(2, 2, 3), origin=(0, 0, 0), direction=np.eye(3))
     assert list(picture.GetSpacing()) == [2, 2]
-    np.testing.assert_array_equal(np.asarray(picture)[:, ::-1], itk.array_from_image(image).max(axis=0))
+    assert_array_equal(np.asarray(picture)[:, ::-1], itk.array_from_image(image).max(axis=0))
     assert list(image.GetSpacing()) == [0.7, 0.9, 2.1]
 
 
@@ -444,7 +437,7 @@ def test_descending_coordinates_are_negative_directions(axes, attributes):
             list(each.TransformIndexToPhysicalPoint(list(at))) for each, at in ((found, index), (image, other))
         )
         assert point == pytest.approx(expected)
-    np.testing.assert_array_equal(np.asarray(mip(source)), np.asarray(mip(image)))
+    assert_array_equal(mip(source), mip(image))
 
 
 def test_units_of_nibabel_are_millimetres(image):
@@ -503,7 +496,7 @@ def test_a_pipeline_is_updated(image):
     output = median.GetOutput()
     first = np.array(mip(output))
     median.SetRadius(0)
-    np.testing.assert_array_equal(np.asarray(mip(output)), np.asarray(mip(image)))
+    assert_array_equal(mip(output), mip(image))
     assert (np.asarray(mip(output)) != first).any()
 
 
@@ -526,18 +519,10 @@ def test_nothing_is_kept_alive():
 def test_threads_share_an_image():
     image = itk.image_from_array(np.random.default_rng(6).integers(-99, 999, (32, 32, 32), np.int16))
     expected = [np.array(mip(itk.image_duplicator(image), azimuth=n)) for n in range(8)]
-    found = [None] * 8
-
-    def work(n):
-        found[n] = np.array(mip(image, azimuth=n))
-
-    threads = [threading.Thread(target=work, args=(n,)) for n in range(8)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    for one, other in zip(found, expected):
-        np.testing.assert_array_equal(one, other)
+    with ThreadPoolExecutor(8) as pool:
+        found = list(pool.map(lambda n: np.array(mip(image, azimuth=n)), range(8)))
+    for one, other in zip(found, expected, strict=True):
+        assert_array_equal(one, other)
 
 
 def test_a_picture_is_an_image(image, tmp_path):
@@ -545,9 +530,7 @@ def test_a_picture_is_an_image(image, tmp_path):
     assert type(picture) is itk.Image[itk.SS, 2]
     assert itk.median_image_filter(picture).shape == picture.shape
     itk.imwrite(picture, str(tmp_path / "mip.nrrd"))
-    np.testing.assert_array_equal(
-        itk.array_view_from_image(itk.imread(str(tmp_path / "mip.nrrd"))), np.asarray(picture)
-    )
+    assert_array_equal(itk.imread(str(tmp_path / "mip.nrrd")), picture)
     (tmp_path / "mip.png").write_bytes(picture._repr_png_())
     # as a notebook asks
     assert DisplayFormatter().format(picture)[0]["image/png"]
@@ -592,11 +575,11 @@ def test_turns(image):
     # nothing of another turn stays
     turn(image, transforms=["left"], center=(1, 2, 3), size=(9, 9))
     turn(image, center=(1, 2, 3), rocking=True, frames=2)
-    np.testing.assert_array_equal(np.asarray(turn(image, elevation=20, frames=5).frames), frames)
+    assert_array_equal(turn(image, elevation=20, frames=5).frames, frames)
     for frame, transform in enumerate(series.transforms):
         picture, depths = mip(image, transform, depth=True, **grid)
-        np.testing.assert_array_equal(frames[frame], np.asarray(picture))
-        np.testing.assert_array_equal(np.asarray(series.depths)[frame], np.asarray(depths))
+        assert_array_equal(frames[frame], picture)
+        assert_array_equal(np.asarray(series.depths)[frame], depths)
 
 
 SHORTS = np.ones((3, 4, 5), np.int16)
@@ -608,166 +591,133 @@ def make_affine(pixel_type):
     return itk.AffineTransform[pixel_type, 3].New()
 
 
-# of mip() and turn()
+def label(**coordinates):
+    """A DataArray."""
+    places = {name: np.arange(length) for name, length in zip("zyx", SHORTS.shape)}
+    return xarray.DataArray(SHORTS, dims=list("zyx"), coords=places | coordinates)
+
+
+# of mip() and turn(): FUNCTION is its name
 BAD = {
-    "2D array": (lambda call: call(SHORTS[0]), ValueError, r"the axes z, y, x, but this one has the shape \(4, 5\)"),
-    "colours": (lambda call: call(np.ones((3, 4, 5, 3), np.uint8)), ValueError, r"array\[..., 0\] of colours"),
-    "2D image": (
-        lambda call: call(itk.image_from_array(SHORTS[0])),
-        TypeError,
-        "3 dimensions, but this itk.Image has 2",
-    ),
-    "4D image": (lambda call: call(itk.image_from_array(SHORTS[None])), TypeError, "has 4: give a part of its array"),
-    "4D array": (lambda call: call(SHORTS[None]), ValueError, r"array\[0\] of several volumes"),
-    "colour image": (lambda call: call(itk.Image[itk.RGBPixel[itk.UC], 3].New()), TypeError, "several components"),
-    "masked array": (lambda call: call(np.ma.masked_less(SHORTS, 3)), TypeError, "loses its mask: fill it"),
-    "empty array": (lambda call: call(SHORTS[:0]), ValueError, "must not be empty"),
-    "empty image": (lambda call: call(itk.Image[itk.SS, 3].New()), ValueError, "must not be empty"),
-    "large integers": (lambda call: call(SHORTS.astype(int) * 10**6), TypeError, r"they are int64; use astype\(\)"),
-    "complex": (lambda call: call(SHORTS.astype(complex)), TypeError, "they are complex128"),
-    "None": (lambda call: call(None), TypeError, "but this is a builtins.NoneType"),
-    "list": (lambda call: call(SHORTS.tolist()), TypeError, "this is a builtins.list: give an array"),
-    "class": (lambda call: call(np.ndarray), TypeError, "this is a builtins.type"),
-    "filter": (lambda call: call(itk.MedianImageFilter.New(IMAGE)), TypeError, r"give its output, GetOutput\(\)"),
-    "4D nibabel": (
-        lambda call: call(nibabel.Nifti1Image(np.ones((2, 3, 4, 5)), np.eye(4))),
-        ValueError,
-        r"as image.slicer\[",
-    ),
-    "no affine": (lambda call: call(nibabel.Nifti1Image(SHORTS, None)), ValueError, "has no affine"),
-    "2D SimpleITK": (lambda call: call(SimpleITK.Image(3, 4, SimpleITK.sitkInt16)), ValueError, "this one has 2 and 1"),
-    "names of axes": (lambda call: call(xarray.DataArray(SHORTS)), ValueError, "the dimensions z, y, x"),
-    "uneven coordinates": (
-        lambda call: call(xarray.DataArray(SHORTS, dims=list("zyx"), coords={"z": [0, 1, 3]})),
-        ValueError,
-        "go in equal steps, but those of z do not: see its method interp",
-    ),
-    "units of coordinates": (
-        lambda call: call(
-            xarray.DataArray(
-                SHORTS, dims=list("zyx"), coords={"z": ("z", [0, 1, 2], {"units": "mm"}), "x": ("x", np.arange(5))}
-            )
-        ),
-        ValueError,
-        "must have the same units",
-    ),
-    "one coordinate": (
-        lambda call: call(xarray.DataArray(SHORTS, dims=list("zyx"), coords={"z": [2, 2, 2]})),
-        ValueError,
-        "go in equal steps, but those of z",
-    ),
+    "2D array": (call(SHORTS[0]), ValueError, r"the axes z, y, x, but this one has the shape \(4, 5\)"),
+    "colours": (call(np.ones((3, 4, 5, 3), np.uint8)), ValueError, r"array\[..., 0\] of colours"),
+    "2D image": (call(itk.image_from_array(SHORTS[0])), TypeError, "3 dimensions, but this itk.Image has 2"),
+    "4D image": (call(itk.image_from_array(SHORTS[None])), TypeError, "has 4: give a part of its array"),
+    "4D array": (call(SHORTS[None]), ValueError, r"array\[0\] of several volumes"),
+    "colour image": (call(itk.Image[itk.RGBPixel[itk.UC], 3].New()), TypeError, "several components"),
+    "masked array": (call(np.ma.masked_less(SHORTS, 3)), TypeError, "loses its mask: fill it"),
+    "empty array": (call(SHORTS[:0]), ValueError, "must not be empty"),
+    "empty image": (call(itk.Image[itk.SS, 3].New()), ValueError, "must not be empty"),
+    "large integers": (call(SHORTS.astype(int) * 10**6), TypeError, r"they are int64; use astype\(\)"),
+    "complex": (call(SHORTS.astype(complex)), TypeError, "they are complex128"),
+    "None": (call(None), TypeError, "but this is a builtins.NoneType"),
+    "list": (call(SHORTS.tolist()), TypeError, "this is a builtins.list: give an array .* with spacing"),
+    "class": (call(np.ndarray), TypeError, "this is a builtins.type"),
+    "filter": (call(itk.MedianImageFilter.New(IMAGE)), TypeError, r"give its output, GetOutput\(\)"),
+    "4D nibabel": (call(nibabel.Nifti1Image(np.ones((2, 3, 4, 5)), np.eye(4))), ValueError, r"as image.slicer\["),
+    "no affine": (call(nibabel.Nifti1Image(SHORTS, None)), ValueError, "has no affine"),
+    "2D SimpleITK": (call(SimpleITK.Image(3, 4, SimpleITK.sitkInt16)), ValueError, "this one has 2 and 1"),
+    "label map": (call(SimpleITK.Image([3, 4, 5], SimpleITK.sitkLabelUInt8)), TypeError, "label map"),
+    "names of axes": (call(xarray.DataArray(SHORTS)), ValueError, "the dimensions z, y, x"),
+    "uneven coordinates": (call(label(z=[0, 1, 3])), ValueError, "equal steps, .* z do not: see its method interp"),
+    "coordinates to and fro": (call(label(y=[4, 2, 3, 1])), ValueError, "go in equal steps, but those of y"),
+    "one coordinate": (call(label(z=[2, 2, 2])), ValueError, "go in equal steps, but those of z"),
+    "units of coordinates": (call(label(z=("z", [0, 1, 2], {"units": "mm"}))), ValueError, "must have the same units"),
     "dates as coordinates": (
-        lambda call: call(xarray.DataArray(SHORTS, dims=list("zyx"), coords={"z": np.arange(3).astype("M8[D]")})),
+        call(label(z=np.arange(3).astype("M8[D]"))),
         TypeError,
         "must be numbers, but those of z are datetime64",
     ),
     "words as a direction in attributes": (
-        lambda call: call(xarray.DataArray(SHORTS, dims=list("zyx"), attrs={"direction": "RAS"})),
+        call(xarray.DataArray(SHORTS, dims=list("zyx"), attrs={"direction": "RAS"})),
         ValueError,
         "direction must be 3 x 3 finite numbers, but it is 'RAS'",
     ),
     "descending coordinates with a direction": (
-        lambda call: call(itk.xarray_from_image(TURNED).isel(y=slice(None, None, -1))),
+        call(itk.xarray_from_image(TURNED).isel(y=slice(None, None, -1))),
         ValueError,
         r"must ascend, but some descend: see its method sortby\(\)",
     ),
-    "empty path": (lambda call: call(""), ValueError, "the path of a volume must not be empty"),
-    "no such file": (lambda call: call("nowhere.nrrd"), FileNotFoundError, "'nowhere.nrrd' does not exist"),
-    "no image": (lambda call: call(__file__), OSError, "is not an image that ITK can read"),
-    "no DICOM": (lambda call: call(Path(__file__).parent), ValueError, "no DICOM series"),
-    "no OME-Zarr": (lambda call: call("nowhere.zarr"), ValueError, "is no OME-Zarr"),
-    "series": (lambda call: call(IMAGE, series="1.2"), ValueError, "series is for a DICOM folder"),
-    "level": (lambda call: call(IMAGE, level=1), ValueError, "only an OME-Zarr has levels"),
-    "unknown keyword": (lambda call: call(IMAGE, colour=1), TypeError, "has no parameter colour"),
-    "misspelt keyword": (lambda call: call(IMAGE, azimut=1), TypeError, "no parameter azimut: did you mean azimuth[?]"),
-    "two spacings": (lambda call: call(SHORTS, spacing=(1, 2)), ValueError, "spacing must be three finite numbers"),
-    "zero spacing": (lambda call: call(SHORTS, spacing=(1, 2, 0)), ValueError, "Zero-valued spacing"),
-    "infinite origin": (lambda call: call(SHORTS, origin=(1, 2, np.inf)), ValueError, "origin must be three finite"),
-    "singular direction": (lambda call: call(SHORTS, direction=np.zeros((3, 3))), ValueError, "determinant is 0"),
-    "long direction": (
-        lambda call: call(SHORTS, direction=2 * np.eye(3)),
-        ValueError,
-        "columns of length 1, but .* 2.0",
-    ),
-    "words as direction": (lambda call: call(SHORTS, direction="RAS"), ValueError, "direction must be 3 x 3"),
-    "view": (lambda call: call(IMAGE, "front"), ValueError, "one of anterior, posterior, .* but it is 'front'"),
-    "enumerator": (lambda call: call(IMAGE, 0), TypeError, "view must be one of"),
-    "3 x 3": (lambda call: call(IMAGE, np.eye(3)), ValueError, "a matrix as view must be 4 x 4"),
-    "singular": (lambda call: call(IMAGE, np.diag([1, 0, 1, 1])), ValueError, "view must be invertible"),
-    "single precision": (lambda call: call(IMAGE, make_affine(itk.F)), TypeError, "in double precision"),
-    "list of views": (lambda call: call(IMAGE, [make_affine(itk.D)] * 2), TypeError, "one itk.Transform"),
-    "angle": (lambda call: call(IMAGE, azimuth=np.nan), ValueError, "azimuth and elevation must be finite"),
-    "angles": (lambda call: call(IMAGE, azimuth=np.array([30.0])), ValueError, "azimuth and elevation must be finite"),
-    "angle of a matrix": (lambda call: call(IMAGE, np.eye(4), azimuth=3), ValueError, "for a view that is a name"),
-    "mode": (lambda call: call(IMAGE, mode="mean"), ValueError, "mode must be one of maximum, minimum, absolute"),
-    "slab": (lambda call: call(IMAGE, slab=5), ValueError, r"slab must be two numbers, \(near, far\)"),
-    "slab's order": (lambda call: call(IMAGE, slab=(5, 1)), ValueError, "slab's near must"),
-    "crop": (lambda call: call(IMAGE, crop=(1, 2, 3, 4, 5, 6)), ValueError, "crop must be two corners"),
-    "mask's shape": (lambda call: call(IMAGE, mask=SHORTS[1:]), ValueError, "shape .* Resample an image"),
-    "number as a mask": (lambda call: call(IMAGE, mask=3), TypeError, "^mask: .* but this is a builtins.int"),
-    "mask's type": (lambda call: call(IMAGE, mask=SHORTS * 0.5), TypeError, "whole numbers"),
-    "OME-Zarr as a mask": (
-        lambda call: call(IMAGE, mask="cells.ome.zarr"),
-        ValueError,
-        "cells.ome.zarr is no OME-Zarr",
-    ),
-    "label alone": (lambda call: call(IMAGE, mask_label=1), ValueError, "mask_label is for a mask"),
-    "label": (lambda call: call(IMAGE, mask=SHORTS, mask_label=0), ValueError, "mask_label must be a whole"),
-    "exact mask": (lambda call: call(IMAGE, mask=SHORTS, exact=True), ValueError, "exact pictures have no mask"),
-    "text as a flag": (lambda call: call(IMAGE, exact="no"), ValueError, "exact must be True or False, but it is 'no'"),
-    "file of depths": (lambda call: call(IMAGE, depth="d.nrrd"), ValueError, "depth must be True or False"),
-    "fading": (lambda call: call(IMAGE, attenuation=-1), ValueError, "attenuation must be finite and not negative"),
-    "local maximum": (lambda call: call(IMAGE, local_maximum=1.5), ValueError, "local_maximum must be whole"),
-    "switched local maximum": (
-        lambda call: call(IMAGE, local_maximum=False),
-        ValueError,
-        "local_maximum must be whole",
-    ),
-    "text as local maximum": (lambda call: call(IMAGE, local_maximum="3"), ValueError, "local_maximum must be whole"),
-    "background": (lambda call: call(IMAGE, background=70000), ValueError, "background must be whole"),
-    "backgrounds": (lambda call: call(IMAGE, background=np.arange(2)), ValueError, "background must be whole"),
-    "oversampling": (lambda call: call(IMAGE, oversampling=3), ValueError, "oversampling must be 1 or 2"),
-    "output spacing": (lambda call: call(IMAGE, output_spacing=0), ValueError, "output_spacing must be positive"),
-    "size": (lambda call: call(IMAGE, size=5), ValueError, "size must be two whole numbers"),
-    "size beyond integers": (lambda call: call(IMAGE, size=(10**20, 1)), ValueError, "size must be positive and fit"),
-    "huge size": (lambda call: call(IMAGE, size=(10**7, 10**7)), ValueError, "size must fit in memory"),
-    "output origin": (
-        lambda call: call(IMAGE, output_origin=(0, np.nan)),
-        ValueError,
-        "output_origin must be two finite",
-    ),
-    "many threads": (lambda call: call(IMAGE, number_of_threads=2**40), ValueError, "number_of_threads cannot be"),
-    "threads": (lambda call: call(IMAGE, number_of_threads=0), ValueError, "number_of_threads must be a whole"),
+    "empty path": (call(""), ValueError, "the path of a volume must not be empty"),
+    "no such file": (call("nowhere.nrrd"), FileNotFoundError, "'nowhere.nrrd' does not exist"),
+    "no image": (call(__file__), OSError, "is not an image that ITK can read"),
+    "no DICOM": (call(Path(__file__).parent), ValueError, "no DICOM series"),
+    "no OME-Zarr": (call("nowhere.zarr"), ValueError, "nowhere.zarr is no OME-Zarr"),
+    "series": (call(IMAGE, series="1.2"), ValueError, "series is for a DICOM folder"),
+    "level": (call(IMAGE, level=1), ValueError, "only an OME-Zarr has levels"),
+    "unknown keyword": (call(IMAGE, angle=3), TypeError, r"^FUNCTION\(\) has no parameter angle$"),
+    "misspelt keyword": (call(IMAGE, azimut=1), TypeError, "no parameter azimut: did you mean azimuth[?]"),
+    "two spacings": (call(SHORTS, spacing=(1, 2)), ValueError, "spacing must be three finite numbers"),
+    "zero spacing": (call(SHORTS, spacing=(1, 2, 0)), ValueError, "Zero-valued spacing"),
+    "infinite origin": (call(SHORTS, origin=(1, 2, np.inf)), ValueError, "origin must be three finite"),
+    "singular direction": (call(SHORTS, direction=np.zeros((3, 3))), ValueError, "determinant is 0"),
+    "long direction": (call(SHORTS, direction=2 * np.eye(3)), ValueError, "columns of length 1, but .* 2.0"),
+    "words as direction": (call(SHORTS, direction="RAS"), ValueError, "direction must be 3 x 3"),
+    "view": (call(IMAGE, "front"), ValueError, "one of anterior, posterior, .* but it is 'front'"),
+    "enumerator": (call(IMAGE, 0), TypeError, "view must be one of"),
+    "3 x 3": (call(IMAGE, np.eye(3)), ValueError, "a matrix as view must be 4 x 4"),
+    "singular": (call(IMAGE, np.diag([1, 0, 1, 1])), ValueError, "view must be invertible"),
+    "single precision": (call(IMAGE, make_affine(itk.F)), TypeError, "in double precision"),
+    "list of views": (call(IMAGE, [make_affine(itk.D)] * 2), TypeError, "one itk.Transform"),
+    "angle": (call(IMAGE, azimuth=np.nan), ValueError, "azimuth and elevation must be finite"),
+    "angles": (call(IMAGE, azimuth=np.array([30.0])), ValueError, "azimuth and elevation must be finite"),
+    "angle of a matrix": (call(IMAGE, np.eye(4), azimuth=3), ValueError, "for a view that is a name"),
+    "mode": (call(IMAGE, mode="mean"), ValueError, "mode must be one of maximum, minimum, absolute"),
+    "slab": (call(IMAGE, slab=5), ValueError, r"slab must be two numbers, \(near, far\)"),
+    "slab's order": (call(IMAGE, slab=(5, 1)), ValueError, "slab's near must"),
+    "crop": (call(IMAGE, crop=(1, 2, 3, 4, 5, 6)), ValueError, "crop must be two corners"),
+    "mask's shape": (call(IMAGE, mask=SHORTS[1:]), ValueError, "shape .* Resample an image"),
+    "number as a mask": (call(IMAGE, mask=3), TypeError, "^mask: .* but this is a builtins.int"),
+    "mask's type": (call(IMAGE, mask=SHORTS * 0.5), TypeError, "whole numbers"),
+    "OME-Zarr as a mask": (call(IMAGE, mask="cells.ome.zarr"), ValueError, "cells.ome.zarr is no OME-Zarr"),
+    "label alone": (call(IMAGE, mask_label=1), ValueError, "mask_label is for a mask"),
+    "labels": (call(SHORTS, mask=SHORTS, mask_label=[1, 7]), ValueError, "mask_label must be a whole number"),
+    "label": (call(IMAGE, mask=SHORTS, mask_label=0), ValueError, "mask_label must be a whole"),
+    "exact mask": (call(IMAGE, mask=SHORTS, exact=True), ValueError, "exact pictures have no mask"),
+    "text as a flag": (call(IMAGE, exact="no"), ValueError, "exact must be True or False, but it is 'no'"),
+    "file of depths": (call(IMAGE, depth="d.nrrd"), ValueError, "depth must be True or False"),
+    "fading": (call(IMAGE, attenuation=-1), ValueError, "attenuation must be finite and not negative"),
+    "local maximum": (call(IMAGE, local_maximum=1.5), ValueError, "local_maximum must be whole"),
+    "switched local maximum": (call(IMAGE, local_maximum=False), ValueError, "local_maximum must be whole"),
+    "text as local maximum": (call(IMAGE, local_maximum="3"), ValueError, "local_maximum must be whole"),
+    "background": (call(IMAGE, background=70000), ValueError, "background must be whole"),
+    "backgrounds": (call(IMAGE, background=np.arange(2)), ValueError, "background must be whole"),
+    "oversampling": (call(IMAGE, oversampling=3), ValueError, "oversampling must be 1 or 2"),
+    "output spacing": (call(IMAGE, output_spacing=0), ValueError, "output_spacing must be positive"),
+    "size": (call(IMAGE, size=5), ValueError, "size must be two whole numbers"),
+    "size beyond integers": (call(IMAGE, size=(10**20, 1)), ValueError, "size must be positive and fit"),
+    "huge size": (call(IMAGE, size=(10**7, 10**7)), ValueError, "size must fit in memory"),
+    "output origin": (call(IMAGE, output_origin=(0, np.nan)), ValueError, "output_origin must be two finite"),
+    "many threads": (call(IMAGE, number_of_threads=2**40), ValueError, "number_of_threads cannot be"),
+    "threads": (call(IMAGE, number_of_threads=0), ValueError, "number_of_threads must be a whole"),
 }
+# of turn() alone
 BAD_TURN = {
-    "frames": ({"frames": 0}, "frames must be from 1 to 65535"),
-    "half a frame": ({"frames": 1.5}, "frames cannot be 1.5"),
-    "axis": ({"rotation_axis": "z"}, "one of left, posterior, superior, i, j, k or a direction"),
-    "zero axis": ({"rotation_axis": (0, 0, 0)}, "rotation_axis must be finite and not zero"),
-    "center": ({"center": (1, 2)}, "center must be three finite numbers"),
-    "range": ({"angular_range": np.inf}, "angular_range must be finite"),
-    "angle of rocking": ({"rocking": 60}, "rocking must be True or False, but it is 60"),
-    "start": ({"start_angle": "a"}, "start_angle cannot be 'a'"),
-    "transforms": ({"transforms": []}, "transforms must be a list of views"),
-    "one transform": ({"transforms": "left"}, "transforms must be a list of views, but it is 'left'"),
+    "frames": (call(IMAGE, frames=0), ValueError, "frames must be from 1 to 65535"),
+    "half a frame": (call(IMAGE, frames=1.5), ValueError, "frames cannot be 1.5"),
+    "axis": (call(IMAGE, rotation_axis="z"), ValueError, "one of left, posterior, superior, i, j, k or a direction"),
+    "zero axis": (call(IMAGE, rotation_axis=(0, 0, 0)), ValueError, "rotation_axis must be finite and not zero"),
+    "center": (call(IMAGE, center=(1, 2)), ValueError, "center must be three finite numbers"),
+    "range": (call(IMAGE, angular_range=np.inf), ValueError, "angular_range must be finite"),
+    "angle of rocking": (call(IMAGE, rocking=60), ValueError, "rocking must be True or False, but it is 60"),
+    "start": (call(IMAGE, start_angle="a"), ValueError, "start_angle cannot be 'a'"),
+    "transforms": (call(IMAGE, transforms=[]), ValueError, "transforms must be a list of views"),
+    "one transform": (call(IMAGE, transforms="left"), ValueError, "transforms must be a list of views, but .* 'left'"),
 }
 
 
-@pytest.mark.parametrize("function", [mip, turn])
-@pytest.mark.parametrize("spoil, kind, text", BAD.values(), ids=BAD)
-def test_bad_input_is_one_clear_error(function, spoil, kind, text):
-    with pytest.raises(kind, match=text) as caught:
-        spoil(function)
+@pytest.mark.parametrize(
+    "function, bad, kind, text",
+    [(mip, *bad) for bad in BAD.values()] + [(turn, *bad) for bad in (*BAD.values(), *BAD_TURN.values())],
+    ids=[f"mip-{name}" for name in BAD] + [f"turn-{name}" for name in (*BAD, *BAD_TURN)],
+)
+def test_bad_input_is_one_clear_error(function, bad, kind, text):
+    with pytest.raises(kind, match=text.replace("FUNCTION", function.__name__)) as caught:
+        function(*bad.args, **bad.kwargs)
     assert str(caught.value).count("\n") <= 2
     assert "ITK ERROR" not in str(caught.value)
     # the next call is as good as ever
     assert (np.asarray(mip(IMAGE)) == 1).all()
-
-
-@pytest.mark.parametrize("keywords, text", BAD_TURN.values(), ids=BAD_TURN)
-def test_bad_turns_are_one_clear_error(keywords, text):
-    with pytest.raises(ValueError, match=text):
-        turn(IMAGE, **keywords)
 
 
 @pytest.mark.parametrize(
@@ -777,9 +727,7 @@ def test_bad_turns_are_one_clear_error(keywords, text):
 )
 def test_files_that_are_no_volume(shape, text, tmp_path):
     path = tmp_path / "image.nrrd"
-    itk.imwrite(
-        itk.image_from_array(np.ones(shape, np.float32), is_vector="vectors" in text or "comp" in text), str(path)
-    )
+    itk.imwrite(itk.image_from_array(np.ones(shape, np.float32), is_vector="components" in text), path)
     with pytest.raises(ValueError, match=text):
         mip(path)
 
@@ -818,7 +766,7 @@ def test_image_that_is_not_made_yet():
     expected = mip(open_image(voxels, origin=(500, 300, -200)), **options)
     made = make_pipeline(voxels, (500, 300, -200))
     picture = mip(made.GetOutput(), **options)
-    np.testing.assert_array_equal(np.asarray(picture), np.asarray(expected))
+    assert_array_equal(picture, expected)
     assert picture.GetOrigin() == expected.GetOrigin()
     made = make_pipeline(voxels, (7, 7, 7))
     placed = open_image(made.GetOutput(), spacing=(1, 1, 2))
@@ -868,7 +816,7 @@ def test_pictures_of_one_column(tmp_path, size):
     voxels = np.random.default_rng(5).integers(0, 900, (5, 6, 7), np.int16)
     series = turn(voxels, frames=3, size=size)
     series.save(tmp_path / "turn.nrrd")
-    np.testing.assert_array_equal(itk.imread(tmp_path / "turn.nrrd"), np.asarray(series.frames))
+    assert_array_equal(itk.imread(tmp_path / "turn.nrrd"), series.frames)
     series.save(tmp_path / "turn.png")
     assert np.asarray(itk.imread(tmp_path / "turn-000.png")).reshape(size[::-1]).shape == size[::-1]
     picture = mip(open_image(voxels), size=size)
@@ -877,17 +825,6 @@ def test_pictures_of_one_column(tmp_path, size):
     image.SetFileName(str(tmp_path / "picture.png"))
     image.ReadImageInformation()
     assert (image.GetDimensions(0), image.GetDimensions(1)) == size
-
-
-def test_labels_are_one_number():
-    voxels = np.ones((5, 6, 7), np.int16)
-    with pytest.raises(ValueError, match="mask_label must be a whole number"):
-        mip(voxels, mask=voxels, mask_label=[1, 7])
-
-
-def test_label_map_of_simpleitk_is_refused():
-    with pytest.raises(TypeError, match="label map"):
-        mip(SimpleITK.Image([3, 4, 5], SimpleITK.sitkLabelUInt8))
 
 
 def test_background_of_double_precision():
@@ -918,12 +855,6 @@ def test_metadata_lives_without_the_source(tmp_path):
     assert repr(series) == "<Turn of 2 frames, 5 x 3 pixels>"
 
 
-@pytest.mark.parametrize("function", [mip, turn])
-def test_unknown_parameters_are_those_of_the_function(function):
-    with pytest.raises(TypeError, match=rf"^{function.__name__}\(\) has no parameter angle$"):
-        function(np.ones((3, 4, 5), np.int16), angle=3)
-
-
 def test_picture_as_png(tmp_path):
     picture = mip(open_image(np.arange(60, dtype=np.int16).reshape(3, 4, 5)), "superior")
     path = tmp_path / "picture.png"
@@ -931,9 +862,7 @@ def test_picture_as_png(tmp_path):
         save_png(picture, each)
         assert each.read_bytes() == picture._repr_png_()
     save_png(picture, path, window=(40, 59))
-    np.testing.assert_array_equal(
-        np.asarray(itk.imread(path)), np.floor(255 * (np.asarray(picture).clip(40, 59) - 40) / 19 + 0.5)
-    )
+    assert_array_equal(itk.imread(path), np.floor(255 * (np.asarray(picture).clip(40, 59) - 40) / 19 + 0.5))
     link = tmp_path / "link.png"
     link.symlink_to(path)
     save_png(picture, link)
@@ -944,9 +873,6 @@ def test_picture_as_png(tmp_path):
     ):
         with pytest.raises((OSError, ValueError), match=text):
             save_png(picture, wrong)
-    for window in ((3, 3), 5, (1, 2, 3), (0, np.inf)):
-        with pytest.raises(ValueError, match="window must be two"):
-            save_png(picture, path, window=window)
     for other in (np.asarray(picture), (picture, picture), turn(SHORTS, frames=1), None):
         with pytest.raises(
             TypeError, match=r"a picture is an itk.Image, but this is a .*: of an array mip\(open_image"

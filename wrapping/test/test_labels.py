@@ -9,8 +9,9 @@ from pathlib import Path
 import itk
 import numpy as np
 import pytest
-from conftest import NO_LABELS, PROGRAM
+from conftest import NO_LABELS, PROGRAM, make_rotation
 from itk_shearwarpmip import _labels, mip, open_image, save_png, turn
+from numpy.testing import assert_array_equal
 from PIL import Image, ImageDraw
 
 SIDES = "left", "right", "top", "bottom"
@@ -79,9 +80,7 @@ DIRECTIONS = [
     for order in itertools.permutations(range(3))
     for signs in itertools.product((1, -1), repeat=3)
 ]
-OBLIQUE = itk.Euler3DTransform[itk.D].New()
-OBLIQUE.SetRotation(0.3, -0.2, 0.5)
-DIRECTIONS.append(itk.array_from_matrix(OBLIQUE.GetMatrix()))
+DIRECTIONS.append(itk.array_from_matrix(make_rotation(0.3, -0.2, 0.5).GetMatrix()))
 
 
 @pytest.mark.parametrize("direction", DIRECTIONS, ids=[str(n) for n in range(49)])
@@ -95,13 +94,8 @@ def test_the_letter_is_where_the_side_is(direction):
         voxels[:] = 0
         voxels[tuple(index[::-1])] = 200
         image = open_image(voxels, direction=direction, origin=(5, 6, 7))
-        for view, angles in (
-            ("anterior", {}),
-            ("left", {}),
-            ("inferior", {}),
-            ("posterior", {"azimuth": 35, "elevation": 20}),
-        ):
-            picture = mip(image, view, **angles)
+        for view, azimuth, elevation in (("anterior", 0, 0), ("left", 0, 0), ("inferior", 0, 0), ("posterior", 35, 20)):
+            picture = mip(image, view, azimuth=azimuth, elevation=elevation)
             row, column = (np.array(found).mean() for found in np.nonzero(np.asarray(picture) > 20))
             rows, columns = picture.shape
             beyond = {"right": column - (columns - 1) / 2, "bottom": row - (rows - 1) / 2}
@@ -123,10 +117,8 @@ def test_lengths_are_round(most, length):
 @pytest.fixture
 def head():
     """Oblique, and large enough for letters."""
-    image = open_image(
-        np.random.default_rng(3).integers(0, 1000, (40, 50, 60), np.int16), spacing=(1.5, 2, 2.5), direction=np.eye(3)
-    )
-    return image
+    voxels = np.random.default_rng(3).integers(0, 1000, (40, 50, 60), np.int16)
+    return open_image(voxels, spacing=(1.5, 2, 2.5), direction=np.eye(3))
 
 
 @pytest.fixture
@@ -170,14 +162,9 @@ def test_letters_are_seen_on_black_and_white(level):
     grey = np.full((100, 120), level, np.uint8)
     drawn = _labels.draw(grey, np.eye(4), 1.0, has_sides=True, has_scale=True)
     assert (grey == level).all()
-    for part in (
-        drawn[40:60, :20],
-        drawn[40:60, -20:],
-        drawn[:20, 50:70],
-        drawn[-20:, 50:70],
-        drawn[-15:, :40],
-        drawn[:30, :40],
-    ):
+    sides = drawn[40:60, :20], drawn[40:60, -20:], drawn[:20, 50:70], drawn[-20:, 50:70]
+    angles, scale = drawn[:30, :40], drawn[-15:, :40]
+    for part in (*sides, angles, scale):
         assert part.min() < 60 and part.max() > 230
 
 
@@ -265,7 +252,7 @@ def test_each_frame_has_its_letters(head, tmp_path, options):
     grid = {"size": series.frames.shape[:0:-1], "output_origin": list(series.frames.GetOrigin())[:2]}
     for n, transform in enumerate(series.transforms):
         save_png(mip(head, transform, **grid), tmp_path / "mip.png", window=series.window, **options)
-        np.testing.assert_array_equal(read(tmp_path / f"turn-00{n}.png"), read(tmp_path / "mip.png"))
+        assert_array_equal(read(tmp_path / f"turn-00{n}.png"), read(tmp_path / "mip.png"))
 
 
 @pytest.mark.parametrize("suffix", [".gif", ".apng", ".mp4", ".nrrd", ".nii.gz", ""])
@@ -292,4 +279,4 @@ def test_large_pictures_are_the_programs(head, tmp_path):
     itk.imwrite(head, str(tmp_path / "head.nrrd"))
     subprocess.run([PROGRAM, tmp_path / "head.nrrd", tmp_path / "p.png", *NO_LABELS], check=True, capture_output=True)
     save_png(mip(tmp_path / "head.nrrd"), tmp_path / "mip.png", labels=False)
-    np.testing.assert_array_equal(read(tmp_path / "mip.png"), read(tmp_path / "p.png"))
+    assert_array_equal(read(tmp_path / "mip.png"), read(tmp_path / "p.png"))

@@ -4,6 +4,8 @@ import itk
 import numpy as np
 import oracle
 import pytest
+from conftest import make_like, make_rotation
+from numpy.testing import assert_array_equal
 
 DTYPES = {"int16": itk.SS, "uint8": itk.UC, "uint16": itk.US, "float32": itk.F, "float64": itk.D}
 
@@ -68,7 +70,7 @@ def test_random_views_of_random_images(dtype):
 
         pixels = itk.array_from_image(output)
         expected = oracle.project(image, view, output, mip.GetDefaultPixelValue(), oversampling)
-        np.testing.assert_array_equal(pixels, expected)
+        assert_array_equal(pixels, expected)
         missed = pixels == mip.GetDefaultPixelValue()
         misses += missed.sum()
         hits += (~missed).sum()
@@ -90,7 +92,7 @@ def test_view_along_an_axis_is_the_plain_maximum(axis, dtype, rng):
 
     pixels = itk.shear_warp_mip_image_filter(voxels, transform=view)
 
-    np.testing.assert_array_equal(pixels, voxels.max(axis=2 - axis))
+    assert_array_equal(pixels, voxels.max(axis=2 - axis))
 
 
 @pytest.mark.parametrize("shear", [(0.5, 0.5), (-0.5, 0.5), (0.25, -0.5), (-0.75, -0.25)])
@@ -104,14 +106,13 @@ def test_positions_half_way_between_voxels(dtype, shear, rng):
     view.SetMatrix(itk.matrix_from_array(matrix))
     mip = itk.shear_warp_mip_image_filter(image, transform=view, output_spacing=[0.5, 0.25])
     expected = oracle.project(image, view, mip)
-    np.testing.assert_array_equal(itk.array_from_image(mip), expected)
+    assert_array_equal(mip, expected)
 
 
 @pytest.mark.parametrize("dtype", DTYPES)
 def test_a_constant_stays_that_constant(dtype, image, oblique_view):
     value = 0.1 if dtype.startswith("float") else np.iinfo(dtype).max
-    constant = itk.image_from_array(np.full((9, 11, 14), value, dtype))
-    constant.CopyInformation(image)
+    constant = make_like(np.full((9, 11, 14), value, dtype), image)
     pixels = np.asarray(itk.shear_warp_mip_image_filter(constant, transform=oblique_view))
     assert set(np.unique(pixels)) == {np.dtype(dtype).type(0), np.dtype(dtype).type(value)}
 
@@ -133,9 +134,7 @@ def test_oracle_notices_a_change(image, oblique_view):
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_same_pixels_with_one_thread_and_two(axis, rng):
     image = itk.image_from_array(random_voxels(rng, (60, 70, 80), "uint16"))
-    angles = {0: (0.1, np.pi / 2, 0.2), 1: (np.pi / 2, 0.1, 0.2), 2: (0.1, 0.2, 0.3)}[axis]
-    view = itk.Euler3DTransform[itk.D].New()
-    view.SetRotation(*angles)
+    view = make_rotation(*{0: (0.1, np.pi / 2, 0.2), 1: (np.pi / 2, 0.1, 0.2), 2: (0.1, 0.2, 0.3)}[axis])
     before = itk.MultiThreaderBase.GetGlobalDefaultNumberOfThreads()
     results = []
     try:
@@ -151,4 +150,4 @@ def test_same_pixels_with_one_thread_and_two(axis, rng):
         itk.MultiThreaderBase.SetGlobalDefaultNumberOfThreads(before)
     assert results[0].max() > 0
     for result in results[1:]:
-        np.testing.assert_array_equal(result, results[0])
+        assert_array_equal(result, results[0])

@@ -78,6 +78,8 @@ def test_metadata(files):
     wheel = next(file for file in files if file.name == "WHEEL").read_text()
     assert "Tag: cp311-abi3-" in wheel
     assert "Root-Is-Purelib: false" in wheel
+    # its types are its own
+    assert any(file.parts[-2:] == ("itk_shearwarpmip", "py.typed") for file in files)
 
 
 def test_needs_runtime_libraries_only(files):
@@ -104,32 +106,24 @@ def test_program(files, tmp_path):
     assert itk.imread(tmp_path / "head.nrrd").GetImageDimension() == 3
 
 
-def test_types_of_the_package_are_its_own(files):
-    assert any(file.parts[-2:] == ("itk_shearwarpmip", "py.typed") for file in files)
+MAIN = "from itk_shearwarpmip.__main__ import main; main"
+VIEWER, VIEWER_PACKAGES = "ImportError: the viewer.*", r".*pip install itk-shearwarpmip\[viewer\]$"
 
 
 @pytest.mark.parametrize(
     "missing, code, text",
     [
-        (
-            "dask",
-            "import itk_shearwarpmip; assert hasattr(itk_shearwarpmip, 'mip'); itk_shearwarpmip.mipp",
-            "AttributeError",
-        ),
+        ("dask", "import itk_shearwarpmip as i; assert hasattr(i, 'mip'); i.mipp", "AttributeError"),
         ("dask", "from itk_shearwarpmip import open_volume", "ImportError: itk_shearwarpmip needs Dask: pip install"),
         ("zarr", "from itk_shearwarpmip import mip; mip('a.zarr')", "ImportError: an OME-Zarr needs zarr: pip install"),
-        (
-            "dask",
-            "from itk_shearwarpmip.__main__ import main; main(['a', 'b.mha'])",
-            "itk_shearwarpmip: itk_shearwarpmip needs Dask: pip install",
-        ),
-        (
-            "aiohttp",
-            "from itk_shearwarpmip.__main__ import main; main(['http://a/b', 'c.mha'])",
-            "itk_shearwarpmip: .*aiohttp",
-        ),
+        ("dask", f"{MAIN}(['a', 'b.mha'])", "itk_shearwarpmip: itk_shearwarpmip needs Dask: pip install"),
+        ("aiohttp", f"{MAIN}(['http://a/b', 'c.mha'])", "itk_shearwarpmip: .*aiohttp"),
+        ("rendercanvas", "import itk_shearwarpmip as i; i.show", f"{VIEWER}rendercanvas{VIEWER_PACKAGES}"),
+        ("PIL", "import itk_shearwarpmip as i; i.show", f"{VIEWER}Pillow{VIEWER_PACKAGES}"),
+        ("uvicorn", "import itk_shearwarpmip._server", f"{VIEWER}uvicorn{VIEWER_PACKAGES}"),
+        ("anywidget", "import itk_shearwarpmip._notebook", f"{VIEWER}anywidget{VIEWER_PACKAGES}"),
     ],
-    ids=["package", "function", "Zarr", "program", "URL"],
+    ids=["package", "function", "Zarr", "program", "URL", "canvas", "Pillow", "server", "notebook"],
 )
 def test_what_is_missing_is_named_where_it_is_needed(missing, code, text):
     code = f"import sys; sys.modules['{missing}'] = None; {code}"

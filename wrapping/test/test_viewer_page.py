@@ -21,6 +21,7 @@ import httpx
 import itk
 import numpy as np
 import pytest
+from conftest import make_image
 from itk_shearwarpmip import _scene, show
 from itk_shearwarpmip.__main__ import main, view
 from PIL import Image
@@ -41,21 +42,33 @@ def volume():
     voxels = np.full(z.shape, 100, np.uint16)
     voxels += (np.hypot(x - 32, y - 32) < 5).astype(np.uint16) * 400
     voxels += ((x - 50) ** 2 + (y - 12) ** 2 + (z - 30) ** 2 < 25).astype(np.uint16) * 900
-    image = itk.image_from_array(voxels)
-    image.SetSpacing([1.0, 1.0, 1.5])
-    image.SetOrigin([-40.0, 10.0, 25.0])
-    return image
+    return make_image(voxels, (1.0, 1.0, 1.5), (-40.0, 10.0, 25.0))
 
 
 HEADERS = {"referrer-policy": "no-referrer", "cache-control": "no-store", "x-content-type-options": "nosniff"}
 
 
 @pytest.fixture
-def viewer(volume, monkeypatch):
+def open_page(volume):
+    """Opens a page without a browser; closes it in the end."""
+    with contextlib.ExitStack() as stack:
+
+        def open_one(**page):
+            viewer = show(volume, page={"no_browser": True, **page}, block=False)
+            stack.callback(viewer.close)
+            return viewer
+
+        yield open_one
+
+
+@pytest.fixture
+def viewer(open_page, monkeypatch):
     monkeypatch.setattr("webbrowser.open", pytest.fail)
-    viewer = show(volume, page={"no_browser": True}, block=False)
-    yield viewer
-    viewer.close()
+    return open_page()
+
+
+def connect_to(viewer, **options):
+    return connect(viewer.url.replace("http", "ws"), **options)
 
 
 # ---- Who is let in
@@ -72,17 +85,15 @@ def test_page(viewer, name):
     assert "default-src 'none'" in policy and "frame-ancestors 'none'" in policy
 
 
-def test_token_is_new_each_time(volume, viewer):
+def test_token_is_new_each_time(viewer, open_page):
     first = viewer.url
     viewer.close()
     viewer.close()
-    second = show(volume, page={"no_browser": True}, block=False)
-    try:
-        tokens = [url.split("/")[3] for url in (first, second.url)]
-        assert tokens[0] != tokens[1] and min(map(len, tokens)) >= 40
-        assert httpx.get(second.url).status_code == 200
-    finally:
-        second.close()
+    second = open_page()
+    tokens = [url.split("/")[3] for url in (first, second.url)]
+    assert tokens[0] != tokens[1] and min(map(len, tokens)) >= 40
+    assert httpx.get(second.url).status_code == 200
+    second.close()
     with pytest.raises(httpx.ConnectError):
         httpx.get(second.url)
 
@@ -103,13 +114,10 @@ def test_other_origin(viewer):
     for origin in ("http://example.org", "null", f"http://{host}.example.org", "http://localhost", f"ftp://{host}"):
         answer = httpx.get(viewer.url, headers={"Origin": origin})
         assert answer.status_code == 403 and "another page" in answer.text
-        with (
-            pytest.raises(InvalidStatus, match="403"),
-            connect(viewer.url.replace("http", "ws"), additional_headers={"Origin": origin}),
-        ):
+        with pytest.raises(InvalidStatus, match="403"), connect_to(viewer, additional_headers={"Origin": origin}):
             pass
     assert httpx.get(viewer.url, headers={"Origin": f"http://{host}"}).status_code == 200
-    with connect(viewer.url.replace("http", "ws"), additional_headers={"Origin": f"http://{host}"}):
+    with connect_to(viewer, additional_headers={"Origin": f"http://{host}"}):
         pass
 
 
@@ -121,45 +129,40 @@ def test_loopback_only(viewer):
 
 
 @pytest.mark.parametrize("host, shown", [("0.0.0.0", "127.0.0.1"), ("::1", "[::1]"), ("::", "[::1]")])
-def test_host_that_is_asked_for(host, shown, volume):
+def test_host_that_is_asked_for(host, shown, open_page):
     if ":" in host and not socket.has_dualstack_ipv6():
         pytest.skip("no IPv6")
-    viewer = show(volume, page={"no_browser": True, "host": host}, block=False)
+    viewer = open_page(host=host)
     assert viewer.url.startswith(f"http://{shown}:")
-    try:
-        assert httpx.get(viewer.url).status_code == 200
-        assert httpx.get(viewer.url, headers={"Origin": "http://example.org"}).status_code == 403
-    finally:
-        viewer.close()
+    assert httpx.get(viewer.url).status_code == 200
+    assert httpx.get(viewer.url, headers={"Origin": "http://example.org"}).status_code == 403
 
 
-def test_browser_is_opened_without_the_token_in_its_arguments(volume, monkeypatch):
+def test_browser_is_opened_without_the_token_in_its_arguments(open_page, monkeypatch):
     """They can be seen by everyone on the computer; the page that leads on cannot."""
     opened = []
     monkeypatch.setattr("webbrowser.open", opened.append)
-    viewer = show(volume, page={}, block=False)
-    try:
-        assert viewer.url.split("/")[3] not in opened[0]
-        path = pathlib.Path(urllib.parse.urlsplit(opened[0]).path)
-        assert viewer.url in path.read_text() and path.parent.stat().st_mode & 0o777 == 0o700
-    finally:
-        viewer.close()
+    viewer = open_page(no_browser=False)
+    assert viewer.url.split("/")[3] not in opened[0]
+    path = pathlib.Path(urllib.parse.urlsplit(opened[0]).path)
+    assert viewer.url in path.read_text() and path.parent.stat().st_mode & 0o777 == 0o700
+    viewer.close()
     assert not path.exists()
 
 
-def test_one_viewer_in_a_process(volume, viewer):
+def test_one_viewer_in_a_process(viewer, open_page):
     with pytest.raises(RuntimeError, match=f"this process shows .*{viewer.url}.*close"):
-        show(volume, page={"no_browser": True}, block=False)
+        open_page()
 
 
-def test_port_that_is_taken(volume):
+def test_port_that_is_taken(open_page):
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         port = taken.getsockname()[1]
         with pytest.raises(OSError, match=f"cannot be served at 127.0.0.1, port {port}"):
-            show(volume, page={"no_browser": True, "port": port}, block=False)
-    show(volume, page={"no_browser": True}, block=False).close()
+            open_page(port=port)
+    open_page()
 
 
 # ---- The command
@@ -206,7 +209,7 @@ def test_bad_arguments(arguments, text, volume, tmp_path, capsys):
 @pytest.fixture
 def connect_client(viewer):
     with contextlib.ExitStack() as stack:
-        yield lambda: Client(stack.enter_context(connect(viewer.url.replace("http", "ws"))))
+        yield lambda: Client(stack.enter_context(connect_to(viewer)))
 
 
 class Client:
@@ -248,6 +251,9 @@ class Client:
                 if self.pending["type"] == "active":
                     self.is_active = self.pending["value"]
 
+    def has_size(self, width, height):
+        return lambda: self.picture is not None and self.picture.shape == (height, width, 3)
+
     def shows(self, viewer):
         """Without a loss: PNG after JPEG."""
         wanted = viewer.snapshot()[..., :3]
@@ -282,7 +288,7 @@ def test_slow_client_gets_the_picture_without_loss(viewer, connect_client):
     """Also if it was not ready for any when that was made."""
     client = connect_client()
     client.resize(300, 200)
-    client.read(lambda: client.picture is not None and client.picture.shape == (200, 300, 3))
+    client.read(client.has_size(300, 200))
     viewer._settle()
     client.read(client.shows(viewer))
     client.answers = False
@@ -300,7 +306,7 @@ def test_pictures_wait_for_no_clock(viewer, connect_client):
     client = connect_client()
     assert "Sec-WebSocket-Extensions" not in client.socket.response.headers
     client.resize(300, 200)
-    client.read(lambda: client.picture is not None and client.picture.shape == (200, 300, 3))
+    client.read(client.has_size(300, 200))
     viewer.canvas.set_update_mode("manual")
     client.press("l")
     client.read(lambda: "left" in viewer.code)
@@ -310,16 +316,11 @@ def test_pictures_wait_for_no_clock(viewer, connect_client):
 
 def test_client_that_sends_nonsense(connect_client):
     client = connect_client()
-    for message in (
-        "no json",
-        "[]",
-        "{}",
-        '{"type": "pointer_down"}',
-        '{"type": "key_down", "timestamp": 0, "modifiers": []}',
-    ):
+    key = '{"type": "key_down", "timestamp": 0, "modifiers": []}'
+    for message in ("no json", "[]", "{}", '{"type": "pointer_down"}', key):
         client.socket.send(message)
     client.resize(120, 80)
-    client.read(lambda: client.picture is not None and client.picture.shape == (80, 120, 3))
+    client.read(client.has_size(120, 80))
 
 
 # ---- Chromium
