@@ -28,12 +28,10 @@ from pathlib import Path
 
 import numpy
 import pydicom
+from make_study import CT, MR, PET
 from pydicom.data import get_charset_files, get_testdata_file
 from pydicom.pixel_data_handlers.util import apply_modality_lut
 
-CT = "1.2.840.10008.5.1.4.1.1.2"
-MR = "1.2.840.10008.5.1.4.1.1.4"
-PET = "1.2.840.10008.5.1.4.1.1.128"
 SECONDARY_CAPTURE = "1.2.840.10008.5.1.4.1.1.7"
 PATIENT_AND_STUDY = """PatientName PatientID PatientBirthDate PatientSex StudyInstanceUID StudyDate StudyTime StudyID
     AccessionNumber ReferringPhysicianName StudyDescription SpecificCharacterSet""".split()

@@ -219,12 +219,9 @@ class Page:
     def find(self, x, y):
         """The point of the picture that is so far right of and below the stage's middle, in mm of the series."""
         box, stage = self.box, self.stage.rect
-        return np.array(
-            [
-                (stage["x"] + stage["width"] / 2 + x - box["left"]) / box["width"] * WIDTH * 0.5,
-                (stage["y"] + stage["height"] / 2 + y - box["top"]) / box["height"] * HEIGHT,
-            ]
-        )
+        across = (stage["x"] + stage["width"] / 2 + x - box["left"]) / box["width"]
+        along = (stage["y"] + stage["height"] / 2 + y - box["top"]) / box["height"]
+        return np.array([across * WIDTH * 0.5, along * HEIGHT])
 
     def type(self, name, text):
         field = self.element(name)
@@ -260,11 +257,6 @@ class Page:
         sent = [event["params"] for event in events if event["method"] == "Network.requestWillBeSent"]
         return messages, [parameters["request"]["url"] for parameters in sent]
 
-    def check_quiet(self):
-        messages, requests = self.logs()
-        assert not messages
-        assert {urllib.parse.urlsplit(url).scheme for url in requests} <= {"file", "data", "blob", "about"}
-
 
 @pytest.fixture(scope="module")
 def driver():
@@ -279,7 +271,9 @@ def page(driver, tmp_path):
     yield page
     driver.execute(Command.W3C_CLEAR_ACTIONS)
     driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
-    page.check_quiet()
+    messages, requests = page.logs()
+    assert not messages
+    assert {urllib.parse.urlsplit(url).scheme for url in requests} <= {"file", "data", "blob", "about"}
 
 
 def pixels_per_frame(page):

@@ -23,14 +23,15 @@ import make_study
 import numpy as np
 import pydicom
 import pytest
-from make_study import PET
+from check_dicom_series import SECONDARY_CAPTURE, validate
+from make_study import CT, PET
 
 PROGRAM = os.environ["SHEAR_WARP_MIP"]
-SECONDARY_CAPTURE = "1.2.840.10008.5.1.4.1.1.7"
 SIZE, SLICES = (20, 16), 12
 SPACING = np.array([4.0, 4.0, 5.0])
 ORIGIN = np.array([-30.0, -50.0, 100.0])
 HOT = np.array([13, 4, 9])
+NRRD_TYPES = {"u1": "uchar", "i2": "short", "u2": "ushort", "f4": "float"}
 SCAN = datetime(2024, 1, 2, 10, 30)
 COPIED = """PatientName PatientID PatientWeight StudyInstanceUID FrameOfReferenceUID SeriesDate SeriesTime Units CountsSource
     CorrectedImage DecayCorrection AttenuationCorrectionMethod CollimatorType RadiopharmaceuticalInformationSequence
@@ -100,6 +101,13 @@ def fail(*arguments):
     return message
 
 
+def write_nrrd(path, pixels, *fields):
+    """With fields that follow those of the pixels."""
+    header = ["NRRD0004", f"type: {NRRD_TYPES[pixels.dtype.str[1:]]}", f"dimension: {pixels.ndim}"]
+    header += [f"sizes: {' '.join(map(str, pixels.shape[::-1]))}", "encoding: raw", "endian: little", *fields]
+    path.write_bytes("\n".join([*header, "", ""]).encode() + pixels.tobytes())
+
+
 def read_values(path):
     """Of an uncompressed .mha."""
     header, data = path.read_bytes().split(b"ElementDataFile = LOCAL\n", 1)
@@ -111,10 +119,7 @@ def read_values(path):
 def read_dicom(folder):
     files = sorted(Path(folder).iterdir())
     if shutil.which("dciodvfy"):
-        for file in files:
-            result = subprocess.run(["dciodvfy", file], capture_output=True, check=False)
-            lines = (result.stdout + result.stderr).decode("ascii", "replace").splitlines()
-            assert result.returncode == 0 and not [line for line in lines if "Error" in line], lines
+        validate(files)
     return [pydicom.dcmread(file) for file in files]
 
 
@@ -333,32 +338,26 @@ def test_suv_needs_dicom(tmp_path):
 
 def test_suv_of_an_overlay(tmp_path):
     pet = write_pet(tmp_path / "pet")
-    values = make_volume()
-    header = (
-        f"NRRD0004\ntype: float\ndimension: 3\nspace: left-posterior-superior\nsizes: {SIZE[0]} {SIZE[1]} {SLICES}\n"
-    )
-    header += "space directions: ({},0,0) (0,{},0) (0,0,{})\n".format(*SPACING)
-    header += "space origin: ({},{},{})\nencoding: raw\nendian: little\n\n".format(*ORIGIN)
-    (tmp_path / "ct.nrrd").write_bytes(header.encode() + values.astype("<f4").tobytes())
+    grid = ["space: left-posterior-superior", "space directions: ({},0,0) (0,{},0) (0,0,{})".format(*SPACING)]
+    ct = tmp_path / "ct.nrrd"
+    write_nrrd(ct, make_volume().astype("<f4"), *grid, "space origin: ({},{},{})".format(*ORIGIN))
     factor = GRAMS / (DOSE * 0.5 ** (3600 / HALF_LIFE))
     for name, options in {
         "plain": ["--overlay-window", 0, 20000],
         "suv": ["--overlay-window", 0, 20000 * factor, "--suv"],
         "none": ["--overlay-window", 20, 30, "--suv"],
     }.items():
-        said = run(tmp_path / "ct.nrrd", tmp_path / f"{name}.png", "--overlay", pet, *options)
+        said = run(ct, tmp_path / f"{name}.png", "--overlay", pet, *options)
         assert ("nothing of" in said) == (name == "none")
     assert (tmp_path / "plain.png").read_bytes() == (tmp_path / "suv.png").read_bytes()
     # in colours for the archive, of a series and of a file
-    for source, overlay in ((pet, tmp_path / "ct.nrrd"), (tmp_path / "ct.nrrd", pet)):
+    for source, overlay in ((pet, ct), (ct, pet)):
         folder = tmp_path / f"fused-{source.name}"
         run(source, f"{folder}/", "--overlay", overlay, "--frames", 2)
         for dataset, sides in zip(read_dicom(folder), (["L", "F"], ["R", "F"])):
             assert dataset.SOPClassUID == SECONDARY_CAPTURE and dataset.PhotometricInterpretation == "RGB"
             assert list(dataset.PatientOrientation) == sides
-    assert "neither INPUT nor the overlay" in fail(
-        tmp_path / "ct.nrrd", tmp_path / "mip.png", "--overlay", tmp_path / "ct.nrrd", "--suv"
-    )
+    assert "neither INPUT nor the overlay" in fail(ct, tmp_path / "mip.png", "--overlay", ct, "--suv")
 
 
 def test_dicom_of_suv(tmp_path):
@@ -398,9 +397,7 @@ def test_burned_in_annotation_stays(tmp_path):
 def test_multi_frame(tmp_path, kind, sop_class):
     volume = np.arange(5 * 6 * 7).reshape(5, 6, 7).astype(kind) * np.array(1 if kind == "u1" else 3).astype(kind)
     volume = volume - np.array(300).astype(kind) if kind == "i2" else volume / 7 if kind == "f4" else volume
-    names = {"u1": "uchar", "i2": "short", "u2": "ushort", "f4": "float"}
-    header = f"NRRD0004\ntype: {names[kind]}\ndimension: 3\nsizes: 7 6 5\nencoding: raw\nendian: little\n\n"
-    (tmp_path / "in.nrrd").write_bytes(header.encode() + volume.astype(f"<{kind}").tobytes())
+    write_nrrd(tmp_path / "in.nrrd", volume.astype(f"<{kind}"))
     options = ["--frames", 4, "--rate", 8, "--dicom-out", tmp_path / "turn", "--multi-frame"]
     assert run(tmp_path / "in.nrrd", tmp_path / "mip.nrrd", *options) == ""
     data = (tmp_path / "mip.nrrd").read_bytes().split(b"\n\n", 1)
@@ -418,11 +415,8 @@ def test_multi_frame(tmp_path, kind, sop_class):
 
 
 def test_multi_frame_of_slabs_and_ct(tmp_path):
-    def make_ct(dataset, n):
-        dataset.SOPClassUID, dataset.Modality = "1.2.840.10008.5.1.4.1.1.2", "CT"
-        dataset.KVP, dataset.AcquisitionNumber = "120", ""
-
-    ct = write_pet(tmp_path / "ct", make_volume() - 1000.0, change=make_ct)
+    change = set_image(SOPClassUID=CT, Modality="CT", KVP="120", AcquisitionNumber="")
+    ct = write_pet(tmp_path / "ct", make_volume() - 1000.0, change=change)
     run(ct, tmp_path / "slabs.mha", "--sliding-slab", "20,10", "--dicom-out", tmp_path / "slabs", "--multi-frame")
     (dataset,) = read_dicom(tmp_path / "slabs")
     assert list(dataset.PatientOrientation) == ["L", "F"]
