@@ -90,29 +90,28 @@ TEST_F(ShearWarpMIPProgramFiles, NeverWritesWhatItReads)
   this->Link("pair.img", "pair.mha");
   this->Link("s2.dat", "list.mha");
   this->Link("t2.dat", "series.mha");
-  for (const std::string arguments : { "in.nrrd in.nrrd",
-                                       "in.nrrd ./d/../in.nrrd",
-                                       "in.nrrd $PWD/in.nrrd",
-                                       "in.nrrd link.nrrd",
-                                       "link.nrrd in.nrrd",
-                                       "in.nrrd hard.nrrd",
-                                       "in.nrrd page.html",
-                                       "in.nrrd turn.gif",
-                                       "in.nrrd many.png --frames 2",
-                                       "in.nrrd new.nrrd --depth in.nrrd",
-                                       "in.nrrd new.nrrd --depth-colour many.png --frames 2",
-                                       "in.nrrd new.nrrd --mask mask.nrrd --depth d/../mask.nrrd",
-                                       "in.nrrd view.nrrd --transform view.tfm",
-                                       "dicom slice.nrrd",
-                                       "cut.nrrd cut.nrrd",
-                                       "raw.nhdr raw.mha",
-                                       "meta.mhd meta.mha",
-                                       "pair.hdr pair.mha",
-                                       "list.nhdr list.mha",
-                                       "series.nhdr series.mha" })
-  {
-    this->ExpectFailure(arguments, "': this call reads it, as '");
-  }
+  this->ExpectFailures("",
+                       { "in.nrrd in.nrrd",
+                         "in.nrrd ./d/../in.nrrd",
+                         "in.nrrd $PWD/in.nrrd",
+                         "in.nrrd link.nrrd",
+                         "link.nrrd in.nrrd",
+                         "in.nrrd hard.nrrd",
+                         "in.nrrd page.html",
+                         "in.nrrd turn.gif",
+                         "in.nrrd many.png --frames 2",
+                         "in.nrrd new.nrrd --depth in.nrrd",
+                         "in.nrrd new.nrrd --depth-colour many.png --frames 2",
+                         "in.nrrd new.nrrd --mask mask.nrrd --depth d/../mask.nrrd",
+                         "in.nrrd view.nrrd --transform view.tfm",
+                         "dicom slice.nrrd",
+                         "cut.nrrd cut.nrrd",
+                         "raw.nhdr raw.mha",
+                         "meta.mhd meta.mha",
+                         "pair.hdr pair.mha",
+                         "list.nhdr list.mha",
+                         "series.nhdr series.mha" },
+                       "': this call reads it, as '");
   for (const std::string input : { "raw.nhdr", "meta.mhd", "pair.hdr", "list.nhdr", "series.nhdr" })
   {
     this->ExpectSuccess(input + " new.nrrd");
@@ -133,15 +132,14 @@ TEST_F(ShearWarpMIPProgramFiles, WritesNoFileTwice)
   this->Link("y.nrrd", "dangling.nrrd");
   this->WriteText("one.png", "");
   fs::create_hard_link(m_Folder / "one.png", m_Folder / "two.png");
-  for (const std::string arguments : { "y.nrrd --depth y.nrrd",
-                                       "y.nrrd --depth ./y.nrrd",
-                                       "y.nrrd --depth dangling.nrrd",
-                                       "dangling.nrrd --depth $PWD/y.nrrd",
-                                       "one.png --depth-colour two.png",
-                                       "y.nrrd --dicom-out y.nrrd/" })
-  {
-    this->ExpectFailure("in.nrrd " + arguments, "would be written twice");
-  }
+  this->ExpectFailures("in.nrrd ",
+                       { "y.nrrd --depth y.nrrd",
+                         "y.nrrd --depth ./y.nrrd",
+                         "y.nrrd --depth dangling.nrrd",
+                         "dangling.nrrd --depth $PWD/y.nrrd",
+                         "one.png --depth-colour two.png",
+                         "y.nrrd --dicom-out y.nrrd/" },
+                       "would be written twice");
   this->ExpectSuccess("in.nrrd y.png --depth y.nrrd --depth-colour z.png --dicom-out y");
 }
 

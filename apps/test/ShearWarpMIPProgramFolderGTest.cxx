@@ -103,10 +103,9 @@ TEST_F(ShearWarpMIPProgramFolder, ListsItsSeries)
       "dicom out.png --series 2 " + option + " dicom",
       "shear-warp-mip: 'dicom' has several DICOM series, put the one to use into a folder of its own: " + all);
   }
-  for (const std::string wrong : { "0", "5", "2.0", "-1", "1.2.3", "spine", "'head  dwi'" })
-  {
-    this->ExpectFailure("dicom out.png --series " + wrong, " is not in 'dicom', which has " + all);
-  }
+  this->ExpectFailures("dicom out.png --series ",
+                       { "0", "5", "2.0", "-1", "1.2.3", "spine", "'head  dwi'" },
+                       " is not in 'dicom', which has " + all);
   this->ExpectFailure("dicom out.png --series hEAd",
                       "--series hEAd fits several, choose one by its number: " + head + '\n');
   for (const std::string right : { "2", "1.2.3.6", "dwi", "'head dwi'", "DW" })

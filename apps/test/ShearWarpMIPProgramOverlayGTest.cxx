@@ -437,23 +437,20 @@ TEST_F(ShearWarpMIPProgramOverlay, RefusesWhatIsNotPossible)
   this->ExpectFailure("in.nrrd out.png --overlay rgb.nrrd", "--overlay: 'rgb.nrrd' has 3 components; 1 is needed");
   this->ExpectFailure("in.nrrd out.png --overlay times.nrrd", "--overlay: 'times.nrrd' has 2 points in time");
   this->ExpectFailure("in.nrrd out.png --overlay none.nrrd", "'none.nrrd' does not exist");
-  for (const std::string opacity : { "-0.1", "1.01", "nan", "half", "inf" })
-  {
-    this->ExpectFailure("in.nrrd out.png --overlay pet.nrrd --opacity " + opacity, "is not a number from 0 to 1");
-  }
+  this->ExpectFailures("in.nrrd out.png --overlay pet.nrrd --opacity ",
+                       { "-0.1", "1.01", "nan", "half", "inf" },
+                       "is not a number from 0 to 1");
   this->ExpectFailure("in.nrrd out.png --overlay pet.nrrd --overlay-colour rainbow",
                       "--overlay-color: 'rainbow' is not one of autumn, blue");
   this->ExpectFailure("in.nrrd out.png --overlay pet.nrrd --overlay-window 4 4", "--overlay-window: LOW must be less");
-  this->ExpectWrongValues("--overlay-window", { "4", "0 inf" }, "in.nrrd out.png --overlay pet.nrrd ");
-  for (const std::string option :
-       { "opacity 0.5", "overlay-colour jet", "overlay-window 0 1", "overlay-transform t.tfm", "overlay-series 1.2" })
-  {
-    this->ExpectFailure("in.nrrd out.png --" + option, "--overlay");
-  }
-  for (const std::string output : { "out.nrrd", "out.nii.gz", "out.nrrd --in-place" })
-  {
-    this->ExpectFailure("in.nrrd " + output + " --overlay pet.nrrd", "--overlay is for what is looked at");
-  }
+  this->ExpectFailures("in.nrrd out.png --overlay pet.nrrd --overlay-window ", { "4", "0 inf" }, "--overlay-window");
+  this->ExpectFailures(
+    "in.nrrd out.png --",
+    { "opacity 0.5", "overlay-colour jet", "overlay-window 0 1", "overlay-transform t.tfm", "overlay-series 1.2" },
+    "--overlay");
+  this->ExpectFailures("in.nrrd --overlay pet.nrrd ",
+                       { "out.nrrd", "out.nii.gz", "out.nrrd --in-place" },
+                       "--overlay is for what is looked at");
   fs::copy(m_Folder / "pet.nrrd", m_Folder / "picture.png");
   fs::create_hard_link(m_Folder / "pet.nrrd", m_Folder / "same.png");
   this->ExpectFailure("in.nrrd picture.png --overlay picture.png", "this call reads it");

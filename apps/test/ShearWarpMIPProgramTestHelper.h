@@ -243,15 +243,13 @@ protected:
     EXPECT_TRUE(contents == this->GetContents());
   }
 
-  /** As ExpectFailure() for each of these values, with a mention of the option. */
+  /** ExpectFailure() of \a begin with each of \a ends. */
   void
-  ExpectWrongValues(const std::string &              option,
-                    const std::vector<std::string> & values,
-                    const std::string &              arguments = "in.nrrd out.png ") const
+  ExpectFailures(const std::string & begin, const std::vector<std::string> & ends, const std::string & mention) const
   {
-    for (const std::string & value : values)
+    for (const std::string & end : ends)
     {
-      this->ExpectFailure(arguments + option + ' ' + value, option);
+      this->ExpectFailure(begin + end, mention);
     }
   }
 
