@@ -132,6 +132,20 @@ protected:
     this->WriteImage(image, name);
   }
 
+  /** One component of each pixel of a picture. */
+  std::vector<PixelType>
+  ReadComponent(const std::string & name, unsigned int component) const
+  {
+    const auto             picture = this->Read<itk::VectorImage<PixelType, 2>>(name);
+    const std::size_t      components = picture->GetNumberOfComponentsPerPixel();
+    std::vector<PixelType> values;
+    for (std::size_t n = component; n < components * picture->GetBufferedRegion().GetNumberOfPixels(); n += components)
+    {
+      values.push_back(picture->GetBufferPointer()[n]);
+    }
+    return values;
+  }
+
   PictureType::Pointer
   ProjectPart(unsigned int part) const
   {
@@ -230,7 +244,6 @@ TEST_F(ShearWarpMIPProgramProjection, SlidesSlab)
   this->ExpectFailures("in.nrrd out.png --sliding-slab ", { "0 1", "5 -1", "5" }, "--sliding-slab");
   this->ExpectFailure("in.nrrd out.png --sliding-slab 5 1e-9", "at most 65535");
   this->ExpectFailure("in.nrrd out.png --sliding-slab 5 1 --slab 0 1", "--slab");
-  this->ExpectFailure("in.nrrd out.png --sliding-slab 5 1 --frames 3", "--frames");
 }
 
 TEST_F(ShearWarpMIPProgramProjection, TakesLocalMaximum)
@@ -333,7 +346,6 @@ TEST_F(ShearWarpMIPProgramProjection, RefusesWrongMask)
   const auto mask = this->MakeMask<unsigned char>();
   this->WriteImage(mask, "mask.nrrd");
   this->ExpectFailure("in.nrrd out.png --mask missing.nrrd", "'missing.nrrd' does not exist");
-  this->ExpectFailure("in.nrrd out.png --mask-label 3", "--mask");
   this->ExpectFailures("in.nrrd out.png --mask mask.nrrd --mask-label ",
                        { "0", "-1", "1.5", "one", "nan", "99999999999999999999" },
                        "--mask-label");
@@ -417,7 +429,6 @@ TEST_F(ShearWarpMIPProgramProjection, WritesDepth)
   this->ExpectSuccess("in.nrrd out.png --frames 3 --depth turn.nrrd");
   EXPECT_EQ((this->Read<itk::Image<float, 3>>("turn.nrrd")->GetBufferedRegion().GetSize(2)), 3u);
 
-  this->ExpectFailure("in.nrrd out.png --depth depth.png", ".mha .nrrd .nii .nii.gz");
   this->ExpectFailure("in.nrrd out.nrrd --depth out.nrrd", "'out.nrrd' would be written twice");
   this->ExpectFailure("in.nrrd out.png --depth nowhere/depth.nrrd", "nowhere/depth.nrrd");
   fs::create_directory(m_Folder / "folder.nrrd");
@@ -520,7 +531,6 @@ TEST_F(ShearWarpMIPProgramProjection, WritesInPlace)
       EXPECT_TRUE(HaveSameDepths(GetPixels(depth), GetPixels(filter->GetDepthOutput())));
     }
   }
-  this->ExpectFailure("in.nrrd out.png --in-place", ".mha .nrrd .nii .nii.gz");
   this->ExpectFailure("in.nrrd out.nrrd --in-place --frames 3", "--in-place");
   this->ExpectFailure("in.nrrd out.nrrd --in-place --sliding-slab 3 1", "--in-place");
 }
@@ -538,12 +548,7 @@ TEST_F(ShearWarpMIPProgramProjection, ProjectsEachComponent)
       ASSERT_EQ(picture->GetNumberOfComponentsPerPixel(), components);
       for (unsigned int component = 0; component < components; ++component)
       {
-        const auto expected = GetPixels(this->ProjectPart(component));
-        ASSERT_EQ(picture->GetBufferedRegion().GetNumberOfPixels(), expected.size());
-        for (std::size_t n = 0; n < expected.size(); ++n)
-        {
-          ASSERT_EQ(picture->GetBufferPointer()[n * components + component], expected[n]) << n;
-        }
+        EXPECT_EQ(this->ReadComponent("out" + format, component), GetPixels(this->ProjectPart(component)));
       }
     }
   }
@@ -558,16 +563,13 @@ TEST_F(ShearWarpMIPProgramProjection, ProjectsColours)
   m_Volume = MakeVolume<PixelType>(20);
   this->WriteParts<3>("short.nrrd", 3);
   this->ExpectSuccess("short.nrrd out.png --window 0 400");
-  const auto picture = this->Read<ColourType>("out.png");
   for (unsigned int component = 0; component < 3; ++component)
   {
-    const auto expected = GetPixels(this->ProjectPart(component));
-    const auto pixels = GetPixels(picture);
-    ASSERT_EQ(pixels.size(), expected.size());
-    for (std::size_t n = 0; n < pixels.size(); ++n)
-    {
-      ASSERT_EQ(pixels[n][component], std::lround(255.0 * std::min(expected[n] / 400.0, 1.0)));
-    }
+    auto expected = GetPixels(this->ProjectPart(component));
+    std::transform(expected.begin(), expected.end(), expected.begin(), [](PixelType value) {
+      return static_cast<PixelType>(std::lround(255.0 * std::min(value / 400.0, 1.0)));
+    });
+    EXPECT_EQ(this->ReadComponent("out.png", component), expected);
   }
 
   // parts below 256 are kept
@@ -583,13 +585,7 @@ TEST_F(ShearWarpMIPProgramProjection, ProjectsColours)
     reader->Update();
     EXPECT_EQ(reader->GetImageIO()->GetNumberOfComponents(), 3u);
     EXPECT_EQ(reader->GetImageIO()->GetComponentType(), itk::IOComponentEnum::UCHAR);
-    const auto expected = GetPixels(this->ProjectPart(0));
-    const auto pixels = GetPixels(reader->GetOutput());
-    ASSERT_EQ(pixels.size(), expected.size());
-    for (std::size_t n = 0; n < pixels.size(); ++n)
-    {
-      ASSERT_EQ(pixels[n][0], expected[n]);
-    }
+    EXPECT_EQ(this->ReadComponent(name, 0), GetPixels(this->ProjectPart(0)));
   }
 
   this->WriteDICOMSeries<ColourType::PixelType>("1.2.3.1", "colour", { 0, 2, 4 });

@@ -28,7 +28,7 @@ from pathlib import Path
 
 import numpy
 import pydicom
-from make_study import CT, MR, PET
+from make_study import CT, MR, PET, group
 from pydicom.data import get_charset_files, get_testdata_file
 from pydicom.pixel_data_handlers.util import apply_modality_lut
 
@@ -129,12 +129,10 @@ def check_sample(sample, kind, source, sop_class):
 def write_deidentified(source, path, implicit):
     """As the cancer imaging archive does."""
     dataset = pydicom.dcmread(source)
-    code = pydicom.Dataset()
-    code.CodeValue = "113100"
-    code.CodingSchemeDesignator = "DCM"
-    code.CodeMeaning = "Basic Application Confidentiality Profile"
     dataset.PatientIdentityRemoved = "YES"
-    dataset.DeidentificationMethodCodeSequence = [code]
+    dataset.DeidentificationMethodCodeSequence = group(
+        CodeValue="113100", CodingSchemeDesignator="DCM", CodeMeaning="Basic Application Confidentiality Profile"
+    )
     dataset.BodyPartExamined = "CHEST"
     del dataset.Laterality
     if implicit:
