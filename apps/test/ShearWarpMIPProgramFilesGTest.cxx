@@ -288,11 +288,12 @@ TEST_F(ShearWarpMIPProgramFiles, LeavesNothingWhenInterrupted)
 {
   const std::string encoder = this->WriteEncoder("touch \"${0%/*}/runs\"; exec sleep 20");
   const auto        before = this->GetContents();
-  // a call, and when the signal comes
-  const std::pair<std::string, std::string> cases[] = { { "out.png --frames 400 --size 200 200",
-                                                          "[ -e .shear-warp-mip-*-9.png ]" },
-                                                        { "out.gif --frames 3", "[ -e bin/runs ]" } };
-  for (const auto & [arguments, begun] : cases)
+  // when the signal comes, for each call
+  const std::map<std::string, std::string> begins = {
+    { "out.png --frames 400 --size 200 200", "[ -e .shear-warp-mip-*-9.png ]" },
+    { "out.gif --frames 3", "[ -e bin/runs ]" },
+  };
+  for (const auto & [arguments, begun] : begins)
   {
     for (const auto & [name, signal] :
          { std::pair("TERM", SIGTERM), std::pair("HUP", SIGHUP), std::pair("PIPE", SIGPIPE), std::pair("INT", SIGINT) })
