@@ -404,24 +404,10 @@ TEST_F(ShearWarpMIPProgramOverlay, IsOverColourAndDicom)
 // one volume over each point in time
 TEST_F(ShearWarpMIPProgramOverlay, IsOverEachPointInTime)
 {
-  using TimesType = itk::Image<PixelType, 4>;
-  const auto             times = TimesType::New();
-  TimesType::SpacingType spacing(1.0);
-  TimesType::PointType   origin(0.0);
-  const auto             size = m_Volume->GetLargestPossibleRegion().GetSize();
-  for (unsigned int axis = 0; axis < 3; ++axis)
-  {
-    spacing[axis] = m_Volume->GetSpacing()[axis];
-    origin[axis] = m_Volume->GetOrigin()[axis];
-  }
-  times->SetRegions(itk::Size<4>{ { size[0], size[1], size[2], 2 } });
-  times->SetSpacing(spacing);
-  times->SetOrigin(origin);
-  times->Allocate();
+  const auto reversed = MakeImageLike<VolumeType>(m_Volume);
   const auto values = GetPixels(m_Volume);
-  std::copy(values.begin(), values.end(), times->GetBufferPointer());
-  std::copy(values.rbegin(), values.rend(), times->GetBufferPointer() + values.size());
-  this->WriteImage(times, "times.nrrd");
+  std::copy(values.rbegin(), values.rend(), reversed->GetBufferPointer());
+  this->WriteImage(MakeTimes({ m_Volume, reversed }), "times.nrrd");
   const std::string options = " --window 10 110 --overlay pet.nrrd --overlay-window 1 4.5";
   this->ExpectSuccess("times.nrrd out.png" + options);
   this->ExpectSuccess("in.nrrd still.png" + options);

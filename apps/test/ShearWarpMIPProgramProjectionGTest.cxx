@@ -79,57 +79,43 @@ protected:
     return { lower[2], upper[2] };
   }
 
-  /** The volume at a time or of a component: each differs. */
-  static VolumeType::Pointer
-  MakePart(const VolumeType * volume, unsigned int part)
+  /** Makes volumes that differ. */
+  void
+  MakeParts(unsigned int count)
   {
-    const auto image = MakeImageLike<VolumeType>(volume);
-    const auto pixels = GetPixels(volume);
-    std::transform(pixels.begin(), pixels.end(), image->GetBufferPointer(), [part](PixelType value) {
-      return static_cast<PixelType>((value * (part + 1)) % 97 + 100 * part);
-    });
-    return image;
+    m_Parts.clear();
+    for (unsigned int part = 0; part < count; ++part)
+    {
+      m_Parts.push_back(MakeImageLike<VolumeType>(m_Volume));
+      const auto pixels = GetPixels(m_Volume);
+      std::transform(pixels.begin(), pixels.end(), m_Parts.back()->GetBufferPointer(), [part](PixelType value) {
+        return static_cast<PixelType>((value * (part + 1)) % 97 + 100 * part);
+      });
+    }
   }
 
-  /** Writes an image of so many parts; in 3D they are the components of each pixel, in 4D points in time. */
-  template <unsigned int VDimension, typename TComponent = PixelType>
+  template <typename TComponent = PixelType>
   void
-  WriteParts(const std::string & name, unsigned int parts)
+  WriteComponents(const std::string & name, unsigned int components)
   {
-    using ImageType = itk::VectorImage<TComponent, VDimension>;
-    const auto                      image = ImageType::New();
-    typename ImageType::RegionType  region;
-    typename ImageType::SpacingType spacing(2.5);
-    typename ImageType::PointType   origin(4.0);
-    for (unsigned int axis = 0; axis < 3; ++axis)
+    this->MakeParts(components);
+    const auto image = MakeImageLike<itk::VectorImage<TComponent, 3>>(m_Volume, components);
+    for (unsigned int component = 0; component < components; ++component)
     {
-      region.SetSize(axis, m_Volume->GetLargestPossibleRegion().GetSize(axis));
-      spacing[axis] = m_Volume->GetSpacing()[axis];
-      origin[axis] = m_Volume->GetOrigin()[axis];
-    }
-    constexpr bool isTime = VDimension == 4;
-    if (isTime)
-    {
-      region.SetSize(VDimension - 1, parts);
-    }
-    image->SetRegions(region);
-    image->SetSpacing(spacing);
-    image->SetOrigin(origin);
-    image->SetNumberOfComponentsPerPixel(isTime ? 1 : parts);
-    image->Allocate();
-    m_Parts.clear();
-    for (unsigned int part = 0; part < parts; ++part)
-    {
-      m_Parts.push_back(MakePart(m_Volume, part));
-      const auto        pixels = GetPixels(m_Parts.back());
-      const std::size_t begin = isTime ? part * pixels.size() : part;
-      const std::size_t step = isTime ? 1 : parts;
+      const auto pixels = GetPixels(m_Parts[component]);
       for (std::size_t n = 0; n < pixels.size(); ++n)
       {
-        image->GetBufferPointer()[begin + n * step] = static_cast<TComponent>(pixels[n]);
+        image->GetBufferPointer()[n * components + component] = static_cast<TComponent>(pixels[n]);
       }
     }
     this->WriteImage(image, name);
+  }
+
+  void
+  WriteTimes(const std::string & name, unsigned int count)
+  {
+    this->MakeParts(count);
+    this->WriteImage(MakeTimes(m_Parts), name);
   }
 
   /** One component of each pixel of a picture. */
@@ -351,9 +337,9 @@ TEST_F(ShearWarpMIPProgramProjection, RefusesWrongMask)
                        "--mask-label");
   this->WriteImage(this->MakeMask<float>(), "float.nrrd");
   this->ExpectFailure("in.nrrd out.png --mask float.nrrd", "'float.nrrd' must have whole numbers");
-  this->WriteParts<4>("times.nrrd", 2);
+  this->WriteTimes("times.nrrd", 2);
   this->ExpectFailure("in.nrrd out.png --mask times.nrrd", "one point in time");
-  this->WriteParts<3>("vector.nrrd", 3);
+  this->WriteComponents("vector.nrrd", 3);
   this->ExpectFailure("in.nrrd out.png --mask vector.nrrd", "one component");
 
   mask->SetSpacing(m_Volume->GetSpacing() * 1.01);
@@ -542,7 +528,7 @@ TEST_F(ShearWarpMIPProgramProjection, ProjectsEachComponent)
     for (const std::string format : { ".nrrd", ".mha", ".nii" })
     {
       SCOPED_TRACE(std::to_string(components) + format);
-      this->WriteParts<3>("vector" + format, components);
+      this->WriteComponents("vector" + format, components);
       this->ExpectSuccess("vector" + format + " out" + format);
       const auto picture = this->Read<itk::VectorImage<PixelType, 2>>("out" + format);
       ASSERT_EQ(picture->GetNumberOfComponentsPerPixel(), components);
@@ -561,7 +547,7 @@ TEST_F(ShearWarpMIPProgramProjection, ProjectsEachComponent)
 TEST_F(ShearWarpMIPProgramProjection, ProjectsColours)
 {
   m_Volume = MakeVolume<PixelType>(20);
-  this->WriteParts<3>("short.nrrd", 3);
+  this->WriteComponents("short.nrrd", 3);
   this->ExpectSuccess("short.nrrd out.png --window 0 400");
   for (unsigned int component = 0; component < 3; ++component)
   {
@@ -574,7 +560,7 @@ TEST_F(ShearWarpMIPProgramProjection, ProjectsColours)
 
   // parts below 256 are kept
   using BytesType = itk::Image<itk::RGBPixel<unsigned char>, 3>;
-  this->WriteParts<3, unsigned char>("bytes.nrrd", 3);
+  this->WriteComponents<unsigned char>("bytes.nrrd", 3);
   this->WriteImage(this->Read<BytesType>("bytes.nrrd"), "colour.nii.gz");
   for (const std::string name : { "out.nrrd", "out.mha", "out.nii.gz" })
   {
@@ -604,7 +590,7 @@ TEST_F(ShearWarpMIPProgramProjection, ProjectsEachPointInTime)
   for (const std::string name : { "times.nii.gz", "times.nrrd", "times.mha" })
   {
     SCOPED_TRACE(name);
-    this->WriteParts<4>(name, 4);
+    this->WriteTimes(name, 4);
     this->ExpectSuccess(name + " out.nrrd");
     const auto stack = this->Read<VolumeType>("out.nrrd");
     ASSERT_EQ(stack->GetBufferedRegion().GetSize(2), 4u);

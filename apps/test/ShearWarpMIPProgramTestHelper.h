@@ -156,6 +156,31 @@ GetPixels(const itk::SmartPointer<TPicture> & picture)
   return GetPixels(picture.GetPointer());
 }
 
+/** An image of these volumes at 4 and at each 2.5 later. */
+inline itk::Image<PixelType, 4>::Pointer
+MakeTimes(const std::vector<VolumeType::Pointer> & volumes)
+{
+  using ImageType = itk::Image<PixelType, 4>;
+  const auto             size = volumes[0]->GetLargestPossibleRegion().GetSize();
+  const auto             times = MakeImage<ImageType>({ { size[0], size[1], size[2], volumes.size() } });
+  ImageType::SpacingType spacing(2.5);
+  ImageType::PointType   origin(4.0);
+  for (unsigned int axis = 0; axis < 3; ++axis)
+  {
+    spacing[axis] = volumes[0]->GetSpacing()[axis];
+    origin[axis] = volumes[0]->GetOrigin()[axis];
+  }
+  times->SetSpacing(spacing);
+  times->SetOrigin(origin);
+  PixelType * begin = times->GetBufferPointer();
+  for (const auto & volume : volumes)
+  {
+    const auto pixels = GetPixels(volume);
+    begin = std::copy(pixels.begin(), pixels.end(), begin);
+  }
+  return times;
+}
+
 class ShearWarpMIPProgram : public testing::Test
 {
 protected:
