@@ -18,35 +18,23 @@
 #include "DicomPet.h"
 #include "DicomSeries.h"
 #include "Output.h"
+#include "ShearWarpMIPProgramTestHelper.h"
 
 #include "itkAffineTransform.h"
 #include "itkCompositeTransform.h"
-#include "itkGDCMImageIO.h"
 #include "itkGDCMSeriesFileNames.h"
-#include "itkImageFileReader.h"
-#include "itkImageFileWriter.h"
-#include "itkMetaDataObject.h"
 
 #include <gdcmReader.h>
-#include <gtest/gtest.h>
 
 #include <sys/resource.h>
 
 #include <cmath>
 #include <csignal>
-#include <cstdint>
-#include <cstdlib>
-#include <fstream>
-#include <functional>
-#include <map>
-#include <random>
-#include <set>
 
 namespace
 {
-namespace fs = std::filesystem;
+using namespace ShearWarpMIPProgramTest;
 using TransformType = itk::AffineTransform<double, 3>;
-using Tags = std::map<std::string, std::string>;
 
 const std::string ctImage = "1.2.840.10008.5.1.4.1.1.2";
 const std::string mrImage = "1.2.840.10008.5.1.4.1.1.4";
@@ -55,39 +43,20 @@ const std::string secondaryCapture = "1.2.840.10008.5.1.4.1.1.7";
 constexpr unsigned int columns = 7;
 constexpr unsigned int rows = 5;
 
-std::vector<double>
-Split(const std::string & text)
-{
-  std::vector<double> numbers;
-  std::istringstream  stream(text);
-  for (std::string number; std::getline(stream, number, '\\');)
-  {
-    numbers.push_back(std::stod(number));
-  }
-  return numbers;
-}
-
-class ShearWarpMIPProgramDicom : public testing::Test
+class ShearWarpMIPProgramDicom : public ShearWarpMIPProgram
 {
 protected:
   void
   SetUp() override
   {
-    m_Folder = fs::temp_directory_path() / ("shear-warp-mip-test-" + std::to_string(std::random_device()()));
+    ShearWarpMIPProgram::SetUp();
     m_Series = m_Folder / "series";
-    fs::create_directory(m_Folder);
-  }
-
-  void
-  TearDown() override
-  {
-    fs::remove_all(m_Folder);
   }
 
   /** Frames whose pixels are what \a value makes of their number. */
   template <typename TPixel>
   static AnyImage
-  MakeFrames(unsigned int count, const std::function<double(double)> & value)
+  MakeFrames(unsigned int count, const std::function<double(double)> & value = [](double n) { return n; })
   {
     const auto   grid = itk::ImageBase<3>::New();
     const double spacing[] = { 0.75, 1.25, 1.0 };
@@ -112,22 +81,11 @@ protected:
     views.reserve(count);
     for (unsigned int n = 0; n < count; ++n)
     {
-      const auto                anterior = TransformType::New();
-      TransformType::MatrixType matrix;
-      matrix.Fill(0.0);
-      matrix(0, 0) = matrix(1, 2) = 1.0;
-      matrix(2, 1) = -1.0;
-      anterior->SetMatrix(matrix);
-      TransformType::OutputVectorType offset;
-      offset[0] = 10.0;
-      offset[1] = 20.0;
-      offset[2] = 30.0;
-      anterior->SetOffset(offset);
-
-      const auto             turn = TransformType::New();
-      itk::Vector<double, 3> axis(0.0);
-      axis[2] = 1.0;
-      turn->Rotate3D(axis, itk::Math::twopi * n / count);
+      const auto anterior = TransformType::New();
+      const auto turn = TransformType::New();
+      anterior->Rotate(1, 2, itk::Math::pi_over_2);
+      anterior->SetOffset(MakeVector(10.0, 20.0, 30.0));
+      turn->Rotate3D(MakeVector(0.0, 0.0, 1.0), itk::Math::twopi * n / count);
       const auto composite = itk::CompositeTransform<double, 3>::New();
       composite->AddTransform(turn);
       composite->AddTransform(anterior);
@@ -142,34 +100,11 @@ protected:
 
   /** Writes slices with \a tags, and returns their names. */
   std::vector<fs::path>
-  WriteSource(const Tags & tags, unsigned int count = 2) const
+  WriteSource(Tags tags, std::size_t count = 2) const
   {
-    std::vector<fs::path> names;
-    for (unsigned int slice = 0; slice < count; ++slice)
-    {
-      using SliceType = itk::Image<short, 3>;
-      const auto image = SliceType::New();
-      image->SetRegions(itk::Size<3>{ { 4, 4, 1 } });
-      image->Allocate(true);
-      auto & dictionary = image->GetMetaDataDictionary();
-      itk::EncapsulateMetaData<std::string>(dictionary, "0008|0018", "1.2.3.4." + std::to_string(slice + 1));
-      itk::EncapsulateMetaData<std::string>(dictionary, "0020|000d", "1.2.3");
-      itk::EncapsulateMetaData<std::string>(dictionary, "0020|000e", "1.2.3.4");
-      itk::EncapsulateMetaData<std::string>(dictionary, "0020|0052", "1.2.3.5");
-      for (const auto & [tag, value] : tags)
-      {
-        itk::EncapsulateMetaData<std::string>(dictionary, tag, value);
-      }
-      const auto io = itk::GDCMImageIO::New();
-      io->KeepOriginalUIDOn();
-      const auto writer = itk::ImageFileWriter<SliceType>::New();
-      names.push_back(m_Folder / ("source" + std::to_string(slice) + ".dcm"));
-      writer->SetImageIO(io);
-      writer->SetInput(image);
-      writer->SetFileName(names.back().string());
-      writer->Update();
-    }
-    return names;
+    tags["0020|0052"] = "1.2.3.5";
+    this->WriteDICOMSeries("1.2.3.4", "source", std::vector<double>(count), 8, false, tags);
+    return ListFiles(m_Folder / "dicom");
   }
 
   static Tags
@@ -205,22 +140,10 @@ protected:
     Tags                           tags;
     itk::Image<double, 2>::Pointer image;
     itk::GDCMImageIO::Pointer      io;
-
-    std::vector<double>
-    GetNumbers(const std::string & tag) const
-    {
-      return Split(tags.at(tag));
-    }
-
-    std::vector<double>
-    GetPixels() const
-    {
-      return { image->GetBufferPointer(), image->GetBufferPointer() + image->GetBufferedRegion().GetNumberOfPixels() };
-    }
   };
 
   static File
-  Read(const fs::path & path)
+  ReadFile(const fs::path & path)
   {
     File file;
     file.io = itk::GDCMImageIO::New();
@@ -244,17 +167,9 @@ protected:
   std::vector<File>
   ReadSeries() const
   {
-    std::set<fs::path> names;
-    for (const auto & entry : fs::directory_iterator(m_Series))
-    {
-      names.insert(entry.path());
-    }
-    std::vector<File> files;
-    files.reserve(names.size());
-    for (const auto & name : names)
-    {
-      files.push_back(Read(name));
-    }
+    const auto        names = ListFiles(m_Series);
+    std::vector<File> files(names.size());
+    std::transform(names.begin(), names.end(), files.begin(), ReadFile);
     return files;
   }
 
@@ -267,7 +182,7 @@ protected:
     ASSERT_EQ(files.size(), frames.image->GetLargestPossibleRegion().GetSize(2));
     for (const File & file : files)
     {
-      for (const double pixel : file.GetPixels())
+      for (const double pixel : GetPixels(file.image))
       {
         ASSERT_NEAR(pixel, static_cast<double>(*expected++), tolerance);
       }
@@ -286,6 +201,15 @@ protected:
     return files;
   }
 
+  static void
+  ExpectTags(const File & file, const Tags & expected)
+  {
+    for (const auto & [tag, value] : expected)
+    {
+      EXPECT_EQ(file.tags.at(tag), value) << tag;
+    }
+  }
+
   void
   ExpectError(const AnyImage &               frames,
               const std::vector<DicomView> & views,
@@ -295,7 +219,7 @@ protected:
               const DicomSeriesOptions &     options = {}) const
   {
     SCOPED_TRACE(mention);
-    const auto before = this->GetNames();
+    const auto before = this->GetContents();
     try
     {
       WriteDicomSeries(frames, views, source, directory, options);
@@ -305,21 +229,9 @@ protected:
     {
       EXPECT_NE(std::string(error.what()).find(mention), std::string::npos) << error.what();
     }
-    EXPECT_EQ(this->GetNames(), before);
+    EXPECT_TRUE(before == this->GetContents());
   }
 
-  std::set<fs::path>
-  GetNames() const
-  {
-    std::set<fs::path> names;
-    for (const auto & entry : fs::recursive_directory_iterator(m_Folder))
-    {
-      names.insert(entry.path());
-    }
-    return names;
-  }
-
-  fs::path m_Folder;
   fs::path m_Series;
 };
 
@@ -327,37 +239,24 @@ TEST_F(ShearWarpMIPProgramDicom, WritesCTInHounsfieldUnits)
 {
   const auto source = this->WriteSource(GetCT());
   const auto files = this->ExpectExact<short>([](double n) { return -1024.0 + 100.0 * n; }, source);
+  Tags       expected = { { "0008|0016", ctImage },
+                          { "0008|0008", "DERIVED\\SECONDARY\\PROJECTION IMAGE\\MAX_IP" },
+                          { "0028|0103", "1" },
+                          { "0028|1052", "0" },
+                          { "0028|1053", "1" },
+                          { "0028|1054", "HU" },
+                          { "0028|0301", "NO" },
+                          { "0008|103e", "MIP Thorax" },
+                          { "0020|0011", "1003" },
+                          { "0008|0070", "" },
+                          { "0008|1090", "shear-warp-mip" },
+                          { "0020|000d", "1.2.3" },
+                          { "0020|0052", "1.2.3.5" } };
+  // the others are copied
+  expected.merge(GetCT());
   for (const File & file : files)
   {
-    EXPECT_EQ(file.tags.at("0008|0016"), ctImage);
-    EXPECT_EQ(file.tags.at("0008|0008"), "DERIVED\\SECONDARY\\PROJECTION IMAGE\\MAX_IP");
-    EXPECT_EQ(file.tags.at("0028|0103"), "1");
-    EXPECT_EQ(file.tags.at("0028|1052"), "0");
-    EXPECT_EQ(file.tags.at("0028|1053"), "1");
-    EXPECT_EQ(file.tags.at("0028|1054"), "HU");
-    EXPECT_EQ(file.tags.at("0028|1050"), "40");
-    EXPECT_EQ(file.tags.at("0028|1051"), "400");
-    EXPECT_EQ(file.tags.at("0028|0301"), "NO");
-    EXPECT_EQ(file.tags.at("0008|103e"), "MIP Thorax");
-    EXPECT_EQ(file.tags.at("0020|0011"), "1003");
-    EXPECT_EQ(file.tags.at("0018|0060"), "120");
-    EXPECT_EQ(file.tags.at("0008|0070"), "");
-    EXPECT_EQ(file.tags.at("0008|1090"), "shear-warp-mip");
-    for (const std::string tag : { "0008|0020",
-                                   "0008|0030",
-                                   "0008|0050",
-                                   "0008|1030",
-                                   "0010|0010",
-                                   "0010|0020",
-                                   "0010|0030",
-                                   "0010|0040",
-                                   "0018|5100",
-                                   "0020|0010" })
-    {
-      EXPECT_EQ(file.tags.at(tag), GetCT().at(tag)) << tag;
-    }
-    EXPECT_EQ(file.tags.at("0020|000d"), "1.2.3");
-    EXPECT_EQ(file.tags.at("0020|0052"), "1.2.3.5");
+    ExpectTags(file, expected);
     EXPECT_EQ(file.tags.at("0020|000e"), files[0].tags.at("0020|000e"));
     EXPECT_NE(file.tags.at("0020|000e"), "1.2.3.4");
   }
@@ -367,7 +266,7 @@ TEST_F(ShearWarpMIPProgramDicom, WritesCTInHounsfieldUnits)
 TEST_F(ShearWarpMIPProgramDicom, ReferencesSourcesAndEquipment)
 {
   const auto source = this->WriteSource(GetCT(), 3);
-  WriteDicomSeries(MakeFrames<short>(1, [](double n) { return n; }), MakeViews(1), source, m_Series);
+  WriteDicomSeries(MakeFrames<short>(1), MakeViews(1), source, m_Series);
   gdcm::Reader reader;
   reader.SetFileName((m_Series / "frame-001.dcm").string().c_str());
   ASSERT_TRUE(reader.Read());
@@ -397,38 +296,30 @@ TEST_F(ShearWarpMIPProgramDicom, PlacesEachFrame)
   const auto source = this->WriteSource(GetCT());
   auto       views = MakeViews(4);
   views[1].thickness = 2.5;
-  WriteDicomSeries(MakeFrames<short>(4, [](double n) { return n; }), views, source, m_Series);
+  WriteDicomSeries(MakeFrames<short>(4), views, source, m_Series);
   const auto files = this->ReadSeries();
   ASSERT_EQ(files.size(), 4u);
-  for (unsigned int n = 0; n < 4; ++n)
-  {
-    EXPECT_EQ(files[n].tags.at("0020|0013"), std::to_string(n + 1));
-    EXPECT_EQ(files[n].tags.at("0018|0050"), n == 1 ? "2.5" : "");
-    EXPECT_EQ(files[n].tags.at("0020|4000"), "Turned by " + std::to_string(90 * n) + " degrees");
-
-    itk::Point<double, 3> corner;
-    corner[0] = -20.0;
-    corner[1] = -30.5;
-    corner[2] = 4.0;
-    itk::Point<double, 3> last = corner;
-    last[0] += (columns - 1) * 0.75;
-    last[1] += (rows - 1) * 1.25;
-    const auto first = views[n].transform->TransformPoint(corner);
-    const auto end = views[n].transform->TransformPoint(last);
-    for (unsigned int axis = 0; axis < 3; ++axis)
-    {
-      EXPECT_NEAR(files[n].io->GetOrigin(axis), first[axis], 1e-9);
-      EXPECT_NEAR(files[n].io->GetOrigin(axis) +
-                    files[n].io->GetDirection(0)[axis] * files[n].io->GetSpacing(0) * (columns - 1) +
-                    files[n].io->GetDirection(1)[axis] * files[n].io->GetSpacing(1) * (rows - 1),
-                  end[axis],
-                  1e-9);
-    }
-  }
   const std::string orientations[] = { "L\\F", "P\\F", "R\\F", "A\\F" };
   for (unsigned int n = 0; n < 4; ++n)
   {
+    EXPECT_EQ(files[n].tags.at("0020|0013"), std::to_string(n + 1));
     EXPECT_EQ(files[n].tags.at("0020|0020"), orientations[n]);
+    EXPECT_EQ(files[n].tags.at("0018|0050"), n == 1 ? "2.5" : "");
+    EXPECT_EQ(files[n].tags.at("0020|4000"), "Turned by " + std::to_string(90 * n) + " degrees");
+
+    const auto & io = *files[n].io;
+    const double corner[] = { -20.0, -30.5, 4.0 };
+    const double last[] = { -20.0 + (columns - 1) * 0.75, -30.5 + (rows - 1) * 1.25, 4.0 };
+    const auto   first = views[n].transform->TransformPoint(itk::Point<double, 3>(corner));
+    const auto   end = views[n].transform->TransformPoint(itk::Point<double, 3>(last));
+    for (unsigned int axis = 0; axis < 3; ++axis)
+    {
+      EXPECT_NEAR(io.GetOrigin(axis), first[axis], 1e-9);
+      EXPECT_NEAR(io.GetOrigin(axis) + io.GetDirection(0)[axis] * io.GetSpacing(0) * (columns - 1) +
+                    io.GetDirection(1)[axis] * io.GetSpacing(1) * (rows - 1),
+                  end[axis],
+                  1e-9);
+    }
   }
 }
 
@@ -439,14 +330,14 @@ TEST_F(ShearWarpMIPProgramDicom, ScalesSpacing)
   scale->Scale(2.0);
   views[0].transform = scale.GetPointer();
   views[0].thickness = 2.5;
-  WriteDicomSeries(MakeFrames<short>(1, [](double n) { return n; }), views, {}, m_Series);
+  WriteDicomSeries(MakeFrames<short>(1), views, {}, m_Series);
   const auto tags = this->ReadSeries()[0].tags;
   EXPECT_EQ(tags.at("0028|0030"), "2.5\\1.5");
   EXPECT_EQ(tags.at("0018|0050"), "5");
   // what is between the planes of a slab, not how far rays go in it
   scale->Shear(0, 2, 3.0);
   fs::remove_all(m_Series);
-  WriteDicomSeries(MakeFrames<short>(1, [](double n) { return n; }), views, {}, m_Series);
+  WriteDicomSeries(MakeFrames<short>(1), views, {}, m_Series);
   EXPECT_EQ(this->ReadSeries()[0].tags.at("0018|0050"), "5");
 }
 
@@ -530,7 +421,7 @@ TEST_F(ShearWarpMIPProgramDicom, RoundsOtherNumbers)
   this->ExpectPixels<float>(frames, files, 0.51 * 2.0 / 3.0 / 65535.0);
   EXPECT_EQ(files[0].tags.at("0028|1052"), files[1].tags.at("0028|1052"));
   EXPECT_EQ(files[0].tags.at("0028|1056"), "LINEAR_EXACT");
-  EXPECT_NEAR(files[0].GetNumbers("0028|1051")[0], 2.0 / 3.0, 0.01);
+  EXPECT_NEAR(std::stod(files[0].tags.at("0028|1051")), 2.0 / 3.0, 0.01);
 }
 
 TEST_F(ShearWarpMIPProgramDicom, KeepsCharacterSetAndCompression)
@@ -557,8 +448,7 @@ TEST_F(ShearWarpMIPProgramDicom, TakesOptions)
   options.number = 12;
   options.window = { -1000.0, -500.0 };
   options.version = "1.2";
-  WriteDicomSeries(
-    MakeFrames<short>(2, [](double n) { return n; }), MakeViews(2), this->WriteSource(GetCT()), m_Series, options);
+  WriteDicomSeries(MakeFrames<short>(2), MakeViews(2), this->WriteSource(GetCT()), m_Series, options);
   const auto tags = this->ReadSeries()[0].tags;
   EXPECT_EQ(tags.at("0008|0008"), "DERIVED\\SECONDARY\\PROJECTION IMAGE\\MIN_IP");
   EXPECT_EQ(tags.at("0008|103e"), "airways");
@@ -580,7 +470,7 @@ TEST_F(ShearWarpMIPProgramDicom, SortsManyFrames)
   for (unsigned int n = 0; n < 1001; ++n)
   {
     ASSERT_EQ(files[n].tags.at("0020|0013"), std::to_string(n + 1));
-    ASSERT_EQ(files[n].GetPixels().front(), n);
+    ASSERT_EQ(GetPixels(files[n].image).front(), n);
   }
   const auto names = itk::GDCMSeriesFileNames::New();
   names->SetUseSeriesDetails(false);
@@ -592,16 +482,18 @@ TEST_F(ShearWarpMIPProgramDicom, FillsEmptyFolder)
 {
   fs::create_directory(m_Series);
   OutputFiles().ReserveFolder(m_Series);
-  const AnyImage frames = MakeFrames<short>(2, [](double n) { return n; });
+  const AnyImage frames = MakeFrames<short>(2);
   WriteDicomSeries(frames, MakeViews(2), {}, m_Series / "");
-  EXPECT_EQ(this->GetNames(), (std::set<fs::path>{ m_Series, m_Series / "frame-001.dcm", m_Series / "frame-002.dcm" }));
+  EXPECT_EQ(ListFiles(m_Series), (std::vector<fs::path>{ m_Series / "frame-001.dcm", m_Series / "frame-002.dcm" }));
+  // nothing else but in.nrrd
+  EXPECT_EQ(this->GetContents().size(), 4u);
   EXPECT_THROW(OutputFiles().ReserveFolder(m_Series), std::runtime_error);
   this->ExpectError(frames, MakeViews(2), {}, m_Series, "needs an empty folder");
 }
 
 TEST_F(ShearWarpMIPProgramDicom, LeavesNothingIfInterrupted)
 {
-  const AnyImage frames = MakeFrames<float>(2, [](double n) { return n; });
+  const AnyImage frames = MakeFrames<float>(2);
   EXPECT_EXIT(
     {
       const HeldSignals heldSignals;
@@ -615,7 +507,7 @@ TEST_F(ShearWarpMIPProgramDicom, LeavesNothingIfInterrupted)
 
 TEST_F(ShearWarpMIPProgramDicom, LeavesNothingIfDiskIsFull)
 {
-  const AnyImage frames = MakeFrames<float>(2, [](double n) { return n; });
+  const AnyImage frames = MakeFrames<float>(2);
   EXPECT_EXIT(
     {
       rlimit limit;
@@ -632,7 +524,7 @@ TEST_F(ShearWarpMIPProgramDicom, LeavesNothingIfDiskIsFull)
 
 TEST_F(ShearWarpMIPProgramDicom, RefusesWhatIsNotPossible)
 {
-  const AnyImage frames = MakeFrames<float>(2, [](double n) { return n; });
+  const AnyImage frames = MakeFrames<float>(2);
   const auto     views = MakeViews(2);
   std::ofstream(m_Folder / "file.txt") << "no image\n";
   EXPECT_THROW(OutputFiles().ReserveFolder(m_Folder / "no" / "series"), std::runtime_error);
@@ -679,12 +571,8 @@ MakePlanes(const std::vector<double> & angles, double elevation = 0.0, double of
     const double     sine = std::sin(angle * degree);
     const double     up = std::sin(elevation * degree);
     PicturePlane     plane;
-    plane.right[0] = cosine;
-    plane.right[1] = sine;
-    plane.right[2] = 0.0;
-    plane.down[0] = -sine * up;
-    plane.down[1] = cosine * up;
-    plane.down[2] = -std::cos(elevation * degree);
+    plane.right = MakeVector(cosine, sine, 0.0);
+    plane.down = MakeVector(-sine * up, cosine * up, -std::cos(elevation * degree));
     plane.center.Fill(40.0);
     plane.center += offset * plane.right + 7.0 * itk::CrossProduct(plane.right, plane.down);
     plane.angle = angle;

@@ -17,13 +17,10 @@
  *=========================================================================*/
 #include "ShearWarpMIPProgramTestHelper.h"
 
-#include <unistd.h>
-
 using namespace ShearWarpMIPProgramTest;
 
 namespace
 {
-using Tags = std::map<std::string, std::string>;
 
 class ShearWarpMIPProgramFolder : public ShearWarpMIPProgram
 {
@@ -38,13 +35,6 @@ protected:
       positions.push_back(2.0 * static_cast<double>(slice));
     }
     this->WriteDICOMSeries(uid, prefix, positions, 8, false, tags);
-  }
-
-  void
-  Move(const std::string & from, const std::string & to) const
-  {
-    fs::create_directories((m_Folder / to).parent_path());
-    fs::rename(m_Folder / from, m_Folder / to);
   }
 };
 
@@ -80,10 +70,9 @@ TEST_F(ShearWarpMIPProgramFolder, IsSearchedWithItsFolders)
   std::ofstream(m_Folder / "dicom/viewer/a.exe") << '\0';
   std::ofstream(m_Folder / "dicom/viewer/b") << '\0';
   fs::copy_file(m_Folder / "dicom/a0.dcm", m_Folder / "dicom/one/copy.dcm");
-  const Result result = this->Run("dicom out.nrrd");
-  EXPECT_EQ(result.messages,
-            "shear-warp-mip: warning: left out: 'dicom/viewer/a.exe' and 1 more (not DICOM)\n"
-            "shear-warp-mip: warning: left out: 'dicom/one/copy.dcm' (the same as another file)\n");
+  this->ExpectSuccess("dicom out.nrrd",
+                      "shear-warp-mip: warning: left out: 'dicom/viewer/a.exe' and 1 more (not DICOM)\n"
+                      "shear-warp-mip: warning: left out: 'dicom/one/copy.dcm' (the same as another file)\n");
   EXPECT_EQ(ReadText(m_Folder / "out.nrrd"), ReadText(m_Folder / "plain.nrrd"));
 }
 
@@ -114,10 +103,9 @@ TEST_F(ShearWarpMIPProgramFolder, ListsItsSeries)
       "dicom out.png --series 2 " + option + " dicom",
       "shear-warp-mip: 'dicom' has several DICOM series, put the one to use into a folder of its own: " + all);
   }
-  for (const std::string wrong : { "0", "5", "2.0", "-1", "1.2.3", "spine", "'head  dwi'" })
-  {
-    this->ExpectFailure("dicom out.png --series " + wrong, " is not in 'dicom', which has " + all);
-  }
+  this->ExpectFailures("dicom out.png --series ",
+                       { "0", "5", "2.0", "-1", "1.2.3", "spine", "'head  dwi'" },
+                       " is not in 'dicom', which has " + all);
   this->ExpectFailure("dicom out.png --series hEAd",
                       "--series hEAd fits several, choose one by its number: " + head + '\n');
   for (const std::string right : { "2", "1.2.3.6", "dwi", "'head dwi'", "DW" })
@@ -141,10 +129,7 @@ TEST_F(ShearWarpMIPProgramFolder, IsRefused)
   this->Move("dicom/a2.dcm", "dicom/inner/a2.dcm");
   for (const std::size_t size : { 0, 100, 300, 700 })
   {
-    this->WithChangedFile(
-      "dicom/inner/a2.dcm",
-      [size](const std::string & bytes) { return bytes.substr(0, size); },
-      [this] { this->ExpectFailure("dicom out.png", "'dicom/inner/a2.dcm' is damaged or incomplete"); });
+    this->ExpectCutFileRefused("dicom", "dicom/inner/a2.dcm", size);
   }
   this->WithChangedFile(
     "dicom/inner/a2.dcm",
@@ -159,21 +144,18 @@ TEST_F(ShearWarpMIPProgramFolder, IsRefused)
   fs::create_symlink("none", m_Folder / "dicom/inner/b");
   this->ExpectFailure("dicom out.png", "'dicom/inner/b' is a link to a file that is not there");
   fs::remove(m_Folder / "dicom/inner/b");
-  const std::string capabilities = "-dac_override,-dac_read_search";
-  const std::string before =
-    geteuid() == 0 ? "setpriv --bounding-set=" + capabilities + " --inh-caps=" + capabilities : "";
-  if (std::system((before + " true").c_str()) == 0)
+  if (const auto start = FindUnprivilegedStart())
   {
     for (const std::string name : { "dicom/inner/a2.dcm", "dicom/inner" })
     {
       fs::permissions(m_Folder / name, fs::perms::none);
-      const Result result = this->Run("dicom out.png", before);
+      const Result result = this->Run("dicom out.png", *start);
       fs::permissions(m_Folder / name, fs::perms::owner_all);
       EXPECT_EQ(result.status, 1);
       EXPECT_NE(result.messages.find(name), std::string::npos) << result.messages;
     }
     fs::permissions(m_Folder / "in.nrrd", fs::perms::none);
-    EXPECT_EQ(this->Run("in.nrrd out.png", before).messages, "shear-warp-mip: cannot read 'in.nrrd'\n");
+    EXPECT_EQ(this->Run("in.nrrd out.png", *start).messages, "shear-warp-mip: cannot read 'in.nrrd'\n");
     fs::permissions(m_Folder / "in.nrrd", fs::perms::owner_all);
   }
   std::ofstream(m_Folder / "dicom/inner/DICOMDIR") << "text";

@@ -20,13 +20,11 @@
 #include "itkAffineTransform.h"
 #include "itkEuler3DTransform.h"
 #include "itkRGBPixel.h"
-#include "itkTransformFileWriter.h"
 #include "itkVectorImage.h"
 
 #include <gdcmReader.h>
 #include <gdcmWriter.h>
 
-#include <array>
 #include <cmath>
 #include <numeric>
 #include <set>
@@ -42,17 +40,13 @@ using GreyPictureType = itk::Image<unsigned char, 2>;
 using LabelType = itk::Image<unsigned char, 3>;
 using TransformType = itk::Transform<double, 3, 3>;
 
-constexpr double pi = 3.14159265358979323846;
-
 /** The map "hot" as ITK has it: each component is cut off at 0 and 1, and rounded down. */
 std::array<double, 3>
 Hot(double fraction)
 {
   const double t = std::clamp(fraction, 0.0, 1.0);
-  const double ramps[] = { 63.0 / 26.0 * t - 1.0 / 13.0, 63.0 / 26.0 * t - 11.0 / 13.0, 4.5 * t - 3.5 };
-  return { { std::floor(255.0 * std::clamp(ramps[0], 0.0, 1.0)),
-             std::floor(255.0 * std::clamp(ramps[1], 0.0, 1.0)),
-             std::floor(255.0 * std::clamp(ramps[2], 0.0, 1.0)) } };
+  const auto   ramp = [](double value) { return std::floor(255.0 * std::clamp(value, 0.0, 1.0)); };
+  return { { ramp(63.0 / 26.0 * t - 1.0 / 13.0), ramp(63.0 / 26.0 * t - 11.0 / 13.0), ramp(4.5 * t - 3.5) } };
 }
 
 class ShearWarpMIPProgramOverlay : public ShearWarpMIPProgram
@@ -63,26 +57,17 @@ protected:
   {
     ShearWarpMIPProgram::SetUp();
     m_Overlay = MakeOverlay();
-    this->WriteImage<OverlayType>(m_Overlay, "pet.nrrd");
+    this->WriteImage(m_Overlay, "pet.nrrd");
   }
 
   /** Of another grid than INPUT, turned and smaller. */
   static OverlayType::Pointer
   MakeOverlay()
   {
-    const auto                 overlay = OverlayType::New();
-    const double               spacing[] = { 1.7, 1.1, 2.3 };
-    const double               origin[] = { -36.0, 14.0, 5.0 };
-    OverlayType::DirectionType direction;
-    direction.SetIdentity();
-    direction(0, 0) = direction(1, 1) = std::cos(0.3);
-    direction(1, 0) = std::sin(0.3);
-    direction(0, 1) = -std::sin(0.3);
-    overlay->SetRegions(itk::Size<3>{ { 5, 9, 4 } });
-    overlay->SetSpacing(spacing);
-    overlay->SetOrigin(origin);
-    overlay->SetDirection(direction);
-    overlay->Allocate();
+    const auto overlay = MakeImage<OverlayType>({ { 5, 9, 4 } }, { 1.7, 1.1, 2.3 }, { -36.0, 14.0, 5.0 });
+    const auto turn = itk::Euler3DTransform<double>::New();
+    turn->SetRotation(0.0, 0.0, 0.3);
+    overlay->SetDirection(turn->GetMatrix());
     itk::ImageRegionIteratorWithIndex<OverlayType> it(overlay, overlay->GetBufferedRegion());
     for (; !it.IsAtEnd(); ++it)
     {
@@ -114,7 +99,7 @@ protected:
   void
   ExpectBlended(const itk::Image<float, 2> * overlay, double low, double high, double opacity) const
   {
-    const auto base = this->ReadPixels<GreyPictureType>("base.png");
+    const auto base = this->ReadPixels<ColourPictureType>("base.png");
     const auto blended = this->ReadPixels<ColourPictureType>("out.png");
     const auto values = GetPixels(overlay);
     ASSERT_EQ(blended.size(), values.size());
@@ -127,8 +112,8 @@ protected:
       coloured += value > low ? 1 : 0;
       for (unsigned int component = 0; component < 3; ++component)
       {
-        const double expected =
-          value > low ? (1.0 - opacity) * base[n] + opacity * colour[component] : static_cast<double>(base[n]);
+        const double expected = value > low ? (1.0 - opacity) * base[n][component] + opacity * colour[component]
+                                            : static_cast<double>(base[n][component]);
         ASSERT_NEAR(blended[n][component], expected, 0.5001) << "pixel " << n << ", value " << value;
       }
     }
@@ -136,27 +121,12 @@ protected:
     EXPECT_LT(coloured, values.size());
   }
 
-  ColourPictureType::Pointer
-  ReadColours(const std::string & name) const
-  {
-    return this->Read<ColourPictureType>(name);
-  }
-
-  void
-  WriteTransform(const TransformType * transform, const std::string & name) const
-  {
-    const auto writer = itk::TransformFileWriterTemplate<double>::New();
-    writer->SetFileName(this->GetPath(name));
-    writer->AddTransform(transform);
-    writer->Update();
-  }
-
   /** Of a DICOM file. */
   void
-  SetAttribute(const std::string & name, const gdcm::Tag & tag, gdcm::VR::VRType type, std::string text) const
+  SetAttribute(const fs::path & file, const gdcm::Tag & tag, gdcm::VR::VRType type, std::string text) const
   {
     gdcm::Reader reader;
-    reader.SetFileName(this->GetPath(name).c_str());
+    reader.SetFileName(file.c_str());
     ASSERT_TRUE(reader.Read());
     text.resize(text.size() + text.size() % 2);
     gdcm::DataElement element(tag, 0, type);
@@ -166,7 +136,7 @@ protected:
     reader.GetFile().GetHeader().SetDataSetTransferSyntax(gdcm::TransferSyntax::ExplicitVRLittleEndian);
     gdcm::Writer writer;
     writer.SetFile(reader.GetFile());
-    writer.SetFileName(this->GetPath(name).c_str());
+    writer.SetFileName(file.c_str());
     ASSERT_TRUE(writer.Write());
   }
 
@@ -218,11 +188,11 @@ TEST_F(ShearWarpMIPProgramOverlay, IsTransparentUpToLow)
   const auto base = this->ReadPixels<GreyPictureType>("base.png");
   for (const std::string transparent : { "--opacity 0", "--overlay-window 5.5 6" })
   {
-    this->ExpectMessages("in.nrrd out.png --overlay pet.nrrd " + transparent,
-                         transparent == "--opacity 0"
-                           ? ""
-                           : "shear-warp-mip: warning: nothing of 'pet.nrrd' is in the picture: no "
-                             "value is above 5.5\n");
+    this->ExpectSuccess("in.nrrd out.png --overlay pet.nrrd " + transparent,
+                        transparent == "--opacity 0"
+                          ? ""
+                          : "shear-warp-mip: warning: nothing of 'pet.nrrd' is in the picture: no "
+                            "value is above 5.5\n");
     const auto pixels = this->ReadPixels<ColourPictureType>("out.png");
     for (std::size_t n = 0; n < base.size(); ++n)
     {
@@ -241,25 +211,15 @@ TEST_F(ShearWarpMIPProgramOverlay, IsTransparentUpToLow)
 // a bright point at one place of two volumes, whose grids differ
 TEST_F(ShearWarpMIPProgramOverlay, LiesWhereInputDoes)
 {
-  const auto input = VolumeType::New();
-  input->SetRegions(itk::Size<3>{ { 31, 27, 25 } });
-  const double spacing[] = { 0.9, 1.1, 1.3 };
-  const double origin[] = { -50.0, 20.0, 7.0 };
-  input->SetSpacing(spacing);
-  input->SetOrigin(origin);
-  input->Allocate(true);
+  const auto          input = MakeImage<VolumeType>({ { 31, 27, 25 } }, { 0.9, 1.1, 1.3 }, { -50.0, 20.0, 7.0 });
   const itk::Index<3> index{ { 22, 9, 17 } };
   input->SetPixel(index, 1000);
-  this->WriteImage<VolumeType>(input, "point.nrrd");
+  this->WriteImage(input, "point.nrrd");
 
-  const auto point = LabelType::New();
+  const auto point = MakeImage<LabelType>({ { 9, 12, 7 } }, { 1.5, 1.2, 1.9 }, { 0.0, 0.0, 0.0 });
   const auto turn = itk::Euler3DTransform<double>::New();
   turn->SetRotation(0.3, -0.5, 0.8);
-  const double coarse[] = { 1.5, 1.2, 1.9 };
-  point->SetRegions(itk::Size<3>{ { 9, 12, 7 } });
-  point->SetSpacing(coarse);
   point->SetDirection(turn->GetMatrix());
-  point->Allocate(true);
   const itk::Index<3>   other{ { 3, 8, 2 } };
   itk::Point<double, 3> place;
   itk::Point<double, 3> there;
@@ -267,16 +227,13 @@ TEST_F(ShearWarpMIPProgramOverlay, LiesWhereInputDoes)
   point->TransformIndexToPhysicalPoint(other, there);
   point->SetOrigin(point->GetOrigin() + (place - there));
   point->SetPixel(other, 200);
-  this->WriteImage<LabelType>(point, "other.nrrd");
+  this->WriteImage(point, "other.nrrd");
 
-  const std::string options = " --frames 10 --axis 1,2,-1 --elevation 13 --spacing 0.4 --window 0 1000 ";
-  this->ExpectSuccess("point.nrrd base.png --no-labels" + options);
-  this->ExpectSuccess(
-    "point.nrrd out.png --no-labels --overlay other.nrrd --overlay-window 0 200 --opacity 1 --overlay-colour green" +
-    options);
-  this->ExpectSuccess(
-    "point.nrrd gone.png --no-labels --overlay other.nrrd --overlay-window 0 200 --opacity 1 --overlay-colour blue" +
-    options);
+  const std::string options = " --no-labels --frames 10 --axis 1,2,-1 --elevation 13 --spacing 0.4 --window 0 1000 ";
+  const std::string overlay = "--overlay other.nrrd --overlay-window 0 200 --opacity 1 --overlay-colour ";
+  this->ExpectSuccess("point.nrrd base.png" + options);
+  this->ExpectSuccess("point.nrrd out.png" + options + overlay + "green");
+  this->ExpectSuccess("point.nrrd gone.png" + options + overlay + "blue");
   const auto findCentroid = [](const std::vector<double> & values, std::size_t width) {
     double sum = 0.0;
     double column = 0.0;
@@ -303,8 +260,7 @@ TEST_F(ShearWarpMIPProgramOverlay, LiesWhereInputDoes)
     for (std::size_t n = 0; n < blended.size(); ++n)
     {
       // where the other map has no green, there is nothing but the overlay's
-      const bool isOverlay = blended[n] != alone[n];
-      greens.push_back(isOverlay ? blended[n][1] : 0.0);
+      greens.push_back(blended[n] != alone[n] ? blended[n][1] : 0.0);
     }
     const std::size_t width = base->GetLargestPossibleRegion().GetSize(0);
     const auto [x, y] = findCentroid({ grey.begin(), grey.end() }, width);
@@ -318,23 +274,18 @@ TEST_F(ShearWarpMIPProgramOverlay, LiesWhereInputDoes)
 TEST_F(ShearWarpMIPProgramOverlay, TakesTransform)
 {
   const auto transform = itk::AffineTransform<double, 3>::New();
-  transform->Rotate3D(itk::Vector<double, 3>(1.0), 0.7);
+  transform->Rotate3D(MakeVector(1.0, 1.0, 1.0), 0.7);
   transform->Scale(1.25);
   transform->Shear(0, 2, 0.2);
-  const double translation[] = { 30.0, -70.0, 12.5 };
-  transform->Translate(itk::Vector<double, 3>(translation));
-  this->WriteTransform(transform, "t.tfm");
+  transform->Translate(MakeVector(30.0, -70.0, 12.5));
+  this->WriteTransforms("t.tfm", { transform });
 
   const auto moved = MakeOverlay();
   auto       spacing = moved->GetSpacing();
   auto       direction = moved->GetDirection();
   for (unsigned int axis = 0; axis < 3; ++axis)
   {
-    itk::Vector<double, 3> column;
-    for (unsigned int row = 0; row < 3; ++row)
-    {
-      column[row] = direction(row, axis) * spacing[axis];
-    }
+    auto column = MakeVector(direction(0, axis), direction(1, axis), direction(2, axis)) * spacing[axis];
     column = transform->GetMatrix() * column;
     spacing[axis] = column.Normalize();
     for (unsigned int row = 0; row < 3; ++row)
@@ -345,7 +296,7 @@ TEST_F(ShearWarpMIPProgramOverlay, TakesTransform)
   moved->SetOrigin(transform->TransformPoint(moved->GetOrigin()));
   moved->SetSpacing(spacing);
   moved->SetDirection(direction);
-  this->WriteImage<OverlayType>(moved, "moved.nrrd");
+  this->WriteImage(moved, "moved.nrrd");
 
   for (const std::string options : { "", " --azimuth 25 --crop -34 -28 15 40 -inf 14", " --view left --slab -2 3" })
   {
@@ -372,12 +323,8 @@ TEST_F(ShearWarpMIPProgramOverlay, IsInEachFrame)
 {
   const std::string overlay = " --overlay pet.nrrd --overlay-window 1 4 --window 0 110";
   this->ExpectSuccess("in.nrrd out.png --frames 3 --dicom-out series" + overlay);
-  unsigned int       frame = 0;
-  std::set<fs::path> names;
-  for (const auto & entry : fs::directory_iterator(this->GetPath("series")))
-  {
-    names.insert(entry.path());
-  }
+  const auto   names = ListFiles(m_Folder / "series");
+  unsigned int frame = 0;
   ASSERT_EQ(names.size(), 3u);
   for (const auto & name : names)
   {
@@ -392,24 +339,21 @@ TEST_F(ShearWarpMIPProgramOverlay, IsInEachFrame)
       itk::ExposeMetaData(dictionary, tag, text);
       return text.substr(0, text.find_last_not_of(' ') + 1);
     };
-    EXPECT_EQ(get("0028|0004"), "RGB");
-    EXPECT_EQ(get("0028|0002"), "3");
-    EXPECT_EQ(get("0028|0006"), "0");
-    EXPECT_EQ(get("0028|0100"), "8");
-    EXPECT_EQ(get("0028|0101"), "8");
-    EXPECT_EQ(get("0028|0102"), "7");
-    EXPECT_EQ(get("0028|0103"), "0");
-    EXPECT_EQ(get("0028|1053"), "");
-    EXPECT_EQ(get("0028|1050"), "");
+    const Tags expected = { { "0028|0004", "RGB" }, { "0028|0002", "3" }, { "0028|0006", "0" },
+                            { "0028|0100", "8" },   { "0028|0101", "8" }, { "0028|0102", "7" },
+                            { "0028|0103", "0" },   { "0028|1053", "" },  { "0028|1050", "" } };
+    for (const auto & [tag, value] : expected)
+    {
+      EXPECT_EQ(get(tag), value) << tag;
+    }
     EXPECT_NE(get("0008|2111").find("another volume"), std::string::npos);
-    const auto picture = this->ReadColours("out-00" + std::to_string(frame++) + ".png");
-    EXPECT_EQ(GetPixels(reader->GetOutput()), GetPixels(picture));
+    const std::string picture = "out-00" + std::to_string(frame++) + ".png";
+    EXPECT_EQ(GetPixels(reader->GetOutput()), this->ReadPixels<ColourPictureType>(picture));
   }
   // an odd number of bytes
   this->ExpectSuccess("in.nrrd odd.png --size 5 7 --dicom-out odd" + overlay);
-  EXPECT_EQ(
-    GetPixels(itk::ReadImage<itk::Image<ColourType, 3>>(fs::directory_iterator(this->GetPath("odd"))->path().string())),
-    this->ReadPixels<ColourPictureType>("odd.png"));
+  EXPECT_EQ((this->ReadPixels<itk::Image<ColourType, 3>>("odd/frame-001.dcm")),
+            this->ReadPixels<ColourPictureType>("odd.png"));
   if (std::system("command -v ffmpeg >/dev/null") == 0)
   {
     this->ExpectSuccess("in.nrrd turn.apng --frames 3" + overlay);
@@ -420,51 +364,31 @@ TEST_F(ShearWarpMIPProgramOverlay, IsInEachFrame)
 TEST_F(ShearWarpMIPProgramOverlay, IsOverColourAndDicom)
 {
   using VectorType = itk::VectorImage<PixelType, 3>;
-  const auto colours = VectorType::New();
-  colours->CopyInformation(m_Volume);
-  colours->SetRegions(m_Volume->GetLargestPossibleRegion());
-  colours->SetNumberOfComponentsPerPixel(3);
-  colours->Allocate();
+  const auto colours = MakeImageLike<VectorType>(m_Volume, 3);
   const auto values = GetPixels(m_Volume);
   for (std::size_t n = 0; n < 3 * values.size(); ++n)
   {
     colours->GetBufferPointer()[n] = static_cast<PixelType>(values[n / 3] * static_cast<PixelType>(1 + n % 3) % 120);
   }
-  this->WriteImage<VectorType>(colours, "rgb.nrrd");
+  this->WriteImage(colours, "rgb.nrrd");
   this->ExpectSuccess("rgb.nrrd base.png --window 0 120");
   this->ExpectSuccess("rgb.nrrd out.png --window 0 120 --overlay pet.nrrd --overlay-window 1 4.5 --opacity 0.25");
   const auto transform = this->MakeTransform(Direction::Anterior);
-  const auto overlay = GetPixels(this->ProjectOverlay(transform, this->Project(transform)));
-  const auto base = this->ReadPixels<ColourPictureType>("base.png");
-  const auto blended = this->ReadPixels<ColourPictureType>("out.png");
-  for (std::size_t n = 0; n < base.size(); ++n)
-  {
-    const auto colour = Hot((overlay[n] - 1.0) / 3.5);
-    for (unsigned int component = 0; component < 3; ++component)
-    {
-      const double expected = overlay[n] > 1.0F ? 0.75 * base[n][component] + 0.25 * colour[component]
-                                                : static_cast<double>(base[n][component]);
-      ASSERT_NEAR(blended[n][component], expected, 0.5001) << n;
-    }
-  }
+  this->ExpectBlended(this->ProjectOverlay(transform, this->Project(transform)), 1.0, 4.5, 0.25);
 
   this->WriteDICOMSeries("1.2.3.4", "a", { 0, 2, 4, 6 });
   this->WriteDICOMSeries("1.2.3.5", "b", { 1, 3, 5 });
   const auto describe = [&](const std::string & patient, const std::string & frameOfReference) {
-    for (const std::string name : { "a0", "a1", "a2", "a3", "b0", "b1", "b2" })
+    for (const auto & file : ListFiles(m_Folder / "dicom"))
     {
-      const bool isOverlay = name[0] == 'b';
-      this->SetAttribute(
-        "dicom/" + name + ".dcm", { 0x0010, 0x0020 }, gdcm::VR::LO, isOverlay ? patient : std::string("x"));
-      this->SetAttribute("dicom/" + name + ".dcm",
-                         { 0x0020, 0x0052 },
-                         gdcm::VR::UI,
-                         isOverlay ? frameOfReference : std::string("1.2.9"));
+      const bool isOverlay = file.filename().string()[0] == 'b';
+      this->SetAttribute(file, { 0x0010, 0x0020 }, gdcm::VR::LO, isOverlay ? patient : "x");
+      this->SetAttribute(file, { 0x0020, 0x0052 }, gdcm::VR::UI, isOverlay ? frameOfReference : "1.2.9");
     }
   };
   const std::string fused =
     "dicom out.png --series 1.2.3.4 --overlay dicom --overlay-series 1.2.3.5 --overlay-window 0 100";
-  this->WriteTransform(itk::AffineTransform<double, 3>::New(), "t.tfm");
+  this->WriteTransforms("t.tfm", { itk::AffineTransform<double, 3>::New() });
   describe("x", "1.2.9");
   this->ExpectSuccess(fused);
   describe("", "1.2.8");
@@ -480,24 +404,10 @@ TEST_F(ShearWarpMIPProgramOverlay, IsOverColourAndDicom)
 // one volume over each point in time
 TEST_F(ShearWarpMIPProgramOverlay, IsOverEachPointInTime)
 {
-  using TimesType = itk::Image<PixelType, 4>;
-  const auto             times = TimesType::New();
-  TimesType::SpacingType spacing(1.0);
-  TimesType::PointType   origin(0.0);
-  const auto             size = m_Volume->GetLargestPossibleRegion().GetSize();
-  for (unsigned int axis = 0; axis < 3; ++axis)
-  {
-    spacing[axis] = m_Volume->GetSpacing()[axis];
-    origin[axis] = m_Volume->GetOrigin()[axis];
-  }
-  times->SetRegions(itk::Size<4>{ { size[0], size[1], size[2], 2 } });
-  times->SetSpacing(spacing);
-  times->SetOrigin(origin);
-  times->Allocate();
+  const auto reversed = MakeImageLike<VolumeType>(m_Volume);
   const auto values = GetPixels(m_Volume);
-  std::copy(values.begin(), values.end(), times->GetBufferPointer());
-  std::copy(values.rbegin(), values.rend(), times->GetBufferPointer() + values.size());
-  this->WriteImage<TimesType>(times, "times.nrrd");
+  std::copy(values.rbegin(), values.rend(), reversed->GetBufferPointer());
+  this->WriteImage(MakeTimes({ m_Volume, reversed }), "times.nrrd");
   const std::string options = " --window 10 110 --overlay pet.nrrd --overlay-window 1 4.5";
   this->ExpectSuccess("times.nrrd out.png" + options);
   this->ExpectSuccess("in.nrrd still.png" + options);
@@ -508,51 +418,35 @@ TEST_F(ShearWarpMIPProgramOverlay, IsOverEachPointInTime)
 
 TEST_F(ShearWarpMIPProgramOverlay, RefusesWhatIsNotPossible)
 {
-  using VectorType = itk::VectorImage<float, 3>;
-  const auto colours = MakeImage<VectorType>({ { 3, 3, 3 } }, 3);
-  this->WriteImage<VectorType>(colours, "rgb.nrrd");
-  using TimesType = itk::Image<float, 4>;
-  const auto times = MakeImage<TimesType>({ { 3, 3, 3, 2 } });
-  this->WriteImage<TimesType>(times, "times.nrrd");
+  this->WriteImage(MakeImage<itk::VectorImage<float, 3>>({ { 3, 3, 3 } }, 3), "rgb.nrrd");
+  this->WriteImage(MakeImage<itk::Image<float, 4>>({ { 3, 3, 3, 2 } }), "times.nrrd");
   this->ExpectFailure("in.nrrd out.png --overlay rgb.nrrd", "--overlay: 'rgb.nrrd' has 3 components; 1 is needed");
   this->ExpectFailure("in.nrrd out.png --overlay times.nrrd", "--overlay: 'times.nrrd' has 2 points in time");
   this->ExpectFailure("in.nrrd out.png --overlay none.nrrd", "'none.nrrd' does not exist");
-  for (const std::string opacity : { "-0.1", "1.01", "nan", "half", "inf" })
-  {
-    this->ExpectFailure("in.nrrd out.png --overlay pet.nrrd --opacity " + opacity, "is not a number from 0 to 1");
-  }
+  this->ExpectFailures("in.nrrd out.png --overlay pet.nrrd --opacity ",
+                       { "-0.1", "1.01", "nan", "half", "inf" },
+                       "is not a number from 0 to 1");
   this->ExpectFailure("in.nrrd out.png --overlay pet.nrrd --overlay-colour rainbow",
                       "--overlay-color: 'rainbow' is not one of autumn, blue");
   this->ExpectFailure("in.nrrd out.png --overlay pet.nrrd --overlay-window 4 4", "--overlay-window: LOW must be less");
-  this->ExpectFailure("in.nrrd out.png --overlay pet.nrrd --overlay-window 4", "--overlay-window");
-  this->ExpectFailure("in.nrrd out.png --overlay pet.nrrd --overlay-window 0 inf", "--overlay-window");
-  for (const std::string option :
-       { "opacity 0.5", "overlay-colour jet", "overlay-window 0 1", "overlay-transform t.tfm", "overlay-series 1.2" })
-  {
-    this->ExpectFailure("in.nrrd out.png --" + option, "--overlay");
-  }
-  for (const std::string output : { "out.nrrd", "out.nii.gz", "out.nrrd --in-place" })
-  {
-    this->ExpectFailure("in.nrrd " + output + " --overlay pet.nrrd", "--overlay is for what is looked at");
-  }
+  this->ExpectFailures("in.nrrd out.png --overlay pet.nrrd --overlay-window ", { "4", "0 inf" }, "--overlay-window");
+  this->ExpectFailures(
+    "in.nrrd out.png --",
+    { "opacity 0.5", "overlay-colour jet", "overlay-window 0 1", "overlay-transform t.tfm", "overlay-series 1.2" },
+    "--overlay");
+  this->ExpectFailures("in.nrrd --overlay pet.nrrd ",
+                       { "out.nrrd", "out.nii.gz", "out.nrrd --in-place" },
+                       "--overlay is for what is looked at");
   fs::copy(m_Folder / "pet.nrrd", m_Folder / "picture.png");
   fs::create_hard_link(m_Folder / "pet.nrrd", m_Folder / "same.png");
   this->ExpectFailure("in.nrrd picture.png --overlay picture.png", "this call reads it");
   this->ExpectFailure("in.nrrd same.png --overlay pet.nrrd", "this call reads it, as 'pet.nrrd'");
 
   const auto flat = itk::AffineTransform<double, 3>::New();
-  const auto scale = [](double z) {
-    const double factors[] = { 1.0, 1.0, z };
-    return itk::Vector<double, 3>(factors);
-  };
-  flat->Scale(scale(0.0));
-  this->WriteTransform(flat, "flat.tfm");
+  flat->Scale(MakeVector(1.0, 1.0, 0.0));
+  this->WriteTransforms("flat.tfm", { flat });
   this->ExpectFailure("in.nrrd out.png --overlay pet.nrrd --overlay-transform flat.tfm", "'flat.tfm' has no inverse");
-  const auto writer = itk::TransformFileWriterTemplate<double>::New();
-  writer->SetFileName(this->GetPath("two.tfm"));
-  writer->AddTransform(this->MakeTransform(Direction::Left));
-  writer->AddTransform(this->MakeTransform(Direction::Left));
-  writer->Update();
+  this->WriteTransforms("two.tfm", { this->MakeTransform(Direction::Left), this->MakeTransform(Direction::Left) });
   this->ExpectFailure("in.nrrd out.png --overlay pet.nrrd --overlay-transform two.tfm", "'two.tfm' holds 2 transforms");
   this->ExpectFailure("in.nrrd out.png --overlay pet.nrrd --overlay-transform no.tfm", "'no.tfm' does not exist");
 }
@@ -560,29 +454,29 @@ TEST_F(ShearWarpMIPProgramOverlay, RefusesWhatIsNotPossible)
 class ShearWarpMIPProgramSegments : public ShearWarpMIPProgramOverlay
 {
 protected:
-  /** Writes labels with what a file of segments has as meta data. */
+  /** Writes labels with the meta data of each segment. */
   template <typename TImage>
   void
-  WriteSegments(TImage * image, const std::string & name, const std::map<std::string, std::string> & entries) const
+  WriteSegments(const itk::SmartPointer<TImage> & image,
+                const std::string &               name,
+                const std::vector<Tags> &         segments) const
   {
-    for (const auto & [key, value] : entries)
+    for (std::size_t n = 0; n < segments.size(); ++n)
     {
-      itk::EncapsulateMetaData<std::string>(image->GetMetaDataDictionary(), key, value);
+      for (const auto & [key, value] : segments[n])
+      {
+        const std::string entry = "Segment" + std::to_string(n) + '_' + key;
+        itk::EncapsulateMetaData<std::string>(image->GetMetaDataDictionary(), entry, value);
+      }
     }
-    this->WriteImage<TImage>(image, name);
+    this->WriteImage(image, name);
   }
 
   /** Labels of balls: of each voxel, the last whose ball holds its center. */
   static LabelType::Pointer
   MakeBalls(const std::vector<itk::Point<double, 3>> & centres, double radius)
   {
-    const auto   labels = LabelType::New();
-    const double spacing[] = { 0.4, 0.5, 0.3 };
-    const double origin[] = { -45.0, 10.0, 0.0 };
-    labels->SetRegions(itk::Size<3>{ { 60, 50, 70 } });
-    labels->SetSpacing(spacing);
-    labels->SetOrigin(origin);
-    labels->Allocate(true);
+    const auto labels = MakeImage<LabelType>({ { 60, 50, 70 } }, { 0.4, 0.5, 0.3 }, { -45.0, 10.0, 0.0 });
     itk::ImageRegionIteratorWithIndex<LabelType> it(labels, labels->GetBufferedRegion());
     for (; !it.IsAtEnd(); ++it)
     {
@@ -626,16 +520,10 @@ TEST_F(ShearWarpMIPProgramSegments, OutlinesBalls)
                                                   itk::Point<double, 3>(centres[1]) };
   constexpr double                         radius = 4.0;
   constexpr double                         pixel = 0.25;
-  this->WriteSegments(MakeBalls(balls, radius).GetPointer(),
+  this->WriteSegments(MakeBalls(balls, radius),
                       "balls.seg.nrrd",
-                      { { "Segment0_LabelValue", "2" },
-                        { "Segment0_Layer", "0" },
-                        { "Segment0_Name", "cyst" },
-                        { "Segment0_Color", "0 1 0.5" },
-                        { "Segment1_LabelValue", "1" },
-                        { "Segment1_Layer", "0" },
-                        { "Segment1_Name", "left kidney" },
-                        { "Segment1_Color", "1 0 0" } });
+                      { { { "LabelValue", "2" }, { "Layer", "0" }, { "Name", "cyst" }, { "Color", "0 1 0.5" } },
+                        { { "LabelValue", "1" }, { "Layer", "0" }, { "Name", "left kidney" }, { "Color", "1 0 0" } } });
   const unsigned char colours[][3] = { { 255, 0, 0 }, { 0, 255, 128 } };
   for (const double azimuth : { 0.0, 35.0, 90.0, 200.0 })
   {
@@ -660,11 +548,11 @@ TEST_F(ShearWarpMIPProgramSegments, OutlinesBalls)
         EXPECT_GT(distance, radius - 0.5 - 1.5 * pixel);
         EXPECT_LT(distance, radius + 0.5);
         sectors.insert(
-          static_cast<int>(std::floor(std::atan2(point[1] - centre[1], point[0] - centre[0]) * 12.0 / pi)));
+          static_cast<int>(std::floor(std::atan2(point[1] - centre[1], point[0] - centre[0]) * 12.0 / itk::Math::pi)));
       }
       // closed, but for where the second lies over the first; and thin
       EXPECT_GE(sectors.size(), ball == 1 ? 24u : 16u);
-      EXPECT_LT(static_cast<double>(outline.size()), 1.2 * 2.0 * pi * radius / pixel);
+      EXPECT_LT(static_cast<double>(outline.size()), 1.2 * itk::Math::twopi * radius / pixel);
     }
   }
 
@@ -684,12 +572,9 @@ TEST_F(ShearWarpMIPProgramSegments, OutlinesBalls)
 TEST_F(ShearWarpMIPProgramSegments, OutlinesWhatAnySliceHas)
 {
   const auto input = MakeImage<VolumeType>({ { 24, 7, 20 } });
-  this->WriteImage<VolumeType>(input, "flat.nrrd");
+  this->WriteImage(input, "flat.nrrd");
   using LayersType = itk::VectorImage<short, 3>;
-  const auto layers = LayersType::New();
-  layers->SetRegions(input->GetLargestPossibleRegion());
-  layers->SetNumberOfComponentsPerPixel(2);
-  layers->Allocate(true);
+  const auto   layers = MakeImage<LayersType>({ { 24, 7, 20 } }, 2);
   std::mt19937 random(7);
   // boxes, in each layer, of labels -1, 0, 1 and 300
   const short labels[] = { -1, 0, 1, 300 };
@@ -708,16 +593,10 @@ TEST_F(ShearWarpMIPProgramSegments, OutlinesWhatAnySliceHas)
       }
     }
   }
-  this->WriteSegments(layers.GetPointer(),
+  this->WriteSegments(layers,
                       "layers.seg.nrrd",
-                      { { "Segment0_LabelValue", "300" },
-                        { "Segment0_Layer", "1" },
-                        { "Segment0_Name", "a" },
-                        { "Segment0_Color", "0.2 0.4 1" },
-                        { "Segment1_LabelValue", "1" },
-                        { "Segment1_Layer", "1" },
-                        { "Segment1_Name", "b" },
-                        { "Segment1_Color", "1" } });
+                      { { { "LabelValue", "300" }, { "Layer", "1" }, { "Name", "a" }, { "Color", "0.2 0.4 1" } },
+                        { { "LabelValue", "1" }, { "Layer", "1" }, { "Name", "b" }, { "Color", "1" } } });
   this->ExpectSuccess("flat.nrrd out.png --segments layers.seg.nrrd");
   // drawn in this order; without a color, Okabe's and Ito's by number
   const struct
@@ -764,20 +643,15 @@ TEST_F(ShearWarpMIPProgramSegments, OutlinesWhatAnySliceHas)
 TEST_F(ShearWarpMIPProgramSegments, TakesFilesOfOldSlicersAndOthers)
 {
   using LayersType = itk::VectorImage<unsigned char, 3>;
-  const auto layers = LayersType::New();
-  layers->CopyInformation(m_Volume);
-  layers->SetRegions(m_Volume->GetLargestPossibleRegion());
-  layers->SetNumberOfComponentsPerPixel(2);
-  layers->Allocate(true);
+  const auto layers = MakeImageLike<LayersType>(m_Volume, 2);
   layers->GetBufferPointer()[2 * 900 + 1] = 1;
-  this->WriteSegments(layers.GetPointer(),
-                      "old.seg.nrrd",
-                      { { "Segment0_Name", "absent" }, { "Segment1_ID", "Segment_1" }, { "Segment1_Color", "1 0 0" } });
+  this->WriteSegments(
+    layers, "old.seg.nrrd", { { { "Name", "absent" } }, { { "ID", "Segment_1" }, { "Color", "1 0 0" } } });
   const Result old = this->Run("in.nrrd out.png --verbose --segments old.seg.nrrd");
   EXPECT_NE(old.messages.find("1 segment: Segment_1:"), std::string::npos) << old.messages;
 
   const auto plain = MakeBalls({ itk::Point<double, 3>(m_Volume->GetOrigin()) }, 3.0);
-  this->WriteImage<LabelType>(plain, "plain.nii.gz");
+  this->WriteImage(plain, "plain.nii.gz");
   const Result told = this->Run("in.nrrd out.png --verbose --segments plain.nii.gz");
   EXPECT_NE(told.messages.find("1 segment: label 1:"), std::string::npos) << told.messages;
 }
@@ -788,11 +662,9 @@ TEST_F(ShearWarpMIPProgramSegments, RefusesWhatIsNotPossible)
   this->ExpectFailure("in.nrrd out.png --segments none.nrrd", "'none.nrrd' does not exist");
   const auto many = MakeImage<VolumeType>({ { 11, 10, 10 } });
   std::iota(many->GetBufferPointer(), many->GetBufferPointer() + 1100, static_cast<PixelType>(-98));
-  this->WriteImage<VolumeType>(many, "many.nrrd");
+  this->WriteImage(many, "many.nrrd");
   this->ExpectFailure("in.nrrd out.png --segments many.nrrd", "'many.nrrd' has more than 1000 labels");
-  using TimesType = itk::Image<unsigned char, 4>;
-  const auto times = MakeImage<TimesType>({ { 3, 3, 3, 2 } });
-  this->WriteImage<TimesType>(times, "times.nrrd");
+  this->WriteImage(MakeImage<itk::Image<unsigned char, 4>>({ { 3, 3, 3, 2 } }), "times.nrrd");
   this->ExpectFailure("in.nrrd out.png --segments times.nrrd", "'times.nrrd' has 2 points in time; 1 is needed");
   this->ExpectFailure("in.nrrd out.nrrd --segments many.nrrd", "--segments is for what is looked at");
   fs::copy(m_Folder / "many.nrrd", m_Folder / "same.png");
@@ -800,20 +672,20 @@ TEST_F(ShearWarpMIPProgramSegments, RefusesWhatIsNotPossible)
 
   const auto far = MakeBalls({ itk::Point<double, 3>(m_Volume->GetOrigin()) }, 3.0);
   far->SetOrigin(itk::Point<double, 3>(500.0));
-  this->WriteImage<LabelType>(far, "far.nrrd");
+  this->WriteImage(far, "far.nrrd");
   this->ExpectWarning("in.nrrd out.png --segments far.nrrd", "'far.nrrd' and INPUT have no place in common");
   far->FillBuffer(0);
   far->SetOrigin(m_Volume->GetOrigin());
-  this->WriteImage<LabelType>(far, "empty.nrrd");
+  this->WriteImage(far, "empty.nrrd");
   this->ExpectWarning("in.nrrd out.png --segments empty.nrrd", "no voxel of 'empty.nrrd' has a label");
 }
 
 TEST_F(ShearWarpMIPProgramSegments, AreNoInput)
 {
   this->WriteDICOMSeries("1.2.3.4", "a", { 0, 2 });
-  for (const std::string name : { "dicom/a0.dcm", "dicom/a1.dcm" })
+  for (const auto & file : ListFiles(m_Folder / "dicom"))
   {
-    this->SetAttribute(name, { 0x0008, 0x0016 }, gdcm::VR::UI, "1.2.840.10008.5.1.4.1.1.66.4");
+    this->SetAttribute(file, { 0x0008, 0x0016 }, gdcm::VR::UI, "1.2.840.10008.5.1.4.1.1.66.4");
   }
   for (const std::string path : { "dicom/a0.dcm", "dicom" })
   {

@@ -28,12 +28,10 @@ from pathlib import Path
 
 import numpy
 import pydicom
+from make_study import CT, MR, PET, group
 from pydicom.data import get_charset_files, get_testdata_file
 from pydicom.pixel_data_handlers.util import apply_modality_lut
 
-CT = "1.2.840.10008.5.1.4.1.1.2"
-MR = "1.2.840.10008.5.1.4.1.1.4"
-PET = "1.2.840.10008.5.1.4.1.1.128"
 SECONDARY_CAPTURE = "1.2.840.10008.5.1.4.1.1.7"
 PATIENT_AND_STUDY = """PatientName PatientID PatientBirthDate PatientSex StudyInstanceUID StudyDate StudyTime StudyID
     AccessionNumber ReferringPhysicianName StudyDescription SpecificCharacterSet""".split()
@@ -131,12 +129,10 @@ def check_sample(sample, kind, source, sop_class):
 def write_deidentified(source, path, implicit):
     """As the cancer imaging archive does."""
     dataset = pydicom.dcmread(source)
-    code = pydicom.Dataset()
-    code.CodeValue = "113100"
-    code.CodingSchemeDesignator = "DCM"
-    code.CodeMeaning = "Basic Application Confidentiality Profile"
     dataset.PatientIdentityRemoved = "YES"
-    dataset.DeidentificationMethodCodeSequence = [code]
+    dataset.DeidentificationMethodCodeSequence = group(
+        CodeValue="113100", CodingSchemeDesignator="DCM", CodeMeaning="Basic Application Confidentiality Profile"
+    )
     dataset.BodyPartExamined = "CHEST"
     del dataset.Laterality
     if implicit:

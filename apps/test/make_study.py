@@ -32,7 +32,6 @@ from pathlib import Path
 import numpy as np
 from pydicom.dataset import Dataset, FileDataset, FileMetaDataset
 from pydicom.fileset import FileSet
-from pydicom.sequence import Sequence
 from pydicom.uid import ExplicitVRLittleEndian, generate_uid
 
 CT = "1.2.840.10008.5.1.4.1.1.2"
@@ -68,18 +67,17 @@ def sample(position, axes, spacing, shape):
     return in_body, spots
 
 
-def code(value, scheme, meaning):
-    item = Dataset()
-    item.CodeValue, item.CodingSchemeDesignator, item.CodeMeaning = value, scheme, meaning
-    return item
-
-
 def group(**attributes):
     """A sequence of one item."""
     item = Dataset()
     for name, value in attributes.items():
         setattr(item, name, value)
-    return Sequence([item])
+    return [item]
+
+
+def code(value, meaning):
+    """Of SNOMED CT, as a sequence of one item."""
+    return group(CodeValue=value, CodingSchemeDesignator="SCT", CodeMeaning=meaning)
 
 
 def new_image(sop_class, modality, number, description, instance):
@@ -173,15 +171,12 @@ def ct_enhanced():
     positions = [(-63.75, -48.75, 4.0 * n - 46.0) for n in order]
     spacing, shape = (2.5, 2.5), (40, 52)
     image.ImageType = ["DERIVED", "PRIMARY", "VOLUME", "NONE"]
-    image.PixelPresentation, image.VolumetricProperties, image.VolumeBasedCalculationTechnique = (
-        "MONOCHROME",
-        "VOLUME",
-        "NONE",
-    )
+    image.PixelPresentation, image.VolumetricProperties = "MONOCHROME", "VOLUME"
+    image.VolumeBasedCalculationTechnique = "NONE"
     image.AcquisitionDateTime, image.AcquisitionDuration = "20240131100300", 1.0
     image.ContentQualification, image.BurnedInAnnotation, image.LossyImageCompression = "RESEARCH", "NO", "00"
     image.PresentationLUTShape = "IDENTITY"
-    image.AcquisitionContextSequence = Sequence([])
+    image.AcquisitionContextSequence = []
     image.MultienergyCTAcquisition = "NO"
     organization = uid("dimensions")
     image.DimensionOrganizationSequence = group(DimensionOrganizationUID=organization)
@@ -193,9 +188,7 @@ def ct_enhanced():
     shared.PlaneOrientationSequence = group(ImageOrientationPatient=[x for axis in AXIAL for x in axis])
     shared.PixelValueTransformationSequence = group(RescaleIntercept="-1024", RescaleSlope="1", RescaleType="HU")
     shared.FrameVOILUTSequence = group(WindowCenter="300", WindowWidth="1500")
-    shared.FrameAnatomySequence = group(
-        FrameLaterality="U", AnatomicRegionSequence=Sequence([code("51185008", "SCT", "Chest")])
-    )
+    shared.FrameAnatomySequence = group(FrameLaterality="U", AnatomicRegionSequence=code("51185008", "Chest"))
     shared.IrradiationEventIdentificationSequence = group(IrradiationEventUID=uid("irradiation"))
     shared.CTImageFrameTypeSequence = group(
         FrameType=image.ImageType,
@@ -209,8 +202,7 @@ def ct_enhanced():
         frame.FrameContentSequence = group(DimensionIndexValues=n + 1, StackID="1", InStackPositionNumber=n + 1)
         frame.PlanePositionSequence = group(ImagePositionPatient=list(position))
         frames.append(frame)
-    image.SharedFunctionalGroupsSequence = Sequence([shared])
-    image.PerFrameFunctionalGroupsSequence = Sequence(frames)
+    image.SharedFunctionalGroupsSequence, image.PerFrameFunctionalGroupsSequence = [shared], frames
     image.NumberOfFrames = len(frames)
     set_pixels(image, [hounsfield(position, AXIAL, spacing, shape) for position in positions])
     del image.BodyPartExamined, image.AcquisitionDate, image.AcquisitionTime
@@ -238,39 +230,43 @@ def mr():
     return images
 
 
+def pet_slice(number, description, instance, count, position, spacing, thickness, activity):
+    """One of count slices, with a rescale slope of its own."""
+    image = new_image(PET, "PT", number, description, instance)
+    image.ImageType = ["ORIGINAL", "PRIMARY"]
+    image.Units, image.CountsSource, image.SeriesType = "BQML", "EMISSION", ["STATIC", "IMAGE"]
+    image.NumberOfSlices, image.ImageIndex, image.CollimatorType = count, instance, "NONE"
+    image.CorrectedImage, image.DecayCorrection = ["ATTN", "DECY"], "START"
+    image.RandomsCorrectionMethod, image.ScatterCorrectionMethod = "NONE", "NONE"
+    image.AttenuationCorrectionMethod, image.ReconstructionMethod = "Measured", "OSEM"
+    image.FrameReferenceTime, image.ActualFrameDuration, image.DecayFactor = "0", "120000", "1"
+    image.RadiopharmaceuticalInformationSequence = group(
+        Radiopharmaceutical="FDG",
+        RadiopharmaceuticalStartTime="090000",
+        RadionuclideTotalDose="350000000",
+        RadionuclideHalfLife="6586.2",
+        RadionuclidePositronFraction="0.967",
+        RadionuclideCodeSequence=code("77004003", "^18^Fluorine"),
+        RadiopharmaceuticalCodeSequence=code("35321007", "Fluorodeoxyglucose F^18^"),
+    )
+    del image.PatientPosition  # the next three say it
+    image.PatientOrientationCodeSequence = code("102538003", "recumbent")
+    image.PatientOrientationCodeSequence[0].PatientOrientationModifierCodeSequence = code("40199007", "supine")
+    image.PatientGantryRelationshipCodeSequence = code("102540008", "headfirst")
+    set_plane(image, position, AXIAL, spacing, thickness)
+    slope = float(f"{np.abs(activity).max() / 32767.0:.9g}") or 1.0
+    image.RescaleIntercept, image.RescaleSlope = "0", slope
+    set_pixels(image, np.round(activity / slope).astype(np.int16))
+    return image
+
+
 def pet():
     images = []
     for n in range(32):
         position, spacing, shape = (-62.0, -46.5, 3.0 * n - 46.5), (3.0, 4.0), (32, 32)
-        image = new_image(PET, "PT", 6, "PET attenuation", n + 1)
-        image.ImageType = ["ORIGINAL", "PRIMARY"]
-        image.Units, image.CountsSource, image.SeriesType = "BQML", "EMISSION", ["STATIC", "IMAGE"]
-        image.NumberOfSlices, image.ImageIndex, image.CollimatorType = 32, n + 1, "NONE"
-        image.CorrectedImage, image.DecayCorrection = ["ATTN", "DECY"], "START"
-        image.RandomsCorrectionMethod, image.ScatterCorrectionMethod = "NONE", "NONE"
-        image.AttenuationCorrectionMethod, image.ReconstructionMethod = "Measured", "OSEM"
-        image.FrameReferenceTime, image.ActualFrameDuration, image.DecayFactor = "0", "120000", "1"
-        image.RadiopharmaceuticalInformationSequence = group(
-            Radiopharmaceutical="FDG",
-            RadiopharmaceuticalStartTime="090000",
-            RadionuclideTotalDose="350000000",
-            RadionuclideHalfLife="6586.2",
-            RadionuclidePositronFraction="0.967",
-            RadionuclideCodeSequence=Sequence([code("77004003", "SCT", "^18^Fluorine")]),
-            RadiopharmaceuticalCodeSequence=Sequence([code("35321007", "SCT", "Fluorodeoxyglucose F^18^")]),
-        )
-        del image.PatientPosition  # the next three say it
-        image.PatientOrientationCodeSequence = Sequence([code("102538003", "SCT", "recumbent")])
-        image.PatientOrientationCodeSequence[0].PatientOrientationModifierCodeSequence = Sequence(
-            [code("40199007", "SCT", "supine")]
-        )
-        image.PatientGantryRelationshipCodeSequence = Sequence([code("102540008", "SCT", "headfirst")])
-        set_plane(image, position, AXIAL, spacing, "3")
         in_body, spots = sample(position, AXIAL, spacing, shape)
         activity = np.where(in_body, 500.0 + 20000.0 * spots, 0.0)
-        slope = max(1e-3, round(activity.max() / 32767.0, 6))
-        image.RescaleIntercept, image.RescaleSlope = "0", f"{slope:.6g}"
-        set_pixels(image, np.round(activity / slope).astype(np.int16))
+        image = pet_slice(6, "PET attenuation", n + 1, 32, position, spacing, "3", activity)
         image.WindowCenter, image.WindowWidth = "10000", "20000"
         images.append(image)
     return images

@@ -19,19 +19,19 @@ import subprocess
 from datetime import datetime, timedelta
 from pathlib import Path
 
+import make_study
 import numpy as np
 import pydicom
 import pytest
-from pydicom.dataset import Dataset, FileMetaDataset
-from pydicom.uid import ExplicitVRLittleEndian, ImplicitVRLittleEndian, generate_uid
+from check_dicom_series import SECONDARY_CAPTURE, validate
+from make_study import CT, PET
 
 PROGRAM = os.environ["SHEAR_WARP_MIP"]
-PET = "1.2.840.10008.5.1.4.1.1.128"
-SECONDARY_CAPTURE = "1.2.840.10008.5.1.4.1.1.7"
 SIZE, SLICES = (20, 16), 12
 SPACING = np.array([4.0, 4.0, 5.0])
 ORIGIN = np.array([-30.0, -50.0, 100.0])
 HOT = np.array([13, 4, 9])
+NRRD_TYPES = {"u1": "uchar", "i2": "short", "u2": "ushort", "f4": "float"}
 SCAN = datetime(2024, 1, 2, 10, 30)
 COPIED = """PatientName PatientID PatientWeight StudyInstanceUID FrameOfReferenceUID SeriesDate SeriesTime Units CountsSource
     CorrectedImage DecayCorrection AttenuationCorrectionMethod CollimatorType RadiopharmaceuticalInformationSequence
@@ -46,78 +46,66 @@ def make_volume():
     return volume
 
 
-def make_code(value, scheme, meaning):
-    code = Dataset()
-    code.CodeValue, code.CodingSchemeDesignator, code.CodeMeaning = value, scheme, meaning
-    return code
-
-
 def write_pet(folder, volume=None, change=lambda dataset, n: None, implicit=False):
     """A whole-body series of one slope for each slice, as some scanners write; later slices are acquired earlier."""
-    volume = make_volume() if volume is None else volume
     folder.mkdir()
-    study, series, frame_of_reference = (generate_uid() for _ in range(3))
-    for n, values in enumerate(volume):
-        dataset = Dataset()
-        dataset.SOPClassUID, dataset.SOPInstanceUID = PET, generate_uid()
-        dataset.StudyInstanceUID, dataset.SeriesInstanceUID = study, series
-        dataset.FrameOfReferenceUID, dataset.PositionReferenceIndicator = frame_of_reference, ""
-        dataset.PatientName, dataset.PatientID = "Phantom^Pet", "P1"
-        dataset.PatientBirthDate, dataset.PatientSex, dataset.PatientWeight = "19600101", "F", "70"
-        dataset.StudyDate, dataset.StudyTime, dataset.StudyID = "20240102", "100000", "1"
-        dataset.AccessionNumber, dataset.ReferringPhysicianName = "A1", ""
-        dataset.Modality, dataset.SeriesNumber, dataset.Manufacturer, dataset.Laterality = "PT", 3, "Maker", ""
-        dataset.ImageType = ["ORIGINAL", "PRIMARY"]
-        dataset.SeriesDate, dataset.SeriesTime = f"{SCAN:%Y%m%d}", f"{SCAN:%H%M%S}"
+    for n, values in enumerate(make_volume() if volume is None else volume):
+        position = [*ORIGIN[:2], ORIGIN[2] + n * SPACING[2]]
+        dataset = make_study.pet_slice(3, "PET", n + 1, SLICES, position, SPACING[1::-1], SPACING[2], values)
         bed = 2 - n // 4
         acquired = SCAN + timedelta(minutes=3 * bed)
+        dataset.SeriesDate, dataset.SeriesTime = f"{SCAN:%Y%m%d}", f"{SCAN:%H%M%S}"
         dataset.AcquisitionDate, dataset.AcquisitionTime = f"{acquired:%Y%m%d}", f"{acquired:%H%M%S}"
-        dataset.ContentDate, dataset.ContentTime = dataset.SeriesDate, dataset.SeriesTime
-        dataset.InstanceNumber, dataset.ImageIndex, dataset.NumberOfSlices = n + 1, n + 1, SLICES
-        dataset.SeriesType, dataset.Units, dataset.CountsSource = ["WHOLE BODY", "IMAGE"], "BQML", "EMISSION"
-        dataset.CorrectedImage, dataset.DecayCorrection = ["DECY", "ATTN", "SCAT"], "START"
-        dataset.AttenuationCorrectionMethod, dataset.CollimatorType = "CT", "NONE"
+        dataset.SeriesType, dataset.CorrectedImage = ["WHOLE BODY", "IMAGE"], ["DECY", "ATTN", "SCAT"]
         dataset.FrameReferenceTime, dataset.ActualFrameDuration = 180000 * bed + 90000, 180000
         dataset.DecayFactor = "1.009"
-        drug = Dataset()
-        drug.Radiopharmaceutical, drug.RadionuclideTotalDose = "FDG", "370000000"
-        drug.RadionuclideHalfLife, drug.RadionuclidePositronFraction = "6586.2", "0.967"
-        drug.RadiopharmaceuticalStartTime = "093000.00"
-        drug.RadionuclideCodeSequence = [make_code("77004003", "SCT", "^18^Fluorine")]
-        dataset.RadiopharmaceuticalInformationSequence = [drug]
-        dataset.PatientOrientationCodeSequence = [make_code("102538003", "SCT", "recumbent")]
-        dataset.PatientOrientationCodeSequence[0].PatientOrientationModifierCodeSequence = [
-            make_code("40199007", "SCT", "supine")
-        ]
-        dataset.PatientGantryRelationshipCodeSequence = [make_code("102540008", "SCT", "headfirst")]
-        dataset.ImagePositionPatient = [*ORIGIN[:2], ORIGIN[2] + n * SPACING[2]]
-        dataset.ImageOrientationPatient, dataset.PixelSpacing = [1, 0, 0, 0, 1, 0], list(SPACING[1::-1])
-        dataset.SliceThickness = SPACING[2]
-        slope = float(f"{np.abs(values).max() / 32767:.9g}") or 1.0
-        dataset.RescaleIntercept, dataset.RescaleSlope = 0, slope
-        dataset.SamplesPerPixel, dataset.PhotometricInterpretation = 1, "MONOCHROME2"
-        dataset.Rows, dataset.Columns = values.shape
-        dataset.BitsAllocated = dataset.BitsStored = 16
-        dataset.HighBit, dataset.PixelRepresentation = 15, 1
-        dataset.PixelData = np.rint(values / slope).astype("<i2").tobytes()
+        set_drug(RadionuclideTotalDose="370000000", RadiopharmaceuticalStartTime="093000.00")(dataset, n)
         change(dataset, n)
-        dataset.file_meta = FileMetaDataset()
-        dataset.file_meta.TransferSyntaxUID = ImplicitVRLittleEndian if implicit else ExplicitVRLittleEndian
-        dataset.is_little_endian, dataset.is_implicit_VR = True, implicit
+        dataset.is_implicit_VR = implicit
         dataset.save_as(folder / f"slice-{n:02}.dcm", write_like_original=False)
     return folder
 
 
-def run(*arguments):
+def set_values(find, values):
+    """A change by write_pet: of what find returns of a data set."""
+
+    def change(dataset, n):
+        for name, value in values.items():
+            setattr(find(dataset), name, value)
+
+    return change
+
+
+def get_drug(dataset):
+    return dataset.RadiopharmaceuticalInformationSequence[0]
+
+
+def set_drug(**values):
+    return set_values(get_drug, values)
+
+
+def set_image(**values):
+    return set_values(lambda dataset: dataset, values)
+
+
+def run(*arguments, status=0):
     """What the program says."""
-    return subprocess.run([PROGRAM, *map(str, arguments)], capture_output=True, check=True).stderr.decode()
+    result = subprocess.run([PROGRAM, *map(str, arguments)], capture_output=True, text=True, check=False)
+    assert result.returncode == status, result.stderr
+    return result.stderr
 
 
 def fail(*arguments):
-    result = subprocess.run([PROGRAM, *map(str, arguments)], capture_output=True, check=False)
-    message = result.stderr.decode()
-    assert result.returncode == 1 and message.count("\n") == 1, message
+    message = run(*arguments, status=1)
+    assert message.count("\n") == 1, message
     return message
+
+
+def write_nrrd(path, pixels, *fields):
+    """With fields that follow those of the pixels."""
+    header = ["NRRD0004", f"type: {NRRD_TYPES[pixels.dtype.str[1:]]}", f"dimension: {pixels.ndim}"]
+    header += [f"sizes: {' '.join(map(str, pixels.shape[::-1]))}", "encoding: raw", "endian: little", *fields]
+    path.write_bytes("\n".join([*header, "", ""]).encode() + pixels.tobytes())
 
 
 def read_values(path):
@@ -131,10 +119,7 @@ def read_values(path):
 def read_dicom(folder):
     files = sorted(Path(folder).iterdir())
     if shutil.which("dciodvfy"):
-        for file in files:
-            result = subprocess.run(["dciodvfy", file], capture_output=True, check=False)
-            lines = (result.stdout + result.stderr).decode("ascii", "replace").splitlines()
-            assert result.returncode == 0 and not [line for line in lines if "Error" in line], lines
+        validate(files)
     return [pydicom.dcmread(file) for file in files]
 
 
@@ -235,28 +220,12 @@ def test_incomplete_source(tmp_path, name):
 # ---- SUV
 
 
-def set_drug(**values):
-    def change(dataset, n):
-        for name, value in values.items():
-            setattr(dataset.RadiopharmaceuticalInformationSequence[0], name, value)
-
-    return change
-
-
-def set_image(**values):
-    def change(dataset, n):
-        for name, value in values.items():
-            setattr(dataset, name, value)
-
-    return change
-
-
 def join(*changes):
     return lambda dataset, n: [change(dataset, n) for change in changes]
 
 
 def remove(name, in_drug=False):
-    return lambda dataset, n: delattr(dataset.RadiopharmaceuticalInformationSequence[0] if in_drug else dataset, name)
+    return lambda dataset, n: delattr(get_drug(dataset) if in_drug else dataset, name)
 
 
 def set_ge_scan_time(dataset, n):
@@ -369,32 +338,26 @@ def test_suv_needs_dicom(tmp_path):
 
 def test_suv_of_an_overlay(tmp_path):
     pet = write_pet(tmp_path / "pet")
-    values = make_volume()
-    header = (
-        f"NRRD0004\ntype: float\ndimension: 3\nspace: left-posterior-superior\nsizes: {SIZE[0]} {SIZE[1]} {SLICES}\n"
-    )
-    header += "space directions: ({},0,0) (0,{},0) (0,0,{})\n".format(*SPACING)
-    header += "space origin: ({},{},{})\nencoding: raw\nendian: little\n\n".format(*ORIGIN)
-    (tmp_path / "ct.nrrd").write_bytes(header.encode() + values.astype("<f4").tobytes())
+    grid = ["space: left-posterior-superior", "space directions: ({},0,0) (0,{},0) (0,0,{})".format(*SPACING)]
+    ct = tmp_path / "ct.nrrd"
+    write_nrrd(ct, make_volume().astype("<f4"), *grid, "space origin: ({},{},{})".format(*ORIGIN))
     factor = GRAMS / (DOSE * 0.5 ** (3600 / HALF_LIFE))
     for name, options in {
         "plain": ["--overlay-window", 0, 20000],
         "suv": ["--overlay-window", 0, 20000 * factor, "--suv"],
         "none": ["--overlay-window", 20, 30, "--suv"],
     }.items():
-        said = run(tmp_path / "ct.nrrd", tmp_path / f"{name}.png", "--overlay", pet, *options)
+        said = run(ct, tmp_path / f"{name}.png", "--overlay", pet, *options)
         assert ("nothing of" in said) == (name == "none")
     assert (tmp_path / "plain.png").read_bytes() == (tmp_path / "suv.png").read_bytes()
     # in colours for the archive, of a series and of a file
-    for source, overlay in ((pet, tmp_path / "ct.nrrd"), (tmp_path / "ct.nrrd", pet)):
+    for source, overlay in ((pet, ct), (ct, pet)):
         folder = tmp_path / f"fused-{source.name}"
         run(source, f"{folder}/", "--overlay", overlay, "--frames", 2)
         for dataset, sides in zip(read_dicom(folder), (["L", "F"], ["R", "F"])):
             assert dataset.SOPClassUID == SECONDARY_CAPTURE and dataset.PhotometricInterpretation == "RGB"
             assert list(dataset.PatientOrientation) == sides
-    assert "neither INPUT nor the overlay" in fail(
-        tmp_path / "ct.nrrd", tmp_path / "mip.png", "--overlay", tmp_path / "ct.nrrd", "--suv"
-    )
+    assert "neither INPUT nor the overlay" in fail(ct, tmp_path / "mip.png", "--overlay", ct, "--suv")
 
 
 def test_dicom_of_suv(tmp_path):
@@ -434,9 +397,7 @@ def test_burned_in_annotation_stays(tmp_path):
 def test_multi_frame(tmp_path, kind, sop_class):
     volume = np.arange(5 * 6 * 7).reshape(5, 6, 7).astype(kind) * np.array(1 if kind == "u1" else 3).astype(kind)
     volume = volume - np.array(300).astype(kind) if kind == "i2" else volume / 7 if kind == "f4" else volume
-    names = {"u1": "uchar", "i2": "short", "u2": "ushort", "f4": "float"}
-    header = f"NRRD0004\ntype: {names[kind]}\ndimension: 3\nsizes: 7 6 5\nencoding: raw\nendian: little\n\n"
-    (tmp_path / "in.nrrd").write_bytes(header.encode() + volume.astype(f"<{kind}").tobytes())
+    write_nrrd(tmp_path / "in.nrrd", volume.astype(f"<{kind}"))
     options = ["--frames", 4, "--rate", 8, "--dicom-out", tmp_path / "turn", "--multi-frame"]
     assert run(tmp_path / "in.nrrd", tmp_path / "mip.nrrd", *options) == ""
     data = (tmp_path / "mip.nrrd").read_bytes().split(b"\n\n", 1)
@@ -454,11 +415,8 @@ def test_multi_frame(tmp_path, kind, sop_class):
 
 
 def test_multi_frame_of_slabs_and_ct(tmp_path):
-    def make_ct(dataset, n):
-        dataset.SOPClassUID, dataset.Modality = "1.2.840.10008.5.1.4.1.1.2", "CT"
-        dataset.KVP, dataset.AcquisitionNumber = "120", ""
-
-    ct = write_pet(tmp_path / "ct", make_volume() - 1000.0, change=make_ct)
+    change = set_image(SOPClassUID=CT, Modality="CT", KVP="120", AcquisitionNumber="")
+    ct = write_pet(tmp_path / "ct", make_volume() - 1000.0, change=change)
     run(ct, tmp_path / "slabs.mha", "--sliding-slab", "20,10", "--dicom-out", tmp_path / "slabs", "--multi-frame")
     (dataset,) = read_dicom(tmp_path / "slabs")
     assert list(dataset.PatientOrientation) == ["L", "F"]

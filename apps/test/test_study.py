@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""A study as it comes, read by the program: STUDY_PROGRAM is that, STUDY_EXAMPLE the script radiology_day.py."""
+"""A study as it comes, read by the program SHEAR_WARP_MIP; STUDY_EXAMPLE is the script radiology_day.py."""
 
 import os
 import shutil
@@ -25,9 +25,8 @@ import pydicom
 import pytest
 from PIL import Image
 from pydicom.dataset import Dataset
-from pydicom.sequence import Sequence
+from test_pet import PROGRAM, fail, run, write_nrrd
 
-PROGRAM = os.environ["STUDY_PROGRAM"]
 EXAMPLE = os.environ["STUDY_EXAMPLE"]
 WHOLE = [name for name in make_study.SERIES if name != "CT incomplete"]
 PEAKS = {"CT": 1040.0, "MR": 900.0, "PT": 20500.0}
@@ -40,14 +39,9 @@ def study(tmp_path_factory):
     return folder
 
 
-def run(*arguments):
-    return subprocess.run([PROGRAM, *map(str, arguments)], capture_output=True, text=True, check=False)
-
-
 def project(study, folder, series):
     """Four frames of a turn, in their order."""
-    outcome = run(study, f"{folder}/", "--frames", 4, "--series", series)
-    assert outcome.returncode == 0, outcome.stderr
+    run(study, f"{folder}/", "--frames", 4, "--series", series)
     return [pydicom.dcmread(file) for file in sorted(folder.iterdir())]
 
 
@@ -78,9 +72,8 @@ def test_series_are_listed(study, tmp_path):
         for number, name in enumerate(images, 1)
     ]
     for path in (study, study / "DICOMDIR"):
-        outcome = run(path, tmp_path / "mip.png")
-        assert outcome.returncode == 1
-        assert outcome.stderr.endswith("choose one by --series NUMBER: " + "; ".join(lines) + "\n")
+        message = fail(path, tmp_path / "mip.png")
+        assert message.endswith("choose one by --series NUMBER: " + "; ".join(lines) + "\n")
 
 
 @pytest.mark.parametrize("name", WHOLE)
@@ -106,10 +99,9 @@ def test_order_of_frames_is_no_matter(study, tmp_path):
 
 
 def test_missing_slice_is_named(study, tmp_path):
-    outcome = run(study, tmp_path / "mip.png", "--series", "incomplete")
-    assert outcome.returncode == 1
-    assert "a slice is missing between '" in outcome.stderr
-    assert "at -10 mm and '" in outcome.stderr and "at -2 mm; others are 4 mm apart" in outcome.stderr
+    message = fail(study, tmp_path / "mip.png", "--series", "incomplete")
+    assert "a slice is missing between '" in message
+    assert "at -10 mm and '" in message and "at -2 mm; others are 4 mm apart" in message
     assert not list(tmp_path.iterdir())
 
 
@@ -120,10 +112,9 @@ def test_several_volumes_in_a_series_are_refused(tmp_path, name):
         setattr(image, name, "10" if number < len(images) / 2 else "20")
         image.SOPInstanceUID = image.file_meta.MediaStorageSOPInstanceUID = f"1.2.{number}"
     write_series(tmp_path / "images", images)
-    outcome = run(tmp_path / "images", tmp_path / "mip.png")
-    assert outcome.returncode == 1
+    message = fail(tmp_path / "images", tmp_path / "mip.png")
     words = "".join(f" {c}" if c.isupper() else c for c in name)
-    assert f"They differ in{words}, 10 and 20: put the images of one volume into a folder" in outcome.stderr
+    assert f"They differ in{words}, 10 and 20: put the images of one volume into a folder" in message
 
 
 def test_several_volumes_in_a_file_are_refused(tmp_path):
@@ -131,9 +122,8 @@ def test_several_volumes_in_a_file_are_refused(tmp_path):
     image.PerFrameFunctionalGroupsSequence = [*image.PerFrameFunctionalGroupsSequence] * 2
     image.NumberOfFrames, image.PixelData = 48, image.PixelData * 2
     write_series(tmp_path / "image", [image])
-    outcome = run(tmp_path / "image" / "0", tmp_path / "mip.png")
-    assert outcome.returncode == 1
-    assert ". The file has several volumes, such as points in time: one is needed" in outcome.stderr
+    message = fail(tmp_path / "image" / "0", tmp_path / "mip.png")
+    assert ". The file has several volumes, such as points in time: one is needed" in message
 
 
 @pytest.mark.parametrize("space, peak", [("RGB", (160, 80, 53)), ("YBR_FULL", (59, 228, 80))])
@@ -147,8 +137,7 @@ def test_colours_are_kept(tmp_path, space, peak):
         image.BitsAllocated, image.BitsStored, image.HighBit = 8, 8, 7
         del image.RescaleSlope, image.RescaleIntercept
     write_series(tmp_path / "images", images)
-    outcome = run(tmp_path / "images", tmp_path / "mip.mha")
-    assert outcome.returncode == 0, outcome.stderr
+    run(tmp_path / "images", tmp_path / "mip.mha")
     header, pixels = (tmp_path / "mip.mha").read_bytes().split(b"ElementDataFile = LOCAL\n")
     assert b"ElementNumberOfChannels = 3" in header
     np.testing.assert_allclose(np.frombuffer(pixels, np.uint8).reshape(-1, 3).max(axis=0), peak, atol=8)
@@ -178,19 +167,19 @@ def make_segmentation(folder, parts, *, fractional=False):
     for number, part in parts.items():
         for n in range(GRID[2]):
             if part[..., n].any():
-                group = Dataset()
-                position = make_study.group(ImagePositionPatient=[-63.75, -48.75, 4.0 * n - 46.0])
-                group.PlanePositionSequence = position
-                group.SegmentIdentificationSequence = make_study.group(ReferencedSegmentNumber=number)
+                (group,) = make_study.group(
+                    PlanePositionSequence=make_study.group(ImagePositionPatient=[-63.75, -48.75, 4.0 * n - 46.0]),
+                    SegmentIdentificationSequence=make_study.group(ReferencedSegmentNumber=number),
+                )
                 groups.append(group)
                 frames.append(part[..., n])
     order = np.random.default_rng(2).permutation(len(frames))
-    shared = Dataset()
-    shared.PixelMeasuresSequence = make_study.group(PixelSpacing=[2.5, 2.5], SliceThickness="4")
-    shared.PlaneOrientationSequence = make_study.group(ImageOrientationPatient=[1, 0, 0, 0, 1, 0])
-    image.SharedFunctionalGroupsSequence = Sequence([shared])
-    image.PerFrameFunctionalGroupsSequence = Sequence([groups[n] for n in order])
-    image.SegmentSequence = Sequence([Dataset() for _ in parts])
+    image.SharedFunctionalGroupsSequence = make_study.group(
+        PixelMeasuresSequence=make_study.group(PixelSpacing=[2.5, 2.5], SliceThickness="4"),
+        PlaneOrientationSequence=make_study.group(ImageOrientationPatient=[1, 0, 0, 0, 1, 0]),
+    )
+    image.PerFrameFunctionalGroupsSequence = [groups[n] for n in order]
+    image.SegmentSequence = [Dataset() for _ in parts]
     for segment, number, label, colour in zip(image.SegmentSequence, parts, ("lesion", "whole body"), (RED, BLUE)):
         segment.SegmentNumber, segment.SegmentLabel, segment.RecommendedDisplayCIELabValue = number, label, colour
     pixels = np.stack([frames[n] for n in order])
@@ -219,27 +208,32 @@ def test_segmentation_is_as_its_labels(study, tmp_path, fractional, overlapping)
     parts = {3: lesion, 7: body}
     make_segmentation(tmp_path / "seg", parts, fractional=fractional)
     # the same as labels
-    with open(tmp_path / "labels.seg.nrrd", "wb") as file:
-        header = ["NRRD0004", "type: uchar", "dimension: 4", "space: left-posterior-superior", "encoding: raw"]
-        header += ["sizes: 2 52 40 24", "space directions: none (2.5,0,0) (0,2.5,0) (0,0,4)"]
-        header += ["kinds: vector domain domain domain", "space origin: (-63.75,-48.75,-46)"]
-        for n, (name, colour) in enumerate((("lesion", "1 0 0"), ("whole body", "0 0 1"))):
-            layer = [f"LabelValue:={3 + 4 * n}", f"Layer:={n}", f"Name:={name}", f"Color:={colour}"]
-            header += [f"Segment{n}_{entry}" for entry in layer]
-        file.write("\n".join([*header, "", ""]).encode())
-        layers = np.stack([3 * lesion, 7 * body], -1).astype(np.uint8)
-        file.write(layers.transpose(2, 0, 1, 3).tobytes())
+    fields = ["space: left-posterior-superior", "space directions: none (2.5,0,0) (0,2.5,0) (0,0,4)"]
+    fields += ["kinds: vector domain domain domain", "space origin: (-63.75,-48.75,-46)"]
+    for n, (name, colour) in enumerate((("lesion", "1 0 0"), ("whole body", "0 0 1"))):
+        layer = [f"LabelValue:={3 + 4 * n}", f"Layer:={n}", f"Name:={name}", f"Color:={colour}"]
+        fields += [f"Segment{n}_{entry}" for entry in layer]
+    layers = np.stack([3 * lesion, 7 * body], -1).astype(np.uint8)
+    write_nrrd(tmp_path / "labels.seg.nrrd", layers.transpose(2, 0, 1, 3), *fields)
     options = ["--series", 1, "--azimuth", 30, "--spacing", 1]
     pictures = []
     for segments in (tmp_path / "labels.seg.nrrd", tmp_path / "seg", tmp_path / "seg" / "segments.dcm"):
-        outcome = run(study, tmp_path / "mip.png", *options, "-v", "--segments", segments)
-        assert outcome.returncode == 0, outcome.stderr
-        assert ": lesion, whole body" in outcome.stderr
+        assert ": lesion, whole body" in run(study, tmp_path / "mip.png", *options, "-v", "--segments", segments)
         pictures.append(np.asarray(Image.open(tmp_path / "mip.png")).astype(int))
     assert (pictures[0] == (255, 0, 0)).all(axis=-1).sum() > 50
     assert (pictures[0] == (0, 0, 255)).all(axis=-1).sum() > 50
     for picture in pictures[1:]:
         np.testing.assert_allclose(picture, pictures[0], atol=1)
+
+
+def change_segmentation(folder, change):
+    """One part, as the change leaves its file."""
+    part = np.zeros(GRID, bool)
+    part[10:14, 30:36, 3:9] = True
+    make_segmentation(folder, {3: part})
+    image = pydicom.dcmread(folder / "segments.dcm")
+    change(image)
+    image.save_as(folder / "segments.dcm")
 
 
 @pytest.mark.parametrize(
@@ -253,42 +247,31 @@ def test_segmentation_is_as_its_labels(study, tmp_path, fractional, overlapping)
     ],
 )
 def test_segmentation_off_its_grid_is_refused(study, tmp_path, change, reason):
-    part = np.zeros(GRID, bool)
-    part[10:14, 30:36, 3:9] = True
-    make_segmentation(tmp_path / "seg", {1: part})
-    image = pydicom.dcmread(tmp_path / "seg" / "segments.dcm")
-    change(image.PerFrameFunctionalGroupsSequence[2])
-    image.save_as(tmp_path / "seg" / "segments.dcm")
-    outcome = run(study, tmp_path / "mip.png", "--series", 2, "--segments", tmp_path / "seg")
-    assert outcome.returncode == 1
-    assert reason in outcome.stderr and outcome.stderr.count("\n") == 1
+    change_segmentation(tmp_path / "seg", lambda image: change(image.PerFrameFunctionalGroupsSequence[2]))
+    assert reason in fail(study, tmp_path / "mip.png", "--series", 2, "--segments", tmp_path / "seg")
 
 
 def test_outline_is_half_a_voxel_away(tmp_path):
-    header = ["NRRD0004", "type: uchar", "dimension: 3", "space: left-posterior-superior", "sizes: 3 3 3"]
-    header += ["space directions: (9,0,0) (0,9,0) (0,0,9)", "space origin: (-9,-9,-9)", "encoding: raw", "", ""]
-    (tmp_path / "labels.nrrd").write_bytes("\n".join(header).encode() + bytes(13) + b"\1" + bytes(13))
-    outcome = run(
-        tmp_path / "labels.nrrd", tmp_path / "mip.png", "--segments", tmp_path / "labels.nrrd", "--spacing", 1
-    )
-    assert outcome.returncode == 0, outcome.stderr
+    labels = tmp_path / "labels.nrrd"
+    voxels = np.pad(np.ones((1, 1, 1), np.uint8), 1)
+    grid = ["space: left-posterior-superior", "space directions: (9,0,0) (0,9,0) (0,0,9)"]
+    write_nrrd(labels, voxels, *grid, "space origin: (-9,-9,-9)")
+    run(labels, tmp_path / "mip.png", "--segments", labels, "--spacing", 1)
     picture = np.asarray(Image.open(tmp_path / "mip.png"))
     rows, columns = (picture == (230, 159, 0)).all(axis=-1).nonzero()
     assert np.ptp(rows) == 8 and np.ptp(columns) == 8
 
 
 def test_frames_may_share_the_segment_number(study, tmp_path):
-    part = np.zeros(GRID, bool)
-    part[10:14, 30:36, 3:9] = True
-    make_segmentation(tmp_path / "seg", {3: part})
-    image = pydicom.dcmread(tmp_path / "seg" / "segments.dcm")
-    for group in image.PerFrameFunctionalGroupsSequence:
-        number = group.SegmentIdentificationSequence
-        del group.SegmentIdentificationSequence
-    image.SharedFunctionalGroupsSequence[0].SegmentIdentificationSequence = number
-    image.save_as(tmp_path / "seg" / "segments.dcm")
-    outcome = run(study, tmp_path / "mip.png", "--series", 2, "--segments", tmp_path / "seg", "-v")
-    assert ", 1 segment: lesion:" in outcome.stderr
+    def share(image):
+        for group in image.PerFrameFunctionalGroupsSequence:
+            number = group.SegmentIdentificationSequence
+            del group.SegmentIdentificationSequence
+        image.SharedFunctionalGroupsSequence[0].SegmentIdentificationSequence = number
+
+    change_segmentation(tmp_path / "seg", share)
+    said = run(study, tmp_path / "mip.png", "--series", 2, "--segments", tmp_path / "seg", "-v")
+    assert ", 1 segment: lesion:" in said
 
 
 def spend_day(*arguments):
