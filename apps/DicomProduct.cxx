@@ -22,7 +22,7 @@
 
 namespace
 {
-/** Of a frame without a slab the plane through the image's centre. */
+/** Of a frame without a slab the plane through the image's center. */
 std::vector<DicomView>
 MakeViews(const ProjectionOptions & projection, const itk::ImageBase<3> * grid)
 {
@@ -33,7 +33,7 @@ MakeViews(const ProjectionOptions & projection, const itk::ImageBase<3> * grid)
     view.transform = frame.transform;
     view.thickness = frame.slabFar - frame.slabNear;
     view.depth = std::isfinite(view.thickness) ? 0.5 * (frame.slabNear + frame.slabFar)
-                                               : ComputeDepthOfCentre(frame.transform, grid);
+                                               : ComputeDepthOfCenter(frame.transform, grid);
     view.angle = frame.angle;
     views.push_back(view);
   }

@@ -635,7 +635,7 @@ GetFrameName(std::size_t frame, std::size_t frames)
 } // namespace
 
 double
-ComputeDepthOfCentre(const itk::Transform<double, 3, 3> * transform, const itk::ImageBase<3> * grid)
+ComputeDepthOfCenter(const itk::Transform<double, 3, 3> * transform, const itk::ImageBase<3> * grid)
 {
   const auto      axes = itk::ShearWarpFactorization::GetLinearPart(transform);
   const PointType origin = transform->TransformPoint(PointType(0.0));

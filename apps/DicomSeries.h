@@ -67,9 +67,9 @@ struct DicomSeriesOptions
   std::string version;
 };
 
-/** The w in view space, in mm, of the centre of \a grid. \a transform is as in DicomView. */
+/** The w in view space, in mm, of the center of \a grid. \a transform is as in DicomView. */
 double
-ComputeDepthOfCentre(const itk::Transform<double, 3, 3> * transform, const itk::ImageBase<3> * grid);
+ComputeDepthOfCenter(const itk::Transform<double, 3, 3> * transform, const itk::ImageBase<3> * grid);
 
 /** Writes each frame of \a frames as a DICOM file of one new series into \a directory, which must be empty or not exist
  * (its parent must). Names sort as the frames do. Files appear when all are complete.

@@ -102,9 +102,9 @@ MakeTurn(const Options & options, const Frame & still, const itk::ImageBase<3> *
   turn->SetTransform(still.transform);
   turn->SetNumberOfFrames(options.frames);
   turn->SetRotationAxis(MakeAxis(options.axis, grid));
-  if (!options.centre.empty())
+  if (!options.center.empty())
   {
-    turn->SetCenter(itk::Point<double, 3>(options.centre.data()));
+    turn->SetCenter(itk::Point<double, 3>(options.center.data()));
   }
   turn->SetRocking(options.rocking.has_value());
   turn->SetAngularRange(options.rocking.value_or(options.range));

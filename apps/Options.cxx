@@ -242,9 +242,9 @@ DefineOptions(CLI::App & app, Options & options)
     ->needs(frames);
   add("Turning series",
       "--center,--centre",
-      options.centre,
+      options.center,
       "X Y Z",
-      "A point of the axis in the patient's space (LPS), in mm; default: the image's centre")
+      "A point of the axis in the patient's space (LPS), in mm; default: the image's center")
     ->check(Number("a finite number", std::numeric_limits<double>::lowest()))
     ->delimiter(',')
     ->expected(3)
@@ -353,7 +353,7 @@ DefineOptions(CLI::App & app, Options & options)
                         "--slab",
                         options.slab,
                         "NEAR FAR",
-                        "Projects only samples between these depths, in mm behind the image's centre along the view "
+                        "Projects only samples between these depths, in mm behind the image's center along the view "
                         "(negative: nearer to the viewer; -inf and inf: no limit)")
                       ->check(Bound())
                       ->delimiter(',')
@@ -425,7 +425,7 @@ DefineOptions(CLI::App & app, Options & options)
       "--depth",
       options.depth,
       "FILE",
-      "Also writes the depth of each pixel's value, in mm behind the image's centre along the view, as floats "
+      "Also writes the depth of each pixel's value, in mm behind the image's center along the view, as floats "
       "in .mha, .nrrd, .nii or .nii.gz; pixels without a value are not-a-number, which ITK reads as 0 from NIfTI");
   add("Projection",
       "--depth-color,--depth-colour",

@@ -52,7 +52,7 @@ struct Options
   unsigned int                frames{ 0 };
   std::optional<unsigned int> pageBits;
   std::vector<std::string>    axis{ "superior" };
-  std::vector<double>         centre;
+  std::vector<double>         center;
   double                      range{ 360.0 };
   std::optional<double>       rocking;
   std::vector<double>         elevations;

@@ -217,7 +217,7 @@ def draw_sampling(path, steps, slices):
     extent = (column - 3.5, column + 3.5, row - 3.5, row + 3.5)
     axes[1].imshow(steps.voxels[k][window], **GREYS, extent=extent, origin="lower")
     across, up = np.meshgrid(np.arange(column - 3, column + 4), np.arange(row - 3, row + 4))
-    axes[1].plot(across.ravel(), up.ravel(), "s", color=ORANGE, markersize=4, label="voxel centres")
+    axes[1].plot(across.ravel(), up.ravel(), "s", color=ORANGE, markersize=4, label="voxel centers")
     axes[1].plot(
         (across - fraction[0]).ravel(), (up - fraction[1]).ravel(), "o", color=BLUE, markersize=4, label="pixels"
     )
@@ -363,7 +363,7 @@ def draw_memory(path):
 def draw_exact(path, steps):
     """A ray between slices, and the interpolant along it."""
     _, rows, columns = steps.voxels.shape
-    # the ray of the largest voxel's neighbourhood, between the centres of voxels
+    # the ray of the largest voxel's neighbourhood, between the centers of voxels
     k, j, i = np.unravel_index(np.argmax(steps.voxels), steps.voxels.shape)
     peak = np.array([i, j]) + steps.offset(k)
 

@@ -52,9 +52,9 @@ def make_chunk(filaments: np.ndarray, block_info=None) -> np.ndarray:
     chunk = BACKGROUND + NOISE * generator.standard_normal(shape, np.float32)
     near = ((filaments[:, :3] > first - RADIUS - 1) & (filaments[:, :3] < first + shape + RADIUS)).all(axis=1)
     points = filaments[near, :3] - first
-    centres = np.rint(points).astype(int)
+    centers = np.rint(points).astype(int)
     for offset in np.ndindex((2 * RADIUS + 1,) * 3):
-        voxels = centres + np.array(offset) - RADIUS
+        voxels = centers + np.array(offset) - RADIUS
         inside = ((voxels >= 0) & (voxels < shape)).all(axis=1)
         distance = np.square(voxels[inside] - points[inside]).sum(axis=1)
         light = BACKGROUND + filaments[near, 3][inside] * np.exp(-distance / (2 * 1.3**2))
@@ -85,7 +85,7 @@ def write_image(path: Path, shape: tuple[int, ...]) -> None:
             voxels = dask.array.coarsen(np.mean, voxels, dict.fromkeys(range(3), 2), trim_excess=True)
         dask.array.store(voxels.astype(np.uint16).rechunk(CHUNK), array, lock=False)
         scale = [spacing * 2**level for spacing in SPACING]
-        # the centre of the first voxel moves
+        # the center of the first voxel moves
         shift = [(of_level - spacing) / 2 for of_level, spacing in zip(scale, SPACING)]
         steps = [{"type": "scale", "scale": scale}, {"type": "translation", "translation": shift}]
         datasets.append({"path": str(level), "coordinateTransformations": steps})

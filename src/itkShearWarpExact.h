@@ -28,7 +28,7 @@ namespace itk
 namespace ShearWarp
 {
 /** Writes \a columns x \a rows pixels: on each one's own ray, the extremum of the trilinear interpolant of the voxels,
- * whose coordinates are clamped to the outer voxel centres, within half a voxel of these and within the intervals;
+ * whose coordinates are clamped to the outer voxel centers, within half a voxel of these and within the intervals;
  * rounded once, half upward. Depths are those of the extremum, the nearest of several. A ray that is outside, or meets
  * no finite cell, gives the background.
  *

@@ -411,9 +411,9 @@ TYPED_TEST(ShearWarpExact, AlongTheGridIsTheExtremumOfVoxels)
         if (image->GetPixel(index) == expected)
         {
           // the outer half voxels are as the outer voxels
-          const double centre = matrix(axis, 2) * static_cast<double>(index[axis]);
+          const double center = matrix(axis, 2) * static_cast<double>(index[axis]);
           const bool   isNearEnd = index[axis] == (matrix(axis, 2) > 0 ? first : last);
-          depth = std::min(depth, centre - (isNearEnd ? 0.5 : 0.0));
+          depth = std::min(depth, center - (isNearEnd ? 0.5 : 0.0));
         }
       }
       if (sizeof(TypeParam) == 8)
@@ -479,7 +479,7 @@ TEST(ShearWarpExactClosedForms, MaximaWithinACell)
     const auto linear = ProjectRay(MakeCell({ { 0, 1, 1 } }), MakePoint3(0.25, 0.5, 0), ray(0, 0, 1));
     EXPECT_NEAR(linear.first, 1000.0 * 0.75 * 0.5, 1e-4);
     EXPECT_NEAR(linear.second, sign > 0 ? 1.0 : -1.5, 1e-6);
-    // half a voxel beside the outer voxel centres
+    // half a voxel beside the outer voxel centers
     const auto outer = ProjectRay(MakeCell({ { 0, 0, 0 } }), MakePoint3(-0.5, -0.4375, 5), ray(0, 0, 1));
     EXPECT_EQ(outer.first, 1000.0f);
   }
@@ -498,10 +498,10 @@ TEST(ShearWarpExactClosedForms, ARampEndsWhereSlabAndBoxEnd)
     const double near = random.Uniform(-6, 0);
     const double far = random.Uniform(0, 6);
     const auto   filter = MakeExactFilter(image, view);
-    const auto   centre = view->GetInverseTransform()->TransformPoint(GetCenter(image));
-    SetGrid(filter, { { 3, 3 } }, MakeVector2(0.3, 0.3), MakePoint2(centre[0] - 0.3, centre[1] - 0.3));
-    filter->SetSlabNear(centre[2] + near);
-    filter->SetSlabFar(centre[2] + far);
+    const auto   center = view->GetInverseTransform()->TransformPoint(GetCenter(image));
+    SetGrid(filter, { { 3, 3 } }, MakeVector2(0.3, 0.3), MakePoint2(center[0] - 0.3, center[1] - 0.3));
+    filter->SetSlabNear(center[2] + near);
+    filter->SetSlabFar(center[2] + far);
     filter->Update();
     const auto * output = filter->GetOutput();
     for (const auto & index : itk::ImageRegionIndexRange<2>(output->GetBufferedRegion()))
@@ -510,7 +510,7 @@ TEST(ShearWarpExactClosedForms, ARampEndsWhereSlabAndBoxEnd)
       double     expected = -1e9;
       for (const double depth : { near, far })
       {
-        const auto place = view->TransformPoint(MakePoint3(pixel[0], pixel[1], centre[2] + depth));
+        const auto place = view->TransformPoint(MakePoint3(pixel[0], pixel[1], center[2] + depth));
         expected = std::max(expected, place[0] + 2 * place[1] + 3 * place[2]);
       }
       ASSERT_NEAR(output->GetPixel(index), expected, 1e-4);
@@ -873,8 +873,8 @@ TEST(ShearWarpExactRays, AnyZoomHasTheSameBits)
   const auto image = MakeRandomImage<short>(random, { { 30, 25, 20 } });
   const auto view = MakeRandomView(random, ViewKind::Rigid, image.GetPointer());
   const auto filter = MakeExactFilter(image, view);
-  const auto centre = view->GetInverseTransform()->TransformPoint(GetCenter(image));
-  SetGrid(filter, { { 300, 300 } }, MakeVector2(0.01, 0.01), MakePoint2(centre[0] - 1.5, centre[1] - 1.5));
+  const auto center = view->GetInverseTransform()->TransformPoint(GetCenter(image));
+  SetGrid(filter, { { 300, 300 } }, MakeVector2(0.01, 0.01), MakePoint2(center[0] - 1.5, center[1] - 1.5));
   filter->SetNumberOfWorkUnits(3);
   filter->Update();
   const auto whole = Copy(filter->GetOutput());

@@ -341,7 +341,7 @@ TEST_F(ShearWarpMIPProgramDicom, ScalesSpacing)
   EXPECT_EQ(this->ReadSeries()[0].tags.at("0018|0050"), "5");
 }
 
-TEST_F(ShearWarpMIPProgramDicom, FindsDepthOfCentre)
+TEST_F(ShearWarpMIPProgramDicom, FindsDepthOfCenter)
 {
   const auto   grid = itk::ImageBase<3>::New();
   const double spacing[] = { 1.0, 2.0, 3.0 };
@@ -350,9 +350,9 @@ TEST_F(ShearWarpMIPProgramDicom, FindsDepthOfCentre)
   grid->SetSpacing(spacing);
   grid->SetOrigin(origin);
   // from anterior, w is posterior: 6 + 2 * (2 + 2.5) is 20 mm away
-  EXPECT_NEAR(ComputeDepthOfCentre(MakeViews(1)[0].transform, grid), 15.0 - 20.0, 1e-12);
+  EXPECT_NEAR(ComputeDepthOfCenter(MakeViews(1)[0].transform, grid), 15.0 - 20.0, 1e-12);
   // turned to the half, the other way
-  EXPECT_NEAR(ComputeDepthOfCentre(MakeViews(2)[1].transform, grid), -15.0 - 20.0, 1e-12);
+  EXPECT_NEAR(ComputeDepthOfCenter(MakeViews(2)[1].transform, grid), -15.0 - 20.0, 1e-12);
 }
 
 TEST_F(ShearWarpMIPProgramDicom, WritesMRWithoutRescale)

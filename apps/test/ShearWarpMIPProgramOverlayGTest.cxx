@@ -474,7 +474,7 @@ protected:
 
   /** Labels of balls: of each voxel, the last whose ball holds its center. */
   static LabelType::Pointer
-  MakeBalls(const std::vector<itk::Point<double, 3>> & centres, double radius)
+  MakeBalls(const std::vector<itk::Point<double, 3>> & centers, double radius)
   {
     const auto labels = MakeImage<LabelType>({ { 60, 50, 70 } }, { 0.4, 0.5, 0.3 }, { -45.0, 10.0, 0.0 });
     itk::ImageRegionIteratorWithIndex<LabelType> it(labels, labels->GetBufferedRegion());
@@ -482,9 +482,9 @@ protected:
     {
       itk::Point<double, 3> point;
       labels->TransformIndexToPhysicalPoint(it.GetIndex(), point);
-      for (std::size_t n = 0; n < centres.size(); ++n)
+      for (std::size_t n = 0; n < centers.size(); ++n)
       {
-        if (point.EuclideanDistanceTo(centres[n]) <= radius)
+        if (point.EuclideanDistanceTo(centers[n]) <= radius)
         {
           it.Set(static_cast<unsigned char>(n + 1));
         }
@@ -515,9 +515,9 @@ protected:
 // a ball's projection is a disk of its radius
 TEST_F(ShearWarpMIPProgramSegments, OutlinesBalls)
 {
-  const double                             centres[][3] = { { -35.5, 17.5, 8.5 }, { -30.5, 23.5, 13.0 } };
-  const std::vector<itk::Point<double, 3>> balls{ itk::Point<double, 3>(centres[0]),
-                                                  itk::Point<double, 3>(centres[1]) };
+  const double                             centers[][3] = { { -35.5, 17.5, 8.5 }, { -30.5, 23.5, 13.0 } };
+  const std::vector<itk::Point<double, 3>> balls{ itk::Point<double, 3>(centers[0]),
+                                                  itk::Point<double, 3>(centers[1]) };
   constexpr double                         radius = 4.0;
   constexpr double                         pixel = 0.25;
   this->WriteSegments(MakeBalls(balls, radius),
@@ -539,16 +539,16 @@ TEST_F(ShearWarpMIPProgramSegments, OutlinesBalls)
       const auto            place = toView->TransformPoint(balls[ball]);
       const auto            outline = this->FindOutline("out.png", ColourType(colours[ball]), grid);
       std::set<int>         sectors;
-      itk::Point<double, 2> centre;
-      centre[0] = place[0];
-      centre[1] = place[1];
+      itk::Point<double, 2> center;
+      center[0] = place[0];
+      center[1] = place[1];
       for (const auto & point : outline)
       {
-        const double distance = point.EuclideanDistanceTo(centre);
+        const double distance = point.EuclideanDistanceTo(center);
         EXPECT_GT(distance, radius - 0.5 - 1.5 * pixel);
         EXPECT_LT(distance, radius + 0.5);
         sectors.insert(
-          static_cast<int>(std::floor(std::atan2(point[1] - centre[1], point[0] - centre[0]) * 12.0 / itk::Math::pi)));
+          static_cast<int>(std::floor(std::atan2(point[1] - center[1], point[0] - center[0]) * 12.0 / itk::Math::pi)));
       }
       // closed, but for where the second lies over the first; and thin
       EXPECT_GE(sectors.size(), ball == 1 ? 24u : 16u);

@@ -99,11 +99,11 @@ protected:
 TEST_F(ShearWarpMIPProgramSeries, TurnsAsTheFilter)
 {
   const double oblique[] = { -1.0, 0.5, 2.0 };
-  const double centre[] = { -30.0, 15.0, 7.5 };
+  const double center[] = { -30.0, 15.0, 7.5 };
   this->ExpectFrames("--frames 7 --axis -1,0.5,2 --center -30,15,7.5", [&](CineType & cine) {
     cine.SetNumberOfFrames(7);
     cine.SetRotationAxis(oblique);
-    cine.SetCenter(centre);
+    cine.SetCenter(center);
   });
   this->ExpectFrames("--frames 4 --range -90", [](CineType & cine) {
     cine.SetNumberOfFrames(4);

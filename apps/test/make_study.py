@@ -39,7 +39,7 @@ ENHANCED_CT = "1.2.840.10008.5.1.4.1.1.2.1"
 MR = "1.2.840.10008.5.1.4.1.1.4"
 PET = "1.2.840.10008.5.1.4.1.1.128"
 
-# centre of the brightest spot in the patient's space, mm: at the left, anterior, superior
+# center of the brightest spot in the patient's space, mm: at the left, anterior, superior
 SPOT = (30.0, -20.0, 25.0)
 FAINT_SPOT = (-25.0, 10.0, -20.0)
 WIDTH = 6.0  # standard deviation of a spot, mm
@@ -61,8 +61,8 @@ def sample(position, axes, spacing, shape):
     )
     in_body = ((points[0] / 55.0) ** 2 + (points[1] / 40.0) ** 2 < 1.0) & (abs(points[2]) < 45.0)
     spots = 0.0
-    for centre, brightness in ((SPOT, 1.0), (FAINT_SPOT, 0.5)):
-        distances = ((points - np.array(centre)[:, None, None]) ** 2).sum(axis=0)
+    for center, brightness in ((SPOT, 1.0), (FAINT_SPOT, 0.5)):
+        distances = ((points - np.array(center)[:, None, None]) ** 2).sum(axis=0)
         spots = np.maximum(spots, brightness * np.exp(-0.5 * distances / WIDTH**2))
     return in_body, spots
 

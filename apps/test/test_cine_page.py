@@ -311,12 +311,12 @@ def test_on_screen(page):
     box = page.box
     assert box["width"] / box["height"] == pytest.approx(WIDTH * 0.5 / HEIGHT, abs=0.01)
     assert box["height"] == page.run("document.getElementById('stage').clientHeight")
-    centres = np.arange(BLOCK // 2, WIDTH, BLOCK), np.arange(BLOCK // 2, HEIGHT - BLOCK, BLOCK)
-    columns = (box["left"] + (centres[0] + 0.5) * box["width"] / WIDTH).astype(int)
-    rows = (box["top"] + (centres[1] + 0.5) * box["height"] / HEIGHT).astype(int)
+    centers = np.arange(BLOCK // 2, WIDTH, BLOCK), np.arange(BLOCK // 2, HEIGHT - BLOCK, BLOCK)
+    columns = (box["left"] + (centers[0] + 0.5) * box["width"] / WIDTH).astype(int)
+    rows = (box["top"] + (centers[1] + 0.5) * box["height"] / HEIGHT).astype(int)
     page.press("i")
     seen = page.screenshot("on-screen")[np.ix_(rows, columns)].astype(int)
-    blocks = page.frames[0][np.ix_(centres[1], centres[0])]
+    blocks = page.frames[0][np.ix_(centers[1], centers[0])]
     wanted = expected(page.series, blocks, page.series["window"], True)
     inner = (slice(1, None), slice(1, -1))  # without what is written in the corners
     assert np.abs(seen[inner] - wanted[inner][..., None]).max() <= 1

@@ -159,10 +159,10 @@ def test_reprojection(tmp_path, kind, turn):
         normals.append(np.cross(right, down))
         # the hot voxel is where its pixel is seen
         assert np.linalg.norm(np.cross(hot - pixel, normals[-1])) < 0.8 * max(spacing)
-        # normals through the middles meet at the image's centre
+        # normals through the middles meet at the image's center
         middle = corner + 0.5 * ((dataset.Columns - 1) * spacing[1] * right + (dataset.Rows - 1) * spacing[0] * down)
-        centre = ORIGIN + 0.5 * (np.array([*SIZE, SLICES]) - 1) * SPACING
-        assert np.linalg.norm(np.cross(centre - middle, normals[-1])) < 1e-6
+        center = ORIGIN + 0.5 * (np.array([*SIZE, SLICES]) - 1) * SPACING
+        assert np.linalg.norm(np.cross(center - middle, normals[-1])) < 1e-6
         if not turn:
             assert set(dataset.PatientOrientation[0]) == set(("L", "LP", "P", "PR", "R", "RA", "A", "AL")[n])
             assert dataset.PatientOrientation[1] == "F"

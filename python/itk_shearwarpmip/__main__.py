@@ -34,7 +34,7 @@ def _make_parser() -> argparse.ArgumentParser:
         nargs=3,
         type=float,
         default=(0.0, 0.0, 0.0),
-        help="turns the view about the volume's centre and axes, in degrees; by default the view is along z",
+        help="turns the view about the volume's center and axes, in degrees; by default the view is along z",
     )
     parser.add_argument("--frames", metavar="N", type=int, help="makes a turn of N views about the y axis")
     parser.add_argument("--spacing", metavar="S", type=float, help="spacing of the output, in the units of the file")

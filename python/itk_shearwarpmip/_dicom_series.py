@@ -236,7 +236,7 @@ def _set_window(header: Dataset, source: Dataset, rescale: _Rescale, window: tup
 
 
 def _make_plane(turn: Any, transform: Any, number: int) -> Dataset:
-    """The plane of a frame: in the middle of the slab, or through the image's centre."""
+    """The plane of a frame: in the middle of the slab, or through the image's center."""
     start = np.array(transform.TransformPoint([0.0, 0.0, 0.0]))
     axes = np.array([transform.TransformPoint(list(axis)) for axis in np.eye(3)]) - start
     near, far = turn.slab or (-np.inf, np.inf)

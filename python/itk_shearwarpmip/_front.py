@@ -106,7 +106,7 @@ def mip(
     azimuth, elevation: degrees that the viewer then moves towards the right and towards the top of the picture.
     mode: "maximum", "minimum", or "absolute" for the value with the largest magnitude, with its sign.
     slab: (near, far): only samples between these depths count. For a view by name, depths are mm behind the volume's
-        centre.
+        center.
     crop: (lower, upper), two corners x, y, z: only samples in this box count, in mm (LPS); infinity is no limit.
     mask: a volume of whole numbers on the source's grid, of any kind that source can be. An array takes the source's
         geometry. Only voxels where the mask is `mask_label` count; without `mask_label`, where the mask is not 0.
@@ -265,7 +265,7 @@ def turn(
     rotation_axis: the axis that the viewer moves about: the patient's "left", "posterior" or "superior", the volume's
         "i", "j" or "k", or a direction x, y, z (LPS). About "superior", the viewer moves from anterior towards the
         patient's left.
-    center: a point of the axis, x, y, z in mm; by default the volume's centre.
+    center: a point of the axis, x, y, z in mm; by default the volume's center.
     start_angle, angular_range: degrees: frame n of N is at start_angle + angular_range n / N.
     rocking: True to move to and fro over the range instead, half of it to either side; both ends are frames.
     transforms: the view of each frame, of any kind that view can be, instead of all parameters above.

@@ -71,7 +71,7 @@ class Point:
 
 @dataclass(frozen=True)
 class Grid:
-    """The pixels of a picture: columns and rows; mm per pixel; u, v of the first pixel's centre."""
+    """The pixels of a picture: columns and rows; mm per pixel; u, v of the first pixel's center."""
 
     size: tuple[int, int]
     spacing: float
@@ -244,8 +244,8 @@ class Scene:
 
     def _measure(self) -> None:
         image = self.layers[0].image
-        self.centre = np.array(list(itk.ShearWarpMIPView.GetCenter(image)))
-        self.extent = _find_corners(image) - self.centre
+        self.center = np.array(list(itk.ShearWarpMIPView.GetCenter(image)))
+        self.extent = _find_corners(image) - self.center
         self._has_direction = getattr(image, "has_direction", True)
         self._millimetres = find_millimetres(getattr(image, "unit", None))
         # a tenth of a voxel, but not less than 0.1 mm

@@ -242,12 +242,12 @@ def fade(samples: np.ndarray, depths: np.ndarray, rate: float, begin: float, to)
 
 
 def sphere_depth(view: View, of_physical: np.ndarray) -> float:
-    """The least depth of the sphere about the image's centre that holds its voxels, not only their centres."""
+    """The least depth of the sphere about the image's center that holds its voxels, not only their centers."""
     sizes = np.array(view.voxels.shape)[np.argsort(view.axes[::-1])]
     corners = np.array(np.meshgrid(*([-0.5 * size, 0.5 * size] for size in sizes))).reshape(3, -1)
     radius = np.linalg.norm(of_physical @ np.linalg.solve(view.matrix, corners), axis=0).max()
-    centre = np.linalg.solve(view.matrix, 0.5 * (sizes - 1) - view.offset)[2]
-    return centre - radius * np.linalg.norm(np.linalg.inv(of_physical)[2])
+    center = np.linalg.solve(view.matrix, 0.5 * (sizes - 1) - view.offset)[2]
+    return center - radius * np.linalg.norm(np.linalg.inv(of_physical)[2])
 
 
 def collect_rays(view: View, transform, rule: Rule, default, oversampling: int):

@@ -358,7 +358,7 @@ def test_the_level_is_the_coarsest_that_is_fine_enough(ome_zarr):
     assert open_volume(path, level=1, output_spacing=1).array.shape[2] == 32
     level = open_volume(path, level=1)
     assert level.spacing[0] == 4
-    # the centres of the voxels move with their size
+    # the centers of the voxels move with their size
     assert level.origin[0] == pytest.approx(8)
 
 

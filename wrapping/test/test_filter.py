@@ -172,8 +172,8 @@ def test_fitted_grid_holds_the_whole_image(image):
         pixels = itk.array_from_image(mip)
         spacing = np.array(list(mip.GetSpacing()))
         assert spacing == pytest.approx(0.7)
-        centre = np.array(list(mip.GetOrigin())) + 0.5 * spacing * (np.array(pixels.shape[::-1]) - 1)
-        assert centre == pytest.approx(0.0, abs=1e-9)
+        center = np.array(list(mip.GetOrigin())) + 0.5 * spacing * (np.array(pixels.shape[::-1]) - 1)
+        assert center == pytest.approx(0.0, abs=1e-9)
 
         # beyond the image's extent the interpolation reaches less than a voxel
         margin = 4

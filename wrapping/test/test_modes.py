@@ -45,8 +45,8 @@ def random_rule(rng: np.random.Generator, image) -> Rule:
         near, far = np.sort(rng.normal(size=2) * 8.0).tolist()
         rule = rule._replace(slab_near=near, slab_far=far)
     if rng.random() < 0.4:
-        centre = np.array(list(itk.ShearWarpMIPView.GetCenter(image)))
-        lower, upper = centre - rng.uniform(0, 8, 3), centre + rng.uniform(0, 8, 3)
+        center = np.array(list(itk.ShearWarpMIPView.GetCenter(image)))
+        lower, upper = center - rng.uniform(0, 8, 3), center + rng.uniform(0, 8, 3)
         rule = rule._replace(crop_lower=tuple(lower.tolist()), crop_upper=tuple(upper.tolist()))
     if rng.random() < 0.5:
         mask = make_like(rng.integers(0, 3, voxels.shape).astype(np.uint8), image)

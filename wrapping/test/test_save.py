@@ -445,7 +445,7 @@ def test_dicom_of_a_slab_and_a_minimum(image, tmp_path):
         assert dataset.DerivationCodeSequence[0].CodeValue == "113079"
 
 
-def test_dicom_plane_is_through_the_centre(image, tmp_path):
+def test_dicom_plane_is_through_the_center(image, tmp_path):
     turn = make_turn(image, Center=[40.0, -10.0, 3.0])
     turn.center = itk.ShearWarpMIPView.GetCenter(image)
     _save.save_turn(turn, tmp_path / "turn")

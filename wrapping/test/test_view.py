@@ -27,7 +27,7 @@ def patient():
 
 
 def find(pixels: np.ndarray, value: int) -> tuple[float, float]:
-    """Mean row and column of the pixels of a mark, relative to the picture's centre."""
+    """Mean row and column of the pixels of a mark, relative to the picture's center."""
     rows, columns = np.nonzero(np.abs(pixels.astype(int) - value) <= 10)
     assert rows.size
     return rows.mean() - (pixels.shape[0] - 1) / 2, columns.mean() - (pixels.shape[1] - 1) / 2
@@ -42,9 +42,9 @@ def test_six_directions(name, image):
     assert np.linalg.det(view_matrix(view)) == pytest.approx(1.0)
 
     corners = [image.TransformIndexToPhysicalPoint(index) for index in ([0, 0, 0], [13, 10, 8])]
-    centre = np.mean([list(corner) for corner in corners], axis=0)
-    assert list(itk.ShearWarpMIPView.GetCenter(image)) == pytest.approx(centre)
-    assert list(view.TransformPoint([0.0, 0.0, 0.0])) == pytest.approx(centre)
+    center = np.mean([list(corner) for corner in corners], axis=0)
+    assert list(itk.ShearWarpMIPView.GetCenter(image)) == pytest.approx(center)
+    assert list(view.TransformPoint([0.0, 0.0, 0.0])) == pytest.approx(center)
 
 
 @pytest.mark.parametrize(

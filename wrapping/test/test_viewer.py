@@ -250,7 +250,7 @@ def test_overlay_is_blended(two, open_viewer):
 
 def test_overlay_is_cropped_with_the_volume(two, open_viewer):
     view = _scene.get_matrix(_scene.make_view(two[0], "left", 10, 20))
-    # no view by its name, which has another centre in each volume
+    # no view by its name, which has another center in each volume
     view[0, 3] += 1
     viewer = open_viewer(two[0], overlay=two[1], view=view, crop=[(14, -28, 8), (18, -24, np.inf)])
     for picture, volume in zip(viewer.project(), two):
@@ -491,18 +491,18 @@ def test_drag_turns_about_the_long_axis(viewer):
 
 def test_trackball(image, viewer):
     press(viewer, "t")
-    centre = viewer._scene.centre
+    center = viewer._scene.center
     for right, down in ((5, 0), (0, 5), (4, -3)):
         axes = _scene.get_axes(viewer.transform)
-        front = centre - axes[:, 2]
+        front = center - axes[:, 2]
         drag(viewer, right, down)
         turned = _scene.get_axes(viewer.transform)
         # the angle is that of the way, and the point in front goes where the pointer goes
         angle = np.degrees(np.arccos(np.clip((np.trace(axes.T @ turned) - 1) / 2, -1, 1)))
         assert angle == pytest.approx(180 / 90 * np.hypot(right, down), rel=1e-6)
-        moved = turned.T @ (front - centre)
+        moved = turned.T @ (front - center)
         assert moved[:2] / np.linalg.norm(moved[:2]) == pytest.approx(np.array([right, down]) / np.hypot(right, down))
-        np.testing.assert_allclose(viewer.transform.TransformPoint([0.0, 0.0, 0.0]), centre, atol=1e-9)
+        np.testing.assert_allclose(viewer.transform.TransformPoint([0.0, 0.0, 0.0]), center, atol=1e-9)
     assert abs(_scene.find_angles(viewer.transform)[2]) > 0.1
 
 
@@ -510,7 +510,7 @@ def test_turn_about_the_long_axis_of_any_view(image, viewer):
     """A rolled view keeps its roll with horizontal drags, and is turned about the patient's axis."""
     view = _scene.make_view(image, "anterior", 30, 20)
     viewer.transform = itk.ShearWarpMIPView.Turn(
-        view, _scene.get_axes(view)[:, 2].tolist(), viewer._scene.centre.tolist(), 25.0
+        view, _scene.get_axes(view)[:, 2].tolist(), viewer._scene.center.tolist(), 25.0
     )
     assert _scene.find_angles(viewer.transform) == pytest.approx((30, 20, 25))
     drag(viewer, 20, 0)
@@ -905,8 +905,8 @@ def test_snapshot(viewer, tmp_path):
 
 
 def test_parameters_of_the_filter(image, open_viewer):
-    centre = itk.ShearWarpMIPView.GetCenter(image)
-    crop = [(centre[0] - 2, -np.inf, -np.inf), (centre[0] + 2, np.inf, np.inf)]
+    center = itk.ShearWarpMIPView.GetCenter(image)
+    crop = [(center[0] - 2, -np.inf, -np.inf), (center[0] + 2, np.inf, np.inf)]
     viewer, whole = (open_viewer(image, azimuth=10, window=(0, 900), crop=each) for each in (crop, None))
     assert (drawn(viewer) != drawn(whole)).any()
     assert evaluate_code(viewer, image).tobytes() == np.asarray(viewer.project()).tobytes()

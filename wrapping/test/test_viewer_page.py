@@ -471,7 +471,7 @@ def test_keys_reach_the_viewer_at_once(page, viewer):
 
 
 def test_click_and_double_click(page, viewer, volume):
-    """The sphere, by hand: its centre from the front, at its near surface."""
+    """The sphere, by hand: its center from the front, at its near surface."""
     picked = []
     viewer.on_pick(picked.append)
     place = volume.TransformIndexToPhysicalPoint([50, 12, 30])
