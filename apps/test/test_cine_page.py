@@ -1,5 +1,3 @@
-# SPDX-FileCopyrightText: Copyright NumFOCUS
-# SPDX-License-Identifier: Apache-2.0
 """Uses the cine page in a headless Chromium as a viewer would, and compares its pixels to the series'.
 
 CINE_TEMPLATE     the page with @SERIES@ in it          [../../python/itk_shearwarpmip/cine.html]
