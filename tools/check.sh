@@ -75,7 +75,8 @@ check_tidy() {
   [ -x "$cache/clang-tidy/bin/python" ] || /usr/bin/python3 -m venv "$cache/clang-tidy"
   "$cache/clang-tidy/bin/pip" install --quiet --disable-pip-version-check clang-tidy==23.1.4
   configure
-  list_commands | grep -v "UnoptimizedKernels\| $root/benchmark/[^ ]*$" |
+  # it looks at a file with all its commands
+  list_commands | grep -v " $root/benchmark/[^ ]*$" | awk '!seen[$NF]++' |
     sed "s|.* \([^ ]*\)$|&\t$cache/clang-tidy/bin/clang-tidy --quiet -p $build ${clang_flags[*]/#/--extra-arg=} \1|" |
     check_all
 }

@@ -528,10 +528,11 @@ TEST_F(ShearWarpMIPProgram, LabelsAreDrawnOverThePictures)
     const auto labelled = readAll(input + (isAnnotated ? "--annotate" : ""));
     for (std::size_t n = 0; n < plain.size(); ++n)
     {
-      const double spacing[] = { 0.1, 0.1, 1.0 };
-      const double azimuth = 90.0 * static_cast<double>(n / 2);
+      const double      spacing[] = { 0.1, 0.1, 1.0 };
+      const std::size_t view = n / 2;
       plain[n].image->SetSpacing(spacing);
-      const auto expected = Draw(plain[n], { MakeFrame(Direction::Anterior, azimuth) }, { true, isAnnotated });
+      const auto expected =
+        Draw(plain[n], { MakeFrame(Direction::Anterior, 90.0 * static_cast<double>(view)) }, { true, isAnnotated });
       EXPECT_TRUE(Draw(labelled[n], {}, {}) == expected) << n;
     }
   }

@@ -256,11 +256,11 @@ TEST_F(ShearWarpMIPProgramOverlay, LiesWhereInputDoes)
     const auto          blended = this->ReadPixels<ColourPictureType>("out" + number);
     const auto          alone = this->ReadPixels<ColourPictureType>("gone" + number);
     const auto          grey = GetPixels(base);
-    std::vector<double> greens;
+    std::vector<double> greens(blended.size());
     for (std::size_t n = 0; n < blended.size(); ++n)
     {
       // where the other map has no green, there is nothing but the overlay's
-      greens.push_back(blended[n] != alone[n] ? blended[n][1] : 0.0);
+      greens[n] = blended[n] != alone[n] ? blended[n][1] : 0.0;
     }
     const std::size_t width = base->GetLargestPossibleRegion().GetSize(0);
     const auto [x, y] = findCentroid({ grey.begin(), grey.end() }, width);
