@@ -423,6 +423,7 @@ TEST(ShearWarpInputsOfParts, OfAnotherTypeAreErrorsThatSayWhatTheyAreFor)
 TEST(ShearWarpInputsOfParts, OfOtherFiltersAreErrors)
 {
   const auto expect = [](const auto & filter, unsigned int input, const std::string & text) {
+    SCOPED_TRACE(filter->GetNameOfClass());
     filter->SetInput(input, MakeTestImage(20));
     EXPECT_NAMES(filter->Update(), text);
   };

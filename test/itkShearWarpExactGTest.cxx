@@ -499,18 +499,20 @@ TEST(ShearWarpExactClosedForms, ARampEndsWhereSlabAndBoxEnd)
     const double far = random.Uniform(0, 6);
     const auto   filter = MakeExactFilter(image, view);
     const auto   center = view->GetInverseTransform()->TransformPoint(GetCenter(image));
-    SetGrid(filter, { { 3, 3 } }, MakeVector2(0.3, 0.3), MakePoint2(center[0] - 0.3, center[1] - 0.3));
+    const auto   origin = MakePoint2(center[0] - 0.3, center[1] - 0.3);
+    SetGrid(filter, { { 3, 3 } }, MakeVector2(0.3, 0.3), origin);
     filter->SetSlabNear(center[2] + near);
     filter->SetSlabFar(center[2] + far);
     filter->Update();
     const auto * output = filter->GetOutput();
     for (const auto & index : itk::ImageRegionIndexRange<2>(output->GetBufferedRegion()))
     {
-      const auto pixel = output->TransformIndexToPhysicalPoint<double>(index);
-      double     expected = -1e9;
+      const double u = origin[0] + 0.3 * static_cast<double>(index[0]);
+      const double v = origin[1] + 0.3 * static_cast<double>(index[1]);
+      double       expected = -1e9;
       for (const double depth : { near, far })
       {
-        const auto place = view->TransformPoint(MakePoint3(pixel[0], pixel[1], center[2] + depth));
+        const auto place = view->TransformPoint(MakePoint3(u, v, center[2] + depth));
         expected = std::max(expected, place[0] + 2 * place[1] + 3 * place[2]);
       }
       ASSERT_NEAR(output->GetPixel(index), expected, 1e-4);

@@ -498,8 +498,9 @@ TEST(ShearWarpFactorization, ProjectedSpacingIsTheSmallestScaledByTheTransform)
 TEST(ShearWarpFactorization, OversampledPhasesLieBetweenThePixels)
 {
   Random random(106);
-  for (int repeat = 0; repeat < 500; ++repeat)
+  for (int repeat = 0; repeat < 500 && !HasFatalFailure(); ++repeat)
   {
+    SCOPED_TRACE(repeat);
     const auto                   image = MakeRandomGeometry(random, 1, 12);
     const auto                   view = MakeRandomView(random, AllViewKinds[repeat % 3], image);
     const auto                   grid = MakeGrid(0.5, 0.7, -10, 4);

@@ -1288,7 +1288,8 @@ TYPED_TEST(ShearWarpKernelsTyped, WarpRowStaysWithinTheRangeOfItsPixels)
     {
       std::fill(pixels.begin(), pixels.end(), pixels.front());
     }
-    const auto value = WarpAt(pixels, random.Uniform(-0.9, 1.9), random.Uniform(-0.9, 1.9));
+    const double column = random.Uniform(-0.9, 1.9);
+    const auto   value = WarpAt(pixels, column, random.Uniform(-0.9, 1.9));
     ASSERT_GE(value, *std::min_element(pixels.begin(), pixels.end()));
     ASSERT_LE(value, *std::max_element(pixels.begin(), pixels.end()));
   }

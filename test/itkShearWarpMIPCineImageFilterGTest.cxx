@@ -46,7 +46,8 @@ template <typename TPixel>
 typename itk::Image<TPixel, 2>::Pointer
 GetFrame(const itk::Image<TPixel, 3> * frames, unsigned int n)
 {
-  const auto size = frames->GetLargestPossibleRegion().GetSize();
+  EXPECT_EQ(frames->GetBufferedRegion(), frames->GetLargestPossibleRegion());
+  const auto size = frames->GetBufferedRegion().GetSize();
   const auto frame = itk::Image<TPixel, 2>::New();
   frame->SetRegions(itk::Size<2>{ { size[0], size[1] } });
   frame->Allocate();

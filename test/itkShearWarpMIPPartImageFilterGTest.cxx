@@ -35,7 +35,10 @@ MakePartFilter(const TImagePointer & part, const RegionType & whole, const ViewT
 {
   const auto filter = itk::ShearWarpMIPPartImageFilter<std::decay_t<decltype(*part)>>::New();
   filter->SetInput(part);
-  filter->SetWholeRegion(whole);
+  if (whole != RegionType{})
+  {
+    filter->SetWholeRegion(whole);
+  }
   filter->SetTransform(view);
   return filter;
 }

@@ -67,6 +67,7 @@ public:
     std::vector<double> skipped;
     for (const auto & view : MakeViews())
     {
+      SCOPED_TRACE("view " + std::to_string(skipped.size()));
       skipped.push_back(std::max(ExpectTheSameBits(image, view, 1), ExpectTheSameBits(image, view, 2)));
     }
     return { *std::min_element(skipped.begin(), skipped.end()), *std::max_element(skipped.begin(), skipped.end()) };

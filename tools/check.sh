@@ -37,17 +37,22 @@ list_commands() {
   sed -n 's/^ *"command": "\(.*\)",$/\1/p' "$build/compile_commands.json" | sed 's/\\\(.\)/\1/g'
 }
 
-# check COMPILATION [COMMAND]: runs the command, or the compilation itself, unless it passed for the same source before.
+# check COMPILATION [COMMAND]: runs the command, or the compilation itself, unless it passed before with the same files of
+# the project, options and versions.
 check() {
-  local compilation=$1 command=${2:-$1} key
-  key=$({ echo "$command"; cat .clang-tidy; eval "$(sed 's/ -o [^ ]*//; s/ -fsyntax-only//' <<< "$compilation") -E -C"; } |
+  local compilation=$1 command=${2:-$1} files key
+  files=$(eval "$(sed 's/ -o [^ ]*//; s/ -fsyntax-only//' <<< "$compilation") -MM -MT ''") || { eval "$command"; return; }
+  # shellcheck disable=SC2086
+  key=$({ printf '%s\n' "$versions" "$compilation" "$command"; cat .clang-tidy ${files//[:\\]/ }; } |
     sed "s|$root|.|g" | sha256sum | cut -d ' ' -f 1)
   [ -e "$passed/$key" ] || { eval "$command" && touch "$passed/$key"; }
 }
 
 # Reads lines of arguments of check, with tabs between them.
 check_all() {
-  export root passed=$cache/passed
+  export root passed=$cache/passed versions
+  versions=$(c++ --version; "$cache/clang-tidy/bin/pip" freeze 2>&1
+    dpkg-query --show libinsighttoolkit5-dev libgtest-dev libcli11-dev libbenchmark-dev clang libc++-dev 2>&1) || true
   mkdir -p "$passed"
   find "$passed" -type f -mtime +30 -delete
   export -f check

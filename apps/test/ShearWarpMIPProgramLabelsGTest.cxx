@@ -500,7 +500,10 @@ ReadPicture(const std::string & path, unsigned int components)
 {
   const auto picture = itk::ReadImage<itk::VectorImage<unsigned char, 2>>(path);
   const auto size = picture->GetBufferedRegion().GetSize();
-  EXPECT_EQ(picture->GetNumberOfComponentsPerPixel(), components);
+  if (picture->GetNumberOfComponentsPerPixel() != components)
+  {
+    throw std::runtime_error(path + " has not " + std::to_string(components) + " components");
+  }
   AnyImage copy = MakePictures(size[0], size[1], 0, components);
   std::copy_n(
     picture->GetBufferPointer(), size[0] * size[1] * components, CastImage<unsigned char>(copy).GetBufferPointer());

@@ -100,17 +100,18 @@ protected:
     EXPECT_EQ(GetNumber(series, "height"), size[1]);
     EXPECT_EQ(GetNumber(series, "bits"), 8 * sizeof(TStored));
     EXPECT_EQ(frames.size(), size[2]);
-    std::size_t wrong = 0;
-    for (const auto & frame : frames)
+    const std::size_t pixels = size[0] * size[1];
+    for (std::size_t n = 0; n < std::min<std::size_t>(frames.size(), size[2]); ++n)
     {
-      EXPECT_EQ(frame.size(), size[0] * size[1]);
-      for (const TStored stored : frame)
+      EXPECT_EQ(frames[n].size(), pixels);
+      for (std::size_t pixel = 0; pixel < std::min(frames[n].size(), pixels); ++pixel)
       {
-        const double found = stored == 0 ? background : intercept + slope * stored;
-        wrong += std::abs(found - shown(*value++)) <= slopes * slope + epsilon ? 0 : 1;
+        const TStored stored = frames[n][pixel];
+        const double  found = stored == 0 ? background : intercept + slope * stored;
+        EXPECT_NEAR(found, shown(value[n * pixels + pixel]), slopes * slope + epsilon)
+          << "frame " << n << ", pixel " << pixel;
       }
     }
-    EXPECT_EQ(wrong, 0u);
     return series;
   }
 };

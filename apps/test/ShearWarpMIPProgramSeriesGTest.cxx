@@ -324,7 +324,10 @@ TEST_F(ShearWarpMIPProgramSeries, RefusesWrongOptions)
   this->ExpectFailure("in.nrrd out.png --frames 2 --range nan", "--range");
   this->ExpectFailure("in.nrrd out.png --frames 2 --range 90 --rocking 90", "excludes");
   this->ExpectFailure("in.nrrd out.png --rate 0", "--rate");
-  this->ExpectFailure("in.nrrd out.gif --in-place",
-                      "--in-place: 'out.gif' must have one of the extensions .mha .nrrd .nii .nii.gz");
+  for (const std::string output : { "out.gif", "out.png", "out.html" })
+  {
+    this->ExpectFailure("in.nrrd --in-place " + output,
+                        "--in-place: '" + output + "' must have one of the extensions .mha .nrrd .nii .nii.gz");
+  }
 }
 } // namespace

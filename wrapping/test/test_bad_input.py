@@ -104,6 +104,7 @@ ERRORS = {
         "project(image, mask_image=itk.Image[itk.UC, 3].New())": "MaskImage must have the input's region",
         "project(image, ttype=(SS3, itk.Image[itk.UC, 3]))": "No suitable template parameter",
         "Filter.New(image).GetPhysicalPoint([0, 0])": "ComputeDepth must be on",
+        "made = Filter.New(image); made.Update(); made.GetPhysicalPoint([0, 0])": "ComputeDepth must be on",
         "Filter.New(image, ComputeDepth=True).GetPhysicalPoint([0, 0])": "There is no depth at index",
         "turn(image, number_of_frames=0)": "NumberOfFrames must be from 1 to 65535, but it is 0.",
         "turn(image, rotation_axis=[0.0, 0.0, 0.0])": "RotationAxis must be finite and not zero, but it is [0, 0, 0].",

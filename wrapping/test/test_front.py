@@ -593,8 +593,7 @@ def make_affine(pixel_type):
 
 def label(**coordinates):
     """A DataArray."""
-    places = {name: np.arange(length) for name, length in zip("zyx", SHORTS.shape)}
-    return xarray.DataArray(SHORTS, dims=list("zyx"), coords=places | coordinates)
+    return xarray.DataArray(SHORTS, dims=list("zyx"), coords=coordinates)
 
 
 # of mip() and turn(): FUNCTION is its name
@@ -622,7 +621,11 @@ BAD = {
     "uneven coordinates": (call(label(z=[0, 1, 3])), ValueError, "equal steps, .* z do not: see its method interp"),
     "coordinates to and fro": (call(label(y=[4, 2, 3, 1])), ValueError, "go in equal steps, but those of y"),
     "one coordinate": (call(label(z=[2, 2, 2])), ValueError, "go in equal steps, but those of z"),
-    "units of coordinates": (call(label(z=("z", [0, 1, 2], {"units": "mm"}))), ValueError, "must have the same units"),
+    "units of coordinates": (
+        call(label(z=("z", [0, 1, 2], {"units": "mm"}), x=range(5))),
+        ValueError,
+        "must have the same units",
+    ),
     "dates as coordinates": (
         call(label(z=np.arange(3).astype("M8[D]"))),
         TypeError,
