@@ -141,8 +141,7 @@ NoteUnused(const Options & options, const itk::ImageBase<3> * stack, bool hasOri
   const std::string & output = options.output;
   const FileFormat    format = FindFormat(output);
   const bool          isPage = format == FileFormat::Page;
-  const bool          isMoving =
-    isPage || format == FileFormat::Animation || FindFormat(options.depthColour) == FileFormat::Animation;
+  const bool isAnimated = format == FileFormat::Animation || FindFormat(options.depthColour) == FileFormat::Animation;
   const std::string name = '\'' + (output.empty() ? options.dicomOut : output) + '\'';
   const bool        isSeen = !output.empty() && format != FileFormat::Values;
   const std::string picture = isSeen ? output : options.depthColour;
@@ -161,9 +160,9 @@ NoteUnused(const Options & options, const itk::ImageBase<3> * stack, bool hasOri
   note(isPage && options.isAnnotated && options.depthColour.empty(),
        "--annotate",
        name + " has scale bar and angles anyway");
-  note(!isMoving && !options.isMultiFrame && options.rate.has_value(), "--rate", name + " does not play");
+  note(!isPage && !isAnimated && !options.isMultiFrame && options.rate.has_value(), "--rate", name + " does not play");
   const auto size = stack->GetLargestPossibleRegion().GetSize();
-  if (isMoving && size[2] == 1 && options.frames == 0)
+  if (isAnimated && size[2] == 1 && options.frames == 0)
   {
     messages.Note("one view does not move; see --frames");
   }

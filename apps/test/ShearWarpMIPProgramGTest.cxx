@@ -427,15 +427,13 @@ TEST_F(ShearWarpMIPProgram, SaysWhatHasNoEffect)
   expectNote("in.nrrd dicom/ --rate 5 --frames 2", "--rate has no effect: 'dicom/' does not play");
   expectNote("in.nrrd a.nrrd --no-labels", "--no-labels has no effect: 'a.nrrd' has no letters");
   expectNote("in.nrrd a.nrrd --annotate", "--annotate has no effect: 'a.nrrd' has no annotations");
-  expectNote("in.nrrd a.html", "one view does not move; see --frames");
   expectNote("in.nrrd a.nrrd --depth-color depth.gif --size 48 48", "one view does not move; see --frames");
-  expectNote("in.nrrd a.html --annotate --frames 1",
-             "--annotate has no effect: 'a.html' has scale bar and angles anyway");
+  expectNote("in.nrrd a.html --annotate", "--annotate has no effect: 'a.html' has scale bar and angles anyway");
   expectNote("in.nrrd a.png --annotate", "--annotate has no effect: 'a.png' has less than 48 pixels along one side");
   this->ExpectSuccess("in.nrrd a.png --annotate --size 48 48");
-  this->ExpectSuccess("in.nrrd a.html --no-labels --frames 1");
+  this->ExpectSuccess("in.nrrd a.html --no-labels");
   this->ExpectSuccess("in.nrrd a.nrrd --no-labels --annotate --depth-color depth.png --size 48 48");
-  this->ExpectSuccess("in.nrrd a.html --annotate --depth-color depth.png --size 48 48 --frames 1");
+  this->ExpectSuccess("in.nrrd a.html --annotate --depth-color depth.png --size 48 48");
 }
 
 TEST_F(ShearWarpMIPProgram, SaysWhyThereAreNoLetters)

@@ -267,7 +267,7 @@ TEST_F(ShearWarpMIPProgramSeriesAnimated, Colours)
 
 TEST_F(ShearWarpMIPProgramSeriesAnimated, Still)
 {
-  this->ExpectSuccess("in.nrrd 'a strange: name%d.gif' --window 0 100");
+  this->ExpectSuccess("in.nrrd 'a strange: name%d.gif' --window 0 100 --frames 1");
   this->ExpectSuccess("in.nrrd still.png --window 0 100");
   const auto pixels = this->ReadPixels<itk::Image<unsigned char, 2>>("still.png");
   EXPECT_TRUE(this->Decode("a strange: name%d.gif", "gray") == std::string(pixels.begin(), pixels.end()));
@@ -276,7 +276,8 @@ TEST_F(ShearWarpMIPProgramSeriesAnimated, Still)
 
 TEST_F(ShearWarpMIPProgramSeries, LeavesNothingWhereAnimationsFail)
 {
-  this->ExpectFailure("in.nrrd out.gif", "needs the program ffmpeg, which is not installed", "PATH=/nowhere");
+  this->ExpectFailure(
+    "in.nrrd out.gif --frames 1", "needs the program ffmpeg, which is not installed", "PATH=/nowhere");
   fs::create_directory(m_Folder / "bin");
   const auto expectFailure = [this](const std::string & script, const std::string & mention) {
     std::ofstream(m_Folder / "bin" / "ffmpeg") << "#!/bin/sh\n" << script << '\n';
@@ -292,7 +293,7 @@ TEST_F(ShearWarpMIPProgramSeries, LeavesNothingWhereAnimationsFail)
   expectFailure("case \"$*\" in *null*) echo no picture; exit 1 ;; esac", "ffmpeg failed: no picture");
   if (CanAnimate())
   {
-    this->ExpectFailure("in.nrrd out.gif --spacing 0.1", "out.gif", "trap '' XFSZ && ulimit -f 3 &&");
+    this->ExpectFailure("in.nrrd out.gif --frames 1 --spacing 0.1", "out.gif", "trap '' XFSZ && ulimit -f 3 &&");
   }
 }
 
