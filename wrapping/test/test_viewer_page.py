@@ -50,11 +50,11 @@ HEADERS = {"referrer-policy": "no-referrer", "cache-control": "no-store", "x-con
 
 @pytest.fixture
 def open_page(volume):
-    """Opens a page; closes it in the end."""
+    """Opens a page without a browser; closes it in the end."""
     with contextlib.ExitStack() as stack:
 
         def open_one(**page):
-            viewer = show(volume, page=page, block=False)
+            viewer = show(volume, page={"no_browser": True, **page}, block=False)
             stack.callback(viewer.close)
             return viewer
 
@@ -64,7 +64,7 @@ def open_page(volume):
 @pytest.fixture
 def viewer(open_page, monkeypatch):
     monkeypatch.setattr("webbrowser.open", pytest.fail)
-    return open_page(no_browser=True)
+    return open_page()
 
 
 def connect_to(viewer, **options):
@@ -138,15 +138,14 @@ def test_host_that_is_asked_for(host, shown, open_page):
     assert httpx.get(viewer.url, headers={"Origin": "http://example.org"}).status_code == 403
 
 
-def test_browser_is_opened_without_the_token_in_its_arguments(open_page, monkeypatch):
+def test_browser_is_opened_without_the_token_in_its_arguments(volume, monkeypatch):
     """They can be seen by everyone on the computer; the page that leads on cannot."""
     opened = []
     monkeypatch.setattr("webbrowser.open", opened.append)
-    viewer = open_page()
-    assert viewer.url.split("/")[3] not in opened[0]
-    path = pathlib.Path(urllib.parse.urlsplit(opened[0]).path)
-    assert viewer.url in path.read_text() and path.parent.stat().st_mode & 0o777 == 0o700
-    viewer.close()
+    with contextlib.closing(show(volume, page={}, block=False)) as viewer:
+        assert viewer.url.split("/")[3] not in opened[0]
+        path = pathlib.Path(urllib.parse.urlsplit(opened[0]).path)
+        assert viewer.url in path.read_text() and path.parent.stat().st_mode & 0o777 == 0o700
     assert not path.exists()
 
 
