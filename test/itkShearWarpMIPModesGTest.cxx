@@ -684,7 +684,9 @@ TEST(ShearWarpMIPModesOutput, OfThreeDimensionsLiesInThePatient)
     filter->SetSlabNear(1000);
     filter->SetSlabFar(1000);
     filter->UpdateLargestPossibleRegion();
-    EXPECT_GT(filter->GetOutput()->GetSpacing()[2], 0);
+    EXPECT_NEAR(filter->GetOutput()->GetSpacing()[2], 1e-3 * (upper[2] - lower[2]), 1e-9);
+    const auto place = filter->GetOutput()->TransformIndexToPhysicalPoint<double>({ { 0, 0, 0 } });
+    EXPECT_NEAR(view->GetInverseTransform()->TransformPoint(place)[2], 1000, 1e-9);
   }
 }
 
