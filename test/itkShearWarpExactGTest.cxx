@@ -485,6 +485,31 @@ TEST(ShearWarpExactClosedForms, MaximaWithinACell)
   }
 }
 
+TEST(ShearWarpExactClosedForms, HalvesAreRoundedUpAndOfEqualMagnitudesTheMaximumIsTaken)
+{
+  const auto project = [](const itk::Size<3> & size, short first, short last, ModeEnum mode) {
+    const auto image = MakePlainImage<short>(size);
+    image->GetBufferPointer()[0] = first;
+    image->GetBufferPointer()[1] = last;
+    const auto filter = MakeExactFilter(image, itk::AffineTransform<double, 3>::New());
+    filter->SetMode(mode);
+    SetGrid(filter, { { 1, 1 } }, MakeVector2(1, 1), MakePoint2(size[0] == 2 ? 0.5 : 0, 0));
+    filter->Update();
+    return filter->GetOutput()->GetPixel({ { 0, 0 } });
+  };
+  const itk::Size<3> row{ { 2, 1, 1 } };
+  for (const ModeEnum mode : { ModeEnum::Maximum, ModeEnum::Minimum, ModeEnum::AbsoluteMaximum })
+  {
+    EXPECT_EQ(project(row, 0, 1, mode), 1);
+    EXPECT_EQ(project(row, -1, 0, mode), 0);
+    EXPECT_EQ(project(row, -2, -1, mode), -1);
+  }
+  const itk::Size<3> ray{ { 1, 1, 2 } };
+  EXPECT_EQ(project(ray, -5, 5, ModeEnum::AbsoluteMaximum), 5);
+  EXPECT_EQ(project(ray, 5, -5, ModeEnum::AbsoluteMaximum), 5);
+  EXPECT_EQ(project(ray, -6, 5, ModeEnum::AbsoluteMaximum), -6);
+}
+
 TEST(ShearWarpExactClosedForms, ARampEndsWhereSlabAndBoxEnd)
 {
   const auto image = itk::Image<float, 3>::New();
