@@ -33,13 +33,14 @@ class Placed:
 
     def replace(self, spacing: Any, origin: Any, direction: Any) -> "Placed":
         """The same voxels with another geometry: arguments that are not None replace the present values."""
+        axes = _make_direction(self.direction if direction is None else direction)
         if direction is not None:
-            _require_unit_columns(_make_direction(direction))
+            _require_unit_columns(axes)
         return Placed(
             self.array,
             make_numbers("spacing", self.spacing if spacing is None else spacing, 3),
             make_numbers("origin", self.origin if origin is None else origin, 3),
-            _make_direction(self.direction if direction is None else direction),
+            axes,
             self.has_direction or direction is not None,
             self.unit if spacing is None else None,
         )

@@ -15,7 +15,10 @@ from itk_shearwarpmip._inputs import UNITS, Placed, find_pixel_types, is_of, pla
 
 @dataclass(frozen=True, eq=False)
 class Volume:
-    """A 3D array in chunks, and its geometry. Spacing and origin have the order x, y, z."""
+    """A 3D array in chunks, and its geometry. Spacing and origin have the order x, y, z.
+
+    A volume equals only itself.
+    """
 
     array: dask.array.Array
     """Axes z, y, x."""
@@ -48,7 +51,7 @@ class Volume:
         return self._place(image)
 
     def make_part(self, voxels: np.ndarray, first: Sequence[int]) -> itk.Image:
-        """Returns `voxels`, the part that begins at voxel `first` (z, y, x), as an itk.Image that shares memory."""
+        """Returns the part `voxels`, which begins at voxel `first` (z, y, x), as an itk.Image that shares its memory."""
         image = itk.image_view_from_array(voxels)
         image.SetRegions(_make_region(first, voxels.shape))
         return self._place(image)
