@@ -52,11 +52,9 @@ class View:
             if not match:
                 raise argparse.ArgumentTypeError(f"{text!r} is not a view such as y30 or y60+x20")
             axis, angle = "xyz".index(match[1]), math.radians(float(match[2]))
-            a, b = (axis + 1) % 3, (axis + 2) % 3
-            turn = np.eye(3)
-            turn[a, a] = turn[b, b] = math.cos(angle)
-            turn[a, b], turn[b, a] = -math.sin(angle), math.sin(angle)
-            rotation = rotation @ turn
+            cosine, sine = math.cos(angle), math.sin(angle)
+            about_x = np.array([[1, 0, 0], [0, cosine, -sine], [0, sine, cosine]])
+            rotation = rotation @ np.roll(about_x, axis, (0, 1))
         return cls(text, rotation)
 
     def to_index(self, volume: Volume) -> np.ndarray:
