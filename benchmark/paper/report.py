@@ -148,7 +148,7 @@ def draw_times(file: Path, times: pd.DataFrame) -> str:
         wide.plot(ax=axis, logy=True, style=".-", legend=False, xticks=range(0, 181, 30))
         axis.set_title(data, fontsize="large")
         axis.set(xlabel="angle (degrees)", ylabel="time of a view (ms)")
-        axis_at = lines[lines["method"] == "shear warp"].set_index("angle")["principal_axis"].map(dict(enumerate("xyz")))
+        axis_at = lines.query("method == 'shear warp'").set_index("angle")["principal_axis"].map(dict(enumerate("xyz")))
         for before, after in zip(axis_at.index, axis_at.index[1:]):
             if axis_at[before] != axis_at[after]:
                 middle, label = (before + after) / 2, f" {axis_at[before]} | {axis_at[after]}"
