@@ -51,9 +51,9 @@ INTRODUCTION = """\
 # Fang et al. 2002 again
 
 Z. Fang, Y. Wang, B. Qiu, L. Li, J. Xu. Fast Maximum Intensity Projection Algorithm Using Shear Warp Factorization and
-Reduced Resampling. Magn Reson Med 47:696-700, 2002:
-its table and its figures, measured with its methods and with the filter of this module.
-`benchmark/paper/run.sh` writes this page and repeats everything in some minutes.
+Reduced Resampling. Magn Reson Med 47:696-700, 2002.
+This page has the paper's table and figures, measured with its methods and with the filter of this module.
+`benchmark/paper/run.sh` measures everything again in some minutes, and writes this page.
 
 Machine: {machine}. Data: a synthetic time-of-flight MR angiogram (`mra` of the benchmark) \
 and an {image} ({origin}), interpolated to 256 x 256 x 64 voxels and 14 bits."""
@@ -61,31 +61,31 @@ and an {image} ({origin}), interpolated to 256 x 256 x 64 voxels and 14 bits."""
 TIMES = """\
 ## Table 1: times
 
-Milliseconds, mean over 19 angles from 0 to 180 degrees, 256 x 256 x 64 voxels, one thread.
-The first lines are those of the paper (an Athlon of 800 MHz).
+The table has mean milliseconds over 19 angles from 0 to 180 degrees, for 256 x 256 x 64 voxels and one thread.
+The first three lines are from the paper (an Athlon of 800 MHz).
 *Preparation* is done once for all angles.
 The output is fitted to each view, so the number of rays varies.
 
 {table}
 
-The published methods run in their published form: equation 1 with clipping of the rays; equation 2 on three permuted
+The published methods have their published form: equation 1 with clipping of the rays; equation 2 on three permuted
 copies; and the same with the number of a cell's largest corner in the two low bits of its first voxel.
-All shear-warps give the same picture in every bit, and so does the filter.
+All shear-warps and the filter give the same picture, bit by bit.
 The shear-warp factorization makes {factor} times as many views a second as ray casting (paper: 6.0).
 Reduced resampling by cells multiplies this by {gain} (paper: 2.3).
-It skips about as many cells as in the paper, but what the test saved in 2002 was multiplications.
-A sample costs a processor of today little, and a test whose outcome it cannot predict costs much.
-The filter tests tiles of 32 x 8 pixels and eight slices at once instead, and reads memory in order.
-In a volume as small as this one it skipped {skipped}, because it goes on testing only where that pays.
+It skips about as many cells as in the paper, where the test saved multiplications.
+Today a sample costs little, and a test that the processor cannot predict costs much.
+The filter instead tests tiles of 32 x 8 pixels and eight slices at once, and reads memory in order.
+In these small volumes it skipped {skipped}, because it stops testing where that does not pay.
 
 ## Figure 4: time against angle
 
 ![Time of each method against the angle](figures/figure4.png)
 
-Dotted lines: the principal axis changes.
+At the dotted lines, the principal axis changes.
 {angles}
-In the paper ray casting takes least at 90 degrees, where the rays are fewest.
-Where slices lie farther apart than the pixels in them, the rays along x have more samples, which outweighs that."""
+In the paper, ray casting takes least at 90 degrees, where the rays are fewest.
+If slices lie farther apart than their pixels, the rays along x have more samples, which outweighs their number."""
 
 PICTURES = """\
 ## Figure 5: azimuth 40, altitude 50 degrees
@@ -93,36 +93,34 @@ PICTURES = """\
 ![Figure 5: both methods and their difference](figures/figure5.png)
 
 The difference: {differences}.
-It lies at the edges of vessels, as in the paper, and follows from where each method samples:
+It lies at the edges of vessels, as in the paper, because the methods sample at different places:
 ray casting every voxel's length on the exact ray, shear-warp once per slice and then between four rays."""
 
 VESSEL = """\
 ## Figure 6: a vessel with a stenosis
 
-An endless cylinder whose diameter narrows to one half, known in continuous space.
-Its true projection is the maximum along each ray of the continuous object.
-It is digitized (1 mm voxels), projected, and compared with the truth over the object's projection.
-The error is the mean magnitude of the difference in percent of the vessel's peak, mean over 19 angles and 4 places
-between the voxels.
-The paper does not say how the object lies in the grid, nor its radius and profile; it has 11.5 % for ray casting and
-9.3 % for shear-warp.
-Here the profile is parabolic, a voxel has the intensity at its center, and the vessel is tilted to the grid's y axis,
-about which the views turn.
+The vessel is an endless cylinder in continuous space, whose diameter narrows to one half.
+Its true projection is the maximum along each ray.
+The vessel is digitized (1 mm voxels), projected, and compared with the truth where it projects.
+The error is the mean magnitude of the difference over 19 angles and 4 places between the voxels, in percent of the peak.
+The paper has 11.5 % for ray casting and 9.3 % for shear-warp, but not the vessel's direction, radius and profile.
+Here the profile is parabolic, and a voxel has the intensity at its center.
+The views turn about the grid's y axis, to which the vessel is tilted.
 
 ![Figure 6: object, truth and errors](figures/figure6.png)
 
 {errors}
 
-The paper's ratio, 0.81, takes a thin vessel that is strongly tilted to the grid.
-Along the grid ray casting with a step of one voxel has the smaller error."""
+The paper's ratio, 0.81, needs a thin vessel that is strongly tilted to the grid.
+Along the grid, ray casting with a step of one voxel has the smaller error."""
 
 SLIPS = """\
 ## Slips in the paper
 
-The translations t_a and t_b of the appendix are twice too large where the shear is negative.
-With t_a = max(0, -s_a (n_k - 1)) the slices begin at the intermediate image's first pixel, as a test of the
-factorization shows over random views.
-In the comparison of speeds the time of ray casting is *longer* than that of shear-warp by 5.9, not shorter.
+The translations t_a and t_b of the appendix are twice too large if the shear is negative.
+With t_a = max(0, -s_a (n_k - 1)), the slices begin at the intermediate image's first pixel.
+A test of the factorization shows this over random views.
+In the comparison of speeds, ray casting takes *longer* than shear-warp by 5.9, not shorter.
 An interpolated value is *never larger* than the largest corner, not always smaller."""
 
 
