@@ -2,9 +2,9 @@
 """The same image and the same views through other packages' maximum intensity projections: time and accuracy.
 
 Every peer (a file of benchmark/peer/) makes the same picture: square, as wide as the larger of the image's x and y,
-centered on the image's center, at the image's smallest spacing (1 mm for the made image). Times are those of what has to
-be run for each new view; imports, compiling and handing the image to the library are not counted. Each peer runs in a
-process of its own: one that crashes, hangs or is not installed is a line of the table and no more.
+centered on the image's center, at the image's smallest spacing (1 mm for the made image). Times are those of the work for
+each new view, without imports, compiling and handing the image to the library. Each peer has a process of its own: one
+that crashes, hangs or is not installed is a line of the table and no more.
 
 The error is the difference from the exact picture: the maximum of the trilinear interpolant along each pixel's ray, by
 our filter with `Exact`. Pixels whose exact maximum lies less than a voxel from the image's rim are left out, because

@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
 """The viewer under the hand: from the event in the browser to the picture in it.
 
-A headless Chromium without GPU shows the viewer's page of a volume of uint16, and drags it. Each movement has the time at
-which the browser made its event; each picture has the number of the last movement that it shows and the time at which the
-browser has loaded it. What is measured is, for every movement, the time until the first picture that shows it or a later
-one, and the stages of that time. After each drag the picture at rest is compared with the viewer's, pixel by pixel.
+A headless Chromium without GPU shows the viewer's page of a volume of uint16, and drags it. A movement has the time when
+the browser made its event. A picture has its last movement, and the time when the browser has loaded it. What is measured
+is the time from each movement to the first picture that shows it or a later one, and the stages of that time. After each
+drag the picture at rest is compared with the viewer's, pixel by pixel.
 
     pip install "$(echo dist/itk_shearwarpmip-*.whl)[viewer]" selenium       # and Debian's chromium, chromium-driver
     viewer.py                                  # 100 drags, 512x512x512, a window of 1000x720

@@ -102,7 +102,7 @@ VESSEL = """\
 The vessel is an endless cylinder in continuous space, whose diameter narrows to one half.
 Its true projection is the maximum along each ray.
 The vessel is digitized (1 mm voxels), projected, and compared with the truth where it projects.
-The error is the mean magnitude of the difference over 19 angles and 4 places between the voxels, in percent of the peak.
+The error is the mean magnitude of the difference in percent of the peak, over 19 angles and 4 places between voxels.
 The paper has 11.5 % for ray casting and 9.3 % for shear-warp, but not the vessel's direction, radius and profile.
 Here the profile is parabolic, and a voxel has the intensity at its center.
 The views turn about the grid's y axis, to which the vessel is tilted.

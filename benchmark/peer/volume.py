@@ -68,12 +68,12 @@ class View:
 
 
 class Peer(ABC):
-    """One way to a maximum intensity projection. Making a peer hands it the image."""
+    """One way to a maximum intensity projection. Making a peer from a volume and a number of threads hands it the image."""
 
     note = ""  # what belongs to the version
 
-    def __init__(self, volume: Volume, threads: int) -> None:
-        self.volume, self.threads = volume, threads
+    def __init__(self, volume: Volume) -> None:
+        self.volume = volume
         self.background = volume.voxels.min().item()
 
     @abstractmethod
