@@ -2,8 +2,8 @@
 """The same image and the same views through other packages' maximum intensity projections: time and accuracy.
 
 Every peer (a file of benchmark/peer/) makes the same picture: square, as wide as the larger of the image's x and y,
-centered on the image's center, at the image's smallest spacing (1 mm for the made image). Times are those of the work for
-each new view, without imports, compiling and handing the image to the library. Each peer has a process of its own: one
+centered on the image's center, at the image's smallest spacing (1 mm for the made image). Times are those of the work
+for a new view, without imports, compiling and handing the image to the library. Each peer has a process of its own: one
 that crashes, hangs or is not installed is a line of the table and no more.
 
 The error is the difference from the exact picture: the maximum of the trilinear interpolant along each pixel's ray, by
@@ -59,11 +59,7 @@ THREADS = (  # what the peers' processes inherit, for libraries that have no cal
     " VTK_SMP_MAX_THREADS"
 ).split()
 
-PANELS: Any = {
-    "squeeze": False,
-    "layout": "constrained",
-    "subplot_kw": {"frame_on": False, "xticks": [], "yticks": []},
-}
+PANELS: Any = {"squeeze": False, "layout": "constrained", "subplot_kw": {"frame_on": False, "xticks": [], "yticks": []}}
 
 Record = dict[str, Any]
 Exact = tuple[np.ndarray, np.ndarray]  # the picture, and which of its pixels count

@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 """The viewer under the hand: from the event in the browser to the picture in it.
 
-A headless Chromium without GPU shows the viewer's page of a volume of uint16, and drags it. A movement has the time when
-the browser made its event. A picture has its last movement, and the time when the browser has loaded it. What is measured
-is the time from each movement to the first picture that shows it or a later one, and the stages of that time. After each
+A headless Chromium without GPU shows the viewer's page of a volume of uint16, and drags it. A movement has the time of
+its event in the browser. A picture has its last movement, and the time when the browser has loaded it. What is measured
+is the time from a movement to the first picture that shows it or a later one, and the stages of that time. After each
 drag the picture at rest is compared with the viewer's, pixel by pixel.
 
     pip install "$(echo dist/itk_shearwarpmip-*.whl)[viewer]" selenium       # and Debian's chromium, chromium-driver
@@ -72,7 +72,9 @@ WATCH = """
       if (message.type === 'pointer_move') {
         message.timestamp = since(window.event.timeStamp)
         window.moves.push([message.timestamp, now()])
-      } else if (message.type === '_framefeedback') current = [message.index, arrived[message.index], now()]
+      } else if (message.type === '_framefeedback') {
+        current = [message.index, arrived[message.index], now()]
+      }
       super.send(JSON.stringify(message))
     }
   }
@@ -145,8 +147,7 @@ def drag(driver: Any, picture: Any, generator: np.random.Generator) -> None:
 
 
 def measure(options: argparse.Namespace) -> dict[str, Any]:
-    volume = options.volume or make_head((options.edge,) * 3).voxels
-    viewer = show(volume, page={"no_browser": True}, block=False)
+    viewer = show(options.volume or make_head((options.edge,) * 3).voxels, page={"no_browser": True}, block=False)
     record = Record(viewer)
     driver = chromium.start(*options.window)
     generator = np.random.default_rng(20020547)

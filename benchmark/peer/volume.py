@@ -20,8 +20,8 @@ import numpy as np
 class Volume:
     """A 3D image: voxels (z, y, x); spacing (x, y, z) in mm; direction cosines as columns. Its center is at (0, 0, 0).
 
-    And the picture of it: `width` x `width` pixels of `step` mm; the first one's center is at (`first`, `first`) mm in u
-    and v, so that the picture's is at (0, 0).
+    And the picture of it: `width` x `width` pixels of `step` mm. The first one's center is at (`first`, `first`) mm in
+    u and v, so that the picture's is at (0, 0).
     """
 
     def __init__(self, voxels: np.ndarray, spacing: np.ndarray, direction: np.ndarray, name: str) -> None:
@@ -68,7 +68,7 @@ class View:
 
 
 class Peer(ABC):
-    """One way to a maximum intensity projection. Making a peer from a volume and a number of threads hands it the image."""
+    """One way to a maximum intensity projection. Making a peer, from a volume and threads, hands it the image."""
 
     note = ""  # what belongs to the version
 
