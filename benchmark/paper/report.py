@@ -22,7 +22,7 @@ import numpy as np
 import pandas as pd
 from PIL import Image
 
-plt.rcParams |= {"savefig.dpi": 110, "savefig.bbox": "tight", "axes.titlesize": 9}
+plt.rcParams.update({"savefig.dpi": 110, "savefig.bbox": "tight"})
 
 VOLUMES = {"mra": "synthetic MR angiogram"}
 METHODS = {
@@ -133,7 +133,7 @@ def join(values: pd.Series, form: str = "{:.3g}") -> str:
 
 
 def draw(axis: plt.Axes, title: str, picture: np.ndarray, **parameters: object) -> matplotlib.image.AxesImage:
-    axis.set_title(title)
+    axis.set_title(title, fontsize=9)
     axis.set_axis_off()
     return axis.imshow(picture, **parameters)
 
@@ -143,8 +143,7 @@ def draw_times(file: Path, times: pd.DataFrame) -> str:
     texts = []
     for axis, (data, lines) in zip(axes, times.groupby(level="data", sort=False)):
         wide = lines.pivot(index="angle", columns="method", values="total")[list(METHODS)].rename(columns=METHODS)
-        wide.plot(ax=axis, logy=True, style=".-", legend=False, xticks=range(0, 181, 30))
-        axis.set_title(data, fontsize="large")
+        wide.plot(ax=axis, logy=True, style=".-", legend=False, title=data, xticks=range(0, 181, 30))
         axis.set(xlabel="angle (degrees)", ylabel="time of a view (ms)")
         axis_at = lines.query("method == 'shear warp'").set_index("angle")["principal_axis"].map(dict(enumerate("xyz")))
         for before, after in zip(axis_at.index, axis_at.index[1:]):
