@@ -332,7 +332,7 @@ def main() -> None:
     if "runs" in table:
         table["runs"] = table["runs"].astype("Int64")
     done = table.dropna(subset="view")
-    shown = table.drop(columns="version", errors="ignore")
+    shown = table.drop(columns="version", errors="ignore").fillna({"view": ""})
     print(shown.to_string(index=False, na_rep="", float_format="{:.3f}".format))
     system = f"{platform.system()}, Python {platform.python_version()}"
     head = f"{platform.machine()}, {os.cpu_count()} processors, {system}; {arguments.threads} threads."
