@@ -2,9 +2,9 @@
 """The same image and the same views through other packages' maximum intensity projections: time and accuracy.
 
 Every peer (a file of benchmark/peer/) makes the same picture: square, as wide as the larger of the image's x and y,
-centered on the image's center, at the image's smallest spacing (1 mm for the made image). Times are those of what has to
-be run for each new view; imports, compiling and handing the image to the library are not counted. Each peer runs in a
-process of its own: one that crashes, hangs or is not installed is a line of the table and no more.
+centered on the image's center, at the image's smallest spacing (1 mm for the made image). Times are those of the work
+for a new view, without imports, compiling and handing the image to the library. Each peer has a process of its own: one
+that crashes, hangs or is not installed is a line of the table and no more.
 
 The error is the difference from the exact picture: the maximum of the trilinear interpolant along each pixel's ray, by
 our filter with `Exact`. Pixels whose exact maximum lies less than a voxel from the image's rim are left out, because
@@ -59,6 +59,8 @@ THREADS = (  # what the peers' processes inherit, for libraries that have no cal
     " VTK_SMP_MAX_THREADS"
 ).split()
 
+PANELS: Any = {"squeeze": False, "layout": "constrained", "subplot_kw": {"frame_on": False, "xticks": [], "yticks": []}}
+
 Record = dict[str, Any]
 Exact = tuple[np.ndarray, np.ndarray]  # the picture, and which of its pixels count
 
@@ -83,9 +85,6 @@ PEERS = {
     "itk": Entry("ITK, resampling", "itk", "itk_resample", {}),
     "scipy": Entry("SciPy, affine_transform", "scipy", "scipy_rotate", {}),
 }
-
-
-# --------------------------------------------------------------------------------------- measuring
 
 
 def clock(peer: Peer, view: View) -> tuple[float, float]:
@@ -143,13 +142,10 @@ def run(key: str, volume: Volume, arguments: argparse.Namespace) -> list[Record]
             is_silent = isinstance(error, TimeoutError)
             problem = f"no answer for {TIMEOUT:g} s" if is_silent else f"{type(error).__name__}: {error}"
             problem = " ".join(problem.split())[:200].rstrip(": ")
-            records.append({"image": volume.name, "peer": key, "problem": problem})
+            records.append({"image": volume.name, "view": None, "peer": key, "problem": problem})
             for child in multiprocessing.active_children():
                 child.kill()
     return records
-
-
-# ---------------------------------------------------------------------------------------- accuracy
 
 
 def compare(record: Record, exact: Exact, volume: Volume) -> None:
@@ -184,15 +180,12 @@ def project_image(volume: Volume, arguments: argparse.Namespace) -> tuple[list[R
     except (ImportError, AttributeError) as error:
         sys.exit(f"error: there are no exact pictures without itk-shearwarpmip: {error}")
     records = [r for key in PEERS if key in arguments.peers for r in run(key, volume, arguments)]
-    ours = {r["view"]: r["median_ms"] for r in records if r["peer"] == "ours" and "view" in r}
-    for record in records:
-        if "view" in record:
-            record["x_ours"] = record["median_ms"] / ours.get(record["view"], math.nan)
-            compare(record, exact[record["view"]], volume)
+    done = [record for record in records if record["view"]]
+    ours = {r["view"]: r["median_ms"] for r in done if r["peer"] == "ours"}
+    for record in done:
+        record["x_ours"] = record["median_ms"] / ours.get(record["view"], math.nan)
+        compare(record, exact[record["view"]], volume)
     return records, exact
-
-
-# ------------------------------------------------------------------------------------------ report
 
 
 def markdown(table: pd.DataFrame, head: str) -> str:
@@ -205,15 +198,13 @@ def markdown(table: pd.DataFrame, head: str) -> str:
         if done.empty:
             parts.append(names.to_markdown(index=False))
             continue
-        cells = done["median_ms"].map("{:.3g}".format) + done["x_ours"].map(" ({:.3g})".format)
-        cells = done.assign(cells=cells.str.replace(" (nan)", ""))
-        times = cells.pivot(index="peer", columns="view", values="cells")[done["view"].unique()]
-        peers = done.groupby("peer")
-        errors = peers[["magnitude", "p99", "largest", "mean", "above"]].mean().assign(largest=peers["largest"].max())
-        for title, numbers in (
-            ("Median times of a view in ms (times ours):", times),
-            ("Errors, %, mean over the views; the largest of all:", errors.map("{:.3f}".format)),
-        ):
+        ratios = done["x_ours"].map(" ({:.3g})".format, na_action="ignore").fillna("")
+        cells = done["median_ms"].map("{:.3g}".format) + ratios
+        times = done.assign(cells=cells).pivot(index="peer", columns="view", values="cells")[done["view"].unique()]
+        how = dict.fromkeys(["magnitude", "p99", "largest", "mean", "above"], "mean") | {"largest": "max"}
+        errors = done.groupby("peer").agg(how).map("{:.3f}".format)
+        texts = "Median times of a view in ms (times ours):", "Errors, %, mean over the views; the largest of all:"
+        for title, numbers in zip(texts, (times, errors)):
             align = ["left"] * names.shape[1] + ["right"] * numbers.shape[1]
             whole = names.join(numbers).fillna("")
             parts += [title, whole.to_markdown(index=False, disable_numparse=True, colalign=align)]
@@ -224,24 +215,22 @@ def draw_pictures(file: Path, records: list[Record], volume: Volume) -> None:
     """The pictures side by side: a row for each view, a column for each peer."""
     views, keys = (list(dict.fromkeys(r[name] for r in records)) for name in ("view", "peer"))
     size = (2.4 * len(keys), 2.6 * len(views))
-    figure, panels = plt.subplots(len(views), len(keys), figsize=size, squeeze=False, layout="constrained")
+    figure, panels = plt.subplots(len(views), len(keys), figsize=size, **PANELS)
     high = max(np.percentile(r["picture"], 99.8) for r in records)
-    for panel in panels.flat:
-        panel.set_axis_off()
     for r in records:
         panel = panels[views.index(r["view"]), keys.index(r["peer"])]
         panel.imshow(r["picture"], cmap="gray", vmin=volume.voxels.min(), vmax=high)
         panel.set_title(f"{PEERS[r['peer']].title}, {r['view']}", fontsize=8)
     figure.savefig(file, dpi=130)
-    plt.close(figure)
 
 
 def find_vessel(records: list[Record], exact: dict[str, Exact]) -> tuple[str, slice, slice]:
     """The view and window where ray casting with a step of a voxel errs most in the mean: at thin vessels."""
-    steps = [key for key in ("numba", "itk", "vtk-slab", "scipy", *PEERS) if any(r["peer"] == key for r in records)]
+    done = {record["peer"] for record in records}
+    step = next(key for key in ("numba", "itk", "vtk-slab", "scipy", *PEERS) if key in done)
     found = []
     for r in records:
-        if r["peer"] == steps[0]:
+        if r["peer"] == step:
             expected, inside = exact[r["view"]]
             error = np.abs(r["picture"] - expected) * inside
             sums = np.lib.stride_tricks.sliding_window_view(error, [min(CROP, *error.shape)] * 2).sum(axis=(2, 3))
@@ -255,14 +244,11 @@ def draw_vessel(file: Path, records: list[Record], exact: dict[str, Exact], volu
     view, *window = find_vessel(records, exact)
     expected, inside = (array[*window] for array in exact[view])
     percent = 100 / volume.range
-    crops = {"Exact maximum": expected}
-    crops |= {PEERS[r["peer"]].title: r["picture"][*window] for r in records if r["view"] == view}
-    crops.pop(PEERS["ours-exact"].title, None)
+    chosen = [r for r in records if r["view"] == view and r["peer"] != "ours-exact"]
+    crops = {"Exact maximum": expected, **{PEERS[r["peer"]].title: r["picture"][*window] for r in chosen}}
     limit = percent * np.percentile([np.abs(crop - expected) for crop in crops.values()], 99.5)
     columns = math.ceil(len(crops) / 2)
-    figure, panels = plt.subplots(4, columns, figsize=(1.9 * columns, 8), squeeze=False, layout="constrained")
-    for panel in panels.flat:
-        panel.set_axis_off()
+    figure, panels = plt.subplots(4, columns, figsize=(1.9 * columns, 8), **PANELS)
     for n, (title, crop) in enumerate(crops.items()):
         top, bottom = panels[2 * (n // columns) :, n % columns][:2]
         top.imshow(crop, cmap="gray", vmin=expected.min(), vmax=expected.max(), interpolation="none")
@@ -274,10 +260,6 @@ def draw_vessel(file: Path, records: list[Record], exact: dict[str, Exact], volu
         scale = panels[1, 0].inset_axes([0.05, 0.45, 0.9, 0.08])
         figure.colorbar(drawn, cax=scale, orientation="horizontal", label="error, % of the range")
     figure.savefig(file, dpi=100)
-    plt.close(figure)
-
-
-# -------------------------------------------------------------------------------------------- main
 
 
 def parse_size(text: str) -> tuple[int, ...]:
@@ -340,8 +322,8 @@ def main() -> None:
             sys.exit(f"error: {error}")
         records, exact = project_image(volume, arguments)
         everything += records
-        done = [r for r in records if "view" in r]
-        if output and arguments.pictures and done:
+        done = [record for record in records if record["view"]]
+        if arguments.pictures and done:
             name = re.sub(r"[^\w.-]", "_", volume.name)
             draw_pictures(output / f"pictures-{name}.png", done, volume)
             draw_vessel(output / f"vessel-{name}.png", done, exact, volume)
@@ -349,9 +331,8 @@ def main() -> None:
     table = pd.DataFrame(everything).drop(columns="picture", errors="ignore")
     if "runs" in table:
         table["runs"] = table["runs"].astype("Int64")
-    table.insert(1, "view", table.pop("view") if "view" in table else math.nan)
     done = table.dropna(subset="view")
-    shown = table.drop(columns="version", errors="ignore")
+    shown = table.drop(columns="version", errors="ignore").fillna({"view": ""})
     print(shown.to_string(index=False, na_rep="", float_format="{:.3f}".format))
     system = f"{platform.system()}, Python {platform.python_version()}"
     head = f"{platform.machine()}, {os.cpu_count()} processors, {system}; {arguments.threads} threads."

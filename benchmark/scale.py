@@ -13,22 +13,23 @@ with that of the filter for the whole volume in memory, up to the size that --wh
 from __future__ import annotations
 
 import argparse
+import itertools
 import re
 import statistics
 import sys
 import tempfile
-import time
 from collections.abc import Callable
 from pathlib import Path
+from timeit import repeat
 from typing import Any
 
-import dask
+import dask.array
 import itk
 import numpy as np
 import pandas as pd
 import zarr
 from distributed import Client, LocalCluster
-from itk_shearwarpmip import mip, open_volume
+from itk_shearwarpmip import mip, open_image, open_volume
 from peer.volume import make_head
 
 PERIOD = 512  # voxels after which larger volumes repeat, a multiple of the chunks
@@ -39,22 +40,16 @@ def write_volume(path: Path, edge: int, chunk: int) -> None:
     group = zarr.open_group(path, mode="w", zarr_format=2)
     form: dict[str, Any] = {"compressors": None, "chunk_key_encoding": {"name": "v2", "separator": "/"}}
     array = group.create_array("0", shape=(edge,) * 3, chunks=(min(chunk, edge),) * 3, dtype=np.uint16, **form)
-    axes = [{"name": name, "type": "space", "unit": "micrometer"} for name in "zyx"]
+    axes = [{"name": name, "type": "space", "unit": "millimeter"} for name in "zyx"]
     datasets = [{"path": "0", "coordinateTransformations": [{"type": "scale", "scale": [0.4] * 3}]}]
     group.attrs["multiscales"] = [{"version": "0.4", "name": "made", "axes": axes, "datasets": datasets}]
-    voxels = make_head((min(edge, PERIOD),) * 3).voxels
-    for first in np.ndindex((-(-edge // chunk),) * 3):
-        box = [np.arange(chunk * n, min(chunk * (n + 1), edge)) for n in first]
-        array[tuple(slice(each[0], each[-1] + 1) for each in box)] = voxels[np.ix_(*(each % PERIOD for each in box))]
+    head = dask.array.from_array(make_head((min(edge, PERIOD),) * 3).voxels, chunks=chunk)
+    voxels = dask.array.tile(head, (-(-edge // PERIOD),) * 3)[:edge, :edge, :edge]
+    dask.array.store(voxels, array, lock=False)
 
 
 def time_median(function: Callable[[], Any], repeats: int) -> float:
-    seconds = []
-    for _ in range(repeats):
-        begin = time.perf_counter()
-        function()
-        seconds.append(time.perf_counter() - begin)
-    return statistics.median(seconds)
+    return statistics.median(repeat(function, "gc.enable()", number=1, repeat=repeats))
 
 
 def read_peak_memory() -> float:
@@ -63,22 +58,9 @@ def read_peak_memory() -> float:
     return int(re.search(r"VmHWM:\s+(\d+)", status.read_text())[1]) * 1024e-6 if status.exists() else float("nan")
 
 
-class Counted(Exception):
-    """Ends a computation whose graph was only to be counted."""
-
-
-def count_tasks(path: Path, view: Any) -> int:
-    """The tasks of a view's graph."""
-
-    def count(graph: Any, *_: Any, **__: Any) -> None:
-        raise Counted(len(graph if isinstance(graph, dict) else graph.optimize().__dask_graph__()))
-
-    with dask.config.set(scheduler=count):
-        try:
-            mip(path, view)
-        except Counted as counted:
-            return counted.args[0]
-    raise AssertionError("a view without a graph")
+def count_tasks(dask_worker: Any) -> int:
+    """That a worker has run."""
+    return dask_worker.state.executed_count
 
 
 def measure(path: Path, view: Any, block: int, workers: int, options: argparse.Namespace) -> tuple[dict, bytes]:
@@ -90,8 +72,8 @@ def measure(path: Path, view: Any, block: int, workers: int, options: argparse.N
         case = {
             "block": block,
             "workers": workers,
-            "parts": int(np.prod(open_volume(path).array.numblocks)),
-            "tasks": count_tasks(path, view),
+            "parts": open_volume(path).array.npartitions,
+            "tasks": sum(client.run(count_tasks).values()),
             "a view, s": time_median(lambda: mip(path, view), options.repeats),
             "moved, MB": picture["BytesSent"] / 1e6,
             "peak of a worker, MB": max(client.run(read_peak_memory).values()),
@@ -124,25 +106,22 @@ def main() -> None:
         with tempfile.TemporaryDirectory(dir=options.folder) as folder:
             path = Path(folder) / "made.ome.zarr"
             write_volume(path, edge, options.chunk)
-            opened = open_volume(path)
             view = itk.CenteredEuler3DTransform[itk.D].New()
-            view.SetCenter(itk.ShearWarpMIPView.GetCenter(opened.make_image()))
+            view.SetCenter(itk.ShearWarpMIPView.GetCenter(open_volume(path).make_image()))
             view.SetRotation(*np.radians((20.0, 30.0, 0.0)))
             expected = None
             if edge <= options.whole:
-                image = opened.make_part(opened.array.compute(scheduler="threads"), (0, 0, 0))
-                whole = itk.ShearWarpMIPImageFilter.New(image, transform=view)
-                whole.SetNumberOfWorkUnits(1)
+                image = open_image(path)
+                whole = itk.ShearWarpMIPImageFilter.New(image, transform=view, number_of_work_units=1)
                 seconds = time_median(whole.Update, 1)
                 expected = np.asarray(whole.GetOutput()).tobytes()
                 cases.append({"edge": edge, "block": "whole in memory, first view, 1 thread", "a view, s": seconds})
-            for block in options.blocks:
-                for workers in options.workers:
-                    case, picture = measure(path, view, block, workers, options)
-                    if expected not in (None, picture):
-                        sys.exit(f"error: {edge}: {case}: the picture is not that of the whole volume")
-                    cases.append({"edge": edge, **case})
-                    print(cases[-1], file=sys.stderr)
+            for block, workers in itertools.product(options.blocks, options.workers):
+                case, picture = measure(path, view, block, workers, options)
+                if expected not in (None, picture):
+                    sys.exit(f"error: {edge}: {case}: the picture is not that of the whole volume")
+                cases.append({"edge": edge, **case})
+                print(cases[-1], file=sys.stderr)
     table = pd.DataFrame(cases)
     table.to_csv(options.output / "scale.csv", index=False)
     text = table.to_markdown(index=False, floatfmt=".4g", missingval="")

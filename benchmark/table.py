@@ -41,6 +41,7 @@ NAME = (
     r"(?:(?P<family>cine)/(?P<axis>\w+)/)?mip/(?P<data>[^/]+)/(?P<size>\w+)/(?P<pixel_type>\w+)/(?P<set>\w+)"
     r"/threads:(?P<threads>\d+)/(?P<mode>\w+)"
 )
+TEXTS = {"data": "data", "set": "instruction set", "threads": "threads", "mode": "reduced resampling"}
 
 
 def format_number(value: float) -> str:
@@ -51,20 +52,20 @@ def format_number(value: float) -> str:
 
 def find_faults(results: pd.DataFrame, counters: list[str]) -> list[str]:
     """What is wrong with the benchmarks that ran to their end."""
-    is_missing = results[counters].isna() | (results[counters] < 0)
-    is_missing |= (results[counters] == 0) & (pd.Series(counters, counters) != "skipped_fraction")
+    is_missing = ~(results[counters] > 0)
+    is_missing["skipped_fraction"] = ~(results["skipped_fraction"] >= 0)
+    is_auto = results["mode"] == "auto"
     only = {
         **dict.fromkeys(["raycast_ratio", "plain_ratio"], results["threads"] == "1"),
-        **dict.fromkeys(VARIANTS, results["mode"] == "auto"),
-        "oversampling_ratio": (results["mode"] == "auto") & (results["set"] != "portable"),
+        **dict.fromkeys(VARIANTS, is_auto),
+        "oversampling_ratio": is_auto & (results["set"] != "portable"),
         "peak_mb": Path("/proc/self/clear_refs").exists(),
     }
-    for counter in is_missing:
-        is_missing[counter] &= only.get(counter, True)
+    for counter in only.keys() & set(counters):
+        is_missing[counter] &= only[counter]
     faults = [f"{results.name[row]}: no {counter}" for (row, counter), bad in is_missing.stack().items() if bad]
     is_odd = results["skipped_fraction"] > (results["mode"] != "off")
-    if "min_ms" in counters:
-        is_odd |= results["min_ms"] > results["median_ms"]
+    is_odd |= results.get("min_ms", 0) > results.get("median_ms", 0)
     return faults + [
         f"{name}: more is skipped than can be, or the minimum is not the least" for name in results.name[is_odd]
     ]
@@ -74,15 +75,18 @@ def main() -> None:
     if len(sys.argv) != 2:
         sys.exit(__doc__)
     whole = json.loads(Path(sys.argv[1]).read_text())
-    results = pd.DataFrame(whole["benchmarks"])
-    if results.empty or not (results["run_type"] == "iteration").any():
+    results = pd.DataFrame([each for each in whole["benchmarks"] if each["run_type"] == "iteration"])
+    if results.empty:
         sys.exit("error: no benchmark has run")
-    results = results[results["run_type"] == "iteration"].reset_index(drop=True)
-    results = results.drop(columns="threads", errors="ignore").join(results["name"].str.extract(NAME))
+    results = results.assign(**results["name"].str.extract(NAME))
     results["data"] += (", axis " + results["axis"]).fillna("")
     columns = COLUMNS[results["family"].fillna("mip")[0]]
-    columns = columns | (VARIANTS if not set(VARIANTS).isdisjoint(results) else {})
+    if not set(VARIANTS).isdisjoint(results):
+        columns = columns | VARIANTS
     results = results.reindex(columns=[*dict.fromkeys([*results, *columns, "error_message"])])
+    is_done = results["error_message"].isna()
+    failed = results[~is_done]
+    faults = [*(failed["name"] + ": " + failed["error_message"]), *find_faults(results[is_done], list(columns))]
 
     context = whole["context"]
     caches = ", ".join(f"L{cache['level']} {cache['type']} {cache['size'] // 1024} KiB" for cache in context["caches"])
@@ -91,21 +95,15 @@ def main() -> None:
         f"{context['date']}, {context.get('processor', 'unknown processor')}, {context['num_cpus']} processors at "
         f"{context['mhz_per_cpu']} MHz, {caches}; ITK {context.get('itk')}, {context.get('compiler')}"
     )
-    for (size, pixel_type), rows in results.groupby(["size", "pixel_type"], sort=False):
-        shown = rows[["data", "set", "threads", "mode"]].set_axis(
-            ["data", "instruction set", "threads", "reduced resampling"], axis=1
-        )
-        numbers = rows[list(columns)].assign(skipped_fraction=100 * rows["skipped_fraction"])
-        shown = shown.join(numbers.apply(lambda column: column.map(format_number)).rename(columns=columns))
-        for row, message in rows["error_message"].dropna().items():
-            shown.loc[row, columns["read_limit_ms"]] = "error: " + message.replace("|", "/").replace("\n", " ")
-        align = ["left"] * 4 + ["right"] * len(columns)
+    results["skipped_fraction"] *= 100
+    shown = results.assign(**results[list(columns)].apply(lambda column: column.map(format_number)))
+    errors = "error: " + failed["error_message"].astype(str).str.replace("|", "/", regex=False).str.replace("\n", " ")
+    shown.loc[~is_done, "read_limit_ms"] = errors
+    for (size, pixel_type), rows in shown.groupby(["size", "pixel_type"], sort=False):
+        table = rows[[*TEXTS, *columns]].rename(columns=TEXTS | columns)
+        align = ["left"] * len(TEXTS) + ["right"] * len(columns)
         print(f"\n## {size}, {pixel_type}\n")
-        print(shown.to_markdown(index=False, disable_numparse=True, colalign=align))
-
-    failed = results[results["error_message"].notna()]
-    faults = (failed["name"] + ": " + failed["error_message"]).tolist()
-    faults += find_faults(results[results["error_message"].isna()], list(columns))
+        print(table.to_markdown(index=False, disable_numparse=True, colalign=align))
     if faults:
         sys.exit("error: " + "\nerror: ".join(faults))
 

@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
 """The viewer under the hand: from the event in the browser to the picture in it.
 
-A headless Chromium without GPU shows the viewer's page of a volume of uint16, and drags it. Each movement has the time at
-which the browser made its event; each picture has the number of the last movement that it shows and the time at which the
-browser has loaded it. What is measured is, for every movement, the time until the first picture that shows it or a later
-one, and the stages of that time. After each drag the picture at rest is compared with the viewer's, pixel by pixel.
+A headless Chromium without GPU shows the viewer's page of a volume of uint16, and drags it. A movement has the time of
+its event in the browser. A picture has its last movement, and the time when the browser has loaded it. What is measured
+is the time from a movement to the first picture that shows it or a later one, and the stages of that time. After each
+drag the picture at rest is compared with the viewer's, pixel by pixel.
 
     pip install "$(echo dist/itk_shearwarpmip-*.whl)[viewer]" selenium       # and Debian's chromium, chromium-driver
     viewer.py                                  # 100 drags, 512x512x512, a window of 1000x720
@@ -17,7 +17,6 @@ A movement is lost if no picture shows it or a later one. Nothing is judged by i
 from __future__ import annotations
 
 import argparse
-import base64
 import io
 import json
 import os
@@ -56,45 +55,33 @@ STAGES = (
 WATCH = """
   window.moves = []
   window.pictures = []
-  const time = (milliseconds) => (performance.timeOrigin + milliseconds) / 1000
+  const since = (milliseconds) => (performance.timeOrigin + milliseconds) / 1000
+  const now = () => since(performance.now())
   const arrived = {}
   let current = null
   window.WebSocket = class extends WebSocket {
     constructor (...parameters) {
       super(...parameters)
       this.addEventListener('message', ({ data }) => {
-        if (typeof data === 'string') {
-          this.index = JSON.parse(data).index
-        } else {
-          arrived[this.index] = time(performance.now())
-        }
+        if (typeof data === 'string') this.index = JSON.parse(data).index
+        else arrived[this.index] = now()
       })
     }
     send (text) {
       const message = JSON.parse(text)
       if (message.type === 'pointer_move') {
-        message.timestamp = time(window.event.timeStamp)
-        window.moves.push([message.timestamp, time(performance.now())])
-        text = JSON.stringify(message)
+        message.timestamp = since(window.event.timeStamp)
+        window.moves.push([message.timestamp, now()])
       } else if (message.type === '_framefeedback') {
-        current = [message.index, arrived[message.index], time(performance.now())]
+        current = [message.index, arrived[message.index], now()]
       }
-      super.send(text)
+      super.send(JSON.stringify(message))
     }
   }
-  document.addEventListener('load', (event) => {
-    if (event.target.tagName === 'IMG') {
-      window.pictures.push([...current, time(performance.now())])
-    }
+  document.addEventListener('load', ({ target }) => {
+    if (target.tagName === 'IMG') window.pictures.push([...current, now()])
   }, true)
 """
-
-
-def make_volume(edge: int) -> Any:
-    """The synthetic head of peers.py."""
-    image = itk.image_from_array(make_head((edge,) * 3).voxels)
-    image.SetSpacing([0.4, 0.4, 0.4])
-    return image
 
 
 class Record:
@@ -105,107 +92,85 @@ class Record:
         """Number of a picture: time of the last movement in it; when it was begun and painted, drawn and encoded."""
         self.handled: dict[float, float] = {}
         """Time of a movement: when the viewer had it."""
-        self.paint_seconds: list[float] = []
         self.factors: list[int] = []
-        self._moved_at = -np.inf
-        made: dict[int, tuple[float, list[float]]] = {}
-        handle, paint, send = viewer._handle, viewer._scene.paint, viewer.canvas._encode_frame
-        states: dict[int, tuple[Any, float]] = {}
+        canvas = viewer.canvas
+        handle, paint, encode = viewer._handle, viewer._scene.paint, canvas._encode_frame
+        moved_at = -np.inf
+        states: dict[Any, float] = {}
+        made: dict[int, tuple[float, list[float]]] = {}  # by address: a newer picture may take the place of an old one
 
         def handle_and_note(event: dict[str, Any]) -> None:
+            nonlocal moved_at
             if event["event_type"] == "pointer_move":
-                self._moved_at = event["time_stamp"]
-                self.handled[self._moved_at] = time.time()
+                moved_at = event["time_stamp"]
+                self.handled[moved_at] = time.time()
             handle(event)
-            states[id(viewer._state)] = viewer._state, self._moved_at
+            states[viewer._state] = moved_at
 
         def paint_and_note(state: Any, size: Any, **how: Any) -> Any:
             start = time.time()
             rgba = paint(state, size, **how)
-            end = time.time()
-            self.paint_seconds.append(end - start)
+            made[rgba.ctypes.data] = states.get(state, -np.inf), [start, time.time()]
             self.factors.append(how.get("factor", 1))
-            made[id(rgba)] = states[id(state)][1] if id(state) in states else -np.inf, [start, end]
-            frames.append(rgba)
             return rgba
 
-        def send_and_note(array: Any, *arguments: Any) -> None:
-            # a picture is sent to the client that has answered, with its next number
-            before = {key: info["sent"] for key, info in viewer.canvas._frame_info_per_client.items()}
-            moved_at, painted = next(
-                (made[id(each)] for each in reversed(frames) if np.shares_memory(each, array)), (-np.inf, [])
-            )
-            start = time.time()
-            send(array, *arguments)
-            for key, info in viewer.canvas._frame_info_per_client.items():
-                if info["sent"] != before.get(key):
-                    self.shown[info["sent"]] = moved_at, [*painted, start, time.time()]
-            del frames[:-4]
+        def encode_and_note(array: Any, *arguments: Any) -> None:
+            # it is sent with the client's next number, if the client has answered
+            info = canvas._frame_info_per_client.get(canvas._active_client, {"sent": 0})
+            before, start = info["sent"], time.time()
+            encode(array, *arguments)
+            if info["sent"] != before:
+                last, painted = made.get(array.ctypes.data, (-np.inf, []))
+                self.shown[info["sent"]] = last, [*painted, start, time.time()]
 
-        frames: list[Any] = []
-        viewer.canvas.remove_event_handler(handle, "*")
-        viewer.canvas.add_event_handler(handle_and_note, "*")
+        canvas.remove_event_handler(handle, "*")
+        canvas.add_event_handler(handle_and_note, "*")
         viewer._scene.paint = paint_and_note
-        viewer.canvas._encode_frame = send_and_note
+        canvas._encode_frame = encode_and_note
 
 
-def read_picture(driver: Any) -> np.ndarray:
-    """The bytes that the browser shows, decoded here."""
-    text = driver.execute_async_script("""
-      const done = arguments[0]
-      fetch(document.querySelector('#canvas img').src).then((answer) => answer.blob()).then((blob) => {
-        const reader = new FileReader()
-        reader.onload = () => done(reader.result.split(',')[1])
-        reader.readAsDataURL(blob)
-      }, () => done(''))
-    """)
-    return np.asarray(Image.open(io.BytesIO(base64.b64decode(text)))) if text else np.zeros(0)
+def take_screenshot(picture: Any) -> np.ndarray:
+    return np.asarray(Image.open(io.BytesIO(picture.screenshot_as_png)).convert("RGB"))
 
 
-def drag(driver: Any, picture: Any, generator: np.random.Generator, steps: int) -> None:
+def drag(driver: Any, picture: Any, generator: np.random.Generator) -> None:
     actions = ActionBuilder(driver, duration=MOVE_MILLISECONDS)
     mouse = actions.pointer_action
     x, y = generator.integers(-150, 150, 2)
     mouse.move_to(picture, int(x), int(y))
     mouse.pointer_down()
     right, down = generator.uniform(-12, 12), generator.uniform(-6, 6)
-    for n in range(1, steps + 1):
+    for n in range(1, 21):
         mouse.move_to(picture, round(x + n * right), round(y + n * down))
     mouse.pointer_up()
     actions.perform()
 
 
 def measure(options: argparse.Namespace) -> dict[str, Any]:
-    volume = itk.imread(options.volume) if options.volume else make_volume(options.edge)
-    viewer = show(volume, page={"no_browser": True}, block=False)
+    viewer = show(options.volume or make_head((options.edge,) * 3).voxels, page={"no_browser": True}, block=False)
     record = Record(viewer)
     driver = chromium.start(*options.window)
     generator = np.random.default_rng(20020547)
-    latencies: list[float] = []
-    stages: list[list[float]] = []
+    stages: list[np.ndarray] = []
     rates: list[float] = []
     lost = different = 0
-    loads = [os.getloadavg()[0]]
     try:
-        # fetch() of the picture is not the page's own
-        driver.execute_cdp_cmd("Page.setBypassCSP", {"enabled": True})
         driver.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": WATCH})
         driver.get(viewer.url)
         time.sleep(3)
         picture = driver.find_element(By.CSS_SELECTOR, "#canvas img")
         # views of all three axes prepare the volume
         for _ in range(3 if options.smoke else 10):
-            drag(driver, picture, generator, 20)
+            drag(driver, picture, generator)
         time.sleep(1)
-        record.paint_seconds.clear()
         record.factors.clear()
         for _ in range(options.drags):
             driver.execute_script("window.moves = []; window.pictures = []")
-            drag(driver, picture, generator, 20)
+            drag(driver, picture, generator)
             viewer._settle()
             end = time.monotonic() + 10
             wanted = viewer.snapshot()[..., :3]
-            while not np.array_equal(read_picture(driver), wanted) and time.monotonic() < end:
+            while not np.array_equal(take_screenshot(picture), wanted) and time.monotonic() < end:
                 time.sleep(0.05)
             different += time.monotonic() >= end
             moves, pictures = driver.execute_script("return [window.moves, window.pictures]")
@@ -215,43 +180,34 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
                 if found is None:
                     lost += 1
                 else:
-                    stages.append(np.diff([moved, sent, record.handled[moved], *found[0], *found[1]]).tolist())
-                    latencies.append(found[1][-1] - moved)
+                    stages.append(np.diff([moved, sent, record.handled[moved], *found[0], *found[1]]))
             moving = [times[-1] for _, _, times in shown if times[-1] <= moves[-1][0]]
             if len(moving) > 2:
                 rates.append((len(moving) - 1) / (moving[-1] - moving[0]))
-            loads.append(os.getloadavg()[0])
     finally:
         driver.quit()
         viewer.close()
-    milliseconds = 1e3 * np.array(latencies)
+    milliseconds = 1e3 * np.array(stages)
+    median, high, most = np.percentile(milliseconds.sum(axis=1), (50, 95, 100)).round(1).tolist()
     return {
-        "volume": list(itk.size(volume)),
+        "volume": list(itk.size(viewer._image)),
         "canvas": list(wanted.shape[1::-1]),
         "machine": f"{platform.machine()}, {os.cpu_count()} cores",
         "drags": options.drags,
-        "movements": len(latencies) + lost,
+        "movements": len(stages) + lost,
         "lost": lost,
         "drags whose last picture differs": different,
-        "milliseconds from the event to the picture": {
-            "median": round(float(np.median(milliseconds)), 1),
-            "95th percentile": round(float(np.percentile(milliseconds, 95)), 1),
-            "most": round(float(milliseconds.max()), 1),
-        },
-        "milliseconds of the stages, mean": {
-            name: round(1e3 * float(mean), 1) for name, mean in zip(STAGES, np.mean(stages, axis=0))
-        },
+        "milliseconds from the event to the picture": {"median": median, "95th percentile": high, "most": most},
+        "milliseconds of the stages, mean": dict(zip(STAGES, milliseconds.mean(axis=0).round(1).tolist())),
         "pictures per second in motion, median": round(float(np.median(rates)), 1) if rates else None,
-        "milliseconds to paint, median": round(1e3 * float(np.median(record.paint_seconds)), 1),
         "lower resolution": f"{sum(factor > 1 for factor in record.factors)} of {len(record.factors)}",
-        "load": [round(float(each), 1) for each in (min(loads), max(loads))],
     }
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--volume", help="image file; by default a made angiogram")
-    parser.add_argument("--edge", type=int, default=512, help="voxels along each side of these")
+    parser.add_argument("--edge", type=int, default=512, help="voxels along each side of the made one")
     parser.add_argument("--drags", type=int, default=100)
     parser.add_argument("--window", type=int, nargs=2, default=(1000, 720), help="of the browser, in pixels")
     parser.add_argument("--output", type=Path, help="JSON file")

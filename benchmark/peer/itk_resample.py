@@ -13,7 +13,7 @@ class Projector(Peer):
     """ResampleImageFilter, linear, and MaximumProjectionImageFilter."""
 
     def __init__(self, volume: Volume, threads: int) -> None:
-        super().__init__(volume, threads)
+        super().__init__(volume)
         image = make_image(volume, volume.voxels, threads)
         self.resample = itk.ResampleImageFilter.New(
             image,

@@ -52,7 +52,7 @@ class Projector(Peer):
     """One sample a voxel of way: a step is the smallest spacing. It is compiled before it is timed."""
 
     def __init__(self, volume: Volume, threads: int) -> None:
-        super().__init__(volume, threads)
+        super().__init__(volume)
         numba.set_num_threads(threads)
         self.result = np.empty((volume.width, volume.width))
         cast(volume.voxels, *np.eye(4, 3), 1.0, float(self.background), self.result[:1, :1].copy())

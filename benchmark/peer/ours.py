@@ -15,7 +15,7 @@ class Projector(Peer):
     """`options` are the filter's: `exact`, `oversampling`."""
 
     def __init__(self, volume: Volume, threads: int, **options: Any) -> None:
-        super().__init__(volume, threads)
+        super().__init__(volume)
         self.filter = itk.ShearWarpMIPImageFilter.New(
             make_image(volume, volume.voxels, threads),
             number_of_work_units=threads,

@@ -22,7 +22,7 @@ class Projector(Peer):
     """
 
     def __init__(self, volume: Volume, threads: int) -> None:
-        super().__init__(volume, threads)
+        super().__init__(volume)
         self.voxels = volume.voxels.astype(np.float32) - np.float32(self.background)
         self.zeros = np.zeros((1, volume.width, volume.width), np.float32)
         detector = itk.image_view_from_array(self.zeros)

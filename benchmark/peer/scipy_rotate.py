@@ -14,7 +14,7 @@ class Projector(Peer):
     """SciPy has no threads of its own: bands of rows are given to threads, as its user would have to do."""
 
     def __init__(self, volume: Volume, threads: int) -> None:
-        super().__init__(volume, threads)
+        super().__init__(volume)
         self.bands = np.array_split(np.arange(volume.width), threads)
         self.pool = ThreadPoolExecutor(threads)
 

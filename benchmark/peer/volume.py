@@ -20,8 +20,8 @@ import numpy as np
 class Volume:
     """A 3D image: voxels (z, y, x); spacing (x, y, z) in mm; direction cosines as columns. Its center is at (0, 0, 0).
 
-    And the picture of it: `width` x `width` pixels of `step` mm; the first one's center is at (`first`, `first`) mm in u
-    and v, so that the picture's is at (0, 0).
+    And the picture of it: `width` x `width` pixels of `step` mm. The first one's center is at (`first`, `first`) mm in
+    u and v, so that the picture's is at (0, 0).
     """
 
     def __init__(self, voxels: np.ndarray, spacing: np.ndarray, direction: np.ndarray, name: str) -> None:
@@ -52,11 +52,9 @@ class View:
             if not match:
                 raise argparse.ArgumentTypeError(f"{text!r} is not a view such as y30 or y60+x20")
             axis, angle = "xyz".index(match[1]), math.radians(float(match[2]))
-            a, b = (axis + 1) % 3, (axis + 2) % 3
-            turn = np.eye(3)
-            turn[a, a] = turn[b, b] = math.cos(angle)
-            turn[a, b], turn[b, a] = -math.sin(angle), math.sin(angle)
-            rotation = rotation @ turn
+            cosine, sine = math.cos(angle), math.sin(angle)
+            about_x = np.array([[1, 0, 0], [0, cosine, -sine], [0, sine, cosine]])
+            rotation = rotation @ np.roll(about_x, axis, (0, 1))
         return cls(text, rotation)
 
     def to_index(self, volume: Volume) -> np.ndarray:
@@ -70,12 +68,12 @@ class View:
 
 
 class Peer(ABC):
-    """One way to a maximum intensity projection. Making a peer hands it the image."""
+    """One way to a maximum intensity projection. Making a peer, from a volume and threads, hands it the image."""
 
     note = ""  # what belongs to the version
 
-    def __init__(self, volume: Volume, threads: int) -> None:
-        self.volume, self.threads = volume, threads
+    def __init__(self, volume: Volume) -> None:
+        self.volume = volume
         self.background = volume.voxels.min().item()
 
     @abstractmethod

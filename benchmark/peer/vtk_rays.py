@@ -17,7 +17,7 @@ class Projector(Peer):
     """
 
     def __init__(self, volume: Volume, threads: int) -> None:
-        super().__init__(volume, threads)
+        super().__init__(volume)
         self.low, self.high = float(volume.voxels.min()), float(volume.voxels.max())
         grey, opacity = vtk.vtkPiecewiseFunction(), vtk.vtkPiecewiseFunction()
         grey.AddSegment(self.low, 0.0, self.high, 1.0)

@@ -14,7 +14,7 @@ class Projector(Peer):
     """Linear interpolation, a sample every spacing of the picture."""
 
     def __init__(self, volume: Volume, threads: int) -> None:
-        super().__init__(volume, threads)
+        super().__init__(volume)
         last = volume.width - 1
         self.reslice = vtk.vtkImageSlabReslice(
             number_of_threads=threads,
