@@ -85,53 +85,31 @@ struct Kind
 // the program's head has up to 892
 constexpr float Contrast = 4.0F;
 
-float
-MakeTimeOfFlight(const Voxel & voxel)
-{
-  const float signal = std::max(voxel.artery, static_cast<float>(Phantom::GetTissue(voxel.place)));
-  return AddRicianNoise(Contrast * signal, 45.0F, voxel.number);
-}
-
-float
-MakeSuppressedBackground(const Voxel & voxel)
-{
-  return Phantom::IsInBrain(voxel.place) ? AddRicianNoise(Contrast * voxel.artery, 8.0F, voxel.number) : 0.0F;
-}
-
-float
-MakeComputedTomogram(const Voxel & voxel)
-{
-  const auto  tissue = static_cast<float>(Phantom::GetTissue(voxel.place));
-  const bool  isBone = tissue == static_cast<float>(Phantom::Bone);
-  const float value = tissue == 0.0F ? 24.0F : isBone ? 2000.0F : 1000.0F + 0.4F * tissue;
-  const float contrast = 1000.0F + 0.5F * voxel.artery;
-  return (voxel.artery > 0.0F ? std::max(value, contrast) : value) + 15.0F * Normal(voxel.number);
-}
-
-float
-MakeUniformNoise(const Voxel & voxel)
-{
-  return static_cast<float>(Hash(voxel.number) >> 48);
-}
-
-float
-MakeNormalNoise(const Voxel & voxel)
-{
-  return 1000.0F + 100.0F * Normal(voxel.number);
-}
-
-float
-MakeConstant(const Voxel &)
-{
-  return 1000.0F;
-}
-
-constexpr Kind Kinds[] = { { "mra", true, MakeTimeOfFlight },
-                           { "ct", true, MakeComputedTomogram },
-                           { "noise16", false, MakeUniformNoise },
-                           { "noise12", false, MakeNormalNoise },
-                           { "sparse", true, MakeSuppressedBackground },
-                           { "const", false, MakeConstant } };
+constexpr Kind Kinds[] = {
+  { "mra",
+    true,
+    [](const Voxel & voxel) {
+      const float signal = std::max(voxel.artery, static_cast<float>(Phantom::GetTissue(voxel.place)));
+      return AddRicianNoise(Contrast * signal, 45.0F, voxel.number);
+    } },
+  { "ct",
+    true,
+    [](const Voxel & voxel) {
+      const auto  tissue = static_cast<float>(Phantom::GetTissue(voxel.place));
+      const bool  isBone = tissue == static_cast<float>(Phantom::Bone);
+      const float value = tissue == 0.0F ? 24.0F : isBone ? 2000.0F : 1000.0F + 0.4F * tissue;
+      const float contrast = 1000.0F + 0.5F * voxel.artery;
+      return (voxel.artery > 0.0F ? std::max(value, contrast) : value) + 15.0F * Normal(voxel.number);
+    } },
+  { "noise16", false, [](const Voxel & voxel) { return static_cast<float>(Hash(voxel.number) >> 48); } },
+  { "noise12", false, [](const Voxel & voxel) { return 1000.0F + 100.0F * Normal(voxel.number); } },
+  { "sparse",
+    true,
+    [](const Voxel & voxel) {
+      return Phantom::IsInBrain(voxel.place) ? AddRicianNoise(Contrast * voxel.artery, 8.0F, voxel.number) : 0.0F;
+    } },
+  { "const", false, [](const Voxel &) { return 1000.0F; } },
+};
 } // namespace
 
 std::vector<std::string>
@@ -171,13 +149,9 @@ MakeVolume(const std::string & name, const Size<3> & size)
       const SizeValueType pixels = size[0] * size[1];
       for (SizeValueType number = slice * pixels; number < (slice + 1) * pixels; ++number)
       {
-        auto &            voxel = volume->GetBufferPointer()[number];
-        const Index<3>    index = volume->ComputeIndex(static_cast<OffsetValueType>(number));
-        Vector<double, 3> place;
-        for (unsigned int axis = 0; axis < 3; ++axis)
-        {
-          place[axis] = volume->GetOrigin()[axis] + volume->GetSpacing()[axis] * static_cast<double>(index[axis]);
-        }
+        auto &      voxel = volume->GetBufferPointer()[number];
+        const auto  index = volume->ComputeIndex(static_cast<OffsetValueType>(number));
+        const auto  place = volume->TransformIndexToPhysicalPoint<double>(index).GetVectorFromOrigin();
         const float value = kind->makeValue({ static_cast<float>(voxel), number, place });
         voxel = static_cast<std::uint16_t>(std::min(std::max(value, 0.0F) + 0.5F, largest));
       }
@@ -185,29 +159,17 @@ MakeVolume(const std::string & name, const Size<3> & size)
     nullptr);
   volume->SetOrigin(Point<double, 3>());
   volume->SetSpacing(Vector<double, 3>(1.0));
-  if constexpr (std::is_same_v<TPixel, std::uint16_t>)
-  {
-    return volume;
-  }
-  else
-  {
-    const auto convert = ShiftScaleImageFilter<Image<std::uint16_t, 3>, Image<TPixel, 3>>::New();
-    convert->SetInput(volume);
-    convert->SetShift(std::is_same_v<TPixel, std::int16_t> && bits == 16 ? -32768.0 : 0.0);
-    convert->SetScale(sizeof(TPixel) == 1 ? 1.0 / (1 << (bits - 8)) : 1.0);
-    convert->Update();
-    return convert->GetOutput();
-  }
+  const auto convert = ShiftScaleImageFilter<Image<std::uint16_t, 3>, Image<TPixel, 3>>::New();
+  convert->SetInput(volume);
+  convert->SetShift(std::is_same_v<TPixel, std::int16_t> && bits == 16 ? -32768.0 : 0.0);
+  convert->SetScale(sizeof(TPixel) == 1 ? 1.0 / (1 << (bits - 8)) : 1.0);
+  convert->Update();
+  return convert->GetOutput();
 }
 
-template Image<std::uint8_t, 3>::Pointer
-MakeVolume<std::uint8_t>(const std::string &, const Size<3> &);
-template Image<std::int16_t, 3>::Pointer
-MakeVolume<std::int16_t>(const std::string &, const Size<3> &);
-template Image<std::uint16_t, 3>::Pointer
-MakeVolume<std::uint16_t>(const std::string &, const Size<3> &);
-template Image<float, 3>::Pointer
-MakeVolume<float>(const std::string &, const Size<3> &);
+#define INSTANTIATE(TPixel) template Image<TPixel, 3>::Pointer MakeVolume<TPixel>(const std::string &, const Size<3> &);
+FOR_EACH_BENCHMARK_PIXEL_TYPE(INSTANTIATE)
+#undef INSTANTIATE
 
 DataSet
 ReadInformation(const std::string & file)
@@ -247,13 +209,13 @@ GetViews()
 {
   static const std::vector<Angles> views = [] {
     std::vector<Angles> result;
-    for (int angle = 0; angle <= 180; angle += 10)
+    for (double angle = 0; angle <= 180; angle += 10)
     {
-      result.push_back({ 0.0, static_cast<double>(angle), 0.0 });
+      result.push_back({ 0, angle, 0 });
     }
-    for (int angle = 0; angle <= 180; angle += 20)
+    for (double angle = 0; angle <= 180; angle += 20)
     {
-      result.push_back({ static_cast<double>(angle), 0.0, 0.0 });
+      result.push_back({ angle, 0, 0 });
     }
     result.insert(result.end(),
                   { { 50, 0, 40 }, { 65, 0, 20 }, { 40, 0, 70 }, { 85, 0, 30 }, { 70, 0, 110 }, { 25, 0, 200 } });
@@ -265,14 +227,12 @@ GetViews()
 ViewTransformType::Pointer
 MakeView(const ImageBase<3> * image, const Angles & angles)
 {
-  const double degrees[3] = { angles.first, angles.second, angles.third };
-
   auto transform = ViewTransformType::New();
   for (unsigned int axis = 0; axis < 3; ++axis)
   {
     ViewTransformType::OutputVectorType direction(0.0);
     direction[axis] = 1.0;
-    transform->Rotate3D(direction, -degrees[axis] * Math::pi_over_180);
+    transform->Rotate3D(direction, -angles[axis] * Math::pi_over_180);
   }
   transform->SetMatrix(image->GetDirection() * transform->GetMatrix());
   transform->SetOffset(ShearWarpMIPView::GetCenter(image).GetVectorFromOrigin());

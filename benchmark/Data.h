@@ -21,10 +21,14 @@
 #include "itkAffineTransform.h"
 #include "itkImage.h"
 
+#include <array>
 #include <chrono>
 #include <cstdint>
 #include <string>
 #include <vector>
+
+/** Calls macro(type) for each type of voxels. */
+#define FOR_EACH_BENCHMARK_PIXEL_TYPE(macro) macro(std::uint8_t) macro(std::int16_t) macro(std::uint16_t) macro(float)
 
 namespace itk::ShearWarpBenchmark
 {
@@ -67,13 +71,9 @@ Dispatch(const std::string & pixelType, const TFunction & function)
 using ViewTransformType = AffineTransform<double, 3>;
 
 /** Turns, in degrees, about a volume's axes, the first axis first. */
-struct Angles
-{
-  double first, second, third;
-};
+using Angles = std::array<double, 3>;
 
-/** The views that are measured: 19 about the image's second axis, every 10 degrees from 0 to 180; 10 about the first
- * axis, every 20 degrees from 0 to 180; 6 oblique ones. */
+/** The views that are measured, which README.md describes. */
 const std::vector<Angles> &
 GetViews();
 

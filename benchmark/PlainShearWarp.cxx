@@ -17,6 +17,8 @@
  *=========================================================================*/
 #include "PlainShearWarp.h"
 
+#include "Data.h"
+
 #include "itkMultiThreaderBase.h"
 
 #include <cmath>
@@ -95,48 +97,6 @@ ForEachBand(std::ptrdiff_t count, bool isParallel, const TFunction & process)
     process(std::ptrdiff_t{ 0 }, count);
   }
 }
-
-/** Up to four pixels of the intermediate image with their weights. */
-template <typename TPixel>
-class Mean
-{
-public:
-  void
-  Add(TPixel value, std::int32_t weight)
-  {
-    m_Sum += static_cast<SumType>(weight) * static_cast<SumType>(value);
-    m_Weight += weight;
-    m_Smallest = std::min(m_Smallest, value);
-    m_Largest = std::max(m_Largest, value);
-  }
-
-  TPixel
-  GetOr(TPixel background) const
-  {
-    if (m_Weight == 0)
-    {
-      return background;
-    }
-    if constexpr (std::is_floating_point_v<TPixel>)
-    {
-      return std::clamp(static_cast<TPixel>(m_Sum / static_cast<SumType>(m_Weight)), m_Smallest, m_Largest);
-    }
-    else
-    {
-      // half upward; the offset makes negative sums positive
-      constexpr std::int64_t offset = 1 << 15;
-      return static_cast<TPixel>((2 * (m_Sum + offset * m_Weight) + m_Weight) / (2 * m_Weight) - offset);
-    }
-  }
-
-private:
-  using SumType = std::conditional_t<std::is_floating_point_v<TPixel>, double, std::int64_t>;
-
-  SumType      m_Sum{ 0 };
-  std::int64_t m_Weight{ 0 };
-  TPixel       m_Smallest{ std::numeric_limits<TPixel>::max() };
-  TPixel       m_Largest{ std::numeric_limits<TPixel>::lowest() };
-};
 } // namespace
 
 template <typename TPixel>
@@ -202,6 +162,7 @@ Warp(const ShearWarpFactorization & factorization,
      TPixel                         background,
      bool                           isParallel)
 {
+  using MeanSumType = std::conditional_t<std::is_floating_point_v<TPixel>, double, std::int64_t>;
   const auto          map = factorization.GetOutputToIntermediateMatrix();
   const auto &        reached = factorization.GetReachedColumns();
   const auto          rowStride = static_cast<std::ptrdiff_t>(factorization.GetIntermediateSize()[0]);
@@ -221,17 +182,37 @@ Warp(const ShearWarpFactorization & factorization,
     const ShearWarp::BilinearWeights cell(static_cast<std::int32_t>(column & (One - 1)),
                                           static_cast<std::int32_t>(row & (One - 1)));
     const std::int32_t               weights[] = { cell.bb, cell.ba, cell.ab, cell.aa };
-    Mean<TPixel>                     mean;
+    MeanSumType                      sum{ 0 };
+    std::int64_t                     weight = 0;
+    TPixel                           smallest = std::numeric_limits<TPixel>::max();
+    TPixel                           largest = std::numeric_limits<TPixel>::lowest();
     for (unsigned int corner = 0; corner < 4; ++corner)
     {
       const std::ptrdiff_t i = (column >> FractionBits) + corner % 2;
       const std::ptrdiff_t j = (row >> FractionBits) + corner / 2;
       if (weights[corner] > 0 && j >= 0 && j < rows && i >= reached[j].begin && i < reached[j].end)
       {
-        mean.Add(intermediate[j * rowStride + i], weights[corner]);
+        const TPixel value = intermediate[j * rowStride + i];
+        sum += static_cast<MeanSumType>(weights[corner]) * static_cast<MeanSumType>(value);
+        weight += weights[corner];
+        smallest = std::min(smallest, value);
+        largest = std::max(largest, value);
       }
     }
-    return mean.GetOr(background);
+    if (weight == 0)
+    {
+      return background;
+    }
+    if constexpr (std::is_floating_point_v<TPixel>)
+    {
+      return std::clamp(static_cast<TPixel>(sum / static_cast<MeanSumType>(weight)), smallest, largest);
+    }
+    else
+    {
+      // half upward; the offset makes negative sums positive
+      constexpr std::int64_t offset = 1 << 15;
+      return static_cast<TPixel>((2 * (sum + offset * weight) + weight) / (2 * weight) - offset);
+    }
   };
   ForEachBand(static_cast<std::ptrdiff_t>(size[1]), isParallel, [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
     for (std::ptrdiff_t y = begin; y < end; ++y)
@@ -249,13 +230,7 @@ Warp(const ShearWarpFactorization & factorization,
   template struct PermutedVolume<TPixel>;                                                                     \
   template std::vector<TPixel> Project(const PermutedVolume<TPixel> &, const ShearWarpFactorization &, bool); \
   template std::vector<TPixel> Warp(                                                                          \
-    const ShearWarpFactorization &, const std::vector<TPixel> &, const Size<2> &, TPixel, bool)
-
-INSTANTIATE(std::uint8_t);
-INSTANTIATE(std::int16_t);
-INSTANTIATE(std::uint16_t);
-INSTANTIATE(float);
-
+    const ShearWarpFactorization &, const std::vector<TPixel> &, const Size<2> &, TPixel, bool);
+FOR_EACH_BENCHMARK_PIXEL_TYPE(INSTANTIATE)
 #undef INSTANTIATE
-
 } // namespace itk::ShearWarpBenchmark

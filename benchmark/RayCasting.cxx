@@ -17,9 +17,10 @@
  *=========================================================================*/
 #include "RayCasting.h"
 
+#include "Data.h"
+
 #include <algorithm>
 #include <cmath>
-#include <cstdint>
 #include <limits>
 
 namespace itk::ShearWarpBenchmark
@@ -176,13 +177,7 @@ GetVoxelStep(const ImageBase<3> * image, const Transform<double, 3, 3> * viewTra
                                  const Transform<double, 3, 3> *, \
                                  double,                          \
                                  Image<TPixel, 2>::PixelType,     \
-                                 Image<TPixel, 2> *)
-
-INSTANTIATE(std::uint8_t);
-INSTANTIATE(std::int16_t);
-INSTANTIATE(std::uint16_t);
-INSTANTIATE(float);
-
+                                 Image<TPixel, 2> *);
+FOR_EACH_BENCHMARK_PIXEL_TYPE(INSTANTIATE)
 #undef INSTANTIATE
-
 } // namespace itk::ShearWarpBenchmark

@@ -35,6 +35,8 @@
 #  define INTO_EACH_COPY inline
 #endif
 
+#define FOR_EACH_PIXEL_TYPE(macro) macro(std::uint8_t) macro(std::int16_t) macro(std::uint16_t) macro(float)
+
 namespace itk::ShearWarpBenchmark
 {
 namespace
@@ -68,13 +70,7 @@ FindMaximumInStreams(const TPixel * voxels, std::size_t count)
   {                                                                                            \
     return FindMaximumInStreams(voxels, count);                                                \
   }
-
-DEFINE(std::uint8_t)
-DEFINE(std::int16_t)
-DEFINE(std::uint16_t)
-DEFINE(float)
-
-#undef DEFINE
+FOR_EACH_PIXEL_TYPE(DEFINE)
 } // namespace
 
 template <typename TPixel>
@@ -124,13 +120,6 @@ MeasureReadLimit(const TPixel * voxels, std::size_t count, unsigned int threads)
   return { maximum, seconds };
 }
 
-template ReadLimit<std::uint8_t>
-MeasureReadLimit(const std::uint8_t *, std::size_t, unsigned int);
-template ReadLimit<std::int16_t>
-MeasureReadLimit(const std::int16_t *, std::size_t, unsigned int);
-template ReadLimit<std::uint16_t>
-MeasureReadLimit(const std::uint16_t *, std::size_t, unsigned int);
-template ReadLimit<float>
-MeasureReadLimit(const float *, std::size_t, unsigned int);
-
+#define INSTANTIATE(TPixel) template ReadLimit<TPixel> MeasureReadLimit(const TPixel *, std::size_t, unsigned int);
+FOR_EACH_PIXEL_TYPE(INSTANTIATE)
 } // namespace itk::ShearWarpBenchmark

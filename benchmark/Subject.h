@@ -19,21 +19,33 @@
 #define Subject_h
 
 #include "Data.h"
-#include "Measurement.h"
 #include "PlainShearWarp.h"
 #include "RayCasting.h"
 
 #include "itkImageFileReader.h"
+#include "itkShearWarpMIPImageFilter.h"
 
 #include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <limits>
 #include <map>
-#include <optional>
 
 namespace itk::ShearWarpBenchmark
 {
+/** How the filter projects a volume. */
+struct Measurement
+{
+  using ReducedResampling = ShearWarpMIPImageFilter<Image<float, 3>>::ReducedResamplingEnum;
+
+  DataSet           data;
+  std::string       instructionSet;
+  unsigned int      threads;
+  ReducedResampling reducedResampling;
+  unsigned int      repetitions; // of each view
+  bool              hasVariants; // the filter's other parameters too
+};
+
 /** What all measurements of one volume share: the volume, the output grid and, made without the filter, the expected
  * output of every view and the times of the methods that the filter is compared with. */
 template <typename TPixel>
@@ -82,8 +94,7 @@ public:
   void
   Expect()
   {
-    std::map<unsigned int, double>       differences;
-    std::map<unsigned int, unsigned int> nearest;
+    std::map<unsigned int, double> differences;
     for (auto view = static_cast<unsigned int>(m_Expected.size()); view < GetViews().size(); ++view)
     {
       const ShearWarpFactorization factorization = this->Factorize(view);
@@ -97,14 +108,10 @@ public:
       if (differences.count(axis) == 0 || difference < differences[axis] - 1e-6)
       {
         differences[axis] = difference;
-        nearest[axis] = view;
+        comparedViews[axis] = view;
       }
     }
-    for (const auto & [axis, view] : nearest)
-    {
-      comparedViews.push_back(view);
-    }
-    m_Copy.reset();
+    m_Copy.clear();
   }
 
   /** Whether the plain shear-warp gave the same bits. */
@@ -137,17 +144,17 @@ public:
       return shortest;
     };
     const auto count = static_cast<double>(comparedViews.size());
-    for (const unsigned int view : comparedViews)
+    for (const auto & [axis, view] : comparedViews)
     {
       const ShearWarpFactorization factorization = this->Factorize(view);
-      const auto &                 copy = this->GetCopy(factorization.GetPrincipalAxis());
+      const auto &                 copy = this->GetCopy(axis);
       const auto                   transform = MakeView(volume, GetViews()[view]);
       const double                 step = output->GetSpacing()[0];
       plainSeconds += getShortestTime([&] { Project(copy, factorization); }) / count;
       rayCastingSeconds +=
         getShortestTime([&] { CastRays<TPixel>(volume, transform, step, TPixel{}, output); }) / count;
     }
-    m_Copy.reset();
+    m_Copy.clear();
   }
 
   typename VolumeType::Pointer volume;
@@ -157,7 +164,7 @@ public:
   typename OutputType::Pointer output;
 
   /** For each principal axis the view whose larger shear is nearest to that of 30 degrees off the axis. */
-  std::vector<unsigned int> comparedViews;
+  std::map<unsigned int, unsigned int> comparedViews;
 
   /** Of Compare(), with one thread: mean over the compared views. That of the plain shear-warp is without the warp. */
   double rayCastingSeconds{ 0.0 };
@@ -168,13 +175,12 @@ private:
   const PermutedVolume<TPixel> &
   GetCopy(unsigned int principalAxis)
   {
-    if (!m_Copy || m_CopiedAxis != principalAxis)
+    if (m_Copy.count(principalAxis) == 0)
     {
-      m_Copy.reset();
-      m_Copy.emplace(volume, principalAxis);
-      m_CopiedAxis = principalAxis;
+      m_Copy.clear();
+      m_Copy.try_emplace(principalAxis, volume, principalAxis);
     }
-    return *m_Copy;
+    return m_Copy.at(principalAxis);
   }
 
   ShearWarpFactorization
@@ -183,9 +189,8 @@ private:
     return ShearWarpFactorization(MakeView(volume, GetViews()[view]), volume, output);
   }
 
-  std::optional<PermutedVolume<TPixel>> m_Copy;
-  unsigned int                          m_CopiedAxis{ 0 };
-  std::vector<std::vector<TPixel>>      m_Expected;
+  std::map<unsigned int, PermutedVolume<TPixel>> m_Copy;
+  std::vector<std::vector<TPixel>>               m_Expected;
 };
 } // namespace itk::ShearWarpBenchmark
 

@@ -20,9 +20,10 @@
 
 #include "Subject.h"
 
-#include "itkImageRegionIteratorWithIndex.h"
+#include "itkIndexRange.h"
 
 #include <functional>
+#include <set>
 
 namespace itk::ShearWarpBenchmark
 {
@@ -36,7 +37,7 @@ struct Variant
   std::string                          counter;
   std::function<void(TFilter &, bool)> set; // or sets back
   bool                                 isFirstView{ false };
-  std::vector<unsigned int>            principalAxes{ 0, 1, 2 };
+  std::set<unsigned int>               principalAxes{ 0, 1, 2 };
   ViewSeries                           seconds{};
   ViewSeries                           unchangedSeconds{};
 };
@@ -50,15 +51,14 @@ MakeBall(const ImageBase<3> * volume, double fraction)
   mask->SetRegions(volume->GetLargestPossibleRegion());
   mask->Allocate();
   const Size<3> size = volume->GetLargestPossibleRegion().GetSize();
-  for (ImageRegionIteratorWithIndex<Image<unsigned char, 3>> it(mask, mask->GetBufferedRegion()); !it.IsAtEnd(); ++it)
+  for (const Index<3> & index : ImageRegionIndexRange<3>(mask->GetBufferedRegion()))
   {
-    double squaredRadius = 0.0;
+    Vector<double, 3> position;
     for (unsigned int axis = 0; axis < 3; ++axis)
     {
-      const double position = 2.0 * static_cast<double>(it.GetIndex()[axis]) / static_cast<double>(size[axis]) - 1.0;
-      squaredRadius += position * position;
+      position[axis] = 2.0 * static_cast<double>(index[axis]) / static_cast<double>(size[axis]) - 1.0;
     }
-    it.Set(squaredRadius <= fraction * fraction ? 1 : 0);
+    mask->SetPixel(index, position.GetSquaredNorm() <= fraction * fraction ? 1 : 0);
   }
   return mask;
 }

@@ -15,12 +15,11 @@
  *  limitations under the License.
  *
  *=========================================================================*/
-#include "MethodStudy.h"
+
+#include "Studies.h"
 
 #include "Data.h"
-#include "PlainShearWarp.h"
 #include "RayCasting.h"
-#include "TaggedShearWarp.h"
 
 #include "itkImageFileReader.h"
 #include "itkImageFileWriter.h"
@@ -43,11 +42,52 @@ using PictureType = Image<PixelType, 2>;
 using PixelsType = std::vector<PixelType>;
 using FilterType = ShearWarpMIPImageFilter<VolumeType>;
 
+constexpr unsigned int TagBits = 2;
+constexpr unsigned int TagMask = (1 << TagBits) - 1;
+
+void
+Tag(PermutedVolume<PixelType> & volume)
+{
+  for (PixelType & voxel : volume.voxels)
+  {
+    voxel = static_cast<PixelType>(voxel << TagBits);
+  }
+
+  // a cell gets its tag before its other voxels get theirs
+  const std::ptrdiff_t corners[] = { 0, 1, volume.rowStride, volume.rowStride + 1 };
+  for (std::ptrdiff_t k = 0; k < volume.slices; ++k)
+  {
+    for (std::ptrdiff_t j = 0; j <= volume.rows; ++j)
+    {
+      PixelType * cell = volume.voxels.data() + (k * (volume.rows + 2) + j) * volume.rowStride;
+      for (std::ptrdiff_t i = 0; i <= volume.columns; ++i, ++cell)
+      {
+        PixelType largest = 0;
+        for (PixelType corner = 1; corner < 4; ++corner)
+        {
+          largest = cell[corners[corner]] > cell[corners[largest]] ? corner : largest;
+        }
+        *cell |= largest;
+      }
+    }
+  }
+}
+
+/** In the order of memory. */
+template <typename TImage>
+std::vector<typename TImage::PixelType>
+GetPixels(const TImage * image)
+{
+  const auto * const pixels = image->GetBufferPointer();
+  return { pixels, pixels + image->GetBufferedRegion().GetNumberOfPixels() };
+}
+
 struct View
 {
   unsigned int               angle;
   ViewTransformType::Pointer transform;
   PictureType::Pointer       output;
+  unsigned int               principalAxis;
 };
 
 struct Method
@@ -122,15 +162,18 @@ MakeFilter(const std::string &               name,
             timing.interpolation = filter->GetProjectionSeconds();
             timing.warp = filter->GetWarpSeconds();
             timing.skippedFraction = filter->GetSkippedFraction();
-            const auto * output = filter->GetOutput();
-            const auto * begin = output->GetBufferPointer();
-            return PixelsType(begin, begin + output->GetBufferedRegion().GetNumberOfPixels());
+            return GetPixels(filter->GetOutput());
           } };
 }
+} // namespace
 
-FloatImageType::Pointer
-Resample(const FloatImageType * image, const Size<3> & size)
+VolumeType::Pointer
+ReadVolume(const std::string & file, const Size<3> & size)
 {
+  // throws for other dimensions and components
+  ReadInformation(file);
+  const auto image = ReadImage<FloatImageType>(file);
+
   const auto                  region = image->GetLargestPossibleRegion();
   FloatImageType::SpacingType spacing;
   ContinuousIndex<double, 3>  firstVoxel;
@@ -140,40 +183,76 @@ Resample(const FloatImageType * image, const Size<3> & size)
     spacing[axis] = scale * image->GetSpacing()[axis];
     firstVoxel[axis] = static_cast<double>(region.GetIndex(axis)) - 0.5 + 0.5 * scale;
   }
-  FloatImageType::PointType origin;
-  image->TransformContinuousIndexToPhysicalPoint(firstVoxel, origin);
-
   const auto resample = ResampleImageFilter<FloatImageType, FloatImageType>::New();
   resample->SetInput(image);
   resample->SetSize(size);
   resample->SetOutputSpacing(spacing);
-  resample->SetOutputOrigin(origin);
+  resample->SetOutputOrigin(image->TransformContinuousIndexToPhysicalPoint<double>(firstVoxel));
   resample->SetOutputDirection(image->GetDirection());
   resample->Update();
-  return resample->GetOutput();
-}
-} // namespace
-
-VolumeType::Pointer
-ReadVolume(const std::string & file, const Size<3> & size)
-{
-  // throws for other dimensions and components
-  ReadInformation(file);
-  const auto image = Resample(ReadImage<FloatImageType>(file), size);
+  const auto resampled = GetPixels(resample->GetOutput());
 
   const auto volume = VolumeType::New();
-  volume->CopyInformation(image);
+  volume->CopyInformation(resample->GetOutput());
   volume->SetRegions(size);
   volume->Allocate();
-  const float * voxels = image->GetBufferPointer();
-  const float * voxelsEnd = voxels + image->GetBufferedRegion().GetNumberOfPixels();
-  const auto [lowest, highest] = std::minmax_element(voxels, voxelsEnd);
-  constexpr float largest = (1 << 14) - 1;
-  const float     scale = *highest > *lowest ? largest / (*highest - *lowest) : 0.0F;
-  std::transform(voxels, voxelsEnd, volume->GetBufferPointer(), [offset = *lowest, scale](float voxel) {
-    return static_cast<std::uint16_t>(scale * (voxel - offset) + 0.5F);
-  });
+  const auto [lowest, highest] = std::minmax_element(resampled.begin(), resampled.end());
+  const float scale = *highest > *lowest ? float{ TaggedShearWarp::LargestVoxel } / (*highest - *lowest) : 0.0F;
+  std::transform(
+    resampled.begin(), resampled.end(), volume->GetBufferPointer(), [offset = *lowest, scale](float voxel) {
+      return static_cast<PixelType>(scale * (voxel - offset) + 0.5F);
+    });
   return volume;
+}
+
+TaggedShearWarp::TaggedShearWarp(const VolumeType * image)
+{
+  const PixelType * voxels = image->GetBufferPointer();
+  const PixelType   largest = *std::max_element(voxels, voxels + image->GetBufferedRegion().GetNumberOfPixels());
+  if (largest > LargestVoxel)
+  {
+    itkGenericExceptionMacro("The image has a voxel of " << largest << "; voxels of up to 14 bits, " << LargestVoxel
+                                                         << ", leave room for the corner number.");
+  }
+  for (unsigned int principalAxis = 0; principalAxis < 3; ++principalAxis)
+  {
+    m_Volumes.emplace_back(image, principalAxis);
+    Tag(m_Volumes.back());
+  }
+}
+
+TaggedShearWarp::Projection
+TaggedShearWarp::Project(const ShearWarpFactorization & factorization) const
+{
+  const PermutedVolume<PixelType> & volume = m_Volumes[factorization.GetPrincipalAxis()];
+  const std::ptrdiff_t              corners[] = { 0, 1, volume.rowStride, volume.rowStride + 1 };
+  const auto                        size = factorization.GetIntermediateSize();
+  std::vector<PixelType>            intermediate(size[0] * size[1]);
+  SizeValueType                     skippedCells = 0;
+
+  ForEachRow(
+    volume,
+    factorization,
+    0,
+    static_cast<std::ptrdiff_t>(size[1]),
+    [&](
+      const ShearWarp::SlicePlacement & placement, const PixelType * cell, std::ptrdiff_t column, std::ptrdiff_t row) {
+      const ShearWarp::BilinearWeights weights(placement.column.fraction, placement.row.fraction);
+      PixelType * pixel = intermediate.data() + row * static_cast<std::ptrdiff_t>(size[0]) + column;
+      for (const PixelType * end = pixel + volume.columns; pixel != end; ++pixel, ++cell)
+      {
+        if (cell[corners[*cell & TagMask]] >> TagBits <= *pixel)
+        {
+          ++skippedCells;
+          continue;
+        }
+        const std::int32_t sum = weights.aa * (cell[0] >> TagBits) + weights.ab * (cell[1] >> TagBits) +
+                                 weights.ba * (cell[volume.rowStride] >> TagBits) +
+                                 weights.bb * (cell[volume.rowStride + 1] >> TagBits);
+        *pixel = std::max(*pixel, static_cast<PixelType>((sum + ShearWarp::One / 2) >> ShearWarp::FractionBits));
+      }
+    });
+  return { std::move(intermediate), skippedCells };
 }
 
 PictureType::Pointer
@@ -197,8 +276,10 @@ TimeMethods(const VolumeType * image, unsigned int repetitions)
   std::vector<View> views;
   for (unsigned int angle = 0; angle <= 180; angle += 10)
   {
-    const auto transform = MakeView(image, Angles{ 0.0, static_cast<double>(angle), 0.0 });
-    views.push_back({ angle, transform, MakeFittedOutput(image, transform) });
+    const auto transform = MakeView(image, { 0.0, static_cast<double>(angle), 0.0 });
+    const auto output = MakeFittedOutput(image, transform);
+    const auto axis = ShearWarpFactorization(transform, image, output).GetPrincipalAxis();
+    views.push_back({ angle, transform, output, axis });
   }
   std::vector<PermutedVolume<PixelType>> copies;
   std::optional<TaggedShearWarp>         tagged;
@@ -213,10 +294,11 @@ TimeMethods(const VolumeType * image, unsigned int repetitions)
   const auto projectPlainly = [&](const ShearWarpFactorization & factorization, double &) {
     return Project(copies[factorization.GetPrincipalAxis()], factorization);
   };
+  const auto cells = static_cast<double>(image->GetBufferedRegion().GetNumberOfPixels());
   const auto tag = [&] { tagged.emplace(image); };
   const auto projectTagged = [&](const ShearWarpFactorization & factorization, double & skippedFraction) {
     auto projection = tagged->Project(factorization);
-    skippedFraction = static_cast<double>(projection.skippedCells) / static_cast<double>(projection.cells);
+    skippedFraction = static_cast<double>(projection.skippedCells) / cells;
     return std::move(projection.intermediate);
   };
   const std::vector<Method> methods{ MakeRayCasting(image),
@@ -235,9 +317,8 @@ TimeMethods(const VolumeType * image, unsigned int repetitions)
       const double preparation = method.prepare();
       for (std::size_t v = 0; v < views.size(); ++v)
       {
-        const View &                 view = views[v];
-        const ShearWarpFactorization factorization(view.transform, image, view.output);
-        timings.push_back({ method.name, view.angle, factorization.GetPrincipalAxis(), preparation });
+        const View & view = views[v];
+        timings.push_back({ method.name, view.angle, view.principalAxis, preparation });
         const PixelsType pixels = method.project(view, timings.back());
         if (expected[v].empty())
         {
@@ -277,7 +358,7 @@ WriteTimings(const std::vector<Timing> & timings, const std::string & csvFile)
 void
 WriteFigure5(const VolumeType * image, const std::string & name, const std::string & folder)
 {
-  const auto transform = MakeView(image, Angles{ 50.0, 0.0, 40.0 });
+  const auto transform = MakeView(image, { 50.0, 0.0, 40.0 });
   const auto rayCasting = MakeFittedOutput(image, transform);
   CastRays<PixelType>(image, transform, GetVoxelStep(image, transform), 0, rayCasting);
 
@@ -290,7 +371,7 @@ WriteFigure5(const VolumeType * image, const std::string & name, const std::stri
   filter->SetInput(image);
   filter->SetTransform(transform);
   filter->Update();
-  if (!std::equal(shearWarp.begin(), shearWarp.end(), filter->GetOutput()->GetBufferPointer()))
+  if (shearWarp != GetPixels(filter->GetOutput()))
   {
     itkGenericExceptionMacro("The filter's picture of " << name << " differs from that of the published shear-warp.");
   }

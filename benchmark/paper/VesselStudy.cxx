@@ -15,56 +15,20 @@
  *  limitations under the License.
  *
  *=========================================================================*/
-#include "VesselStudy.h"
+
+#include "Studies.h"
 
 #include "Data.h"
 #include "RayCasting.h"
 
 #include "itkImageFileWriter.h"
-#include "itkImageRegionIteratorWithIndex.h"
-#include "itkMath.h"
+#include "itkIndexRange.h"
 #include "itkShearWarpMIPImageFilter.h"
 
-#include <algorithm>
-#include <cmath>
 #include <fstream>
 
 namespace itk::ShearWarpBenchmark
 {
-Vessel::Vessel(const PointType & center, const VectorType & direction, double radius, double stenosisLength)
-  : m_Center(center)
-  , m_Direction(direction / direction.GetNorm())
-  , m_Radius(radius)
-  , m_StenosisLength(stenosisLength)
-{}
-
-double
-Vessel::GetRadius(double position) const
-{
-  const bool inStenosis = 2.0 * std::abs(position) < m_StenosisLength;
-  return inStenosis ? m_Radius * (3.0 - std::cos(Math::twopi * position / m_StenosisLength)) / 4.0 : m_Radius;
-}
-
-double
-Vessel::GetDistance(const PointType & point) const
-{
-  return (point - m_Center - m_Direction * this->GetPosition(point)).GetNorm();
-}
-
-double
-Vessel::GetValue(const PointType & point) const
-{
-  return std::max(0.0, 1.0 - Math::sqr(this->GetDistance(point) / this->GetRadius(this->GetPosition(point))));
-}
-
-Vessel::PointType
-Vessel::GetNearestPoint(const PointType & start, const VectorType & direction) const
-{
-  const VectorType across = direction - m_Direction * (direction * m_Direction);
-  const double     squaredNorm = across.GetSquaredNorm();
-  return squaredNorm > 0.0 ? start - direction * ((start - m_Center) * across / squaredNorm) : start;
-}
-
 double
 Vessel::GetMaximum(const PointType & start, const VectorType & direction) const
 {
@@ -139,23 +103,11 @@ MakeVolume(const VesselSetting & setting)
   const auto   volume = VolumeType::New();
   volume->SetRegions(Size<3>::Filled(Length));
   volume->Allocate();
-  for (ImageRegionIteratorWithIndex<VolumeType> voxel(volume, volume->GetBufferedRegion()); !voxel.IsAtEnd(); ++voxel)
+  for (const Index<3> & voxel : ImageRegionIndexRange<3>(volume->GetBufferedRegion()))
   {
-    PointType center;
-    volume->TransformIndexToPhysicalPoint(voxel.GetIndex(), center);
-    voxel.Set(static_cast<float>(vessel.GetValue(center)));
+    volume->SetPixel(voxel, static_cast<float>(vessel.GetValue(volume->TransformIndexToPhysicalPoint<double>(voxel))));
   }
   return volume;
-}
-
-/** From view space, its origin the volume's center and v the axis of the turn, to physical space. */
-ViewTransformType::Pointer
-MakeView(double angle)
-{
-  const auto transform = ViewTransformType::New();
-  transform->Rotate3D(GetDirection(0.0), angle * Math::pi_over_180);
-  transform->SetOffset(Center.GetVectorFromOrigin());
-  return transform;
 }
 
 /** A picture whose center is at the origin of view space; sets each pixel to \a getValue(index, u, v). */
@@ -168,12 +120,10 @@ MakePicture(SizeValueType columns, double spacing, const TFunction & getValue)
   picture->SetSpacing(Vector<double, 2>(spacing));
   picture->SetOrigin(Point<double, 2>(-0.5 * spacing * static_cast<double>(columns - 1)));
   picture->Allocate();
-  for (ImageRegionIteratorWithIndex<PictureType> pixel(picture, picture->GetBufferedRegion()); !pixel.IsAtEnd();
-       ++pixel)
+  for (const Index<2> & pixel : ImageRegionIndexRange<2>(picture->GetBufferedRegion()))
   {
-    Point<double, 2> position;
-    picture->TransformIndexToPhysicalPoint(pixel.GetIndex(), position);
-    pixel.Set(static_cast<float>(getValue(pixel.GetIndex(), position[0], position[1])));
+    const auto position = picture->TransformIndexToPhysicalPoint<double>(pixel);
+    picture->SetPixel(pixel, static_cast<float>(getValue(pixel, position[0], position[1])));
   }
   return picture;
 }
@@ -184,50 +134,44 @@ MakeEmptyPicture()
   return MakePicture(Length, 1.0, [](const Index<2> &, double, double) { return 0.0; });
 }
 
-PictureType::Pointer
-ProjectByRayCasting(const VolumeType * volume, const ViewTransformType * view, double step)
-{
-  const auto picture = MakeEmptyPicture();
-  CastRays<float>(volume, view, step, 0.0F, picture);
-  return picture;
-}
-
-PictureType::Pointer
-ProjectByShearWarp(const VolumeType * volume, const ViewTransformType * view, unsigned int oversampling)
-{
-  const auto filter = ShearWarpMIPImageFilter<VolumeType>::New();
-  filter->SetInput(volume);
-  filter->SetTransform(view);
-  filter->SetOversampling(oversampling);
-  filter->SetSize(Size<2>::Filled(Length));
-  filter->SetOutputSpacing(Vector<double, 2>(1.0));
-  filter->SetOutputOrigin(MakeEmptyPicture()->GetOrigin());
-  filter->Update();
-  return filter->GetOutput();
-}
-
 VesselPictures
 ProjectVessel(const VesselSetting & setting, const VolumeType * volume, double angle)
 {
   const Vessel     vessel = MakeVessel(setting);
-  const auto       view = MakeView(angle);
+  const auto       view = MakeView(volume, { 0.0, -angle, 0.0 });
   constexpr double ahead[] = { 0.0, 0.0, 1.0 };
   const VectorType w = view->TransformVector(VectorType(ahead));
   VesselPictures   pictures;
-  pictures.truth = MakePicture(Length, 1.0, [&](const Index<2> & index, double u, double v) {
+  pictures.truth = MakePicture(Length, 1.0, [&](const Index<2> & pixel, double u, double v) {
     const double    coordinates[] = { u, v, 0.0 };
     const PointType start = view->TransformPoint(PointType(coordinates));
     const double    maximum = vessel.GetMaximum(start, w);
     if (maximum > 0.0 && std::abs(vessel.GetPosition(vessel.GetNearestPoint(start, w))) <= HalfLength)
     {
-      pictures.object.push_back(static_cast<SizeValueType>(index[1]) * Length + static_cast<SizeValueType>(index[0]));
+      pictures.object.push_back(pixel);
     }
     return maximum;
   });
-  pictures.methods = { { "ray-casting", ProjectByRayCasting(volume, view, 1.0) },
-                       { "ray-casting-half-step", ProjectByRayCasting(volume, view, 0.5) },
-                       { "shear-warp", ProjectByShearWarp(volume, view, 1) },
-                       { "shear-warp-oversampled", ProjectByShearWarp(volume, view, 2) } };
+  const auto castRays = [&](double step) {
+    const auto picture = MakeEmptyPicture();
+    CastRays<float>(volume, view, step, 0.0F, picture);
+    return picture;
+  };
+  const auto warp = [&](unsigned int oversampling) -> PictureType::Pointer {
+    const auto filter = ShearWarpMIPImageFilter<VolumeType>::New();
+    filter->SetInput(volume);
+    filter->SetTransform(view);
+    filter->SetOversampling(oversampling);
+    filter->SetSize(Size<2>::Filled(Length));
+    filter->SetOutputSpacing(pictures.truth->GetSpacing());
+    filter->SetOutputOrigin(pictures.truth->GetOrigin());
+    filter->Update();
+    return filter->GetOutput();
+  };
+  pictures.methods = { { "ray-casting", castRays(1.0) },
+                       { "ray-casting-half-step", castRays(0.5) },
+                       { "shear-warp", warp(1) },
+                       { "shear-warp-oversampled", warp(2) } };
   return pictures;
 }
 
@@ -251,9 +195,9 @@ double
 VesselPictures::GetError(const PictureType * picture) const
 {
   double sum = 0.0;
-  for (const SizeValueType pixel : object)
+  for (const Index<2> & pixel : object)
   {
-    sum += std::abs(static_cast<double>(picture->GetBufferPointer()[pixel]) - truth->GetBufferPointer()[pixel]);
+    sum += std::abs(static_cast<double>(picture->GetPixel(pixel)) - truth->GetPixel(pixel));
   }
   return sum / static_cast<double>(object.size());
 }
@@ -310,11 +254,10 @@ WriteVesselPictures(const std::string & folder)
   write(pictures.truth, "truth");
   for (const std::string name : { "ray-casting", "shear-warp", "shear-warp-oversampled" })
   {
-    const auto    difference = MakeEmptyPicture();
-    const float * picture = pictures.methods.at(name)->GetBufferPointer();
-    for (const SizeValueType pixel : pictures.object)
+    const auto difference = MakeEmptyPicture();
+    for (const Index<2> & pixel : pictures.object)
     {
-      difference->GetBufferPointer()[pixel] = picture[pixel] - pictures.truth->GetBufferPointer()[pixel];
+      difference->SetPixel(pixel, pictures.methods.at(name)->GetPixel(pixel) - pictures.truth->GetPixel(pixel));
     }
     write(difference, name);
   }

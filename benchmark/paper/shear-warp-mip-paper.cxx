@@ -16,8 +16,7 @@
  *
  *=========================================================================*/
 #include "Data.h"
-#include "MethodStudy.h"
-#include "VesselStudy.h"
+#include "Studies.h"
 
 #include "itkMultiThreaderBase.h"
 
