@@ -38,7 +38,7 @@ options=(
   -DCMAKE_CXX_FLAGS=-fmacro-prefix-map=../source/=
 )
 for module in Common Transform Colormap ImageStatistics ImageGrid GoogleTest \
-  IOGDCM IOMeta IONIFTI IONRRD IOPNG IOTransformBase IOTransformInsightLegacy; do
+  IOBMP IOGDCM IOGIPL IOJPEG IOMeta IONIFTI IONRRD IOPNG IOTIFF IOVTK IOTransformBase IOTransformInsightLegacy; do
   options+=("-DModule_ITK$module=ON")
 done
 options+=(

@@ -173,7 +173,7 @@ test_python() {
   tar -xzf "$dir"/dist/*.tar.gz -C "$dir/sdist" --strip-components=1
   ITK_DIR=$tree "$dir/build-env/bin/python" -m build --no-isolation --wheel --outdir "$dir/dist" \
     --config-setting=build-dir="$dir/build" "$dir/sdist"
-  cmake -B "$dir/build" -DBUILD_TESTING=ON
+  cmake -S "$dir/sdist" -B "$dir/build" -DBUILD_TESTING=ON -DCMAKE_RUNTIME_OUTPUT_DIRECTORY="$dir/bin"
   cmake --build "$dir/build" --parallel "$jobs" --target apps/all
   run_tests "$dir/build/apps" --label-exclude packages
   # as it can be installed elsewhere: with the libraries that the program needs
@@ -191,7 +191,7 @@ test_python() {
     "$env/bin/pip" install --quiet --disable-pip-version-check "itk==$version" "${wheel}[test]"
     "$env/bin/shear-warp-mip" --version
     # SWIG's types warn at import
-    "$env/bin/python" -m pytest -W error -W 'ignore:builtin type' "$root/wrapping/test"
+    "$env/bin/python" -m pytest --numprocesses "$jobs" --dist worksteal -W error -W 'ignore:builtin type' "$root/wrapping/test"
   done
 }
 

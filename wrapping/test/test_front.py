@@ -501,6 +501,7 @@ def test_a_pipeline_is_updated(image):
 
 
 def test_nothing_is_kept_alive():
+    before = set(_FILTERS)
     image = itk.image_from_array(np.ones((9, 9, 9), np.int16))
     deleted = []
     image.AddObserver(itk.DeleteEvent(), lambda: deleted.append(True))
@@ -509,11 +510,11 @@ def test_nothing_is_kept_alive():
     assert get_filter(image).GetMaskImage() is None
     series = turn(image, frames=2)
     alive = [weakref.ref(each) for each in (image, mask, picture, series.frames)]
-    assert id(image) in _FILTERS
+    assert id(image) in _FILTERS and id(image) not in before
     del image, mask, picture, series
     # at once, without the garbage collector
     assert [each() for each in alive] == [None] * 4
-    assert deleted and not _FILTERS
+    assert deleted and set(_FILTERS) == before
 
 
 def test_threads_share_an_image():
