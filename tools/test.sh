@@ -121,7 +121,7 @@ test_readme() {
 test_module() (
   need_packages git rsync
   use_tree
-  local dir=$remote_module remote=ShearWarpMIP.remote.cmake published entry key options
+  local dir=$remote_module remote=ShearWarpMIP.remote.cmake published entry key itk_options
   key="$tree $(declare -f test_module | sha256sum)"
   published=$dir/published
   if [ "$(cat "$dir/key" 2>/dev/null)" != "$key" ]; then
@@ -141,11 +141,11 @@ test_module() (
     rm -rf "$dir/source/Modules/Remote/ShearWarpMIP"
   fi
   git -C "$published" tag --force "$(sed -n 's/^ *GIT_TAG //p' "$root/$remote")" > /dev/null
-  mapfile -t options < <("$root/tools/itk-build-tree.sh" --options)
+  mapfile -t itk_options < <("$root/tools/itk-build-tree.sh" --options)
   export CCACHE_BASEDIR=$cache
   GIT_CONFIG_COUNT=1 GIT_CONFIG_KEY_0=url.$published.insteadOf \
     GIT_CONFIG_VALUE_0=$(sed -n 's/^ *GIT_REPOSITORY //p' "$root/$remote") \
-    cmake -S "$dir/source" -B "$dir/build" -G Ninja "${options[@]}" -DBUILD_TESTING=ON -DITK_FORBID_DOWNLOADS=OFF \
+    cmake -S "$dir/source" -B "$dir/build" -G Ninja "${itk_options[@]}" -DBUILD_TESTING=ON -DITK_FORBID_DOWNLOADS=OFF \
     -DModule_ShearWarpMIP=ON -DCMAKE_PROJECT_INCLUDE="$root/tools/itk-unity-build.cmake" \
     -DExternalData_OBJECT_STORES="$source/.ExternalData" > "$dir/configure.log" 2>&1 || {
     tail -n 30 "$dir/configure.log" >&2
