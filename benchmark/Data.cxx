@@ -159,12 +159,19 @@ MakeVolume(const std::string & name, const Size<3> & size)
     nullptr);
   volume->SetOrigin(Point<double, 3>());
   volume->SetSpacing(Vector<double, 3>(1.0));
-  const auto convert = ShiftScaleImageFilter<Image<std::uint16_t, 3>, Image<TPixel, 3>>::New();
-  convert->SetInput(volume);
-  convert->SetShift(std::is_same_v<TPixel, std::int16_t> && bits == 16 ? -32768.0 : 0.0);
-  convert->SetScale(sizeof(TPixel) == 1 ? 1.0 / (1 << (bits - 8)) : 1.0);
-  convert->Update();
-  return convert->GetOutput();
+  if constexpr (std::is_same_v<TPixel, std::uint16_t>)
+  {
+    return volume;
+  }
+  else
+  {
+    const auto convert = ShiftScaleImageFilter<Image<std::uint16_t, 3>, Image<TPixel, 3>>::New();
+    convert->SetInput(volume);
+    convert->SetShift(std::is_same_v<TPixel, std::int16_t> && bits == 16 ? -32768.0 : 0.0);
+    convert->SetScale(sizeof(TPixel) == 1 ? 1.0 / (1 << (bits - 8)) : 1.0);
+    convert->Update();
+    return convert->GetOutput();
+  }
 }
 
 #define INSTANTIATE(TPixel) template Image<TPixel, 3>::Pointer MakeVolume<TPixel>(const std::string &, const Size<3> &);

@@ -32,8 +32,7 @@ done
 
 program=$root/build/benchmark-program/benchmark/shear-warp-mip-benchmark
 
-# A small image of a pixel type without kernels of its own, anisotropic, its axes exchanged; its voxels are bytes of the
-# program.
+# A small image of a pixel type that becomes int16, anisotropic, its axes exchanged; its voxels are bytes of the program.
 write_image() {
   printf '%s\n' 'ObjectType = Image' 'NDims = 3' 'BinaryData = True' 'TransformMatrix = 0 1 0 -1 0 0 0 0 1' \
     'Offset = 5 -3 20' 'ElementSpacing = 0.5 0.7 1.1' 'DimSize = 40 36 20' 'ElementType = MET_CHAR' \

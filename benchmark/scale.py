@@ -4,7 +4,8 @@
 Volumes are uncompressed OME-Zarr of uint16: the synthetic head of peers.py, which repeats after 512 voxels. Each case
 has a cluster of its own, whose workers are processes with one thread. One view goes before those that are timed, so
 that packages are imported and the files lie in the system's cache, where memory is enough. Every picture is compared
-with that of the filter for the whole volume in memory, up to the size that --whole gives.
+with that of the filter for the whole volume in memory, up to the size that --whole gives. `tasks` are those that the
+workers execute for a view.
 
     pip install "$(echo dist/itk_shearwarpmip-*.whl)[distributed]" pandas tabulate
     scale.py --sizes 512 1024 2150 --blocks 256 --folder /data --output results

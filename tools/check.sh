@@ -1,8 +1,7 @@
 #!/usr/bin/env bash
 # Static analysis of the C++ code; any finding is a failure. Files that passed before are not analysed again.
 #
-#   compile   g++ with -Wall -Wextra -Wconversion -Wshadow; what asks for Linux or POSIX without these too; tests have
-#             clang's warnings only, by tidy
+#   compile   g++ with -Wall -Wextra -Wconversion -Wshadow; what asks for Linux or POSIX without these too
 #   libcxx    clang with libc++, on the library and the program
 #   tidy      clang-tidy, with the checks of .clang-tidy and clang's warnings; of the module and its program
 #   cppcheck
@@ -63,7 +62,7 @@ check_all() {
 check_compile() {
   configure
   local commands asking
-  commands=$(list_commands | grep -v " $root/\(apps/\)\?test/[^ ]*$")
+  commands=$(list_commands)
   asking=$(git grep -l '^#ifdef \(__linux__\|ShearWarpMIP_HAS_POSIX\)' -- "apps/*.cxx" "src/*.cxx")
   { echo "$commands"; grep -F "$asking" <<< "$commands" | sed 's/$/ -U__linux__ -DShearWarpMIP_WITHOUT_POSIX/'; } | check_all
 }

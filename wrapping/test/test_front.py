@@ -514,7 +514,7 @@ def test_nothing_is_kept_alive():
     del image, mask, picture, series
     # at once, without the garbage collector
     assert [each() for each in alive] == [None] * 4
-    assert deleted and set(_FILTERS) == before
+    assert deleted and set(_FILTERS) <= before
 
 
 def test_threads_share_an_image():
