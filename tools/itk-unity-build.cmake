@@ -8,3 +8,7 @@ if(PROJECT_NAME MATCHES "^vnl(_algo)?$")
     *rational*.cxx *bignum*.cxx *complex*.cxx vnl_bracket_minimum.cxx vnl_brent_minimizer.cxx)
   set_source_files_properties(${alone} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
 endif()
+# These take minutes, and none of their code is where the module, the program or the tests spend time.
+if(PROJECT_NAME MATCHES "^(vnl(_algo)?|ITKTransformFactory)$")
+  set(CMAKE_CXX_FLAGS_RELEASE "-O1 -DNDEBUG")
+endif()
