@@ -122,8 +122,8 @@ intact() { [ -z "$(comm -23 "$1/.files" <(list_files "$1") 2>&1)" ]; }
 
 configure_tree() {
   ln -s "$source" "$1/source"
-  cp "$root/tools/itk-unity-build.cmake" "$1/"
-  cmake -S "$1/source" -B "$1/build" -G Ninja "${options[@]}" -DCMAKE_PROJECT_INCLUDE="$1/itk-unity-build.cmake"
+  cp "$root/tools/itk-build.cmake" "$1/"
+  cmake -S "$1/source" -B "$1/build" -G Ninja "${options[@]}" -DCMAKE_PROJECT_INCLUDE="$1/itk-build.cmake"
 }
 
 # All static libraries, and the wrapping's interface files; no Python module is compiled.
@@ -177,7 +177,7 @@ if [ "$what" = --options ]; then
   exit
 fi
 key=$(printf '%s\n' "$source" "$version" "$(c++ --version)" "$("$python" --version)" "${tool_versions[@]}" "${options[@]}" \
-  "$(declare -f configure_tree build_tree; cat "$root/tools/itk-unity-build.cmake")" | sha256sum | cut -c1-12)
+  "$(declare -f configure_tree build_tree; cat "$root/tools/itk-build.cmake")" | sha256sum | cut -c1-12)
 tree=$cache/itk-$version-$key
 
 if complete "$tree" "$key" && ! intact "$tree"; then

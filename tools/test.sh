@@ -149,7 +149,7 @@ test_module() (
   GIT_CONFIG_COUNT=1 GIT_CONFIG_KEY_0=url.$published.insteadOf \
     GIT_CONFIG_VALUE_0=$(sed -n 's/^ *GIT_REPOSITORY //p' "$root/$remote") \
     cmake -S "$dir/source" -B "$dir/build" -G Ninja "${itk_options[@]}" -DBUILD_TESTING=ON -DITK_FORBID_DOWNLOADS=OFF \
-    -DModule_ShearWarpMIP=ON -DCMAKE_PROJECT_INCLUDE="$root/tools/itk-unity-build.cmake" \
+    -DModule_ShearWarpMIP=ON -DCMAKE_PROJECT_INCLUDE="$root/tools/itk-build.cmake" \
     -DExternalData_OBJECT_STORES="$source/.ExternalData" > "$dir/configure.log" 2>&1 || {
     tail -n 30 "$dir/configure.log" >&2
     die "ITK with the module did not configure"

@@ -1,0 +1,22 @@
+# For CMAKE_PROJECT_INCLUDE of builds of ITK: less to compile. VNL is hundreds of small files, most of ITK's compile time,
+# and builds in a fraction of it as a unity build.
+if(PROJECT_NAME MATCHES "^vnl(_algo)?$")
+  set(CMAKE_UNITY_BUILD ON)
+  set(CMAKE_UNITY_BUILD_BATCH_SIZE 12)
+  # these overload functions that the others' templates call, or repeat a name
+  file(
+    GLOB_RECURSE alone
+    RELATIVE ${CMAKE_CURRENT_SOURCE_DIR}
+    *rational*.cxx
+    *bignum*.cxx
+    *complex*.cxx
+    vnl_bracket_minimum.cxx
+    vnl_brent_minimizer.cxx
+  )
+  set_source_files_properties(${alone} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
+endif()
+# These take minutes: ITK's, in which no time is spent here, and the module, whose tests then run at another level than
+# outside of ITK.
+if(PROJECT_NAME MATCHES "^(vnl(_algo)?|ITKTransformFactory|ShearWarpMIP)$")
+  set(CMAKE_CXX_FLAGS_RELEASE "-O1 -DNDEBUG")
+endif()
