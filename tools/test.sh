@@ -174,9 +174,9 @@ test_python() {
   "$dir/build-env/bin/python" -m build --sdist --outdir "$dir/dist" "$root"
   mkdir "$dir/sdist"
   tar -xzf "$dir"/dist/*.tar.gz -C "$dir/sdist" --strip-components=1
-  ITK_DIR=$tree "$dir/build-env/bin/python" -m build --wheel --outdir "$dir/dist" \
+  CC=cc CXX=c++ ITK_DIR=$tree "$dir/build-env/bin/python" -m build --wheel --outdir "$dir/dist" \
     --config-setting=build-dir="$dir/build" "$dir/sdist"
-  # the same compilations without wrapping
+  # the same compilations, by a compiler of the same name, without wrapping
   cmake -S "$dir/sdist" -B "$dir/tree" -G Ninja -DCMAKE_BUILD_TYPE=Release -DBUILD_TESTING=ON -DITK_DIR="$tree" \
     -DITK_WRAP_PYTHON=OFF -DITK_USE_KWSTYLE=OFF -DITK_USE_CLANG_FORMAT=OFF \
     -DCMAKE_ARCHIVE_OUTPUT_DIRECTORY="$dir/tree/lib" -DCMAKE_LIBRARY_OUTPUT_DIRECTORY="$dir/tree/lib" \
