@@ -5,6 +5,7 @@
 # Installs what is missing, as root or with sudo. Environment: see itk-build-tree.sh.
 set -euo pipefail
 . "$(dirname "${BASH_SOURCE[0]}")/common.sh"
+[ $# -eq 0 ] || exit_with_usage "$1"
 unset ITK_DIR
 
 build=$root/build/coverage

@@ -171,9 +171,18 @@ def test_command(volume, tmp_path):
     """Ctrl-C ends it without a word."""
     itk.imwrite(volume, tmp_path / "a.nrrd")
     command = [sys.executable, "-m", "itk_shearwarpmip", "view", str(tmp_path / "a.nrrd"), "--no-browser"]
-    with subprocess.Popen(
-        [*command, "--azimuth", "30", "--window", "0", "500"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as process:
+    with (
+        subprocess.Popen(
+            [*command, "--azimuth", "30", "--window", "0", "500"],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            # also where the tests run in the background, with Ctrl-C ignored
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+        ) as process,
+        contextlib.ExitStack() as stack,
+    ):
+        stack.callback(process.kill)
         url = process.stdout.readline().split()[-1]
         assert httpx.get(url).status_code == 200
         with connect(url.replace("http", "ws")) as client:
