@@ -167,6 +167,15 @@ def test_port_that_is_taken(open_page):
 # ---- The command
 
 
+@pytest.fixture
+def interruptible():
+    """Programs that are started end with Ctrl-C, also where the tests run in the background."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("interruptible")
 def test_command(volume, tmp_path):
     """Ctrl-C ends it without a word."""
     itk.imwrite(volume, tmp_path / "a.nrrd")
@@ -177,8 +186,6 @@ def test_command(volume, tmp_path):
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
-            # also where the tests run in the background, with Ctrl-C ignored
-            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
         ) as process,
         contextlib.ExitStack() as stack,
     ):
