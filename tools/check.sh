@@ -22,7 +22,7 @@ stages=("$@")
 for stage in "${stages[@]}"; do
   case $stage in
     compile | libcxx | tidy | cppcheck) ;;
-    *) exit_with_usage ;;
+    *) exit_with_usage "$stage" ;;
   esac
 done
 

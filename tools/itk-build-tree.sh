@@ -4,7 +4,7 @@
 # later calls find it in the cache. What happens is told on standard error.
 #
 #   ITK_DIR=<dir>         an ITK build tree that you have already: printed, nothing is built; the tests of test.sh need
-#                         the modules that are listed below
+#                         the modules that are in this script's list
 #   ITK_SOURCE_DIR=<dir>  ITK source that you have already: built, nothing is downloaded
 #   PYTHON=<program>      the Python to wrap for (3.11 or later)      [/usr/bin/python3]
 #   JOBS=<n>              parallel compile jobs                       [all cores]
@@ -21,7 +21,7 @@ set -euo pipefail
 what=${1:-}
 case $what in
   '' | --tools | --source | --options) ;;
-  *) exit_with_usage ;;
+  *) exit_with_usage "$what" ;;
 esac
 
 python=${PYTHON:-/usr/bin/python3}

@@ -18,7 +18,7 @@
 #
 # Usage: test.sh [quick | module | installed | python | --sanitize | arm]...    [quick]
 #        test.sh --all     all of them but --sanitize
-#        test.sh --long    random cases for 30 minutes and an image of 2^31 voxels (5 GB), on an installed ITK
+#        test.sh --long    random cases for 30 minutes and an image of more than 2^31 voxels (5 GB), on an installed ITK
 # Installs what is missing, as root or with sudo. Environment: see itk-build-tree.sh, and
 #   PYTHONS='<program> ...'  more versions of Python to test the wheel with
 set -euo pipefail
