@@ -18,6 +18,7 @@
 #
 # Usage: test.sh [quick | module | installed | python | --sanitize | arm]...    [quick]
 #        test.sh --all     all of them but --sanitize
+#        test.sh --rest    the same without `quick`
 #        test.sh --long    random cases for 30 minutes and an image of more than 2^31 voxels (5 GB), on an installed ITK
 # Installs what is missing, as root or with sudo. Environment: see itk-build-tree.sh, and
 #   PYTHONS='<program> ...'  more versions of Python to test the wheel with
@@ -29,8 +30,10 @@ remote_module=$cache/itk-remote-module
 rare_types='<(signed )?char>|<(unsigned )?(int|long|long long)>|<double>'
 export CTEST_OUTPUT_ON_FAILURE=1 CTEST_PARALLEL_LEVEL=$jobs
 
+rest=(module installed python arm)
 case $* in
-  --all) stages=(quick module installed python arm) ;;
+  --all) stages=(quick "${rest[@]}") ;;
+  --rest) stages=("${rest[@]}") ;;
   '') stages=(quick) ;;
   *) stages=("${@#--}") ;;
 esac
@@ -81,7 +84,8 @@ test_long() (
 test_installed() (
   unset ITK_DIR
   need_packages build-essential cmake ffmpeg file help2man ninja-build libinsighttoolkit5-dev libbenchmark-dev \
-    libcli11-dev libgtest-dev dicom3tools libgdcm-tools python3-numpy python3-pil python3-pydicom python3-pytest python3-selenium
+    libcli11-dev libgtest-dev dicom3tools libgdcm-tools python3-numpy python3-pil python3-pydicom python3-pytest \
+    python3-selenium
   # Ubuntu has no such packages: the page is not tested in a browser there; its orthanc would be started as a service
   grep -q '^ID=ubuntu' /etc/os-release || need_packages chromium chromium-driver orthanc orthanc-dicomweb
   local package images=$remote_module/build/ExternalData/Modules/Remote/ShearWarpMIP/test/Input
@@ -198,7 +202,8 @@ test_python() {
     "$env/bin/pip" install --quiet --disable-pip-version-check "itk==$version" "${wheel}[test]"
     "$env/bin/shear-warp-mip" --version
     # SWIG's types warn at import
-    "$env/bin/python" -m pytest --numprocesses "$jobs" --dist worksteal -W error -W 'ignore:builtin type' "$root/wrapping/test"
+    "$env/bin/python" -m pytest --numprocesses "$jobs" --dist worksteal -W error -W 'ignore:builtin type' \
+      "$root/wrapping/test"
   done
 }
 
