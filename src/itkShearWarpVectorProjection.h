@@ -89,15 +89,17 @@ template <typename TRule, typename TSampler, int VRows, typename TPixel>
 SHEARWARP_INLINE inline void
 TakeSlice(const TileRow<TPixel> & row, const PlacedSlice & slice, std::ptrdiff_t column)
 {
-  TPixel * const       pixels = row.pixels + column;
-  const std::ptrdiff_t stride = row.pixelStride;
-  TSampler(slice).template ForEachRow<VRows>(
-    row.voxels + (slice.offset + row.row * row.rowStride + column),
-    row.rowStride,
-    [=](int r, const TPixel *, typename TSampler::Sample sample) SHEARWARP_INLINE {
-      TPixel * const pixel = pixels + r * stride;
-      Lanes::Store(pixel, Better<TRule, TPixel>(Lanes::Load(pixel), TSampler::Finish(sample)));
-    });
+  // copies, which no store can change
+  const std::ptrdiff_t stride = row.rowStride;
+  const std::ptrdiff_t pixelStride = row.pixelStride;
+  TPixel *             pixel = row.pixels + column;
+  const TPixel *       voxels = row.voxels + (slice.offset + row.row * stride + column);
+  TSampler             sampler(slice, voxels, stride);
+  SHEARWARP_UNROLL
+  for (int r = 0; r < VRows; ++r, pixel += pixelStride, voxels += stride)
+  {
+    Lanes::Store(pixel, Better<TRule, TPixel>(Lanes::Load(pixel), TSampler::Finish(sampler.Next(voxels))));
+  }
 }
 
 /** The lanes of a row's span in the LaneCount pixels from \a column on, as bits. */
@@ -116,19 +118,25 @@ template <typename TRule, typename TSampler, int VRows, typename TPixel>
 SHEARWARP_INLINE inline void
 TakeSpans(const TileRow<TPixel> & row, std::ptrdiff_t column)
 {
-  TPixel * const       pixels = row.pixels + column;
-  const std::ptrdiff_t stride = row.pixelStride;
-  TSampler(*row.slices)
-    .template ForEachRow<VRows>(
-      row.voxels + (row.slices->offset + row.row * row.rowStride + column),
-      row.rowStride,
-      [=, spans = row.spans](int r, const TPixel *, typename TSampler::Sample sample) SHEARWARP_INLINE {
-        TPixel * const pixel = pixels + r * stride;
-        const auto     before = Lanes::Load(pixel);
-        const auto     better = Better<TRule, TPixel>(before, TSampler::Finish(sample));
-        Lanes::Store(pixel, Lanes::Select(before, better, GetLanes<TPixel>(spans[r], column)));
-      });
+  // copies, which no store can change
+  const std::ptrdiff_t     stride = row.rowStride;
+  const std::ptrdiff_t     pixelStride = row.pixelStride;
+  const ColumnSpan * const spans = row.spans;
+  TPixel *                 pixel = row.pixels + column;
+  const TPixel *           voxels = row.voxels + (row.slices->offset + row.row * stride + column);
+  TSampler                 sampler(*row.slices, voxels, stride);
+  SHEARWARP_UNROLL
+  for (int r = 0; r < VRows; ++r, pixel += pixelStride, voxels += stride)
+  {
+    const auto before = Lanes::Load(pixel);
+    const auto better = Better<TRule, TPixel>(before, TSampler::Finish(sampler.Next(voxels)));
+    Lanes::Store(pixel, Lanes::Select(before, better, GetLanes<TPixel>(spans[r], column)));
+  }
 }
+
+/** All lanes, as GetLanes() has them. */
+template <typename TPixel>
+constexpr auto AllLanes = static_cast<std::uint32_t>((std::uint64_t{ 1 } << LaneCount<TPixel>)-1);
 
 /** LaneCount samples of a row, from \a column on, as they fade. */
 template <typename TPixel, typename TVector>
@@ -140,32 +148,33 @@ Fade(TVector sample, const FadingRow<TPixel> & fading, std::ptrdiff_t column)
   {
     return sample;
   }
-  constexpr std::uint32_t all = static_cast<std::uint32_t>((std::uint64_t{ 1 } << LaneCount<TPixel>)-1);
-  const float * const     factors = fading.factors + (column - fading.first);
-  const auto              to = static_cast<float>(fading.background);
-  const TVector           faded = Lanes::Fade<IsUnsignedShort<TPixel>>(sample, factors, fading.factor, to);
-  return lanes == all ? faded : Lanes::Select(sample, faded, lanes);
+  const float * const factors = fading.factors + (column - fading.first);
+  const auto          to = static_cast<float>(fading.background);
+  const TVector       faded = Lanes::Fade<IsUnsignedShort<TPixel>>(sample, factors, fading.factor, to);
+  return lanes == AllLanes<TPixel> ? faded : Lanes::Select(sample, faded, lanes);
 }
 
-/** Which voxels around the samples of VRows rows, from \a column on, are in the mask: as bits, of the lanes' columns
- * and of the columns before, of the row above and of the rows. */
-template <typename TPixel, int VRows>
+/** Which voxels around the samples of a tile are in the mask: as bits, of the lanes' columns and of the columns before,
+ * of the row above and of the rows. */
+template <typename TPixel>
 struct MaskedVoxels
 {
-  SHEARWARP_INLINE
-  MaskedVoxels(const TileRow<TPixel> & row, std::ptrdiff_t column)
+  /** Of the samples from \a column on. Returns whether any counts. */
+  bool
+  Find(const TileRow<TPixel> & row, std::ptrdiff_t column)
   {
     const PlacedSlice &  slice = *row.slices;
     const Mask &         mask = *row.mask;
     const std::uint8_t * voxels = mask.voxels + (slice.maskOffset + row.row * mask.rowStride + column);
-    for (int r = slice.y != 0 ? 0 : 1; r <= VRows; ++r)
+    for (int r = slice.y != 0 ? 0 : 1; r <= row.rows; ++r)
     {
       const std::uint8_t * p = voxels + (r - 1) * mask.rowStride;
       at[r] = Lanes::FindLabel<LaneCount<TPixel>>(p, mask.label);
       before[r] = slice.x != 0 ? Lanes::FindLabel<LaneCount<TPixel>>(p - 1, mask.label) : at[r];
     }
     constexpr std::int32_t half = 1 << 14;
-    for (int r = 0; r < VRows; ++r)
+    std::uint32_t          any = 0;
+    for (int r = 0; r < row.rows; ++r)
     {
       const int             above = slice.y != 0 ? r : r + 1;
       const int             nearest = slice.y > half ? r : r + 1;
@@ -174,6 +183,7 @@ struct MaskedVoxels
       whole[r] = counted[r] & at[r + 1] & before[r + 1] & at[above] & before[above];
       any |= counted[r];
     }
+    return any != 0;
   }
 
   /** The voxels of a lane, as SampleCounted() has them. */
@@ -184,10 +194,9 @@ struct MaskedVoxels
     return get(at[r + 1]) | get(before[r + 1]) << 1 | get(at[r + 1 - above]) << 2 | get(before[r + 1 - above]) << 3;
   }
 
-  std::uint32_t at[VRows + 1], before[VRows + 1];
-  std::uint32_t counted[VRows]; // samples that count
-  std::uint32_t whole[VRows];   // those of them that have all voxels
-  std::uint32_t any{ 0 };
+  std::uint32_t at[BlockLength + 1], before[BlockLength + 1];
+  std::uint32_t counted[BlockLength]; // samples that count
+  std::uint32_t whole[BlockLength];   // those of them that have all voxels
 };
 
 /** Gives the \a taken lanes of a row of pixels, with their ranks, what is better or nearer; rays end unless
@@ -239,82 +248,76 @@ TakeRanked(TVector             sample,
   }
 }
 
-/** Gives VRows rows of LaneCount pixels, from \a column on, the samples of a slice, and its rank; no more of each row
- * than its span unless VAll. */
-template <typename TRule, typename TSampler, int VRows, bool VAll, typename TPixel>
-SHEARWARP_INLINE inline void
-TakeRanked(const TileRow<TPixel> & row, std::ptrdiff_t column)
+/** Gives the pixels of a tile, from \a column on, the few samples that have some of their voxels in the mask. */
+template <typename TRule, typename TPixel>
+void
+TakeRim(const TileRow<TPixel> & row, std::ptrdiff_t column, const MaskedVoxels<TPixel> & mask)
 {
-  TPixel * const            pixels = row.pixels + column;
-  SliceRank<TPixel> * const ranks = row.ranks + column;
-  const std::ptrdiff_t      stride = row.pixelStride;
-  const auto                rank = Lanes::SetRank(row.rank);
-  const auto                take = [=, spans = row.spans, fades = row.fades, threshold = row.localThreshold](
-                      int r, const TPixel *, typename TSampler::Sample sample) SHEARWARP_INLINE {
-    const std::uint32_t taken = VAll ? ~0U : GetLanes<TPixel>(spans[r], column);
-    const auto          finished = TSampler::Finish(sample);
-    const auto          faded = fades ? Fade<TPixel>(finished, fades[r], column) : finished;
-    TakeRanked<TRule, VAll>(faded, rank, threshold, taken, pixels + r * stride, ranks + r * stride);
-  };
-  TSampler(*row.slices)
-    .template ForEachRow<VRows>(
-      row.voxels + (row.slices->offset + row.row * row.rowStride + column), row.rowStride, take);
-}
-
-/** The same, no more than counts in the mask; spans may be null. */
-template <typename TRule, typename TSampler, int VRows, typename TPixel>
-SHEARWARP_INLINE inline void
-TakeMasked(const TileRow<TPixel> & row, std::ptrdiff_t column)
-{
-  const MaskedVoxels<TPixel, VRows> mask(row, column);
-  if (mask.any == 0)
-  {
-    return;
-  }
   const PlacedSlice & slice = *row.slices;
   const int           above = slice.y != 0 ? 1 : 0;
   const int           before = slice.x != 0 ? 1 : 0;
-  const auto          rank = Lanes::SetRank(row.rank);
-  TSampler(slice).template ForEachRow<VRows>(
-    row.voxels + (slice.offset + row.row * row.rowStride + column),
-    row.rowStride,
-    [&](int r, const TPixel * b, typename TSampler::Sample sample) SHEARWARP_INLINE {
-      TPixel * const            pixels = row.pixels + r * row.pixelStride + column;
-      SliceRank<TPixel> * const ranks = row.ranks + r * row.pixelStride + column;
-      const std::uint32_t       taken = mask.counted[r] & (row.spans ? GetLanes<TPixel>(row.spans[r], column) : ~0U);
-      const std::uint32_t       whole = taken & mask.whole[r];
-      const auto                finished = TSampler::Finish(sample);
-      const auto                faded = row.fades ? Fade<TPixel>(finished, row.fades[r], column) : finished;
-      TakeRanked<TRule, false>(faded, rank, row.localThreshold, whole, pixels, ranks);
-      // a few samples at the mask's rim
-      for (std::uint32_t rest = taken & ~whole; rest != 0; rest &= rest - 1)
-      {
-        const int      lane = __builtin_ctz(rest);
-        const TPixel * a = b - above * row.rowStride + lane;
-        const TPixel   mean = SampleCounted(a, b + lane, 0, -before, slice.x, slice.y, mask.GetVoxels(r, above, lane));
-        const TPixel   fadedMean = row.fades ? FadeInRow(row.fades[r], mean, column + lane) : mean;
-        TakeSample<TRule>(fadedMean, row.rank, row.localThreshold, pixels[lane], ranks + lane);
-      }
-    });
+  for (int r = 0; r < row.rows; ++r)
+  {
+    const std::uint32_t lanes = row.spans ? GetLanes<TPixel>(row.spans[r], column) : AllLanes<TPixel>;
+    for (std::uint32_t rest = lanes & mask.counted[r] & ~mask.whole[r]; rest != 0; rest &= rest - 1)
+    {
+      const int            lane = __builtin_ctz(rest);
+      const TPixel *       b = row.voxels + (slice.offset + (row.row + r) * row.rowStride + column + lane);
+      const std::ptrdiff_t place = r * row.pixelStride + column + lane;
+      const TPixel *       a = b - above * row.rowStride;
+      const TPixel         mean = SampleCounted(a, b, 0, -before, slice.x, slice.y, mask.GetVoxels(r, above, lane));
+      const TPixel         faded = row.fades ? FadeInRow(row.fades[r], mean, column + lane) : mean;
+      TakeSample<TRule>(faded, row.rank, row.localThreshold, row.pixels[place], row.ranks + place);
+    }
+  }
 }
 
-/** The same, what there is of a tile that begins at \a first. */
-template <typename TRule, typename TSampler, int VRows, typename TPixel>
-void
-TakeRankedTile(const TileRow<TPixel> & row, std::ptrdiff_t first, std::ptrdiff_t column, bool isCut)
+/** Gives the pixels of a tile the samples of a slice, and its rank: of each row no more than its span, and no more than
+ * counts in the mask. The tile begins at \a first, and its pixels are those from \a column on. */
+template <typename TRule, typename TSampler, Extras VExtras, typename TPixel>
+SHEARWARP_INLINE inline void
+TakeRankedTile(const TileRow<TPixel> & row, std::ptrdiff_t first, std::ptrdiff_t column)
 {
-  const TileState state = row.active ? row.active[first / TileColumns] : TileState::Masked;
-  if (row.mask && (state == TileState::Masked || row.isMoved || column != first))
+  constexpr bool       hasAny = VExtras == Extras::Any;
+  MaskedVoxels<TPixel> mask;
+  bool                 isMasked = false;
+  if (hasAny && row.mask)
   {
-    TakeMasked<TRule, TSampler, VRows>(row, column);
+    const TileState state = row.active ? row.active[first / TileColumns] : TileState::Masked;
+    isMasked = state == TileState::Masked || row.isMoved || column != first;
+    if (isMasked && !mask.Find(row, column))
+    {
+      return;
+    }
   }
-  else if (isCut)
+  // copies, which no store can change
+  const int                       rows = row.rows;
+  const std::ptrdiff_t            stride = row.rowStride;
+  const std::ptrdiff_t            pixelStride = row.pixelStride;
+  const ColumnSpan * const        spans = hasAny ? row.spans : nullptr;
+  const FadingRow<TPixel> * const fades = row.fades;
+  const bool                      isFading = VExtras == Extras::Fading || (hasAny && fades);
+  const TPixel * const            threshold = hasAny || VExtras == Extras::LocalMaximum ? row.localThreshold : nullptr;
+  const PlacedSlice &             slice = *row.slices;
+  const auto                      rank = Lanes::SetRank(row.rank);
+  TPixel *                        pixels = row.pixels + column;
+  SliceRank<TPixel> *             ranks = row.ranks + column;
+  const TPixel *                  voxels = row.voxels + (slice.offset + row.row * stride + column);
+  TSampler                        sampler(slice, voxels, stride);
+  for (int r = 0; r < rows; ++r)
   {
-    TakeRanked<TRule, TSampler, VRows, false>(row, column);
+    const std::uint32_t lanes = spans ? GetLanes<TPixel>(spans[r], column) : AllLanes<TPixel>;
+    const std::uint32_t whole = isMasked ? lanes & mask.whole[r] : lanes;
+    const auto          sample = TSampler::Finish(sampler.Next(voxels));
+    const auto          faded = isFading ? Fade<TPixel>(sample, fades[r], column) : sample;
+    TakeRanked<TRule, !hasAny>(faded, rank, threshold, whole, pixels, ranks);
+    pixels += pixelStride;
+    ranks += pixelStride;
+    voxels += stride;
   }
-  else
+  if (isMasked)
   {
-    TakeRanked<TRule, TSampler, VRows, true>(row, column);
+    TakeRim<TRule>(row, column, mask);
   }
 }
 
@@ -323,11 +326,10 @@ template <typename TRule, typename TSampler, int VRows, typename TPixel>
 SHEARWARP_INLINE inline void
 TakeSlices(const TileRow<TPixel> & row, std::ptrdiff_t column)
 {
-  using Sample = typename TSampler::Sample;
   constexpr int rows = VRows < TSampler::MaximumRows ? VRows : TSampler::MaximumRows;
   for (int first = 0; first < VRows; first += rows)
   {
-    Sample best[rows];
+    typename TSampler::Sample best[rows];
     SHEARWARP_UNROLL
     for (int r = 0; r < rows; ++r)
     {
@@ -335,14 +337,15 @@ TakeSlices(const TileRow<TPixel> & row, std::ptrdiff_t column)
     }
     for (const PlacedSlice * slice = row.slices; slice != row.slices + row.count; ++slice)
     {
-      TSampler(*slice).template ForEachRow<rows>(row.voxels +
-                                                   (slice->offset + (row.row + first) * row.rowStride + column),
-                                                 row.rowStride,
-                                                 [&](int r, const TPixel * voxels, Sample sample) SHEARWARP_INLINE {
-                                                   // what a tile further on needs, from a slower cache
-                                                   Lanes::Prefetch(reinterpret_cast<const char *>(voxels) + 128);
-                                                   best[r] = TSampler::template GetBetter<TRule>(best[r], sample);
-                                                 });
+      const TPixel * voxels = row.voxels + (slice->offset + (row.row + first) * row.rowStride + column);
+      TSampler       sampler(*slice, voxels, row.rowStride);
+      SHEARWARP_UNROLL
+      for (int r = 0; r < rows; ++r, voxels += row.rowStride)
+      {
+        // what a tile further on needs, from a slower cache
+        Lanes::Prefetch(reinterpret_cast<const char *>(voxels) + 128);
+        best[r] = TSampler::template GetBetter<TRule>(best[r], sampler.Next(voxels));
+      }
     }
     SHEARWARP_UNROLL
     for (int r = 0; r < rows; ++r)
@@ -353,24 +356,24 @@ TakeSlices(const TileRow<TPixel> & row, std::ptrdiff_t column)
   }
 }
 
-template <int VRows, typename TPixel>
+template <typename TPixel>
 void
 FetchNextSlice(const TileRow<TPixel> & row, std::ptrdiff_t column)
 {
   constexpr std::ptrdiff_t lanes = LaneCount<TPixel>;
   const TPixel * voxels = row.voxels + (row.slices->offset + row.nextSlice + row.row * row.rowStride + column);
-  for (int r = 0; r < VRows; ++r, voxels += row.rowStride)
+  for (int r = 0; r < row.rows; ++r, voxels += row.rowStride)
   {
     Lanes::Prefetch(reinterpret_cast<const char *>(voxels - 1));
     Lanes::Prefetch(reinterpret_cast<const char *>(voxels + lanes - 1));
   }
 }
 
-template <typename TRule, typename TPixel, Fractions VFractions, bool VWide, int VRows, bool VHasRanks>
-void
-ProjectTileRow(const TileRow<TPixel> & row)
+/** Calls \a take(first, column) for each tile: it begins at \a first, and its pixels are those from \a column on. */
+template <typename TPixel, typename TFunction>
+SHEARWARP_INLINE inline void
+ForEachTile(const TileRow<TPixel> & row, const TFunction & take)
 {
-  using SamplerType = Sampler<TPixel, VFractions, VWide>;
   constexpr std::ptrdiff_t lanes = LaneCount<TPixel>;
   const std::ptrdiff_t     begin = row.spans ? row.any.begin : row.begin;
   const std::ptrdiff_t     end = row.spans ? row.any.end : row.end;
@@ -384,58 +387,98 @@ ProjectTileRow(const TileRow<TPixel> & row)
     const std::ptrdiff_t column = Smaller(Larger(first, row.begin), row.end - lanes);
     if (!row.prefetcher)
     {
-      FetchNextSlice<VRows>(row, column);
+      FetchNextSlice(row, column);
     }
     else
     {
       row.prefetcher->Step();
     }
-    const bool isCut = row.spans && !(row.common.begin <= column && column + lanes <= row.common.end);
-    if constexpr (VHasRanks)
+    take(first, column);
+  }
+}
+
+template <typename TRule, typename TSampler, int VRows, typename TPixel>
+void
+ProjectUnrankedTiles(const TileRow<TPixel> & row)
+{
+  constexpr std::ptrdiff_t lanes = LaneCount<TPixel>;
+  ForEachTile(row, [&row](std::ptrdiff_t, std::ptrdiff_t column) SHEARWARP_INLINE {
+    if (row.spans && !(row.common.begin <= column && column + lanes <= row.common.end))
     {
-      TakeRankedTile<TRule, SamplerType, VRows>(row, first, column, isCut);
-    }
-    else if (isCut)
-    {
-      TakeSpans<TRule, SamplerType, VRows>(row, column);
+      TakeSpans<TRule, TSampler, VRows>(row, column);
     }
     else if (row.count == 1)
     {
-      TakeSlice<TRule, SamplerType, VRows>(row, *row.slices, column);
+      TakeSlice<TRule, TSampler, VRows>(row, *row.slices, column);
     }
     else
     {
-      TakeSlices<TRule, SamplerType, VRows>(row, column);
+      TakeSlices<TRule, TSampler, VRows>(row, column);
     }
-  }
+  });
   // what a slice has beside the others
-  for (const PlacedSlice * slice = row.slices; !VHasRanks && row.count > 1 && slice != row.slices + row.count; ++slice)
+  for (const PlacedSlice * slice = row.slices; row.count > 1 && slice != row.slices + row.count; ++slice)
   {
     if (slice->inner.begin < row.begin)
     {
-      TakeSlice<TRule, SamplerType, VRows>(row, *slice, slice->inner.begin);
+      TakeSlice<TRule, TSampler, VRows>(row, *slice, slice->inner.begin);
     }
     if (slice->inner.end > row.end)
     {
-      TakeSlice<TRule, SamplerType, VRows>(row, *slice, slice->inner.end - lanes);
+      TakeSlice<TRule, TSampler, VRows>(row, *slice, slice->inner.end - lanes);
     }
   }
 }
 
-template <typename TRule, typename TPixel, bool VWide, int VRows, bool VHasRanks>
+template <typename TRule, typename TSampler, Extras VExtras, typename TPixel>
+void
+ProjectRankedTiles(const TileRow<TPixel> & row)
+{
+  ForEachTile(row, [&row](std::ptrdiff_t first, std::ptrdiff_t column) SHEARWARP_INLINE {
+    TakeRankedTile<TRule, TSampler, VExtras>(row, first, column);
+  });
+}
+
+template <typename TRule, typename TSampler, typename TPixel>
+void
+ProjectTileRow(const TileRow<TPixel> & row)
+{
+  // magnitudes have ranks
+  if constexpr (!std::is_same_v<TRule, MagnitudeRule<TPixel>>)
+  {
+    if (!row.ranks)
+    {
+      return row.rows == 1 ? ProjectUnrankedTiles<TRule, TSampler, 1>(row)
+                           : ProjectUnrankedTiles<TRule, TSampler, BlockLength>(row);
+    }
+  }
+  switch (row.GetExtras())
+  {
+    case Extras::None:
+      return ProjectRankedTiles<TRule, TSampler, Extras::None>(row);
+    case Extras::Fading:
+      return ProjectRankedTiles<TRule, TSampler, Extras::Fading>(row);
+    case Extras::LocalMaximum:
+      return ProjectRankedTiles<TRule, TSampler, Extras::LocalMaximum>(row);
+    default:
+      return ProjectRankedTiles<TRule, TSampler, Extras::Any>(row);
+  }
+}
+
+template <typename TRule, bool VWide, typename TPixel>
 void
 ProjectTileRow(const TileRow<TPixel> & row)
 {
   switch (row.slices->GetFractions())
   {
     case Fractions::None:
-      return ProjectTileRow<TRule, TPixel, Fractions::None, VWide, VRows, VHasRanks>(row);
+      return ProjectTileRow<TRule, Sampler<TPixel, Fractions::None, VWide>>(row);
     case Fractions::Column:
-      return ProjectTileRow<TRule, TPixel, Fractions::Column, VWide, VRows, VHasRanks>(row);
+      return ProjectTileRow<TRule, Sampler<TPixel, Fractions::Column, VWide>>(row);
     case Fractions::Row:
-      return ProjectTileRow<TRule, TPixel, Fractions::Row, VWide, VRows, VHasRanks>(row);
+      return ProjectTileRow<TRule, Sampler<TPixel, Fractions::Row, VWide>>(row);
     default:
-      return ProjectTileRow<TRule, TPixel, Fractions::Both, VWide, VRows, VHasRanks>(row);
+      return ProjectTileRow<TRule, Sampler<TPixel, Fractions::Both, VWide>>(row);
   }
 }
 
@@ -681,9 +724,10 @@ private:
                            m_View.localThreshold };
     if (rowEnd - rowBegin < BlockLength)
     {
+      tiles.rows = 1;
       for (std::ptrdiff_t row = rowBegin; row < rowEnd; ++row)
       {
-        this->ProjectTiles<1>(tiles, row, row);
+        this->ProjectTiles(tiles, row, row);
       }
       return;
     }
@@ -723,7 +767,7 @@ private:
       for (std::ptrdiff_t tile = firstTile + n; tile < lastTile; tile += length)
       {
         const std::ptrdiff_t row = m_Grid + tile * BlockLength;
-        this->ProjectTiles<BlockLength>(tiles, row, Smaller(Larger(row, rowBegin), rowEnd - BlockLength));
+        this->ProjectTiles(tiles, row, Smaller(Larger(row, rowBegin), rowEnd - BlockLength));
       }
     }
   }
@@ -748,7 +792,6 @@ private:
   }
 
   /** A row of tiles from \a row on; \a gridRow is in the row of cubes that tells whether they are active. */
-  template <int VRows>
   void
   ProjectTiles(TileRow<TPixel> & tiles, std::ptrdiff_t gridRow, std::ptrdiff_t row) const
   {
@@ -759,22 +802,21 @@ private:
     tiles.ranks = m_View.ranked.ranks ? m_View.ranked.ranks + row * m_View.intermediate.rowStride : nullptr;
     if (m_View.fading)
     {
-      return this->ProjectFading<VRows>(tiles);
+      return this->ProjectFading(tiles);
     }
-    this->ProjectTiles<VRows>(tiles);
+    this->ProjectTiles(tiles);
   }
 
-  template <int VRows>
   __attribute__((noinline)) void
   ProjectFading(TileRow<TPixel> tiles) const
   {
-    FadingRow<TPixel> fades[VRows];
-    for (int r = 0; r < VRows; ++r)
+    FadingRow<TPixel> fades[BlockLength];
+    for (int r = 0; r < tiles.rows; ++r)
     {
       fades[r] = this->FindFading(*tiles.slices, tiles.row + r);
     }
     tiles.fades = fades;
-    this->ProjectTiles<VRows>(tiles);
+    this->ProjectTiles(tiles);
   }
 
   /** Whether samples of the slice in \a samples may be in the region. */
@@ -793,19 +835,18 @@ private:
   }
 
   /** Those columns of a row of tiles that are in the region. */
-  template <int VRows>
   void
   ProjectRegion(TileRow<TPixel> tiles) const
   {
-    if (!this->IsInRegion({ tiles.row, tiles.row + VRows, tiles.begin, tiles.end }))
+    if (!this->IsInRegion({ tiles.row, tiles.row + tiles.rows, tiles.begin, tiles.end }))
     {
       return;
     }
     const ColumnSpan all = GetColumns(tiles.begin, tiles.end);
-    ColumnSpan       spans[VRows];
+    ColumnSpan       spans[BlockLength];
     ColumnSpan       common = all;
     ColumnSpan       any{ all.end, all.begin };
-    for (int r = 0; r < VRows; ++r)
+    for (int r = 0; r < tiles.rows; ++r)
     {
       spans[r] = m_View.coverage.Add(all, tiles.row + r, m_Slice);
       common = { Larger(common.begin, spans[r].begin), Smaller(common.end, spans[r].end) };
@@ -815,25 +856,18 @@ private:
     tiles.spans = spans;
     tiles.any = any;
     tiles.common = common;
-    this->ProjectTiles<VRows>(tiles);
+    this->ProjectTiles(tiles);
   }
 
-  template <int VRows>
   void
   ProjectTiles(const TileRow<TPixel> & tiles) const
   {
     if (m_View.coverage.region && !tiles.spans)
     {
-      return this->ProjectRegion<VRows>(tiles);
+      return this->ProjectRegion(tiles);
     }
     constexpr bool mayBeWide = sizeof(TPixel) == 2;
-    if (tiles.ranks || std::is_same_v<TRule, MagnitudeRule<TPixel>>)
-    {
-      return m_IsWide ? ProjectTileRow<TRule, TPixel, mayBeWide, VRows, true>(tiles)
-                      : ProjectTileRow<TRule, TPixel, false, VRows, true>(tiles);
-    }
-    return m_IsWide ? ProjectTileRow<TRule, TPixel, mayBeWide, VRows, false>(tiles)
-                    : ProjectTileRow<TRule, TPixel, false, VRows, false>(tiles);
+    return m_IsWide ? ProjectTileRow<TRule, mayBeWide>(tiles) : ProjectTileRow<TRule, false>(tiles);
   }
 
   const SliceStack<TPixel> &  m_Stack;

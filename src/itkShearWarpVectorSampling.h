@@ -113,9 +113,19 @@ struct PlacedSlice
 
 class Prefetcher;
 
-/** A row of tiles: columns [begin, end), at least LaneCount of them, that `count` slices have in common, of the rows
- * from `row` on. `spans`, if not null, are the columns to take of each row; `any` has all of them, and each has
- * `common`.
+/** \class Extras
+ * What a view that has ranks has too; Any is any of it, of the mask and of spans. */
+enum class Extras
+{
+  None,
+  Fading,
+  LocalMaximum,
+  Any
+};
+
+/** A row of tiles: columns [begin, end), at least LaneCount of them, that `count` slices have in common, of `rows` rows
+ * from `row` on: 1 or BlockLength. `spans`, if not null, are the columns to take of each row; `any` has all of them,
+ * and each has `common`.
  */
 template <typename TPixel>
 struct TileRow
@@ -133,15 +143,26 @@ struct TileRow
   SliceRank<TPixel>         rank;       // of the one slice
   const Mask *              mask;
   const TPixel *            localThreshold;
+  int                       rows{ BlockLength };
   bool                      isMoved{ false }; // so that it has rows of other tiles, whose states `active` does not tell
   SliceRank<TPixel> *       ranks{ nullptr };
   const FadingRow<TPixel> * fades{ nullptr }; // of each row
   const ColumnSpan *        spans{ nullptr };
   ColumnSpan                any{}, common{};
+
+  Extras
+  GetExtras() const
+  {
+    if (mask || spans || (fades && localThreshold))
+    {
+      return Extras::Any;
+    }
+    return fades ? Extras::Fading : (localThreshold ? Extras::LocalMaximum : Extras::None);
+  }
 };
 
 /** \class LinearSampler
- * The samples of a slice in a tile, of one or two short integers whose difference fits in 16 bits: linear
+ * The samples of a slice in a tile, row by row, of one or two short integers whose difference fits in 16 bits: linear
  * interpolation is b + ((a - b) x + 2^14 >> 15). */
 template <typename TPixel, Fractions VFractions>
 class LinearSampler
@@ -152,8 +173,11 @@ public:
   /** As many rows as have registers. */
   static constexpr int MaximumRows = BlockLength;
 
-  SHEARWARP_INLINE explicit LinearSampler(const PlacedSlice & slice)
+  /** \a b are the first row's lower voxels. */
+  SHEARWARP_INLINE
+  LinearSampler(const PlacedSlice & slice, const TPixel * b, std::ptrdiff_t stride)
     : m_Weight(Lanes::Set(VFractions == Fractions::Column ? slice.x : slice.y))
+    , m_Above(VFractions == Fractions::Row ? Lanes::Load(b - stride) : m_Weight)
   {}
 
   template <typename TRule>
@@ -176,29 +200,24 @@ public:
     return sample;
   }
 
-  /** Calls \a process(row, voxels, sample) for each of VRows rows; \a b are the first one's lower voxels. */
-  template <int VRows, typename TFunction>
-  SHEARWARP_INLINE void
-  ForEachRow(const TPixel * b, std::ptrdiff_t stride, const TFunction & process) const
+  /** The samples of the next row. */
+  SHEARWARP_INLINE Sample
+  Next(const TPixel * b)
   {
-    Sample above = VFractions == Fractions::Row ? Lanes::Load(b - stride) : m_Weight;
-    SHEARWARP_UNROLL
-    for (int r = 0; r < VRows; ++r, b += stride)
+    const Sample voxel = Lanes::Load(b);
+    if constexpr (VFractions == Fractions::None)
     {
-      const Sample voxel = Lanes::Load(b);
-      if constexpr (VFractions == Fractions::None)
-      {
-        process(r, b, voxel);
-      }
-      else if constexpr (VFractions == Fractions::Column)
-      {
-        process(r, b, this->Interpolate(Lanes::Load(b - 1), voxel));
-      }
-      else
-      {
-        process(r, b, this->Interpolate(above, voxel));
-        above = voxel;
-      }
+      return voxel;
+    }
+    else if constexpr (VFractions == Fractions::Column)
+    {
+      return this->Interpolate(Lanes::Load(b - 1), voxel);
+    }
+    else
+    {
+      const Sample sample = this->Interpolate(m_Above, voxel);
+      m_Above = voxel;
+      return sample;
     }
   }
 
@@ -210,11 +229,13 @@ private:
   }
 
   Sample m_Weight;
+  Sample m_Above;
 };
 
 /** \class SumSampler
- * The samples of a slice in a tile, of short integers: weighted sums. Unsigned ones fit in 15 bits unless VWide. */
-template <typename TPixel, Fractions VFractions, bool VWide>
+ * The samples of a slice in a tile, row by row, of short integers: weighted sums. VFlipSign makes unsigned ones signed.
+ */
+template <typename TPixel, Fractions VFractions, bool VFlipSign>
 class SumSampler
 {
 public:
@@ -226,9 +247,20 @@ public:
 
   static constexpr int MaximumRows = Lanes::SumRows;
 
-  SHEARWARP_INLINE explicit SumSampler(const PlacedSlice & slice)
+  /** \a b are the first row's lower voxels. */
+  SHEARWARP_INLINE
+  SumSampler(const PlacedSlice & slice, const TPixel * b, std::ptrdiff_t stride)
     : SumSampler(slice.x, slice.y, (slice.x * slice.y + (1 << 14)) >> 15)
-  {}
+  {
+    if constexpr (VFractions == Fractions::Row || VFractions == Fractions::Both)
+    {
+      m_Above = Load(b - stride);
+    }
+    if constexpr (VFractions == Fractions::Both)
+    {
+      m_LeftAbove = Load(b - stride - 1);
+    }
+  }
 
   template <typename TRule>
   static Sample
@@ -258,53 +290,32 @@ public:
   Finish(Sample sample)
   {
     const Short packed = VFractions == Fractions::Row ? Lanes::PackRows(sample) : Lanes::PackColumns(sample);
-    return FlipSign ? Lanes::FlipSign(packed) : packed;
+    return VFlipSign ? Lanes::FlipSign(packed) : packed;
   }
 
-  template <int VRows, typename TFunction>
-  SHEARWARP_INLINE void
-  ForEachRow(const TPixel * b, std::ptrdiff_t stride, const TFunction & process) const
+  /** The samples of the next row. */
+  SHEARWARP_INLINE Sample
+  Next(const TPixel * b)
   {
     const Sample half{ Lanes::SetInt(1 << 14), Lanes::SetInt(1 << 14) };
+    const Short  voxel = Load(b);
+    const Short  above = m_Above;
+    m_Above = voxel;
     if constexpr (VFractions == Fractions::Row)
     {
-      Short above = Load(b - stride);
-      SHEARWARP_UNROLL
-      for (int r = 0; r < VRows; ++r, b += stride)
-      {
-        const Short voxel = Load(b);
-        process(r, b, Lanes::AddRows(half, above, voxel, m_Weights));
-        above = voxel;
-      }
+      return Lanes::AddRows(half, above, voxel, m_Weights);
     }
-    else if constexpr (VFractions == Fractions::Column)
+    const Short left = Load(b - 1);
+    if constexpr (VFractions == Fractions::Column)
     {
-      SHEARWARP_UNROLL
-      for (int r = 0; r < VRows; ++r, b += stride)
-      {
-        process(r, b, Lanes::AddColumns(half, Load(b - 1), Load(b), m_Weights));
-      }
+      return Lanes::AddColumns(half, left, voxel, m_Weights);
     }
-    else
-    {
-      Short leftAbove = Load(b - stride - 1);
-      Short rightAbove = Load(b - stride);
-      SHEARWARP_UNROLL
-      for (int r = 0; r < VRows; ++r, b += stride)
-      {
-        const Short  left = Load(b - 1);
-        const Short  right = Load(b);
-        const Sample above = Lanes::AddColumns(half, leftAbove, rightAbove, m_WeightsAbove);
-        process(r, b, Lanes::AddColumns(above, left, right, m_Weights));
-        leftAbove = left;
-        rightAbove = right;
-      }
-    }
+    const Sample sumAbove = Lanes::AddColumns(half, m_LeftAbove, above, m_WeightsAbove);
+    m_LeftAbove = left;
+    return Lanes::AddColumns(sumAbove, left, voxel, m_Weights);
   }
 
 private:
-  static constexpr bool FlipSign = VWide && IsUnsignedShort<TPixel>;
-
   SHEARWARP_INLINE
   SumSampler(std::int32_t x, std::int32_t y, std::int32_t aa)
     : m_WeightsAbove(Lanes::SetPairs(aa, y - aa))
@@ -316,15 +327,16 @@ private:
   Load(const TPixel * voxels)
   {
     const Short loaded = Lanes::Load(voxels);
-    return FlipSign ? Lanes::FlipSign(loaded) : loaded;
+    return VFlipSign ? Lanes::FlipSign(loaded) : loaded;
   }
 
   Short m_WeightsAbove;
   Short m_Weights;
+  Short m_Above{}, m_LeftAbove{};
 };
 
 /** \class FloatSampler
- * The samples of a slice in a tile, of floats. */
+ * The samples of a slice in a tile, row by row, of floats. */
 template <Fractions VFractions>
 class FloatSampler
 {
@@ -333,9 +345,12 @@ public:
 
   static constexpr int MaximumRows = BlockLength;
 
-  SHEARWARP_INLINE explicit FloatSampler(const PlacedSlice & slice)
+  /** \a b are the first row's lower voxels. */
+  SHEARWARP_INLINE
+  FloatSampler(const PlacedSlice & slice, const float * b, std::ptrdiff_t stride)
     : m_X(Lanes::SetFloat(static_cast<float>(slice.x) / 32768))
     , m_Y(Lanes::SetFloat(static_cast<float>(slice.y) / 32768))
+    , m_Above(IsBetweenRows ? this->InterpolateColumns(b - stride) : m_X)
   {}
 
   template <typename TRule>
@@ -358,22 +373,19 @@ public:
     return sample;
   }
 
-  template <int VRows, typename TFunction>
-  SHEARWARP_INLINE void
-  ForEachRow(const float * b, std::ptrdiff_t stride, const TFunction & process) const
+  /** The samples of the next row. */
+  SHEARWARP_INLINE Sample
+  Next(const float * b)
   {
-    constexpr bool betweenRows = VFractions == Fractions::Row || VFractions == Fractions::Both;
-    Sample         above = betweenRows ? this->InterpolateColumns(b - stride) : m_X;
-    SHEARWARP_UNROLL
-    for (int r = 0; r < VRows; ++r, b += stride)
-    {
-      const Sample row = this->InterpolateColumns(b);
-      process(r, b, betweenRows ? Interpolate(above, row, m_Y) : row);
-      above = row;
-    }
+    const Sample row = this->InterpolateColumns(b);
+    const Sample sample = IsBetweenRows ? Interpolate(m_Above, row, m_Y) : row;
+    m_Above = row;
+    return sample;
   }
 
 private:
+  static constexpr bool IsBetweenRows = VFractions == Fractions::Row || VFractions == Fractions::Both;
+
   static Sample
   Interpolate(Sample a, Sample b, Sample weightOfA)
   {
@@ -390,12 +402,13 @@ private:
   }
 
   Sample m_X, m_Y;
+  Sample m_Above;
 };
 
 template <bool VIsLinear, typename TPixel, Fractions VFractions, bool VWide>
 struct SamplerOf
 {
-  using Type = SumSampler<TPixel, VFractions, VWide>;
+  using Type = SumSampler<TPixel, VFractions, VWide && IsUnsignedShort<TPixel>>;
 };
 template <typename TPixel, Fractions VFractions, bool VWide>
 struct SamplerOf<true, TPixel, VFractions, VWide>
@@ -407,6 +420,7 @@ struct SamplerOf<false, float, VFractions, VWide>
 {
   using Type = FloatSampler<VFractions>;
 };
+/** \a VWide if voxels, or their differences, need more than 15 bits and a sign. */
 template <typename TPixel, Fractions VFractions, bool VWide>
 using Sampler =
   typename SamplerOf<!IsFloat<TPixel> && (VFractions == Fractions::None || (!VWide && VFractions != Fractions::Both)),
