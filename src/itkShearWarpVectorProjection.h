@@ -92,13 +92,15 @@ TakeSlice(const TileRow<TPixel> & row, const PlacedSlice & slice, std::ptrdiff_t
   // copies, which no store can change
   const std::ptrdiff_t stride = row.rowStride;
   const std::ptrdiff_t pixelStride = row.pixelStride;
-  TPixel *             pixel = row.pixels + column;
-  const TPixel *       voxels = row.voxels + (slice.offset + row.row * stride + column);
+  TPixel * const       pixels = row.pixels + column;
+  const TPixel * const voxels = row.voxels + (slice.offset + row.row * stride + column);
   TSampler             sampler(slice, voxels, stride);
   SHEARWARP_UNROLL
-  for (int r = 0; r < VRows; ++r, pixel += pixelStride, voxels += stride)
+  for (int r = 0; r < VRows; ++r)
   {
-    Lanes::Store(pixel, Better<TRule, TPixel>(Lanes::Load(pixel), TSampler::Finish(sampler.Next(voxels))));
+    TPixel * const pixel = pixels + r * pixelStride;
+    const auto     sample = TSampler::Finish(sampler.Next(voxels + r * stride));
+    Lanes::Store(pixel, Better<TRule, TPixel>(Lanes::Load(pixel), sample));
   }
 }
 
@@ -113,7 +115,7 @@ GetLanes(ColumnSpan span, std::ptrdiff_t column)
   return static_cast<std::uint32_t>((std::uint64_t{ 1 } << end) - (std::uint64_t{ 1 } << begin));
 }
 
-/** The same, no more of each row than its span. */
+/** As TakeSlice(), but no more of each row than its span. */
 template <typename TRule, typename TSampler, int VRows, typename TPixel>
 SHEARWARP_INLINE inline void
 TakeSpans(const TileRow<TPixel> & row, std::ptrdiff_t column)
@@ -122,14 +124,15 @@ TakeSpans(const TileRow<TPixel> & row, std::ptrdiff_t column)
   const std::ptrdiff_t     stride = row.rowStride;
   const std::ptrdiff_t     pixelStride = row.pixelStride;
   const ColumnSpan * const spans = row.spans;
-  TPixel *                 pixel = row.pixels + column;
-  const TPixel *           voxels = row.voxels + (row.slices->offset + row.row * stride + column);
+  TPixel * const           pixels = row.pixels + column;
+  const TPixel * const     voxels = row.voxels + (row.slices->offset + row.row * stride + column);
   TSampler                 sampler(*row.slices, voxels, stride);
   SHEARWARP_UNROLL
-  for (int r = 0; r < VRows; ++r, pixel += pixelStride, voxels += stride)
+  for (int r = 0; r < VRows; ++r)
   {
-    const auto before = Lanes::Load(pixel);
-    const auto better = Better<TRule, TPixel>(before, TSampler::Finish(sampler.Next(voxels)));
+    TPixel * const pixel = pixels + r * pixelStride;
+    const auto     before = Lanes::Load(pixel);
+    const auto     better = Better<TRule, TPixel>(before, TSampler::Finish(sampler.Next(voxels + r * stride)));
     Lanes::Store(pixel, Lanes::Select(before, better, GetLanes<TPixel>(spans[r], column)));
   }
 }
@@ -159,7 +162,7 @@ Fade(TVector sample, const FadingRow<TPixel> & fading, std::ptrdiff_t column)
 template <typename TPixel>
 struct MaskedVoxels
 {
-  /** Of the samples from \a column on. Returns whether any counts. */
+  /** Looks around the samples of row.rows rows, from \a column on. Returns whether any of them counts. */
   bool
   Find(const TileRow<TPixel> & row, std::ptrdiff_t column)
   {
@@ -199,8 +202,8 @@ struct MaskedVoxels
   std::uint32_t whole[BlockLength];   // those of them that have all voxels
 };
 
-/** Gives the \a taken lanes of a row of pixels, with their ranks, what is better or nearer; rays end unless
- * \a localThreshold is null. */
+/** Gives a row of pixels, with their ranks, what is better or nearer: all lanes if VAll, or those that are \a taken.
+ * Rays end unless \a localThreshold is null. */
 template <typename TRule, bool VAll, typename TPixel, typename TVector, typename TRanks>
 SHEARWARP_INLINE inline void
 TakeRanked(TVector             sample,
@@ -248,7 +251,8 @@ TakeRanked(TVector             sample,
   }
 }
 
-/** Gives the pixels of a tile, from \a column on, the few samples that have some of their voxels in the mask. */
+/** Gives the pixels of a tile, from \a column on, the few samples that count and have not all of
+ * their voxels in the mask. */
 template <typename TRule, typename TPixel>
 void
 TakeRim(const TileRow<TPixel> & row, std::ptrdiff_t column, const MaskedVoxels<TPixel> & mask)
@@ -272,24 +276,23 @@ TakeRim(const TileRow<TPixel> & row, std::ptrdiff_t column, const MaskedVoxels<T
   }
 }
 
-/** Gives the pixels of a tile the samples of a slice, and its rank: of each row no more than its span, and no more than
- * counts in the mask. The tile begins at \a first, and its pixels are those from \a column on. */
+/** \class Extras
+ * What there is beside ranks, where a tile is taken whole; Any in any tile. */
+enum class Extras
+{
+  None,
+  Fading,
+  LocalMaximum,
+  Any
+};
+
+/** Gives the pixels of a tile, from \a column on, the samples of a slice, and its rank: of each row no more than its
+ * span, and no more than counts in the \a mask, which may be null. */
 template <typename TRule, typename TSampler, Extras VExtras, typename TPixel>
 SHEARWARP_INLINE inline void
-TakeRankedTile(const TileRow<TPixel> & row, std::ptrdiff_t first, std::ptrdiff_t column)
+TakeRankedRows(const TileRow<TPixel> & row, std::ptrdiff_t column, const MaskedVoxels<TPixel> * mask = nullptr)
 {
-  constexpr bool       hasAny = VExtras == Extras::Any;
-  MaskedVoxels<TPixel> mask;
-  bool                 isMasked = false;
-  if (hasAny && row.mask)
-  {
-    const TileState state = row.active ? row.active[first / TileColumns] : TileState::Masked;
-    isMasked = state == TileState::Masked || row.isMoved || column != first;
-    if (isMasked && !mask.Find(row, column))
-    {
-      return;
-    }
-  }
+  constexpr bool hasAny = VExtras == Extras::Any;
   // copies, which no store can change
   const int                       rows = row.rows;
   const std::ptrdiff_t            stride = row.rowStride;
@@ -298,26 +301,65 @@ TakeRankedTile(const TileRow<TPixel> & row, std::ptrdiff_t first, std::ptrdiff_t
   const FadingRow<TPixel> * const fades = row.fades;
   const bool                      isFading = VExtras == Extras::Fading || (hasAny && fades);
   const TPixel * const            threshold = hasAny || VExtras == Extras::LocalMaximum ? row.localThreshold : nullptr;
-  const PlacedSlice &             slice = *row.slices;
   const auto                      rank = Lanes::SetRank(row.rank);
-  TPixel *                        pixels = row.pixels + column;
-  SliceRank<TPixel> *             ranks = row.ranks + column;
-  const TPixel *                  voxels = row.voxels + (slice.offset + row.row * stride + column);
-  TSampler                        sampler(slice, voxels, stride);
-  for (int r = 0; r < rows; ++r)
-  {
+  TPixel * const                  pixels = row.pixels + column;
+  SliceRank<TPixel> * const       ranks = row.ranks + column;
+  const TPixel * const            voxels = row.voxels + (row.slices->offset + row.row * stride + column);
+  TSampler                        sampler(*row.slices, voxels, stride);
+  const auto                      takeRow = [&](int r) SHEARWARP_INLINE {
     const std::uint32_t lanes = spans ? GetLanes<TPixel>(spans[r], column) : AllLanes<TPixel>;
-    const std::uint32_t whole = isMasked ? lanes & mask.whole[r] : lanes;
-    const auto          sample = TSampler::Finish(sampler.Next(voxels));
+    const std::uint32_t taken = hasAny && mask ? lanes & mask->whole[r] : lanes;
+    const auto          sample = TSampler::Finish(sampler.Next(voxels + r * stride));
     const auto          faded = isFading ? Fade<TPixel>(sample, fades[r], column) : sample;
-    TakeRanked<TRule, !hasAny>(faded, rank, threshold, whole, pixels, ranks);
-    pixels += pixelStride;
-    ranks += pixelStride;
-    voxels += stride;
-  }
-  if (isMasked)
+    TakeRanked<TRule, !hasAny>(faded, rank, threshold, taken, pixels + r * pixelStride, ranks + r * pixelStride);
+  };
+  if (VExtras == Extras::None && rows == BlockLength)
   {
-    TakeRim<TRule>(row, column, mask);
+    SHEARWARP_UNROLL
+    for (int r = 0; r < BlockLength; ++r)
+    {
+      takeRow(r);
+    }
+  }
+  else
+  {
+    for (int r = 0; r < rows; ++r)
+    {
+      takeRow(r);
+    }
+  }
+}
+
+/** The same of a tile that begins at \a first. */
+template <typename TRule, typename TSampler, typename TPixel>
+SHEARWARP_INLINE inline void
+TakeRankedTile(const TileRow<TPixel> & row, std::ptrdiff_t first, std::ptrdiff_t column)
+{
+  const TileState state = row.active ? row.active[first / TileColumns] : TileState::Masked;
+  if (row.mask && (state == TileState::Masked || row.isMoved || column != first))
+  {
+    MaskedVoxels<TPixel> mask;
+    if (mask.Find(row, column))
+    {
+      TakeRankedRows<TRule, TSampler, Extras::Any>(row, column, &mask);
+      TakeRim<TRule>(row, column, mask);
+    }
+  }
+  else if (row.IsCut(column) || (row.fades && row.localThreshold))
+  {
+    TakeRankedRows<TRule, TSampler, Extras::Any>(row, column);
+  }
+  else if (row.fades)
+  {
+    TakeRankedRows<TRule, TSampler, Extras::Fading>(row, column);
+  }
+  else if (row.localThreshold)
+  {
+    TakeRankedRows<TRule, TSampler, Extras::LocalMaximum>(row, column);
+  }
+  else
+  {
+    TakeRankedRows<TRule, TSampler, Extras::None>(row, column);
   }
 }
 
@@ -337,14 +379,15 @@ TakeSlices(const TileRow<TPixel> & row, std::ptrdiff_t column)
     }
     for (const PlacedSlice * slice = row.slices; slice != row.slices + row.count; ++slice)
     {
-      const TPixel * voxels = row.voxels + (slice->offset + (row.row + first) * row.rowStride + column);
-      TSampler       sampler(*slice, voxels, row.rowStride);
+      const TPixel * const voxels = row.voxels + (slice->offset + (row.row + first) * row.rowStride + column);
+      TSampler             sampler(*slice, voxels, row.rowStride);
       SHEARWARP_UNROLL
-      for (int r = 0; r < rows; ++r, voxels += row.rowStride)
+      for (int r = 0; r < rows; ++r)
       {
+        const TPixel * const b = voxels + r * row.rowStride;
         // what a tile further on needs, from a slower cache
-        Lanes::Prefetch(reinterpret_cast<const char *>(voxels) + 128);
-        best[r] = TSampler::template GetBetter<TRule>(best[r], sampler.Next(voxels));
+        Lanes::Prefetch(reinterpret_cast<const char *>(b) + 128);
+        best[r] = TSampler::template GetBetter<TRule>(best[r], sampler.Next(b));
       }
     }
     SHEARWARP_UNROLL
@@ -356,13 +399,13 @@ TakeSlices(const TileRow<TPixel> & row, std::ptrdiff_t column)
   }
 }
 
-template <typename TPixel>
+template <int VRows, typename TPixel>
 void
 FetchNextSlice(const TileRow<TPixel> & row, std::ptrdiff_t column)
 {
   constexpr std::ptrdiff_t lanes = LaneCount<TPixel>;
   const TPixel * voxels = row.voxels + (row.slices->offset + row.nextSlice + row.row * row.rowStride + column);
-  for (int r = 0; r < row.rows; ++r, voxels += row.rowStride)
+  for (int r = 0; r < VRows; ++r, voxels += row.rowStride)
   {
     Lanes::Prefetch(reinterpret_cast<const char *>(voxels - 1));
     Lanes::Prefetch(reinterpret_cast<const char *>(voxels + lanes - 1));
@@ -385,13 +428,17 @@ ForEachTile(const TileRow<TPixel> & row, const TFunction & take)
     }
     // the outer tiles overlap their neighbours, which an extremum allows
     const std::ptrdiff_t column = Smaller(Larger(first, row.begin), row.end - lanes);
-    if (!row.prefetcher)
+    if (row.prefetcher)
     {
-      FetchNextSlice(row, column);
+      row.prefetcher->Step();
+    }
+    else if (row.rows == 1)
+    {
+      FetchNextSlice<1>(row, column);
     }
     else
     {
-      row.prefetcher->Step();
+      FetchNextSlice<BlockLength>(row, column);
     }
     take(first, column);
   }
@@ -403,7 +450,7 @@ ProjectUnrankedTiles(const TileRow<TPixel> & row)
 {
   constexpr std::ptrdiff_t lanes = LaneCount<TPixel>;
   ForEachTile(row, [&row](std::ptrdiff_t, std::ptrdiff_t column) SHEARWARP_INLINE {
-    if (row.spans && !(row.common.begin <= column && column + lanes <= row.common.end))
+    if (row.IsCut(column))
     {
       TakeSpans<TRule, TSampler, VRows>(row, column);
     }
@@ -430,15 +477,6 @@ ProjectUnrankedTiles(const TileRow<TPixel> & row)
   }
 }
 
-template <typename TRule, typename TSampler, Extras VExtras, typename TPixel>
-void
-ProjectRankedTiles(const TileRow<TPixel> & row)
-{
-  ForEachTile(row, [&row](std::ptrdiff_t first, std::ptrdiff_t column) SHEARWARP_INLINE {
-    TakeRankedTile<TRule, TSampler, VExtras>(row, first, column);
-  });
-}
-
 template <typename TRule, typename TSampler, typename TPixel>
 void
 ProjectTileRow(const TileRow<TPixel> & row)
@@ -452,17 +490,9 @@ ProjectTileRow(const TileRow<TPixel> & row)
                            : ProjectUnrankedTiles<TRule, TSampler, BlockLength>(row);
     }
   }
-  switch (row.GetExtras())
-  {
-    case Extras::None:
-      return ProjectRankedTiles<TRule, TSampler, Extras::None>(row);
-    case Extras::Fading:
-      return ProjectRankedTiles<TRule, TSampler, Extras::Fading>(row);
-    case Extras::LocalMaximum:
-      return ProjectRankedTiles<TRule, TSampler, Extras::LocalMaximum>(row);
-    default:
-      return ProjectRankedTiles<TRule, TSampler, Extras::Any>(row);
-  }
+  ForEachTile(row, [&row](std::ptrdiff_t first, std::ptrdiff_t column) SHEARWARP_INLINE {
+    TakeRankedTile<TRule, TSampler>(row, first, column);
+  });
 }
 
 template <typename TRule, bool VWide, typename TPixel>

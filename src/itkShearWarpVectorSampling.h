@@ -113,16 +113,6 @@ struct PlacedSlice
 
 class Prefetcher;
 
-/** \class Extras
- * What a view that has ranks has too; Any is any of it, of the mask and of spans. */
-enum class Extras
-{
-  None,
-  Fading,
-  LocalMaximum,
-  Any
-};
-
 /** A row of tiles: columns [begin, end), at least LaneCount of them, that `count` slices have in common, of `rows` rows
  * from `row` on: 1 or BlockLength. `spans`, if not null, are the columns to take of each row; `any` has all of them,
  * and each has `common`.
@@ -150,14 +140,11 @@ struct TileRow
   const ColumnSpan *        spans{ nullptr };
   ColumnSpan                any{}, common{};
 
-  Extras
-  GetExtras() const
+  /** Whether some row's span has not all of the LaneCount pixels from \a column on. */
+  bool
+  IsCut(std::ptrdiff_t column) const
   {
-    if (mask || spans || (fades && localThreshold))
-    {
-      return Extras::Any;
-    }
-    return fades ? Extras::Fading : (localThreshold ? Extras::LocalMaximum : Extras::None);
+    return spans && !(common.begin <= column && column + LaneCount<TPixel> <= common.end);
   }
 };
 
@@ -200,7 +187,7 @@ public:
     return sample;
   }
 
-  /** The samples of the next row. */
+  /** The samples of the next row; \a b are its lower voxels. */
   SHEARWARP_INLINE Sample
   Next(const TPixel * b)
   {
@@ -233,8 +220,8 @@ private:
 };
 
 /** \class SumSampler
- * The samples of a slice in a tile, row by row, of short integers: weighted sums. VFlipSign makes unsigned ones signed.
- */
+ * The samples of a slice in a tile, row by row, of short integers: weighted sums. VFlipSign if unsigned ones
+ * need all 16 bits. */
 template <typename TPixel, Fractions VFractions, bool VFlipSign>
 class SumSampler
 {
@@ -293,7 +280,7 @@ public:
     return VFlipSign ? Lanes::FlipSign(packed) : packed;
   }
 
-  /** The samples of the next row. */
+  /** The samples of the next row; \a b are its lower voxels. */
   SHEARWARP_INLINE Sample
   Next(const TPixel * b)
   {
@@ -305,14 +292,17 @@ public:
     {
       return Lanes::AddRows(half, above, voxel, m_Weights);
     }
-    const Short left = Load(b - 1);
-    if constexpr (VFractions == Fractions::Column)
+    else if constexpr (VFractions == Fractions::Column)
     {
-      return Lanes::AddColumns(half, left, voxel, m_Weights);
+      return Lanes::AddColumns(half, Load(b - 1), voxel, m_Weights);
     }
-    const Sample sumAbove = Lanes::AddColumns(half, m_LeftAbove, above, m_WeightsAbove);
-    m_LeftAbove = left;
-    return Lanes::AddColumns(sumAbove, left, voxel, m_Weights);
+    else
+    {
+      const Short  left = Load(b - 1);
+      const Sample sumAbove = Lanes::AddColumns(half, m_LeftAbove, above, m_WeightsAbove);
+      m_LeftAbove = left;
+      return Lanes::AddColumns(sumAbove, left, voxel, m_Weights);
+    }
   }
 
 private:
@@ -373,7 +363,7 @@ public:
     return sample;
   }
 
-  /** The samples of the next row. */
+  /** The samples of the next row; \a b are its lower voxels. */
   SHEARWARP_INLINE Sample
   Next(const float * b)
   {

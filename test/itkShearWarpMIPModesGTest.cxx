@@ -134,14 +134,20 @@ TYPED_TEST(ShearWarpMIPModes, ValuesAndDepthHaveTheBitsOfSamplesInTheirOrder)
     filter->SetDepthAttenuation(repeat % 7 < 3 ? std::pow(10.0, random.Uniform(-4.0, 2.0)) : 0.0);
     filter->SetMode(modes[random.Integer(0, 2)]);
     // beyond the type's end nothing is better
-    filter->SetLocalMaximumThreshold(
-      filter->GetMode() == ModeEnum::Maximum || (filter->GetMode() != ModeEnum::Minimum && first == 0) ? last : first);
+    const TypeParam unmet =
+      filter->GetMode() == ModeEnum::Maximum || (filter->GetMode() != ModeEnum::Minimum && first == 0) ? last : first;
+    const auto threshold = MakeRandomPixel<TypeParam>(random);
     filter->SetOversampling(repeat % 5 == 0 ? 2 : 1);
     filter->SetNumberOfStreamDivisions(static_cast<unsigned int>(random.Integer(1, 3)));
     filter->SetDefaultPixelValue(MakeRandomPixel<TypeParam>(random));
+    // of the first instruction set
+    typename itk::Image<TypeParam, 2>::Pointer expected;
+    typename itk::Image<TypeParam, 2>::Pointer expectedLocal;
+    itk::Image<float, 2>::Pointer              expectedDepths;
     ForEachInstructionSet([&](const std::string &) {
       filter->ComputeDepthOff();
       filter->LocalMaximumOff();
+      filter->SetLocalMaximumThreshold(unmet);
       filter->SetNumberOfWorkUnits(static_cast<itk::ThreadIdType>(random.Integer(1, 8)));
       UpdateAnew(filter);
       const auto pixels = Copy(filter->GetOutput());
@@ -153,6 +159,14 @@ TYPED_TEST(ShearWarpMIPModes, ValuesAndDepthHaveTheBitsOfSamplesInTheirOrder)
       filter->Update();
       EXPECT_TRUE(HaveSamePixels(pixels, filter->GetOutput()));
       EXPECT_TRUE(HaveSamePixels(depths, filter->GetDepthOutput()));
+      filter->SetLocalMaximumThreshold(threshold);
+      filter->Update();
+      expected = expected ? expected : pixels;
+      expectedDepths = expectedDepths ? expectedDepths : depths;
+      expectedLocal = expectedLocal ? expectedLocal : Copy(filter->GetOutput());
+      EXPECT_TRUE(HaveSamePixels(expected, pixels));
+      EXPECT_TRUE(HaveSamePixels(expectedDepths, depths));
+      EXPECT_TRUE(HaveSamePixels(expectedLocal, filter->GetOutput()));
     });
   }
 }

@@ -199,7 +199,7 @@ test_python() {
     env=$dir/env
     [ "$each" = "$python" ] || env=$dir/env-$("$each" -c 'import sys; print("%d.%d" % sys.version_info[:2])')
     "$each" -m venv "$env"
-    "$env/bin/pip" install --quiet --disable-pip-version-check "itk==$version" "${wheel}[test]"
+    "$env/bin/pip" install --quiet --no-compile --disable-pip-version-check "itk==$version" "${wheel}[test]"
     "$env/bin/shear-warp-mip" --version
     # SWIG's types warn at import
     "$env/bin/python" -m pytest --numprocesses "$jobs" --dist worksteal -W error -W 'ignore:builtin type' \
