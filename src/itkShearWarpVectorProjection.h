@@ -151,10 +151,11 @@ Fade(TVector sample, const FadingRow<TPixel> & fading, std::ptrdiff_t column)
   {
     return sample;
   }
-  const float * const factors = fading.factors + (column - fading.first);
-  const auto          to = static_cast<float>(fading.background);
-  const TVector       faded = Lanes::Fade<IsUnsignedShort<TPixel>>(sample, factors, fading.factor, to);
-  return lanes == AllLanes<TPixel> ? faded : Lanes::Select(sample, faded, lanes);
+  const float * const     factors = fading.factors + (column - fading.first);
+  const auto              to = static_cast<float>(fading.background);
+  const TVector           faded = Lanes::Fade<IsUnsignedShort<TPixel>>(sample, factors, fading.factor, to);
+  constexpr std::uint32_t all = AllLanes<TPixel>;
+  return lanes == all ? faded : Lanes::Select(sample, faded, lanes);
 }
 
 /** Which voxels around the samples of a tile are in the mask: as bits, of the lanes' columns and of the columns before,
