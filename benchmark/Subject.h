@@ -27,6 +27,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <cstring>
 #include <limits>
 #include <map>
@@ -67,6 +68,15 @@ public:
       itkGenericExceptionMacro("The volume has infinite voxels or such that are not a number; they are not measured.");
     }
     maximum = *std::max_element(voxels, voxelsEnd);
+    const auto * bytes = reinterpret_cast<const char *>(voxels);
+    const auto * bytesEnd = reinterpret_cast<const char *>(voxelsEnd);
+    for (std::uint64_t word = 0; bytes < bytesEnd; word = 0)
+    {
+      const std::ptrdiff_t length = std::min<std::ptrdiff_t>(sizeof(word), bytesEnd - bytes);
+      std::memcpy(&word, bytes, static_cast<std::size_t>(length));
+      sum += word;
+      bytes += length;
+    }
 
     const Size<3>       size = volume->GetLargestPossibleRegion().GetSize();
     const SizeValueType length = std::max(size[0], size[1]);
@@ -159,6 +169,7 @@ public:
 
   typename VolumeType::Pointer volume;
   TPixel                       maximum;
+  std::uint64_t                sum{ 0 }; // of its words of 64 bits
 
   /** A square of the larger of the volume's first two sizes, at its smallest spacing. */
   typename OutputType::Pointer output;

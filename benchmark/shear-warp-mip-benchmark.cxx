@@ -28,6 +28,7 @@
 #include <CLI/CLI.hpp>
 #include <benchmark/benchmark.h>
 
+#include <atomic>
 #include <fstream>
 #include <iostream>
 #include <memory>
@@ -90,22 +91,20 @@ GetMean(const ViewSeries & series, double (*statistic)(const std::vector<double>
   return std::accumulate(series.begin(), series.end(), 0.0, add) / static_cast<double>(series.size());
 }
 
-// the compiler makes a copy for each of these instruction sets, and the program takes the best that the processor has
+/** The sum of a buffer's words of 64 bits, read at four places in turn: memory serves a few streams faster than one. */
 #if defined(__GNUC__) && defined(__x86_64__) && defined(__gnu_linux__)
-#  define FOR_EACH_INSTRUCTION_SET __attribute__((target_clones("avx2", "default")))
-#else
-#  define FOR_EACH_INSTRUCTION_SET
+// the compiler makes a copy for each of these instruction sets, and the program takes the best that the processor has
+[[gnu::target_clones("avx2", "default")]]
 #endif
-
-/** The sum of words of 64 bits, read at four places in turn: memory serves a few streams faster than one. */
-FOR_EACH_INSTRUCTION_SET std::uint64_t
-                         AddWords(const char * bytes, std::size_t count)
+std::uint64_t
+AddWords(const char * bytes, std::size_t size)
 {
   const auto get = [bytes](std::size_t n) {
     std::uint64_t word = 0;
     std::memcpy(&word, bytes + n * sizeof(word), sizeof(word));
     return word;
   };
+  const std::size_t count = size / sizeof(std::uint64_t);
   const std::size_t quarter = count / 4;
   std::uint64_t     a = 0;
   std::uint64_t     b = 0;
@@ -122,7 +121,9 @@ FOR_EACH_INSTRUCTION_SET std::uint64_t
   {
     a += get(n);
   }
-  return a + b + c + d;
+  std::uint64_t last = 0;
+  std::memcpy(&last, bytes + count * sizeof(last), size % sizeof(last));
+  return a + b + c + d + last;
 }
 
 /** Seconds that so many threads need to read the whole volume: every projection has to read it too. */
@@ -132,14 +133,19 @@ MeasureReadLimit(const Subject<TPixel> & subject, unsigned int threads)
 {
   static constexpr SizeValueType block = 1U << 20U;
   const auto *                   bytes = reinterpret_cast<const char *>(subject.volume->GetBufferPointer());
-  const SizeValueType            count = subject.volume->GetOffsetTable()[3] * sizeof(TPixel);
+  const SizeValueType            size = subject.volume->GetOffsetTable()[3] * sizeof(TPixel);
   const auto                     threader = MultiThreaderBase::New();
-  const auto                     read = [bytes, count](SizeValueType n) {
-    const SizeValueType begin = n * block;
-    ::benchmark::DoNotOptimize(AddWords(bytes + begin, std::min(block, count - begin) / sizeof(std::uint64_t)));
+  std::atomic<std::uint64_t>     sum{ 0 };
+  const auto                     read = [bytes, size, &sum](SizeValueType n) {
+    sum += AddWords(bytes + n * block, std::min(block, size - n * block));
   };
   threader->SetNumberOfWorkUnits(threads);
-  return Time([&] { threader->ParallelizeArray(0, (count + block - 1) / block, read, nullptr); });
+  const double seconds = Time([&] { threader->ParallelizeArray(0, (size + block - 1) / block, read, nullptr); });
+  if (sum != subject.sum)
+  {
+    throw std::runtime_error("the read limit has not read the whole volume");
+  }
+  return seconds;
 }
 
 /** Seconds that the filter needs to prepare the volume for further views along all its axes, in the course of two views
