@@ -21,6 +21,8 @@
 
 #include "itkShearWarpFactorization.h"
 
+#include <CLI/CLI.hpp>
+
 #include <algorithm>
 #include <cmath>
 #include <sstream>

@@ -25,6 +25,8 @@
 
 #include "itkVersion.h"
 
+#include <CLI/CLI.hpp>
+
 #include <algorithm>
 #include <cmath>
 #include <functional>

@@ -21,14 +21,18 @@
 #include "itkShearWarpEngine.h"
 #include "itkShearWarpMIPView.h"
 
-#include <CLI/CLI.hpp>
-
 #include <array>
 #include <cstdint>
 #include <map>
 #include <optional>
 #include <string>
 #include <vector>
+
+namespace CLI
+{
+class App;
+class ParseError;
+} // namespace CLI
 
 /** What the command line says, as it is documented by --help. */
 struct Options

@@ -36,6 +36,8 @@
 #include "itkMultiThreaderBase.h"
 #include "itkShearWarpMIPView.h"
 
+#include <CLI/CLI.hpp>
+
 #include <algorithm>
 #include <cmath>
 #include <map>

@@ -14,7 +14,7 @@
 #              of that version
 #   sanitize   the C++ tests under AddressSanitizer with UndefinedBehaviorSanitizer, and under ThreadSanitizer, against
 #              Debian's installed ITK
-#   arm        the kernels and their tests, without ITK, for ARM64 under emulation
+#   arm        the kernels and their tests, without ITK, for ARM64 under emulation; beside other stages in the background
 #
 # Usage: test.sh [quick | module | installed | python | --sanitize | arm]...    [quick]
 #        test.sh --all     all of them but --sanitize
@@ -30,7 +30,7 @@ remote_module=$cache/itk-remote-module
 rare_types='<(signed )?char>|<(unsigned )?(int|long|long long)>|<double>'
 export CTEST_OUTPUT_ON_FAILURE=1 CTEST_PARALLEL_LEVEL=$jobs
 
-rest=(module installed python arm)
+rest=(arm module installed python)
 case $* in
   --all) stages=(quick "${rest[@]}") ;;
   --rest) stages=("${rest[@]}") ;;
@@ -230,8 +230,12 @@ test_sanitize() (
   done
 )
 
-test_arm() {
+need_packages_for_arm() {
   need_packages cmake g++-aarch64-linux-gnu libgtest-dev ninja-build qemu-user-static
+}
+
+test_arm() {
+  need_packages_for_arm
   cmake -S "$root/tools/kernels" -B "$build/arm" -G Ninja -DCMAKE_BUILD_TYPE=Release \
     -DCMAKE_SYSTEM_NAME=Linux -DCMAKE_SYSTEM_PROCESSOR=aarch64 -DCMAKE_CXX_COMPILER=aarch64-linux-gnu-g++ \
     -DCMAKE_EXE_LINKER_FLAGS=-static -DCMAKE_CROSSCOMPILING_EMULATOR=qemu-aarch64-static
@@ -239,9 +243,34 @@ test_arm() {
   run_tests "$build/arm"
 }
 
+# start_arm: its tests take one core at a time, and what others leave of it. end_arm: waits for them.
+start_arm() {
+  need_packages_for_arm
+  mkdir -p "$build"
+  set -m
+  { renice -n 19 "$BASHPID" && timed arm test_arm; } > "$build/arm.log" 2>&1 &
+  arm=$!
+  set +m
+  trap 'kill -- "-$arm" 2> /dev/null || true' EXIT
+}
+
+end_arm() {
+  local status=0
+  wait "$arm" || status=$?
+  trap - EXIT
+  cat "$build/arm.log" >&2
+  return "$status"
+}
+
 share_compilations
+arm=
 for stage in "${stages[@]}"; do
   say "== $stage"
-  timed "$stage" "test_$stage"
+  if [ "$stage" = arm ] && [ ${#stages[@]} -gt 1 ]; then
+    start_arm
+  else
+    timed "$stage" "test_$stage"
+  fi
 done
+[ -z "$arm" ] || end_arm
 say "all passed: ${stages[*]}"
