@@ -84,26 +84,6 @@ private:
   int                             m_Streams{ 0 }, m_Stream{ 0 };
 };
 
-/** Gives VRows rows of LaneCount pixels, from \a column on, the samples of a slice. */
-template <typename TRule, typename TSampler, int VRows, typename TPixel>
-SHEARWARP_INLINE inline void
-TakeSlice(const TileRow<TPixel> & row, const PlacedSlice & slice, std::ptrdiff_t column)
-{
-  // copies, which no store can change
-  const std::ptrdiff_t stride = row.rowStride;
-  const std::ptrdiff_t pixelStride = row.pixelStride;
-  TPixel * const       pixels = row.pixels + column;
-  const TPixel * const voxels = row.voxels + (slice.offset + row.row * stride + column);
-  TSampler             sampler(slice, voxels, stride);
-  SHEARWARP_UNROLL
-  for (int r = 0; r < VRows; ++r)
-  {
-    TPixel * const pixel = pixels + r * pixelStride;
-    const auto     sample = TSampler::Finish(sampler.Next(voxels + r * stride));
-    Lanes::Store(pixel, Better<TRule, TPixel>(Lanes::Load(pixel), sample));
-  }
-}
-
 /** The lanes of a row's span in the LaneCount pixels from \a column on, as bits. */
 template <typename TPixel>
 SHEARWARP_INLINE inline std::uint32_t
@@ -115,31 +95,40 @@ GetLanes(ColumnSpan span, std::ptrdiff_t column)
   return static_cast<std::uint32_t>((std::uint64_t{ 1 } << end) - (std::uint64_t{ 1 } << begin));
 }
 
-/** As TakeSlice(), but no more of each row than its span. */
-template <typename TRule, typename TSampler, int VRows, typename TPixel>
+/** All lanes, as GetLanes() has them. */
+template <typename TPixel>
+constexpr auto AllLanes = static_cast<std::uint32_t>((std::uint64_t{ 1 } << LaneCount<TPixel>)-1);
+
+/** Gives VRows rows of LaneCount pixels, from \a column on, the samples of a slice: of each row, if VIsCut, no more
+ * than its span. */
+template <typename TRule, typename TSampler, int VRows, bool VIsCut = false, typename TPixel>
 SHEARWARP_INLINE inline void
-TakeSpans(const TileRow<TPixel> & row, std::ptrdiff_t column)
+TakeSlice(const TileRow<TPixel> & row, const PlacedSlice & slice, std::ptrdiff_t column)
 {
   // copies, which no store can change
   const std::ptrdiff_t     stride = row.rowStride;
   const std::ptrdiff_t     pixelStride = row.pixelStride;
   const ColumnSpan * const spans = row.spans;
   TPixel * const           pixels = row.pixels + column;
-  const TPixel * const     voxels = row.voxels + (row.slices->offset + row.row * stride + column);
-  TSampler                 sampler(*row.slices, voxels, stride);
+  const TPixel * const     voxels = row.voxels + (slice.offset + row.row * stride + column);
+  TSampler                 sampler(slice, voxels, stride);
   SHEARWARP_UNROLL
   for (int r = 0; r < VRows; ++r)
   {
     TPixel * const pixel = pixels + r * pixelStride;
+    const auto     sample = TSampler::Finish(sampler.Next(voxels + r * stride));
     const auto     before = Lanes::Load(pixel);
-    const auto     better = Better<TRule, TPixel>(before, TSampler::Finish(sampler.Next(voxels + r * stride)));
-    Lanes::Store(pixel, Lanes::Select(before, better, GetLanes<TPixel>(spans[r], column)));
+    const auto     better = Better<TRule, TPixel>(before, sample);
+    if constexpr (VIsCut)
+    {
+      Lanes::Store(pixel, Lanes::Select(before, better, GetLanes<TPixel>(spans[r], column)));
+    }
+    else
+    {
+      Lanes::Store(pixel, better);
+    }
   }
 }
-
-/** All lanes, as GetLanes() has them. */
-template <typename TPixel>
-constexpr auto AllLanes = static_cast<std::uint32_t>((std::uint64_t{ 1 } << LaneCount<TPixel>)-1);
 
 /** LaneCount samples of a row, from \a column on, as they fade. */
 template <typename TPixel, typename TVector>
@@ -158,14 +147,24 @@ Fade(TVector sample, const FadingRow<TPixel> & fading, std::ptrdiff_t column)
   return lanes == all ? faded : Lanes::Select(sample, faded, lanes);
 }
 
-/** Which voxels around the samples of a tile are in the mask: as bits, of the lanes' columns and of the columns before,
- * of the row above and of the rows. */
+/** Which samples of a tile count, and which voxels around them are in the mask: as bits, of the lanes' columns and of
+ * the columns before, of the row above and of the rows. */
 template <typename TPixel>
-struct MaskedVoxels
+struct CountedSamples
 {
-  /** Looks around the samples of row.rows rows, from \a column on. Returns whether any of them counts. */
+  /** All samples in the spans of row.rows rows, from \a column on. */
+  CountedSamples(const TileRow<TPixel> & row, std::ptrdiff_t column)
+  {
+    for (int r = 0; r < row.rows; ++r)
+    {
+      counted[r] = row.spans ? GetLanes<TPixel>(row.spans[r], column) : AllLanes<TPixel>;
+      whole[r] = counted[r];
+    }
+  }
+
+  /** Drops the samples that are not in the mask. Returns whether any of them counts. */
   bool
-  Find(const TileRow<TPixel> & row, std::ptrdiff_t column)
+  FindMasked(const TileRow<TPixel> & row, std::ptrdiff_t column)
   {
     const PlacedSlice &  slice = *row.slices;
     const Mask &         mask = *row.mask;
@@ -183,7 +182,7 @@ struct MaskedVoxels
       const int             above = slice.y != 0 ? r : r + 1;
       const int             nearest = slice.y > half ? r : r + 1;
       const std::uint32_t * columns = slice.x > half ? before : at;
-      counted[r] = columns[nearest];
+      counted[r] &= columns[nearest];
       whole[r] = counted[r] & at[r + 1] & before[r + 1] & at[above] & before[above];
       any |= counted[r];
     }
@@ -255,22 +254,21 @@ TakeRanked(TVector             sample,
 /** Gives the pixels of a tile, from \a column on, the few samples that count and have not all of
  * their voxels in the mask. */
 template <typename TRule, typename TPixel>
-void
-TakeRim(const TileRow<TPixel> & row, std::ptrdiff_t column, const MaskedVoxels<TPixel> & mask)
+__attribute__((noinline)) void
+TakeRim(const TileRow<TPixel> & row, std::ptrdiff_t column, const CountedSamples<TPixel> & samples)
 {
   const PlacedSlice & slice = *row.slices;
   const int           above = slice.y != 0 ? 1 : 0;
   const int           before = slice.x != 0 ? 1 : 0;
   for (int r = 0; r < row.rows; ++r)
   {
-    const std::uint32_t lanes = row.spans ? GetLanes<TPixel>(row.spans[r], column) : AllLanes<TPixel>;
-    for (std::uint32_t rest = lanes & mask.counted[r] & ~mask.whole[r]; rest != 0; rest &= rest - 1)
+    for (std::uint32_t rest = samples.counted[r] & ~samples.whole[r]; rest != 0; rest &= rest - 1)
     {
       const int            lane = __builtin_ctz(rest);
       const TPixel *       b = row.voxels + (slice.offset + (row.row + r) * row.rowStride + column + lane);
       const std::ptrdiff_t place = r * row.pixelStride + column + lane;
       const TPixel *       a = b - above * row.rowStride;
-      const TPixel         mean = SampleCounted(a, b, 0, -before, slice.x, slice.y, mask.GetVoxels(r, above, lane));
+      const TPixel         mean = SampleCounted(a, b, 0, -before, slice.x, slice.y, samples.GetVoxels(r, above, lane));
       const TPixel         faded = row.fades ? FadeInRow(row.fades[r], mean, column + lane) : mean;
       TakeSample<TRule>(faded, row.rank, row.localThreshold, row.pixels[place], row.ranks + place);
     }
@@ -287,18 +285,17 @@ enum class Extras
   Any
 };
 
-/** Gives the pixels of a tile, from \a column on, the samples of a slice, and its rank: of each row no more than its
- * span, and no more than counts in the \a mask, which may be null. */
+/** Gives the pixels of a tile, from \a column on, the samples of a slice, and its rank: with Extras::Any, of each row
+ * those that are \a taken, as bits. */
 template <typename TRule, typename TSampler, Extras VExtras, typename TPixel>
 SHEARWARP_INLINE inline void
-TakeRankedRows(const TileRow<TPixel> & row, std::ptrdiff_t column, const MaskedVoxels<TPixel> * mask = nullptr)
+TakeRankedRows(const TileRow<TPixel> & row, std::ptrdiff_t column, const std::uint32_t * taken = nullptr)
 {
   constexpr bool hasAny = VExtras == Extras::Any;
   // copies, which no store can change
   const int                       rows = row.rows;
   const std::ptrdiff_t            stride = row.rowStride;
   const std::ptrdiff_t            pixelStride = row.pixelStride;
-  const ColumnSpan * const        spans = hasAny ? row.spans : nullptr;
   const FadingRow<TPixel> * const fades = row.fades;
   const bool                      isFading = VExtras == Extras::Fading || (hasAny && fades);
   const TPixel * const            threshold = hasAny || VExtras == Extras::LocalMaximum ? row.localThreshold : nullptr;
@@ -308,11 +305,10 @@ TakeRankedRows(const TileRow<TPixel> & row, std::ptrdiff_t column, const MaskedV
   const TPixel * const            voxels = row.voxels + (row.slices->offset + row.row * stride + column);
   TSampler                        sampler(*row.slices, voxels, stride);
   const auto                      takeRow = [&](int r) SHEARWARP_INLINE {
-    const std::uint32_t lanes = spans ? GetLanes<TPixel>(spans[r], column) : AllLanes<TPixel>;
-    const std::uint32_t taken = hasAny && mask ? lanes & mask->whole[r] : lanes;
+    const std::uint32_t lanes = hasAny ? taken[r] : AllLanes<TPixel>;
     const auto          sample = TSampler::Finish(sampler.Next(voxels + r * stride));
     const auto          faded = isFading ? Fade<TPixel>(sample, fades[r], column) : sample;
-    TakeRanked<TRule, !hasAny>(faded, rank, threshold, taken, pixels + r * pixelStride, ranks + r * pixelStride);
+    TakeRanked<TRule, !hasAny>(faded, rank, threshold, lanes, pixels + r * pixelStride, ranks + r * pixelStride);
   };
   if (VExtras == Extras::None && rows == BlockLength)
   {
@@ -331,24 +327,22 @@ TakeRankedRows(const TileRow<TPixel> & row, std::ptrdiff_t column, const MaskedV
   }
 }
 
-/** The same of a tile that begins at \a first. */
+/** Gives the tile that begins at \a first, whose pixels are those from \a column on, the samples of a slice, and its
+ * rank, with no more extras than it needs. */
 template <typename TRule, typename TSampler, typename TPixel>
 SHEARWARP_INLINE inline void
 TakeRankedTile(const TileRow<TPixel> & row, std::ptrdiff_t first, std::ptrdiff_t column)
 {
   const TileState state = row.active ? row.active[first / TileColumns] : TileState::Masked;
-  if (row.mask && (state == TileState::Masked || row.isMoved || column != first))
+  const bool      isMasked = row.mask && (state == TileState::Masked || row.isMoved || column != first);
+  if (isMasked || row.IsCut(column) || (row.fades && row.localThreshold))
   {
-    MaskedVoxels<TPixel> mask;
-    if (mask.Find(row, column))
+    CountedSamples<TPixel> samples(row, column);
+    if (!isMasked || samples.FindMasked(row, column))
     {
-      TakeRankedRows<TRule, TSampler, Extras::Any>(row, column, &mask);
-      TakeRim<TRule>(row, column, mask);
+      TakeRankedRows<TRule, TSampler, Extras::Any>(row, column, samples.whole);
+      TakeRim<TRule>(row, column, samples);
     }
-  }
-  else if (row.IsCut(column) || (row.fades && row.localThreshold))
-  {
-    TakeRankedRows<TRule, TSampler, Extras::Any>(row, column);
   }
   else if (row.fades)
   {
@@ -453,7 +447,7 @@ ProjectUnrankedTiles(const TileRow<TPixel> & row)
   ForEachTile(row, [&row](std::ptrdiff_t, std::ptrdiff_t column) SHEARWARP_INLINE {
     if (row.IsCut(column))
     {
-      TakeSpans<TRule, TSampler, VRows>(row, column);
+      TakeSlice<TRule, TSampler, VRows, true>(row, *row.slices, column);
     }
     else if (row.count == 1)
     {
