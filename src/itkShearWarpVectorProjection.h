@@ -152,8 +152,9 @@ Fade(TVector sample, const FadingRow<TPixel> & fading, std::ptrdiff_t column)
 template <typename TPixel>
 struct CountedSamples
 {
-  /** All samples in the spans of row.rows rows, from \a column on. */
-  CountedSamples(const TileRow<TPixel> & row, std::ptrdiff_t column)
+  /** Takes all samples in the spans of row.rows rows, from \a column on. */
+  void
+  TakeAll(const TileRow<TPixel> & row, std::ptrdiff_t column)
   {
     for (int r = 0; r < row.rows; ++r)
     {
@@ -337,7 +338,8 @@ TakeRankedTile(const TileRow<TPixel> & row, std::ptrdiff_t first, std::ptrdiff_t
   const bool      isMasked = row.mask && (state == TileState::Masked || row.isMoved || column != first);
   if (isMasked || row.IsCut(column) || (row.fades && row.localThreshold))
   {
-    CountedSamples<TPixel> samples(row, column);
+    CountedSamples<TPixel> samples;
+    samples.TakeAll(row, column);
     if (!isMasked || samples.FindMasked(row, column))
     {
       TakeRankedRows<TRule, TSampler, Extras::Any>(row, column, samples.whole);
