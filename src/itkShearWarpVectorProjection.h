@@ -152,9 +152,9 @@ Fade(TVector sample, const FadingRow<TPixel> & fading, std::ptrdiff_t column)
 template <typename TPixel>
 struct CountedSamples
 {
-  /** Takes all samples in the spans of row.rows rows, from \a column on. */
+  /** Counts all samples in the spans of row.rows rows, from \a column on. */
   void
-  TakeAll(const TileRow<TPixel> & row, std::ptrdiff_t column)
+  CountAll(const TileRow<TPixel> & row, std::ptrdiff_t column)
   {
     for (int r = 0; r < row.rows; ++r)
     {
@@ -163,9 +163,9 @@ struct CountedSamples
     }
   }
 
-  /** Drops the samples that are not in the mask. Returns whether any of them counts. */
+  /** Keeps those whose nearest voxel is in the mask. Returns whether there are any. */
   bool
-  FindMasked(const TileRow<TPixel> & row, std::ptrdiff_t column)
+  KeepMasked(const TileRow<TPixel> & row, std::ptrdiff_t column)
   {
     const PlacedSlice &  slice = *row.slices;
     const Mask &         mask = *row.mask;
@@ -198,9 +198,9 @@ struct CountedSamples
     return get(at[r + 1]) | get(before[r + 1]) << 1 | get(at[r + 1 - above]) << 2 | get(before[r + 1 - above]) << 3;
   }
 
-  std::uint32_t at[BlockLength + 1], before[BlockLength + 1];
-  std::uint32_t counted[BlockLength]; // samples that count
-  std::uint32_t whole[BlockLength];   // those of them that have all voxels
+  std::uint32_t at[BlockLength + 1], before[BlockLength + 1]; // set by KeepMasked()
+  std::uint32_t counted[BlockLength];                         // samples that count
+  std::uint32_t whole[BlockLength];                           // those of them that have all voxels
 };
 
 /** Gives a row of pixels, with their ranks, what is better or nearer: all lanes if VAll, or those that are \a taken.
@@ -339,8 +339,8 @@ TakeRankedTile(const TileRow<TPixel> & row, std::ptrdiff_t first, std::ptrdiff_t
   if (isMasked || row.IsCut(column) || (row.fades && row.localThreshold))
   {
     CountedSamples<TPixel> samples;
-    samples.TakeAll(row, column);
-    if (!isMasked || samples.FindMasked(row, column))
+    samples.CountAll(row, column);
+    if (!isMasked || samples.KeepMasked(row, column))
     {
       TakeRankedRows<TRule, TSampler, Extras::Any>(row, column, samples.whole);
       TakeRim<TRule>(row, column, samples);

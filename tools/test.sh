@@ -14,7 +14,7 @@
 #              of that version
 #   sanitize   the C++ tests under AddressSanitizer with UndefinedBehaviorSanitizer, and under ThreadSanitizer, against
 #              Debian's installed ITK
-#   arm        the kernels and their tests, without ITK, for ARM64 under emulation; beside other stages in the background
+#   arm        the kernels and their tests, without ITK, for ARM64 under emulation; beside the other stages, if there are any
 #
 # Usage: test.sh [quick | module | installed | python | --sanitize | arm]...    [quick]
 #        test.sh --all     all of them but --sanitize
@@ -27,10 +27,11 @@ set -euo pipefail
 
 build=$root/build
 remote_module=$cache/itk-remote-module
+arm_packages=(cmake g++-aarch64-linux-gnu libgtest-dev ninja-build qemu-user-static)
 rare_types='<(signed )?char>|<(unsigned )?(int|long|long long)>|<double>'
 export CTEST_OUTPUT_ON_FAILURE=1 CTEST_PARALLEL_LEVEL=$jobs
 
-rest=(arm module installed python)
+rest=(module installed python arm)
 case $* in
   --all) stages=(quick "${rest[@]}") ;;
   --rest) stages=("${rest[@]}") ;;
@@ -201,9 +202,9 @@ test_python() {
     "$each" -m venv "$env"
     "$env/bin/pip" install --quiet --no-compile --disable-pip-version-check "itk==$version" "${wheel}[test]"
     "$env/bin/shear-warp-mip" --version
-    # SWIG's types warn at import
-    "$env/bin/python" -m pytest --numprocesses "$jobs" --dist worksteal -W error -W 'ignore:builtin type' \
-      "$root/wrapping/test"
+    # without Python's cache each import of itk takes seconds; SWIG's types warn at import
+    env -u PYTHONDONTWRITEBYTECODE "$env/bin/python" -m pytest --numprocesses "$jobs" --dist worksteal \
+      -W error -W 'ignore:builtin type' "$root/wrapping/test"
   done
 }
 
@@ -230,12 +231,8 @@ test_sanitize() (
   done
 )
 
-need_packages_for_arm() {
-  need_packages cmake g++-aarch64-linux-gnu libgtest-dev ninja-build qemu-user-static
-}
-
 test_arm() {
-  need_packages_for_arm
+  need_packages "${arm_packages[@]}"
   cmake -S "$root/tools/kernels" -B "$build/arm" -G Ninja -DCMAKE_BUILD_TYPE=Release \
     -DCMAKE_SYSTEM_NAME=Linux -DCMAKE_SYSTEM_PROCESSOR=aarch64 -DCMAKE_CXX_COMPILER=aarch64-linux-gnu-g++ \
     -DCMAKE_EXE_LINKER_FLAGS=-static -DCMAKE_CROSSCOMPILING_EMULATOR=qemu-aarch64-static
@@ -243,34 +240,26 @@ test_arm() {
   run_tests "$build/arm"
 }
 
-# start_arm: its tests take one core at a time, and what others leave of it. end_arm: waits for them.
-start_arm() {
-  need_packages_for_arm
-  mkdir -p "$build"
-  set -m
-  { renice -n 19 "$BASHPID" && timed arm test_arm; } > "$build/arm.log" 2>&1 &
-  arm=$!
-  set +m
-  trap 'kill -- "-$arm" 2> /dev/null || true' EXIT
-}
-
-end_arm() {
-  local status=0
-  wait "$arm" || status=$?
-  trap - EXIT
-  cat "$build/arm.log" >&2
-  return "$status"
+run_stage() {
+  say "== $1"
+  timed "$1" "test_$1"
 }
 
 share_compilations
+# arm needs one core for most of its time: it takes what the other stages leave
 arm=
+if [[ " ${stages[*]} " = *' arm '* && ${stages[*]} != arm ]]; then
+  need_packages "${arm_packages[@]}"
+  exec {arm}< <(set -e; renice -n 19 "$BASHPID" > /dev/null; run_stage arm < /dev/null 2>&1; echo passed)
+fi
 for stage in "${stages[@]}"; do
-  say "== $stage"
-  if [ "$stage" = arm ] && [ ${#stages[@]} -gt 1 ]; then
-    start_arm
-  else
-    timed "$stage" "test_$stage"
+  if [ "$stage" != arm ] || [ -z "$arm" ]; then
+    run_stage "$stage"
   fi
 done
-[ -z "$arm" ] || end_arm
+if [ -n "$arm" ]; then
+  log=$(cat <&"$arm")
+  say "$log"
+  [[ $log = *passed ]] || die "the stage arm failed"
+fi
 say "all passed: ${stages[*]}"
