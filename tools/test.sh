@@ -9,9 +9,9 @@
 #   installed  what `quick` leaves: its tests for the other types, and with those images if `module` went before; tests
 #              that need a browser, a DICOM archive or other packages; the methods that the benchmarks compare with; the
 #              Debian packages
-#   python     the sdist; from it the program with its tests, and the wheel, against an ITK 5.4 build tree
-#              (tools/itk-build-tree.sh makes it once and caches it); the wheel in a fresh environment beside PyPI's itk
-#              of that version
+#   python     the sdist; from it the wheel, against an ITK 5.4 build tree (tools/itk-build-tree.sh makes it once and
+#              caches it); the wheel in a fresh environment beside PyPI's itk of that version; the program in it, by
+#              tests that are compiled with that ITK
 #   sanitize   the C++ tests under AddressSanitizer with UndefinedBehaviorSanitizer, and under ThreadSanitizer, against
 #              Debian's installed ITK
 #   arm        the kernels and their tests, without ITK, for ARM64 under emulation; beside the other stages, if there are any
@@ -164,7 +164,7 @@ test_module() (
   run_tests "$dir/build/Modules/Remote/ShearWarpMIP/test" --exclude-regex "$rare_types"
 )
 
-test_python() {
+test_python() (
   need_packages binutils dicom3tools doxygen ffmpeg libcli11-dev python3-venv
   # Ubuntu has no such packages: the viewer is not tested in a browser there
   grep -q '^ID=ubuntu' /etc/os-release || need_packages chromium chromium-driver
@@ -186,8 +186,7 @@ test_python() {
     -DITK_WRAP_PYTHON=OFF -DITK_USE_KWSTYLE=OFF -DITK_USE_CLANG_FORMAT=OFF \
     -DCMAKE_ARCHIVE_OUTPUT_DIRECTORY="$dir/tree/lib" -DCMAKE_LIBRARY_OUTPUT_DIRECTORY="$dir/tree/lib" \
     -DCMAKE_RUNTIME_OUTPUT_DIRECTORY="$dir/tree/bin"
-  cmake --build "$dir/tree" --parallel "$jobs" --target apps/all
-  run_tests "$dir/tree/apps" --label-exclude packages
+  cmake --build "$dir/tree" --parallel "$jobs" --target ShearWarpMIPProgramGTestDriver
   # as it can be installed elsewhere: with the libraries that the program needs
   PATH=$dir/build-env/bin:$PATH auditwheel repair --wheel-dir "$dir/wheels" "$dir"/dist/*.whl
   wheel=$(echo "$dir"/wheels/itk_shearwarpmip-*-cp311-abi3-manylinux_*.whl)
@@ -206,7 +205,10 @@ test_python() {
     env -u PYTHONDONTWRITEBYTECODE "$env/bin/python" -m pytest --numprocesses "$jobs" --dist worksteal \
       -W error -W 'ignore:builtin type' "$root/wrapping/test"
   done
-}
+  # the program itself, without the launcher that auditwheel made; a copy of it alone would not find its libraries
+  SHEARWARPMIP_PROGRAM=$(echo "$dir"/env/lib/python3*/site-packages/itk_shearwarpmip.scripts/shear-warp-mip) \
+    run_tests "$dir/tree/apps" --tests-regex ShearWarpMIPProgram --exclude-regex ThoughTheProgramIsRemoved
+)
 
 # Any report ends a test. ITK itself is not instrumented: the waiting in its thread pool is invisible to ThreadSanitizer,
 # so that the end of each parallel section looks like a race; its platform threader joins threads, which is seen.
@@ -246,11 +248,15 @@ run_stage() {
 }
 
 share_compilations
-# arm needs one core for most of its time: it takes what the other stages leave
+# arm, and ITK's tree for the stages that need it, take what the other stages leave of the processor
 arm=
 if [[ " ${stages[*]} " = *' arm '* && ${stages[*]} != arm ]]; then
   need_packages "${arm_packages[@]}"
   exec {arm}< <(set -e; renice -n 19 "$BASHPID" > /dev/null; run_stage arm < /dev/null 2>&1; echo passed)
+fi
+if [[ ${stages[*]} = quick*@(module|python)* ]]; then
+  "$root/tools/itk-build-tree.sh" --tools > /dev/null # with Debian's packages, which only one call at a time can install
+  nice -n 19 "$root/tools/itk-build-tree.sh" < /dev/null > /dev/null &
 fi
 for stage in "${stages[@]}"; do
   if [ "$stage" != arm ] || [ -z "$arm" ]; then

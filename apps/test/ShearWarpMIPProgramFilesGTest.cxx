@@ -299,9 +299,8 @@ TEST_F(ShearWarpMIPProgramFiles, LeavesNothingWhenInterrupted)
          { std::pair("TERM", SIGTERM), std::pair("HUP", SIGHUP), std::pair("PIPE", SIGPIPE), std::pair("INT", SIGINT) })
     {
       // the shell has programs in the background ignore SIGINT
-      const std::string command = "cd '" + m_Folder.string() + "' || exit\n" + encoder +
-                                  " env --default-signal=INT '" SHEAR_WARP_MIP_PROGRAM "' in.nrrd " + arguments +
-                                  " 2>/dev/null &\nuntil " + begun +
+      const std::string command = "cd '" + m_Folder.string() + "' || exit\n" + encoder + " env --default-signal=INT '" +
+                                  GetProgram() + "' in.nrrd " + arguments + " 2>/dev/null &\nuntil " + begun +
                                   " || ! kill -0 $!; do sleep 0.001; done\n"
                                   "kill -" +
                                   name + " $!; wait $!";

@@ -295,7 +295,7 @@ TEST_F(ShearWarpMIPProgram, KnowsTheTerminal)
     GTEST_SKIP() << "no program script, which makes a terminal";
   }
   const auto see = [this](const std::string & arguments) {
-    std::ofstream(m_Folder / "call") << "stty cols 70; '" SHEAR_WARP_MIP_PROGRAM "' " + arguments;
+    std::ofstream(m_Folder / "call") << "stty cols 70; '" << GetProgram() << "' " << arguments;
     const Result result = this->Run("", "script -qec 'sh call' /dev/null </dev/null >seen; true");
     EXPECT_NE(result.status, -1);
     return ReadText(m_Folder / "seen");

@@ -343,8 +343,7 @@ TEST_F(ShearWarpMIPProgramDicomFiles, AreReadWhateverTheirNames)
 TEST_F(ShearWarpMIPProgramDicomFiles, AreParsedWhereSignalsAreIgnored)
 {
   this->WriteDICOMSeries("1.2.3.4", "a", std::vector<double>{ 0, 2, 4 });
-  const std::string command = "cd '" + m_Folder.string() +
-                              "' && trap '' INT TERM && { '" SHEAR_WARP_MIP_PROGRAM
+  const std::string command = "cd '" + m_Folder.string() + "' && trap '' INT TERM && { '" + GetProgram() +
                               "' dicom out.nrrd & program=$!; } && "
                               "{ while kill -INT $program && kill -TERM $program; do :; done 2>/dev/null & } && "
                               "wait $program";
@@ -364,7 +363,7 @@ TEST_F(ShearWarpMIPProgramDicomFiles, AreParsedWhereStreamsAreClosed)
 TEST_F(ShearWarpMIPProgramDicomFiles, AreParsedThoughTheProgramIsRemoved)
 {
   this->WriteDICOMSeries("1.2.3.4", "a", { 0, 2, 4 });
-  fs::copy_file(SHEAR_WARP_MIP_PROGRAM, m_Folder / "program");
+  fs::copy_file(GetProgram(), m_Folder / "program");
   // opened, removed and started
   const std::string start = "exec 3<program; rm program; /proc/self/fd/3 dicom out.nrrd; exit $?;";
   const auto        result = this->Run("", start);

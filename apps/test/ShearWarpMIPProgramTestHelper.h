@@ -57,6 +57,14 @@ using Tags = std::map<std::string, std::string>;
 
 const std::string smallNote = "' has less than 48 pixels along one side";
 
+/** The program of the build, or the one that the environment variable SHEARWARPMIP_PROGRAM names. */
+inline std::string
+GetProgram()
+{
+  const char * const named = std::getenv("SHEARWARPMIP_PROGRAM");
+  return named ? named : SHEAR_WARP_MIP_PROGRAM;
+}
+
 inline std::string
 ReadText(const fs::path & path)
 {
@@ -212,8 +220,8 @@ protected:
   Result
   Run(const std::string & arguments, const std::string & before = "") const
   {
-    const std::string command = "cd '" + m_Folder.string() + "' && " + before + " '" SHEAR_WARP_MIP_PROGRAM "' " +
-                                arguments + " >stdout.txt 2>stderr.txt";
+    const std::string command = "cd '" + m_Folder.string() + "' && " + before + " '" + GetProgram() + "' " + arguments +
+                                " >stdout.txt 2>stderr.txt";
     const int status = std::system(command.c_str());
     Result    result{ WIFEXITED(status) ? WEXITSTATUS(status) : -1,
                    ReadText(m_Folder / "stdout.txt"),
