@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Makes the pictures of doc/python.md, from the program's phantom: make.py head.nrrd (shear-warp-mip --write-phantom)."""
+"""Makes the pictures of doc/python.md, from the program's phantom: make.py angiogram.nrrd (shear-warp-mip --write-phantom)."""
 
 import sys
 from pathlib import Path
