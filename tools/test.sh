@@ -248,15 +248,11 @@ run_stage() {
 }
 
 share_compilations
-# arm, and ITK's tree for the stages that need it, take what the other stages leave of the processor
+# arm needs one core for most of its time: it takes what the other stages leave
 arm=
 if [[ " ${stages[*]} " = *' arm '* && ${stages[*]} != arm ]]; then
   need_packages "${arm_packages[@]}"
   exec {arm}< <(set -e; renice -n 19 "$BASHPID" > /dev/null; run_stage arm < /dev/null 2>&1; echo passed)
-fi
-if [[ ${stages[*]} = quick*@(module|python)* ]]; then
-  "$root/tools/itk-build-tree.sh" --tools > /dev/null # with Debian's packages, which only one call at a time can install
-  nice -n 19 "$root/tools/itk-build-tree.sh" < /dev/null > /dev/null &
 fi
 for stage in "${stages[@]}"; do
   if [ "$stage" != arm ] || [ -z "$arm" ]; then
