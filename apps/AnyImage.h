@@ -120,4 +120,25 @@ MakeAnyImage(const itk::ImageBase<3> *                              grid,
   return { image.GetPointer(), itk::ImageIOBase::MapPixelType<TPixel>::CType };
 }
 
+/** Makes a volume of so many points in time, whose pixels lie one after the other in \a pixels. */
+template <typename TPixel>
+Volume
+MakeVolume(const itk::ImageBase<3> *                              grid,
+           unsigned int                                           components,
+           std::size_t                                            times,
+           typename itk::VectorImage<TPixel, 3>::PixelContainer * pixels)
+{
+  using ContainerType = typename itk::VectorImage<TPixel, 3>::PixelContainer;
+  const auto count = grid->GetLargestPossibleRegion().GetNumberOfPixels() * components;
+  Volume     volume;
+  volume.pixels = pixels;
+  for (std::size_t time = 0; time < times; ++time)
+  {
+    const auto ofTime = ContainerType::New();
+    ofTime->SetImportPointer(pixels->GetBufferPointer() + time * count, count, false);
+    volume.times.push_back(MakeAnyImage<TPixel>(grid, components, ofTime));
+  }
+  return volume;
+}
+
 #endif

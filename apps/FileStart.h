@@ -18,9 +18,12 @@
 #ifndef FileStart_h
 #define FileStart_h
 
+#include "Text.h"
+
 #include <cstddef>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <string>
 
 /** The first \a count bytes of a file, or as many as can be read. */
@@ -40,6 +43,27 @@ HasPreamble(const std::filesystem::path & path)
 {
   const std::string start = ReadStart(path, 132);
   return start.size() == 132 && start.compare(128, 4, "DICM") == 0;
+}
+
+/** The fields of the text that a file of NRRD or MetaImage begins with. \a end gets the place behind this text. */
+inline std::map<std::string, std::string>
+ReadFields(const std::filesystem::path & path, std::streamoff * end = nullptr)
+{
+  std::ifstream                      file(path, std::ios::binary);
+  std::map<std::string, std::string> fields;
+  for (std::string line; fields.count("ElementDataFile") == 0 && std::getline(file, line) && !Trim(line).empty();)
+  {
+    const auto separator = line.find_first_of(":=");
+    if (separator != std::string::npos)
+    {
+      fields[Trim(line.substr(0, separator))] = Trim(line.substr(separator + 1));
+    }
+  }
+  if (end)
+  {
+    *end = file.tellg();
+  }
+  return fields;
 }
 
 #endif

@@ -17,11 +17,13 @@
  *=========================================================================*/
 #include "Input.h"
 #include "DicomInput.h"
+#include "FileGeometry.h"
 #include "InputFiles.h"
 #include "Integrity.h"
+#include "TiffInput.h"
 
 #include "itkGDCMImageIO.h"
-#include "itkImageFileReader.h"
+#include "itkImageFileReader.h" // registers ITK's readers and writers
 #include "itkImageIOFactory.h"
 #include "itkMetaDataObject.h"
 
@@ -29,6 +31,7 @@
 #include <cstdint>
 #include <map>
 #include <new>
+#include <set>
 #include <sstream>
 #include <stdexcept>
 
@@ -52,32 +55,6 @@ RequireVolume(const itk::ImageIOBase & io, const std::string & name)
   {
     throw std::runtime_error("'" + name + "' has complex pixels; real ones are needed");
   }
-}
-
-/** Whether the file says how the image lies in the patient; where it does not, ITK takes any direction. */
-bool
-HasOrientation(const itk::ImageIOBase & io)
-{
-  const std::string format = io.GetNameOfClass();
-  const auto        find = [&io](const std::string & name) {
-    std::string text;
-    itk::ExposeMetaData(io.GetMetaDataDictionary(), name, text);
-    return text;
-  };
-  if (format == "NrrdImageIO")
-  {
-    return find("NRRD_space").find("superior") != std::string::npos;
-  }
-  if (format == "NiftiImageIO")
-  {
-    const std::string unknown = "NIFTI_XFORM_UNKNOWN";
-    return find("qform_code_name") != unknown || find("sform_code_name") != unknown;
-  }
-  const auto without = {
-    "BioRadImageIO", "BMPImageIO", "GiplImageIO", "JPEG2000ImageIO",  "JPEGImageIO", "LSMImageIO",
-    "MRCImageIO",    "PNGImageIO", "RawImageIO",  "StimulateImageIO", "TIFFImageIO", "VTKImageIO"
-  };
-  return std::find(without.begin(), without.end(), format) == without.end();
 }
 
 void
@@ -113,40 +90,74 @@ RequireGrid(const itk::ImageBase<3> * image, const itk::ImageBase<3> * grid, con
   }
 }
 
-template <typename TPixel>
-Volume
-SplitTimes(const itk::VectorImage<TPixel, 4> & image)
-{
-  const auto size = image.GetLargestPossibleRegion().GetSize();
-  const auto grid = itk::ImageBase<3>::New();
-  auto       origin = grid->GetOrigin();
-  auto       spacing = grid->GetSpacing();
-  auto       direction = grid->GetDirection();
-  for (unsigned int axis = 0; axis < 3; ++axis)
-  {
-    origin[axis] = image.GetOrigin()[axis];
-    spacing[axis] = image.GetSpacing()[axis];
-    for (unsigned int row = 0; row < 3; ++row)
-    {
-      direction(row, axis) = image.GetDirection()(row, axis);
-    }
-  }
-  grid->SetLargestPossibleRegion(itk::Size<3>{ { size[0], size[1], size[2] } });
-  grid->SetOrigin(origin);
-  grid->SetSpacing(spacing);
-  grid->SetDirection(direction);
+/** The names of ITK's readers of formats whose damaged files are noticed; TIFF and DICOM have readers here. */
+const std::set<std::string> checkedReaders = { "GiplImageIO", "MetaImageIO",  "MRCImageIO",
+                                               "NiftiImageIO", "NrrdImageIO", "VTKImageIO" };
 
-  using ContainerType = typename itk::VectorImage<TPixel, 3>::PixelContainer;
-  const auto components = image.GetNumberOfComponentsPerPixel();
-  const auto count = grid->GetLargestPossibleRegion().GetNumberOfPixels() * components;
-  const auto whole = const_cast<ContainerType *>(image.GetPixelContainer());
-  Volume     volume{ {}, image.GetSpacing()[3], image.GetOrigin()[3], whole };
-  for (itk::SizeValueType time = 0; time < size[3]; ++time)
+void
+ReadInformation(itk::ImageIOBase & io)
+try
+{
+  io.ReadImageInformation();
+}
+catch (const itk::ExceptionObject & error)
+{
+  // the voxels of a sheared NIfTI image can be read all the same
+  if (std::string(error.GetDescription()).find("orthonormal") == std::string::npos)
   {
-    const auto pixels = ContainerType::New();
-    pixels->SetImportPointer(whole->GetBufferPointer() + time * count, count, false);
-    volume.times.push_back(MakeAnyImage<TPixel>(grid, components, pixels));
+    throw;
   }
+}
+
+/** The volume of an image that ITK reads. */
+Volume
+ReadImage(itk::ImageIOBase & io, const std::filesystem::path & path, const WarningFunction & warn)
+{
+  io.SetFileName(path.string());
+  ReadInformation(io);
+  RequireVolume(io, path.string());
+  RequireAllVoxels(io, path);
+  const FileGeometry  geometry = ReadGeometry(io, path, warn);
+  const unsigned int  dimension = io.GetNumberOfDimensions();
+  const std::size_t   times = dimension > 3 ? io.GetDimensions(3) : 1;
+  const unsigned int  components = io.GetNumberOfComponents();
+  itk::ImageIORegion  region(dimension);
+  for (unsigned int axis = 0; axis < dimension; ++axis)
+  {
+    region.SetSize(axis, io.GetDimensions(axis));
+  }
+  io.SetIORegion(region);
+  const auto grid = itk::ImageBase<3>::New();
+  grid->SetRegions(itk::Size<3>{ { io.GetDimensions(0), io.GetDimensions(1), io.GetDimensions(2) } });
+  grid->SetOrigin(geometry.origin);
+  grid->SetSpacing(geometry.spacing);
+  grid->SetDirection(geometry.direction);
+
+  Volume volume = DispatchPixelType(io.GetComponentType(), [&](auto tag) {
+    using PixelType = typename decltype(tag)::Type;
+    using ContainerType = typename itk::VectorImage<PixelType, 3>::PixelContainer;
+    const auto pixels = ContainerType::New();
+    pixels->Reserve(static_cast<std::size_t>(io.GetImageSizeInComponents()));
+    io.Read(pixels->GetBufferPointer());
+    if (!geometry.isSeries || times > 1)
+    {
+      return MakeVolume<PixelType>(grid, components, times, pixels);
+    }
+    const auto        volumes = ContainerType::New();
+    const std::size_t count = grid->GetLargestPossibleRegion().GetNumberOfPixels();
+    volumes->Reserve(count * components);
+    for (std::size_t n = 0; n < count * components; ++n)
+    {
+      (*volumes)[n % components * count + n / components] = (*pixels)[n];
+    }
+    return MakeVolume<PixelType>(grid, 1, components, volumes);
+  });
+  if (dimension > 3)
+  {
+    volume.timeSpacing = io.GetSpacing(3);
+    volume.timeOrigin = io.GetOrigin(3);
+  }
+  volume.hasOrientation = geometry.hasOrientation;
   return volume;
 }
 } // namespace
@@ -166,28 +177,23 @@ ReadVolume(const std::filesystem::path & path,
 
   Volume     volume;
   const auto read = [&] {
-    const auto io = itk::ImageIOFactory::CreateImageIO(path.c_str(), itk::IOFileModeEnum::ReadMode);
-    if (!io)
+    if (LooksLikeTiff(path))
     {
-      throw std::runtime_error("'" + path.string() + "' is not an image that ITK can read");
+      volume = ReadTiff(path, warn);
+      return;
     }
-    if (dynamic_cast<const itk::GDCMImageIO *>(io.GetPointer()))
+    const auto io = itk::ImageIOFactory::CreateImageIO(path.c_str(), itk::IOFileModeEnum::ReadMode);
+    if (io && dynamic_cast<const itk::GDCMImageIO *>(io.GetPointer()))
     {
       volume = ReadDicom(path, series, warn, option);
       return;
     }
-    io->SetFileName(path.string());
-    io->ReadImageInformation();
-    RequireVolume(*io, path.string());
-
-    volume = DispatchPixelType(io->GetComponentType(), [&](auto tag) {
-      const auto reader = itk::ImageFileReader<itk::VectorImage<typename decltype(tag)::Type, 4>>::New();
-      reader->SetImageIO(io);
-      reader->SetFileName(path.string());
-      reader->Update();
-      return SplitTimes(*reader->GetOutput());
-    });
-    volume.hasOrientation = HasOrientation(*io);
+    if (!io || checkedReaders.count(io->GetNameOfClass()) == 0)
+    {
+      throw std::runtime_error("'" + path.string() +
+                               "' is no image of DICOM, NIfTI, Analyze, NRRD, MetaImage, TIFF, VTK, GIPL or MRC");
+    }
+    volume = ReadImage(*io, path, warn);
   };
   try
   {

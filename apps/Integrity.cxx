@@ -23,7 +23,9 @@
 #include "Text.h"
 #include "TransformFile.h"
 
+#include "itkMRCHeaderObject.h"
 #include "itkMacro.h"
+#include "itkMetaDataObject.h"
 #include "itk_zlib.h"
 
 #include "itksys/SystemTools.hxx"
@@ -54,22 +56,22 @@
 #include <stdexcept>
 #include <system_error>
 
-namespace
-{
 namespace fs = std::filesystem;
 
-[[noreturn]] void
+void
 Refuse(const fs::path & path, const std::string & reason)
 {
   throw std::runtime_error("'" + path.string() + "' is damaged or incomplete: " + reason);
 }
 
+namespace
+{
 constexpr int gzipOrZlib = MAX_WBITS + 32;
 constexpr int rawDeflate = -MAX_WBITS;
 
-/** The bytes that the stream from \a offset on inflates to. */
+/** GetInflatedSize() of one of zlib's formats. */
 std::uintmax_t
-GetInflatedSize(const fs::path & path, std::streamoff offset, int format = gzipOrZlib)
+Inflate(const fs::path & path, std::streamoff offset, int format)
 {
   std::ifstream              file(path, std::ios::binary);
   std::vector<unsigned char> input(1 << 16);
@@ -106,26 +108,28 @@ GetInflatedSize(const fs::path & path, std::streamoff offset, int format = gzipO
   return size;
 }
 
+} // namespace
+
+std::uintmax_t
+GetInflatedSize(const fs::path & path, std::streamoff offset)
+{
+  return Inflate(path, offset, gzipOrZlib);
+}
+
+namespace
+{
 std::uintmax_t
 GetSize(const fs::path & path)
 {
-  return ReadStart(path, 2) == "\x1f\x8b" ? GetInflatedSize(path, 0) : fs::file_size(path);
+  return ReadStart(path, 2) == "\x1f\x8b" ? GetInflatedSize(path) : fs::file_size(path);
 }
 
 /** Checks the compressed data of NRRD and MetaImage. */
 void
 RequireIntactCompression(const fs::path & path)
 {
-  std::ifstream                      file(path, std::ios::binary);
-  std::map<std::string, std::string> fields;
-  for (std::string line; fields.count("ElementDataFile") == 0 && std::getline(file, line) && !Trim(line).empty();)
-  {
-    const auto separator = line.find_first_of(":=");
-    if (separator != std::string::npos)
-    {
-      fields[Trim(line.substr(0, separator))] = Trim(line.substr(separator + 1));
-    }
-  }
+  std::streamoff end = 0;
+  auto           fields = ReadFields(path, &end);
 
   const bool isMeta = fields.count("ElementDataFile") > 0;
   const bool isCompressed = isMeta ? fields["CompressedData"].find_first_of("Tt1") == 0
@@ -136,12 +140,23 @@ RequireIntactCompression(const fs::path & path)
     const fs::path    dataPath = path.parent_path() / name;
     if (name.empty() || name == "LOCAL")
     {
-      GetInflatedSize(path, file.tellg());
+      GetInflatedSize(path, end);
     }
     else if (fs::exists(dataPath))
     {
-      GetInflatedSize(dataPath, 0);
+      GetInflatedSize(dataPath);
     }
+  }
+}
+
+void
+RequireBytes(const fs::path & path, std::uintmax_t size, double needed)
+{
+  if (static_cast<double>(size) < needed)
+  {
+    std::ostringstream reason;
+    reason << std::fixed << std::setprecision(0) << "it has " << size << " of " << needed << " bytes";
+    Refuse(path, reason.str());
   }
 }
 
@@ -173,14 +188,66 @@ RequireIntactNIfTI(const fs::path & path, std::uintmax_t fileSize)
                              "' cannot be read beside files of like names: ITK would take the header of '" +
                              header.string() + "' and the voxels of '" + data.string() + "'");
   }
-  const auto needed =
-    static_cast<double>(image->iname_offset) + static_cast<double>(image->nvox) * static_cast<double>(image->nbyper);
-  const auto size = static_cast<double>(path == data ? fileSize : GetSize(data));
-  if (size < needed)
+  RequireBytes(data,
+               path == data ? fileSize : GetSize(data),
+               static_cast<double>(image->iname_offset) +
+                 static_cast<double>(image->nvox) * static_cast<double>(image->nbyper));
+}
+
+/** Throws unless the values of points of a legacy VTK file are all there. */
+void
+RequireIntactVTK(const fs::path & path, const itk::ImageIOBase & io)
+{
+  std::ifstream file(path, std::ios::binary);
+  std::string   words[2];
+  const auto    readLine = [&] {
+    std::string line;
+    while (std::getline(file, line) && Trim(line).empty())
+    {
+    }
+    std::istringstream stream(ToLower(line));
+    words[0] = words[1] = "";
+    stream >> words[0] >> words[1];
+    return !line.empty();
+  };
+  bool isOfPoints = false;
+  bool isReached = false;
+  for (int lines = 0; !isReached && readLine(); ++lines)
   {
-    std::ostringstream reason;
-    reason << std::fixed << std::setprecision(0) << "it has " << size << " of " << needed << " bytes";
-    Refuse(data, reason.str());
+    isOfPoints = isOfPoints || words[0] == "point_data";
+    isReached = lines > 3 && (words[0] == "scalars" || words[0] == "vectors" || words[0] == "color_scalars");
+    const bool isKnown = lines < 4 || isReached || words[0] == "dimensions" || words[0] == "spacing" ||
+                         words[0] == "aspect_ratio" || words[0] == "origin" || words[0] == "point_data";
+    if (!isKnown)
+    {
+      throw std::runtime_error("'" + path.string() + "' cannot be read: its header has '" + words[0] +
+                               "', where SCALARS or VECTORS of POINT_DATA are needed");
+    }
+  }
+  if (!isReached || !isOfPoints)
+  {
+    Refuse(path, "it has no values of points");
+  }
+  const std::streamoff begin = file.tellg();
+  if (words[0] == "vectors" || !readLine() || words[0] != "lookup_table")
+  {
+    file.clear();
+    file.seekg(begin);
+  }
+  if (io.GetFileType() != itk::IOFileEnum::ASCII)
+  {
+    RequireBytes(path,
+                 fs::file_size(path),
+                 static_cast<double>(file.tellg()) + static_cast<double>(io.GetImageSizeInBytes()));
+    return;
+  }
+  double value = 0.0;
+  for (itk::SizeValueType n = 0; n < io.GetImageSizeInComponents(); ++n)
+  {
+    if (!(file >> value))
+    {
+      Refuse(path, "it has " + std::to_string(n) + " of " + std::to_string(io.GetImageSizeInComponents()) + " values");
+    }
   }
 }
 
@@ -235,7 +302,7 @@ IsDeflated(const fs::path & path)
     return false;
   }
   return header.GetDataSetTransferSyntax() == gdcm::TransferSyntax::DeflatedExplicitVRLittleEndian &&
-         GetInflatedSize(path, file.tellg(), rawDeflate) > 0;
+         Inflate(path, file.tellg(), rawDeflate) > 0;
 }
 
 /** As it is in the file's meta information (PS3.10 7.1), empty if that has none. */
@@ -469,4 +536,28 @@ ReadIntact(const fs::path & path, const std::function<void()> & read)
     throw;
   }
   requireNoErrors();
+}
+
+void
+RequireAllVoxels(const itk::ImageIOBase & io, const fs::path & path)
+{
+  constexpr double  headerOfGIPL = 256.0;
+  const std::string format = io.GetNameOfClass();
+  const auto        bytes = static_cast<double>(io.GetImageSizeInBytes());
+  if (format == "VTKImageIO")
+  {
+    RequireIntactVTK(path, io);
+  }
+  else if (format == "GiplImageIO")
+  {
+    RequireBytes(path, GetSize(path), headerOfGIPL + bytes);
+  }
+  else if (format == "MRCImageIO")
+  {
+    itk::MRCHeaderObject::ConstPointer header;
+    itk::ExposeMetaData(io.GetMetaDataDictionary(), "MRCHeader", header);
+    RequireBytes(path,
+                 GetSize(path),
+                 static_cast<double>(header->GetHeaderSize() + header->GetExtendedHeaderSize()) + bytes);
+  }
 }

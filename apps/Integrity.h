@@ -18,6 +18,9 @@
 #ifndef Integrity_h
 #define Integrity_h
 
+#include "itkImageIOBase.h"
+
+#include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <ostream>
@@ -44,6 +47,19 @@ CountSound(FileKind kind, const std::vector<std::string> & files);
  * format tells: NRRD, MetaImage, NIfTI and DICOM. Several of ITK's readers take such files for whole. */
 void
 ReadIntact(const std::filesystem::path & path, const std::function<void()> & read);
+
+/** Throws if the file \a path, whose header \a io has read, has fewer voxels than the header says, or values of cells.
+ * The readers of VTK, GIPL and MRC do not notice. */
+void
+RequireAllVoxels(const itk::ImageIOBase & io, const std::filesystem::path & path);
+
+/** The bytes that the stream of zlib or gzip from \a offset on inflates to. Throws if the stream is damaged. */
+std::uintmax_t
+GetInflatedSize(const std::filesystem::path & path, std::streamoff offset = 0);
+
+/** Throws the error for a damaged file. */
+[[noreturn]] void
+Refuse(const std::filesystem::path & path, const std::string & reason);
 
 /** Throws if one of \a files is a DICOM image that is cut short or damaged. Files of other kinds are accepted. */
 void

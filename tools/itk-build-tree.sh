@@ -40,7 +40,7 @@ options=(
   -DCMAKE_CXX_FLAGS=-fmacro-prefix-map=../source/=
 )
 for module in Common Transform Colormap ImageStatistics ImageGrid GoogleTest \
-  IOBMP IOGDCM IOGIPL IOJPEG IOMeta IONIFTI IONRRD IOPNG IOTIFF IOVTK IOTransformBase IOTransformInsightLegacy; do
+  IOBMP IOGDCM IOGIPL IOJPEG IOMeta IOMRC IONIFTI IONRRD IOPNG IOTIFF IOVTK IOTransformBase IOTransformInsightLegacy; do
   options+=("-DModule_ITK$module=ON")
 done
 options+=(

@@ -1,0 +1,361 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#include "FileGeometry.h"
+
+#include "FileStart.h"
+#include "Text.h"
+
+#include "itkMRCHeaderObject.h"
+#include "itkMetaDataObject.h"
+
+#include <NrrdIO.h>
+#include <nifti1_io.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <memory>
+#include <sstream>
+#include <stdexcept>
+
+namespace
+{
+namespace fs = std::filesystem;
+using VectorType = itk::Vector<double, 3>;
+
+/** The columns of \a axes, in mm per voxel, as spacing and direction. Throws if they span no volume. */
+void
+SetAxes(FileGeometry & geometry, const std::array<VectorType, 3> & axes, const fs::path & path)
+{
+  const double volume = std::abs(axes[0] * itk::CrossProduct(axes[1], axes[2]));
+  const double cuboid = axes[0].GetNorm() * axes[1].GetNorm() * axes[2].GetNorm();
+  if (!(volume > 1e-6 * cuboid) || !std::isfinite(cuboid))
+  {
+    throw std::runtime_error("'" + path.string() + "' has no valid directions of its axes: they span no volume");
+  }
+  for (unsigned int axis = 0; axis < 3; ++axis)
+  {
+    geometry.spacing[axis] = axes[axis].GetNorm();
+    for (unsigned int row = 0; row < 3; ++row)
+    {
+      geometry.direction(row, axis) = axes[axis][row] / geometry.spacing[axis];
+    }
+  }
+}
+
+FileGeometry
+GetGeometryOfITK(const itk::ImageIOBase & io)
+{
+  FileGeometry       geometry;
+  const unsigned int dimension = std::min(io.GetNumberOfDimensions(), 3u);
+  for (unsigned int axis = 0; axis < dimension; ++axis)
+  {
+    geometry.origin[axis] = io.GetOrigin(axis);
+    geometry.spacing[axis] = io.GetSpacing(axis);
+    const std::vector<double> direction = io.GetDirection(axis);
+    for (unsigned int row = 0; row < dimension; ++row)
+    {
+      geometry.direction(row, axis) = direction[row];
+    }
+  }
+  return geometry;
+}
+
+void
+Scale(FileGeometry & geometry, double factor)
+{
+  geometry.spacing *= factor;
+  for (unsigned int axis = 0; axis < 3; ++axis)
+  {
+    geometry.origin[axis] *= factor;
+  }
+}
+
+double
+GetMillimetres(const std::string & unit, const fs::path & path, const WarningFunction & warn)
+{
+  const auto found = FindMillimetres(unit);
+  if (!found && !unit.empty())
+  {
+    warn("'" + path.string() + "' has lengths in '" + unit + "', which are taken for mm");
+  }
+  return found.value_or(1.0);
+}
+
+using NrrdPointer = std::unique_ptr<Nrrd, decltype(&nrrdNuke)>;
+
+NrrdPointer
+LoadNrrdHeader(const fs::path & path)
+{
+  NrrdPointer                                                      nrrd(nrrdNew(), nrrdNuke);
+  const std::unique_ptr<NrrdIoState, decltype(&nrrdIoStateNix)> state(nrrdIoStateNew(), nrrdIoStateNix);
+  nrrdIoStateSet(state.get(), nrrdIoStateSkipData, 1);
+  if (nrrdLoad(nrrd.get(), path.string().c_str(), state.get()) != 0)
+  {
+    const std::unique_ptr<char, decltype(&std::free)> error(biffGetDone(NRRD), std::free);
+    throw std::runtime_error("cannot read '" + path.string() + "': " + error.get());
+  }
+  return nrrd;
+}
+
+/** Whether the vectors of a file are diffusion-weighted volumes, as 3D Slicer writes them. */
+bool
+IsDiffusion(const Nrrd & nrrd)
+{
+  const std::unique_ptr<char, decltype(&std::free)> modality(nrrdKeyValueGet(&nrrd, "modality"), std::free);
+  return modality && std::string(modality.get()) == "DWMRI";
+}
+
+/** The signs that turn the coordinates of a space into LPS, and whether the space is the patient's. */
+struct NrrdSpace
+{
+  std::array<double, 3> signs;
+  bool                  isPatients;
+};
+
+const std::map<int, NrrdSpace> nrrdSpaces = { { nrrdSpaceUnknown, { { { 1, 1, 1 } }, false } },
+                                              { nrrdSpaceRightAnteriorSuperior, { { { -1, -1, 1 } }, true } },
+                                              { nrrdSpaceLeftAnteriorSuperior, { { { 1, -1, 1 } }, true } },
+                                              { nrrdSpaceLeftPosteriorSuperior, { { { 1, 1, 1 } }, true } },
+                                              { nrrdSpaceRightAnteriorSuperiorTime, { { { -1, -1, 1 } }, true } },
+                                              { nrrdSpaceLeftAnteriorSuperiorTime, { { { 1, -1, 1 } }, true } },
+                                              { nrrdSpaceLeftPosteriorSuperiorTime, { { { 1, 1, 1 } }, true } },
+                                              { nrrdSpaceScannerXYZ, { { { 1, 1, 1 } }, false } },
+                                              { nrrdSpaceScannerXYZTime, { { { 1, 1, 1 } }, false } },
+                                              { nrrdSpace3DRightHanded, { { { 1, 1, 1 } }, false } },
+                                              { nrrdSpace3DRightHandedTime, { { { 1, 1, 1 } }, false } } };
+
+FileGeometry
+ReadNrrdGeometry(const itk::ImageIOBase & io, const fs::path & path, const WarningFunction & warn)
+{
+  const NrrdPointer  nrrd = LoadNrrdHeader(path);
+  FileGeometry       geometry = GetGeometryOfITK(io);
+  unsigned int       domain[NRRD_DIM_MAX];
+  const unsigned int count = nrrdDomainAxesGet(nrrd.get(), domain);
+  const auto         toText = [](const char * text) { return Trim(text ? text : ""); };
+  unsigned int       range[NRRD_DIM_MAX];
+  const bool         hasRange = nrrdRangeAxesGet(nrrd.get(), range) == 1;
+  geometry.isSeries = hasRange && (nrrd->axis[range[0]].kind == nrrdKindList || IsDiffusion(*nrrd));
+  if (nrrd->spaceDim == 0)
+  {
+    const std::string unit = count > 0 ? toText(nrrd->axis[domain[0]].units) : "";
+    for (unsigned int axis = 1; axis < std::min(count, 3u); ++axis)
+    {
+      if (toText(nrrd->axis[domain[axis]].units) != unit)
+      {
+        throw std::runtime_error("'" + path.string() + "' has axes of different units; one unit is needed");
+      }
+    }
+    Scale(geometry, GetMillimetres(unit, path, warn));
+    return geometry;
+  }
+
+  const auto space = nrrdSpaces.find(nrrd->space);
+  if (space == nrrdSpaces.end())
+  {
+    throw std::runtime_error("'" + path.string() + "' is in the space '" + airEnumStr(nrrdSpace, nrrd->space) +
+                             "', whose relation to a patient is not known; right-anterior-superior, " +
+                             "left-anterior-superior or left-posterior-superior is needed");
+  }
+  VectorType                    factors;
+  std::map<std::string, double> units;
+  for (unsigned int row = 0; row < 3; ++row)
+  {
+    const std::string unit = toText(nrrd->spaceUnits[row]);
+    const auto        known = units.find(unit);
+    factors[row] = known != units.end() ? known->second : units[unit] = GetMillimetres(unit, path, warn);
+    factors[row] *= space->second.signs[row];
+  }
+  const auto toLPS = [&](const double * values) {
+    VectorType vector;
+    for (unsigned int row = 0; row < 3; ++row)
+    {
+      vector[row] = factors[row] * (row < nrrd->spaceDim ? values[row] : 0.0);
+    }
+    return vector;
+  };
+  std::array<VectorType, 3> axes;
+  for (unsigned int axis = 0; axis < std::min(count, 4u); ++axis)
+  {
+    const double * const direction = nrrd->axis[domain[axis]].spaceDirection;
+    if (nrrd->spaceDim > 3 && (axis < 3 ? direction[3] != 0.0 : toLPS(direction).GetNorm() != 0.0))
+    {
+      throw std::runtime_error("'" + path.string() + "' has an axis along space and time together");
+    }
+    if (axis < 3)
+    {
+      axes[axis] = toLPS(direction);
+    }
+  }
+  SetAxes(geometry, axes, path);
+  const VectorType origin = toLPS(nrrd->spaceOrigin);
+  const bool       hasOrigin = std::isfinite(origin.GetNorm());
+  for (unsigned int row = 0; row < 3; ++row)
+  {
+    geometry.origin[row] = hasOrigin ? origin[row] : 0.0;
+  }
+  geometry.hasOrientation = space->second.isPatients;
+  return geometry;
+}
+
+/** Columns of a matrix of NIfTI, which is RAS, and the position of the first voxel. */
+FileGeometry
+MakeNIfTIGeometry(const mat44 & matrix, double millimetres, const fs::path & path)
+{
+  FileGeometry              geometry;
+  std::array<VectorType, 3> axes;
+  for (unsigned int row = 0; row < 3; ++row)
+  {
+    const double factor = row < 2 ? -millimetres : millimetres;
+    geometry.origin[row] = factor * matrix.m[row][3];
+    for (unsigned int axis = 0; axis < 3; ++axis)
+    {
+      axes[axis][row] = factor * matrix.m[row][axis];
+    }
+  }
+  SetAxes(geometry, axes, path);
+  geometry.hasOrientation = true;
+  return geometry;
+}
+
+/** How far a corner of the image on one grid is at the most from the same corner on another, in mm. */
+double
+FindDistance(const FileGeometry & one, const FileGeometry & other, const itk::ImageIOBase & io)
+{
+  double distance = 0.0;
+  for (unsigned int corner = 0; corner < 8; ++corner)
+  {
+    VectorType difference = one.origin - other.origin;
+    for (unsigned int axis = 0; axis < 3; ++axis)
+    {
+      const double index = (corner >> axis & 1) * static_cast<double>(io.GetDimensions(axis) - 1);
+      for (unsigned int row = 0; row < 3; ++row)
+      {
+        difference[row] += index * (one.direction(row, axis) * one.spacing[axis] -
+                                    other.direction(row, axis) * other.spacing[axis]);
+      }
+    }
+    distance = std::max(distance, difference.GetNorm());
+  }
+  return distance;
+}
+
+FileGeometry
+ReadNIfTIGeometry(const itk::ImageIOBase & io, const fs::path & path, const WarningFunction & warn)
+{
+  const std::unique_ptr<nifti_image, decltype(&nifti_image_free)> image(nifti_image_read(path.string().c_str(), 0),
+                                                                        nifti_image_free);
+  if (!image)
+  {
+    throw std::runtime_error("cannot read the header of '" + path.string() + "'");
+  }
+  if (image->sform_code <= 0 && image->qform_code <= 0)
+  {
+    return GetGeometryOfITK(io);
+  }
+  const double millimetres = image->xyz_units == NIFTI_UNITS_METER    ? 1000.0
+                             : image->xyz_units == NIFTI_UNITS_MICRON ? 0.001
+                                                                      : 1.0;
+  if (image->sform_code <= 0)
+  {
+    FileGeometry geometry = MakeNIfTIGeometry(image->qto_xyz, millimetres, path);
+    // the matrix is rounded
+    const double sides[] = { millimetres * image->dx, millimetres * image->dy, millimetres * image->dz };
+    geometry.spacing = VectorType(sides);
+    return geometry;
+  }
+  const FileGeometry geometry = MakeNIfTIGeometry(image->sto_xyz, millimetres, path);
+  if (image->qform_code > 0)
+  {
+    const double distance = FindDistance(geometry, MakeNIfTIGeometry(image->qto_xyz, millimetres, path), io);
+    if (distance > 0.1 * *std::min_element(geometry.spacing.Begin(), geometry.spacing.End()))
+    {
+      std::ostringstream message;
+      message << "'" << path.string() << "' states two positions: the qform puts a corner "
+              << distance << " mm away from where the sform, which is used, puts it";
+      warn(message.str());
+    }
+  }
+  return geometry;
+}
+
+/** The header's lengths are in ångström (mrc2014). */
+FileGeometry
+ReadMRCGeometry(const itk::ImageIOBase & io, const fs::path & path)
+{
+  itk::MRCHeaderObject::ConstPointer header;
+  itk::ExposeMetaData(io.GetMetaDataDictionary(), "MRCHeader", header);
+  if (header)
+  {
+    const auto & axes = header->GetHeader();
+    const bool   isStated = axes.mapc != 0 || axes.mapr != 0 || axes.maps != 0;
+    if (isStated && (axes.mapc != 1 || axes.mapr != 2 || axes.maps != 3))
+    {
+      throw std::runtime_error("'" + path.string() + "' has its axes in another order than X, Y, Z");
+    }
+  }
+  FileGeometry geometry = GetGeometryOfITK(io);
+  Scale(geometry, 1e-7);
+  return geometry;
+}
+
+FileGeometry
+ReadMetaGeometry(const itk::ImageIOBase & io, const fs::path & path, const WarningFunction & warn)
+{
+  FileGeometry geometry = GetGeometryOfITK(io);
+  auto         fields = ReadFields(path);
+  const auto   isStated = [&fields](const std::string & name) { return !fields[name].empty() && fields[name] != "???"; };
+  geometry.hasOrientation = isStated("AnatomicalOrientation") || isStated("TransformMatrix") ||
+                            isStated("Rotation") || isStated("Orientation");
+  const std::string unit = fields["DistanceUnits"];
+  Scale(geometry, unit == "?" ? 1.0 : GetMillimetres(unit, path, warn));
+  return geometry;
+}
+} // namespace
+
+FileGeometry
+ReadGeometry(const itk::ImageIOBase & io, const fs::path & path, const WarningFunction & warn)
+{
+  const std::string format = io.GetNameOfClass();
+  return format == "NrrdImageIO"    ? ReadNrrdGeometry(io, path, warn)
+         : format == "NiftiImageIO" ? ReadNIfTIGeometry(io, path, warn)
+         : format == "MetaImageIO"  ? ReadMetaGeometry(io, path, warn)
+         : format == "MRCImageIO"   ? ReadMRCGeometry(io, path)
+                                    : GetGeometryOfITK(io);
+}
+
+std::optional<double>
+FindMillimetres(const std::string & unit)
+{
+  // µ is a sign of its own or a Greek letter, in UTF-8, Latin 1 or as ImageJ writes it
+  static const std::map<std::string, double> units = {
+    { "mm", 1.0 },           { "millimeter", 1.0 },   { "millimeters", 1.0 },     { "millimetre", 1.0 },
+    { "millimetres", 1.0 },  { "um", 1e-3 },          { "\xc2\xb5m", 1e-3 },      { "\xce\xbcm", 1e-3 },
+    { "\xb5m", 1e-3 },       { "\\u00b5m", 1e-3 },    { "micron", 1e-3 },         { "microns", 1e-3 },
+    { "micrometer", 1e-3 },  { "micrometers", 1e-3 }, { "micrometre", 1e-3 },     { "micrometres", 1e-3 },
+    { "nm", 1e-6 },          { "nanometer", 1e-6 },   { "nanometers", 1e-6 },     { "nanometre", 1e-6 },
+    { "nanometres", 1e-6 },  { "cm", 10.0 },          { "centimeter", 10.0 },     { "centimeters", 10.0 },
+    { "centimetre", 10.0 },  { "centimetres", 10.0 }, { "m", 1e3 },               { "meter", 1e3 },
+    { "meters", 1e3 },       { "metre", 1e3 },        { "metres", 1e3 },          { "inch", 25.4 },
+    { "inches", 25.4 },      { "in", 25.4 },          { "pm", 1e-9 },             { "\xc3\x85", 1e-7 },
+    { "\xe2\x84\xab", 1e-7 }, { "angstrom", 1e-7 }
+  };
+  const auto found = units.find(ToLower(unit));
+  return found == units.end() ? std::nullopt : std::optional(found->second);
+}

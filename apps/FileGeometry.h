@@ -1,0 +1,47 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#ifndef FileGeometry_h
+#define FileGeometry_h
+
+#include "Input.h"
+
+#include "itkImageIOBase.h"
+#include "itkMatrix.h"
+
+/** Where the voxels of an image file lie: in mm, LPS where the file says how the image lies in the patient. */
+struct FileGeometry
+{
+  itk::Point<double, 3>     origin{};
+  itk::Vector<double, 3>    spacing{ 1.0 };
+  itk::Matrix<double, 3, 3> direction = itk::Matrix<double, 3, 3>::GetIdentity();
+  bool                      hasOrientation{ false };
+  /** Whether the components of a voxel are its values in the volumes of a series. */
+  bool isSeries{ false };
+};
+
+/** What \a io, which has read the header of \a path, says of the first three axes; of NRRD and NIfTI what the file says,
+ * because ITK's readers differ there and take some spaces for others. NIfTI's sform counts if its code is above 0, else
+ * the qform. Throws if the file states no space that is known, or one that has no volume. */
+FileGeometry
+ReadGeometry(const itk::ImageIOBase & io, const std::filesystem::path & path, const WarningFunction & warn);
+
+/** The mm of a unit of length as files name it, such as um or "millimeter"; none if it is not known. */
+std::optional<double>
+FindMillimetres(const std::string & unit);
+
+#endif
