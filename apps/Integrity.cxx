@@ -42,6 +42,7 @@
 #endif
 
 #include <algorithm>
+#include <cmath>
 #include <csignal>
 #include <cstddef>
 #include <cstdint>
@@ -187,6 +188,16 @@ RequireIntactNIfTI(const fs::path & path, std::uintmax_t fileSize)
     throw std::runtime_error("'" + path.string() +
                              "' cannot be read beside files of like names: ITK would take the header of '" +
                              header.string() + "' and the voxels of '" + data.string() + "'");
+  }
+  for (const mat44 & form : { image->sto_xyz, image->qto_xyz })
+  {
+    for (const auto & row : form.m)
+    {
+      if (!std::all_of(std::begin(row), std::end(row), [](float number) { return std::isfinite(number); }))
+      {
+        Refuse(header, "its sform or qform is not finite");
+      }
+    }
   }
   RequireBytes(data,
                path == data ? fileSize : GetSize(data),

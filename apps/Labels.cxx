@@ -32,7 +32,7 @@ using PointType = itk::Vector<double, 2>;
 using SegmentType = std::array<PointType, 2>;
 
 /** Lines through points, a digit for x (to the right) and one for y (down), of letters that are 6 units high. A small o
- * is the sign of degrees. */
+ * is the sign of degrees, and u the Greek letter. */
 const std::map<char, std::string> glyphs = { { ' ', "" },
                                              { '-', "0323" },
                                              { '.', "0606" },
@@ -56,7 +56,9 @@ const std::map<char, std::string> glyphs = { { ' ', "" },
                                              { 'R', "06003041423303 2346" },
                                              { 'U', "000516364540" },
                                              { 'm', "0602 03122326 23324346" },
-                                             { 'o', "1021120110" } };
+                                             { 'n', "0602 0312223336" },
+                                             { 'o', "1021120110" },
+                                             { 'u', "0207 0516263532 3536" } };
 
 constexpr double glyphHeight = 6.0;
 constexpr double margin = 3.0;
@@ -260,8 +262,11 @@ DrawScale(Canvas & canvas, double spacing, double width)
   const double power = std::pow(10.0, exponent);
   const double length = power * (5.0 * power <= most ? 5.0 : 2.0 * power <= most ? 2.0 : 1.0);
 
+  // tenths of the larger unit come before thousands of the smaller one
+  const int          thousands = exponent < -4 ? 2 : exponent < -1 ? 1 : 0;
   std::ostringstream text;
-  text << std::fixed << std::setprecision(std::max(0, -exponent)) << length << " mm";
+  text << std::fixed << std::setprecision(std::max(0, -exponent - 3 * thousands)) << length * std::pow(1000.0, thousands)
+       << std::array<const char *, 3>{ { " mm", " um", " nm" } }[static_cast<std::size_t>(thousands)];
   const Text   made = MakeText(text.str());
   const double bar = length / spacing / canvas.GetUnit();
   if (HasRoom(canvas, std::max(bar, made.width)))

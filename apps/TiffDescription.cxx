@@ -27,6 +27,7 @@
 #endif
 
 #include <algorithm>
+#include <limits>
 #include <map>
 #include <memory>
 #include <set>
@@ -86,12 +87,14 @@ Find(const Attributes & attributes, const std::string & name)
   return found == attributes.end() ? "" : found->second;
 }
 
-/** A number of \a attributes, or \a missing. */
+/** A number of \a attributes, \a missing if it is not there, or not a number. */
 double
 GetNumber(const Attributes & attributes, const std::string & name, double missing)
 {
   const auto numbers = ParseNumbers(Find(attributes, name));
-  return numbers.size() == 1 ? numbers[0] : missing;
+  return attributes.count(name) == 0 ? missing
+         : numbers.size() == 1       ? numbers[0]
+                                     : std::numeric_limits<double>::quiet_NaN();
 }
 
 std::size_t

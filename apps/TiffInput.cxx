@@ -333,7 +333,7 @@ GetComponentType(const PageFormat & format)
   }
 }
 
-/** How many values a pixel has: opacity is none, and a palette has three. */
+/** How many values a pixel has: colours have three, and opacity is none. */
 std::size_t
 CountValues(const PageFormat & format, const fs::path & path)
 {
@@ -348,7 +348,7 @@ CountValues(const PageFormat & format, const fs::path & path)
     throw std::runtime_error("'" + path.string() + "' has colours of a kind that is not read; grey values or red, " +
                              "green and blue are needed");
   }
-  return isPalette ? 3 : samples;
+  return isPalette || isColoured ? 3 : samples;
 }
 
 Bytes

@@ -65,6 +65,12 @@ def round_length(most: float) -> float:
     return float(max(digit * power for digit in (1, 2, 5) if digit * power <= most))
 
 
+def format_length(length: float) -> str:
+    """A length in mm as text, in a smaller unit below 0.1."""
+    factor, unit = (1, "mm") if length > 0.09 else (1e3, "µm") if length > 0.00009 else (1e6, "nm")
+    return f"{float(f'{length * factor:.6g}'):g} {unit}"
+
+
 def widen(text: str) -> str:
     """Widens spaces, because Pillow's space is narrow."""
     return text.replace(" ", "  ")
@@ -106,7 +112,7 @@ def draw(
                 write(line, margin, margin + 1.2 * size * n, "lt")
         step = spacing * float(np.linalg.norm(matrix[:3, 0]))
         length = round_length(width / 4 * step)
-        text, bar = f"{length:g} mm", length / step
+        text, bar = format_length(length), length / step
         if max(bar, font.getlength(text)) <= room:
             bottom, tick = height - margin, size / 4
             write(text, margin, bottom - tick - rim, "ls")

@@ -14,7 +14,7 @@ from PIL import Image, ImageDraw, ImageFont
 from itk_shearwarpmip import _labels
 from itk_shearwarpmip._front import MODES, Parameters, find_lowest, open_mask, set_parameters, update
 from itk_shearwarpmip._inputs import find_millimetres
-from itk_shearwarpmip._labels import LETTERS, find_letters, normalize, round_length, widen
+from itk_shearwarpmip._labels import LETTERS, find_letters, format_length, normalize, round_length, widen
 from itk_shearwarpmip._labels import get_matrix as get_matrix
 from itk_shearwarpmip._save import find_window_of, make_grey
 from itk_shearwarpmip._views import SIDES, make_transform
@@ -377,7 +377,7 @@ class Scene:
         length = round_length(spacing * width / 5)
         bar = _make_bar(round(length / spacing), scale)
         _put(rgba, bar, width - edge, height - edge, 1.0, 1.0)
-        _put(rgba, _make_stamp(f"{length:g} mm", 13 * scale, _TEXT), width - edge, height - edge - 9 * scale, 1.0, 1.0)
+        _put(rgba, _make_stamp(format_length(length), 13 * scale, _TEXT), width - edge, height - edge - 9 * scale, 1.0, 1.0)
         if state.message:
             _put(rgba, _make_stamp(state.message, 14 * scale, _ACCENT), width / 2, height - edge - 2 * line, 0.5, 1.0)
         if state.has_help:
