@@ -177,9 +177,12 @@ WritePage(OutputFiles & files, const std::string & path, const Product & product
     });
   }
 
+  // the name of a DICOM folder or file is often a patient's
+  const std::string title = product.volume.dicomFiles.empty() ? std::filesystem::path(options.input).filename().string()
+                                                              : "Maximum intensity projection";
   std::ostringstream series;
   series << std::setprecision(std::numeric_limits<double>::max_digits10);
-  series << "{\"title\": " << Quote(std::filesystem::path(options.input).filename().string())
+  series << "{\"title\": " << Quote(title)
          << ", \"width\": " << size[0] << ", \"height\": " << size[1] << ", \"spacing\": [" << grid.GetSpacing()[0]
          << ", " << grid.GetSpacing()[1] << "], \"origin\": [" << grid.GetOrigin()[0] << ", " << grid.GetOrigin()[1]
          << "], \"bits\": " << (isColoured ? 24 : bits) << ", \"slope\": " << stored.slope

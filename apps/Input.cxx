@@ -191,7 +191,7 @@ ReadVolume(const std::filesystem::path & path,
     if (!io || checkedReaders.count(io->GetNameOfClass()) == 0)
     {
       throw std::runtime_error("'" + path.string() +
-                               "' is no image of DICOM, NIfTI, Analyze, NRRD, MetaImage, TIFF, VTK, GIPL or MRC");
+                               "' is no image of DICOM, NIfTI-1, Analyze, NRRD, MetaImage, TIFF, VTK, GIPL or MRC");
     }
     volume = ReadImage(*io, path, warn);
   };

@@ -37,7 +37,7 @@ namespace
 {
 constexpr auto description =
   "Maximum intensity projection (MIP) of a 3D image from any direction.\n"
-  "INPUT is an image that ITK reads (NIfTI, NRRD, MetaImage, DICOM, ...) or a folder. The program searches a folder, "
+  "INPUT is an image (DICOM, NIfTI, NRRD, MetaImage, TIFF, VTK, GIPL, MRC) or a folder. The program searches a folder, "
   "and the folders in it, for DICOM files. It projects each component of the pixels by itself. A 4D image gives one "
   "frame for each point in time.\n"
   "The extension of OUTPUT selects the format. Files .mha, .nrrd, .nii and .nii.gz keep the image's values and pixel "

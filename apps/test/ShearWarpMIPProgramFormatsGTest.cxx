@@ -475,7 +475,7 @@ TEST_F(ShearWarpMIPProgramFormats, OthersAreRefusedByName)
   {
     this->WriteBytes(name, "no image");
     this->ExpectFailure(name + " out.png",
-                        "'" + name + "' is no image of DICOM, NIfTI, Analyze, NRRD, MetaImage, TIFF, VTK, GIPL or MRC");
+                        "'" + name + "' is no image of DICOM, NIfTI-1, Analyze, NRRD, MetaImage, TIFF, VTK, GIPL or MRC");
   }
 }
 

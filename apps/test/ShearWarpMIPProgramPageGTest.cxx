@@ -117,6 +117,16 @@ protected:
 };
 } // namespace
 
+TEST_F(ShearWarpMIPProgramPage, DoesNotTellTheNameOfADicomFolder)
+{
+  this->WriteDICOMSeries("1.2.3.4", "a", { 0, 2, 4 });
+  this->Move("dicom", "Doe^Jane");
+  this->ExpectSuccess("'Doe^Jane' out.html --frames 3");
+  const std::string page = ReadText(m_Folder / "out.html");
+  EXPECT_NE(page.find("\"title\": \"Maximum intensity projection\""), std::string::npos);
+  EXPECT_EQ(page.find("Jane"), std::string::npos);
+}
+
 TEST_F(ShearWarpMIPProgramPage, HoldsAllValuesWith16Bits)
 {
   const auto        same = [](double value) { return value; };

@@ -357,11 +357,9 @@ def _find_loop(angles: list[float]) -> str:
 
 
 def _find_title(turn: "Turn") -> str:
-    """The name of the source's file, or of the folder of several files."""
+    """The name of the source's file; the name of a folder is often a patient's."""
     paths = [Path(path) for path in turn.source_files]
-    if not paths:
-        return "Maximum intensity projection"
-    return paths[0].name if len(paths) == 1 else paths[0].parent.name
+    return paths[0].name if len(paths) == 1 else "Maximum intensity projection"
 
 
 def _get_suffix(path: Path) -> str:

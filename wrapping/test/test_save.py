@@ -225,7 +225,7 @@ def test_title_of_a_page(turn, tmp_path):
     assert read_series(page)["title"] == "a<b>.nrrd"
     assert "a<b>.nrrd" not in page
     turn.source_files = [tmp_path / "series" / name for name in "ab"]
-    assert read_series(_save.make_page(turn))["title"] == "series"
+    assert read_series(_save.make_page(turn))["title"] == "Maximum intensity projection"
     assert 'srcdoc="&lt;!DOCTYPE html&gt;' in _save.make_frame(turn)
 
 
