@@ -143,6 +143,11 @@ ParseImageJ(const std::string & text, std::size_t pages)
   {
     description.size = { { 1, pages, 1 } };
   }
+  if (Multiply(description.size) != pages)
+  {
+    throw std::runtime_error("its description states " + std::to_string(images) +
+                             " images, which are not its channels times slices times frames");
+  }
   const std::string unit = Find(fields, "unit");
   description.units = { { unit, unit, fields.count("zunit") > 0 ? Find(fields, "zunit") : unit } };
   description.units[1] = fields.count("yunit") > 0 ? Find(fields, "yunit") : unit;

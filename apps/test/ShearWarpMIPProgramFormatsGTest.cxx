@@ -746,6 +746,9 @@ TEST_F(ShearWarpMIPProgramTIFF, OfImageJHasChannelsSlicesTimesAndSpacing)
   storage.description = "ImageJ=1.54f\nimages=40\nslices=40\n";
   this->WriteTIFF("few.tif", pages, 8, storage);
   this->ExpectFailure("few.tif out.png", "its description states 40 images, but it has 30 pages");
+  storage.description = "ImageJ=1.54f\nimages=30\nchannels=3\nslices=5\n";
+  this->WriteTIFF("frames.tif", pages, 8, storage);
+  this->ExpectFailure("frames.tif out.png", "states 30 images, which are not its channels times slices times frames");
   storage.description = "ImageJ=1.54f\nimages=30\nframes=30\nunit=um\nspacing=3.0\n";
   this->WriteTIFF("frames.tif", pages, 8, storage);
   this->ExpectWarning("frames.tif out.nrrd", "'frames.tif' describes its 30 pages as channels or points in time");
