@@ -182,11 +182,10 @@ WritePage(OutputFiles & files, const std::string & path, const Product & product
                                                               : "Maximum intensity projection";
   std::ostringstream series;
   series << std::setprecision(std::numeric_limits<double>::max_digits10);
-  series << "{\"title\": " << Quote(title)
-         << ", \"width\": " << size[0] << ", \"height\": " << size[1] << ", \"spacing\": [" << grid.GetSpacing()[0]
-         << ", " << grid.GetSpacing()[1] << "], \"origin\": [" << grid.GetOrigin()[0] << ", " << grid.GetOrigin()[1]
-         << "], \"bits\": " << (isColoured ? 24 : bits) << ", \"slope\": " << stored.slope
-         << ", \"intercept\": " << stored.intercept << ", \"background\": 0"
+  series << "{\"title\": " << Quote(title) << ", \"width\": " << size[0] << ", \"height\": " << size[1]
+         << ", \"spacing\": [" << grid.GetSpacing()[0] << ", " << grid.GetSpacing()[1] << "], \"origin\": ["
+         << grid.GetOrigin()[0] << ", " << grid.GetOrigin()[1] << "], \"bits\": " << (isColoured ? 24 : bits)
+         << ", \"slope\": " << stored.slope << ", \"intercept\": " << stored.intercept << ", \"background\": 0"
          << ", \"inverted\": " << (projections.isInverted && !isColoured ? "true" : "false") << ", \"window\": ["
          << window[0] << ", " << window[1] << "], \"rate\": " << product.rate << ", \"loop\": " << Quote(loop);
   const auto writeList = [&series](const std::string & name, const auto & values, const auto & print) {

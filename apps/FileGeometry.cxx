@@ -103,7 +103,7 @@ using NrrdPointer = std::unique_ptr<Nrrd, decltype(&nrrdNuke)>;
 NrrdPointer
 LoadNrrdHeader(const fs::path & path)
 {
-  NrrdPointer                                                      nrrd(nrrdNew(), nrrdNuke);
+  NrrdPointer                                                   nrrd(nrrdNew(), nrrdNuke);
   const std::unique_ptr<NrrdIoState, decltype(&nrrdIoStateNix)> state(nrrdIoStateNew(), nrrdIoStateNix);
   nrrdIoStateSet(state.get(), nrrdIoStateSkipData, 1);
   if (nrrdLoad(nrrd.get(), path.string().c_str(), state.get()) != 0)
@@ -247,8 +247,8 @@ FindDistance(const FileGeometry & one, const FileGeometry & other, const itk::Im
       const double index = (corner >> axis & 1) * static_cast<double>(io.GetDimensions(axis) - 1);
       for (unsigned int row = 0; row < 3; ++row)
       {
-        difference[row] += index * (one.direction(row, axis) * one.spacing[axis] -
-                                    other.direction(row, axis) * other.spacing[axis]);
+        difference[row] +=
+          index * (one.direction(row, axis) * one.spacing[axis] - other.direction(row, axis) * other.spacing[axis]);
       }
     }
     distance = std::max(distance, difference.GetNorm());
@@ -287,8 +287,8 @@ ReadNIfTIGeometry(const itk::ImageIOBase & io, const fs::path & path, const Warn
     if (distance > 0.1 * *std::min_element(geometry.spacing.Begin(), geometry.spacing.End()))
     {
       std::ostringstream message;
-      message << "'" << path.string() << "' states two positions: the qform puts a corner "
-              << distance << " mm away from where the sform, which is used, puts it";
+      message << "'" << path.string() << "' states two positions: the qform puts a corner " << distance
+              << " mm away from where the sform, which is used, puts it";
       warn(message.str());
     }
   }
@@ -320,9 +320,9 @@ ReadMetaGeometry(const itk::ImageIOBase & io, const fs::path & path, const Warni
 {
   FileGeometry geometry = GetGeometryOfITK(io);
   auto         fields = ReadFields(path);
-  const auto   isStated = [&fields](const std::string & name) { return !fields[name].empty() && fields[name] != "???"; };
-  geometry.hasOrientation = isStated("AnatomicalOrientation") || isStated("TransformMatrix") ||
-                            isStated("Rotation") || isStated("Orientation");
+  const auto isStated = [&fields](const std::string & name) { return !fields[name].empty() && fields[name] != "???"; };
+  geometry.hasOrientation =
+    isStated("AnatomicalOrientation") || isStated("TransformMatrix") || isStated("Rotation") || isStated("Orientation");
   const std::string unit = fields["DistanceUnits"];
   Scale(geometry, unit == "?" ? 1.0 : GetMillimetres(unit, path, warn));
   return geometry;
@@ -344,18 +344,44 @@ std::optional<double>
 FindMillimetres(const std::string & unit)
 {
   // µ is a sign of its own or a Greek letter, in UTF-8, Latin 1 or as ImageJ writes it
-  static const std::map<std::string, double> units = {
-    { "mm", 1.0 },           { "millimeter", 1.0 },   { "millimeters", 1.0 },     { "millimetre", 1.0 },
-    { "millimetres", 1.0 },  { "um", 1e-3 },          { "\xc2\xb5m", 1e-3 },      { "\xce\xbcm", 1e-3 },
-    { "\xb5m", 1e-3 },       { "\\u00b5m", 1e-3 },    { "micron", 1e-3 },         { "microns", 1e-3 },
-    { "micrometer", 1e-3 },  { "micrometers", 1e-3 }, { "micrometre", 1e-3 },     { "micrometres", 1e-3 },
-    { "nm", 1e-6 },          { "nanometer", 1e-6 },   { "nanometers", 1e-6 },     { "nanometre", 1e-6 },
-    { "nanometres", 1e-6 },  { "cm", 10.0 },          { "centimeter", 10.0 },     { "centimeters", 10.0 },
-    { "centimetre", 10.0 },  { "centimetres", 10.0 }, { "m", 1e3 },               { "meter", 1e3 },
-    { "meters", 1e3 },       { "metre", 1e3 },        { "metres", 1e3 },          { "inch", 25.4 },
-    { "inches", 25.4 },      { "in", 25.4 },          { "pm", 1e-9 },             { "\xc3\x85", 1e-7 },
-    { "\xe2\x84\xab", 1e-7 }, { "angstrom", 1e-7 }
-  };
-  const auto found = units.find(ToLower(unit));
+  static const std::map<std::string, double> units = { { "mm", 1.0 },
+                                                       { "millimeter", 1.0 },
+                                                       { "millimeters", 1.0 },
+                                                       { "millimetre", 1.0 },
+                                                       { "millimetres", 1.0 },
+                                                       { "um", 1e-3 },
+                                                       { "\xc2\xb5m", 1e-3 },
+                                                       { "\xce\xbcm", 1e-3 },
+                                                       { "\xb5m", 1e-3 },
+                                                       { "\\u00b5m", 1e-3 },
+                                                       { "micron", 1e-3 },
+                                                       { "microns", 1e-3 },
+                                                       { "micrometer", 1e-3 },
+                                                       { "micrometers", 1e-3 },
+                                                       { "micrometre", 1e-3 },
+                                                       { "micrometres", 1e-3 },
+                                                       { "nm", 1e-6 },
+                                                       { "nanometer", 1e-6 },
+                                                       { "nanometers", 1e-6 },
+                                                       { "nanometre", 1e-6 },
+                                                       { "nanometres", 1e-6 },
+                                                       { "cm", 10.0 },
+                                                       { "centimeter", 10.0 },
+                                                       { "centimeters", 10.0 },
+                                                       { "centimetre", 10.0 },
+                                                       { "centimetres", 10.0 },
+                                                       { "m", 1e3 },
+                                                       { "meter", 1e3 },
+                                                       { "meters", 1e3 },
+                                                       { "metre", 1e3 },
+                                                       { "metres", 1e3 },
+                                                       { "inch", 25.4 },
+                                                       { "inches", 25.4 },
+                                                       { "in", 25.4 },
+                                                       { "pm", 1e-9 },
+                                                       { "\xc3\x85", 1e-7 },
+                                                       { "\xe2\x84\xab", 1e-7 },
+                                                       { "angstrom", 1e-7 } };
+  const auto                                 found = units.find(ToLower(unit));
   return found == units.end() ? std::nullopt : std::optional(found->second);
 }

@@ -34,9 +34,9 @@ struct FileGeometry
   bool isSeries{ false };
 };
 
-/** What \a io, which has read the header of \a path, says of the first three axes; of NRRD and NIfTI what the file says,
- * because ITK's readers differ there and take some spaces for others. NIfTI's sform counts if its code is above 0, else
- * the qform. Throws if the file states no space that is known, or one that has no volume. */
+/** What \a io, which has read the header of \a path, says of the first three axes; of NRRD and NIfTI what the file
+ * says, because ITK's readers differ there and take some spaces for others. NIfTI's sform counts if its code is above
+ * 0, else the qform. Throws if the file states no space that is known, or one that has no volume. */
 FileGeometry
 ReadGeometry(const itk::ImageIOBase & io, const std::filesystem::path & path, const WarningFunction & warn);
 

@@ -91,7 +91,7 @@ RequireGrid(const itk::ImageBase<3> * image, const itk::ImageBase<3> * grid, con
 }
 
 /** The names of ITK's readers of formats whose damaged files are noticed; TIFF and DICOM have readers here. */
-const std::set<std::string> checkedReaders = { "GiplImageIO", "MetaImageIO",  "MRCImageIO",
+const std::set<std::string> checkedReaders = { "GiplImageIO",  "MetaImageIO", "MRCImageIO",
                                                "NiftiImageIO", "NrrdImageIO", "VTKImageIO" };
 
 void
@@ -117,11 +117,11 @@ ReadImage(itk::ImageIOBase & io, const std::filesystem::path & path, const Warni
   ReadInformation(io);
   RequireVolume(io, path.string());
   RequireAllVoxels(io, path);
-  const FileGeometry  geometry = ReadGeometry(io, path, warn);
-  const unsigned int  dimension = io.GetNumberOfDimensions();
-  const std::size_t   times = dimension > 3 ? io.GetDimensions(3) : 1;
-  const unsigned int  components = io.GetNumberOfComponents();
-  itk::ImageIORegion  region(dimension);
+  const FileGeometry geometry = ReadGeometry(io, path, warn);
+  const unsigned int dimension = io.GetNumberOfDimensions();
+  const std::size_t  times = dimension > 3 ? io.GetDimensions(3) : 1;
+  const unsigned int components = io.GetNumberOfComponents();
+  itk::ImageIORegion region(dimension);
   for (unsigned int axis = 0; axis < dimension; ++axis)
   {
     region.SetSize(axis, io.GetDimensions(axis));

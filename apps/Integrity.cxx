@@ -247,9 +247,8 @@ RequireIntactVTK(const fs::path & path, const itk::ImageIOBase & io)
   }
   if (io.GetFileType() != itk::IOFileEnum::ASCII)
   {
-    RequireBytes(path,
-                 fs::file_size(path),
-                 static_cast<double>(file.tellg()) + static_cast<double>(io.GetImageSizeInBytes()));
+    RequireBytes(
+      path, fs::file_size(path), static_cast<double>(file.tellg()) + static_cast<double>(io.GetImageSizeInBytes()));
     return;
   }
   double value = 0.0;
@@ -567,8 +566,7 @@ RequireAllVoxels(const itk::ImageIOBase & io, const fs::path & path)
   {
     itk::MRCHeaderObject::ConstPointer header;
     itk::ExposeMetaData(io.GetMetaDataDictionary(), "MRCHeader", header);
-    RequireBytes(path,
-                 GetSize(path),
-                 static_cast<double>(header->GetHeaderSize() + header->GetExtendedHeaderSize()) + bytes);
+    RequireBytes(
+      path, GetSize(path), static_cast<double>(header->GetHeaderSize() + header->GetExtendedHeaderSize()) + bytes);
   }
 }

@@ -265,7 +265,8 @@ DrawScale(Canvas & canvas, double spacing, double width)
   // tenths of the larger unit come before thousands of the smaller one
   const int          thousands = exponent < -4 ? 2 : exponent < -1 ? 1 : 0;
   std::ostringstream text;
-  text << std::fixed << std::setprecision(std::max(0, -exponent - 3 * thousands)) << length * std::pow(1000.0, thousands)
+  text << std::fixed << std::setprecision(std::max(0, -exponent - 3 * thousands))
+       << length * std::pow(1000.0, thousands)
        << std::array<const char *, 3>{ { " mm", " um", " nm" } }[static_cast<std::size_t>(thousands)];
   const Text   made = MakeText(text.str());
   const double bar = length / spacing / canvas.GetUnit();

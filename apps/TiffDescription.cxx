@@ -138,7 +138,9 @@ ParseImageJ(const std::string & text, std::size_t pages)
                              std::to_string(pages) + (pages == 1 ? " page" : " pages") +
                              "; save it as BigTIFF or OME-TIFF");
   }
-  description.size = { { GetCount(fields, "channels", 1), GetCount(fields, "slices", 1), GetCount(fields, "frames", 1) } };
+  description.size = {
+    { GetCount(fields, "channels", 1), GetCount(fields, "slices", 1), GetCount(fields, "frames", 1) }
+  };
   if (Multiply(description.size) != pages && fields.count("slices") == 0 && fields.count("frames") == 0)
   {
     description.size = { { 1, pages, 1 } };
@@ -225,7 +227,7 @@ ParseOME(const std::string & text, const std::string & fileName, std::size_t pag
   const auto getFile = [](std::vector<Elements::Element>::const_iterator block) {
     return block[1].name == "UUID" ? Find(block[1].attributes, "FileName") : "";
   };
-  std::set<std::string> files;
+  std::set<std::string>                                       files;
   std::vector<std::vector<Elements::Element>::const_iterator> blocks;
   for (auto element = begin + 1; element != end; ++element)
   {
@@ -240,9 +242,10 @@ ParseOME(const std::string & text, const std::string & fileName, std::size_t pag
     if (files.size() == 1 || getFile(block) == fileName)
     {
       const Attributes & place = block->attributes;
-      addBlock({ { GetCount(place, "FirstC", 0) / samples, GetCount(place, "FirstZ", 0), GetCount(place, "FirstT", 0) } },
-               GetCount(place, "IFD", 0),
-               GetCount(place, "PlaneCount", place.count("IFD") > 0 ? 1 : pages));
+      addBlock(
+        { { GetCount(place, "FirstC", 0) / samples, GetCount(place, "FirstZ", 0), GetCount(place, "FirstT", 0) } },
+        GetCount(place, "IFD", 0),
+        GetCount(place, "PlaneCount", place.count("IFD") > 0 ? 1 : pages));
     }
   }
   if (blocks.empty())

@@ -43,9 +43,6 @@ struct TiffDescription
 /** Parses the text of the file \a fileName, which has \a pages of \a samples for each pixel. Throws if the text is
  * damaged, or if it says that planes are in other files. */
 TiffDescription
-ParseTiffDescription(const std::string & text,
-                     const std::string & fileName,
-                     std::size_t         pages,
-                     std::size_t         samples);
+ParseTiffDescription(const std::string & text, const std::string & fileName, std::size_t pages, std::size_t samples);
 
 #endif

@@ -316,7 +316,7 @@ GetComponentType(const PageFormat & format)
                                : Component::UNKNOWNCOMPONENTTYPE;
   }
   switch (isSigned || format.sampleFormat == SAMPLEFORMAT_UINT || format.sampleFormat == SAMPLEFORMAT_VOID ? format.bits
-                                                                                                          : 0)
+                                                                                                           : 0)
   {
     case 1:
       return Component::UCHAR;
@@ -338,8 +338,7 @@ std::size_t
 CountValues(const PageFormat & format, const fs::path & path)
 {
   const std::size_t samples = format.samples - std::min(format.opacities, format.samples);
-  const bool        isGrey =
-    format.photometric == PHOTOMETRIC_MINISBLACK || format.photometric == PHOTOMETRIC_MINISWHITE;
+  const bool isGrey = format.photometric == PHOTOMETRIC_MINISBLACK || format.photometric == PHOTOMETRIC_MINISWHITE;
   const bool isColoured = format.photometric == PHOTOMETRIC_RGB && samples >= 3;
   const bool isPalette =
     format.photometric == PHOTOMETRIC_PALETTE && samples == 1 && (format.bits == 8 || format.bits == 16);
@@ -374,7 +373,10 @@ ExpandPalette(const Bytes & indices, const PageFormat & format, const std::array
 
 /** The size of a voxel in mm. */
 std::array<double, 3>
-FindSpacing(const TiffFile & file, const TiffDescription & description, const fs::path & path, const WarningFunction & warn)
+FindSpacing(const TiffFile &        file,
+            const TiffDescription & description,
+            const fs::path &        path,
+            const WarningFunction & warn)
 {
   std::array<double, 3> spacing{ { 1.0, 1.0, 1.0 } };
   std::string           assumed;
@@ -385,7 +387,7 @@ FindSpacing(const TiffFile & file, const TiffDescription & description, const fs
     const double length = axis < 2 && description.writer == "ImageJ" && resolution[axis] > 0.0
                             ? 1.0 / resolution[axis]
                             : description.spacing[axis];
-    const auto millimetres = FindMillimetres(description.units[axis]);
+    const auto   millimetres = FindMillimetres(description.units[axis]);
     if (length > 0.0 && millimetres)
     {
       spacing[axis] = length * *millimetres;
@@ -445,8 +447,8 @@ ReadTiff(const fs::path & path, const WarningFunction & warn)
   }
   if (description.size[1] == 1 && description.pages.size() > 1)
   {
-    warn(name + " describes its " + std::to_string(description.pages.size()) + " pages as channels or points in time of one slice; they " +
-         "are taken for slices");
+    warn(name + " describes its " + std::to_string(description.pages.size()) +
+         " pages as channels or points in time of one slice; they " + "are taken for slices");
     description.size = { { 1, description.pages.size(), 1 } };
   }
   if (!description.ignored.empty())
@@ -471,7 +473,7 @@ ReadTiff(const fs::path & path, const WarningFunction & warn)
     {
       throw std::bad_alloc();
     }
-    const auto        container = ContainerType::New();
+    const auto container = ContainerType::New();
     container->Reserve(pixels * slices * times * components);
     for (std::size_t n = 0; n < description.pages.size(); ++n)
     {

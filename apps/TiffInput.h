@@ -27,7 +27,8 @@ LooksLikeTiff(const std::filesystem::path & path);
 /** Reads the pages of a TIFF file, but not reduced copies and masks, as slices. The descriptions of ImageJ and OME say
  * which channel, slice and point in time a page is, and how large a voxel is; without them the resolution gives the
  * size of pixels, and slices are 1 mm apart. Channels become components. Colours of a palette become red, green and
- * blue; opacity is left out. Throws if a page is missing, damaged or unlike the first, or if pages are in other files. */
+ * blue; opacity is left out. Throws if a page is missing, damaged or unlike the first, or if pages are in other files.
+ */
 Volume
 ReadTiff(const std::filesystem::path & path, const WarningFunction & warn);
 

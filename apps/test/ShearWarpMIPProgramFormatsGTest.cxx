@@ -75,7 +75,7 @@ protected:
   void
   SetAxes(const MatrixType & axes) const
   {
-    MatrixType            direction;
+    MatrixType             direction;
     itk::Vector<double, 3> spacing(0.0);
     for (unsigned int axis = 0; axis < 3; ++axis)
     {
@@ -127,9 +127,9 @@ protected:
     const bool         isTime = space.find("ime") != std::string::npos || space.size() == 4;
     const auto         axes = this->GetAxes();
     std::ostringstream header;
-    header << std::setprecision(17) << "NRRD0004\ntype: short\nendian: little\nencoding: raw\ndimension: "
-           << (isTime ? 4 : 3) << "\nsizes: 20 18 12" << (isTime ? " 1" : "") << "\nspace: " << space
-           << "\nspace directions:";
+    header << std::setprecision(17)
+           << "NRRD0004\ntype: short\nendian: little\nencoding: raw\ndimension: " << (isTime ? 4 : 3)
+           << "\nsizes: 20 18 12" << (isTime ? " 1" : "") << "\nspace: " << space << "\nspace directions:";
     const auto writeVector = [&](double x, double y, double z) {
       header << " (" << signs[0] * x / millimetres << ',' << signs[1] * y / millimetres << ','
              << signs[2] * z / millimetres << (isTime ? ",0)" : ")");
@@ -184,8 +184,7 @@ TEST_F(ShearWarpMIPProgramNRRD, HasTheUnitThatItStates)
   this->WriteNRRD("mm.nrrd", "RAS", signs, 1.0, "space units: \"mm\" \"mm\" \"mm\"\n");
   this->ExpectRead("mm.nrrd");
   this->WriteNRRD("foot.nrrd", "RAS", signs, 1.0, "space units: \"foot\" \"foot\" \"foot\"\n");
-  this->ExpectRead("foot.nrrd",
-                   "shear-warp-mip: warning: 'foot.nrrd' has lengths in 'foot', which are taken for mm\n");
+  this->ExpectRead("foot.nrrd", "shear-warp-mip: warning: 'foot.nrrd' has lengths in 'foot', which are taken for mm\n");
 
   m_Volume->SetDirection(itk::Matrix<double, 3, 3>::GetIdentity());
   m_Volume->SetOrigin(itk::Point<double, 3>(0.0));
@@ -214,8 +213,8 @@ TEST_F(ShearWarpMIPProgramNRRD, OfAListIsASeries)
     const std::string directions = "(0.7,0,0) (0,0.9,0) (0,0,1.3)";
     this->WriteBytes("list.nrrd",
                      "NRRD0004\ntype: short\nendian: little\nencoding: raw\ndimension: 4\nsizes: " +
-                       std::string(isFirst ? "3 20 18 12" : "20 18 12 3") + "\nspace: LPS\nspace directions: " +
-                       (isFirst ? "none " + directions : directions + " none") +
+                       std::string(isFirst ? "3 20 18 12" : "20 18 12 3") +
+                       "\nspace: LPS\nspace directions: " + (isFirst ? "none " + directions : directions + " none") +
                        "\nspace origin: (-40,12.5,3)\nkinds: " + kinds + "\n\n" +
                        std::string(reinterpret_cast<const char *>(values.data()), sizeof(PixelType) * values.size()));
     this->ExpectSuccess("list.nrrd out.nrrd");
@@ -270,10 +269,11 @@ protected:
 
   /** Writes m_Volume with its sform and an upright qform, of these codes. */
   void
-  WriteNIfTI(const std::string &                               name,
-             short                                             sform,
-             short                                             qform,
-             const std::function<void(nifti_1_header &)> & change = [](nifti_1_header &) {}) const
+  WriteNIfTI(
+    const std::string &                           name,
+    short                                         sform,
+    short                                         qform,
+    const std::function<void(nifti_1_header &)> & change = [](nifti_1_header &) {}) const
   {
     nifti_1_header header{};
     header.sizeof_hdr = sizeof(header);
@@ -308,7 +308,8 @@ protected:
   void
   ExpectReadWithWarning(const std::string & input) const
   {
-    this->ExpectWarning(input + " out.nrrd --azimuth 30", "'" + input + "' states two positions: the qform puts a corner");
+    this->ExpectWarning(input + " out.nrrd --azimuth 30",
+                        "'" + input + "' states two positions: the qform puts a corner");
     this->ExpectPicture("out.nrrd", this->Project(this->MakeTransform(Direction::Anterior, 30.0)));
   }
 
@@ -461,7 +462,8 @@ TEST_F(ShearWarpMIPProgramFormats, VTKHasValuesOfPoints)
   EXPECT_EQ(this->ReadPixels("out.nrrd"), (std::vector<PixelType>{ 6, 5, 8, 7 }));
   this->WriteBytes("cells.vtk", begin + "CELL_DATA 1\n" + scalars + "1 2 3 4 5 6 7 8\n");
   this->ExpectFailure("cells.vtk out.png", "'cells.vtk' cannot be read: its header has 'cell_data'");
-  this->WriteBytes("field.vtk", begin + "FIELD FieldData 1\nscalars 1 1 short\n4\nPOINT_DATA 8\n" + scalars + "1 2 3\n");
+  this->WriteBytes("field.vtk",
+                   begin + "FIELD FieldData 1\nscalars 1 1 short\n4\nPOINT_DATA 8\n" + scalars + "1 2 3\n");
   this->ExpectFailure("field.vtk out.png", "'field.vtk'");
   this->WriteBytes("few.vtk", begin + "POINT_DATA 8\n" + scalars + "1 2 3 4 5 6 7\n");
   this->ExpectFailure("few.vtk out.png", "'few.vtk' is damaged or incomplete: it has 7 of 8 values");
@@ -475,7 +477,8 @@ TEST_F(ShearWarpMIPProgramFormats, OthersAreRefusedByName)
   {
     this->WriteBytes(name, "no image");
     this->ExpectFailure(name + " out.png",
-                        "'" + name + "' is no image of DICOM, NIfTI-1, Analyze, NRRD, MetaImage, TIFF, VTK, GIPL or MRC");
+                        "'" + name +
+                          "' is no image of DICOM, NIfTI-1, Analyze, NRRD, MetaImage, TIFF, VTK, GIPL or MRC");
   }
 }
 
@@ -667,7 +670,7 @@ protected:
     const auto                               count = sizes.at('C') * sizes.at('Z') * sizes.at('T');
     for (unsigned int page = 0; page < count; ++page)
     {
-      unsigned int                        rest = page;
+      unsigned int                 rest = page;
       std::map<char, unsigned int> place;
       for (const char axis : order)
       {
@@ -790,8 +793,8 @@ TEST_F(ShearWarpMIPProgramTIFF, OfOMEWhosePlanesAreElsewhereIsRefused)
   Storage    storage;
   const auto pages = MakePages(MakePlaces("ZCT", { { 'C', 1 }, { 'Z', 5 }, { 'T', 1 } }));
   const auto makeBlock = [](int z, const std::string & file) {
-    return "<TiffData IFD=\"" + std::to_string(z % 5) + "\" FirstZ=\"" + std::to_string(z) +
-           "\"><UUID FileName=\"" + file + "\">urn:uuid:1</UUID></TiffData>";
+    return "<TiffData IFD=\"" + std::to_string(z % 5) + "\" FirstZ=\"" + std::to_string(z) + "\"><UUID FileName=\"" +
+           file + "\">urn:uuid:1</UUID></TiffData>";
   };
   std::string blocks;
   for (int z = 0; z < 10; ++z)
@@ -851,8 +854,15 @@ template <typename T>
 class ShearWarpMIPProgramTIFFType : public ShearWarpMIPProgramTIFF
 {};
 
-using SampleTypes = testing::
-  Types<std::uint8_t, std::int8_t, std::uint16_t, std::int16_t, std::uint32_t, std::int32_t, std::int64_t, float, double>;
+using SampleTypes = testing::Types<std::uint8_t,
+                                   std::int8_t,
+                                   std::uint16_t,
+                                   std::int16_t,
+                                   std::uint32_t,
+                                   std::int32_t,
+                                   std::int64_t,
+                                   float,
+                                   double>;
 TYPED_TEST_SUITE(ShearWarpMIPProgramTIFFType, SampleTypes);
 
 TYPED_TEST(ShearWarpMIPProgramTIFFType, HasItsValuesHoweverTheyAreStored)
