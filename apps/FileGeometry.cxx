@@ -114,12 +114,19 @@ LoadNrrdHeader(const fs::path & path)
   return nrrd;
 }
 
-/** Whether the vectors of a file are diffusion-weighted volumes, as 3D Slicer writes them. */
-bool
-IsDiffusion(const Nrrd & nrrd)
+std::string
+GetValue(const Nrrd & nrrd, const std::string & key)
 {
-  const std::unique_ptr<char, decltype(&std::free)> modality(nrrdKeyValueGet(&nrrd, "modality"), std::free);
-  return modality && std::string(modality.get()) == "DWMRI";
+  const std::unique_ptr<char, decltype(&std::free)> value(nrrdKeyValueGet(&nrrd, key.c_str()), std::free);
+  return value ? value.get() : "";
+}
+
+/** Whether values of axis \a range are volumes: of a list, or diffusion-weighted, but not layers of 3D Slicer's segments. */
+bool
+IsSeries(const Nrrd & nrrd, unsigned int range)
+{
+  return (nrrd.axis[range].kind == nrrdKindList && GetValue(nrrd, "Segment0_ID").empty()) ||
+         GetValue(nrrd, "modality") == "DWMRI";
 }
 
 /** The signs that turn the coordinates of a space into LPS, and whether the space is the patient's. */
@@ -150,8 +157,7 @@ ReadNrrdGeometry(const itk::ImageIOBase & io, const fs::path & path, const Warni
   const unsigned int count = nrrdDomainAxesGet(nrrd.get(), domain);
   const auto         toText = [](const char * text) { return Trim(text ? text : ""); };
   unsigned int       range[NRRD_DIM_MAX];
-  const bool         hasRange = nrrdRangeAxesGet(nrrd.get(), range) == 1;
-  geometry.isSeries = hasRange && (nrrd->axis[range[0]].kind == nrrdKindList || IsDiffusion(*nrrd));
+  geometry.isSeries = nrrdRangeAxesGet(nrrd.get(), range) == 1 && IsSeries(*nrrd, range[0]);
   if (nrrd->spaceDim == 0)
   {
     const std::string unit = count > 0 ? toText(nrrd->axis[domain[0]].units) : "";
