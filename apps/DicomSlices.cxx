@@ -23,11 +23,18 @@
 #include <gdcmAttribute.h>
 #include <gdcmImageHelper.h>
 #include <gdcmImageReader.h>
+#include <gdcmJPEG2000Codec.h>
+#include <gdcmJPEGCodec.h>
+#include <gdcmJPEGLSCodec.h>
+#include <gdcmRLECodec.h>
 #include <gdcmRescaler.h>
+#include <gdcmSequenceOfFragments.h>
 #include <gdcmSequenceOfItems.h>
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <iterator>
 #include <sstream>
 #include <stdexcept>
 
@@ -78,6 +85,168 @@ RequirePixelFormat(const Source & source)
     throw std::runtime_error("'" + source.path + "' has no valid pixels: its Bits Allocated, Bits Stored or Pixel " +
                              "Representation are missing or impossible");
   }
+}
+
+/** Some programs put the low half of 32 bits first (DCMTK, GDCM), others the high half (pydicom). */
+void
+RequireOneByteOrder(const Source & source, const gdcm::TransferSyntax & syntax)
+{
+  if (source.format.GetBitsAllocated() > 16 && (syntax == gdcm::TransferSyntax::ExplicitVRBigEndian ||
+                                                syntax == gdcm::TransferSyntax::ImplicitVRBigEndianPrivateGE))
+  {
+    throw std::runtime_error("'" + source.path + "' has pixels of " +
+                             std::to_string(source.format.GetBitsAllocated()) +
+                             " bits in big endian, whose byte order differs between programs; export the images in " +
+                             "little endian");
+  }
+}
+
+/** As "12 signed bits, 1 sample, 64 x 48". */
+std::string
+DescribePixels(const gdcm::PixelFormat & format, const unsigned int * size)
+{
+  const bool isSigned = format.GetPixelRepresentation() == 1;
+  const auto samples = format.GetSamplesPerPixel();
+  return std::to_string(format.GetBitsStored()) + (isSigned ? " signed bits, " : " bits, ") + std::to_string(samples) +
+         (samples == 1 ? " sample, " : " samples, ") + std::to_string(size[0]) + " x " + std::to_string(size[1]);
+}
+
+[[noreturn]] void
+RefuseStream(const Source &            source,
+             const gdcm::PixelFormat & stream,
+             const unsigned int *      size,
+             const std::string &       reason = "")
+{
+  throw std::runtime_error("'" + source.path + "' has compressed pixels of " + DescribePixels(stream, size) +
+                           ", but its attributes say " + DescribePixels(source.format, source.size.data()) + reason +
+                           "; export the images without compression");
+}
+
+/** Of a number that a codec delivers. */
+unsigned short
+GetBytes(const gdcm::PixelFormat & stream)
+{
+  return stream.GetBitsStored() <= 8 ? 1 : stream.GetBitsStored() <= 16 ? 2 : 4;
+}
+
+/** What compressed streams say of their pixels. Throws if that is not possible with the attributes of \a source. */
+std::vector<gdcm::PixelFormat>
+ReadStreams(const Source & source, const gdcm::Image & image)
+{
+  gdcm::JPEGCodec          jpeg;
+  gdcm::JPEGLSCodec        jpegLS;
+  gdcm::JPEG2000Codec      jpeg2000;
+  gdcm::RLECodec           rle;
+  gdcm::ImageCodec * const codecs[] = { &jpeg, &jpegLS, &jpeg2000, &rle };
+  const auto               found = std::find_if(std::begin(codecs), std::end(codecs), [&image](const auto * codec) {
+    return codec->CanDecode(image.GetTransferSyntax());
+  });
+  const auto * const fragments = image.GetDataElement().GetSequenceOfFragments();
+  if (found == std::end(codecs) || !fragments || fragments->GetNumberOfFragments() == 0)
+  {
+    return {};
+  }
+  gdcm::ImageCodec &             codec = **found;
+  const gdcm::PixelFormat &      format = source.format;
+  const bool                     isEachFrame = fragments->GetNumberOfFragments() == source.size[2];
+  std::vector<gdcm::PixelFormat> streams;
+  for (std::size_t n = 0; n < (isEachFrame ? source.size[2] : 1); ++n)
+  {
+    const gdcm::ByteValue * const bytes = fragments->GetFragment(n).GetByteValue();
+    std::istringstream            fragment(bytes ? std::string(bytes->GetPointer(), bytes->GetLength()) : "");
+    gdcm::TransferSyntax          syntax;
+    codec.SetPixelFormat(image.GetPixelFormat());
+    if (!codec.GetHeaderInfo(fragment, syntax))
+    {
+      throw std::runtime_error("cannot decode the pixels of '" + source.path + "'; decompress the images first");
+    }
+    gdcm::PixelFormat stream = codec.GetPixelFormat();
+    if (&codec == &rle)
+    {
+      // bytes, whose meaning the attributes alone say
+      if (stream.GetBitsAllocated() * stream.GetSamplesPerPixel() !=
+          format.GetBitsAllocated() * format.GetSamplesPerPixel())
+      {
+        RefuseStream(source, stream, source.size.data());
+      }
+      if (format.GetBitsAllocated() > 8 && format.GetSamplesPerPixel() > 1)
+      {
+        throw std::runtime_error("'" + source.path + "' has colours of more than 8 bits, compressed by RLE, which " +
+                                 "GDCM mixes up; export the images without compression");
+      }
+      continue;
+    }
+    if (&codec != &jpeg2000)
+    {
+      stream.SetPixelRepresentation(0);
+    }
+    streams.push_back(stream);
+    const unsigned int * const size = codec.GetDimensions();
+    const unsigned int         bits = 8 * GetBytes(stream);
+    // ITK decodes colours, and takes their type from the attributes
+    const bool isLike = source.isConverted ? bits == format.GetBitsAllocated() &&
+                                               stream.GetPixelRepresentation() == format.GetPixelRepresentation()
+                                           : bits <= format.GetBitsAllocated();
+    if (!isLike || size[0] != source.size[0] || size[1] != source.size[1] ||
+        stream.GetSamplesPerPixel() != format.GetSamplesPerPixel() || bits != 8u * GetBytes(streams.front()))
+    {
+      RefuseStream(source, stream, size);
+    }
+  }
+  return streams;
+}
+
+/** The last \a bits of a number, with or without a sign. */
+std::int64_t
+TakeBits(std::int64_t number, int bits, bool isSigned)
+{
+  const auto range = std::int64_t{ 1 } << bits;
+  number &= range - 1;
+  return isSigned && number >= range / 2 ? number - range : number;
+}
+
+/** The numbers that a codec delivers, as the attributes say: streams have bits, which have a sign or not. Throws if a
+ * number does not fit into the stored bits, or if a stream has fewer bits and another sign. */
+template <typename TDecoded>
+std::vector<char>
+Interpret(const Source & source, const std::vector<char> & decoded)
+{
+  const int          bits = source.format.GetBitsStored();
+  const bool         isSigned = source.format.GetPixelRepresentation() == 1;
+  const auto         range = std::int64_t{ 1 } << bits;
+  const std::int64_t lowest = isSigned ? -range / 2 : 0;
+  const std::size_t  frames = source.size[2];
+  const std::size_t  count = decoded.size() / sizeof(TDecoded) / frames;
+  std::vector<char>  stored;
+  DispatchPixelType(source.storedType, [&](auto tag) {
+    using StoredType = typename decltype(tag)::Type;
+    stored.resize(frames * count * sizeof(StoredType));
+    const auto * from = reinterpret_cast<const TDecoded *>(decoded.data());
+    auto *       to = reinterpret_cast<StoredType *>(stored.data());
+    for (std::size_t frame = 0; frame < frames; ++frame)
+    {
+      const gdcm::PixelFormat & stream = source.streams[std::min(frame, source.streams.size() - 1)];
+      const int                 streamBits = stream.GetBitsStored();
+      const bool                isStreamSigned = stream.GetPixelRepresentation() == 1;
+      const bool                isEither = streamBits < bits && isStreamSigned != isSigned;
+      for (std::size_t n = 0; n < count; ++n, ++from, ++to)
+      {
+        auto value = TakeBits(*from, streamBits, isSigned);
+        // a sign that is stored without the bits before it
+        value -= isSigned && !isStreamSigned && value >= -lowest ? range : 0;
+        if (value < lowest || value >= lowest + range || (isEither && (*from >> (streamBits - 1) & 1)))
+        {
+          const auto number = TakeBits(*from, streamBits, isStreamSigned);
+          RefuseStream(source,
+                       stream,
+                       source.size.data(),
+                       ", and the value of the number " + std::to_string(number) + " is not clear");
+        }
+        *to = static_cast<StoredType>(value);
+      }
+    }
+  });
+  return stored;
 }
 
 /** What a frame is away from the position that all of a file have, in dose and nuclear medicine (PS3.3 C.8.8.3.2 and
@@ -143,6 +312,13 @@ ReadSource(const std::string & path)
   source.header.Remove(Tag(0x7fe0, 0x0010));
   source.size = { dimensions[0], dimensions[1], image.GetNumberOfDimensions() == 3 ? dimensions[2] : 1 };
   source.format = image.GetPixelFormat();
+  if (image.GetTransferSyntax().IsEncapsulated())
+  {
+    // GDCM changes its own by the first stream
+    const auto size = gdcm::ImageHelper::GetDimensionsValue(reader.GetFile());
+    std::copy_n(size.begin(), 3, source.size.begin());
+    source.format = gdcm::ImageHelper::GetPixelFormatValue(reader.GetFile());
+  }
   const auto colours = image.GetPhotometricInterpretation();
   source.isConverted = (colours != gdcm::PhotometricInterpretation::MONOCHROME1 &&
                         colours != gdcm::PhotometricInterpretation::MONOCHROME2) ||
@@ -162,6 +338,8 @@ ReadSource(const std::string & path)
     source.intercept = image.GetIntercept();
   }
   RequirePixelFormat(source);
+  RequireOneByteOrder(source, image.GetTransferSyntax());
+  source.streams = ReadStreams(source, image);
   return source;
 }
 
@@ -338,10 +516,20 @@ ReadStored(const Source & source)
     }
     return bytes;
   }
+  const unsigned short width = source.streams.empty() ? 0 : GetBytes(source.streams.front());
+  if (width > 0)
+  {
+    // all bits that the codec delivers
+    const auto bits = static_cast<unsigned short>(8 * width);
+    reader.GetImage().SetPixelFormat(gdcm::PixelFormat(1, bits, bits, static_cast<unsigned short>(bits - 1)));
+  }
   bytes.resize(image.GetBufferLength());
   if (!isRead || !image.GetBuffer(bytes.data()))
   {
     throw std::runtime_error("cannot decode the pixels of '" + source.path + "'; decompress the images first");
   }
-  return bytes;
+  return width == 0   ? bytes
+         : width == 1 ? Interpret<std::uint8_t>(source, bytes)
+         : width == 2 ? Interpret<std::uint16_t>(source, bytes)
+                      : Interpret<std::uint32_t>(source, bytes);
 }

@@ -38,6 +38,8 @@ struct Source
   unsigned int                components{ 1 };
   itk::IOComponentEnum        storedType{ itk::IOComponentEnum::UNKNOWNCOMPONENTTYPE };
   gdcm::PixelFormat           format;
+  /** Of the frames that a codec decodes, by their streams; one if it is for all. */
+  std::vector<gdcm::PixelFormat> streams{};
   /** Of all frames, or the first. */
   double slope{ 1.0 };
   double intercept{ 0.0 };
@@ -66,7 +68,7 @@ struct Slice
   std::uint16_t segment{ 0 };
 };
 
-/** A file with an image; none if it cannot be decoded. */
+/** A file with an image; none if it cannot be decoded. Throws if its attributes contradict its pixels. */
 std::optional<Source>
 ReadSource(const std::string & path);
 
@@ -83,7 +85,8 @@ GetName(const Slice & slice);
 void
 RequireLikeness(const Slice & slice, const Slice & first);
 
-/** The pixels of all frames as they are stored. */
+/** The pixels of all frames as they are stored. Bits that a codec delivers are read as the attributes say. Throws if
+ * the stream can mean other values. */
 std::vector<char>
 ReadStored(const Source & source);
 

@@ -50,6 +50,9 @@ const std::string dose = "1.2.840.10008.5.1.4.1.1.481.2";
 
 constexpr unsigned int columns = 4;
 constexpr unsigned int rows = 3;
+// GDCM's encoder of JPEG 2000 needs so many
+constexpr unsigned int manyColumns = 16;
+constexpr unsigned int manyRows = 12;
 
 /** Where a slice lies, as text; an empty one is left out. */
 struct Plane
@@ -62,6 +65,14 @@ struct Plane
   std::string intercept{ "0" };
 };
 using Planes = std::vector<Plane>;
+
+/** Of the bits of a pixel. */
+struct Format
+{
+  unsigned int allocated;
+  unsigned int stored;
+  bool         isSigned;
+};
 
 short
 GetStored(std::size_t slice, std::size_t pixel)
@@ -85,6 +96,15 @@ SetNumber(DataSet & dataSet, unsigned int number)
   gdcm::Attribute<VGroup, VElement> attribute;
   attribute.SetValue(static_cast<std::uint16_t>(number));
   dataSet.Replace(attribute.GetAsDataElement());
+}
+
+void
+SetFormat(DataSet & dataSet, const Format & format)
+{
+  SetNumber<0x0028, 0x0100>(dataSet, format.allocated);
+  SetNumber<0x0028, 0x0101>(dataSet, format.stored);
+  SetNumber<0x0028, 0x0102>(dataSet, format.stored - 1);
+  SetNumber<0x0028, 0x0103>(dataSet, format.isSigned ? 1 : 0);
 }
 
 void
@@ -203,12 +223,14 @@ protected:
   }
 
   void
-  WriteFile(const DataSet & dataSet, const fs::path & name) const
+  WriteFile(const DataSet &              dataSet,
+            const fs::path &             name,
+            const gdcm::TransferSyntax & syntax = gdcm::TransferSyntax::ExplicitVRLittleEndian) const
   {
     gdcm::Writer writer;
     writer.SetFileName((m_Folder / name).c_str());
     writer.GetFile().SetDataSet(dataSet);
-    writer.GetFile().GetHeader().SetDataSetTransferSyntax(gdcm::TransferSyntax::ExplicitVRLittleEndian);
+    writer.GetFile().GetHeader().SetDataSetTransferSyntax(syntax);
     ASSERT_TRUE(writer.Write());
   }
 
@@ -259,7 +281,70 @@ protected:
     ASSERT_TRUE(reader.Read());
     DataSet dataSet = reader.GetFile().GetDataSet();
     change(dataSet);
-    this->WriteFile(dataSet, name);
+    this->WriteFile(dataSet, name, reader.GetFile().GetHeader().GetDataSetTransferSyntax());
+  }
+
+  /** Three slices of numbers that have so many bits, the next of \a numbers in each pixel. */
+  void
+  WriteNumbers(const Format & format, const std::vector<int> & numbers) const
+  {
+    this->WriteSlices({ { "0\\0\\0" }, { "0\\0\\2" }, { "0\\0\\4" } });
+    for (const auto & file : ListFiles(m_Folder / "dicom"))
+    {
+      this->ChangeFile(file, [&](DataSet & dataSet) {
+        SetFormat(dataSet, format);
+        SetNumber<0x0028, 0x0010>(dataSet, manyRows);
+        SetNumber<0x0028, 0x0011>(dataSet, manyColumns);
+        const std::size_t count = (GetParam() ? 3 : 1) * manyColumns * manyRows;
+        std::string       pixels(count * format.allocated / 8, '\0');
+        for (std::size_t n = 0; n < count; ++n)
+        {
+          const auto number = static_cast<unsigned int>(numbers[n % (manyColumns * manyRows) % numbers.size()]);
+          for (std::size_t bit = 0; bit < format.allocated; ++bit)
+          {
+            const std::size_t place = n * format.allocated + bit;
+            pixels[place / 8] = static_cast<char>(pixels[place / 8] | (number >> bit & 1) << place % 8);
+          }
+        }
+        gdcm::DataElement element(Tag(0x7fe0, 0x0010), 0, format.allocated <= 8 ? gdcm::VR::OB : gdcm::VR::OW);
+        element.SetByteValue(pixels.data(), static_cast<std::uint32_t>(pixels.size()));
+        dataSet.Replace(element);
+      });
+    }
+  }
+
+  void
+  Compress(const gdcm::TransferSyntax & syntax) const
+  {
+    for (const auto & file : ListFiles(m_Folder / "dicom"))
+    {
+      gdcm::ImageReader               reader;
+      gdcm::ImageWriter               writer;
+      gdcm::ImageChangeTransferSyntax change;
+      reader.SetFileName(file.c_str());
+      ASSERT_TRUE(reader.Read());
+      change.SetInput(reader.GetImage());
+      change.SetTransferSyntax(syntax);
+      ASSERT_TRUE(change.Change());
+      writer.SetFile(reader.GetFile());
+      writer.SetImage(change.GetOutput());
+      writer.SetFileName(file.c_str());
+      ASSERT_TRUE(writer.Write());
+    }
+  }
+
+  /** That every slice has these values, repeated. */
+  void
+  ExpectValues(const std::vector<int> & values) const
+  {
+    const Volume volume = this->ReadFolder();
+    DispatchPixelType(volume.times.front().componentType, [&](auto tag) {
+      const auto * pixel = CastImage<typename decltype(tag)::Type>(volume.times.front()).GetBufferPointer();
+      for (std::size_t n = 0; n < std::size_t{ 3 } * manyColumns * manyRows; ++n, ++pixel)
+      {
+        ASSERT_EQ(static_cast<double>(*pixel), values[n % (manyColumns * manyRows) % values.size()]) << "pixel " << n;
+      }
+    });
   }
 
   /** The folder dicom, which must be read with warnings that have \a mention, or without any. */
@@ -407,27 +492,164 @@ TEST_P(ShearWarpMIPProgramDicomInput, ReadsCompressedPixels)
 {
   for (const auto syntax : { gdcm::TransferSyntax::JPEGLosslessProcess14_1,
                              gdcm::TransferSyntax::JPEGLSLossless,
+                             gdcm::TransferSyntax::JPEG2000Lossless,
                              gdcm::TransferSyntax::RLELossless })
   {
     SCOPED_TRACE(syntax);
-    this->WriteSlices({ { "0\\0\\0" }, { "0\\0\\2" }, { "0\\0\\4" } });
+    if (syntax != gdcm::TransferSyntax::JPEG2000Lossless)
+    {
+      this->WriteSlices({ { "0\\0\\0" }, { "0\\0\\2" }, { "0\\0\\4" } });
+      this->Compress(syntax);
+      ExpectSlices<short>(this->ReadFolder(), { 0, 1, 2 });
+    }
+    for (const Format & format : { Format{ 8, 8, false }, Format{ 16, 12, false }, Format{ 16, 12, true } })
+    {
+      SCOPED_TRACE(format.stored);
+      const int highest = (1 << (format.stored - (format.isSigned ? 1 : 0))) - 1;
+      const int lowest = format.isSigned ? -highest - 1 : 0;
+      this->WriteNumbers(format, { lowest, highest, 0, 1, lowest + 7 });
+      this->Compress(syntax);
+      this->ExpectValues({ lowest, highest, 0, 1, lowest + 7 });
+    }
+  }
+}
+
+TEST_P(ShearWarpMIPProgramDicomInput, ReadsBigEndian)
+{
+  // words of 16 bits have their bytes swapped, others have none
+  const auto swapBytes = [this](gdcm::VR::VRType type) {
     for (const auto & file : ListFiles(m_Folder / "dicom"))
     {
-      gdcm::ImageReader               reader;
-      gdcm::ImageWriter               writer;
-      gdcm::ImageChangeTransferSyntax change;
+      gdcm::Reader reader;
       reader.SetFileName(file.c_str());
       ASSERT_TRUE(reader.Read());
-      change.SetInput(reader.GetImage());
-      change.SetTransferSyntax(syntax);
-      ASSERT_TRUE(change.Change());
-      writer.SetFile(reader.GetFile());
-      writer.SetImage(change.GetOutput());
-      writer.SetFileName(file.c_str());
-      ASSERT_TRUE(writer.Write());
+      DataSet           dataSet = reader.GetFile().GetDataSet();
+      gdcm::DataElement pixels = dataSet.GetDataElement(Tag(0x7fe0, 0x0010));
+      pixels.SetVR(type);
+      dataSet.Replace(pixels);
+      const std::string little = ReadText(file);
+      this->WriteFile(dataSet, file, gdcm::TransferSyntax::ExplicitVRBigEndian);
+      std::string big = ReadText(file);
+      for (std::size_t n = 1; n <= pixels.GetVL(); ++n)
+      {
+        big[big.size() - n] = little[little.size() - (type == gdcm::VR::OW ? ((n - 1) ^ 1) + 1 : n)];
+      }
+      std::ofstream(file, std::ios::binary) << big;
     }
-    ExpectSlices<short>(this->ReadFolder(), { 0, 1, 2 });
+  };
+  for (const Format & format : { Format{ 1, 1, false },
+                                 Format{ 8, 8, false },
+                                 Format{ 8, 8, true },
+                                 Format{ 16, 12, false },
+                                 Format{ 16, 12, true },
+                                 Format{ 16, 16, false },
+                                 Format{ 16, 16, true } })
+  {
+    SCOPED_TRACE(std::to_string(format.stored) + (format.isSigned ? " bits, signed" : " bits"));
+    const int              highest = (1 << (format.stored - (format.isSigned ? 1 : 0))) - 1;
+    const int              lowest = format.isSigned ? -highest - 1 : 0;
+    const std::vector<int> numbers = { lowest, highest, 0, 1, highest / 3 };
+    for (const auto type : { gdcm::VR::OB, gdcm::VR::OW })
+    {
+      if (format.allocated <= 8 || type == gdcm::VR::OW)
+      {
+        this->WriteNumbers(format, numbers);
+        swapBytes(type);
+        this->ExpectValues(numbers);
+      }
+    }
   }
+  for (const bool isSigned : { false, true })
+  {
+    this->WriteNumbers({ 32, 32, isSigned }, { 1254000, 0 });
+    this->ExpectValues({ 1254000, 0 });
+    swapBytes(gdcm::VR::OW);
+    this->ExpectFailure("dicom out.png", "has pixels of 32 bits in big endian, whose byte order differs between ");
+  }
+}
+
+TEST_P(ShearWarpMIPProgramDicomInput, ReadsBitsOfStreamsAsAttributesSay)
+{
+  using Numbers = std::vector<int>;
+  for (const auto syntax : { gdcm::TransferSyntax::JPEG2000Lossless,
+                             gdcm::TransferSyntax::JPEGLSLossless,
+                             gdcm::TransferSyntax::JPEGLosslessProcess14_1 })
+  {
+    SCOPED_TRACE(syntax);
+    const auto write = [&](const Format & from, const Format & to, const Numbers & numbers) {
+      this->WriteNumbers(from, numbers);
+      this->Compress(syntax);
+      for (const auto & file : ListFiles(m_Folder / "dicom"))
+      {
+        this->ChangeFile(file, [&to](DataSet & dataSet) { SetFormat(dataSet, to); });
+      }
+    };
+    const auto expectValues =
+      [&](const Format & from, const Format & to, const Numbers & numbers, const Numbers & values) {
+        SCOPED_TRACE(std::to_string(from.stored) + " and " + std::to_string(to.stored) + " bits");
+        write(from, to, numbers);
+        this->ExpectValues(values);
+      };
+    const auto expectRefused =
+      [&](const Format & from, const Format & to, const Numbers & numbers, const std::string & mention) {
+        SCOPED_TRACE(std::to_string(from.stored) + " and " + std::to_string(to.stored) + " bits");
+        write(from, to, numbers);
+        this->ExpectFailure("dicom out.png", mention);
+      };
+    // the same bits, with the other sign
+    for (const int bits : { 12, 13, 16 })
+    {
+      const int range = 1 << bits;
+      Format    format{ 16, static_cast<unsigned int>(bits), true };
+      expectValues({ 16, format.stored, false }, format, { range - 1000, range - 1, 0, 1 }, { -1000, -1, 0, 1 });
+    }
+    expectValues({ 16, 16, true }, { 16, 16, false }, { -1000, -1, 0, 1 }, { 64536, 65535, 0, 1 });
+    // more bits than are stored
+    expectValues({ 16, 16, true }, { 16, 12, true }, { -2048, -1, 2047 }, { -2048, -1, 2047 });
+    expectValues({ 16, 16, false }, { 16, 12, true }, { 3096, 2047, 0 }, { -1000, 2047, 0 });
+    expectValues({ 16, 16, false }, { 16, 12, false }, { 4095, 0 }, { 4095, 0 });
+    expectRefused({ 16, 16, false },
+                  { 16, 12, false },
+                  { 4096, 0 },
+                  "has compressed pixels of 16 bits, 1 sample, 16 x 12, but its attributes say 12 bits, 1 sample, " +
+                    std::string("16 x 12, and the value of the number 4096 is not clear; export the images without"));
+    expectRefused({ 16, 16, true }, { 16, 12, true }, { 2047, -2049 }, "is not clear");
+    // fewer bits
+    expectValues({ 8, 8, false }, { 16, 16, false }, { 0, 1, 200, 255 }, { 0, 1, 200, 255 });
+    expectValues({ 8, 8, false }, { 16, 16, true }, { 0, 1, 127 }, { 0, 1, 127 });
+    expectRefused({ 8, 8, false },
+                  { 16, 16, true },
+                  { 0, 1, 200 },
+                  "say 16 signed bits, 1 sample, 16 x 12, and the value of the number 200 is not clear");
+    // numbers that do not fit, and other pictures
+    expectRefused({ 16, 16, false },
+                  { 8, 8, false },
+                  { 0, 1, 200 },
+                  "pixels of 16 bits, 1 sample, 16 x 12, but its attributes say 8 bits, 1 sample, 16 x 12; export");
+    write({ 16, 16, false }, { 16, 16, false }, { 1 });
+    this->ChangeFile(ListFiles(m_Folder / "dicom").front(),
+                     [](DataSet & dataSet) { SetNumber<0x0028, 0x0011>(dataSet, 15); });
+    this->ExpectFailure("dicom out.png", "sample, 16 x 12, but its attributes say 16 bits, 1 sample, 15 x 12; export");
+  }
+  // RLE has bytes
+  this->WriteNumbers({ 8, 8, false }, { 1, 2 });
+  this->Compress(gdcm::TransferSyntax::RLELossless);
+  this->ChangeFile(ListFiles(m_Folder / "dicom").front(),
+                   [](DataSet & dataSet) { SetFormat(dataSet, { 16, 16, false }); });
+  this->ExpectFailure("dicom out.png", "pixels of 8 bits, 1 sample, 16 x 12, but its attributes say 16 bits, 1 sample");
+  this->WriteNumbers({ 16, 16, false }, { 1, 258 });
+  for (const auto & file : ListFiles(m_Folder / "dicom"))
+  {
+    this->ChangeFile(file, [](DataSet & dataSet) {
+      SetNumber<0x0028, 0x0002>(dataSet, 3);
+      SetNumber<0x0028, 0x0006>(dataSet, 0);
+      SetNumber<0x0028, 0x0010>(dataSet, manyRows / 3);
+      SetText(dataSet, { 0x0028, 0x0004 }, "RGB");
+    });
+  }
+  this->ExpectSuccess("dicom out.nrrd");
+  this->Compress(gdcm::TransferSyntax::RLELossless);
+  this->ExpectFailure("dicom out.png", "has colours of more than 8 bits, compressed by RLE, which GDCM mixes up");
 }
 
 TEST_P(ShearWarpMIPProgramDicomInput, RefusesWhatIsNoVolume)
