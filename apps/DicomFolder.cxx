@@ -221,6 +221,13 @@ Describe(const Series & series, std::size_t number)
   return text + std::to_string(series.images) + (series.areProjections ? " projection" : " image") +
          (series.images == 1 ? "" : "s");
 }
+
+/** Whether Image Type (0008,0008) has a term. */
+bool
+HasType(const DataSet & header, const std::string & term)
+{
+  return ('\\' + GetText(header, { 0x0008, 0x0008 }) + '\\').find('\\' + term + '\\') != std::string::npos;
+}
 } // namespace
 
 std::vector<std::string>
@@ -279,12 +286,20 @@ FindSeries(const fs::path &        folder,
 bool
 IsProjection(const DataSet & header)
 {
-  const std::string type = '\\' + GetText(header, { 0x0008, 0x0008 }) + '\\';
-  const std::string terms[] = { "\\PROJECTION IMAGE\\", "\\MAX_IP\\", "\\MIN_IP\\" };
-  return std::any_of(std::begin(terms),
-                     std::end(terms),
-                     [&type](const std::string & term) { return type.find(term) != std::string::npos; }) ||
+  const auto terms = { "PROJECTION IMAGE", "MAX_IP", "MIN_IP" };
+  return std::any_of(terms.begin(), terms.end(), [&header](const char * term) { return HasType(header, term); }) ||
          GetText(header, { 0x0054, 0x1000 }).find("REPROJECTION") != std::string::npos;
+}
+
+bool
+IsMosaic(const DataSet & header)
+{
+  const gdcm::ByteValue * const count =
+    header.GetDataElement(gdcm::PrivateTag(0x0019, 0x0a, "SIEMENS MR HEADER")).GetByteValue();
+  // anonymizers may change Image Type
+  const bool hasTiles =
+    count && count->GetLength() == 2 && (count->GetPointer()[0] & 0xfe || count->GetPointer()[1] != 0);
+  return hasTiles || HasType(header, "MOSAIC");
 }
 
 bool

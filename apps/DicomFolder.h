@@ -36,6 +36,10 @@ FindSeries(const std::filesystem::path & folder,
 bool
 IsProjection(const gdcm::DataSet & header);
 
+/** Whether an image has the slices of a volume as tiles, as Siemens stores functional and diffusion MR. */
+bool
+IsMosaic(const gdcm::DataSet & header);
+
 /** Whether an image is a segmentation (PS3.6 table A-1). */
 bool
 IsSegmentation(const gdcm::DataSet & header);

@@ -260,6 +260,11 @@ ReadDicom(const fs::path & path, const std::string & series, const WarningFuncti
       throw std::runtime_error("'" + source.path +
                                "' is a projection, not a part of a volume; give the series that it was made from");
     }
+    if (IsMosaic(source.header))
+    {
+      throw std::runtime_error("'" + source.path + "' is a mosaic: the slices of a volume are tiles of one picture; " +
+                               "convert it by dcm2niix, and give the file that this program writes");
+    }
     const auto ofSource = GetSlices(source);
     slices.insert(slices.end(), ofSource.begin(), ofSource.end());
   }

@@ -366,6 +366,11 @@ GetSlices(const Source & source)
   const auto         groups = header.GetDataElement(Tag(0x5200, 0x9230)).GetValueAsSQ();
   const std::size_t  frames = source.size[2];
   std::vector<Slice> slices;
+  if (!GetItem(header, { 0x0028, 0x3000 }).IsEmpty())
+  {
+    throw std::runtime_error("'" + source.path + "' has its values in a Modality LUT Sequence (0028,3000), which is " +
+                             "not read; convert the images to values with a rescale slope");
+  }
   if (groups && groups->GetNumberOfItems() != frames)
   {
     throw std::runtime_error("'" + source.path + "' has " + std::to_string(frames) + " frames, but describes " +

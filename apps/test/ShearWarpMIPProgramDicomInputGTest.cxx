@@ -568,6 +568,41 @@ TEST_P(ShearWarpMIPProgramDicomInput, ReadsBigEndian)
   }
 }
 
+TEST_P(ShearWarpMIPProgramDicomInput, RefusesWhatIsNotValuesOfSlices)
+{
+  const Planes planes = { { "0\\0\\0" }, { "0\\0\\2" } };
+  const auto   expectRefused = [&](const std::function<void(DataSet &)> & change, const std::string & mention) {
+    this->WriteSlices(planes);
+    this->ChangeFile(ListFiles(m_Folder / "dicom").back(), change);
+    this->ExpectFailure("dicom out.png", mention);
+    this->ExpectFailure("in.nrrd out.png --overlay dicom", mention);
+  };
+  const std::string mosaic = "' is a mosaic: the slices of a volume are tiles of one picture; convert it by dcm2niix";
+  const std::string imageType = "ORIGINAL\\PRIMARY\\M\\ND\\MOSAIC";
+  expectRefused([&](DataSet & dataSet) { SetText(dataSet, { 0x0008, 0x0008 }, imageType); }, mosaic);
+  const auto setTiles = [](DataSet & dataSet, const std::string & count) {
+    gdcm::DataElement creator(Tag(0x0019, 0x0010), 0, gdcm::VR::LO);
+    creator.SetByteValue("SIEMENS MR HEADER ", 18);
+    dataSet.Replace(creator);
+    gdcm::DataElement tiles(Tag(0x0019, 0x100a), 0, gdcm::VR::US);
+    tiles.SetByteValue(count.data(), 2);
+    dataSet.Replace(tiles);
+  };
+  using namespace std::string_literals;
+  expectRefused([&](DataSet & dataSet) { setTiles(dataSet, "\x24\0"s); }, mosaic);
+  this->WriteSlices(planes);
+  this->ChangeFile(ListFiles(m_Folder / "dicom").back(), [&](DataSet & dataSet) { setTiles(dataSet, "\1\0"s); });
+  ExpectSlices<short>(this->ReadFolder(), { 0, 1 });
+
+  expectRefused(
+    [](DataSet & dataSet) {
+      DataSet table;
+      SetText(table, { 0x0028, 0x3003 }, "HU");
+      SetSequence(dataSet, { 0x0028, 0x3000 }, { table });
+    },
+    "has its values in a Modality LUT Sequence (0028,3000), which is not read");
+}
+
 TEST_P(ShearWarpMIPProgramDicomInput, ReadsBitsOfStreamsAsAttributesSay)
 {
   using Numbers = std::vector<int>;
