@@ -305,5 +305,6 @@ IsMosaic(const DataSet & header)
 bool
 IsSegmentation(const DataSet & header)
 {
-  return GetText(header, { 0x0008, 0x0016 }) == "1.2.840.10008.5.1.4.1.1.66.4";
+  const std::string sopClass = GetText(header, { 0x0008, 0x0016 });
+  return sopClass == "1.2.840.10008.5.1.4.1.1.66.4" || sopClass == "1.2.840.10008.5.1.4.1.1.66.7";
 }

@@ -18,6 +18,7 @@
 #include "DicomSegments.h"
 #include "DicomAttribute.h"
 #include "DicomFolder.h"
+#include "DicomReader.h"
 #include "DicomSlices.h"
 #include "FileStart.h"
 #include "InputFiles.h"
@@ -196,6 +197,32 @@ MakeLayers(const std::vector<Slice> &         frames,
   }
   return layers;
 }
+/** The numbers of segments of a label map, without its padding, as long as \a count. */
+std::vector<PixelType>
+ReadLabels(const std::vector<Slice> & frames, const std::vector<std::size_t> & indices, std::size_t count)
+{
+  const Source & source = *frames.front().source;
+  const auto     stored = ReadStored(source);
+  const auto     length = std::size_t{ source.size[0] } * source.size[1];
+  PixelType      padding = 0;
+  if (const auto * const bytes = source.header.GetDataElement(Tag(0x0028, 0x0120)).GetByteValue())
+  {
+    bytes->GetBuffer(reinterpret_cast<char *>(&padding), sizeof(padding));
+  }
+  std::vector<PixelType> labels(count);
+  DispatchPixelType(source.storedType, [&](auto tag) {
+    using StoredType = typename decltype(tag)::Type;
+    for (std::size_t n = 0; n < frames.size(); ++n)
+    {
+      const auto * const numbers = reinterpret_cast<const StoredType *>(stored.data()) + frames[n].frame * length;
+      std::transform(numbers, numbers + length, labels.data() + indices[n] * length, [padding](StoredType number) {
+        const auto label = static_cast<PixelType>(number);
+        return label == padding ? PixelType{ 0 } : label;
+      });
+    }
+  });
+  return labels;
+}
 } // namespace
 
 std::optional<SegmentFile>
@@ -216,16 +243,19 @@ ReadDicomSegments(const std::filesystem::path & path, const WarningFunction & wa
   auto                             frames = GetSlices(*source);
   std::vector<std::size_t>         indices;
   const auto                       grid = ArrangeFrames(frames, indices, files.front());
+  const auto                       count = grid->GetLargestPossibleRegion().GetNumberOfPixels();
+  const bool                       isLabelMap = IsLabelMap(source->header);
   std::map<PixelType, std::size_t> layerOf;
   for (const Slice & frame : frames)
   {
-    if (frame.segment == 0)
+    if (!isLabelMap && frame.segment == 0)
     {
       throw std::runtime_error(GetName(frame) + " has no segment number");
     }
     layerOf[frame.segment] = 0;
   }
-  const auto  layers = MakeLayers(frames, indices, grid->GetLargestPossibleRegion().GetNumberOfPixels(), layerOf);
+  const auto  layers = isLabelMap ? std::vector<std::vector<PixelType>>{ ReadLabels(frames, indices, count) }
+                                  : MakeLayers(frames, indices, count, layerOf);
   const auto  components = static_cast<unsigned int>(layers.size());
   SegmentFile file;
   file.labels.dicomFiles = { files.front() };
@@ -240,7 +270,8 @@ ReadDicomSegments(const std::filesystem::path & path, const WarningFunction & wa
   }
   for (const auto & [number, appearance] : ReadAppearances(source->header))
   {
-    if (const auto layer = layerOf.find(number); layer != layerOf.end() && !appearance.name.empty())
+    const auto layer = layerOf.find(isLabelMap ? 0 : number);
+    if (layer != layerOf.end() && !appearance.name.empty())
     {
       file.appearances[{ static_cast<unsigned int>(layer->second), number }] = appearance;
     }

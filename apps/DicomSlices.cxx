@@ -17,12 +17,12 @@
  *=========================================================================*/
 #include "DicomSlices.h"
 #include "DicomAttribute.h"
+#include "DicomReader.h"
 
 #include "itkGDCMImageIO.h"
 
 #include <gdcmAttribute.h>
 #include <gdcmImageHelper.h>
-#include <gdcmImageReader.h>
 #include <gdcmJPEG2000Codec.h>
 #include <gdcmJPEGCodec.h>
 #include <gdcmJPEGLSCodec.h>
@@ -298,7 +298,7 @@ ReadSource(const std::string & path)
 {
   // as ITK has it
   gdcm::ImageHelper::SetForceRescaleInterceptSlope(true);
-  gdcm::ImageReader reader;
+  DicomReader reader;
   reader.SetFileName(path.c_str());
   if (!reader.Read())
   {
@@ -321,7 +321,7 @@ ReadSource(const std::string & path)
   }
   const auto colours = image.GetPhotometricInterpretation();
   source.isConverted = (colours != gdcm::PhotometricInterpretation::MONOCHROME1 &&
-                        colours != gdcm::PhotometricInterpretation::MONOCHROME2) ||
+                        colours != gdcm::PhotometricInterpretation::MONOCHROME2 && !IsLabelMap(source.header)) ||
                        source.format == gdcm::PixelFormat::SINGLEBIT;
   if (source.isConverted)
   {
@@ -506,7 +506,7 @@ ReadStored(const Source & source)
     io->Read(bytes.data());
     return bytes;
   }
-  gdcm::ImageReader reader;
+  DicomReader reader;
   reader.SetFileName(source.path.c_str());
   const bool          isRead = reader.Read();
   const gdcm::Image & image = reader.GetImage();

@@ -18,6 +18,7 @@
 #include "Input.h"
 #include "DicomInput.h"
 #include "FileGeometry.h"
+#include "FileStart.h"
 #include "InputFiles.h"
 #include "Integrity.h"
 #include "TiffInput.h"
@@ -183,7 +184,7 @@ ReadVolume(const std::filesystem::path & path,
       return;
     }
     const auto io = itk::ImageIOFactory::CreateImageIO(path.c_str(), itk::IOFileModeEnum::ReadMode);
-    if (io && dynamic_cast<const itk::GDCMImageIO *>(io.GetPointer()))
+    if (io ? dynamic_cast<const itk::GDCMImageIO *>(io.GetPointer()) != nullptr : HasPreamble(path))
     {
       volume = ReadDicom(path, series, warn, option);
       return;

@@ -17,6 +17,7 @@
  *=========================================================================*/
 #include "Integrity.h"
 
+#include "DicomReader.h"
 #include "FileStart.h"
 #include "Posix.h"
 #include "Process.h"
@@ -31,7 +32,6 @@
 #include "itksys/SystemTools.hxx"
 
 #include <gdcmFileMetaInformation.h>
-#include <gdcmImageReader.h>
 #include <gdcmMediaStorage.h>
 #include <gdcmPreamble.h>
 #include <gdcmTransferSyntax.h>
@@ -351,10 +351,10 @@ bool
 IsIntactDICOM(const std::string & path)
 try
 {
-  const bool        isDeflated = IsDeflated(path);
-  WatchedFile       file(path);
-  std::istream      stream(&file);
-  gdcm::ImageReader reader;
+  const bool   isDeflated = IsDeflated(path);
+  WatchedFile  file(path);
+  std::istream stream(&file);
+  DicomReader  reader;
   reader.SetStream(stream);
   const bool isImage = reader.Read();
   const bool isWhole = isDeflated || !file.IsTooShort();

@@ -16,6 +16,7 @@
  *
  *=========================================================================*/
 #include "Input.h"
+#include "Segments.h"
 #include "ShearWarpMIPProgramTestHelper.h"
 
 #include "itkAffineTransform.h"
@@ -776,6 +777,80 @@ TEST_P(ShearWarpMIPProgramDicomInput, ReadsGridOfDoseAndSlicesOfNuclearMedicine)
   emission.Insert(order.GetAsDataElement());
   this->WriteFile(emission, "dicom/a.dcm");
   this->ExpectFailure("dicom out.png", "is not in the order of the slices");
+}
+
+TEST_P(ShearWarpMIPProgramDicomInput, ReadsLabelMap)
+{
+  // of 16 bits with padding, or of 8
+  const unsigned int               bits = GetParam() ? 16 : 8;
+  const unsigned short             padding = GetParam() ? 999 : 0;
+  const std::array<std::size_t, 3> order = { 2, 0, 1 };
+  const auto                       getNumber = [padding](std::size_t slice, std::size_t pixel) {
+    const unsigned short numbers[] = { padding, 3, 0, 200 };
+    return numbers[(slice + pixel) % 4];
+  };
+  DataSet              map = MakeImage("1.2.840.10008.5.1.4.1.1.66.7", 0, 3);
+  std::vector<DataSet> groups;
+  std::string          pixels;
+  for (const std::size_t slice : order)
+  {
+    groups.emplace_back();
+    SetPlane(groups.back(), { "-39\\13\\" + std::to_string(3 + 2 * slice), "", "" }, true);
+    for (std::size_t n = 0; n < std::size_t{ columns } * rows; ++n)
+    {
+      const unsigned short number = getNumber(slice, n);
+      pixels += static_cast<char>(number & 0xff);
+      pixels += bits == 16 ? std::string(1, static_cast<char>(number >> 8)) : "";
+    }
+  }
+  DataSet shared;
+  SetPlane(shared, { "" }, true);
+  SetSequence(map, { 0x5200, 0x9229 }, { shared });
+  SetSequence(map, { 0x5200, 0x9230 }, groups);
+  std::vector<DataSet> segments(2);
+  SetNumber<0x0062, 0x0004>(segments[0], 3);
+  SetText(segments[0], { 0x0062, 0x0005 }, "liver");
+  SetNumber<0x0062, 0x0004>(segments[1], 200);
+  SetText(segments[1], { 0x0062, 0x0005 }, "spleen");
+  SetSequence(map, { 0x0062, 0x0002 }, segments);
+  SetText(map, { 0x0062, 0x0001 }, "LABELMAP");
+  SetFormat(map, { bits, bits, false });
+  gdcm::DataElement element(Tag(0x7fe0, 0x0010), 0, bits == 8 ? gdcm::VR::OB : gdcm::VR::OW);
+  element.SetByteValue(pixels.data(), static_cast<std::uint32_t>(pixels.size()));
+  map.Replace(element);
+  if (padding != 0)
+  {
+    gdcm::DataElement value(Tag(0x0028, 0x0120), 0, gdcm::VR::US);
+    value.SetByteValue(reinterpret_cast<const char *>(&padding), sizeof(padding));
+    map.Replace(value);
+  }
+  this->WriteFile(map, "dicom/map.dcm");
+
+  const Segments read = ReadSegments(this->GetPath("dicom/map.dcm"), [](const std::string & text) { FAIL() << text; });
+  ASSERT_EQ(read.list.size(), 2u);
+  EXPECT_EQ(read.list[0].name, "liver");
+  EXPECT_EQ(read.list[0].label, 3u);
+  EXPECT_EQ(read.list[1].name, "spleen");
+  EXPECT_EQ(read.list[1].label, 200u);
+  // a slice at each end is empty
+  ASSERT_EQ(read.labels.times.front().image->GetLargestPossibleRegion().GetSize(),
+            (itk::Size<3>{ { columns, rows, 5 } }));
+  ExpectGrid(read.labels, { -39, 13, 1 }, { 0.5, 1.5, 2.0 }, { 0, 0, 1 });
+  const unsigned short * label = CastImage<unsigned short>(read.labels.times.front()).GetBufferPointer();
+  for (std::size_t slice = 0; slice < 5; ++slice)
+  {
+    for (std::size_t n = 0; n < std::size_t{ columns } * rows; ++n)
+    {
+      const unsigned short number = slice == 0 || slice == 4 ? 0 : getNumber(slice - 1, n);
+      ASSERT_EQ(*label++, number == padding ? 0 : number);
+    }
+  }
+  this->ExpectSuccess("in.nrrd out.png --segments dicom");
+  this->ExpectFailure("dicom/map.dcm out.png", "is a DICOM segmentation: --segments takes one");
+  this->ExpectFailure("dicom out.png", "is a DICOM segmentation: --segments takes one");
+  this->WithCutFile("dicom/map.dcm", ReadText(m_Folder / "dicom/map.dcm").size() - 1, [&] {
+    this->ExpectFailure("in.nrrd out.png --segments dicom/map.dcm", "map.dcm' is damaged or incomplete");
+  });
 }
 
 TEST_P(ShearWarpMIPProgramDicomInput, CountsWhatIsInTheFolder)
