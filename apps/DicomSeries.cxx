@@ -335,6 +335,8 @@ SetPetModules(DataSet & header, const DataSet & source, std::size_t frames, bool
       CopyAttribute(source, header, Tag(attribute));
     }
   }
+  // Patient Orientation Code Sequence has its place (PS3.3 C.7.3.1)
+  header.Remove(Tag(0x0018, 0x5100));
   const bool isWholeBody = GetText(source, { 0x0054, 0x1000 }).find("WHOLE BODY") == 0;
   SetText(header, { 0x0054, 0x1000 }, std::string(isWholeBody ? "WHOLE BODY" : "STATIC") + "\\REPROJECTION");
   SetText(header, { 0x0054, 0x1004 }, "MAX PIXEL");

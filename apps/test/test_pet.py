@@ -156,6 +156,19 @@ def test_reprojection(tmp_path, kind, turn):
     assert np.linalg.matrix_rank(normals, tol=1e-6) == 2
 
 
+def test_patient_position(tmp_path):
+    """A PET image has sequences instead, which may be empty (PS3.3 C.7.3.1 and C.8.4.6)."""
+
+    def change(dataset, n):
+        dataset.PatientPosition = "HFS"
+        del dataset.PatientOrientationCodeSequence, dataset.PatientGantryRelationshipCodeSequence
+
+    run(write_pet(tmp_path / "pet", change=change), tmp_path / "mip.mha", "--frames", 2, "--dicom-out", tmp_path / "turn")
+    for dataset in read_dicom(tmp_path / "turn"):
+        assert dataset.SOPClassUID == PET and "PatientPosition" not in dataset
+        assert not dataset.PatientOrientationCodeSequence and not dataset.PatientGantryRelationshipCodeSequence
+
+
 @pytest.mark.parametrize("lowest", [-1000, 0])
 @pytest.mark.parametrize("highest", [0, 32767])
 def test_whole_numbers_are_exact(tmp_path, lowest, highest):
