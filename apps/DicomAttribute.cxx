@@ -16,6 +16,7 @@
  *
  *=========================================================================*/
 #include "DicomAttribute.h"
+#include "CharacterSet.h"
 
 #include <gdcmDict.h>
 #include <gdcmDicts.h>
@@ -73,24 +74,15 @@ Describe(const Tag & tag)
 std::string
 GetLine(const DataSet & dataSet, const Tag & tag, const DataSet & header)
 {
-  const std::string characterSet = GetText(header, { 0x0008, 0x0005 });
-  const bool        isUTF8 = characterSet == "ISO_IR 192";
+  const std::string text = ConvertToUTF8(GetText(dataSet, tag), GetText(header, { 0x0008, 0x0005 }));
   std::string       line;
-  for (const char character : GetText(dataSet, tag))
+  for (std::size_t n = 0; n < text.size(); ++n)
   {
-    const auto code = static_cast<unsigned char>(character);
-    if (code < ' ' || code == 0x7f || (code > 0x7f && !isUTF8 && (characterSet != "ISO_IR 100" || code < 0xa0)))
-    {
-      line += '?';
-    }
-    else if (code > 0x7f && !isUTF8)
-    {
-      line += { static_cast<char>(0xc0 | code >> 6), static_cast<char>(0x80 | (code & 0x3f)) };
-    }
-    else
-    {
-      line += character;
-    }
+    const auto code = static_cast<unsigned char>(text[n]);
+    // also the control characters from U+0080 to U+009F
+    const bool isHigh = code == 0xc2 && n + 1 < text.size() && static_cast<unsigned char>(text[n + 1]) < 0xa0;
+    line += code < ' ' || code == 0x7f || isHigh ? '?' : text[n];
+    n += isHigh ? 1 : 0;
   }
   return line;
 }

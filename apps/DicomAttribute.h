@@ -39,7 +39,7 @@ GetText(const gdcm::DataSet & dataSet, const gdcm::Tag & tag)
   return Trim(text.substr(0, text.find('\0')));
 }
 
-/** A text in UTF-8, as far as the character set of \a header is Latin 1 or that, fit for a line. */
+/** A text in UTF-8, from the character set of \a header, fit for a line. */
 std::string
 GetLine(const gdcm::DataSet & dataSet, const gdcm::Tag & tag, const gdcm::DataSet & header);
 

@@ -184,7 +184,7 @@ ReadVolume(const std::filesystem::path & path,
       return;
     }
     const auto io = itk::ImageIOFactory::CreateImageIO(path.c_str(), itk::IOFileModeEnum::ReadMode);
-    if (io ? dynamic_cast<const itk::GDCMImageIO *>(io.GetPointer()) != nullptr : HasPreamble(path))
+    if (HasPreamble(path) || (io && dynamic_cast<const itk::GDCMImageIO *>(io.GetPointer())))
     {
       volume = ReadDicom(path, series, warn, option);
       return;

@@ -18,7 +18,11 @@
 #include "Text.h"
 
 #include <algorithm>
+#include <cwchar>
+#include <locale>
 #include <numeric>
+#include <optional>
+#include <stdexcept>
 
 namespace
 {
@@ -40,6 +44,24 @@ CountEdits(const std::string & a, const std::string & b)
   }
   return row.back();
 }
+
+/** A locale that knows the letters of UTF-8, if the platform has one. */
+std::optional<std::locale>
+FindLocale()
+{
+  for (const char * const name : { "C.UTF-8", "en_US.UTF-8" })
+  {
+    try
+    {
+      return std::locale(name);
+    }
+    catch (const std::runtime_error &)
+    {
+      // the next may be there
+    }
+  }
+  return {};
+}
 } // namespace
 
 std::string
@@ -56,7 +78,31 @@ ToLower(std::string text)
   std::transform(text.begin(), text.end(), text.begin(), [](char letter) {
     return 'A' <= letter && letter <= 'Z' ? static_cast<char>(letter - 'A' + 'a') : letter;
   });
-  return text;
+  static const std::optional<std::locale> locale = FindLocale();
+  if (!locale)
+  {
+    return text;
+  }
+  using CodecType = std::codecvt<wchar_t, char, std::mbstate_t>;
+  const auto &   codec = std::use_facet<CodecType>(*locale);
+  std::mbstate_t state{};
+  std::wstring   letters(text.size(), L'\0');
+  wchar_t *      lettersEnd = letters.data();
+  const char *   read = text.data();
+  const auto     result =
+    codec.in(state, read, read + text.size(), read, letters.data(), letters.data() + letters.size(), lettersEnd);
+  if (result != CodecType::ok)
+  {
+    return text;
+  }
+  std::use_facet<std::ctype<wchar_t>>(*locale).tolower(letters.data(), lettersEnd);
+  std::string     lower(4 * letters.size(), '\0');
+  char *          lowerEnd = lower.data();
+  const wchar_t * written = letters.data();
+  state = {};
+  codec.out(state, written, lettersEnd, written, lower.data(), lower.data() + lower.size(), lowerEnd);
+  lower.resize(static_cast<std::size_t>(lowerEnd - lower.data()));
+  return lower;
 }
 
 std::string

@@ -29,7 +29,7 @@ constexpr std::size_t MostCharacters = 4000;
 std::string
 Trim(const std::string & text);
 
-/** \a text in small letters (ASCII). */
+/** \a text, UTF-8, in small letters; in those of ASCII if the platform has no locale of UTF-8. */
 std::string
 ToLower(std::string text);
 

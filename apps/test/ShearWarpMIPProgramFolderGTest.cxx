@@ -118,6 +118,55 @@ TEST_F(ShearWarpMIPProgramFolder, ListsItsSeries)
   EXPECT_EQ(this->Read("out.nrrd")->GetBufferedRegion().GetSize(1), 8u);
 }
 
+TEST_F(ShearWarpMIPProgramFolder, HasDescriptionsInAnyCharacterSet)
+{
+  this->WriteSeries("1.2.3.5", "b", 1);
+  // most are of PS3.5 H to K; the file's bytes, and in UTF-8
+  const std::vector<std::array<std::string, 3>> texts = {
+    { "ISO_IR 100", "Sch\xe4" "del", "Sch\u00e4del" },
+    { "ISO_IR 101", "Wa\xb3\xea" "sa", "Wa\u0142\u0119sa" },
+    { "ISO_IR 109", "\xa6", "\u0124" },
+    { "ISO_IR 110", "\xbd", "\u014a" },
+    { "ISO_IR 126", "\xc4\xe9\xef", "\u0394\u03b9\u03bf" },
+    { "ISO_IR 127", "\xe2\xc8\xc7", "\u0642\u0628\u0627" },
+    { "ISO_IR 138", "\xf9\xf8\xe5\xef", "\u05e9\u05e8\u05d5\u05df" },
+    { "ISO_IR 144", "\xbb\xee\xda", "\u041b\u044e\u043a" },
+    { "ISO_IR 148", "\xdd", "\u0130" },
+    { "ISO_IR 166", "\xca\xc1\xcb", "\u0e2a\u0e21\u0e2b" },
+    { "ISO_IR 203", "5 \xa4", "5 \u20ac" },
+    { "ISO_IR 13", "\xd4\xcf\xc0\xde", "\uff94\uff8f\uff80\uff9e" },
+    { "ISO_IR 192", "\u738b", "\u738b" },
+    { "GB18030", "\xcd\xf5 \x81\x30\x84\x36", "\u738b \u00a5" },
+    { "GBK", "\xcd\xf5", "\u738b" },
+    { "\\ISO 2022 IR 87", "Yamada \x1b$B;3ED\x1b(B \x1b$BB@O:\x1b(B.", "Yamada \u5c71\u7530 \u592a\u90ce." },
+    { "ISO 2022 IR 13\\ISO 2022 IR 87", "\xd4\xcf\x1b$B;3ED\x1b(J \xd4", "\uff94\uff8f\u5c71\u7530 \uff94" },
+    { "\\ISO 2022 IR 87\\ISO 2022 IR 159", "\x1b$(D0!\x1b(B.", "\u4e02." },
+    { "\\ISO 2022 IR 149", "Hong \x1b$)C\xfb\xf3 \xd1\xce\xd4\xd7", "Hong \u6d2a \u5409\u6d1e" },
+    { "\\ISO 2022 IR 58", "Zhang \x1b$)A\xd5\xc5", "Zhang \u5f20" },
+    { "ISO 2022 IR 100\\ISO 2022 IR 144", "\xe4 \x1b-L\xbb \x1b-A\xe4", "\u00e4 \u041b \u00e4" },
+    // what is no character
+    { "", "a\xe4" "b", "a?b" },
+    { "ISO_IR 100", "a\x9b" "b\x1b" "c\x7f", "a?b?c?" },
+    { "ISO_IR 192", "a\xe4" "b\xc2\x85", "a?b?" },
+    { "\\ISO 2022 IR 87", "a\x1b$B;3\xe4\x1b(Bb", "a\u5c71?b" },
+    { "ISO_IR 999", "a\xe4" "b", "a?b" },
+  };
+  for (const auto & [characterSet, text, expected] : texts)
+  {
+    SCOPED_TRACE(characterSet);
+    Tags tags = { { "0008|103e", text }, { "0008|0021", "20230101" } };
+    if (!characterSet.empty())
+    {
+      tags["0008|0005"] = characterSet;
+    }
+    this->WriteSeries("1.2.3.4", "a", 2, tags);
+    this->ExpectFailure("dicom out.png", "NUMBER: 1: " + expected + ", MR, 2023-01-01, 2 images; 2: MR, ");
+  }
+  this->WriteSeries("1.2.3.4", "a", 2, { { "0008|103e", "\xc4\xe9\xef" }, { "0008|0005", "ISO_IR 126" } });
+  this->ExpectSuccess("dicom out.nrrd --series \u03b4\u0399\u039f");
+  this->ExpectFailure("dicom out.png --series \u03b4\u0399\u0399", " is not in 'dicom'");
+}
+
 TEST_F(ShearWarpMIPProgramFolder, IsRefused)
 {
   fs::create_directories(m_Folder / "empty/inner");
