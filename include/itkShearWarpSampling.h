@@ -33,7 +33,8 @@
  * Floating-point samples are three linear interpolations `b + x * (a - b)`, along columns first, each in
  * the pixel's own precision and without contraction. Because x is at most 1 - 2^-15, the result is never outside the
  * range of the four voxels, unless their difference overflows. A voxel with weight zero is not used. A maximum ignores
- * samples that are not-a-number or minus infinity, and a maximum of zero is +0.
+ * samples that are not-a-number or minus infinity. A zero is +0 in every picture, part and depth, apart from the value
+ * of pixels without a sample.
  */
 namespace itk::ShearWarp
 {

@@ -220,8 +220,9 @@ struct Lanes
   static Single GatherSingle(const float * p, Index v) { return _mm256_i32gather_ps(p, v, 4); }
   static Single SetSingle(float v) { return _mm256_set1_ps(v); }
   static void StoreSingle(float * p, Single v) { _mm256_storeu_ps(p, v); }
-  static Single MaximumSingle(Single a, Single b) { return _mm256_max_ps(a, b); }
-  static Single MinimumSingle(Single a, Single b) { return _mm256_min_ps(a, b); }
+  /** \a a if both are equal or one is not a number. */
+  static Single MaximumSingle(Single a, Single b) { return _mm256_max_ps(b, a); }
+  static Single MinimumSingle(Single a, Single b) { return _mm256_min_ps(b, a); }
   static Single SelectWhereZero(Index v, Single zero, Single other) { return _mm256_blendv_ps(other, zero, _mm256_castsi256_ps(_mm256_cmpeq_epi32(v, _mm256_setzero_si256()))); }
   static bool AreFinite(Single v) { const Single difference = _mm256_sub_ps(v, v); return _mm256_movemask_ps(_mm256_cmp_ps(difference, difference, _CMP_UNORD_Q)) == 0; }
   static Double SingleToDouble(Single v) { return _mm512_cvtps_pd(v); }

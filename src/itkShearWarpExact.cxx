@@ -48,7 +48,7 @@ RoundToPixel(ExactNumber<TPixel> value)
 {
   if constexpr (std::is_floating_point_v<TPixel>)
   {
-    return static_cast<TPixel>(value + 0.0);
+    return static_cast<TPixel>(value) + TPixel{ 0 };
   }
   else
   {
@@ -370,7 +370,7 @@ RaySearch<TPixel>::SetPixels()
     m_Picture.pixels[pixel] = RoundToPixel<TPixel>(isMinimum ? -best[n] : best[n]);
     if (m_Picture.depths)
     {
-      m_Picture.depths[pixel] = static_cast<float>(m_View.depth(p, q, places[n]));
+      m_Picture.depths[pixel] = static_cast<float>(m_View.depth(p, q, places[n])) + 0.0f;
     }
   }
   m_Rays.clear();

@@ -467,7 +467,7 @@ struct Lanes
 
   static Single SetSingle(float v) { return v - Single{}; }
   static void StoreSingle(float * p, Single v) { StoreVector(p, v); }
-  /** \a b if one is not a number. */
+  /** \a a if both are equal or one is not a number. */
   static Single MaximumSingle(Single a, Single b) { return b > a ? b : a; }
   static Single MinimumSingle(Single a, Single b) { return b < a ? b : a; }
   static Single SelectWhereZero(Index v, Single zero, Single other) { return v == 0 ? zero : other; }

@@ -108,7 +108,8 @@ PrefetchVoxel(const void *)
 
 #include "itkShearWarpExactKernels.h"
 
-/** The weighted mean of VCount values, rounded half upward to the pixel type. The weights sum to \a sum <= 2^15. */
+/** The weighted mean of VCount values, rounded half upward to the pixel type; a mean of zero is +0. The weights sum to
+ * \a sum <= 2^15. */
 template <typename TPixel, std::size_t VCount>
 TPixel
 WeightedMean(const TPixel (&values)[VCount], const std::int32_t (&weights)[VCount], std::int32_t sum)
@@ -130,7 +131,7 @@ WeightedMean(const TPixel (&values)[VCount], const std::int32_t (&weights)[VCoun
     const TPixel lowest = weighted(std::numeric_limits<TPixel>::infinity(), std::less<>());
     const TPixel highest = weighted(-std::numeric_limits<TPixel>::infinity(), std::greater<>());
     // no std::clamp: where all are not a number, lowest is more than highest
-    return std::min(std::max(static_cast<TPixel>(mean / sum), lowest), highest);
+    return std::min(std::max(static_cast<TPixel>(mean / sum), lowest), highest) + TPixel{ 0 };
   }
   else
   {
@@ -580,7 +581,7 @@ FindDepths(const IntermediateImage<TPixel> & intermediate,
     const double       q = (map.yx * x + map.yy * y) + map.y0;
     const std::int32_t slice = FindSlice(intermediate, p, q);
     depths[n] = slice < 0 ? std::numeric_limits<float>::quiet_NaN()
-                          : static_cast<float>(depth(toSheared(p), toSheared(q), slice));
+                          : static_cast<float>(depth(toSheared(p), toSheared(q), slice)) + 0.0f;
   }
 }
 

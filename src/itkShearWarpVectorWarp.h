@@ -61,7 +61,7 @@ InterpolateCells(const WarpCells & cells, const float * pixels, float * output)
                                     Lanes::GatherSingle(pixels + cells.rowStride, cells.index),
                                     Lanes::GatherSingle(pixels + cells.rowStride + 1, cells.index) };
   const Lanes::Index  weights[4] = { cells.bbWeights, cells.baWeights, cells.abWeights, cells.aaWeights };
-  Lanes::Double       mean = Lanes::SetDouble(0.0);
+  Lanes::Double       total = Lanes::SetDouble(0.0);
   Lanes::Single       lowest = Lanes::SetSingle(__builtin_inff());
   Lanes::Single       highest = Lanes::SetSingle(-__builtin_inff());
   for (int corner = 0; corner < 4; ++corner)
@@ -70,13 +70,15 @@ InterpolateCells(const WarpCells & cells, const float * pixels, float * output)
     {
       return false;
     }
-    mean = Lanes::AddDouble(
-      mean, Lanes::MultiplyDouble(Lanes::IndexToDouble(weights[corner]), Lanes::SingleToDouble(values[corner])));
+    total = Lanes::AddDouble(
+      total, Lanes::MultiplyDouble(Lanes::IndexToDouble(weights[corner]), Lanes::SingleToDouble(values[corner])));
     lowest = Lanes::SelectWhereZero(weights[corner], lowest, Lanes::MinimumSingle(values[corner], lowest));
     highest = Lanes::SelectWhereZero(weights[corner], highest, Lanes::MaximumSingle(values[corner], highest));
   }
-  const Lanes::Single rounded = Lanes::DoubleToSingle(Lanes::MultiplyDouble(mean, Lanes::SetDouble(1.0 / 32768)));
-  Lanes::StoreSingle(output, Lanes::MinimumSingle(highest, Lanes::MaximumSingle(lowest, rounded)));
+  const Lanes::Single rounded = Lanes::DoubleToSingle(Lanes::MultiplyDouble(total, Lanes::SetDouble(1.0 / 32768)));
+  const Lanes::Single mean = Lanes::MinimumSingle(highest, Lanes::MaximumSingle(lowest, rounded));
+  // a mean of zero is +0
+  Lanes::StoreSingle(output, mean + Lanes::SetSingle(0.0f));
   return true;
 }
 

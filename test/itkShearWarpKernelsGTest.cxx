@@ -1117,6 +1117,43 @@ TYPED_TEST(ShearWarpKernelsTyped, WarpRowFollowsTheRule)
   }
 }
 
+TYPED_TEST(ShearWarpKernelsFloating, WarpRowMakesEveryZeroPositive)
+{
+  constexpr TypeParam least = std::numeric_limits<TypeParam>::denorm_min();
+  constexpr TypeParam values[] = { 0, -TypeParam{ 0 }, least, -least, 3 * least, -3 * least, -TypeParam{ 0.5 } };
+  Random              random(12);
+  for (int repeat = 0; repeat < 200; ++repeat)
+  {
+    const std::ptrdiff_t columns = OddLengths[random.Integer(0, 5)];
+    constexpr int        rows = 3;
+    // nearly all are zeros
+    const auto             most = repeat % 2 == 0 ? 3 : std::int64_t{ std::size(values) } - 1;
+    std::vector<TypeParam> pixels(columns * rows);
+    std::generate(pixels.begin(), pixels.end(), [&] { return values[random.Integer(0, most)]; });
+    const Kernels::ColumnSpan  all{ 0, static_cast<std::int32_t>(columns) };
+    const double               slope = repeat % 3 == 0 ? 1.0 : 0.25;
+    const double               shift = RimFractions[random.Integer(0, 5)] * 0x1p-15;
+    const Kernels::AffineMap2D map{ slope, 0, shift, 0, 0.25, RimFractions[random.Integer(0, 5)] * 0x1p-15 };
+    const std::ptrdiff_t       width = random.Integer(1, 40);
+    const auto                 pixel = [&](std::int64_t p, std::int64_t q, TypeParam & value) {
+      const bool isInside = p >= 0 && p < columns && q >= 0 && q < rows;
+      value = isInside ? pixels[q * columns + p] : value;
+      return isInside;
+    };
+    ForEachInstructionSet([&](const std::string &) {
+      const auto output = Warp<TypeParam>(pixels, { all, all, all }, map, width, 8, 7, random.Integer(0, width));
+      for (std::ptrdiff_t n = 0; n < width * 8; ++n)
+      {
+        const auto row = static_cast<double>(n / width);
+        const auto expected = InterpolateReached<TypeParam>(
+          pixel, Quantize(slope * static_cast<double>(n % width) + shift), Quantize(0.25 * row + map.y0), 7);
+        ASSERT_TRUE(HaveSameBits(expected, output[n])) << "at " << n << ": " << output[n] << " instead of " << expected;
+        ASSERT_FALSE(output[n] == 0 && std::signbit(output[n])) << "at " << n;
+      }
+    });
+  }
+}
+
 TYPED_TEST(ShearWarpKernelsTyped, WarpRowGivesBackgroundForPositionsFarOutsideOrNotANumber)
 {
   const double infinity = std::numeric_limits<double>::infinity();

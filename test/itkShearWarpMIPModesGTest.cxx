@@ -18,10 +18,12 @@
 #include "itkShearWarpKernels.h"
 #include "itkShearWarpMIPCineImageFilter.h"
 #include "itkShearWarpMIPImageFilter.h"
+#include "itkShearWarpMIPPartImageFilter.h"
 #include "itkShearWarpMIPTestOracle.h"
 #include "itkShearWarpMIPTestParts.h"
 #include "itkShearWarpMIPView.h"
 
+#include <functional>
 #include <set>
 
 namespace
@@ -649,6 +651,78 @@ TEST(ShearWarpMIPModesClosedForms, InfinityAndNotANumber)
     EXPECT_EQ(project(ModeEnum::Maximum, { 5, 1, nothing, 9 }), 5);
     EXPECT_EQ(project(ModeEnum::Minimum, { 3, infinity, nothing, 1 }), 1);
   });
+}
+
+TEST(ShearWarpMIPModesOutput, EveryZeroIsPositiveWithEveryInstructionSet)
+{
+  constexpr float least = std::numeric_limits<float>::denorm_min();
+  constexpr float values[] = { 0.0f, -0.0f, least, -least, -2 * least, 0.5f, -0.5f };
+  using Filter = FilterType<float>;
+  const std::function<void(Filter *)> options[] = {
+    [](Filter *) {},
+    [](Filter * filter) { filter->SetOversampling(2); },
+    [](Filter * filter) { filter->SetSlabFar(1.0); },
+    [](Filter * filter) { filter->SetMaskImage(MakeMask(filter->GetInput())); },
+    [](Filter * filter) { filter->SetDepthAttenuation(0.3); },
+    [](Filter * filter) {
+      filter->LocalMaximumOn();
+      filter->SetLocalMaximumThreshold(-least);
+    },
+    [](Filter * filter) { filter->ExactOn(); },
+  };
+  Random random(913);
+  for (const itk::SizeValueType width : { 1, 3, 4, 8, 17, 64 })
+  {
+    for (int repeat = 0; repeat < 84; ++repeat)
+    {
+      SCOPED_TRACE(repeat);
+      const auto image = MakePlainImage<float>({ { 64, 8, repeat % 3 == 0 ? 1u : 3u } });
+      FillByIndex(image, [&](const auto & index) {
+        return repeat == 0 ? (index[0] % 2 == 1 ? -least : 0.0f) : values[random.Integer(0, repeat % 2 == 0 ? 4 : 6)];
+      });
+      const bool isAlongGrid = repeat < 42;
+      const auto view = isAlongGrid ? ViewType::New() : MakeRandomView(random, ViewKind::Rigid, image);
+      const auto filter = MakeFilter(image, view);
+      filter->SetMode(modes[repeat / 7 % 3]);
+      filter->ComputeDepthOn();
+      SetGrid(filter, { { width, 8 } }, MakeVector2(1, 1), isAlongGrid ? MakePoint2(2.25, 2.25) : MakePoint2(-3, -3));
+      options[repeat % 7](filter);
+      itk::Image<float, 2>::Pointer first, firstDepth;
+      ForEachInstructionSet([&](const std::string & name) {
+        UpdateAnew(filter);
+        first = first ? first : Copy(filter->GetOutput());
+        firstDepth = firstDepth ? firstDepth : Copy(filter->GetDepthOutput());
+        EXPECT_TRUE(HaveSamePixels(first, filter->GetOutput())) << name;
+        EXPECT_TRUE(HaveSamePixels(firstDepth, filter->GetDepthOutput())) << name;
+        for (const auto & output : { first, firstDepth })
+        {
+          for (const float pixel : GetPixels(output))
+          {
+            ASSERT_FALSE(pixel == 0.0f && std::signbit(pixel)) << name;
+          }
+        }
+      });
+      if (repeat % 7 > 1 || filter->GetMode() != ModeEnum::Maximum)
+      {
+        continue;
+      }
+      const auto part = itk::ShearWarpMIPPartImageFilter<itk::Image<float, 3>>::New();
+      const auto merge = MakeMergeFilter(filter.GetPointer());
+      part->SetInput(image);
+      part->SetTransform(view);
+      part->SetOversampling(filter->GetOversampling());
+      merge->SetPart(0, part->GetOutput());
+      ForEachInstructionSet([&](const std::string & name) {
+        UpdateAnew(part);
+        UpdateAnew(merge);
+        EXPECT_TRUE(HaveSamePixels(first, merge->GetOutput())) << name;
+        const auto pixels = GetPixels(part->GetOutput());
+        EXPECT_TRUE(std::none_of(pixels.begin(), pixels.end(), [](float pixel) {
+          return pixel == 0.0f && std::signbit(pixel);
+        })) << name;
+      });
+    }
+  }
 }
 
 TEST(ShearWarpMIPModesOutput, OfThreeDimensionsLiesInThePatient)

@@ -337,7 +337,7 @@ InterpolateReached(const TPixelAt & pixel, std::int64_t column, std::int64_t row
         highest = std::max(highest, values[n]);
       }
     }
-    return std::min(std::max(static_cast<TPixel>(mean / static_cast<double>(sum)), lowest), highest);
+    return WithoutSignOfZero(std::min(std::max(static_cast<TPixel>(mean / static_cast<double>(sum)), lowest), highest));
   }
   else
   {
