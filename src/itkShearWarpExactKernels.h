@@ -163,6 +163,7 @@ private:
 
   static constexpr int  RaysTogether = 16;
   static constexpr bool HasLevels = sizeof(TPixel) <= 2;
+  static constexpr bool HasLargeNumbers = std::is_same_v<TPixel, double>;
 
   /** What rounding may take from a level: half a unit for a halved voxel, and along each axis one for the weight and
    * half a one for the product. */
@@ -191,6 +192,19 @@ private:
 
   static TPixel
   FindLeast(Number best, bool hasDepth);
+
+  /** A power of two by which squares of these numbers neither overflow nor vanish, if there are large numbers. */
+  static Number
+  FindScaleOfSquares(Vector f1, Vector f2, Vector f3)
+  {
+    if constexpr (HasLargeNumbers)
+    {
+      const auto   abs = [](double v) { return v < 0 ? -v : v; };
+      const double largest = Larger(Larger(abs(f1), abs(f2)), abs(f3));
+      return largest > 0x1p400 ? 0x1p-600 : largest < 0x1p-400 ? 0x1p600 : 1.0;
+    }
+    return 1;
+  }
 
   bool
   IsNearer(double slice, double other) const
@@ -272,6 +286,7 @@ private:
   std::ptrdiff_t             m_Step[2];     // from voxel to voxel, the way that rays go
   Number                     m_Slope[2];    // columns and rows that a ray passes in a slice
   Number                     m_PerVoxel[2]; // slices in which a ray passes a column or row
+  Number                     m_Scale{ 1 };  // of voxels, so that no difference overflows
   LevelType                  m_Levels;
   bool                       m_HasChanged[CellRows]{};
   RayPart                    m_Parts[RaysTogether]{};
@@ -297,6 +312,10 @@ TileSearch<TPixel, VIsMinimum>::TileSearch(const ExactView<TPixel> & view, const
   for (bool & hasChanged : m_HasChanged)
   {
     hasChanged = isNew;
+  }
+  if constexpr (HasLargeNumbers)
+  {
+    m_Scale = m_Slices.lowest < -0x1p1000 || m_Slices.highest > 0x1p1000 ? 0x1p-30 : 1;
   }
 }
 
@@ -710,7 +729,7 @@ TileSearch<TPixel, VIsMinimum>::Evaluate()
     constexpr Number largest = std::numeric_limits<Number>::max();
     const Vector     most = Vectors::Set(largest);
     const Number     three = 3;
-    const Vector     least = load(leasts);
+    const Vector     least = HasLargeNumbers ? Vector(load(leasts) * m_Scale) : load(leasts);
     const Vector     x0 = load(fromX);
     const Vector     y0 = load(fromY);
     const Vector     begin = load(fromZ);
@@ -719,7 +738,7 @@ TileSearch<TPixel, VIsMinimum>::Evaluate()
     SHEARWARP_UNROLL
     for (int voxel = 0; voxel < 18; ++voxel)
     {
-      v[voxel] = load(voxels[voxel]);
+      v[voxel] = HasLargeNumbers ? Vector(load(voxels[voxel]) * m_Scale) : load(voxels[voxel]);
     }
     const auto smaller = [](Vector a, Vector b) SHEARWARP_INLINE -> Vector { return b < a ? b : a; };
     const auto larger = [](Vector a, Vector b) SHEARWARP_INLINE -> Vector { return a < b ? b : a; };
@@ -766,11 +785,15 @@ TileSearch<TPixel, VIsMinimum>::Evaluate()
         if (Vectors::GetBits(mayBeBetter) != 0)
         {
           // where its derivative falls through 0
-          const Vector discriminant = f2 * f2 - threeF3 * f1;
+          const Number scale = FindScaleOfSquares(f1, f2, f3);
+          const Vector g1 = HasLargeNumbers ? Vector(f1 * scale) : f1;
+          const Vector g2 = HasLargeNumbers ? Vector(f2 * scale) : f2;
+          const Vector threeG3 = HasLargeNumbers ? Vector(threeF3 * scale) : threeF3;
+          const Vector discriminant = g2 * g2 - threeG3 * g1;
           const Vector root = Vectors::SquareRoot(larger(discriminant, none));
-          const auto   isFalling = f2 <= none;
-          const Vector numerator = isFalling ? f1 : Vector(-(f2 + root));
-          const Vector denominator = isFalling ? Vector(root - f2) : threeF3;
+          const auto   isFalling = g2 <= none;
+          const Vector numerator = isFalling ? g1 : Vector(-(g2 + root));
+          const Vector denominator = isFalling ? Vector(root - g2) : threeG3;
           const Vector t = numerator / denominator;
           const Vector atRoot = smaller(evaluate(t), control);
           const auto takesRoot = mayBeBetter & (discriminant >= none) & (t > from) & (t < to) & isBetter(atRoot, value);
@@ -801,7 +824,7 @@ TileSearch<TPixel, VIsMinimum>::Evaluate()
     takeCell(
       { v[4], v[5], v[7], v[8] }, { v[13], v[14], v[16], v[17] }, x0 - all, y0 - all, larger(leavesLast, begin), end);
     betterRays |= Vectors::GetBits(bestOfAll >= least) << n;
-    Vectors::Store(best + n, bestOfAll);
+    Vectors::Store(best + n, HasLargeNumbers ? Vector(bestOfAll / m_Scale) : bestOfAll);
     Vectors::Store(places + n, placeOfBest);
   }
   for (betterRays &= (std::uint32_t{ 1 } << count) - 1; betterRays != 0; betterRays &= betterRays - 1)

@@ -116,10 +116,18 @@ WeightedMean(const TPixel (&values)[VCount], const std::int32_t (&weights)[VCoun
 {
   if constexpr (std::is_floating_point_v<TPixel>)
   {
-    double mean = 0.0;
-    for (std::size_t n = 0; n < VCount; ++n)
+    const auto getMean = [&](double scale) {
+      double total = 0.0;
+      for (std::size_t n = 0; n < VCount; ++n)
+      {
+        total += weights[n] == 0 ? 0.0 : weights[n] * (scale * static_cast<double>(values[n]));
+      }
+      return total / sum / scale;
+    };
+    double mean = getMean(1.0);
+    if (std::is_same_v<TPixel, double> && !std::isfinite(mean))
     {
-      mean += weights[n] == 0 ? 0.0 : weights[n] * static_cast<double>(values[n]);
+      mean = getMean(0x1p-16);
     }
     const auto weighted = [&](TPixel limit, auto better) {
       for (std::size_t n = 0; n < VCount; ++n)
@@ -131,7 +139,7 @@ WeightedMean(const TPixel (&values)[VCount], const std::int32_t (&weights)[VCoun
     const TPixel lowest = weighted(std::numeric_limits<TPixel>::infinity(), std::less<>());
     const TPixel highest = weighted(-std::numeric_limits<TPixel>::infinity(), std::greater<>());
     // no std::clamp: where all are not a number, lowest is more than highest
-    return std::min(std::max(static_cast<TPixel>(mean / sum), lowest), highest) + TPixel{ 0 };
+    return std::min(std::max(static_cast<TPixel>(mean), lowest), highest) + TPixel{ 0 };
   }
   else
   {

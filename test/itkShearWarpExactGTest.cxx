@@ -350,14 +350,14 @@ TYPED_TEST(ShearWarpExact, ConstantsStay)
       filter->ComputeDepthOn();
       filter->Update();
       const auto * output = filter->GetOutput();
+      int          numberOfValues = 0;
       for (const auto & index : itk::ImageRegionIndexRange<2>(output->GetBufferedRegion()))
       {
         const bool isOutside = std::isnan(filter->GetDepthOutput()->GetPixel(index));
-        // differences of the largest numbers are not finite
-        const bool isLeftOut = std::is_same_v<TypeParam, double> && std::abs(static_cast<double>(value)) > 1e300;
+        numberOfValues += isOutside ? 0 : 1;
         ASSERT_EQ(output->GetPixel(index), isOutside ? TypeParam{ 1 } : value);
-        ASSERT_TRUE(!isLeftOut || isOutside);
       }
+      EXPECT_GT(numberOfValues, 0);
     }
   }
 }

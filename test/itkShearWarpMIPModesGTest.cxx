@@ -725,6 +725,44 @@ TEST(ShearWarpMIPModesOutput, EveryZeroIsPositiveWithEveryInstructionSet)
   }
 }
 
+TEST(ShearWarpMIPModesOutput, IsScaledAsItsVoxelsAreOfAnyMagnitude)
+{
+  using Filter = FilterType<double>;
+  const std::function<void(Filter *)> options[] = {
+    [](Filter *) {},
+    [](Filter * filter) { filter->SetOversampling(2); },
+    [](Filter * filter) { filter->SetMaskImage(MakeMask(filter->GetInput())); },
+    [](Filter * filter) { filter->ExactOn(); },
+  };
+  Random random(914);
+  for (int repeat = 0; repeat < 96; ++repeat)
+  {
+    SCOPED_TRACE(repeat);
+    const auto image = MakeRandomImage<double>(random, MakeRandomSize(random, 1, 12));
+    const auto filter = MakeFilter(image, MakeRandomView(random, AllViewKinds[repeat % 3], image));
+    filter->SetMode(modes[repeat / 4 % 3]);
+    filter->ComputeDepthOn();
+    options[repeat % 4](filter);
+    filter->Update();
+    const auto expected = Copy(filter->GetOutput());
+    const auto depths = Copy(filter->GetDepthOutput());
+    // voxels are below 2^10, and their differences below 2^11
+    for (const int exponent : { 1013, 1000, 600, -600, -900 })
+    {
+      const auto scale = [=](double voxel) { return std::ldexp(voxel, exponent); };
+      const auto scaled = MakeAlike<double>(image.GetPointer(), image->GetBufferedRegion());
+      FillByIndex(scaled, [&](const auto & index) { return scale(image->GetPixel(index)); });
+      filter->SetInput(scaled);
+      filter->Update();
+      EXPECT_TRUE(HaveSamePixels(depths, filter->GetDepthOutput())) << exponent;
+      for (const auto & index : itk::ImageRegionIndexRange<2>(expected->GetBufferedRegion()))
+      {
+        ASSERT_EQ(filter->GetOutput()->GetPixel(index), scale(expected->GetPixel(index))) << exponent;
+      }
+    }
+  }
+}
+
 TEST(ShearWarpMIPModesOutput, OfThreeDimensionsLiesInThePatient)
 {
   using VolumeType = itk::Image<short, 3>;
