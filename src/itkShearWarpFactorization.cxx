@@ -19,6 +19,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iomanip>
 #include <limits>
 
 namespace itk
@@ -542,11 +543,13 @@ ShearWarpFactorization::ShearWarpFactorization(const ShearWarp::ViewSpace & view
   }
   for (unsigned int axis = 0; axis < 2; ++axis)
   {
-    const SizeValueType length = m_Oversampling * (size[axis] + size[2]);
-    if (length > static_cast<SizeValueType>(std::numeric_limits<std::int32_t>::max()))
+    // sums of integers can overflow
+    const double length = m_Oversampling * (static_cast<double>(size[axis]) + static_cast<double>(size[2]));
+    if (length > std::numeric_limits<std::int32_t>::max())
     {
       itkGenericExceptionMacro("The intermediate image must have less than 2^31 columns and rows, but an input of size "
-                               << m_ImageRegion.GetSize() << " needs " << length << '.');
+                               << m_ImageRegion.GetSize() << " needs " << std::fixed << std::setprecision(0) << length
+                               << '.');
     }
     m_Shear[axis] = -ray[m_Permutation[axis]] / ray[principalAxis];
     m_Translation[axis] = m_Shear[axis] < 0 ? -m_Shear[axis] * static_cast<double>(size[2] - 1) : 0.0;

@@ -395,10 +395,14 @@ TEST(ShearWarpFactorization, TransformErrorsNameTheValue)
 
 TEST(ShearWarpFactorization, TooManyIntermediateColumnsAreAnError)
 {
-  auto image = itk::Image<unsigned char, 3>::New();
-  image->SetRegions(itk::Size<3>{ { 1, 1, std::size_t{ 1 } << 31 } });
+  auto       image = itk::Image<unsigned char, 3>::New();
   const auto output = itk::Image<unsigned char, 2>::New();
-  EXPECT_NAMES(ShearWarpFactorization(ViewType::New(), image, output), "[1, 1, 2147483648] needs 2147483649");
+  const auto factorize = [&] { ShearWarpFactorization(ViewType::New(), image, output); };
+  image->SetRegions(itk::Size<3>{ { 1, 1, std::size_t{ 1 } << 31 } });
+  EXPECT_NAMES(factorize(), "[1, 1, 2147483648] needs 2147483649");
+  // a sum that is a small number where it overflows
+  image->SetRegions(itk::Size<3>{ { std::numeric_limits<itk::SizeValueType>::max() - 4, 1, 7 } });
+  EXPECT_NAMES(factorize(), "must have less than 2^31 columns and rows", "[18446744073709551611, 1, 7]");
 }
 
 TEST(ShearWarpFactorization, OfEqualAxesTheLastIsPrincipal)
