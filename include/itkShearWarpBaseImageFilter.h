@@ -32,6 +32,18 @@
 #  define itkOverrideGetNameOfClassMacro(thisClass) itkTypeMacro(thisClass, )
 #endif
 
+/** As itkSetMacro, but compares bits: `-ffast-math` drops what is not a number from a comparison. */
+#define itkShearWarpSetMacro(name, type)                 \
+  virtual void Set##name(type value)                     \
+  {                                                      \
+    itkDebugMacro("setting " #name " to " << value);     \
+    if (!Superclass::HaveSameBits(this->m_##name, value)) \
+    {                                                    \
+      this->m_##name = value;                            \
+      this->Modified();                                  \
+    }                                                    \
+  }
+
 namespace itk
 {
 /** \class ShearWarpBaseImageFilter
@@ -200,9 +212,13 @@ protected:
   void
   PrintSelf(std::ostream & os, Indent indent) const override;
 
-  /** Throws ExceptionObject if the input is empty, or its spacing or origin is not valid. */
-  void
-  VerifyInputGeometry() const;
+  /** Unlike `==`, also for numbers that are not finite, whatever the compiler's options. */
+  template <typename T>
+  static bool
+  HaveSameBits(const T & a, const T & b)
+  {
+    return std::memcmp(&a, &b, sizeof(T)) == 0;
+  }
 
   /** Throws ExceptionObject if \a image, the input of that name, does not have the voxels that were requested. They
    * stay in memory as long as the returned object. */

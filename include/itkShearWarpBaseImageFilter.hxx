@@ -20,7 +20,6 @@
 
 #include <algorithm>
 #include <atomic>
-#include <cmath>
 #include <exception>
 #include <mutex>
 #include <typeinfo>
@@ -40,28 +39,6 @@ ShearWarpBaseImageFilter<TInputImage, TOutputImage>::VerifyPreconditions() const
   {
     itkExceptionMacro("ReducedResampling must be one of its enumerators, but it is "
                       << static_cast<unsigned int>(m_ReducedResampling) << '.');
-  }
-}
-
-template <typename TInputImage, typename TOutputImage>
-void
-ShearWarpBaseImageFilter<TInputImage, TOutputImage>::VerifyInputGeometry() const
-{
-  const InputImageType * input = this->GetInput();
-  if (input->GetLargestPossibleRegion().GetNumberOfPixels() == 0)
-  {
-    itkExceptionMacro("The input must not be empty, but its region is " << input->GetLargestPossibleRegion());
-  }
-  for (unsigned int axis = 0; axis < InputImageDimension; ++axis)
-  {
-    if (!(input->GetSpacing()[axis] > 0.0 && std::isfinite(input->GetSpacing()[axis])))
-    {
-      itkExceptionMacro("The input's spacing must be positive and finite, but it is " << input->GetSpacing() << '.');
-    }
-    if (!std::isfinite(input->GetOrigin()[axis]))
-    {
-      itkExceptionMacro("The input's origin must be finite, but it is " << input->GetOrigin() << '.');
-    }
   }
 }
 

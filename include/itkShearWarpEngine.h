@@ -116,7 +116,7 @@ struct Volume
 
 /** Which samples count, and how they change: see the parameters of ShearWarpMIPBaseImageFilter. */
 template <typename TPixel>
-struct ProjectionRule
+struct ShearWarpMIP_EXPORT ProjectionRule
 {
   static constexpr double Infinity = std::numeric_limits<double>::infinity();
 
@@ -137,19 +137,15 @@ struct ProjectionRule
 
   /** Returns whether a ray's value is the maximum of all its samples, apart from a mask. */
   bool
-  IsPlainMaximum() const
-  {
-    return mode == ShearWarpMIPImageFilterEnums::Mode::Maximum && !this->HasRegion() && !localMaximumThreshold &&
-           !(depthAttenuation > 0.0) && !hasDepth && !isExact;
-  }
+  IsPlainMaximum() const;
 
   /** Returns whether only a part of view space or of physical space counts. */
   bool
-  HasRegion() const
-  {
-    return slabNear != -Infinity || slabFar != Infinity || cropLower != Point<double, 3>(-Infinity) ||
-           cropUpper != Point<double, 3>(Infinity);
-  }
+  HasRegion() const;
+
+  /** Throws ExceptionObject, with the value, if a number is outside of its range or not a number. */
+  void
+  Verify() const;
 };
 
 /** The memory for a view's pixels, row by row. */

@@ -63,6 +63,16 @@ struct ViewList
   std::function<ViewSpace(SizeValueType)> get;
 };
 
+/** Throws ExceptionObject, with the value, if \a image is empty, its spacing is not positive and finite, or its origin
+ * is not finite. */
+ShearWarpMIP_EXPORT void
+VerifyInputGeometry(const ImageBase<3> * image);
+
+/** Throws ExceptionObject, with the value, if a grid in the view plane is not finite, or its spacing is not positive. A
+ * fitted spacing is not verified. */
+ShearWarpMIP_EXPORT void
+VerifyOutputGrid(const Vector<double, 2> & spacing, const Point<double, 2> & origin, bool fitSpacing);
+
 /** A grid in the view plane. */
 struct ViewGrid
 {
@@ -72,7 +82,7 @@ struct ViewGrid
 
 /** Returns the grid of pictures of \a image in all of \a views. Fitted parameters are such that the grid holds the
  * image's voxels, with the smallest spacing of ShearWarpFactorization::ComputeProjectedSpacing(). The other parameters
- * are those of \a given. */
+ * are those of \a given. Throws ExceptionObject, with the values, if the grid is not finite. */
 ShearWarpMIP_EXPORT ViewGrid
 FitGrid(const ViewList &     views,
         const ImageBase<3> * image,
@@ -88,7 +98,7 @@ struct DepthRange
 };
 
 /** Returns the depths of \a image from \a slab.nearest to \a slab.farthest. A slab without thickness, or beside the
- * image, gets a thousandth of the image's depth. */
+ * image, gets a thousandth of the image's depth. Throws ExceptionObject, with the slab, if numbers do not suffice. */
 ShearWarpMIP_EXPORT DepthRange
 ClipDepths(const ViewSpace & view, const ImageBase<3> * image, const DepthRange & slab);
 
@@ -97,7 +107,8 @@ ClipDepths(const ViewSpace & view, const ImageBase<3> * image, const DepthRange 
 ShearWarpMIP_EXPORT double
 FindSphereDepth(const ViewSpace & view, const ImageBase<3> * image);
 
-/** A picture in physical space: column, row and depth are at origin + steps (column, row, depth). */
+/** A picture in physical space: column, row and depth are at origin + steps (column, row, depth). Throws ExceptionObject
+ * if the depth is not finite, as where no ray has a value. */
 struct PictureSpace
 {
   Point<double, 3>     origin;

@@ -105,7 +105,7 @@ public:
   FitOutputGrid();
 
   /** Value of pixels whose ray misses the image; 0 by default. */
-  itkSetMacro(DefaultPixelValue, OutputPixelType);
+  itkShearWarpSetMacro(DefaultPixelValue, OutputPixelType);
   itkGetConstReferenceMacro(DefaultPixelValue, OutputPixelType);
 
   /** Which of a ray's samples is its value: Maximum (the default), Minimum or AbsoluteMaximum. The absolute maximum is
@@ -115,15 +115,15 @@ public:
 
   /** Only samples with SlabNear <= w <= SlabFar count, where w is the depth in view space. The default is from minus to
    * plus infinity. In the views of ShearWarpMIPView, the depth is the distance in mm behind the image's center. */
-  itkSetMacro(SlabNear, double);
+  itkShearWarpSetMacro(SlabNear, double);
   itkGetConstMacro(SlabNear, double);
-  itkSetMacro(SlabFar, double);
+  itkShearWarpSetMacro(SlabFar, double);
   itkGetConstMacro(SlabFar, double);
 
   /** Only samples with a physical position between these corners count, along each physical axis; by default all. */
-  itkSetMacro(CropLower, PhysicalPointType);
+  itkShearWarpSetMacro(CropLower, PhysicalPointType);
   itkGetConstReferenceMacro(CropLower, PhysicalPointType);
-  itkSetMacro(CropUpper, PhysicalPointType);
+  itkShearWarpSetMacro(CropUpper, PhysicalPointType);
   itkGetConstReferenceMacro(CropUpper, PhysicalPointType);
 
   /** Only voxels inside the mask count. A voxel is inside if its mask value is MaskLabel; if MaskLabel is 0, the
@@ -142,7 +142,7 @@ public:
   itkSetMacro(LocalMaximum, bool);
   itkGetConstMacro(LocalMaximum, bool);
   itkBooleanMacro(LocalMaximum);
-  itkSetMacro(LocalMaximumThreshold, InputPixelType);
+  itkShearWarpSetMacro(LocalMaximumThreshold, InputPixelType);
   itkGetConstReferenceMacro(LocalMaximumThreshold, InputPixelType);
 
   /** How fast samples fade with depth, in 1 / unit of view space; 0, no fading, by default. A sample with value v at
@@ -150,7 +150,7 @@ public:
    * begins at w0, the least depth of the smallest sphere about the image's center that holds the image, or at SlabNear
    * if SlabNear is deeper. So fading begins at the same depth in all views of a turn about the center. The rate can be
    * any finite number that is not negative. With fading, DefaultPixelValue must be finite. */
-  itkSetMacro(DepthAttenuation, double);
+  itkShearWarpSetMacro(DepthAttenuation, double);
   itkGetConstMacro(DepthAttenuation, double);
 
   /** Whether there is a Depth output; off by default. */

@@ -19,7 +19,6 @@
 #define itkShearWarpMIPBaseImageFilter_hxx
 
 #include <algorithm>
-#include <cmath>
 
 namespace itk
 {
@@ -71,7 +70,7 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::SetGridParameter(TParame
                                                                          bool &             fit,
                                                                          const TParameter & value)
 {
-  if (fit || parameter != value)
+  if (fit || !Superclass::HaveSameBits(parameter, value))
   {
     parameter = value;
     fit = false;
@@ -107,54 +106,20 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::VerifyPreconditions() co
   {
     itkExceptionMacro("Mode must be one of its enumerators, but it is " << static_cast<unsigned int>(m_Mode) << '.');
   }
-  constexpr double infinity = std::numeric_limits<double>::infinity();
-  if (!(m_SlabNear <= m_SlabFar && m_SlabNear < infinity && m_SlabFar > -infinity))
-  {
-    itkExceptionMacro("SlabNear must be less than infinity and not greater than SlabFar, but they are "
-                      << m_SlabNear << " and " << m_SlabFar << '.');
-  }
-  if (!(m_DepthAttenuation >= 0.0 && std::isfinite(m_DepthAttenuation)))
-  {
-    itkExceptionMacro("DepthAttenuation must be finite and not negative, but it is " << m_DepthAttenuation << '.');
-  }
-  if (m_DepthAttenuation > 0.0 && !std::isfinite(static_cast<double>(m_DefaultPixelValue)))
-  {
-    itkExceptionMacro("DefaultPixelValue must be finite where samples fade to it, but it is " << m_DefaultPixelValue
-                                                                                              << '.');
-  }
-  if (m_LocalMaximumThreshold != m_LocalMaximumThreshold)
-  {
-    itkExceptionMacro("LocalMaximumThreshold must be a number, but it is " << m_LocalMaximumThreshold << '.');
-  }
+  RuleType rule = this->MakeRule();
+  rule.localMaximumThreshold = m_LocalMaximumThreshold;
+  rule.Verify();
   if (m_Exact && (this->GetMaskImage() || m_LocalMaximum || m_DepthAttenuation > 0.0 || this->m_Oversampling != 1 ||
                   m_NumberOfStreamDivisions != 1))
   {
     itkExceptionMacro("Exact pictures have no MaskImage, LocalMaximum, DepthAttenuation, Oversampling or "
                       "NumberOfStreamDivisions: these must be as by default.");
   }
-  for (unsigned int axis = 0; axis < InputImageDimension; ++axis)
+  if (!m_FitSize && (m_Size[0] == 0 || m_Size[1] == 0))
   {
-    if (!(m_CropLower[axis] <= m_CropUpper[axis]))
-    {
-      itkExceptionMacro("CropLower must not be greater than CropUpper, but they are " << m_CropLower << " and "
-                                                                                      << m_CropUpper << '.');
-    }
+    itkExceptionMacro("Size must not be zero, but it is " << m_Size << '.');
   }
-  for (unsigned int axis = 0; axis < 2; ++axis)
-  {
-    if (!m_FitSize && m_Size[axis] == 0)
-    {
-      itkExceptionMacro("Size must not be zero, but it is " << m_Size << '.');
-    }
-    if (!m_FitOutputSpacing && !(m_OutputSpacing[axis] > 0.0 && std::isfinite(m_OutputSpacing[axis])))
-    {
-      itkExceptionMacro("OutputSpacing must be positive and finite, but it is " << m_OutputSpacing << '.');
-    }
-    if (!m_FitOutputOrigin && !std::isfinite(m_OutputOrigin[axis]))
-    {
-      itkExceptionMacro("OutputOrigin must be finite, but it is " << m_OutputOrigin << '.');
-    }
-  }
+  ShearWarp::VerifyOutputGrid(m_OutputSpacing, m_OutputOrigin, m_FitOutputSpacing);
 }
 
 template <typename TInputImage, typename TOutputImage>
@@ -162,7 +127,7 @@ void
 ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::VerifyInputInformation() const
 {
   // first, as ITK 6 compares the input with itself
-  this->VerifyInputGeometry();
+  ShearWarp::VerifyInputGeometry(this->GetInput());
   try
   {
     Superclass::VerifyInputInformation();
@@ -194,15 +159,6 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GenerateOutputInformatio
                        m_FitSize,
                        m_FitOutputSpacing,
                        m_FitOutputOrigin);
-  for (unsigned int axis = 0; axis < 2; ++axis)
-  {
-    if (!(spacing[axis] > 0.0 && std::isfinite(spacing[axis]) && std::isfinite(origin[axis])))
-    {
-      itkExceptionMacro("The output's grid must be finite, but its spacing is " << spacing << " and its origin "
-                                                                                << origin << '.');
-    }
-  }
-
   const double memory = ShearWarp::GetPhysicalMemory();
   const double bytes = size[0] * size[1] * sizeof(OutputPixelType) * static_cast<double>(views.count);
   if (!(bytes <= memory))

@@ -89,7 +89,7 @@ public:
   /** The direction of the axis that the viewer moves about, in physical space, of any length. The default is the
    * patient's long axis, towards superior. Positive angles are right-handed: with the default axis, from anterior to
    * the patient's left. */
-  itkSetMacro(RotationAxis, AxisType);
+  itkShearWarpSetMacro(RotationAxis, AxisType);
   itkGetConstReferenceMacro(RotationAxis, AxisType);
 
   /** A point of the axis, in physical space; the image's center by default. */
@@ -103,12 +103,12 @@ public:
   UseImageCenter();
 
   /** The first frame's angle, in degrees; 0 by default. */
-  itkSetMacro(StartAngle, double);
+  itkShearWarpSetMacro(StartAngle, double);
   itkGetConstMacro(StartAngle, double);
 
   /** How far the viewer moves, in degrees, negative to the other side; 360 by default. Frame n of N is at StartAngle +
    * AngularRange n / N, so a full turn repeats no frame. */
-  itkSetMacro(AngularRange, double);
+  itkShearWarpSetMacro(AngularRange, double);
   itkGetConstMacro(AngularRange, double);
 
   /** Whether the viewer moves to and fro; off by default. Frame n of N is then at

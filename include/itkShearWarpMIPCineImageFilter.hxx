@@ -21,7 +21,6 @@
 #include "itkMetaDataObject.h"
 
 #include <algorithm>
-#include <cmath>
 
 namespace itk
 {
@@ -29,7 +28,7 @@ template <typename TInputImage, typename TOutputImage>
 void
 ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::SetCenter(const PhysicalPointType & center)
 {
-  if (!m_IsCenterSet || m_Center != center)
+  if (!m_IsCenterSet || !Superclass::HaveSameBits(m_Center, center))
   {
     m_Center = center;
     m_IsCenterSet = true;
@@ -203,25 +202,7 @@ ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::VerifyPreconditions() co
     itkExceptionMacro("NumberOfFrames must be from 1 to " << MaximumNumberOfFrames << ", but it is " << m_NumberOfFrames
                                                           << '.');
   }
-  bool isZero = true;
-  for (unsigned int axis = 0; axis < 3; ++axis)
-  {
-    isZero = isZero && m_RotationAxis[axis] == 0.0;
-    if (!std::isfinite(m_Center[axis]))
-    {
-      itkExceptionMacro("Center must be finite, but it is " << m_Center << '.');
-    }
-  }
-  if (isZero || !std::isfinite(m_RotationAxis[0]) || !std::isfinite(m_RotationAxis[1]) ||
-      !std::isfinite(m_RotationAxis[2]))
-  {
-    itkExceptionMacro("RotationAxis must be finite and not zero, but it is " << m_RotationAxis << '.');
-  }
-  if (!std::isfinite(m_StartAngle) || !std::isfinite(m_AngularRange))
-  {
-    itkExceptionMacro("StartAngle and AngularRange must be finite, but they are " << m_StartAngle << " and "
-                                                                                  << m_AngularRange << '.');
-  }
+  ShearWarp::VerifyTurn(m_RotationAxis, m_Center, m_StartAngle, m_AngularRange);
   if (this->GetTransformInput() && !this->GetTransformInput()->GetSource())
   {
     ShearWarpFactorization::VerifyViewTransform(this->GetTransform());

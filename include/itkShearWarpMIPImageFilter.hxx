@@ -20,8 +20,6 @@
 
 #include "itkIdentityTransform.h"
 
-#include <cmath>
-
 namespace itk
 {
 template <typename TInputImage, typename TOutputImage>
@@ -43,12 +41,8 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::GetPhysicalPoint(const Outpu
                                                     << ": ComputeDepth must be on, and the index of a pixel of "
                                                     << "the last update.");
   }
-  const auto w = static_cast<double>(depth->GetPixel(index));
-  if (!std::isfinite(w))
-  {
-    itkExceptionMacro("No ray has a value at index " << index << '.');
-  }
-  return m_PictureSpace(static_cast<double>(index[0]), static_cast<double>(index[1]), w);
+  return m_PictureSpace(
+    static_cast<double>(index[0]), static_cast<double>(index[1]), static_cast<double>(depth->GetPixel(index)));
 }
 
 template <typename TInputImage, typename TOutputImage>
@@ -85,11 +79,6 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::SetGeometry(ImageBase<Output
     const ShearWarp::DepthRange slab{ this->GetSlabNear(), this->GetSlabFar() };
     const auto [spacing, origin, direction] =
       ShearWarp::MakeSliceGeometry(view, grid, ShearWarp::ClipDepths(view, this->GetInput(), slab));
-    if (!(spacing[2] > 0.0 && std::isfinite(spacing[2])))
-    {
-      itkExceptionMacro("SlabNear and SlabFar must be within the range of the output's geometry, but they are "
-                        << this->GetSlabNear() << " and " << this->GetSlabFar() << '.');
-    }
     const SizeType size = grid->GetLargestPossibleRegion().GetSize();
     output->SetLargestPossibleRegion(typename OutputImageType::SizeType{ { size[0], size[1], 1 } });
     output->SetSpacing(spacing);

@@ -47,7 +47,7 @@ template <typename TInputImage>
 void
 ShearWarpMIPPartImageFilter<TInputImage>::VerifyInputInformation() const
 {
-  this->VerifyInputGeometry();
+  ShearWarp::VerifyInputGeometry(this->GetInput());
   Superclass::VerifyInputInformation();
 }
 

@@ -32,6 +32,11 @@ namespace ShearWarp
  * range / 2 sin(2 pi frame / frames), scaled to reach the ends of the range. */
 ShearWarpMIP_EXPORT double
 GetTurnAngle(unsigned int frame, unsigned int frames, double start, double range, bool isRocking);
+
+/** Throws ExceptionObject, with the value, if a parameter of ShearWarpMIPCineImageFilter is not finite, or \a axis is
+ * zero. */
+ShearWarpMIP_EXPORT void
+VerifyTurn(const Vector<double, 3> & axis, const Point<double, 3> & center, double start, double range);
 } // namespace ShearWarp
 
 /** \class ShearWarpMIPViewEnums

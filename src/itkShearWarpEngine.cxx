@@ -24,6 +24,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <iterator>
 #include <ostream>
 #include <stdexcept>
@@ -64,6 +65,58 @@ GetSlab(SliceRange slices, SizeValueType n, SizeValueType slabs)
     return std::min(slices.begin + static_cast<std::ptrdiff_t>(count * blocks / slabs) * BlockLength, slices.end);
   };
   return { getEnd(n), getEnd(n + 1) };
+}
+
+template <typename TPixel>
+bool
+ProjectionRule<TPixel>::IsPlainMaximum() const
+{
+  return mode == ShearWarpMIPImageFilterEnums::Mode::Maximum && !this->HasRegion() && !localMaximumThreshold &&
+         !(depthAttenuation > 0.0) && !hasDepth && !isExact;
+}
+
+template <typename TPixel>
+bool
+ProjectionRule<TPixel>::HasRegion() const
+{
+  bool hasRegion = slabNear != -Infinity || slabFar != Infinity;
+  for (unsigned int axis = 0; axis < 3; ++axis)
+  {
+    hasRegion = hasRegion || cropLower[axis] != -Infinity || cropUpper[axis] != Infinity;
+  }
+  return hasRegion;
+}
+
+template <typename TPixel>
+void
+ProjectionRule<TPixel>::Verify() const
+{
+  if (!(slabNear <= slabFar && slabNear < Infinity && slabFar > -Infinity))
+  {
+    itkGenericExceptionMacro("SlabNear must be less than infinity and not greater than SlabFar, but they are "
+                             << slabNear << " and " << slabFar << '.');
+  }
+  for (unsigned int axis = 0; axis < 3; ++axis)
+  {
+    if (!(cropLower[axis] <= cropUpper[axis]))
+    {
+      itkGenericExceptionMacro("CropLower must not be greater than CropUpper, but they are " << cropLower << " and "
+                                                                                             << cropUpper << '.');
+    }
+  }
+  if (!(depthAttenuation >= 0.0 && std::isfinite(depthAttenuation)))
+  {
+    itkGenericExceptionMacro("DepthAttenuation must be finite and not negative, but it is " << depthAttenuation << '.');
+  }
+  if (depthAttenuation > 0.0 && !std::isfinite(static_cast<double>(background)))
+  {
+    itkGenericExceptionMacro("DefaultPixelValue must be finite where samples fade to it, but it is " << background
+                                                                                                     << '.');
+  }
+  if (localMaximumThreshold && *localMaximumThreshold != *localMaximumThreshold)
+  {
+    itkGenericExceptionMacro("LocalMaximumThreshold must be a number, but it is " << *localMaximumThreshold << '.');
+  }
 }
 } // namespace ShearWarp
 
@@ -713,7 +766,9 @@ ShearWarpEngine<TPixel>::GetSizeInBytes() const
          engine.projector.GetSizeInBytes();
 }
 
-#define INSTANTIATE(TPixel) template class ShearWarpEngine<TPixel>;
+#define INSTANTIATE(TPixel)                          \
+  template struct ShearWarp::ProjectionRule<TPixel>; \
+  template class ShearWarpEngine<TPixel>;
 SHEARWARP_FOR_EACH_PIXEL_TYPE(INSTANTIATE)
 #undef INSTANTIATE
 } // namespace itk

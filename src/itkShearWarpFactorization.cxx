@@ -362,6 +362,38 @@ ShearWarp::ViewSpace::ViewSpace(const Transform<double, 3, 3> * transform)
   }
 }
 
+void
+ShearWarp::VerifyInputGeometry(const ImageBase<3> * image)
+{
+  const auto & region = image->GetLargestPossibleRegion();
+  if (region.GetSize(0) == 0 || region.GetSize(1) == 0 || region.GetSize(2) == 0)
+  {
+    itkGenericExceptionMacro("The input must not be empty, but its region is " << region);
+  }
+  const auto & spacing = image->GetSpacing();
+  if (!IsFinite(spacing) || !(spacing[0] > 0.0 && spacing[1] > 0.0 && spacing[2] > 0.0))
+  {
+    itkGenericExceptionMacro("The input's spacing must be positive and finite, but it is " << spacing << '.');
+  }
+  if (!IsFinite(image->GetOrigin()))
+  {
+    itkGenericExceptionMacro("The input's origin must be finite, but it is " << image->GetOrigin() << '.');
+  }
+}
+
+void
+ShearWarp::VerifyOutputGrid(const Vector<double, 2> & spacing, const Point<double, 2> & origin, bool fitSpacing)
+{
+  if (!fitSpacing && !(IsFinite(spacing) && spacing[0] > 0.0 && spacing[1] > 0.0))
+  {
+    itkGenericExceptionMacro("OutputSpacing must be positive and finite, but it is " << spacing << '.');
+  }
+  if (!IsFinite(origin))
+  {
+    itkGenericExceptionMacro("OutputOrigin must be finite, but it is " << origin << '.');
+  }
+}
+
 ShearWarp::ViewGrid
 ShearWarp::FitGrid(const ViewList &     views,
                    const ImageBase<3> * image,
@@ -397,6 +429,11 @@ ShearWarp::FitGrid(const ViewList &     views,
     {
       grid.origin[axis] = 0.5 * (lower[axis] + upper[axis]) - 0.5 * (grid.size[axis] - 1.0) * grid.spacing[axis];
     }
+    if (!(grid.spacing[axis] > 0.0 && std::isfinite(grid.spacing[axis]) && std::isfinite(grid.origin[axis])))
+    {
+      itkGenericExceptionMacro("The output's grid must be finite, but its spacing is "
+                               << grid.spacing << " and its origin " << grid.origin << '.');
+    }
   }
   return grid;
 }
@@ -414,6 +451,12 @@ ShearWarp::ClipDepths(const ViewSpace & view, const ImageBase<3> * image, const 
     const double missing = (upper[2] - lower[2]) * 1e-3 - (depths.farthest - depths.nearest);
     depths.nearest -= 0.5 * std::max(missing, 0.0);
     depths.farthest += 0.5 * std::max(missing, 0.0);
+  }
+  const double thickness = depths.farthest - depths.nearest;
+  if (!(thickness > 0.0 && std::isfinite(thickness)))
+  {
+    itkGenericExceptionMacro("SlabNear and SlabFar must be within the range of the output's geometry, but they are "
+                             << slab.nearest << " and " << slab.farthest << '.');
   }
   return depths;
 }
@@ -451,6 +494,10 @@ ShearWarp::FindSphereDepth(const ViewSpace & view, const ImageBase<3> * image)
 Point<double, 3>
 ShearWarp::PictureSpace::operator()(double column, double row, double depth) const
 {
+  if (!std::isfinite(depth))
+  {
+    itkGenericExceptionMacro("No ray has a value at column " << column << ", row " << row << '.');
+  }
   Point<double, 3> point = origin;
   for (unsigned int axis = 0; axis < 3; ++axis)
   {

@@ -136,6 +136,27 @@ ShearWarp::GetTurnAngle(unsigned int frame, unsigned int frames, double start, d
   return start + 0.5 * range * part;
 }
 
+void
+ShearWarp::VerifyTurn(const Vector<double, 3> & axis, const Point<double, 3> & center, double start, double range)
+{
+  const auto areFinite = [](const auto & numbers) {
+    return std::isfinite(numbers[0]) && std::isfinite(numbers[1]) && std::isfinite(numbers[2]);
+  };
+  if (!areFinite(center))
+  {
+    itkGenericExceptionMacro("Center must be finite, but it is " << center << '.');
+  }
+  if (!areFinite(axis) || (axis[0] == 0.0 && axis[1] == 0.0 && axis[2] == 0.0))
+  {
+    itkGenericExceptionMacro("RotationAxis must be finite and not zero, but it is " << axis << '.');
+  }
+  if (!std::isfinite(start) || !std::isfinite(range))
+  {
+    itkGenericExceptionMacro("StartAngle and AngularRange must be finite, but they are " << start << " and " << range
+                                                                                         << '.');
+  }
+}
+
 std::ostream &
 operator<<(std::ostream & out, ShearWarpMIPViewEnums::Direction value)
 {

@@ -18,12 +18,17 @@
 #include "itkShearWarpKernels.h"
 #include "itkShearWarpMIPCineImageFilter.h"
 #include "itkShearWarpMIPImageFilter.h"
+#include "itkShearWarpMIPPartImageFilter.h"
 #include "itkShearWarpMIPTestImages.h"
+#include "itkShearWarpMIPTestParts.h"
 
-/* Compiled twice, the second time by a compiler that may fuse multiplications and additions. */
+/* Compiled twice, the second time by a compiler that may fuse multiplications and additions, and may assume that numbers
+ * are finite. */
 namespace
 {
 using namespace itk::ShearWarpMIPTest;
+
+constexpr float notANumber = std::numeric_limits<float>::quiet_NaN();
 
 const double Turned[3][3] = { { 0.48, 0.8, 0.36 }, { -0.6, 0, 0.8 }, { 0.64, -0.6, 0.48 } };
 const double Views[][3][3] = { { { -0.36, 0.48, 0.8 }, { 0.8, 0.6, 0 }, { 0.48, -0.64, -0.6 } },
@@ -88,7 +93,7 @@ ExpectChecksum(std::uint64_t expected)
         AddArray(output->GetSpacing(), checksum);
         const auto * values = depths->GetBufferPointer();
         const auto   count = depths->GetBufferedRegion().GetNumberOfPixels();
-        const auto   first = std::find_if(values, values + count, [](float depth) { return !std::isnan(depth); });
+        const auto   first = std::find_if(values, values + count, [](float depth) { return !HaveSameBits(depth, notANumber); });
         AddArray(filter->GetPhysicalPoint(depths->ComputeIndex(first - values)), checksum);
         for (unsigned int row = 0; row < 3; ++row)
         {
@@ -105,6 +110,77 @@ TEST(ShearWarpMIPArithmetic, IsCompiledInTheLibrary)
 {
   ExpectChecksum<short>(0xbdc266471dfc3f9d);
   ExpectChecksum<double>(0x28a03a6b0dc318f0);
+}
+
+TEST(ShearWarpMIPArithmetic, ChecksAreCompiledInTheLibrary)
+{
+  using ImageType = itk::Image<float, 3>;
+  const auto image = MakePlainImage<float>({ { 6, 5, 4 } }, 3);
+  const auto expectError = [&](const char * name, const auto & set) {
+    const auto single = itk::ShearWarpMIPImageFilter<ImageType, ImageType>::New();
+    const auto turn = itk::ShearWarpMIPCineImageFilter<ImageType>::New();
+    single->SetInput(image);
+    turn->SetInput(image);
+    if constexpr (std::is_invocable_v<decltype(set), decltype(*single)>)
+    {
+      single->Update();
+      set(*single);
+      EXPECT_NAMES(single->Update(), name);
+    }
+    turn->Update();
+    set(*turn);
+    EXPECT_NAMES(turn->Update(), name);
+  };
+  constexpr double infinity = std::numeric_limits<double>::infinity();
+  for (const double bad : { static_cast<double>(notANumber), infinity, -infinity })
+  {
+    expectError("OutputSpacing", [=](auto & filter) { filter.SetOutputSpacing(MakeVector2(1, bad)); });
+    expectError("OutputOrigin", [=](auto & filter) { filter.SetOutputOrigin(MakePoint2(bad, 1)); });
+    expectError("DepthAttenuation", [=](auto & filter) { filter.SetDepthAttenuation(bad); });
+    expectError("DefaultPixelValue", [=](auto & filter) {
+      filter.SetDepthAttenuation(1);
+      filter.SetDefaultPixelValue(static_cast<float>(bad));
+    });
+    expectError("Transform", [=](auto & filter) {
+      filter.SetTransform(MakeView(MakeDiagonal(1, 1, 1), MakePoint3(0, bad, 0)));
+    });
+    using Turn = itk::ShearWarpMIPCineImageFilter<ImageType>;
+    expectError("RotationAxis", [=](Turn & turn) { turn.SetRotationAxis(MakeVector3(0, bad, 1)); });
+    expectError("Center", [=](Turn & turn) { turn.SetCenter(MakePoint3(0, bad, 1)); });
+    expectError("StartAngle", [=](Turn & turn) { turn.SetStartAngle(bad); });
+    expectError("AngularRange", [=](Turn & turn) { turn.SetAngularRange(bad); });
+  }
+  for (const double bad : { static_cast<double>(notANumber), infinity })
+  {
+    expectError("SlabNear", [=](auto & filter) { filter.SetSlabNear(bad); });
+    expectError("SlabFar", [=](auto & filter) { filter.SetSlabFar(-bad); });
+  }
+  expectError("CropLower", [](auto & filter) { filter.SetCropLower(PointType(notANumber)); });
+  expectError("CropUpper", [](auto & filter) { filter.SetCropUpper(MakePoint3(1, notANumber, 1)); });
+  expectError("LocalMaximumThreshold", [](auto & filter) { filter.SetLocalMaximumThreshold(notANumber); });
+
+  const auto filter = MakeFilter(image);
+  filter->SetDefaultPixelValue(notANumber);
+  SetGrid(filter, { { 4, 4 } }, MakeVector2(1, 1), MakePoint2(4, 0));
+  filter->ComputeDepthOn();
+  filter->Update();
+  EXPECT_EQ(filter->GetOutput()->GetPixel({ { 1, 0 } }), 3.0f);
+  EXPECT_TRUE(HaveSameBits(filter->GetOutput()->GetPixel({ { 3, 0 } }), notANumber));
+  EXPECT_NO_THROW(filter->GetPhysicalPoint({ { 1, 0 } }));
+  EXPECT_NAMES(filter->GetPhysicalPoint({ { 3, 0 } }), "No ray has a value at column 3, row 0");
+
+  // what is infinite by default is no slab or box
+  const auto part = itk::ShearWarpMIPPartImageFilter<ImageType>::New();
+  part->SetInput(image);
+  filter->ComputeDepthOff();
+  const auto merge = MakeMergeFilter(filter.GetPointer());
+  merge->SetPart(0, part->GetOutput());
+  merge->Update();
+  filter->Update();
+  EXPECT_TRUE(HaveSamePixels(filter->GetOutput(), merge->GetOutput()));
+
+  image->SetOrigin(MakePoint3(0, infinity, 0));
+  EXPECT_NAMES(filter->Update(), "origin must be finite");
 }
 
 TEST(ShearWarpMIPArithmetic, AnglesAreCompiledInTheLibrary)
