@@ -172,9 +172,9 @@ public:
    * extends half a voxel beyond the outer voxel centers, with the values of the outer voxels. In each cell it is a
    * cubic along the ray, and the extremum of the cubic has a closed form. So there is no step, no principal axis and no
    * second interpolation. The extremum is rounded once. For pixels of 8 and 16 bits, the error before rounding is below
-   * 2^-14 of the range of the pixel type. Cells with a voxel that is not finite are left out. The depth is that of the
-   * extremum. MaskImage, LocalMaximum, DepthAttenuation, Oversampling and NumberOfStreamDivisions must have their
-   * default values. */
+   * 2^-14 of the range of the pixel type. Wider pixels are computed in double precision, which rounds integers beyond
+   * 2^53. Cells with a voxel that is not finite are left out. The depth is that of the extremum. MaskImage,
+   * LocalMaximum, DepthAttenuation, Oversampling and NumberOfStreamDivisions must have their default values. */
   itkSetMacro(Exact, bool);
   itkGetConstMacro(Exact, bool);
   itkBooleanMacro(Exact);

@@ -121,7 +121,7 @@ public:
 
   /** Adds a frame of any view, from view space to physical space. The transform must be linear and invertible. The
    * filter then ignores NumberOfFrames and all parameters of the turn. If you change the transform in place, the change
-   * takes effect at the next Update(). */
+   * takes effect at the next Update(); see ShearWarpMIPImageFilter for a CompositeTransform. */
   void
   AddTransform(const TransformType * transform);
 

@@ -75,7 +75,8 @@ namespace itk
  * - an output larger than the computer's memory
  *
  * Update() throws MemoryAllocationError if memory runs out. The filter can be used again after an exception or an
- * abort.
+ * abort. If the exception is of a source of its inputs, call ResetPipeline() first, as for every filter of ITK:
+ * otherwise Update() does nothing.
  *
  * Several filters may update in different threads at once if they share no data object, because ITK's pipeline changes
  * even the requested region of an input. They can share voxels if each filter has its own image, made by
@@ -122,7 +123,8 @@ public:
   using DecoratedTransformType = DataObjectDecorator<TransformType>;
 
   /** The transform from view space to the image's physical space; identity by default. It must be linear and
-   * invertible. If you change it in place, the change takes effect at the next Update(). */
+   * invertible. If you change it in place, the change takes effect at the next Update(). ITK's CompositeTransform does
+   * not notice that a transform in it changes: call its Modified() then. */
   itkSetGetDecoratedObjectInputMacro(Transform, TransformType);
 
   /** Returns the physical point of the value of an output pixel, by the Depth output of the last update. Throws
