@@ -20,13 +20,18 @@
 
 #include <gdcmDict.h>
 #include <gdcmDicts.h>
+#include <gdcmExplicitDataElement.h>
+#include <gdcmFileMetaInformation.h>
 #include <gdcmGlobal.h>
+#include <gdcmPreamble.h>
 #include <gdcmReader.h>
 #include <gdcmSequenceOfItems.h>
+#include <gdcmSwapper.h>
 
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <fstream>
 #include <sstream>
 #include <stdexcept>
 
@@ -87,16 +92,50 @@ GetLine(const DataSet & dataSet, const Tag & tag, const DataSet & header)
   return line;
 }
 
-DataSet
-ReadHeader(const std::filesystem::path & path, const Tag & last)
+std::optional<DataSet>
+FindHeader(std::istream & file)
 {
+  const Tag    pixels(0x7fe0, 0x0010);
   gdcm::Reader reader;
-  reader.SetFileName(path.string().c_str());
-  if (!reader.ReadUpToTag(last) || GetText(reader.GetFile().GetDataSet(), { 0x0008, 0x0018 }).empty())
+  reader.SetStream(file);
+  if (reader.ReadUpToTag(pixels, { pixels }))
+  {
+    return reader.GetFile().GetDataSet();
+  }
+  gdcm::FileMetaInformation header;
+  file.clear();
+  file.seekg(0);
+  try
+  {
+    gdcm::Preamble().Read(file);
+    header.Read(file);
+    return {};
+  }
+  catch (const gdcm::Exception &)
+  {
+    // GDCM has read the header, but does not know the compression
+    const auto syntax = GetText(header, { 0x0002, 0x0010 });
+    if (syntax.empty() || gdcm::TransferSyntax::GetTSType(syntax.c_str()) != gdcm::TransferSyntax::TS_END)
+    {
+      return {};
+    }
+  }
+  // PS3.5 A.4
+  DataSet dataSet;
+  dataSet.ReadUpToTag<gdcm::ExplicitDataElement, gdcm::SwapperNoOp>(file, pixels, { pixels });
+  return dataSet;
+}
+
+DataSet
+ReadHeader(const std::filesystem::path & path)
+{
+  std::ifstream file(path, std::ios::binary);
+  const auto    header = FindHeader(file);
+  if (!header || GetText(*header, { 0x0008, 0x0018 }).empty())
   {
     throw std::runtime_error("'" + path.string() + "' is not a DICOM file");
   }
-  return reader.GetFile().GetDataSet();
+  return *header;
 }
 
 void

@@ -23,6 +23,8 @@
 #include <gdcmDataSet.h>
 
 #include <filesystem>
+#include <istream>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -47,9 +49,14 @@ GetLine(const gdcm::DataSet & dataSet, const gdcm::Tag & tag, const gdcm::DataSe
 std::string
 Describe(const gdcm::Tag & tag);
 
-/** The attributes of a DICOM file up to \a last. Throws if it is none. */
+/** The attributes of a DICOM file before its pixels, also if GDCM does not know how these are compressed. None if it
+ * cannot be parsed as DICOM. */
+std::optional<gdcm::DataSet>
+FindHeader(std::istream & file);
+
+/** The attributes of a DICOM file before its pixels. Throws if it is none. */
 gdcm::DataSet
-ReadHeader(const std::filesystem::path & path, const gdcm::Tag & last);
+ReadHeader(const std::filesystem::path & path);
 
 /** Sets an attribute of text; its VR is that of the dictionary. */
 void

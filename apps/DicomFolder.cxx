@@ -21,10 +21,11 @@
 #include "InputFiles.h"
 #include "Integrity.h"
 
-#include <gdcmReader.h>
+#include <gdcmUIDs.h>
 
 #include <algorithm>
 #include <cstdlib>
+#include <fstream>
 #include <iterator>
 #include <map>
 #include <set>
@@ -47,20 +48,9 @@ struct Series
   std::size_t              images{ 0 };
   bool                     areProjections{ false };
   std::vector<std::string> files;
+  /** DICOM without images. */
+  std::vector<std::string> others;
 };
-
-/** Of an image, without its pixels; empty if the file is none. */
-DataSet
-ReadHeader(const std::string & path)
-{
-  gdcm::Reader reader;
-  reader.SetFileName(path.c_str());
-  const Tag bitsAllocated(0x0028, 0x0100);
-  const Tag last(0x0028, 0xffff);
-  return reader.ReadUpToTag(last) && reader.GetFile().GetDataSet().FindDataElement(bitsAllocated)
-           ? reader.GetFile().GetDataSet()
-           : DataSet();
-}
 
 bool
 IsText(const fs::path & path)
@@ -104,7 +94,8 @@ private:
   std::map<std::string, std::set<fs::path>> m_Paths;
 };
 
-/** All series of a folder by date, number and UID. What might be an image, but cannot be read, is an error. */
+/** All series of a folder by date, number and UID, as their headers say. What might be an image, but has no sound
+ * header, is an error. */
 std::vector<Series>
 FindAllSeries(const fs::path & folder, const WarningFunction & warn)
 {
@@ -131,19 +122,26 @@ FindAllSeries(const fs::path & folder, const WarningFunction & warn)
       files.push_back(path.string());
     }
   }
-  RequireIntactDICOM(files);
+  const auto haveHeaders = HaveDicomHeaders(files);
 
   std::map<std::string, Series>           found;
   std::map<std::string, fs::path>         instances;
   std::vector<fs::path>                   others;
   std::set<std::pair<fs::path, fs::path>> extensions;
-  for (const std::string & file : files)
+  for (std::size_t n = 0; n < files.size(); ++n)
   {
-    const DataSet  header = ReadHeader(file);
-    const fs::path path(file);
-    if (header.IsEmpty())
+    const std::string & file = files[n];
+    const fs::path      path(file);
+    std::ifstream       stream(file, std::ios::binary);
+    const DataSet       header = haveHeaders[n] ? FindHeader(stream).value_or(DataSet()) : DataSet();
+    const std::string   uid = GetText(header, { 0x0020, 0x000e });
+    if (!IsImage(header))
     {
-      if (!HasPreamble(path))
+      if (HasPreamble(path))
+      {
+        found[uid].others.push_back(file);
+      }
+      else
       {
         others.push_back(path);
       }
@@ -156,8 +154,7 @@ FindAllSeries(const fs::path & folder, const WarningFunction & warn)
       leftOut.Add(path, "the same as another file");
       continue;
     }
-    const std::string uid = GetText(header, { 0x0020, 0x000e });
-    Series &          series = found[uid];
+    Series & series = found[uid];
     if (series.files.empty())
     {
       series.uid = uid;
@@ -196,7 +193,10 @@ FindAllSeries(const fs::path & folder, const WarningFunction & warn)
   all.reserve(found.size());
   for (auto & entry : found)
   {
-    all.push_back(std::move(entry.second));
+    if (!entry.second.files.empty())
+    {
+      all.push_back(std::move(entry.second));
+    }
   }
   std::sort(all.begin(), all.end(), [](const Series & a, const Series & b) {
     return std::tie(a.date, a.number, a.uid) < std::tie(b.date, b.number, b.uid);
@@ -228,15 +228,14 @@ HasType(const DataSet & header, const std::string & term)
 {
   return ('\\' + GetText(header, { 0x0008, 0x0008 }) + '\\').find('\\' + term + '\\') != std::string::npos;
 }
-} // namespace
 
-std::vector<std::string>
-FindSeries(const fs::path &        folder,
-           const std::string &     series,
-           const WarningFunction & warn,
-           const std::string &     option)
+/** As FindSeries. */
+const Series &
+Choose(const std::vector<Series> & all,
+       const fs::path &            folder,
+       const std::string &         series,
+       const std::string &         option)
 {
-  const auto all = FindAllSeries(folder, warn);
   if (all.empty())
   {
     throw std::runtime_error("no DICOM series in the folder '" + folder.string() + "'");
@@ -254,7 +253,7 @@ FindSeries(const fs::path &        folder,
   {
     if (!series.empty() && series == all[n].uid)
     {
-      return all[n].files;
+      return all[n];
     }
     const std::string line = (present.empty() ? "" : "; ") + Describe(all[n], n + 1);
     present += line;
@@ -280,7 +279,38 @@ FindSeries(const fs::path &        folder,
       option.empty() ? "put the one to use into a folder of its own: " : "choose one by " + option + " NUMBER: ";
     throw std::runtime_error(name + " has several DICOM series, " + way + present);
   }
-  return all[chosen].files;
+  return all[chosen];
+}
+} // namespace
+
+std::vector<std::string>
+FindSeries(const fs::path &        folder,
+           const std::string &     series,
+           const WarningFunction & warn,
+           const std::string &     option)
+{
+  const auto     all = FindAllSeries(folder, warn);
+  const Series & chosen = Choose(all, folder, series, option);
+  LeftOut        leftOut;
+  for (const std::string & other : chosen.others)
+  {
+    leftOut.Add(other, "no image");
+  }
+  leftOut.Warn(warn);
+  auto files = chosen.files;
+  files.insert(files.end(), chosen.others.begin(), chosen.others.end());
+  RequireIntactDICOM(files);
+  return chosen.files;
+}
+
+bool
+IsImage(const DataSet & header)
+{
+  const std::string sopClass = GetText(header, { 0x0008, 0x0016 });
+  gdcm::UIDs        uids;
+  const char *      name = uids.SetFromUID(sopClass.c_str()) ? uids.GetName() : nullptr;
+  return header.FindDataElement(Tag(0x0028, 0x0100)) ||
+         (name && std::string(name).find(" Image Storage") != std::string::npos);
 }
 
 bool

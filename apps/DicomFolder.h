@@ -31,6 +31,10 @@ FindSeries(const std::filesystem::path & folder,
            const WarningFunction &       warn,
            const std::string &           option);
 
+/** Whether an object is an image, by its attributes of pixels or, where these are missing, by its class. */
+bool
+IsImage(const gdcm::DataSet & header);
+
 /** Whether an image is a projection of a volume, as those that this program writes (PS3.3 C.8.3.1.1.1, C.8.9.1 and
  * C.8.16.2.1). */
 bool

@@ -143,7 +143,7 @@ gdcm::DataSet
 ReadFirstAcquired(const std::vector<std::filesystem::path> & files)
 {
   const auto getTime = [](const std::filesystem::path & file) {
-    const gdcm::DataSet image = ReadHeader(file, { 0x0008, 0x0032 });
+    const gdcm::DataSet image = ReadHeader(file);
     return GetText(image, { 0x0008, 0x0022 }) + GetText(image, { 0x0008, 0x0032 });
   };
   std::pair<std::string, std::filesystem::path> first(getTime(files.front()), files.front());
@@ -151,7 +151,7 @@ ReadFirstAcquired(const std::vector<std::filesystem::path> & files)
   {
     first = std::min(first, { getTime(file), file });
   }
-  return ReadHeader(first.second, { 0x0054, 0xffff });
+  return ReadHeader(first.second);
 }
 
 std::string

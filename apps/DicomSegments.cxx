@@ -234,7 +234,10 @@ ReadDicomSegments(const std::filesystem::path & path, const WarningFunction & wa
   {
     return {};
   }
-  RequireIntactDICOM(files);
+  if (folder.empty())
+  {
+    RequireIntactDICOM(files);
+  }
   const auto source = ReadSource(files.front());
   if (!source || !IsSegmentation(source->header))
   {

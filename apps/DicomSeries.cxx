@@ -445,7 +445,7 @@ MakeHeader(const AnyImage &           frames,
           options.isMinimum ? "Minimum intensity projection" : "Maximum intensity projection");
   for (const Path & file : files)
   {
-    const DataSet image = ReadHeader(file, { 0x0008, 0x0018 });
+    const DataSet image = ReadHeader(file);
     DataSet       item;
     SetText(item, { 0x0008, 0x1150 }, GetText(image, { 0x0008, 0x0016 }));
     SetText(item, { 0x0008, 0x1155 }, GetText(image, { 0x0008, 0x0018 }));
@@ -680,7 +680,7 @@ WriteDicomSeries(OutputFiles &                              files,
     const PixelType * const begin = CastImage<PixelType>(frames).GetBufferPointer();
     const std::size_t       length = size[0] * size[1] * frames.image->GetNumberOfComponentsPerPixel();
     Rescale                 rescale = ChooseRescale(begin, begin + length * size[2], !options.frameTime);
-    DataSet                 header = source.empty() ? DataSet() : ReadHeader(source.front(), { 0x0054, 0xffff });
+    DataSet                 header = source.empty() ? DataSet() : ReadHeader(source.front());
     std::string             sopClass = ChooseClass(header, rescale);
     const bool              isColoured = AreColoured(frames);
     if (isColoured)

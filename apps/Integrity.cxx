@@ -17,6 +17,8 @@
  *=========================================================================*/
 #include "Integrity.h"
 
+#include "DicomAttribute.h"
+#include "DicomFolder.h"
 #include "DicomReader.h"
 #include "FileStart.h"
 #include "Posix.h"
@@ -32,7 +34,6 @@
 #include "itksys/SystemTools.hxx"
 
 #include <gdcmFileMetaInformation.h>
-#include <gdcmMediaStorage.h>
 #include <gdcmPreamble.h>
 #include <gdcmTransferSyntax.h>
 #include <nifti1_io.h>
@@ -348,7 +349,25 @@ HasAllPixels(const gdcm::Image & image)
 }
 
 bool
-IsIntactDICOM(const std::string & path)
+HasSoundHeader(const std::string & path)
+try
+{
+  const bool   isDeflated = IsDeflated(path);
+  WatchedFile  file(path);
+  std::istream stream(&file);
+  const auto   header = FindHeader(stream);
+  const bool   isWhole = header && (isDeflated || !file.IsTooShort());
+  // an image without a series may lack more that followed
+  return isWhole && (!IsImage(*header) || header->FindDataElement(gdcm::Tag(0x0020, 0x000e)) ||
+                     header->FindDataElement(gdcm::Tag(0x0028, 0x0100)));
+}
+catch (const std::exception &)
+{
+  return false;
+}
+
+Soundness
+CheckImage(const std::string & path)
 try
 {
   const bool   isDeflated = IsDeflated(path);
@@ -358,43 +377,76 @@ try
   reader.SetStream(stream);
   const bool isImage = reader.Read();
   const bool isWhole = isDeflated || !file.IsTooShort();
-  if (isImage || !LooksLikeDICOM(path))
+  if (!isImage && !LooksLikeDICOM(path))
   {
-    return !isImage || (isWhole && HasAllPixels(reader.GetImage()));
+    return Soundness::Sound;
   }
-  gdcm::MediaStorage storage;
-  storage.SetFromFile(reader.GetFile());
-  return isWhole && !gdcm::MediaStorage::IsImage(storage);
+  const gdcm::DataSet & dataSet = reader.GetFile().GetDataSet();
+  if (!isWhole || dataSet.IsEmpty() || (isImage && !HasAllPixels(reader.GetImage())))
+  {
+    return Soundness::Damaged;
+  }
+  if (!isImage && dataSet.FindDataElement(gdcm::Tag(0x7fe0, 0x0010)))
+  {
+    return Soundness::Damaged;
+  }
+  return isImage || !IsImage(dataSet) ? Soundness::Sound : Soundness::WithoutPixels;
 }
 catch (const std::exception &)
 {
-  return false;
+  return Soundness::Damaged;
 }
 
 using Files = std::vector<std::string>;
 
 /** What the program is asked by its first argument, and the files follow. */
-const std::map<FileKind, std::string> questions = { { FileKind::DICOM, "--are-intact-dicom" },
+const std::map<FileKind, std::string> questions = { { FileKind::DicomHeader, "--have-dicom-headers" },
+                                                    { FileKind::DicomImage, "--are-intact-dicom" },
                                                     { FileKind::Transform, "--are-readable-transforms" } };
 
-const std::map<FileKind, bool (*)(const std::string &)> answers = { { FileKind::DICOM, IsIntactDICOM },
-                                                                    { FileKind::Transform, IsReadableTransform } };
+Soundness
+Answer(FileKind kind, const std::string & file)
+{
+  if (kind == FileKind::DicomImage)
+  {
+    return CheckImage(file);
+  }
+  const bool isSound = kind == FileKind::DicomHeader ? HasSoundHeader(file) : IsReadableTransform(file);
+  return isSound ? Soundness::Sound : Soundness::Damaged;
+}
 
 /** The program itself, if main() called ParseIfAsked. */
 std::string program;
 
-/** CountSound of so few files that they fit into a command. GDCM may have assertions, as Debian's has, which damaged
- * files break, and HDF5 does not survive each: the program itself parses in a process of its own. */
-std::size_t
-CountSound(FileKind kind, Files::const_iterator begin, Files::const_iterator end)
+/** The answers for so few files that they fit into a command, up to the first that ends the process. GDCM may have
+ * assertions, as Debian's has, which damaged files break, and HDF5 does not survive each: the program itself parses in
+ * a process of its own. */
+std::string
+Ask(FileKind kind, Files::const_iterator begin, Files::const_iterator end)
 {
   if (program.empty())
   {
-    return static_cast<std::size_t>(std::find_if_not(begin, end, answers.at(kind)) - begin);
+    std::string said;
+    std::transform(begin, end, std::back_inserter(said), [kind](const std::string & file) {
+      return static_cast<char>(Answer(kind, file));
+    });
+    return said;
   }
   Files command{ program, questions.at(kind) };
   command.insert(command.end(), begin, end);
-  return RunProcess(command, false).said.size();
+  return RunProcess(command, false).said;
+}
+
+[[noreturn]] void
+RefuseDicom(const std::string & path, const std::string & reason)
+{
+  const std::string syntax = ReadTransferSyntax(path);
+  if (!syntax.empty() && gdcm::TransferSyntax::GetTSType(syntax.c_str()) == gdcm::TransferSyntax::TS_END)
+  {
+    throw std::runtime_error("'" + path + "' has a compression that GDCM does not read, transfer syntax " + syntax +
+                             "; decompress the images first");
+  }
+  Refuse(path, reason);
 }
 
 /** Has the process end if it takes longer to parse a file than any disk does. */
@@ -445,11 +497,7 @@ ParseIfAsked(int argc, const char * const * argv, std::ostream & output)
       for (int n = 2; n < argc; ++n)
       {
         LimitTime(argv[n]);
-        if (!answers.at(kind)(argv[n]))
-        {
-          break;
-        }
-        output.put('.').flush();
+        output.put(static_cast<char>(Answer(kind, argv[n]))).flush();
       }
       return true;
     }
@@ -470,38 +518,60 @@ ParseIfAsked(int argc, const char * const * argv, std::ostream & output)
   return false;
 }
 
-std::size_t
-CountSound(FileKind kind, const Files & files)
+std::vector<Soundness>
+Check(FileKind kind, const Files & files)
 {
   // every system takes that many bytes of arguments
-  constexpr std::size_t most = 30000;
-  auto                  begin = files.begin();
-  auto                  end = begin;
-  while (begin == end && end != files.end())
+  constexpr std::size_t  most = 30000;
+  std::vector<Soundness> answers;
+  for (auto begin = files.begin(); begin != files.end();)
   {
     std::size_t bytes = 0;
-    end = std::find_if(begin + 1, files.end(), [&bytes](const std::string & file) {
+    const auto  end = std::find_if(begin + 1, files.end(), [&bytes](const std::string & file) {
       bytes += file.size() + 1;
       return bytes > most;
     });
-    begin += static_cast<std::ptrdiff_t>(CountSound(kind, begin, end));
+    const std::string said = Ask(kind, begin, end);
+    std::transform(
+      said.begin(), said.end(), std::back_inserter(answers), [](char answer) { return Soundness{ answer }; });
+    begin += static_cast<std::ptrdiff_t>(said.size());
+    if (begin != end)
+    {
+      answers.push_back(Soundness::Damaged);
+      ++begin;
+    }
   }
-  return static_cast<std::size_t>(begin - files.begin());
+  return answers;
+}
+
+std::vector<bool>
+HaveDicomHeaders(const Files & files)
+{
+  std::vector<bool> have;
+  for (const Soundness soundness : Check(FileKind::DicomHeader, files))
+  {
+    const std::string & file = files[have.size()];
+    have.push_back(soundness == Soundness::Sound);
+    if (!have.back() && HasPreamble(file))
+    {
+      RefuseDicom(file, "its header cannot be parsed, so it may be a slice of any series; copy it again or remove it");
+    }
+  }
+  return have;
 }
 
 void
 RequireIntactDICOM(const Files & files)
 {
-  const std::size_t count = CountSound(FileKind::DICOM, files);
-  if (count < files.size())
+  const auto answers = Check(FileKind::DicomImage, files);
+  for (std::size_t n = 0; n < files.size(); ++n)
   {
-    const std::string syntax = ReadTransferSyntax(files[count]);
-    if (!syntax.empty() && gdcm::TransferSyntax::GetTSType(syntax.c_str()) == gdcm::TransferSyntax::TS_END)
+    if (answers[n] != Soundness::Sound)
     {
-      throw std::runtime_error("'" + files[count] + "' has a compression that GDCM does not read, transfer syntax " +
-                               syntax + "; decompress the images first");
+      RefuseDicom(files[n],
+                  answers[n] == Soundness::WithoutPixels ? "it is an image without pixels"
+                                                         : "its DICOM data cannot be parsed to the end");
     }
-    Refuse(files[count], "its DICOM data cannot be parsed to the end");
   }
 }
 

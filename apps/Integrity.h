@@ -27,26 +27,39 @@
 #include <string>
 #include <vector>
 
-/** For the beginning of main(). Damaged files can end the process that parses them, so CountSound runs the program anew
- * for that: if this is such a run, it parses what the arguments name, and this returns true when all is done. Without a
+/** For the beginning of main(). Damaged files can end the process that parses them, so Check runs the program anew for
+ * that: if this is such a run, it parses what the arguments name, and this returns true when all is done. Without a
  * call of this function all is parsed in the process itself. */
 bool
 ParseIfAsked(int argc, const char * const * argv, std::ostream & output);
 
 enum class FileKind
 {
-  DICOM,
+  DicomHeader,
+  DicomImage,
   Transform
 };
 
-/** The number of files before the first that is damaged. */
-std::size_t
-CountSound(FileKind kind, const std::vector<std::string> & files);
+enum class Soundness : char
+{
+  Sound = '.',
+  Damaged = '!',
+  WithoutPixels = '0'
+};
+
+/** Parses each of the files. */
+std::vector<Soundness>
+Check(FileKind kind, const std::vector<std::string> & files);
 
 /** Calls \a read, which reads the image file \a path by ITK. Throws if the file is cut short or damaged, as far as its
  * format tells: NRRD, MetaImage, NIfTI and DICOM. Several of ITK's readers take such files for whole. */
 void
 ReadIntact(const std::filesystem::path & path, const std::function<void()> & read);
+
+/** For each of \a files, whether it has a DICOM header, which can be parsed then. Throws if a file begins as DICOM
+ * does, but has no sound header. */
+std::vector<bool>
+HaveDicomHeaders(const std::vector<std::string> & files);
 
 /** Throws if the file \a path, whose header \a io has read, has fewer voxels than the header says, or values of cells.
  * The readers of VTK, GIPL and MRC do not notice. */

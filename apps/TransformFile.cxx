@@ -257,7 +257,7 @@ ReadLinearTransforms(const fs::path & path)
   const std::string name = "'" + path.string() + "' ";
   RequireReadable(path);
   const std::string unreadable = name + "is not a transform that ITK can read";
-  if (CountSound(FileKind::Transform, { path.string() }) == 0)
+  if (Check(FileKind::Transform, { path.string() }).front() != Soundness::Sound)
   {
     throw std::runtime_error(unreadable);
   }

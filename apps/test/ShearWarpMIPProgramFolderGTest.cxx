@@ -17,6 +17,9 @@
  *=========================================================================*/
 #include "ShearWarpMIPProgramTestHelper.h"
 
+#include <gdcmReader.h>
+#include <gdcmWriter.h>
+
 using namespace ShearWarpMIPProgramTest;
 
 namespace
@@ -35,6 +38,29 @@ protected:
       positions.push_back(2.0 * static_cast<double>(slice));
     }
     this->WriteDICOMSeries(uid, prefix, positions, 8, false, tags);
+  }
+
+  /** Rewrites a file without \a removed attributes, with explicit VRs. */
+  void
+  Rewrite(const std::string & name, const std::string & sopClass, const std::vector<gdcm::Tag> & removed) const
+  {
+    gdcm::Reader reader;
+    gdcm::Writer writer;
+    reader.SetFileName(this->GetPath(name).c_str());
+    ASSERT_TRUE(reader.Read());
+    gdcm::DataSet & dataSet = reader.GetFile().GetDataSet();
+    for (const gdcm::Tag & tag : removed)
+    {
+      ASSERT_EQ(dataSet.Remove(tag), 1u);
+    }
+    gdcm::DataElement element(gdcm::Tag(0x0008, 0x0016), 0, gdcm::VR::UI);
+    element.SetByteValue(sopClass.data(), static_cast<std::uint32_t>(sopClass.size()));
+    dataSet.Replace(element);
+    reader.GetFile().GetHeader().Clear();
+    reader.GetFile().GetHeader().SetDataSetTransferSyntax(gdcm::TransferSyntax::ExplicitVRLittleEndian);
+    writer.SetFile(reader.GetFile());
+    writer.SetFileName(this->GetPath(name).c_str());
+    ASSERT_TRUE(writer.Write());
   }
 };
 
@@ -222,6 +248,79 @@ TEST_F(ShearWarpMIPProgramFolder, IsRefused)
   this->ExpectFailure("dicom/inner/DICOMDIR dicom/inner/turn/", "it is in 'dicom/inner', where images are searched");
   fs::create_symlink("dicom/inner/a2.dcm", m_Folder / "slice.nrrd");
   this->ExpectFailure("dicom slice.nrrd", "'slice.nrrd': this call reads it, as 'dicom/inner/a2.dcm'");
+}
+
+TEST_F(ShearWarpMIPProgramFolder, IsReadThoughObjectsOfOtherSeriesCannotBe)
+{
+  const std::string            mrImage = "1.2.840.10008.5.1.4.1.1.4";
+  const std::string            registration = "1.2.840.10008.5.1.4.1.1.66.1";
+  const gdcm::Tag              pixels(0x7fe0, 0x0010);
+  const std::vector<gdcm::Tag> all = { { 0x0028, 0x0100 }, { 0x0028, 0x0010 }, { 0x0028, 0x0011 }, pixels };
+  this->WriteSeries("1.2.3.4", "a", 4);
+  this->ExpectSuccess("dicom plain.nrrd");
+  const auto expectRead = [this](const std::string & options) {
+    this->ExpectSuccess("dicom out.nrrd" + options);
+    EXPECT_EQ(ReadText(m_Folder / "out.nrrd"), ReadText(m_Folder / "plain.nrrd"));
+  };
+
+  this->WriteSeries("1.2.3.8", "b", 1);
+  this->Rewrite("dicom/b0.dcm", registration, all);
+  expectRead("");
+
+  this->WriteSeries("1.2.3.8", "b", 1);
+  this->Rewrite("dicom/b0.dcm", mrImage, { pixels });
+  expectRead(" --series 1.2.3.4");
+  const std::string withoutPixels = "'dicom/b0.dcm' is damaged or incomplete: it is an image without pixels";
+  this->ExpectFailure("dicom out.png --series 1.2.3.8", withoutPixels);
+  this->ExpectFailure("dicom/b0.dcm out.png", withoutPixels);
+  this->ExpectFailure("dicom out.png", " 1 image\n");
+
+  this->WriteSeries("1.2.3.8", "b", 1);
+  this->Rewrite("dicom/b0.dcm", mrImage, {});
+  const std::string name = "dicom/b0.dcm";
+  const std::size_t size = ReadText(m_Folder / name).size();
+  this->WithCutFile(name, size - 1, [&] {
+    expectRead(" --series 1.2.3.4");
+    this->ExpectFailure("dicom out.png --series 1.2.3.8", "'dicom/b0.dcm' is damaged or incomplete");
+  });
+  // a compression of 2024, and one that does not exist
+  for (const std::string syntax : { "1.2.840.10008.1.2.4.201", "1.2.3.4.5.6" })
+  {
+    this->WithChangedFile(
+      name,
+      [&syntax](const std::string & bytes) {
+        const std::string plain("1.2.840.10008.1.2.1\0", 20);
+        const std::string element("\x02\0\x10\0UI", 6);
+        const std::size_t begin = bytes.find(element + std::string("\x14\0", 2) + plain);
+        EXPECT_NE(begin, std::string::npos);
+        std::string uid = syntax;
+        uid.resize(uid.size() + uid.size() % 2, '\0');
+        std::string changed = bytes;
+        changed.replace(begin, 28, element + std::string({ static_cast<char>(uid.size()), '\0' }) + uid);
+        // the length of the group, in a value of 4 bytes
+        changed[140] = static_cast<char>(changed[140] + static_cast<char>(uid.size()) - 20);
+        return changed;
+      },
+      [&] {
+        expectRead(" --series 1.2.3.4");
+        this->ExpectFailure("dicom out.png --series 1.2.3.8",
+                            "b0.dcm' has a compression that GDCM does not read, transfer syntax " + syntax + ';');
+      });
+  }
+  // what might be a slice of any series
+  this->WithCutFile(name, 300, [&] {
+    this->ExpectFailure("dicom out.png --series 1.2.3.4",
+                        "'dicom/b0.dcm' is damaged or incomplete: its header cannot be parsed, so it may be a slice");
+  });
+
+  // objects of the series itself
+  this->WriteSeries("1.2.3.4", "b", 1);
+  this->Rewrite("dicom/b0.dcm", registration, all);
+  this->ExpectSuccess("dicom out.nrrd", "shear-warp-mip: warning: left out: 'dicom/b0.dcm' (no image)\n");
+  EXPECT_EQ(ReadText(m_Folder / "out.nrrd"), ReadText(m_Folder / "plain.nrrd"));
+  this->WriteSeries("1.2.3.4", "b", 1);
+  this->Rewrite("dicom/b0.dcm", mrImage, all);
+  this->ExpectFailure("dicom out.png", withoutPixels);
 }
 
 TEST_F(ShearWarpMIPProgramFolder, OfOutputHasDICOMSeries)
