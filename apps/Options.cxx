@@ -765,9 +765,24 @@ Reword(const CLI::App & app, const CLI::ParseError & error)
         names.push_back("--" + name);
       }
     }
-    const auto        extra = app.remaining();
+    auto              extra = app.remaining();
     const std::string first = extra.front().substr(0, extra.front().find('='));
     const std::string hint = first[0] == '-' ? Suggest(first, names) : "";
+    const std::filesystem::path input = app.get_option("INPUT")->as<std::string>();
+    const std::string           output = app.get_option("OUTPUT")->as<std::string>();
+    std::error_code             ignored;
+    if (first[0] != '-' && FindFormat(output) == FileFormat::None && std::filesystem::is_regular_file(output, ignored))
+    {
+      const auto folder = input.has_parent_path() ? input.parent_path() : std::filesystem::path(".");
+      return "several files are given, but INPUT is one file or a folder: for a DICOM series give its folder, '" +
+             folder.string() + '\'';
+    }
+    constexpr std::size_t most = 5;
+    if (extra.size() > most)
+    {
+      extra[most] = "and " + std::to_string(extra.size() - most) + " more";
+      extra.resize(most + 1);
+    }
     return CLI::detail::join(extra, " ") + " is not expected" + (hint.empty() ? "; see --help" : hint);
   }
   std::string text = std::string(error.what()).substr(0, MostCharacters);

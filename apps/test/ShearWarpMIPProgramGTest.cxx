@@ -151,6 +151,14 @@ TEST_F(ShearWarpMIPProgram, ReadsDICOMSeries)
   EXPECT_EQ(this->ReadPixels("out.nrrd").front(), 105);
 }
 
+TEST_F(ShearWarpMIPProgram, AsksForTheFolderOfManyFiles)
+{
+  this->WriteDICOMSeries("1.2.3.4", "a", std::vector<double>(30));
+  this->ExpectFailure("dicom/*.dcm out.png",
+                      "shear-warp-mip: several files are given, but INPUT is one file or a folder: for a DICOM series "
+                      "give its folder, 'dicom'\n");
+}
+
 TEST_F(ShearWarpMIPProgram, WarnsOfUnevenSlices)
 {
   this->WriteDICOMSeries("1.2.3.4", "a", { 0, 2, 4, 6.2, 8, 10 });
@@ -523,6 +531,7 @@ TEST_F(ShearWarpMIPProgram, AnswersWrongCalls)
     { "in.nrrd out.png --WINDOW 3 4", "--WINDOW 3 4 is not expected; did you mean '--window'?" },
     { "in.nrrd out.png --oversampl=2", "--oversampl=2 is not expected; did you mean '--oversampling'?" },
     { "in.nrrd out.png --gpu", "--gpu is not expected; see --help" },
+    { "in.nrrd out.png 1 2 3 4 5 6 7", "1 2 3 4 5 and 2 more is not expected; see --help" },
     { "in.nrrd out.png -30 -.5", "-30 -.5 is not expected; see --help" },
     { "in.nrrd out.png --$(printf %0120000d 30)", "--0000" },
     { "in.nrrd out.png --azimuth", "--azimuth: a value is needed, DEGREES" },
