@@ -64,6 +64,13 @@ GetSequence(DataSet & dataSet, const Tag & tag)
 }
 } // namespace
 
+gdcm::VR
+GetVR(const gdcm::DataElement & element)
+{
+  const gdcm::VR vr = element.GetVR();
+  return vr == gdcm::VR::INVALID || vr == gdcm::VR::UN ? GetVR(element.GetTag()) : vr;
+}
+
 std::string
 Describe(const Tag & tag)
 {

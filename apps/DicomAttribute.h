@@ -45,6 +45,10 @@ GetText(const gdcm::DataSet & dataSet, const gdcm::Tag & tag)
 std::string
 GetLine(const gdcm::DataSet & dataSet, const gdcm::Tag & tag, const gdcm::DataSet & header);
 
+/** The kind of value, which files without such have by the dictionary. */
+gdcm::VR
+GetVR(const gdcm::DataElement & element);
+
 /** Name and tag, as Units (0054,1001). */
 std::string
 Describe(const gdcm::Tag & tag);

@@ -19,6 +19,7 @@
 #include "DicomAttribute.h"
 #include "DicomFolder.h"
 #include "DicomSlices.h"
+#include "DicomVolumes.h"
 
 #include <gdcmTrace.h>
 
@@ -53,35 +54,7 @@ LeaveOutLocalizers(std::vector<Source> & sources, const WarningFunction & warn)
   }
 }
 
-/** What tells two slices at one position apart, and what to do then. */
-std::string
-NameDifference(const Slice & one, const Slice & other)
-{
-  if (one.source == other.source)
-  {
-    return ". The file has several volumes, such as points in time: one is needed";
-  }
-  const std::pair<Tag, std::string> attributes[] = { { { 0x0020, 0x0100 }, "Temporal Position Identifier" },
-                                                     { { 0x0018, 0x0081 }, "Echo Time" },
-                                                     { { 0x0054, 0x1300 }, "Frame Reference Time" },
-                                                     { { 0x0018, 0x1060 }, "Trigger Time" },
-                                                     { { 0x0020, 0x0012 }, "Acquisition Number" },
-                                                     { { 0x0008, 0x0008 }, "Image Type" },
-                                                     { { 0x0008, 0x0032 }, "Acquisition Time" } };
-  for (const auto & [tag, name] : attributes)
-  {
-    const std::string first = GetText(one.source->header, tag);
-    const std::string second = GetText(other.source->header, tag);
-    if (first != second)
-    {
-      return ". They differ in " + name + ", " + first + " and " + second +
-             ": put the images of one volume into a folder of their own";
-    }
-  }
-  return "";
-}
-
-/** Throws if one of the slices, which are sorted, is missing or there twice. */
+/** Throws if one of the slices, which are sorted, is missing. */
 void
 RequireEachSlice(const std::vector<Slice> & slices)
 {
@@ -91,20 +64,14 @@ RequireEachSlice(const std::vector<Slice> & slices)
     gaps.push_back(std::abs(slices[i].position - slices[i - 1].position));
   }
   const auto [closest, farthest] = std::minmax_element(gaps.begin(), gaps.end());
-  const bool isTwice = !(*closest > 0.01 * *farthest);
-  if (isTwice || *farthest > 1.5 * *closest)
+  if (*farthest > 1.5 * *closest)
   {
-    const auto         after = (isTwice ? closest : farthest) - gaps.begin();
+    const auto         after = farthest - gaps.begin();
     const Slice &      one = slices[after];
     const Slice &      other = slices[after + 1];
     std::ostringstream message;
-    message << (isTwice ? "two slices lie at one position: " : "a slice is missing between ") << GetName(one) << " at "
-            << one.position << " mm and " << GetName(other) << " at " << other.position << " mm; others are "
-            << (isTwice ? *farthest : *closest) << " mm apart";
-    if (isTwice)
-    {
-      message << NameDifference(one, other);
-    }
+    message << "a slice is missing between " << GetName(one) << " at " << one.position << " mm and " << GetName(other)
+            << " at " << other.position << " mm; others are " << *closest << " mm apart";
     throw std::runtime_error(message.str());
   }
 }
@@ -139,12 +106,13 @@ itk::ImageBase<3>::Pointer
 ArrangeSlices(std::vector<Slice> & slices, const WarningFunction & warn)
 {
   const Slice first = slices.front();
-  for (Slice & slice : slices)
+  bool        areOfOneFile = true;
+  for (const Slice & slice : slices)
   {
     RequireLikeness(slice, first);
-    slice.position = slice.origin * first.directions[2];
+    areOfOneFile = areOfOneFile && slice.source == first.source;
   }
-  const bool isBackward = slices.size() == first.source->size[2] && slices.back().position < slices.front().position;
+  const bool isBackward = areOfOneFile && slices.back().position < first.position;
   std::stable_sort(slices.begin(), slices.end(), [isBackward](const Slice & a, const Slice & b) {
     return isBackward ? a.position > b.position : a.position < b.position;
   });
@@ -218,7 +186,11 @@ Rescale(const Slice & slice, const char * stored, std::size_t count, TPixel * va
 } // namespace
 
 Volume
-ReadDicom(const fs::path & path, const std::string & series, const WarningFunction & warn, const std::string & option)
+ReadDicom(const fs::path &        path,
+          const std::string &     series,
+          const WarningFunction & warn,
+          const std::string &     option,
+          const std::string &     volumeNumber)
 {
   // what matters is said here
   gdcm::Trace::ErrorOff();
@@ -268,6 +240,8 @@ ReadDicom(const fs::path & path, const std::string & series, const WarningFuncti
     const auto ofSource = GetSlices(source);
     slices.insert(slices.end(), ofSource.begin(), ofSource.end());
   }
+  const std::string volumeOption = option.empty() ? "" : option.substr(0, option.rfind("series")) + "volume";
+  ChooseVolume(slices, volumeNumber, volumeOption, "'" + path.string() + "'");
   const auto grid = ArrangeSlices(slices, warn);
   if (slices.size() == 1)
   {
@@ -285,26 +259,25 @@ ReadDicom(const fs::path & path, const std::string & series, const WarningFuncti
     volume.times = { MakeAnyImage<PixelType>(grid, first.components) };
     PixelType * const values = CastImage<PixelType>(volume.times.front()).GetBufferPointer();
     const std::size_t count = std::size_t{ first.size[0] } * first.size[1] * first.components;
-    for (const Source & source : sources)
+    std::set<const Source *> known;
+    for (const Slice & slice : slices)
     {
-      const auto stored = ReadStored(source);
-      const auto bytes = stored.size() / source.size[2];
+      const Source * const source = slice.source;
+      if (!known.insert(source).second)
+      {
+        continue;
+      }
+      volume.dicomFiles.emplace_back(source->path);
+      const auto stored = ReadStored(*source);
+      const auto bytes = stored.size() / source->size[2];
       for (std::size_t n = 0; n < slices.size(); ++n)
       {
-        if (slices[n].source == &source)
+        if (slices[n].source == source)
         {
           Rescale(slices[n], stored.data() + slices[n].frame * bytes, count, values + n * count);
         }
       }
     }
   });
-  std::set<const Source *> listed;
-  for (const Slice & slice : slices)
-  {
-    if (listed.insert(slice.source).second)
-    {
-      volume.dicomFiles.emplace_back(slice.source->path);
-    }
-  }
   return volume;
 }

@@ -35,6 +35,7 @@ Volume
 ReadDicom(const std::filesystem::path & path,
           const std::string &           series,
           const WarningFunction &       warn,
-          const std::string &           option);
+          const std::string &           option,
+          const std::string &           volume);
 
 #endif

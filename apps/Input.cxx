@@ -167,7 +167,8 @@ Volume
 ReadVolume(const std::filesystem::path & path,
            const std::string &           series,
            const WarningFunction &       warn,
-           const std::string &           option)
+           const std::string &           option,
+           const std::string &           volumeNumber)
 {
   RequireReadable(path);
   const auto folder = GetImageFolder(path);
@@ -178,15 +179,19 @@ ReadVolume(const std::filesystem::path & path,
 
   Volume     volume;
   const auto read = [&] {
-    if (LooksLikeTiff(path))
-    {
-      volume = ReadTiff(path, warn);
-      return;
-    }
     const auto io = itk::ImageIOFactory::CreateImageIO(path.c_str(), itk::IOFileModeEnum::ReadMode);
     if (HasPreamble(path) || (io && dynamic_cast<const itk::GDCMImageIO *>(io.GetPointer())))
     {
-      volume = ReadDicom(path, series, warn, option);
+      volume = ReadDicom(path, series, warn, option, volumeNumber);
+      return;
+    }
+    if (!volumeNumber.empty())
+    {
+      throw std::runtime_error("a volume can be chosen from DICOM files only, but '" + path.string() + "' is none");
+    }
+    if (LooksLikeTiff(path))
+    {
+      volume = ReadTiff(path, warn);
       return;
     }
     if (!io || checkedReaders.count(io->GetNameOfClass()) == 0)
@@ -200,7 +205,7 @@ ReadVolume(const std::filesystem::path & path,
   {
     if (!folder.empty())
     {
-      volume = ReadDicom(folder, series, warn, option);
+      volume = ReadDicom(folder, series, warn, option, volumeNumber);
     }
     else
     {

@@ -31,13 +31,15 @@ using WarningFunction = std::function<void(const std::string &)>;
 
 /** Reads a 3D image, or a series of them in time: a file, or a DICOM series of the folder \a path or of that of a
  * DICOMDIR, and of the folders in it. \a series is its number in the list that the error has if there are several, its
- * instance UID or, ignoring case, a part of its description; it may be empty if there is only one. Errors name the
- * \a option that gave it; an empty one stands for no choice. Throws if something of the image is missing or damaged. */
+ * instance UID or, ignoring case, a part of its description; it may be empty if there is only one. \a volume is the
+ * number of a volume of the series, likewise. Errors name the \a option that gave the series; an empty one stands for
+ * no choice. Throws if something of the image is missing or damaged. */
 Volume
 ReadVolume(const std::filesystem::path & path,
            const std::string &           series,
            const WarningFunction &       warn,
-           const std::string &           option = "--series");
+           const std::string &           option = "--series",
+           const std::string &           volume = "");
 
 /** Reads an image of whole numbers that must lie on \a grid. The mask is 1 where that is \a label or, without one, not
  * 0; or, if there are \a removed labels, where it is none of these. */

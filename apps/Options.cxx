@@ -183,6 +183,12 @@ DefineOptions(CLI::App & app, Options & options)
                 "DICOM series, if the folder has several: its number in the printed list, a part of its description, "
                 "or its instance UID")
     ->type_name("SERIES");
+  app
+    .add_option("--volume",
+                options.volume,
+                "Volume of a DICOM series or file that has several, such as echoes or points in time: its number in "
+                "the printed list")
+    ->type_name("NUMBER");
 
   const auto add = [&app](const std::string & group,
                           const std::string & names,
@@ -460,6 +466,7 @@ DefineOptions(CLI::App & app, Options & options)
         "Shows the maximum of another volume in colour over pictures, animations, pages and --dicom-out. It is a "
         "file or folder like INPUT, in INPUT's space, on any grid");
   add("Overlay", "--overlay-series", options.overlaySeries, "SERIES", "Like --series, for the overlay")->needs(overlay);
+  add("Overlay", "--overlay-volume", options.overlayVolume, "NUMBER", "Like --volume, for the overlay")->needs(overlay);
   add("Overlay",
       "--overlay-transform",
       options.overlayTransform,

@@ -42,6 +42,7 @@ struct Options
   std::string                 phantom;
   std::vector<unsigned int>   phantomSize{ 256, 256, 128 };
   std::string                 series;
+  std::string                 volume;
   std::string                 view{ "anterior" };
   double                      azimuth{ 0.0 };
   double                      elevation{ 0.0 };
@@ -77,6 +78,7 @@ struct Options
   bool                        isSuv{ false };
   std::string                 overlay;
   std::string                 overlaySeries;
+  std::string                 overlayVolume;
   std::string                 overlayTransform;
   std::string                 overlayColour{ "hot" };
   std::vector<double>         overlayWindow;

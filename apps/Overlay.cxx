@@ -94,7 +94,7 @@ ReadOverlay(const Options & options, const WarningFunction & warn)
 {
   const TransformType::Pointer toInput =
     options.overlayTransform.empty() ? nullptr : ReadInverse(options.overlayTransform);
-  Volume     volume = ReadVolume(options.overlay, options.overlaySeries, warn, "--overlay-series");
+  Volume volume = ReadVolume(options.overlay, options.overlaySeries, warn, "--overlay-series", options.overlayVolume);
   const auto refuse = [&](std::size_t count, const std::string & what) {
     throw std::runtime_error("--overlay: '" + options.overlay + "' has " + std::to_string(count) + ' ' + what +
                              "; 1 is needed");

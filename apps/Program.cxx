@@ -226,7 +226,7 @@ Run(const Options & options, Messages & messages)
 
   messages.StepBegins("reading " + options.input);
   const auto warn = [&](const std::string & text) { messages.Warn(text); };
-  Volume     volume = ReadVolume(options.input, options.series, warn);
+  Volume     volume = ReadVolume(options.input, options.series, warn, "--series", options.volume);
   files.Protect(volume.dicomFiles);
   const bool isSuv = options.isSuv && ConvertToSuv(volume, warn);
   if (options.isSuv && !isSuv && options.overlay.empty())

@@ -235,9 +235,15 @@ protected:
     ASSERT_TRUE(writer.Write());
   }
 
+  /** Adds attributes to a slice, in a functional group if slices are frames. */
+  using AddFunction = std::function<void(DataSet &, std::size_t)>;
+
   /** Writes the folder dicom. What \a planes have in common is in the group that all frames share. */
   void
-  WriteSlices(const Planes & planes, const std::string & sopClass = ctImage) const
+  WriteSlices(
+    const Planes &      planes,
+    const std::string & sopClass = ctImage,
+    const AddFunction & add = [](DataSet &, std::size_t) {}) const
   {
     fs::remove_all(m_Folder / "dicom");
     fs::create_directory(m_Folder / "dicom");
@@ -247,6 +253,7 @@ protected:
       {
         DataSet dataSet = MakeImage(sopClass, slice, slice + 1);
         SetPlane(dataSet, planes[slice], false);
+        add(dataSet, slice);
         this->WriteFile(dataSet, "dicom/a" + std::to_string(slice) + ".dcm");
       }
       return;
@@ -266,6 +273,7 @@ protected:
       plane.spacing = isSpaced ? "" : plane.spacing;
       groups.emplace_back();
       SetPlane(groups.back(), plane, true);
+      add(groups.back(), groups.size() - 1);
     }
     DataSet dataSet = MakeImage(enhancedCTImage, 0, planes.size());
     SetSequence(dataSet, { 0x5200, 0x9229 }, { shared });
@@ -724,6 +732,109 @@ TEST_P(ShearWarpMIPProgramDicomInput, RefusesWhatIsNoVolume)
   }
   this->WriteSlices(all);
   this->ExpectFailure("dicom out.png", "has no valid orientation");
+}
+
+TEST_P(ShearWarpMIPProgramDicomInput, ReadsTheVolumeThatIsChosen)
+{
+  Planes planes = { { "0\\0\\0" }, { "0\\0\\2" }, { "0\\0\\4" } };
+  planes.insert(planes.end(), { planes[0], planes[1], planes[2] });
+  const auto expectChoice = [&](const AddFunction & add, const std::string & message) {
+    SCOPED_TRACE(message);
+    this->WriteSlices(planes, ctImage, add);
+    this->ExpectFailure("dicom out.png", "'dicom' has 2 volumes, which differ in " + message + '\n');
+    const auto warn = [](const std::string & text) { FAIL() << text; };
+    ExpectSlices<short>(ReadVolume(m_Folder / "dicom", "", warn, "--series", "1"), { 3, 4, 5 });
+    ExpectSlices<short>(ReadVolume(m_Folder / "dicom", "1", warn, "--series", "2"), { 0, 1, 2 });
+  };
+  // the volume that is written first is the second by its value, and each slice has a number of its own
+  const auto set = [](DataSet & dataSet, std::size_t slice, const Tag & tag, const std::string & value) {
+    SetText(dataSet, { 0x0020, 0x0013 }, std::to_string(slice + 1));
+    SetAttributes(dataSet, GetParam(), { 0x0018, 0x9112 }, { { tag, value } });
+  };
+  struct Difference
+  {
+    Tag         tag;
+    std::string name;
+    std::string first;
+    std::string second;
+  };
+  for (const Difference & difference :
+       { Difference{ { 0x0018, 0x0060 }, "KVP (0018,0060)", "140", "80" },
+         Difference{ { 0x0018, 0x0081 }, "Echo Time (0018,0081)", "10.5", "9.2" },
+         Difference{ { 0x0018, 0x0082 }, "Inversion Time (0018,0082)", "1000", "200" },
+         Difference{ { 0x0018, 0x1210 }, "Convolution Kernel (0018,1210)", "B70f", "B30f" },
+         Difference{ { 0x0018, 0x1314 }, "Flip Angle (0018,1314)", "15", "3" },
+         Difference{ { 0x0018, 0x1060 }, "Trigger Time (0018,1060)", "100", "20" },
+         Difference{ { 0x0020, 0x0100 }, "Temporal Position Identifier (0020,0100)", "2", "1" },
+         Difference{ { 0x0008, 0x0008 }, "Image Type (0008,0008)", "ORIGINAL\\PRIMARY\\P", "ORIGINAL\\PRIMARY\\M" },
+         Difference{ { 0x0008, 0x0032 }, "Acquisition Time (0008,0032)", "101010", "101000" } })
+  {
+    expectChoice(
+      [&](DataSet & dataSet, std::size_t slice) {
+        set(dataSet, slice, difference.tag, slice < 3 ? difference.first : difference.second);
+      },
+      difference.name + "; choose one by --volume NUMBER: 1: " + difference.second + "; 2: " + difference.first);
+  }
+  // a number in binary, in two sequences
+  expectChoice(
+    [](DataSet & dataSet, std::size_t slice) {
+      gdcm::Attribute<0x0018, 0x9087> value;
+      value.SetValue(slice < 3 ? 1000.0 : 0.0);
+      DataSet item;
+      item.Replace(value.GetAsDataElement());
+      SetSequence(dataSet, { 0x0018, 0x9117 }, { item });
+    },
+    "Diffusion b-value (0018,9087); choose one by --volume NUMBER: 1: 0; 2: 1000");
+  // each slice at a time of its own
+  for (const Tag & tag : { Tag(0x0008, 0x0033), Tag(0x0008, 0x002a) })
+  {
+    const std::string name =
+      tag == Tag(0x0008, 0x0033) ? "Content Time (0008,0033)" : "Acquisition DateTime (0008,002a)";
+    expectChoice(
+      [&](DataSet & dataSet, std::size_t slice) {
+        set(dataSet, slice, tag, "1010" + std::to_string(slice < 3 ? 23 + slice : 7 + slice));
+      },
+      name + "; choose one by --volume NUMBER: 1: 101010 to 101012; 2: 101023 to 101025");
+  }
+  for (const std::string number : { "0", "3", "-1", "x", "01" })
+  {
+    this->ExpectFailure("dicom out.png --volume=" + number, "--volume " + number + " is not in 'dicom', which has 2");
+  }
+  const std::string overlay = "dicom out.png --volume 1 --overlay dicom";
+  this->ExpectFailure(overlay, "differ in Acquisition DateTime (0008,002a); choose one by --overlay-volume NUMBER: ");
+  this->ExpectFailure(overlay + " --overlay-volume 3", "--overlay-volume 3 is not in 'dicom', which has 2");
+  EXPECT_EQ(this->Run(overlay + " --overlay-volume 2").status, 0);
+  this->ExpectFailure("in.nrrd out.png --mask dicom", "; put the images of one into a folder of their own: 1: ");
+}
+
+TEST_P(ShearWarpMIPProgramDicomInput, NamesAllAttributesThatTellVolumesApart)
+{
+  Planes planes;
+  for (unsigned int n = 0; n < 12; ++n)
+  {
+    planes.push_back({ "0\\0\\" + std::to_string(2 * (n % 3)) });
+  }
+  // echoes in phases
+  this->WriteSlices(planes, ctImage, [](DataSet & dataSet, std::size_t slice) {
+    SetAttributes(dataSet,
+                  GetParam(),
+                  { 0x0018, 0x9112 },
+                  { { { 0x0018, 0x0081 }, slice / 3 % 2 == 0 ? "4" : "8" },
+                    { { 0x0018, 0x1060 }, slice < 6 ? "0" : "50" } });
+  });
+  this->ExpectFailure("dicom out.png",
+                      "4 volumes, which differ in Echo Time (0018,0081), Trigger Time (0018,1060); choose one by "
+                      "--volume NUMBER: 1: 4, 0; 2: 4, 50; 3: 8, 0; 4: 8, 50\n");
+  const auto warn = [](const std::string & text) { FAIL() << text; };
+  ExpectSlices<short>(ReadVolume(m_Folder / "dicom", "", warn, "--series", "3"), { 3, 4, 5 });
+  if (GetParam())
+  {
+    this->ExpectSuccess("dicom/frames.dcm out.nrrd --volume 2");
+  }
+  this->WriteSlices({ { "0\\0\\0" }, { "0\\0\\2" }, { "0\\0\\4" } });
+  this->ExpectSuccess("dicom out.nrrd --volume 1");
+  this->ExpectFailure("dicom out.png --volume 2", "--volume 2 is not in 'dicom', which has one volume\n");
+  this->ExpectFailure("in.nrrd out.png --volume 1", "a volume can be chosen from DICOM files only");
 }
 
 TEST_P(ShearWarpMIPProgramDicomInput, RefusesImpossiblePixels)

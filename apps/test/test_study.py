@@ -93,7 +93,7 @@ def test_missing_slice_is_named(study, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["EchoTime", "FrameReferenceTime", "TemporalPositionIdentifier"])
-def test_several_volumes_in_a_series_are_refused(tmp_path, name):
+def test_several_volumes_in_a_series_are_listed(tmp_path, name):
     images = make_study.mr() + make_study.mr()
     for number, image in enumerate(images):
         setattr(image, name, "10" if number < len(images) / 2 else "20")
@@ -101,7 +101,8 @@ def test_several_volumes_in_a_series_are_refused(tmp_path, name):
     write_series(tmp_path / "images", images)
     message = fail(tmp_path / "images", tmp_path / "mip.png")
     words = "".join(f" {c}" if c.isupper() else c for c in name)
-    assert f"They differ in{words}, 10 and 20: put the images of one volume into a folder" in message
+    assert f" has 2 volumes, which differ in{words} (" in message
+    assert "choose one by --volume NUMBER: 1: 10; 2: 20" in message
 
 
 def test_several_volumes_in_a_file_are_refused(tmp_path):
@@ -110,7 +111,7 @@ def test_several_volumes_in_a_file_are_refused(tmp_path):
     image.NumberOfFrames, image.PixelData = 48, image.PixelData * 2
     write_series(tmp_path / "image", [image])
     message = fail(tmp_path / "image" / "0", tmp_path / "mip.png")
-    assert ". The file has several volumes, such as points in time: one is needed" in message
+    assert "two slices lie at one position: frame 1 of '" in message and "no attribute tells them apart" in message
 
 
 @pytest.mark.parametrize("space, peak", [("RGB", (160, 80, 53)), ("YBR_FULL", (59, 228, 80))])
