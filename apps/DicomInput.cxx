@@ -27,6 +27,7 @@
 #include <array>
 #include <cmath>
 #include <cstring>
+#include <limits>
 #include <set>
 #include <stdexcept>
 
@@ -54,56 +55,200 @@ LeaveOutLocalizers(std::vector<Source> & sources, const WarningFunction & warn)
   }
 }
 
-/** Throws if one of the slices, which are sorted, is missing. */
-void
-RequireEachSlice(const std::vector<Slice> & slices)
+/** The slices in a row that are as far apart as the first two. */
+struct Run
 {
-  std::vector<double> gaps;
-  for (std::size_t i = 1; i < slices.size(); ++i)
+  std::size_t begin;
+  std::size_t count;
+  double      distance;
+};
+
+std::vector<Run>
+FindRuns(const std::vector<Slice> & slices)
+{
+  std::vector<Run> runs;
+  for (std::size_t n = 1; n < slices.size(); ++n)
   {
-    gaps.push_back(std::abs(slices[i].position - slices[i - 1].position));
+    const double distance = std::abs(slices[n].position - slices[n - 1].position);
+    if (!runs.empty() && std::abs(distance - runs.back().distance) <= 0.1 * runs.back().distance)
+    {
+      ++runs.back().count;
+    }
+    else
+    {
+      runs.push_back({ n - 1, 1, distance });
+    }
   }
-  const auto [closest, farthest] = std::minmax_element(gaps.begin(), gaps.end());
-  if (*farthest > 1.5 * *closest)
+  return runs;
+}
+
+/** As "4 mm from 0 to 52 mm". */
+std::string
+Describe(const Run & run, const std::vector<Slice> & slices)
+{
+  std::ostringstream text;
+  text << run.distance << " mm from " << slices[run.begin].position << " to " << slices[run.begin + run.count].position
+       << " mm";
+  return text.str();
+}
+
+/** Whether a run may be in a series with several distances, and no slice is missing there: it has four slices at least,
+ * is not longer than one before it and one behind it, and not more than three times as long as any; or it is a single
+ * distance between two such runs, and not longer than both. */
+bool
+IsPlausible(const std::vector<Run> & runs, std::size_t n)
+{
+  constexpr std::size_t fewest = 3;
+  const Run &           run = runs[n];
+  if (run.count < fewest)
   {
-    const auto         after = farthest - gaps.begin();
-    const Slice &      one = slices[after];
-    const Slice &      other = slices[after + 1];
-    std::ostringstream message;
-    message << "a slice is missing between " << GetName(one) << " at " << one.position << " mm and " << GetName(other)
-            << " at " << other.position << " mm; others are " << *closest << " mm apart";
-    throw std::runtime_error(message.str());
+    return run.count == 1 && n > 0 && n + 1 < runs.size() && runs[n - 1].count >= fewest &&
+           runs[n + 1].count >= fewest && run.distance <= std::max(runs[n - 1].distance, runs[n + 1].distance);
+  }
+  double before = std::numeric_limits<double>::infinity();
+  double behind = before;
+  for (std::size_t other = 0; other < runs.size(); ++other)
+  {
+    double & smallest = other < n ? before : behind;
+    smallest = runs[other].count >= fewest && other != n ? std::min(smallest, runs[other].distance) : smallest;
+  }
+  return run.distance <= std::max(before, behind) && run.distance <= 3.0 * std::min(before, behind);
+}
+
+/** Throws, naming the longest run that is not plausible, if there is any. */
+void
+RequirePlausible(const std::vector<Run> & runs, const std::vector<Slice> & slices)
+{
+  const Run * stray = nullptr;
+  for (std::size_t n = 0; n < runs.size(); ++n)
+  {
+    if (!IsPlausible(runs, n) && (!stray || runs[n].distance > stray->distance))
+    {
+      stray = &runs[n];
+    }
+  }
+  if (!stray)
+  {
+    return;
+  }
+  std::vector<double> others;
+  for (const Run & run : runs)
+  {
+    others.insert(others.end(), &run == stray ? run.count - 1 : run.count, run.distance);
+  }
+  std::sort(others.begin(), others.end());
+  const double       times = stray->distance / others[(others.size() - 1) / 2];
+  const bool         isMissing = times > 1.5 && times < 5.5 && std::abs(times - std::round(times)) < 0.2;
+  const Slice &      one = slices[stray->begin];
+  const Slice &      other = slices[stray->begin + 1];
+  std::ostringstream message;
+  message << (isMissing ? "a slice is missing between " : "the slices are not evenly spaced: ") << GetName(one)
+          << " at " << one.position << " mm and " << GetName(other) << " at " << other.position << " mm";
+  if (!isMissing)
+  {
+    message << " are " << stray->distance << " mm apart";
+  }
+  message << "; others are " << others.front();
+  if (others.back() > 1.1 * others.front())
+  {
+    message << " to " << others.back();
+  }
+  message << " mm apart";
+  if (one.source != other.source)
+  {
+    message << "; a part of the series can be read from a folder of its own";
+  }
+  throw std::runtime_error(message.str());
+}
+
+/** Throws if a slice lies beside the line from the first to the last one. */
+void
+RequireLine(const std::vector<Slice> & slices, double allowed)
+{
+  const VectorType whole = slices.back().origin - slices.front().origin;
+  const double     extent = slices.back().position - slices.front().position;
+  for (const Slice & slice : slices)
+  {
+    const VectorType place = slices.front().origin + whole * ((slice.position - slices.front().position) / extent);
+    const double     beside = (slice.origin - place).GetNorm();
+    if (beside > allowed)
+    {
+      std::ostringstream message;
+      message << "the slices are not in line: " << GetName(slice) << " is " << beside
+              << " mm beside the line from the first to the last, more than a fifth of the distance of slices";
+      throw std::runtime_error(message.str());
+    }
   }
 }
 
-/** From slice to slice, in mm. */
-VectorType
-FindStep(const std::vector<Slice> & slices, const WarningFunction & warn)
+struct Steps
 {
-  const VectorType step = (slices.back().origin - slices.front().origin) / static_cast<double>(slices.size() - 1);
-  double           deviation = 0.0;
+  std::size_t count;
+  VectorType  step;
+  bool        areInterpolated{ false };
+};
+
+/** From slice to slice, in mm. If there are several distances, from plane to plane at nearly the smallest, but not for
+ * labels. */
+Steps
+FindSteps(const std::vector<Slice> & slices, bool areLabels, const WarningFunction & warn)
+{
+  const VectorType   whole = slices.back().origin - slices.front().origin;
+  const VectorType   step = whole / static_cast<double>(slices.size() - 1);
+  const double       distance = step.GetNorm();
+  double             deviation = 0.0;
   for (std::size_t i = 0; i < slices.size(); ++i)
   {
     const VectorType expected = slices.front().origin + static_cast<double>(i) * step;
     deviation = std::max(deviation, (slices[i].origin - expected).GetNorm());
   }
-  const double       distance = step.GetNorm();
+  constexpr double tolerance = 0.2;
+  if (deviation <= tolerance * distance)
+  {
+    if (deviation > 1e-3 * distance)
+    {
+      std::ostringstream message;
+      message << "the slices are not evenly spaced: one is " << deviation << " mm away from where it should be";
+      warn(message.str());
+    }
+    return { slices.size(), step };
+  }
+
+  RequireLine(slices, tolerance * distance);
+  const auto runs = FindRuns(slices);
+  RequirePlausible(runs, slices);
+  double      smallest = distance;
+  std::string list;
+  for (const Run & run : runs)
+  {
+    if (run.count > 1)
+    {
+      smallest = std::min(smallest, run.distance);
+      list += (list.empty() ? "" : ", ") + Describe(run, slices);
+    }
+  }
+  const double       extent = std::abs(slices.back().position - slices.front().position);
+  const double       count = std::ceil(extent / smallest - 0.01);
+  const std::string  uneven = "the slices are not evenly spaced (" + list + "): ";
   std::ostringstream message;
-  message << "the slices are not evenly spaced: one is " << deviation << " mm away from where it should be";
-  if (deviation > 0.5 * distance)
+  message << uneven << count + 1.0 << " planes, " << extent / count << " mm apart, are interpolated between them";
+  if (areLabels)
   {
-    throw std::runtime_error(message.str() + ", more than half of their distance");
+    throw std::runtime_error(uneven + "labels cannot be interpolated");
   }
-  if (deviation > 1e-3 * distance)
-  {
-    warn(message.str());
-  }
-  return step;
+  warn(message.str());
+  return { static_cast<std::size_t>(count) + 1, whole / count, true };
 }
 
-/** Sorts the slices, and returns the grid that they are. */
-itk::ImageBase<3>::Pointer
-ArrangeSlices(std::vector<Slice> & slices, const WarningFunction & warn)
+struct Arrangement
+{
+  itk::ImageBase<3>::Pointer grid;
+  bool                       isInterpolated;
+};
+
+/** Sorts the slices, and returns the grid that they are or are to be interpolated on. */
+Arrangement
+ArrangeSlices(std::vector<Slice> & slices, bool areLabels, const WarningFunction & warn)
 {
   const Slice first = slices.front();
   bool        areOfOneFile = true;
@@ -117,11 +262,10 @@ ArrangeSlices(std::vector<Slice> & slices, const WarningFunction & warn)
     return isBackward ? a.position > b.position : a.position < b.position;
   });
 
-  VectorType step = first.directions[2];
+  Steps steps{ 1, first.directions[2] };
   if (slices.size() > 1)
   {
-    RequireEachSlice(slices);
-    step = FindStep(slices, warn);
+    steps = FindSteps(slices, areLabels, warn);
   }
   else
   {
@@ -129,9 +273,10 @@ ArrangeSlices(std::vector<Slice> & slices, const WarningFunction & warn)
     {
       throw std::runtime_error(GetName(first) + " has no valid slice thickness");
     }
-    step *= first.thickness;
+    steps.step *= first.thickness;
   }
 
+  const VectorType &               step = steps.step;
   const auto                       grid = itk::ImageBase<3>::New();
   itk::ImageBase<3>::PointType     origin;
   itk::ImageBase<3>::SpacingType   spacing;
@@ -148,11 +293,11 @@ ArrangeSlices(std::vector<Slice> & slices, const WarningFunction & warn)
       direction(row, axis) = axes[axis][row];
     }
   }
-  grid->SetRegions(itk::Size<3>{ { first.source->size[0], first.source->size[1], slices.size() } });
+  grid->SetRegions(itk::Size<3>{ { first.source->size[0], first.source->size[1], steps.count } });
   grid->SetOrigin(origin);
   grid->SetSpacing(spacing);
   grid->SetDirection(direction);
-  return grid;
+  return { grid, steps.areInterpolated };
 }
 
 /** Makes the values of \a slice from \a stored, its \a count pixels. */
@@ -182,6 +327,36 @@ Rescale(const Slice & slice, const char * stored, std::size_t count, TPixel * va
     }
     return static_cast<TPixel>(number);
   });
+}
+/** Interpolates planes, which are evenly spaced, linearly between \a slices of so many values. */
+template <typename TPixel>
+void
+Interpolate(const std::vector<Slice> & slices,
+            const TPixel *             values,
+            std::size_t                count,
+            std::size_t                planes,
+            TPixel *                   to)
+{
+  const double extent = std::abs(slices.back().position - slices.front().position);
+  std::size_t  next = 1;
+  for (std::size_t plane = 0; plane < planes; ++plane)
+  {
+    const double position = extent * static_cast<double>(plane) / static_cast<double>(planes - 1);
+    const auto   getPosition = [&](std::size_t n) { return std::abs(slices[n].position - slices.front().position); };
+    while (next + 1 < slices.size() && getPosition(next) < position)
+    {
+      ++next;
+    }
+    const double         begin = getPosition(next - 1);
+    const double         weight = std::min((position - begin) / (getPosition(next) - begin), 1.0);
+    const TPixel * const one = values + (next - 1) * count;
+    const TPixel * const other = one + count;
+    for (std::size_t n = 0; n < count; ++n)
+    {
+      const double value = (1.0 - weight) * static_cast<double>(one[n]) + weight * static_cast<double>(other[n]);
+      *to++ = static_cast<TPixel>(std::is_integral_v<TPixel> ? std::round(value) : value);
+    }
+  }
 }
 } // namespace
 
@@ -242,7 +417,8 @@ ReadDicom(const fs::path &        path,
   }
   const std::string volumeOption = option.empty() ? "" : option.substr(0, option.rfind("series")) + "volume";
   ChooseVolume(slices, volumeNumber, volumeOption, "'" + path.string() + "'");
-  const auto grid = ArrangeSlices(slices, warn);
+  // masks and segments have no option for a series
+  const auto arranged = ArrangeSlices(slices, option.empty(), warn);
   if (slices.size() == 1)
   {
     warn("'" + path.string() + "' has only one slice" +
@@ -256,9 +432,12 @@ ReadDicom(const fs::path &        path,
   volume.isInverted = GetText(first.header, { 0x0028, 0x0004 }) == "MONOCHROME1";
   DispatchPixelType(isOneType ? slices.front().type : Component::DOUBLE, [&](auto tag) {
     using PixelType = typename decltype(tag)::Type;
-    volume.times = { MakeAnyImage<PixelType>(grid, first.components) };
-    PixelType * const values = CastImage<PixelType>(volume.times.front()).GetBufferPointer();
-    const std::size_t count = std::size_t{ first.size[0] } * first.size[1] * first.components;
+    volume.times = { MakeAnyImage<PixelType>(arranged.grid, first.components) };
+    PixelType * const      pixels = CastImage<PixelType>(volume.times.front()).GetBufferPointer();
+    const std::size_t      count = std::size_t{ first.size[0] } * first.size[1] * first.components;
+    const std::size_t      planes = arranged.grid->GetLargestPossibleRegion().GetSize(2);
+    std::vector<PixelType> ofSlices(arranged.isInterpolated ? slices.size() * count : 0);
+    PixelType * const      values = arranged.isInterpolated ? ofSlices.data() : pixels;
     std::set<const Source *> known;
     for (const Slice & slice : slices)
     {
@@ -277,6 +456,10 @@ ReadDicom(const fs::path &        path,
           Rescale(slices[n], stored.data() + slices[n].frame * bytes, count, values + n * count);
         }
       }
+    }
+    if (arranged.isInterpolated)
+    {
+      Interpolate(slices, values, count, planes, pixels);
     }
   });
   return volume;

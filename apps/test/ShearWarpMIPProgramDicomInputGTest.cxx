@@ -368,6 +368,38 @@ protected:
     return volume;
   }
 
+  /** Writes axial slices at these positions, whose pixels are ten times the position. */
+  void
+  WritePositions(const std::vector<double> & positions) const
+  {
+    Planes planes;
+    for (const double position : positions)
+    {
+      std::ostringstream text;
+      text << "0\\0\\" << position;
+      planes.push_back({ text.str() });
+    }
+    this->WriteSlices(planes);
+    const auto rewrite = [&](const std::string & file, std::size_t begin, std::size_t end) {
+      this->ChangeFile("dicom/" + file, [&](DataSet & dataSet) {
+        std::vector<short> pixels;
+        for (std::size_t slice = begin; slice < end; ++slice)
+        {
+          pixels.insert(pixels.end(), std::size_t{ columns } * rows, static_cast<short>(10.0 * positions[slice]));
+        }
+        SetPixels(dataSet, pixels);
+      });
+    };
+    for (std::size_t slice = 0; slice < positions.size() && !GetParam(); ++slice)
+    {
+      rewrite("a" + std::to_string(slice) + ".dcm", slice, slice + 1);
+    }
+    if (GetParam())
+    {
+      rewrite("frames.dcm", 0, positions.size());
+    }
+  }
+
   /** That the slices of \a volume are those that were written as \a order, by \a value of the number stored. */
   template <typename TPixel>
   static void
@@ -710,7 +742,7 @@ TEST_P(ShearWarpMIPProgramDicomInput, RefusesWhatIsNoVolume)
   const std::string second = GetParam() ? "frame 3 of '" : "a2.dcm' ";
   expectRefused(&Plane::position, "0\\0\\9", "a slice is missing between ");
   expectRefused(&Plane::position, "0\\0\\2", "two slices lie at one position: ");
-  expectRefused(&Plane::position, "0\\3\\4", "not evenly spaced: one is 3 mm away from where it should be, more than");
+  expectRefused(&Plane::position, "0\\3\\4", " is 3 mm beside the line from the first to the last, more than a");
   expectRefused(&Plane::position, "", " has no valid position");
   expectRefused(&Plane::position, "0\\0", " has no valid position");
   expectRefused(&Plane::orientation, "0\\1\\0\\1\\0\\0", "differ in orientation");
@@ -732,6 +764,64 @@ TEST_P(ShearWarpMIPProgramDicomInput, RefusesWhatIsNoVolume)
   }
   this->WriteSlices(all);
   this->ExpectFailure("dicom out.png", "has no valid orientation");
+}
+
+TEST_P(ShearWarpMIPProgramDicomInput, InterpolatesSlicesOfSeveralDistances)
+{
+  // a transition that is shorter than both, and none
+  for (const std::vector<double> & positions :
+       { std::vector<double>{ 0, 4, 8, 12, 16, 20, 21, 28, 35, 42, 49 }, { 0, 7, 14, 21, 28, 32, 36, 40, 44 } })
+  {
+    this->WritePositions(positions);
+    const Volume      volume = this->ReadFolder("are interpolated between them");
+    const double      extent = positions.back();
+    const double      count = std::ceil(extent / 4.0);
+    const std::size_t planes = static_cast<std::size_t>(count) + 1;
+    ExpectGrid(volume, { 0, 0, 0 }, { 0.5, 1.5, extent / count }, { 0, 0, 1 });
+    const auto & image = CastImage<short>(volume.times.front());
+    ASSERT_EQ(image.GetLargestPossibleRegion().GetSize(), (itk::Size<3>{ { columns, rows, planes } }));
+    const short * pixel = image.GetBufferPointer();
+    for (std::size_t plane = 0; plane < planes; ++plane)
+    {
+      const auto expected = static_cast<short>(std::lround(10.0 * extent * static_cast<double>(plane) / count));
+      for (std::size_t n = 0; n < std::size_t{ columns } * rows; ++n)
+      {
+        ASSERT_EQ(*pixel++, expected) << plane;
+      }
+    }
+    this->ExpectFailure("in.nrrd out.png --mask dicom", " mm): labels cannot be interpolated\n");
+  }
+}
+
+TEST_P(ShearWarpMIPProgramDicomInput, RefusesDistancesThatMayLackSlices)
+{
+  const auto expectRefused = [this](const std::vector<double> & positions, const std::string & mention) {
+    this->WritePositions(positions);
+    this->ExpectFailure("dicom out.png", mention);
+  };
+  expectRefused({ 0, 2, 4, 6, 8, 190, 192, 194, 196 }, " at 190 mm are 182 mm apart; others are 2 mm apart");
+  expectRefused({ 0, 4, 8, 12, 20, 24, 28 }, " at 20 mm; others are 4 mm apart");
+  expectRefused({ 0, 4, 8, 12, 20, 28, 36, 40, 44, 48 }, "a slice is missing between ");
+  expectRefused({ 0, 4, 8, 12, 16, 24 }, "a slice is missing between ");
+  expectRefused({ 0, 4, 8, 12, 16, 23, 30 }, " are 7 mm apart; others are 4 to 7 mm apart");
+  expectRefused({ 0, 4, 8, 12, 16, 26, 33, 40, 47 }, " at 26 mm are 10 mm apart; others are 4 to 7 mm apart");
+  expectRefused({ 0, 4, 8, 12, 26, 40, 54 }, " are 14 mm apart; others are 4 to 14 mm apart");
+}
+
+TEST_P(ShearWarpMIPProgramDicomInput, AllowsAFifthOfTheDistance)
+{
+  const std::string warning = "the slices are not evenly spaced: one is 0.59 mm away from where it should be";
+  for (const std::string position : { "0\\0\\6.59", "0\\0.59\\6", "0.59\\0\\6" })
+  {
+    this->WriteSlices({ { "0\\0\\0" }, { "0\\0\\3" }, { position }, { "0\\0\\9" }, { "0\\0\\12" } });
+    ExpectSlices<short>(this->ReadFolder(warning), { 0, 1, 2, 3, 4 });
+  }
+  for (const std::string position : { "0\\0\\6.61", "0\\0.61\\6", "0.61\\0\\6" })
+  {
+    this->WriteSlices({ { "0\\0\\0" }, { "0\\0\\3" }, { position }, { "0\\0\\9" }, { "0\\0\\12" } });
+    this->ExpectFailure("dicom out.png",
+                        position == "0\\0\\6.61" ? "3.61 mm apart; others are 2.39 to 3 mm" : "beside the line");
+  }
 }
 
 TEST_P(ShearWarpMIPProgramDicomInput, ReadsTheVolumeThatIsChosen)
