@@ -34,6 +34,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <cstring>
 #include <iterator>
 #include <sstream>
 #include <stdexcept>
@@ -263,17 +264,20 @@ GetFrameOffset(const DataSet & header, const Slice & slice, std::size_t frames, 
     return (offsets[frame] - offsets[0]) * (offsets[0] == 0.0 ? normal : superior);
   }
   const auto distance = ParseNumbers(GetText(header, { 0x0018, 0x0088 }));
-  const auto increment = header.GetDataElement(Tag(0x0028, 0x0009)).GetByteValue();
-  const bool isBySlices =
-    increment && std::string(increment->GetPointer(), increment->GetLength()) == std::string("\x54\x00\x80\x00", 4);
+  const auto                      vectors = GetFrameVectors(header);
+  const bool                      isBySlices = std::count(vectors.begin(), vectors.end(), Tag(0x0054, 0x0080)) > 0;
   gdcm::Attribute<0x0054, 0x0080> order;
   order.SetFromDataSet(header);
-  if (isBySlices && order.GetNumberOfValues() > 0 &&
-      (frame >= order.GetNumberOfValues() || order[static_cast<unsigned int>(frame)] != frame + 1))
+  const bool   isOrdered = order.GetNumberOfValues() == frames;
+  const double number = isOrdered ? order[static_cast<unsigned int>(frame)] - 1.0 : static_cast<double>(frame);
+  if (isBySlices && vectors.size() == 1 && order.GetNumberOfValues() > 0 &&
+      !(isOrdered && number == static_cast<double>(frame)))
   {
     throw std::runtime_error(GetName(slice) + " is not in the order of the slices");
   }
-  return isBySlices && distance.size() == 1 ? static_cast<double>(frame) * distance[0] * normal : VectorType(0.0);
+  // frames of several volumes need the numbers of their slices
+  const bool isNumbered = isBySlices && (vectors.size() == 1 || isOrdered);
+  return isNumbered && distance.size() == 1 ? number * distance[0] * normal : VectorType(0.0);
 }
 
 /** As ITK does. */
@@ -341,6 +345,20 @@ ReadSource(const std::string & path)
   RequireOneByteOrder(source, image.GetTransferSyntax());
   source.streams = ReadStreams(source, image);
   return source;
+}
+
+std::vector<Tag>
+GetFrameVectors(const DataSet & header)
+{
+  std::vector<Tag>              vectors;
+  const gdcm::ByteValue * const bytes = header.GetDataElement(Tag(0x0028, 0x0009)).GetByteValue();
+  for (std::size_t n = 0; bytes && n + 4 <= bytes->GetLength(); n += 4)
+  {
+    std::uint16_t numbers[2];
+    std::memcpy(numbers, bytes->GetPointer() + n, sizeof(numbers));
+    vectors.emplace_back(numbers[0], numbers[1]);
+  }
+  return vectors;
 }
 
 std::string

@@ -77,6 +77,10 @@ ReadSource(const std::string & path);
 std::vector<Slice>
 GetSlices(const Source & source);
 
+/** The attributes that have a value for each frame, such as the number of its slice or its time (PS3.3 C.7.6.6). */
+std::vector<gdcm::Tag>
+GetFrameVectors(const gdcm::DataSet & header);
+
 /** The file, and the frame if there are several. */
 std::string
 GetName(const Slice & slice);

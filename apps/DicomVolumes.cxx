@@ -109,6 +109,19 @@ IsOfEachSlice(const Tag & tag)
 }
 
 void
+Add(const Tag &         tag,
+    const std::string & place,
+    const std::string & value,
+    std::size_t         slice,
+    std::size_t         slices,
+    Attributes &        all)
+{
+  Attribute & attribute = all.emplace(place, Attribute{ tag, {} }).first->second;
+  attribute.values.resize(slices);
+  attribute.values[slice] = value;
+}
+
+void
 Collect(const DataSet & dataSet, const std::string & place, std::size_t slice, std::size_t slices, Attributes & all)
 {
   for (const gdcm::DataElement & element : dataSet.GetDES())
@@ -130,9 +143,7 @@ Collect(const DataSet & dataSet, const std::string & place, std::size_t slice, s
     const std::string value = sequence ? "" : GetValue(dataSet, element);
     if (!value.empty())
     {
-      Attribute & attribute = all.emplace(here.str(), Attribute{ tag, {} }).first->second;
-      attribute.values.resize(slices);
-      attribute.values[slice] = value;
+      Add(tag, here.str(), value, slice, slices, all);
     }
   }
 }
@@ -185,6 +196,18 @@ FindDifferent(const std::vector<Slice> & slices)
     {
       Collect(header, "", n, slices.size(), all);
       Collect(GetItem(header, { 0x5200, 0x9229 }), "", n, slices.size(), all);
+    }
+    for (const Tag & tag : GetFrameVectors(header))
+    {
+      const gdcm::ByteValue * const bytes = header.GetDataElement(tag).GetByteValue();
+      const std::size_t             place = slices[n].frame * sizeof(std::uint16_t);
+      const bool areNumbers = bytes && GetVR(header.GetDataElement(tag)) == gdcm::VR::US;
+      if (areNumbers && place + sizeof(std::uint16_t) <= bytes->GetLength())
+      {
+        std::uint16_t number = 0;
+        std::memcpy(&number, bytes->GetPointer() + place, sizeof(number));
+        Add(tag, "frame" + Describe(tag), std::to_string(number), n, slices.size(), all);
+      }
     }
     if (groups && slices[n].frame < groups->GetNumberOfItems())
     {

@@ -969,15 +969,35 @@ TEST_P(ShearWarpMIPProgramDicomInput, ReadsGridOfDoseAndSlicesOfNuclearMedicine)
   volume = this->ReadFolder();
   ExpectSlices<short>(volume, { 0, 1, 2 });
   ExpectGrid(volume, { 1, 2, 3 }, { 0.5, 1.5, 4.0 }, { 0, 1, 0 });
-  gdcm::Attribute<0x0054, 0x0080> order;
-  order.SetNumberOfValues(3);
-  for (unsigned short n = 0; n < 3; ++n)
-  {
-    order.SetValue(n, static_cast<unsigned short>(3 - n));
-  }
-  emission.Insert(order.GetAsDataElement());
+  const auto insertVector = [](DataSet & dataSet, auto vector, const std::vector<unsigned short> & values) {
+    vector.SetNumberOfValues(static_cast<unsigned int>(values.size()));
+    for (unsigned int n = 0; n < values.size(); ++n)
+    {
+      vector.SetValue(n, values[n]);
+    }
+    dataSet.Insert(vector.GetAsDataElement());
+  };
+  insertVector(emission, gdcm::Attribute<0x0054, 0x0080>(), { 3, 2, 1 });
   this->WriteFile(emission, "dicom/a.dcm");
   this->ExpectFailure("dicom out.png", "is not in the order of the slices");
+
+  // slices in two phases of the heart
+  DataSet gated = MakeImage(nuclearImage, 0, 6);
+  SetSequence(gated, { 0x0054, 0x0022 }, { detector });
+  SetText(gated, { 0x0028, 0x0030 }, "1.5\\0.5");
+  SetText(gated, { 0x0018, 0x0088 }, "4");
+  pointer.SetByteValue("\x54\x00\x70\x00\x54\x00\x80\x00", 8);
+  gated.Insert(pointer);
+  insertVector(gated, gdcm::Attribute<0x0054, 0x0070>(), { 1, 1, 1, 2, 2, 2 });
+  insertVector(gated, gdcm::Attribute<0x0054, 0x0080>(), { 1, 2, 3, 1, 2, 3 });
+  this->WriteFile(gated, "dicom/a.dcm");
+  this->ExpectFailure("dicom out.png",
+                      "2 volumes, which differ in Time Slot Vector (0054,0070); choose one by --volume NUMBER: 1: 1; "
+                      "2: 2\n");
+  const auto warn = [](const std::string & text) { FAIL() << text; };
+  volume = ReadVolume(m_Folder / "dicom", "", warn, "--series", "2");
+  ExpectSlices<short>(volume, { 3, 4, 5 });
+  ExpectGrid(volume, { 1, 2, 3 }, { 0.5, 1.5, 4.0 }, { 0, 1, 0 });
 }
 
 TEST_P(ShearWarpMIPProgramDicomInput, ReadsLabelMap)
