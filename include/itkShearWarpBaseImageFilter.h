@@ -33,15 +33,15 @@
 #endif
 
 /** As itkSetMacro, but compares bits: `-ffast-math` drops what is not a number from a comparison. */
-#define itkShearWarpSetMacro(name, type)                 \
-  virtual void Set##name(type value)                     \
-  {                                                      \
-    itkDebugMacro("setting " #name " to " << value);     \
+#define itkShearWarpSetMacro(name, type)                  \
+  virtual void Set##name(type value)                      \
+  {                                                       \
+    itkDebugMacro("setting " #name " to " << value);      \
     if (!Superclass::HaveSameBits(this->m_##name, value)) \
-    {                                                    \
-      this->m_##name = value;                            \
-      this->Modified();                                  \
-    }                                                    \
+    {                                                     \
+      this->m_##name = value;                             \
+      this->Modified();                                   \
+    }                                                     \
   }
 
 namespace itk

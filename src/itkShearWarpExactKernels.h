@@ -193,7 +193,18 @@ private:
   static TPixel
   FindLeast(Number best, bool hasDepth);
 
-  /** A power of two by which squares of these numbers neither overflow nor vanish, if there are large numbers. */
+  /** A power of two by which no difference of voxels overflows. */
+  Number
+  FindScaleOfVoxels() const
+  {
+    if constexpr (HasLargeNumbers)
+    {
+      return m_Slices.lowest < -0x1p1000 || m_Slices.highest > 0x1p1000 ? 0x1p-30 : 1.0;
+    }
+    return 1;
+  }
+
+  /** A power of two by which squares of these numbers neither overflow nor vanish. */
   static Number
   FindScaleOfSquares(Vector f1, Vector f2, Vector f3)
   {
@@ -286,7 +297,6 @@ private:
   std::ptrdiff_t             m_Step[2];     // from voxel to voxel, the way that rays go
   Number                     m_Slope[2];    // columns and rows that a ray passes in a slice
   Number                     m_PerVoxel[2]; // slices in which a ray passes a column or row
-  Number                     m_Scale{ 1 };  // of voxels, so that no difference overflows
   LevelType                  m_Levels;
   bool                       m_HasChanged[CellRows]{};
   RayPart                    m_Parts[RaysTogether]{};
@@ -312,10 +322,6 @@ TileSearch<TPixel, VIsMinimum>::TileSearch(const ExactView<TPixel> & view, const
   for (bool & hasChanged : m_HasChanged)
   {
     hasChanged = isNew;
-  }
-  if constexpr (HasLargeNumbers)
-  {
-    m_Scale = m_Slices.lowest < -0x1p1000 || m_Slices.highest > 0x1p1000 ? 0x1p-30 : 1;
   }
 }
 
@@ -718,6 +724,19 @@ TileSearch<TPixel, VIsMinimum>::Evaluate()
   Number voxels[18][lanes];
   this->LoadVoxels(columns, rows, slices, voxels);
 
+  const Number scaleOfVoxels = this->FindScaleOfVoxels();
+  if constexpr (HasLargeNumbers)
+  {
+    for (int n = 0; n < lanes; ++n)
+    {
+      leasts[n] *= scaleOfVoxels;
+      for (auto & voxelsOfRays : voxels)
+      {
+        voxelsOfRays[n] *= scaleOfVoxels;
+      }
+    }
+  }
+
   Number        best[lanes], places[lanes];
   std::uint32_t betterRays = 0;
   for (int n = 0; n < lanes; n += Vectors::Count)
@@ -729,7 +748,7 @@ TileSearch<TPixel, VIsMinimum>::Evaluate()
     constexpr Number largest = std::numeric_limits<Number>::max();
     const Vector     most = Vectors::Set(largest);
     const Number     three = 3;
-    const Vector     least = HasLargeNumbers ? Vector(load(leasts) * m_Scale) : load(leasts);
+    const Vector     least = load(leasts);
     const Vector     x0 = load(fromX);
     const Vector     y0 = load(fromY);
     const Vector     begin = load(fromZ);
@@ -738,7 +757,7 @@ TileSearch<TPixel, VIsMinimum>::Evaluate()
     SHEARWARP_UNROLL
     for (int voxel = 0; voxel < 18; ++voxel)
     {
-      v[voxel] = HasLargeNumbers ? Vector(load(voxels[voxel]) * m_Scale) : load(voxels[voxel]);
+      v[voxel] = load(voxels[voxel]);
     }
     const auto smaller = [](Vector a, Vector b) SHEARWARP_INLINE -> Vector { return b < a ? b : a; };
     const auto larger = [](Vector a, Vector b) SHEARWARP_INLINE -> Vector { return a < b ? b : a; };
@@ -786,9 +805,9 @@ TileSearch<TPixel, VIsMinimum>::Evaluate()
         {
           // where its derivative falls through 0
           const Number scale = FindScaleOfSquares(f1, f2, f3);
-          const Vector g1 = HasLargeNumbers ? Vector(f1 * scale) : f1;
-          const Vector g2 = HasLargeNumbers ? Vector(f2 * scale) : f2;
-          const Vector threeG3 = HasLargeNumbers ? Vector(threeF3 * scale) : threeF3;
+          const Vector g1 = f1 * scale;
+          const Vector g2 = f2 * scale;
+          const Vector threeG3 = threeF3 * scale;
           const Vector discriminant = g2 * g2 - threeG3 * g1;
           const Vector root = Vectors::SquareRoot(larger(discriminant, none));
           const auto   isFalling = g2 <= none;
@@ -824,18 +843,19 @@ TileSearch<TPixel, VIsMinimum>::Evaluate()
     takeCell(
       { v[4], v[5], v[7], v[8] }, { v[13], v[14], v[16], v[17] }, x0 - all, y0 - all, larger(leavesLast, begin), end);
     betterRays |= Vectors::GetBits(bestOfAll >= least) << n;
-    Vectors::Store(best + n, HasLargeNumbers ? Vector(bestOfAll / m_Scale) : bestOfAll);
+    Vectors::Store(best + n, bestOfAll);
     Vectors::Store(places + n, placeOfBest);
   }
   for (betterRays &= (std::uint32_t{ 1 } << count) - 1; betterRays != 0; betterRays &= betterRays - 1)
   {
     const int          n = FindLowest(betterRays);
+    const Number       value = best[n] / scaleOfVoxels;
     const std::int32_t ray = m_Parts[n].ray;
     const std::int32_t slice = m_Parts[n].slice;
     const double       place = static_cast<double>(slice) + static_cast<double>(places[n]);
-    if (best[n] > m_Tile.best[ray] || (best[n] == m_Tile.best[ray] && this->IsNearer(place, m_Tile.places[ray])))
+    if (value > m_Tile.best[ray] || (value == m_Tile.best[ray] && this->IsNearer(place, m_Tile.places[ray])))
     {
-      m_Tile.best[ray] = best[n];
+      m_Tile.best[ray] = value;
       m_Tile.places[ray] = place;
       m_HasChanged[m_Tile.cells[ray] / CellColumns] = true;
     }

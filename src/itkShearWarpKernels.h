@@ -29,8 +29,8 @@
 /** The steps of the projection on plain memory: pointers, strides and sizes, no ITK type.
  *
  * Kernels holds one function for each step. Every scalar pixel type of ITK (the arithmetic and character types but
- * `bool` and `long double`) has portable kernels. `unsigned char`, `signed char`, 16-bit integers and float have kernels
- * with vectors too, but `char` has not. All give the same bits: those of the rule of itkShearWarpSampling.h.
+ * `bool` and `long double`) has portable kernels. `unsigned char`, `signed char`, 16-bit integers and float have vector
+ * kernels too, but `char` has not. All give the same bits: those of the rule of itkShearWarpSampling.h.
  */
 namespace itk::ShearWarp
 {

@@ -324,20 +324,26 @@ InterpolateReached(const TPixelAt & pixel, std::int64_t column, std::int64_t row
   }
   if constexpr (std::is_floating_point_v<TPixel>)
   {
-    double mean = 0.0;
-    TPixel lowest = std::numeric_limits<TPixel>::infinity();
-    TPixel highest = -lowest;
+    // a sum of large numbers overflows
+    constexpr double part = std::is_same_v<TPixel, double> ? 0x1p-20 : 1.0;
+    double           mean = 0.0;
+    double           meanOfParts = 0.0;
+    TPixel           lowest = std::numeric_limits<TPixel>::infinity();
+    TPixel           highest = -lowest;
     for (int n = 0; n < 4; ++n)
     {
       if (weights[n] != 0)
       {
         const double term = static_cast<double>(weights[n]) * static_cast<double>(values[n]);
+        const double termOfPart = static_cast<double>(weights[n]) * (part * static_cast<double>(values[n]));
         mean += term;
+        meanOfParts += termOfPart;
         lowest = std::min(lowest, values[n]);
         highest = std::max(highest, values[n]);
       }
     }
-    return WithoutSignOfZero(std::min(std::max(static_cast<TPixel>(mean / static_cast<double>(sum)), lowest), highest));
+    mean = std::isfinite(mean) ? mean / static_cast<double>(sum) : meanOfParts / static_cast<double>(sum) / part;
+    return WithoutSignOfZero(std::min(std::max(static_cast<TPixel>(mean), lowest), highest));
   }
   else
   {
