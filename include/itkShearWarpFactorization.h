@@ -81,8 +81,11 @@ struct ViewGrid
 };
 
 /** Returns the grid of pictures of \a image in all of \a views. Fitted parameters are such that the grid holds the
- * image's voxels, with the smallest spacing of ShearWarpFactorization::ComputeProjectedSpacing(). The other parameters
- * are those of \a given. Throws ExceptionObject, with the values, if the grid is not finite. */
+ * image's voxels, with the smallest spacing of ShearWarpFactorization::ComputeProjectedSpacing(). Where one axis of the
+ * image lies along an axis of the grid in all views, and its voxels are a whole number of such pixels long within a
+ * thousandth, they are so exactly: the spacing is adapted. There the grid may leave out a hundredth of a pixel, and
+ * elsewhere a hundredth of this. The other parameters are those of \a given. Throws ExceptionObject, with the
+ * values, if the grid is not finite. */
 ShearWarpMIP_EXPORT ViewGrid
 FitGrid(const ViewList &     views,
         const ImageBase<3> * image,

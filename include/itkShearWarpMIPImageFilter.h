@@ -52,9 +52,11 @@ namespace itk
  * ComputeDepth and DepthAttenuation if an axis has more than 32766 voxels of 8 or 16 bits.
  *
  * By default the output's grid is fitted to the view. Its extent is the projected bounding box of the whole image. Its
- * spacing is the image's smallest spacing, scaled as the transform scales the view plane's axes. If you set Size,
- * OutputSpacing or OutputOrigin, the filter fits only the others: a grid with a given Size is centered on the projected
- * image, and a grid with a given OutputOrigin reaches to the far end of the projected image.
+ * spacing is the image's smallest spacing, scaled as the transform scales the view plane's axes. If an axis of the
+ * image lies along an axis of the output, spacings that differ by less than a thousandth count as equal there: each
+ * column or row of voxels has its own pixels. If you set Size, OutputSpacing or OutputOrigin, the filter fits only the
+ * others: a grid with a given Size is centered on the projected image, and a grid with a given OutputOrigin reaches to
+ * the far end of the projected image.
  *
  * Infinite voxels make the samples around them infinite or not-a-number. The filter ignores samples that are
  * not-a-number. If Mode is Maximum, it also ignores minus infinity; if Mode is Minimum, plus infinity. A pixel without

@@ -220,9 +220,13 @@ GetImageView(const ShearWarp::ViewSpace & view, const ImageBase<3> * image)
     << image->GetDirection());
 }
 
+/** The bounding box of an image in view space. */
 struct Bounds
 {
   Point<double, 3> lower, upper;
+  /** Along each axis of view space: the step of a voxel of the image axis that is longest there, and the extent of the
+   * other image axes. */
+  Vector<double, 3> step, rest;
 };
 
 Bounds
@@ -230,19 +234,24 @@ FindBounds(const ShearWarp::ViewSpace & view, const ImageBase<3> * image)
 {
   const LinearView indexToView = GetImageView(view, image).indexToView;
   const Size<3>    size = image->GetLargestPossibleRegion().GetSize();
-  Bounds           bounds;
+  Bounds           bounds{};
   for (unsigned int row = 0; row < 3; ++row)
   {
     double center = indexToView.offset[row];
     double halfExtent = 0.0;
+    double longest = 0.0;
     for (unsigned int axis = 0; axis < 3; ++axis)
     {
-      const auto count = static_cast<double>(size[axis]);
+      const auto   count = static_cast<double>(size[axis]);
+      const double step = std::abs(indexToView.matrix(row, axis));
       center += indexToView.matrix(row, axis) * 0.5 * (count - 1.0);
-      halfExtent += std::abs(indexToView.matrix(row, axis)) * 0.5 * count;
+      halfExtent += step * 0.5 * count;
+      bounds.step[row] = step * count > longest ? step : bounds.step[row];
+      longest = std::max(longest, step * count);
     }
     bounds.lower[row] = center - halfExtent;
     bounds.upper[row] = center + halfExtent;
+    bounds.rest[row] = 2.0 * halfExtent - longest;
   }
   return bounds;
 }
@@ -402,28 +411,46 @@ ShearWarp::FitGrid(const ViewList &     views,
                    bool                 fitSpacing,
                    bool                 fitOrigin)
 {
-  constexpr double infinity = std::numeric_limits<double>::infinity();
-  Point<double, 3> lower(infinity);
-  Point<double, 3> upper(-infinity);
-  ViewGrid         grid = given;
+  constexpr double  infinity = std::numeric_limits<double>::infinity();
+  Point<double, 3>  lower(infinity);
+  Point<double, 3>  upper(-infinity);
+  Vector<double, 3> shortestStep(infinity);
+  Vector<double, 3> longestStep(0.0);
+  Vector<double, 3> rest(0.0);
+  ViewGrid          grid = given;
   grid.spacing = fitSpacing ? Vector<double, 2>(infinity) : given.spacing;
   for (SizeValueType n = 0; n < views.count; ++n)
   {
-    const auto view = views.get(n);
-    const auto [lowerOfView, upperOfView] = FindBounds(view, image);
-    const auto spacing = ProjectSpacing(view, image);
+    const auto   view = views.get(n);
+    const Bounds bounds = FindBounds(view, image);
+    const auto   spacing = ProjectSpacing(view, image);
     for (unsigned int axis = 0; axis < 2; ++axis)
     {
-      lower[axis] = std::min(lower[axis], lowerOfView[axis]);
-      upper[axis] = std::max(upper[axis], upperOfView[axis]);
+      lower[axis] = std::min(lower[axis], bounds.lower[axis]);
+      upper[axis] = std::max(upper[axis], bounds.upper[axis]);
+      shortestStep[axis] = std::min(shortestStep[axis], bounds.step[axis]);
+      longestStep[axis] = std::max(longestStep[axis], bounds.step[axis]);
+      rest[axis] = std::max(rest[axis], bounds.rest[axis]);
       grid.spacing[axis] = fitSpacing ? std::min(grid.spacing[axis], spacing[axis]) : grid.spacing[axis];
     }
   }
   for (unsigned int axis = 0; axis < 2; ++axis)
   {
+    // one image axis lies along this axis, in all views
+    const bool isAlong = rest[axis] <= 1e-2 * grid.spacing[axis];
+    if (fitSpacing && isAlong)
+    {
+      const double pixels = std::round(longestStep[axis] / grid.spacing[axis]);
+      const double spacing = longestStep[axis] / pixels;
+      const double difference = std::max(std::abs(spacing - grid.spacing[axis]),
+                                         std::abs(shortestStep[axis] / pixels - grid.spacing[axis]));
+      const bool   isRounded = difference > 1e-9 * grid.spacing[axis] && difference <= 1e-3 * grid.spacing[axis];
+      grid.spacing[axis] = isRounded ? spacing : grid.spacing[axis];
+    }
     const double start = fitOrigin ? lower[axis] : given.origin[axis] - 0.5 * grid.spacing[axis];
-    // an extent that exceeds whole pixels by rounding errors only, as of spacings in float, needs no further pixel
-    const double fitted = std::max(1.0, std::ceil((upper[axis] - start) / grid.spacing[axis] - 1e-4));
+    // an extent that exceeds whole pixels by rounding errors only needs no further pixel
+    const double tolerance = isAlong ? 1e-2 : 1e-4;
+    const double fitted = std::max(1.0, std::ceil((upper[axis] - start) / grid.spacing[axis] - tolerance));
     grid.size[axis] = fitSize ? fitted : given.size[axis];
     if (fitOrigin)
     {
@@ -441,14 +468,16 @@ ShearWarp::FitGrid(const ViewList &     views,
 ShearWarp::DepthRange
 ShearWarp::ClipDepths(const ViewSpace & view, const ImageBase<3> * image, const DepthRange & slab)
 {
-  const auto [lower, upper] = FindBounds(view, image);
-  DepthRange depths{ std::max(lower[2], slab.nearest), std::min(upper[2], slab.farthest) };
+  const Bounds bounds = FindBounds(view, image);
+  const double lower = bounds.lower[2];
+  const double upper = bounds.upper[2];
+  DepthRange   depths{ std::max(lower, slab.nearest), std::min(upper, slab.farthest) };
   if (!(depths.nearest < depths.farthest))
   {
     // a slab without thickness, or beside the image
     depths.nearest = std::isfinite(slab.nearest) ? slab.nearest : slab.farthest;
     depths.farthest = std::isfinite(slab.farthest) ? slab.farthest : slab.nearest;
-    const double missing = (upper[2] - lower[2]) * 1e-3 - (depths.farthest - depths.nearest);
+    const double missing = (upper - lower) * 1e-3 - (depths.farthest - depths.nearest);
     depths.nearest -= 0.5 * std::max(missing, 0.0);
     depths.farthest += 0.5 * std::max(missing, 0.0);
   }

@@ -17,8 +17,10 @@
  *=========================================================================*/
 #include "itkShearWarpMIPCineImageFilter.h"
 #include "itkShearWarpMIPImageFilter.h"
+#include "itkShearWarpMIPPartImageFilter.h"
 
 #include "itkShearWarpMIPTestOracle.h"
+#include "itkShearWarpMIPTestParts.h"
 
 #include <array>
 #include <iostream>
@@ -383,6 +385,137 @@ TEST(ShearWarpMIPProperties, ViewsAlongTheGridHaveTheMaximaOfTheirVoxels)
       }
     });
   }
+}
+
+TEST(ShearWarpMIPProperties, SpacingsThatAreEqualButForRoundingGiveTheMaximaOfVoxels)
+{
+  using ImageType = itk::Image<short, 3>;
+  Random       random(1202);
+  const double spacings[][3] = { { 0.48828125, 0.488281, 0.4882813 }, { 0.499998, 0.5, 0.500005 },
+                                 { 0.7, 0.7f, 0.70000005 },           { 0.488, 0.48828125, 0.4883 },
+                                 { 1.0, 1.0 + 1e-7, 1.0 - 1e-8 },     { 0.39f, 0.39, 0.39 } };
+  for (const auto & spacing : spacings)
+  {
+    const auto image = ImageType::New();
+    image->SetRegions(itk::ImageRegion<3>({ { -3, 2, 5 } }, { { 60, 35, 24 } }));
+    image->SetSpacing(MakeVector3(spacing[0], spacing[1], spacing[2]));
+    image->SetOrigin(MakePoint3(random.Uniform(-99, 99), random.Uniform(-99, 99), random.Uniform(-99, 99)));
+    image->Allocate();
+    std::generate_n(image->GetBufferPointer(), image->GetBufferedRegion().GetNumberOfPixels(), [&random] {
+      return static_cast<short>(random.Integer(1, 32000));
+    });
+    const auto directions = DrawSignedPermutations(random);
+    for (const MatrixType & matrix : DrawSignedPermutations(random))
+    {
+      image->SetDirection(directions[static_cast<std::size_t>(random.Integer(0, 47))]);
+      const auto view = MakeView(matrix, GetCenter(image) + DrawVector(random, 20));
+      const auto opposite = MakeView(matrix * MakeDiagonal(-1, 1, -1), GetCenter(image));
+      const auto filter = MakeFilter(image, view);
+      filter->Update();
+      const auto * output = filter->GetOutput();
+      const auto   expected = TakeMaxima(image, view, output);
+      SCOPED_TRACE(testing::Message() << image->GetDirection() << view->GetMatrix() << image->GetSpacing());
+      ASSERT_EQ(GetPixels(output), expected);
+      ASSERT_EQ(std::count(expected.begin(), expected.end(), 0), 0) << "more pixels than voxels";
+
+      const auto exact = MakeFilter(image, view);
+      exact->ExactOn();
+      exact->Update();
+      EXPECT_EQ(GetPixels(exact->GetOutput()), expected);
+      const auto inSpace = itk::ShearWarpMIPImageFilter<ImageType, ImageType>::New();
+      inSpace->SetInput(image);
+      inSpace->SetTransform(view);
+      inSpace->Update();
+      EXPECT_EQ(GetPixels(inSpace->GetOutput()), expected);
+      const auto part = itk::ShearWarpMIPPartImageFilter<ImageType>::New();
+      part->SetInput(image);
+      part->SetTransform(view);
+      part->Update();
+      const auto merge = MakeMergeFilter(filter.GetPointer());
+      merge->SetPart(0, part->GetOutput());
+      merge->Update();
+      EXPECT_EQ(GetPixels(merge->GetOutput()), expected);
+      const auto cine = itk::ShearWarpMIPCineImageFilter<ImageType>::New();
+      cine->SetInput(image);
+      cine->AddTransform(opposite);
+      cine->AddTransform(MakeView(matrix, GetCenter(image)));
+      cine->Update();
+      ASSERT_EQ(cine->GetOutput()->GetBufferedRegion().GetNumberOfPixels(), 2 * expected.size());
+      const short * second = cine->GetOutput()->GetBufferPointer() + expected.size();
+      EXPECT_TRUE(std::equal(expected.begin(), expected.end(), second));
+    }
+  }
+}
+
+TEST(ShearWarpMIPProperties, FittedGridsHoldTheImage)
+{
+  Random random(1203);
+  for (int repeat = 0; repeat < 3000; ++repeat)
+  {
+    const auto image = itk::Image<short, 3>::New();
+    SetRandomGeometry(random, image, MakeRandomSize(random, 1, repeat % 2 == 0 ? 12 : 600));
+    if (repeat % 3 != 0)
+    {
+      const double spacing = random.Uniform(0.3, 3.0);
+      const double ratio = static_cast<double>(random.Integer(1, 3));
+      const double error = std::pow(10.0, random.Uniform(-9, -2.5));
+      image->SetSpacing(MakeVector3(spacing, spacing * random.Uniform(1 - error, 1 + error), spacing * ratio));
+    }
+    auto matrix = MakeRandomViewMatrix(random, AllViewKinds[repeat % 3]);
+    if (repeat % 4 != 0)
+    {
+      // of the image's axes, or a little beside them
+      const auto   permutations = DrawSignedPermutations(random);
+      const double angle = repeat % 4 == 1 ? 0.0 : std::pow(10.0, random.Uniform(-9, -1));
+      const double c = std::cos(angle);
+      const double s = std::sin(angle);
+      matrix = image->GetDirection() * permutations[static_cast<std::size_t>(random.Integer(0, 47))] *
+               MakeMatrix({ { c, -s, 0 }, { s, c, 0 }, { 0, 0, 1 } });
+    }
+    const auto view = MakeView(matrix, GetCenter(image));
+    const auto filter = MakeFilter(image, view);
+    filter->UpdateOutputInformation();
+    const auto * grid = filter->GetOutput();
+    const auto [lower, upper] = FindCornerBounds(view, image);
+    const auto smallest = itk::ShearWarpFactorization::ComputeProjectedSpacing(view, image);
+    for (unsigned int axis = 0; axis < 2; ++axis)
+    {
+      const double spacing = grid->GetSpacing()[axis];
+      const double begin = grid->GetOrigin()[axis] - 0.5 * spacing;
+      const double end = begin + static_cast<double>(grid->GetLargestPossibleRegion().GetSize(axis)) * spacing;
+      ASSERT_NEAR(spacing, smallest[axis], 1.001e-3 * smallest[axis]) << repeat;
+      ASSERT_TRUE(repeat % 4 != 0 || spacing == smallest[axis]) << "an oblique view";
+      ASSERT_LE(begin, lower[axis] + 0.00501 * spacing) << repeat;
+      ASSERT_GE(end, upper[axis] - 0.00501 * spacing) << repeat;
+      ASSERT_LT(end - begin, upper[axis] - lower[axis] + spacing) << repeat;
+    }
+  }
+}
+
+TEST(ShearWarpMIPProperties, AFittedGridMeetsVoxelsOfAlmostThreePixelsAtTheirCenters)
+{
+  const auto image = MakePlainImage<short>({ { 200, 210, 220 } });
+  image->SetSpacing(MakeVector3(0.5, 0.5, 1.500003));
+  image->SetPixel({ { 20, 30, 40 } }, 1000);
+  const auto filter = MakeFilter(image, MakeView(MakeAxisMatrix(0), GetCenter(image)));
+  filter->Update();
+  ASSERT_EQ(filter->GetOutput()->GetBufferedRegion().GetSize(), (itk::Size<2>{ { 210, 660 } }));
+  EXPECT_EQ(filter->GetOutput()->GetPixel({ { 30, 3 * 40 + 1 } }), 1000);
+
+  // a given spacing
+  filter->SetOutputSpacing(MakeVector2(0.4999999, 1.5));
+  filter->Update();
+  ASSERT_EQ(filter->GetOutput()->GetBufferedRegion().GetSize(), (itk::Size<2>{ { 210, 220 } }));
+  EXPECT_EQ(filter->GetOutput()->GetPixel({ { 30, 40 } }), 1000);
+
+  // rows are along z in all frames
+  const auto cine = itk::ShearWarpMIPCineImageFilter<itk::Image<short, 3>>::New();
+  cine->SetInput(image);
+  cine->SetNumberOfFrames(5);
+  cine->UpdateOutputInformation();
+  EXPECT_EQ(cine->GetOutput()->GetLargestPossibleRegion().GetSize(1), 660u);
+  EXPECT_DOUBLE_EQ(cine->GetOutput()->GetSpacing()[1], 0.500001);
+  EXPECT_EQ(cine->GetOutput()->GetSpacing()[0], 0.5);
 }
 
 TEST(ShearWarpMIPProperties, EveryCaseHasTheBitsOfABruteForceEvaluation)
