@@ -143,10 +143,9 @@ ShearWarpBaseImageFilter<TInputImage, TOutputImage>::GetSettings() const
     const auto & direction = input->GetDirection().GetVnlMatrix();
     settings.insert(settings.end(), direction.begin(), direction.end());
   }
-  // one that has a source is made after this is first asked for
   const auto * view =
     dynamic_cast<const DataObjectDecorator<TransformType> *>(this->ProcessObject::GetInput("Transform"));
-  if (view && !view->GetSource() && view->Get())
+  if (view && view->Get())
   {
     // no two changes of objects have the same time
     settings.push_back(static_cast<double>(view->Get()->GetMTime()));
@@ -187,6 +186,11 @@ template <typename TInputImage, typename TOutputImage>
 void
 ShearWarpBaseImageFilter<TInputImage, TOutputImage>::UpdateOutputInformation()
 {
+  // the geometry of the outputs needs the transform that its source makes
+  if (auto * view = dynamic_cast<DataObjectDecorator<TransformType> *>(this->ProcessObject::GetInput("Transform")))
+  {
+    view->Update();
+  }
   Superclass::UpdateOutputInformation();
   m_SettingsOfOutputs = this->GetSettings();
 }

@@ -203,7 +203,7 @@ ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::VerifyPreconditions() co
                                                           << '.');
   }
   ShearWarp::VerifyTurn(m_RotationAxis, m_Center, m_StartAngle, m_AngularRange);
-  if (this->GetTransformInput() && !this->GetTransformInput()->GetSource())
+  if (this->GetTransformInput())
   {
     ShearWarpFactorization::VerifyViewTransform(this->GetTransform());
   }

@@ -51,10 +51,7 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::VerifyPreconditions() const
 {
   Superclass::VerifyPreconditions();
   this->template VerifyInputType<DecoratedTransformType>("Transform", "the view, a decorated transform");
-  if (!this->GetTransformInput()->GetSource())
-  {
-    ShearWarpFactorization::VerifyViewTransform(this->GetTransform());
-  }
+  ShearWarpFactorization::VerifyViewTransform(this->GetTransform());
 }
 
 template <typename TInputImage, typename TOutputImage>

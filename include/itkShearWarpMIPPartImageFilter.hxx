@@ -37,10 +37,7 @@ ShearWarpMIPPartImageFilter<TInputImage>::VerifyPreconditions() const
 {
   Superclass::VerifyPreconditions();
   this->template VerifyInputType<DecoratedTransformType>("Transform", "the view, a decorated transform");
-  if (!this->GetTransformInput()->GetSource())
-  {
-    ShearWarpFactorization::VerifyViewTransform(this->GetTransform());
-  }
+  ShearWarpFactorization::VerifyViewTransform(this->GetTransform());
 }
 
 template <typename TInputImage>

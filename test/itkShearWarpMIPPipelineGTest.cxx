@@ -17,7 +17,10 @@
  *=========================================================================*/
 #include "itkShearWarpMIPImageFilter.h"
 
+#include "itkShearWarpMIPCineImageFilter.h"
+#include "itkShearWarpMIPPartImageFilter.h"
 #include "itkShearWarpMIPTestOracle.h"
+#include "itkShearWarpMIPTestParts.h"
 
 #include "itkBSplineTransform.h"
 #include "itkCastImageFilter.h"
@@ -87,6 +90,107 @@ public:
 private:
   int m_Count{ 0 };
 };
+
+/** \class TransformSource
+ * Makes a view by an angle, as a registration does by images. */
+class TransformSource : public itk::ProcessObject
+{
+public:
+  using Self = TransformSource;
+  using Pointer = itk::SmartPointer<Self>;
+  using DecoratorType = itk::DataObjectDecorator<itk::Transform<double, 3, 3>>;
+  itkNewMacro(Self);
+
+  itkSetMacro(Angle, double);
+  itkSetMacro(IsInPlace, bool);
+
+  DecoratorType *
+  GetOutput()
+  {
+    return static_cast<DecoratorType *>(this->ProcessObject::GetOutput(0));
+  }
+
+  /** Null for an angle that is not a number. */
+  static ViewType::Pointer
+  MakeTransform(double angle)
+  {
+    const auto view = std::isnan(angle) ? nullptr : ViewType::New();
+    if (view)
+    {
+      view->Rotate3D(MakeVector3(1, 2, 3), angle);
+    }
+    return view;
+  }
+
+protected:
+  TransformSource() { this->SetNthOutput(0, DecoratorType::New()); }
+
+  void
+  GenerateData() override
+  {
+    const auto view = MakeTransform(m_Angle);
+    if (m_IsInPlace && m_View && view)
+    {
+      m_View->SetMatrix(view->GetMatrix());
+    }
+    else
+    {
+      m_View = view;
+    }
+    this->GetOutput()->Set(m_View);
+  }
+
+private:
+  double            m_Angle{ 0.0 };
+  bool              m_IsInPlace{ false };
+  ViewType::Pointer m_View;
+};
+
+/** Expects that a filter whose view has a source gives the output of \a makeFilter()'s filter, whose view has none. */
+template <typename TMakeFilter>
+void
+ExpectFollowsTheSourceOfItsTransform(const TMakeFilter & makeFilter)
+{
+  const auto source = TransformSource::New();
+  const auto filter = makeFilter();
+  filter->SetTransformInput(source->GetOutput());
+  const ExecutionCounter executions(filter);
+  const ExecutionCounter executionsOfSource(source);
+  int                    count = 0;
+  for (const double angle : { 0.4, -1.3, 2.2, 0.1 })
+  {
+    SCOPED_TRACE(angle);
+    source->SetAngle(angle);
+    source->SetIsInPlace(count > 1);
+    const auto expected = makeFilter();
+    expected->SetTransform(TransformSource::MakeTransform(angle));
+    expected->Update();
+    filter->UpdateOutputInformation();
+    EXPECT_EQ(filter->GetOutput()->GetLargestPossibleRegion(), expected->GetOutput()->GetLargestPossibleRegion());
+    filter->UpdateLargestPossibleRegion();
+    EXPECT_TRUE(HaveSamePixels(filter->GetOutput(), expected->GetOutput()));
+    EXPECT_EQ(filter->GetOutput()->GetOrigin(), expected->GetOutput()->GetOrigin());
+    EXPECT_EQ(filter->GetOutput()->GetSpacing(), expected->GetOutput()->GetSpacing());
+    EXPECT_EQ(filter->GetOutput()->GetDirection(), expected->GetOutput()->GetDirection());
+    filter->Update();
+    ++count;
+    EXPECT_EQ(executions.GetCount(), count);
+    EXPECT_EQ(executionsOfSource.GetCount(), count);
+  }
+  source->SetAngle(std::numeric_limits<double>::quiet_NaN());
+  EXPECT_NAMES(filter->Update(), "Transform", "not set");
+  // what the source lost is made again
+  source->SetAngle(0.4);
+  source->ReleaseDataFlagOn();
+  for (int repeat = 0; repeat < 2; ++repeat)
+  {
+    const auto expected = makeFilter();
+    expected->SetTransform(TransformSource::MakeTransform(0.4));
+    expected->Update();
+    filter->UpdateLargestPossibleRegion();
+    EXPECT_TRUE(HaveSamePixels(filter->GetOutput(), expected->GetOutput()));
+  }
+}
 
 /** \class ProgressRecorder
  * Aborts when the progress reaches a limit, and keeps what was reported. */
@@ -366,6 +470,51 @@ TEST_F(ShearWarpMIPPipeline, TransformMutatedInPlaceTakesEffect)
   EXPECT_EQ(executions.GetCount(), 2);
   EXPECT_FALSE(HaveSamePixels(before, m_Filter->GetOutput()));
   ExpectWorksAgain();
+}
+
+TEST_F(ShearWarpMIPPipeline, ATransformWithASourceIsMadeBeforeTheGeometry)
+{
+  ExpectFollowsTheSourceOfItsTransform([this] { return MakeFilter(m_Image); });
+  ExpectFollowsTheSourceOfItsTransform([this] {
+    const auto filter = itk::ShearWarpMIPImageFilter<ImageType, ImageType>::New();
+    filter->SetInput(m_Image);
+    filter->SetSlabFar(2.0);
+    return filter;
+  });
+}
+
+TEST_F(ShearWarpMIPPipeline, ATurnsTransformWithASourceIsMadeBeforeTheGeometry)
+{
+  ExpectFollowsTheSourceOfItsTransform([this] {
+    const auto cine = itk::ShearWarpMIPCineImageFilter<ImageType>::New();
+    cine->SetInput(m_Image);
+    cine->SetNumberOfFrames(3);
+    return cine;
+  });
+}
+
+TEST_F(ShearWarpMIPPipeline, APartsTransformWithASourceIsMadeBeforeTheGeometry)
+{
+  const auto makePart = [this] {
+    const auto part = itk::ShearWarpMIPPartImageFilter<ImageType>::New();
+    part->SetInput(m_Image);
+    return part;
+  };
+  ExpectFollowsTheSourceOfItsTransform(makePart);
+
+  const auto source = TransformSource::New();
+  const auto part = makePart();
+  part->SetTransformInput(source->GetOutput());
+  const auto merge = MakeMergeFilter(m_Filter.GetPointer());
+  merge->SetPart(0, part->GetOutput());
+  merge->SetTransformInput(source->GetOutput());
+  for (const double angle : { 0.4, -1.3 })
+  {
+    source->SetAngle(angle);
+    merge->UpdateLargestPossibleRegion();
+    const auto expected = ProjectAfresh(m_Image, TransformSource::MakeTransform(angle));
+    EXPECT_TRUE(HaveSamePixels(merge->GetOutput(), expected));
+  }
 }
 
 TEST_F(ShearWarpMIPPipeline, NoChangeExecutesNothing)
