@@ -114,13 +114,16 @@ public:
   itkGetEnumMacro(Mode, ModeEnum);
 
   /** Only samples with SlabNear <= w <= SlabFar count, where w is the depth in view space. The default is from minus to
-   * plus infinity. In the views of ShearWarpMIPView, the depth is the distance in mm behind the image's center. */
+   * plus infinity. In the views of ShearWarpMIPView, the depth is the distance in mm behind the image's center.
+   * Positions are rounded numbers, so samples beyond a limit by at most 1e-9 of a voxel's extent along the depth axis
+   * count too. */
   itkShearWarpSetMacro(SlabNear, double);
   itkGetConstMacro(SlabNear, double);
   itkShearWarpSetMacro(SlabFar, double);
   itkGetConstMacro(SlabFar, double);
 
-  /** Only samples with a physical position between these corners count, along each physical axis; by default all. */
+  /** Only samples with a physical position between these corners count, along each physical axis; by default all.
+   * The limits have the tolerance of SlabNear. */
   itkShearWarpSetMacro(CropLower, PhysicalPointType);
   itkGetConstReferenceMacro(CropLower, PhysicalPointType);
   itkShearWarpSetMacro(CropUpper, PhysicalPointType);

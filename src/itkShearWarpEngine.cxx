@@ -130,6 +130,9 @@ using ShearWarp::Threads;
 
 constexpr SizeValueType MostViewsTogether = 256;
 
+/** How far beyond the limits of a slab or a box samples count, in extents of a voxel: more than rounding errors. */
+constexpr double LimitTolerance = 1e-9;
+
 struct View
 {
   ShearWarp::ViewSpace   space;
@@ -168,10 +171,14 @@ std::vector<ShearWarp::Interval>
 MakeIntervals(const View & view, const ShearWarp::ProjectionRule<TPixel> & rule)
 {
   std::vector<ShearWarp::Interval> intervals;
+  const auto &                     shear = view.factorization.GetShear();
   const auto addInterval = [&](const ShearWarp::ShearedFunction & function, double low, double high) {
     if (low != -rule.Infinity || high != rule.Infinity)
     {
-      intervals.push_back({ function, low, high });
+      const double alongSlices = (function.perSlice + function.perColumn * shear[0]) + function.perRow * shear[1];
+      const double extent = (std::abs(function.perColumn) + std::abs(function.perRow)) + std::abs(alongSlices);
+      const double tolerance = LimitTolerance * extent;
+      intervals.push_back({ function, low - tolerance, high + tolerance });
     }
   };
   addInterval(view.factorization.GetDepthFunction(), rule.slabNear, rule.slabFar);

@@ -78,12 +78,26 @@ public:
 
   /** Leaves out what is outside of \a rule's slab and box. */
   void
-  Clip(const RayRule<TPixel> & rule)
+  Clip(const RayRule<TPixel> & rule, const ViewType * view)
   {
-    this->Clip(0, 1, rule.slabNear, rule.slabFar);
+    Number depthOfVoxel = 0;
+    for (unsigned int n = 0; n < 3; ++n)
+    {
+      itk::Vector<double, 3> step;
+      for (unsigned int axis = 0; axis < 3; ++axis)
+      {
+        step[axis] = m_Image->GetDirection()(axis, n) * m_Image->GetSpacing()[n];
+      }
+      depthOfVoxel += std::abs(view->GetInverseTransform()->TransformVector(step)[2]);
+    }
+    this->Clip(0, 1, rule.slabNear - LimitTolerance * depthOfVoxel, rule.slabFar + LimitTolerance * depthOfVoxel);
     for (unsigned int axis = 0; axis < 3; ++axis)
     {
-      this->Clip(m_Physical[axis], m_PhysicalStep[axis], rule.cropLower[axis], rule.cropUpper[axis]);
+      const Number tolerance = LimitTolerance * GetVoxelExtents(m_Image)[axis];
+      this->Clip(m_Physical[axis],
+                 m_PhysicalStep[axis],
+                 rule.cropLower[axis] - tolerance,
+                 rule.cropUpper[axis] + tolerance);
     }
   }
 
@@ -258,8 +272,8 @@ ExpectExtremaOfTheInterpolant(const FilterType<TPixel> *    filter,
   {
     const auto               place = output->template TransformIndexToPhysicalPoint<double>(index);
     InterpolantOnRay<TPixel> ray(image, view, place[0], place[1]);
-    ray.Clip(rule);
-    if (std::abs(ray.GetLength()) < 1e-9L)
+    ray.Clip(rule, view);
+    if (std::abs(ray.GetLength()) < 1e-11L)
     {
       continue;
     }

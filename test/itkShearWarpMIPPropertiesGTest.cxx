@@ -289,15 +289,18 @@ DrawSignedPermutations(Random & random)
 }
 
 /** The maxima of the voxels behind each pixel of \a grid, whose pixels are as large as voxels, along an axis of the
- * image; else 0. */
+ * image; else 0. Only those of \a region count. */
 template <typename TGrid>
 std::vector<short>
-TakeMaxima(const itk::Image<short, 3> * image, const ViewType * view, const TGrid * grid)
+TakeMaxima(const itk::Image<short, 3> * image,
+           const ViewType *             view,
+           const TGrid *                grid,
+           const itk::ImageRegion<3> &  region)
 {
   const auto         toView = view->GetInverseTransform();
   const auto         size = grid->GetLargestPossibleRegion().GetSize();
   std::vector<short> maxima(size[0] * size[1]);
-  for (const auto & index : itk::ImageRegionIndexRange<3>(image->GetBufferedRegion()))
+  for (const auto & index : itk::ImageRegionIndexRange<3>(region))
   {
     const auto point = toView->TransformPoint(image->TransformIndexToPhysicalPoint<double>(index));
     const auto place = [&](unsigned int axis) {
@@ -307,6 +310,31 @@ TakeMaxima(const itk::Image<short, 3> * image, const ViewType * view, const TGri
     maximum = std::max(maximum, image->GetPixel(index));
   }
   return maxima;
+}
+
+template <typename TGrid>
+std::vector<short>
+TakeMaxima(const itk::Image<short, 3> * image, const ViewType * view, const TGrid * grid)
+{
+  return TakeMaxima(image, view, grid, image->GetBufferedRegion());
+}
+
+/** Sets a geometry of special values: signed permutations, zeros of both signs, halves and whole numbers. */
+void
+SetLatticeGeometry(Random & random, itk::ImageBase<3> * image)
+{
+  const double spacings[] = { 1.0, 0.5, 0.7, 0.1, 1.0 / 3.0, 2.5 };
+  const double origins[] = { 0.0, -0.0, 0.5, -2.0, 0.1, 30000.7, -12.0 };
+  auto         spacing = image->GetSpacing();
+  auto         origin = image->GetOrigin();
+  for (unsigned int axis = 0; axis < 3; ++axis)
+  {
+    spacing[axis] = spacings[random.Integer(0, 5)];
+    origin[axis] = origins[random.Integer(0, 6)];
+  }
+  image->SetSpacing(spacing);
+  image->SetOrigin(origin);
+  image->SetDirection(DrawSignedPermutations(random)[static_cast<std::size_t>(random.Integer(0, 47))]);
 }
 } // namespace
 
@@ -516,6 +544,113 @@ TEST(ShearWarpMIPProperties, AFittedGridMeetsVoxelsOfAlmostThreePixelsAtTheirCen
   EXPECT_EQ(cine->GetOutput()->GetLargestPossibleRegion().GetSize(1), 660u);
   EXPECT_DOUBLE_EQ(cine->GetOutput()->GetSpacing()[1], 0.500001);
   EXPECT_EQ(cine->GetOutput()->GetSpacing()[0], 0.5);
+}
+
+TEST(ShearWarpMIPProperties, LimitsInVoxelCentersIncludeTheVoxels)
+{
+  using ImageType = itk::Image<short, 3>;
+  Random random(1204);
+  for (int repeat = 0; repeat < 1500; ++repeat)
+  {
+    SCOPED_TRACE(repeat);
+    const auto image = MakeRandomImage<short>(random, MakeRandomSize(random, 1, repeat % 10 == 0 ? 20 : 6));
+    const bool isLattice = repeat % 3 != 0;
+    if (isLattice)
+    {
+      SetLatticeGeometry(random, image);
+    }
+    FillByIndex(image, [&random](const auto &) { return random.Integer(1, 32000); });
+    const auto region = image->GetBufferedRegion();
+    const auto first = DrawIndex(random, region);
+    const auto second = repeat % 4 == 0 ? first : DrawIndex(random, region);
+    const auto a = image->TransformIndexToPhysicalPoint<double>(first);
+    const auto b = image->TransformIndexToPhysicalPoint<double>(second);
+
+    // along an axis of the image
+    const auto      permutation = DrawSignedPermutations(random)[static_cast<std::size_t>(random.Integer(0, 47))];
+    const PointType offsets[] = { GetCenter(image) + DrawVector(random, 20), a, GetCenter(image), PointType(0.0) };
+    const auto      view = MakeView(image->GetDirection() * permutation, offsets[random.Integer(0, 3)]);
+    const auto      toView = view->GetInverseTransform();
+    unsigned int    axes[3]{}; // of the image, along those of the view
+    for (unsigned int n = 0; n < 3; ++n)
+    {
+      for (unsigned int axis = 0; axis < 3; ++axis)
+      {
+        axes[n] = permutation(axis, n) != 0.0 ? axis : axes[n];
+      }
+    }
+    const auto filter = MakeFilter(image, view);
+    filter->SetOutputSpacing(MakeVector2(image->GetSpacing()[axes[0]], image->GetSpacing()[axes[1]]));
+    auto       included = region;
+    const auto include = [&](unsigned int axis) {
+      included.SetIndex(axis, std::min(first[axis], second[axis]));
+      included.SetSize(axis, static_cast<itk::SizeValueType>(std::abs(first[axis] - second[axis])) + 1);
+    };
+    if (isLattice && repeat % 2 == 0)
+    {
+      PointType lower;
+      PointType upper;
+      for (unsigned int axis = 0; axis < 3; ++axis)
+      {
+        include(axis);
+        lower[axis] = std::min(a[axis], b[axis]);
+        upper[axis] = std::max(a[axis], b[axis]);
+      }
+      filter->SetCropLower(lower);
+      filter->SetCropUpper(upper);
+    }
+    else
+    {
+      include(axes[2]);
+      const double depths[] = { toView->TransformPoint(a)[2], toView->TransformPoint(b)[2] };
+      filter->SetSlabNear(std::min(depths[0], depths[1]));
+      filter->SetSlabFar(std::max(depths[0], depths[1]));
+    }
+    const auto expect = [&](const char * what) {
+      filter->Update();
+      ASSERT_EQ(GetPixels(filter->GetOutput()), TakeMaxima(image, view, filter->GetOutput(), included))
+        << what << ", " << region.GetSize();
+    };
+    expect("plain");
+    filter->ExactOn();
+    expect("exact");
+    filter->ExactOff();
+    filter->SetNumberOfStreamDivisions(2);
+    expect("streamed");
+    filter->SetOversampling(2);
+    filter->ComputeDepthOn();
+    expect("oversampled");
+    filter->SetMaskImage(MakeMask(image, 1));
+    expect("masked");
+    filter->SetNumberOfStreamDivisions(1);
+    expect("masked in memory");
+
+    // a millionth of a voxel beside the limit
+    const double beside = 1e-6 * image->GetSpacing()[axes[2]];
+    filter->SetCropLower(PointType(-1e9));
+    filter->SetCropUpper(PointType(1e9));
+    filter->SetSlabNear(toView->TransformPoint(a)[2] - 2 * beside);
+    filter->SetSlabFar(toView->TransformPoint(a)[2] - beside);
+    included.SetSize(axes[2], 0);
+    expect("beside");
+
+    // the ray through a voxel, in any direction: only there it meets the box, or the slab
+    const auto oblique = MakeRandomView(random, AllViewKinds[repeat % 3], image);
+    const auto place = oblique->GetInverseTransform()->TransformPoint(a);
+    const auto ray = MakeFilter(image, oblique);
+    SetGrid(ray, { { 1, 1 } }, MakeVector2(1, 1), MakePoint2(place[0], place[1]));
+    ray->ExactOn();
+    ray->SetSlabNear(place[2]);
+    ray->SetSlabFar(place[2]);
+    ray->Update();
+    ASSERT_EQ(ray->GetOutput()->GetPixel({ { 0, 0 } }), image->GetPixel(first)) << "slab";
+    ray->SetSlabNear(-1e9);
+    ray->SetSlabFar(1e9);
+    ray->SetCropLower(a);
+    ray->SetCropUpper(a);
+    ray->Update();
+    ASSERT_EQ(ray->GetOutput()->GetPixel({ { 0, 0 } }), image->GetPixel(first)) << "box";
+  }
 }
 
 TEST(ShearWarpMIPProperties, EveryCaseHasTheBitsOfABruteForceEvaluation)

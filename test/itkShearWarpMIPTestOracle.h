@@ -21,6 +21,8 @@
 #include "itkShearWarpFactorization.h"
 #include "itkShearWarpMIPTestImages.h"
 
+#include <array>
+
 /** An evaluation of projections that shares no code with the module: from transform, image and output grid alone. */
 namespace itk::ShearWarpMIPTest
 {
@@ -70,7 +72,28 @@ MakeRandomMask(Random & random, const ImageBase<3> * image)
   return mask;
 }
 
-/** Chooses a slab and a box for the filter and for its rule; some of their ends are open if \a mayBeOpen. */
+/** As modes.md says: how far beyond limits samples count, in extents of a voxel. */
+constexpr long double LimitTolerance = 1e-9L;
+
+/** Along the axes of physical space. */
+using VoxelExtents = std::array<long double, 3>;
+
+inline VoxelExtents
+GetVoxelExtents(const ImageBase<3> * image)
+{
+  VoxelExtents extents{};
+  for (unsigned int axis = 0; axis < 3; ++axis)
+  {
+    for (unsigned int n = 0; n < 3; ++n)
+    {
+      extents[axis] += std::abs(static_cast<long double>(image->GetDirection()(axis, n)) * image->GetSpacing()[n]);
+    }
+  }
+  return extents;
+}
+
+/** Chooses a slab and a box for the filter and for its rule; some of their ends are open if \a mayBeOpen, and some lie
+ * in the centers of voxels. */
 template <typename TFilter, typename TPixel>
 void
 DrawSlabAndBox(Random &             random,
@@ -81,9 +104,27 @@ DrawSlabAndBox(Random &             random,
                RayRule<TPixel> &    rule)
 {
   const auto [lower, upper] = FindCornerBounds(view, image);
+  const bool endsInVoxels = random.Integer(0, 2) == 0;
+  const auto drawVoxel = [&random, image] {
+    Index<3> index = DrawIndex(random, image->GetLargestPossibleRegion());
+    for (unsigned int axis = 0; axis < 3; ++axis)
+    {
+      const auto first = image->GetLargestPossibleRegion().GetIndex(axis);
+      const auto length = static_cast<IndexValueType>(image->GetLargestPossibleRegion().GetSize(axis));
+      // at the ends, where the slices of oblique views have samples in voxels
+      const IndexValueType places[] = { index[axis], first, first + length - 1 };
+      index[axis] = places[random.Integer(0, 2)];
+    }
+    return image->template TransformIndexToPhysicalPoint<double>(index);
+  };
   if (random.Integer(0, 1) == 0)
   {
-    const double ends[] = { random.Uniform(lower[2], upper[2]), random.Uniform(lower[2], upper[2]) };
+    double ends[] = { random.Uniform(lower[2], upper[2]), random.Uniform(lower[2], upper[2]) };
+    if (endsInVoxels)
+    {
+      ends[0] = view->GetInverseTransform()->TransformPoint(drawVoxel())[2];
+      ends[1] = random.Integer(0, 1) == 0 ? ends[0] : view->GetInverseTransform()->TransformPoint(drawVoxel())[2];
+    }
     rule.slabNear = mayBeOpen && random.Integer(0, 3) == 0 ? rule.slabNear : std::min(ends[0], ends[1]);
     rule.slabFar = mayBeOpen && random.Integer(0, 3) == 0 ? rule.slabFar : std::max(ends[0], ends[1]);
     filter->SetSlabNear(rule.slabNear);
@@ -92,8 +133,15 @@ DrawSlabAndBox(Random &             random,
   if (random.Integer(0, 2) == 0)
   {
     const PointType center = GetCenter(image);
+    const PointType corners[] = { drawVoxel(), drawVoxel() };
     for (unsigned int axis = 0; axis < 3; ++axis)
     {
+      if (endsInVoxels)
+      {
+        rule.cropLower[axis] = std::min(corners[0][axis], corners[1][axis]);
+        rule.cropUpper[axis] = std::max(corners[0][axis], corners[1][axis]);
+        continue;
+      }
       rule.cropLower[axis] = center[axis] - random.Uniform(0, 0.4) * (upper[2] - lower[2]);
       rule.cropUpper[axis] = center[axis] + random.Uniform(0, 0.4) * (upper[2] - lower[2]);
     }
@@ -154,6 +202,7 @@ public:
     : m_Image(image)
     , m_Oversampling(oversampling)
     , m_Rule(rule)
+    , m_VoxelExtents(GetVoxelExtents(image))
   {
     long double indexToPhysical[3][3];
     long double viewMatrix[3][3];
@@ -558,10 +607,16 @@ private:
     }
     PointType point;
     m_Image->TransformContinuousIndexToPhysicalPoint(place, point);
-    bool isIncluded = depth >= m_Rule.slabNear && depth <= m_Rule.slabFar;
+    const auto isWithin = [](long double position, long double low, long double high, long double extentOfVoxel) {
+      return position >= low - LimitTolerance * extentOfVoxel && position <= high + LimitTolerance * extentOfVoxel;
+    };
+    const auto & d = m_DepthOfIndex;
+    bool         isIncluded =
+      isWithin(depth, m_Rule.slabNear, m_Rule.slabFar, std::abs(d[0]) + std::abs(d[1]) + std::abs(d[2]));
     for (unsigned int axis = 0; axis < 3; ++axis)
     {
-      isIncluded = isIncluded && point[axis] >= m_Rule.cropLower[axis] && point[axis] <= m_Rule.cropUpper[axis];
+      isIncluded =
+        isIncluded && isWithin(point[axis], m_Rule.cropLower[axis], m_Rule.cropUpper[axis], m_VoxelExtents[axis]);
     }
     if (m_Rule.attenuation > 0.0)
     {
@@ -592,6 +647,7 @@ private:
   const ImageType *         m_Image;
   int                       m_Oversampling;
   RayRule<TPixel>           m_Rule;
+  VoxelExtents              m_VoxelExtents;
   long double               m_DepthOfIndex[3];
   long double               m_FadeBegin;
   long double               m_Condition;

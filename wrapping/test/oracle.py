@@ -10,6 +10,8 @@ import numpy as np
 
 ONE = 1 << 15
 INFINITY = float("inf")
+# how far beyond the limits of slabs and boxes samples count, in extents of a voxel
+LIMIT_TOLERANCE = 1e-9
 
 
 class Rule(NamedTuple):
@@ -256,6 +258,9 @@ def collect_rays(view: View, transform, rule: Rule, default, oversampling: int):
     i, j, k = view.axes
     of_physical, physical_offset = linear_map(transform)
     begin = max(sphere_depth(view, of_physical), rule.slab_near)
+    view_steps = np.linalg.inv(view.matrix)
+    depth_slack = LIMIT_TOLERANCE * abs(view_steps[2]).sum()
+    slacks = LIMIT_TOLERANCE * abs(of_physical @ view_steps).sum(axis=1)
     labels = None
     if rule.mask_image is not None:
         labels = view.slices_of(rule.mask_image)
@@ -291,9 +296,10 @@ def collect_rays(view: View, transform, rule: Rule, default, oversampling: int):
             of_view = np.linalg.solve(view.matrix, index.reshape(3, -1) - view.offset[:, np.newaxis])
             depths = of_view[2].reshape(samples.shape)
             points = of_physical @ of_view + physical_offset[:, np.newaxis]
-            counts &= (depths >= rule.slab_near) & (depths <= rule.slab_far)
+            counts &= (depths >= rule.slab_near - depth_slack) & (depths <= rule.slab_far + depth_slack)
             for axis, position in enumerate(points.reshape(3, *samples.shape)):
-                counts &= (position >= rule.crop_lower[axis]) & (position <= rule.crop_upper[axis])
+                lower, upper = rule.crop_lower[axis] - slacks[axis], rule.crop_upper[axis] + slacks[axis]
+                counts &= (position >= lower) & (position <= upper)
             if rule.depth_attenuation > 0:
                 samples = fade(samples, depths, rule.depth_attenuation, begin, default)
             counts &= samples == samples

@@ -38,11 +38,17 @@ def labels(rng) -> np.ndarray:
     return rng.integers(0, 3, (3, 4, 5)).repeat(3, 0).repeat(3, 1).repeat(3, 2)[:9, :11, :14]
 
 
-def random_rule(rng: np.random.Generator, image) -> Rule:
+def random_rule(rng: np.random.Generator, image, view) -> Rule:
     voxels = itk.array_view_from_image(image)
     rule = Rule(mode=str(rng.choice(list(MODES))))
     if rng.random() < 0.4:
         near, far = np.sort(rng.normal(size=2) * 8.0).tolist()
+        if rng.random() < 0.3:
+            # of no thickness, in the first or the last voxel, where oblique views have samples
+            size = np.array(voxels.shape[::-1]) - 1
+            index = np.array(list(image.GetLargestPossibleRegion().GetIndex())) + size * rng.integers(0, 2, 3)
+            point = image.TransformIndexToPhysicalPoint(index.tolist())
+            near = far = view.GetInverseTransform().TransformPoint(point)[2]
         rule = rule._replace(slab_near=near, slab_far=far)
     if rng.random() < 0.4:
         center = np.array(list(itk.ShearWarpMIPView.GetCenter(image)))
@@ -64,7 +70,7 @@ def test_random_rules_of_random_views(dtype):
     for _ in range(25):
         image = random_image(rng, dtype)
         view = random_view(rng, image)
-        rule = random_rule(rng, image)
+        rule = random_rule(rng, image, view)
         oversampling = int(rng.integers(1, 3))
         mip = itk.ShearWarpMIPImageFilter.New(
             image, Transform=view, Oversampling=oversampling, DefaultPixelValue=7, ComputeDepth=True
