@@ -231,10 +231,7 @@ HasType(const DataSet & header, const std::string & term)
 
 /** As FindSeries. */
 const Series &
-Choose(const std::vector<Series> & all,
-       const fs::path &            folder,
-       const std::string &         series,
-       const std::string &         option)
+Choose(const std::vector<Series> & all, const fs::path & folder, const std::string & series, const std::string & option)
 {
   if (all.empty())
   {

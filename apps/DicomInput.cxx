@@ -193,10 +193,10 @@ struct Steps
 Steps
 FindSteps(const std::vector<Slice> & slices, bool areLabels, const WarningFunction & warn)
 {
-  const VectorType   whole = slices.back().origin - slices.front().origin;
-  const VectorType   step = whole / static_cast<double>(slices.size() - 1);
-  const double       distance = step.GetNorm();
-  double             deviation = 0.0;
+  const VectorType whole = slices.back().origin - slices.front().origin;
+  const VectorType step = whole / static_cast<double>(slices.size() - 1);
+  const double     distance = step.GetNorm();
+  double           deviation = 0.0;
   for (std::size_t i = 0; i < slices.size(); ++i)
   {
     const VectorType expected = slices.front().origin + static_cast<double>(i) * step;
@@ -433,11 +433,11 @@ ReadDicom(const fs::path &        path,
   DispatchPixelType(isOneType ? slices.front().type : Component::DOUBLE, [&](auto tag) {
     using PixelType = typename decltype(tag)::Type;
     volume.times = { MakeAnyImage<PixelType>(arranged.grid, first.components) };
-    PixelType * const      pixels = CastImage<PixelType>(volume.times.front()).GetBufferPointer();
-    const std::size_t      count = std::size_t{ first.size[0] } * first.size[1] * first.components;
-    const std::size_t      planes = arranged.grid->GetLargestPossibleRegion().GetSize(2);
-    std::vector<PixelType> ofSlices(arranged.isInterpolated ? slices.size() * count : 0);
-    PixelType * const      values = arranged.isInterpolated ? ofSlices.data() : pixels;
+    PixelType * const        pixels = CastImage<PixelType>(volume.times.front()).GetBufferPointer();
+    const std::size_t        count = std::size_t{ first.size[0] } * first.size[1] * first.components;
+    const std::size_t        planes = arranged.grid->GetLargestPossibleRegion().GetSize(2);
+    std::vector<PixelType>   ofSlices(arranged.isInterpolated ? slices.size() * count : 0);
+    PixelType * const        values = arranged.isInterpolated ? ofSlices.data() : pixels;
     std::set<const Source *> known;
     for (const Slice & slice : slices)
     {

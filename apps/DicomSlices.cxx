@@ -95,8 +95,7 @@ RequireOneByteOrder(const Source & source, const gdcm::TransferSyntax & syntax)
   if (source.format.GetBitsAllocated() > 16 && (syntax == gdcm::TransferSyntax::ExplicitVRBigEndian ||
                                                 syntax == gdcm::TransferSyntax::ImplicitVRBigEndianPrivateGE))
   {
-    throw std::runtime_error("'" + source.path + "' has pixels of " +
-                             std::to_string(source.format.GetBitsAllocated()) +
+    throw std::runtime_error("'" + source.path + "' has pixels of " + std::to_string(source.format.GetBitsAllocated()) +
                              " bits in big endian, whose byte order differs between programs; export the images in " +
                              "little endian");
   }
@@ -142,7 +141,7 @@ ReadStreams(const Source & source, const gdcm::Image & image)
   const auto               found = std::find_if(std::begin(codecs), std::end(codecs), [&image](const auto * codec) {
     return codec->CanDecode(image.GetTransferSyntax());
   });
-  const auto * const fragments = image.GetDataElement().GetSequenceOfFragments();
+  const auto * const       fragments = image.GetDataElement().GetSequenceOfFragments();
   if (found == std::end(codecs) || !fragments || fragments->GetNumberOfFragments() == 0)
   {
     return {};
@@ -263,7 +262,7 @@ GetFrameOffset(const DataSet & header, const Slice & slice, std::size_t frames, 
     superior[2] = 1.0;
     return (offsets[frame] - offsets[0]) * (offsets[0] == 0.0 ? normal : superior);
   }
-  const auto distance = ParseNumbers(GetText(header, { 0x0018, 0x0088 }));
+  const auto                      distance = ParseNumbers(GetText(header, { 0x0018, 0x0088 }));
   const auto                      vectors = GetFrameVectors(header);
   const bool                      isBySlices = std::count(vectors.begin(), vectors.end(), Tag(0x0054, 0x0080)) > 0;
   gdcm::Attribute<0x0054, 0x0080> order;

@@ -185,9 +185,8 @@ std::vector<Attribute>
 FindDifferent(const std::vector<Slice> & slices)
 {
   Attributes all;
-  const bool areOfOneFile = std::all_of(slices.begin(), slices.end(), [&slices](const Slice & slice) {
-    return slice.source == slices.front().source;
-  });
+  const bool areOfOneFile = std::all_of(
+    slices.begin(), slices.end(), [&slices](const Slice & slice) { return slice.source == slices.front().source; });
   for (std::size_t n = 0; n < slices.size(); ++n)
   {
     const DataSet & header = slices[n].source->header;
@@ -201,7 +200,7 @@ FindDifferent(const std::vector<Slice> & slices)
     {
       const gdcm::ByteValue * const bytes = header.GetDataElement(tag).GetByteValue();
       const std::size_t             place = slices[n].frame * sizeof(std::uint16_t);
-      const bool areNumbers = bytes && GetVR(header.GetDataElement(tag)) == gdcm::VR::US;
+      const bool                    areNumbers = bytes && GetVR(header.GetDataElement(tag)) == gdcm::VR::US;
       if (areNumbers && place + sizeof(std::uint16_t) <= bytes->GetLength())
       {
         std::uint16_t number = 0;
@@ -308,9 +307,8 @@ AreFull(const Numbers & numbers, const Numbers & places)
   }
   return std::all_of(counts.begin(), counts.end(), [](const auto & volume) {
     const std::size_t first = volume.second.begin()->second;
-    return std::all_of(volume.second.begin(), volume.second.end(), [first](const auto & place) {
-      return place.second == first;
-    });
+    return std::all_of(
+      volume.second.begin(), volume.second.end(), [first](const auto & place) { return place.second == first; });
   });
 }
 
@@ -331,8 +329,13 @@ SplitByOrder(Volumes & volumes, const std::vector<Attribute> & different, const 
   {
     return;
   }
-  for (const Tag & tag : { Tag(0x0018, 0x1060), Tag(0x0054, 0x1300), Tag(0x0018, 0x9074), Tag(0x0008, 0x002a),
-                           Tag(0x0008, 0x0032), Tag(0x0008, 0x0033), Tag(0x0020, 0x0013) })
+  for (const Tag & tag : { Tag(0x0018, 0x1060),
+                           Tag(0x0054, 0x1300),
+                           Tag(0x0018, 0x9074),
+                           Tag(0x0008, 0x002a),
+                           Tag(0x0008, 0x0032),
+                           Tag(0x0008, 0x0033),
+                           Tag(0x0020, 0x0013) })
   {
     for (const Attribute & attribute : different)
     {
@@ -448,9 +451,7 @@ ListVolumes(const Volumes & volumes, const Numbers & order)
 }
 
 [[noreturn]] void
-RefuseTwice(const std::vector<Slice> &     slices,
-            const Numbers &                numbers,
-            const std::vector<Attribute> & different)
+RefuseTwice(const std::vector<Slice> & slices, const Numbers & numbers, const std::vector<Attribute> & different)
 {
   std::size_t other = 1;
   std::size_t one = 0;

@@ -121,7 +121,8 @@ GetValue(const Nrrd & nrrd, const std::string & key)
   return value ? value.get() : "";
 }
 
-/** Whether values of axis \a range are volumes: of a list, or diffusion-weighted, but not layers of 3D Slicer's segments. */
+/** Whether values of axis \a range are volumes: of a list, or diffusion-weighted, but not layers of 3D Slicer's
+ * segments. */
 bool
 IsSeries(const Nrrd & nrrd, unsigned int range)
 {

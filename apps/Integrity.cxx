@@ -526,8 +526,8 @@ Check(FileKind kind, const Files & files)
   std::vector<Soundness> answers;
   for (auto begin = files.begin(); begin != files.end();)
   {
-    std::size_t bytes = 0;
-    const auto  end = std::find_if(begin + 1, files.end(), [&bytes](const std::string & file) {
+    std::size_t       bytes = 0;
+    const auto        end = std::find_if(begin + 1, files.end(), [&bytes](const std::string & file) {
       bytes += file.size() + 1;
       return bytes > most;
     });

@@ -772,9 +772,9 @@ Reword(const CLI::App & app, const CLI::ParseError & error)
         names.push_back("--" + name);
       }
     }
-    auto              extra = app.remaining();
-    const std::string first = extra.front().substr(0, extra.front().find('='));
-    const std::string hint = first[0] == '-' ? Suggest(first, names) : "";
+    auto                        extra = app.remaining();
+    const std::string           first = extra.front().substr(0, extra.front().find('='));
+    const std::string           hint = first[0] == '-' ? Suggest(first, names) : "";
     const std::filesystem::path input = app.get_option("INPUT")->as<std::string>();
     const std::string           output = app.get_option("OUTPUT")->as<std::string>();
     std::error_code             ignored;

@@ -110,8 +110,8 @@ ClipDepths(const ViewSpace & view, const ImageBase<3> * image, const DepthRange 
 ShearWarpMIP_EXPORT double
 FindSphereDepth(const ViewSpace & view, const ImageBase<3> * image);
 
-/** A picture in physical space: column, row and depth are at origin + steps (column, row, depth). Throws ExceptionObject
- * if the depth is not finite, as where no ray has a value. */
+/** A picture in physical space: column, row and depth are at origin + steps (column, row, depth). Throws
+ * ExceptionObject if the depth is not finite, as where no ray has a value. */
 struct PictureSpace
 {
   Point<double, 3>     origin;

@@ -43,8 +43,8 @@ namespace itk
  * The first view of a part prepares it, as the second view of ShearWarpMIPImageFilter does. The filter keeps this
  * preparation until the part changes. If a part has only one view, set ReducedResampling to Off: the projection is then
  * faster. The filter finds no block maxima, and for a view along x it transposes one slab after the other: 2 MiB for
- * each thread, or 16 slices if these are larger. So it needs little memory beside a large part. It keeps this memory and
- * the intermediate images until ReleasePreparedVolume().
+ * each thread, or 16 slices if these are larger. So it needs little memory beside a large part. It keeps this memory
+ * and the intermediate images until ReleasePreparedVolume().
  *
  * Update() throws ExceptionObject for a transform that is missing, not linear, not finite or not invertible, for an
  * Oversampling other than 1 and 2, and for an input that is empty, is not within WholeRegion, has a spacing that is not

@@ -442,9 +442,9 @@ ShearWarp::FitGrid(const ViewList &     views,
     {
       const double pixels = std::round(longestStep[axis] / grid.spacing[axis]);
       const double spacing = longestStep[axis] / pixels;
-      const double difference = std::max(std::abs(spacing - grid.spacing[axis]),
-                                         std::abs(shortestStep[axis] / pixels - grid.spacing[axis]));
-      const bool   isRounded = difference > 1e-9 * grid.spacing[axis] && difference <= 1e-3 * grid.spacing[axis];
+      const double difference =
+        std::max(std::abs(spacing - grid.spacing[axis]), std::abs(shortestStep[axis] / pixels - grid.spacing[axis]));
+      const bool isRounded = difference > 1e-9 * grid.spacing[axis] && difference <= 1e-3 * grid.spacing[axis];
       grid.spacing[axis] = isRounded ? spacing : grid.spacing[axis];
     }
     const double start = fitOrigin ? lower[axis] : given.origin[axis] - 0.5 * grid.spacing[axis];

@@ -94,10 +94,8 @@ public:
     for (unsigned int axis = 0; axis < 3; ++axis)
     {
       const Number tolerance = LimitTolerance * GetVoxelExtents(m_Image)[axis];
-      this->Clip(m_Physical[axis],
-                 m_PhysicalStep[axis],
-                 rule.cropLower[axis] - tolerance,
-                 rule.cropUpper[axis] + tolerance);
+      this->Clip(
+        m_Physical[axis], m_PhysicalStep[axis], rule.cropLower[axis] - tolerance, rule.cropUpper[axis] + tolerance);
     }
   }
 

@@ -22,8 +22,8 @@
 #include "itkShearWarpMIPTestImages.h"
 #include "itkShearWarpMIPTestParts.h"
 
-/* Compiled twice, the second time by a compiler that may fuse multiplications and additions, and may assume that numbers
- * are finite. */
+/* Compiled twice, the second time by a compiler that may fuse multiplications and additions, and may assume that
+ * numbers are finite. */
 namespace
 {
 using namespace itk::ShearWarpMIPTest;
@@ -93,7 +93,8 @@ ExpectChecksum(std::uint64_t expected)
         AddArray(output->GetSpacing(), checksum);
         const auto * values = depths->GetBufferPointer();
         const auto   count = depths->GetBufferedRegion().GetNumberOfPixels();
-        const auto   first = std::find_if(values, values + count, [](float depth) { return !HaveSameBits(depth, notANumber); });
+        const auto   first =
+          std::find_if(values, values + count, [](float depth) { return !HaveSameBits(depth, notANumber); });
         AddArray(filter->GetPhysicalPoint(depths->ComputeIndex(first - values)), checksum);
         for (unsigned int row = 0; row < 3; ++row)
         {
@@ -141,9 +142,8 @@ TEST(ShearWarpMIPArithmetic, ChecksAreCompiledInTheLibrary)
       filter.SetDepthAttenuation(1);
       filter.SetDefaultPixelValue(static_cast<float>(bad));
     });
-    expectError("Transform", [=](auto & filter) {
-      filter.SetTransform(MakeView(MakeDiagonal(1, 1, 1), MakePoint3(0, bad, 0)));
-    });
+    expectError("Transform",
+                [=](auto & filter) { filter.SetTransform(MakeView(MakeDiagonal(1, 1, 1), MakePoint3(0, bad, 0))); });
     using Turn = itk::ShearWarpMIPCineImageFilter<ImageType>;
     expectError("RotationAxis", [=](Turn & turn) { turn.SetRotationAxis(MakeVector3(0, bad, 1)); });
     expectError("Center", [=](Turn & turn) { turn.SetCenter(MakePoint3(0, bad, 1)); });

@@ -717,9 +717,9 @@ TEST(ShearWarpMIPModesOutput, EveryZeroIsPositiveWithEveryInstructionSet)
         UpdateAnew(merge);
         EXPECT_TRUE(HaveSamePixels(first, merge->GetOutput())) << name;
         const auto pixels = GetPixels(part->GetOutput());
-        EXPECT_TRUE(std::none_of(pixels.begin(), pixels.end(), [](float pixel) {
-          return pixel == 0.0f && std::signbit(pixel);
-        })) << name;
+        EXPECT_TRUE(
+          std::none_of(pixels.begin(), pixels.end(), [](float pixel) { return pixel == 0.0f && std::signbit(pixel); }))
+          << name;
       });
     }
   }

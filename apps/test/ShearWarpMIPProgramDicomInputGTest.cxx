@@ -906,11 +906,11 @@ TEST_P(ShearWarpMIPProgramDicomInput, NamesAllAttributesThatTellVolumesApart)
   }
   // echoes in phases
   this->WriteSlices(planes, ctImage, [](DataSet & dataSet, std::size_t slice) {
-    SetAttributes(dataSet,
-                  GetParam(),
-                  { 0x0018, 0x9112 },
-                  { { { 0x0018, 0x0081 }, slice / 3 % 2 == 0 ? "4" : "8" },
-                    { { 0x0018, 0x1060 }, slice < 6 ? "0" : "50" } });
+    SetAttributes(
+      dataSet,
+      GetParam(),
+      { 0x0018, 0x9112 },
+      { { { 0x0018, 0x0081 }, slice / 3 % 2 == 0 ? "4" : "8" }, { { 0x0018, 0x1060 }, slice < 6 ? "0" : "50" } });
   });
   this->ExpectFailure("dicom out.png",
                       "4 volumes, which differ in Echo Time (0018,0081), Trigger Time (0018,1060); choose one by "

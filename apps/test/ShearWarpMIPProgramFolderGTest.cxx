@@ -149,8 +149,14 @@ TEST_F(ShearWarpMIPProgramFolder, HasDescriptionsInAnyCharacterSet)
   this->WriteSeries("1.2.3.5", "b", 1);
   // most are of PS3.5 H to K; the file's bytes, and in UTF-8
   const std::vector<std::array<std::string, 3>> texts = {
-    { "ISO_IR 100", "Sch\xe4" "del", "Sch\u00e4del" },
-    { "ISO_IR 101", "Wa\xb3\xea" "sa", "Wa\u0142\u0119sa" },
+    { "ISO_IR 100",
+      "Sch\xe4"
+      "del",
+      "Sch\u00e4del" },
+    { "ISO_IR 101",
+      "Wa\xb3\xea"
+      "sa",
+      "Wa\u0142\u0119sa" },
     { "ISO_IR 109", "\xa6", "\u0124" },
     { "ISO_IR 110", "\xbd", "\u014a" },
     { "ISO_IR 126", "\xc4\xe9\xef", "\u0394\u03b9\u03bf" },
@@ -171,11 +177,24 @@ TEST_F(ShearWarpMIPProgramFolder, HasDescriptionsInAnyCharacterSet)
     { "\\ISO 2022 IR 58", "Zhang \x1b$)A\xd5\xc5", "Zhang \u5f20" },
     { "ISO 2022 IR 100\\ISO 2022 IR 144", "\xe4 \x1b-L\xbb \x1b-A\xe4", "\u00e4 \u041b \u00e4" },
     // what is no character
-    { "", "a\xe4" "b", "a?b" },
-    { "ISO_IR 100", "a\x9b" "b\x1b" "c\x7f", "a?b?c?" },
-    { "ISO_IR 192", "a\xe4" "b\xc2\x85", "a?b?" },
+    { "",
+      "a\xe4"
+      "b",
+      "a?b" },
+    { "ISO_IR 100",
+      "a\x9b"
+      "b\x1b"
+      "c\x7f",
+      "a?b?c?" },
+    { "ISO_IR 192",
+      "a\xe4"
+      "b\xc2\x85",
+      "a?b?" },
     { "\\ISO 2022 IR 87", "a\x1b$B;3\xe4\x1b(Bb", "a\u5c71?b" },
-    { "ISO_IR 999", "a\xe4" "b", "a?b" },
+    { "ISO_IR 999",
+      "a\xe4"
+      "b",
+      "a?b" },
   };
   for (const auto & [characterSet, text, expected] : texts)
   {

@@ -163,7 +163,14 @@ def test_patient_position(tmp_path):
         dataset.PatientPosition = "HFS"
         del dataset.PatientOrientationCodeSequence, dataset.PatientGantryRelationshipCodeSequence
 
-    run(write_pet(tmp_path / "pet", change=change), tmp_path / "mip.mha", "--frames", 2, "--dicom-out", tmp_path / "turn")
+    run(
+        write_pet(tmp_path / "pet", change=change),
+        tmp_path / "mip.mha",
+        "--frames",
+        2,
+        "--dicom-out",
+        tmp_path / "turn",
+    )
     for dataset in read_dicom(tmp_path / "turn"):
         assert dataset.SOPClassUID == PET and "PatientPosition" not in dataset
         assert not dataset.PatientOrientationCodeSequence and not dataset.PatientGantryRelationshipCodeSequence
