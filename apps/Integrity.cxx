@@ -253,7 +253,7 @@ RequireIntactVTK(const fs::path & path, const itk::ImageIOBase & io)
     return;
   }
   double value = 0.0;
-  for (itk::SizeValueType n = 0; n < io.GetImageSizeInComponents(); ++n)
+  for (itk::ImageIOBase::SizeType n = 0; n < io.GetImageSizeInComponents(); ++n)
   {
     if (!(file >> value))
     {

@@ -409,6 +409,87 @@ FindSpacing(const TiffFile &        file,
   }
   return spacing;
 }
+/** What the pages are; all of one slice are taken for slices. */
+TiffDescription
+Describe(const TiffFile & file, std::size_t samples, const fs::path & path, const WarningFunction & warn)
+{
+  const std::string name = "'" + path.string() + "'";
+  TiffDescription   description;
+  try
+  {
+    description =
+      ParseTiffDescription(file.GetDescription(), path.filename().string(), file.GetNumberOfPages(), samples);
+  }
+  catch (const std::runtime_error & error)
+  {
+    throw std::runtime_error("cannot read " + name + ": " + error.what());
+  }
+  const std::size_t pages = description.pages.size();
+  if (pages == 1)
+  {
+    throw std::runtime_error(name + " has one slice; a stack of slices is needed");
+  }
+  if (description.size[1] == 1)
+  {
+    warn(name + " describes its " + std::to_string(pages) + " pages as channels or points in time of one slice; they " +
+         "are taken for slices");
+    description.size = { { 1, pages, 1 } };
+  }
+  if (!description.ignored.empty())
+  {
+    warn(name + " describes " + description.ignored + ", which is not read");
+  }
+  return description;
+}
+
+/** The pages as slices of a volume of \a grid, with \a values for each pixel of a page. */
+template <typename TPixel>
+Volume
+ReadPages(TiffFile &                file,
+          const TiffDescription &   description,
+          const PageFormat &        format,
+          std::size_t               values,
+          const itk::ImageBase<3> * grid,
+          const fs::path &          path)
+{
+  using ContainerType = typename itk::VectorImage<TPixel, 3>::PixelContainer;
+  const bool        isPalette = format.photometric == PHOTOMETRIC_PALETTE;
+  const std::size_t samples = isPalette ? 3 : format.samples;
+  const std::size_t channels = description.size[0];
+  const std::size_t components = channels * values;
+  const std::size_t pixels = std::size_t{ format.width } * format.height;
+  const auto        planes = static_cast<double>(description.pages.size() * values);
+  if (static_cast<double>(pixels * sizeof(TPixel)) * planes > itk::ShearWarp::GetPhysicalMemory())
+  {
+    throw std::bad_alloc();
+  }
+  const auto container = ContainerType::New();
+  container->Reserve(pixels * values * description.pages.size());
+  for (std::size_t n = 0; n < description.pages.size(); ++n)
+  {
+    file.GoTo(description.pages[n]);
+    if (!(file.GetFormat() == format))
+    {
+      throw std::runtime_error("'" + path.string() + "' has pages of different sizes or kinds, the first and page " +
+                               std::to_string(description.pages[n] + 1) + "; all must be of one");
+    }
+    const Bytes  bytes = file.ReadPixels(format);
+    const Bytes  page = isPalette ? ExpandPalette(bytes, format, file.GetPalette()) : bytes;
+    const auto * from = page.data();
+    TPixel *     to = container->GetBufferPointer() + n / channels * pixels * components + n % channels * values;
+    if (components == samples)
+    {
+      std::memcpy(to, from, page.size());
+      continue;
+    }
+    for (std::size_t pixel = 0; pixel < pixels; ++pixel, from += samples * sizeof(TPixel), to += components)
+    {
+      std::memcpy(to, from, values * sizeof(TPixel));
+    }
+  }
+  file.Verify(true);
+  return MakeVolume<TPixel>(grid, static_cast<unsigned int>(components), description.size[2], container);
+}
 } // namespace
 
 bool
@@ -422,84 +503,23 @@ LooksLikeTiff(const fs::path & path)
 Volume
 ReadTiff(const fs::path & path, const WarningFunction & warn)
 {
-  TiffFile          file(path);
-  const std::size_t pages = file.GetNumberOfPages();
+  TiffFile file(path);
   file.GoTo(0);
   const PageFormat  format = file.GetFormat();
   const Component   stored = GetComponentType(format);
   const std::size_t values = CountValues(format, path);
   const bool        isPalette = format.photometric == PHOTOMETRIC_PALETTE;
-  const std::string name = "'" + path.string() + "'";
   if (stored == Component::UNKNOWNCOMPONENTTYPE)
   {
-    throw std::runtime_error(name + " has samples of " + std::to_string(format.bits) + " bits" +
-                             "; integers of 1, 8, 16, 32 or 64 bits or floats of 32 or 64 bits are needed");
+    throw std::runtime_error("'" + path.string() + "' has samples of " + std::to_string(format.bits) +
+                             " bits; integers of 1, 8, 16, 32 or 64 bits or floats of 32 or 64 bits are needed");
   }
-
-  TiffDescription description;
-  try
-  {
-    description = ParseTiffDescription(file.GetDescription(), path.filename().string(), pages, isPalette ? 1 : values);
-  }
-  catch (const std::runtime_error & error)
-  {
-    throw std::runtime_error("cannot read " + name + ": " + error.what());
-  }
-  if (description.size[1] == 1 && description.pages.size() > 1)
-  {
-    warn(name + " describes its " + std::to_string(description.pages.size()) +
-         " pages as channels or points in time of one slice; they " + "are taken for slices");
-    description.size = { { 1, description.pages.size(), 1 } };
-  }
-  if (!description.ignored.empty())
-  {
-    warn(name + " describes " + description.ignored + ", which is not read");
-  }
-  if (description.size[1] == 1)
-  {
-    throw std::runtime_error(name + " has one slice; a stack of slices is needed");
-  }
-
-  const auto [channels, slices, times] = description.size;
-  const auto components = static_cast<unsigned int>(channels * values);
-  const auto grid = itk::ImageBase<3>::New();
-  grid->SetRegions(itk::Size<3>{ { format.width, format.height, slices } });
+  const TiffDescription description = Describe(file, isPalette ? 1 : values, path, warn);
+  const auto            grid = itk::ImageBase<3>::New();
+  grid->SetRegions(itk::Size<3>{ { format.width, format.height, description.size[1] } });
   grid->SetSpacing(FindSpacing(file, description, path, warn).data());
   Volume volume = DispatchPixelType(isPalette ? Component::UCHAR : stored, [&](auto tag) {
-    using PixelType = typename decltype(tag)::Type;
-    using ContainerType = typename itk::VectorImage<PixelType, 3>::PixelContainer;
-    const std::size_t pixels = std::size_t{ format.width } * format.height;
-    if (1.0 * pixels * slices * times * components * sizeof(PixelType) > itk::ShearWarp::GetPhysicalMemory())
-    {
-      throw std::bad_alloc();
-    }
-    const auto container = ContainerType::New();
-    container->Reserve(pixels * slices * times * components);
-    for (std::size_t n = 0; n < description.pages.size(); ++n)
-    {
-      file.GoTo(description.pages[n]);
-      if (!(file.GetFormat() == format))
-      {
-        throw std::runtime_error(name + " has pages of different sizes or kinds, the first and page " +
-                                 std::to_string(description.pages[n] + 1) + "; all must be of one");
-      }
-      const Bytes       bytes = file.ReadPixels(format);
-      const Bytes       page = isPalette ? ExpandPalette(bytes, format, file.GetPalette()) : bytes;
-      const auto *      from = page.data();
-      const std::size_t samples = isPalette ? 3 : format.samples;
-      PixelType *       to = container->GetBufferPointer() + n / channels * pixels * components + n % channels * values;
-      if (components == samples)
-      {
-        std::memcpy(to, from, page.size());
-        continue;
-      }
-      for (std::size_t pixel = 0; pixel < pixels; ++pixel, from += samples * sizeof(PixelType), to += components)
-      {
-        std::memcpy(to, from, values * sizeof(PixelType));
-      }
-    }
-    file.Verify(true);
-    return MakeVolume<PixelType>(grid, components, times, container);
+    return ReadPages<typename decltype(tag)::Type>(file, description, format, values, grid, path);
   });
   volume.timeSpacing = description.timeSpacing > 0.0 ? description.timeSpacing : 1.0;
   volume.hasOrientation = false;

@@ -548,7 +548,6 @@ TEST(ShearWarpMIPProperties, AFittedGridMeetsVoxelsOfAlmostThreePixelsAtTheirCen
 
 TEST(ShearWarpMIPProperties, LimitsInVoxelCentersIncludeTheVoxels)
 {
-  using ImageType = itk::Image<short, 3>;
   Random random(1204);
   for (int repeat = 0; repeat < 1500; ++repeat)
   {

@@ -377,8 +377,8 @@ class Scene:
         length = round_length(spacing * width / 5)
         bar = _make_bar(round(length / spacing), scale)
         _put(rgba, bar, width - edge, height - edge, 1.0, 1.0)
-        text = _make_stamp(format_length(length), 13 * scale, _TEXT)
-        _put(rgba, text, width - edge, height - edge - 9 * scale, 1.0, 1.0)
+        stamp = _make_stamp(format_length(length), 13 * scale, _TEXT)
+        _put(rgba, stamp, width - edge, height - edge - 9 * scale, 1.0, 1.0)
         if state.message:
             _put(rgba, _make_stamp(state.message, 14 * scale, _ACCENT), width / 2, height - edge - 2 * line, 0.5, 1.0)
         if state.has_help:
