@@ -68,7 +68,7 @@ ConvertToUTF8(std::string text, const CharacterSet & set)
 {
   std::string converted;
 #ifdef ShearWarpMIP_HAS_ICONV
-  const iconv_t converter = iconv_open("UTF-8", set.name.c_str());
+  iconv_t converter = iconv_open("UTF-8", set.name.c_str());
   if (converter != iconv_t(-1)) // NOLINT(performance-no-int-to-ptr)
   {
     char *      from = text.data();

@@ -34,7 +34,6 @@
 namespace
 {
 namespace fs = std::filesystem;
-using gdcm::Tag;
 using VectorType = itk::Vector<double, 3>;
 using Component = itk::IOComponentEnum;
 

@@ -173,6 +173,7 @@ Numbers
 Combine(const Numbers & one, const Numbers & other)
 {
   std::vector<std::pair<std::size_t, std::size_t>> pairs;
+  pairs.reserve(one.size());
   for (std::size_t n = 0; n < one.size(); ++n)
   {
     pairs.emplace_back(one[n], other[n]);
@@ -385,6 +386,7 @@ SortVolumes(const Volumes & volumes)
   for (auto attribute = volumes.attributes.rbegin(); attribute != volumes.attributes.rend(); ++attribute)
   {
     std::vector<std::string> least;
+    least.reserve(order.size());
     for (std::size_t volume = 0; volume < order.size(); ++volume)
     {
       least.push_back(FindRange(*attribute, volumes.numbers, volume).first);
@@ -537,5 +539,5 @@ ChooseVolume(std::vector<Slice> & slices,
       kept.push_back(slices[n]);
     }
   }
-  slices = kept;
+  slices = std::move(kept);
 }

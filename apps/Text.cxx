@@ -57,7 +57,7 @@ FindLocale()
     }
     catch (const std::runtime_error &)
     {
-      // the next may be there
+      continue;
     }
   }
   return {};

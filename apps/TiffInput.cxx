@@ -166,7 +166,7 @@ public:
   GetPalette()
   {
     std::array<std::uint16_t *, 3> palette{};
-    this->Verify(TIFFGetField(m_File.get(), TIFFTAG_COLORMAP, &palette[0], &palette[1], &palette[2]) == 1);
+    this->Verify(TIFFGetField(m_File.get(), TIFFTAG_COLORMAP, palette.data(), &palette[1], &palette[2]) == 1);
     return palette;
   }
 
