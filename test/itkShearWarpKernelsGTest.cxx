@@ -1145,8 +1145,10 @@ TYPED_TEST(ShearWarpKernelsFloating, WarpRowMakesEveryZeroPositive)
       for (std::ptrdiff_t n = 0; n < width * 8; ++n)
       {
         const std::ptrdiff_t row = n / width;
-        const auto expected = InterpolateReached<TypeParam>(
-          pixel, Quantize(slope * static_cast<double>(n % width) + shift), Quantize(0.25 * static_cast<double>(row) + map.y0), 7);
+        const auto           expected = InterpolateReached<TypeParam>(pixel,
+                                                            Quantize(slope * static_cast<double>(n % width) + shift),
+                                                            Quantize(0.25 * static_cast<double>(row) + map.y0),
+                                                            7);
         ASSERT_TRUE(HaveSameBits(expected, output[n])) << "at " << n << ": " << output[n] << " instead of " << expected;
         ASSERT_FALSE(output[n] == 0 && std::signbit(output[n])) << "at " << n;
       }

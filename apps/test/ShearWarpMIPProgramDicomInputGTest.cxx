@@ -304,11 +304,12 @@ protected:
         SetFormat(dataSet, format);
         SetNumber<0x0028, 0x0010>(dataSet, manyRows);
         SetNumber<0x0028, 0x0011>(dataSet, manyColumns);
-        const std::size_t count = (GetParam() ? 3 : 1) * manyColumns * manyRows;
+        const std::size_t count = std::size_t{ GetParam() ? 3u : 1u } * manyColumns * manyRows;
         std::string       pixels(count * format.allocated / 8, '\0');
         for (std::size_t n = 0; n < count; ++n)
         {
-          const auto number = static_cast<unsigned int>(numbers[n % (manyColumns * manyRows) % numbers.size()]);
+          const auto number =
+            static_cast<unsigned int>(numbers[n % (std::size_t{ manyColumns } * manyRows) % numbers.size()]);
           for (std::size_t bit = 0; bit < format.allocated; ++bit)
           {
             const std::size_t place = n * format.allocated + bit;
@@ -351,7 +352,8 @@ protected:
       const auto * pixel = CastImage<typename decltype(tag)::Type>(volume.times.front()).GetBufferPointer();
       for (std::size_t n = 0; n < std::size_t{ 3 } * manyColumns * manyRows; ++n, ++pixel)
       {
-        ASSERT_EQ(static_cast<double>(*pixel), values[n % (manyColumns * manyRows) % values.size()]) << "pixel " << n;
+        ASSERT_EQ(static_cast<double>(*pixel), values[n % (std::size_t{ manyColumns } * manyRows) % values.size()])
+          << "pixel " << n;
       }
     });
   }

@@ -502,12 +502,13 @@ class ShearWarpMIPProgramDamage
 
 TEST_P(ShearWarpMIPProgramDamage, OfAFileIsNoticedOrChangesNothing)
 {
-  const auto & [name, isCompressed, hasChecksum] = GetParam();
-  std::mt19937 random;
+  const std::string name = GetParam().name;
+  const bool        hasChecksum = GetParam().hasChecksum;
+  std::mt19937      random;
   std::generate_n(m_Volume->GetBufferPointer(), m_Volume->GetBufferedRegion().GetNumberOfPixels(), [&random] {
     return static_cast<PixelType>(random() % 1000);
   });
-  this->WriteImage(m_Volume, name, isCompressed);
+  this->WriteImage(m_Volume, name, GetParam().isCompressed);
   const auto getPixels = [&] {
     const Result result = this->Run(name + " out.nrrd");
     return result.status == 0 ? this->ReadPixels("out.nrrd") : std::vector<PixelType>();
@@ -603,15 +604,17 @@ protected:
       {
         TIFFSetField(file, TIFFTAG_IMAGEDESCRIPTION, storage.description.c_str());
       }
-      const bool isPlanar = storage.planar == PLANARCONFIG_SEPARATE;
-      const auto get = [&](std::uint32_t column, std::uint32_t row, std::uint16_t sample) {
+      const bool          isPlanar = storage.planar == PLANARCONFIG_SEPARATE;
+      const std::uint16_t planes = isPlanar ? samples : std::uint16_t{ 1 };
+      const std::uint16_t together = isPlanar ? std::uint16_t{ 1 } : samples;
+      const auto          get = [&](std::uint32_t column, std::uint32_t row, std::uint16_t sample) {
         return page[(std::size_t{ row } * width + column) * samples + sample];
       };
       if (storage.tile > 0)
       {
         TIFFSetField(file, TIFFTAG_TILEWIDTH, storage.tile);
         TIFFSetField(file, TIFFTAG_TILELENGTH, storage.tile);
-        for (std::uint16_t plane = 0; plane < (isPlanar ? samples : 1); ++plane)
+        for (std::uint16_t plane = 0; plane < planes; ++plane)
         {
           for (std::uint32_t top = 0; top < height; top += storage.tile)
           {
@@ -620,7 +623,7 @@ protected:
               std::vector<T> tile;
               for (std::uint32_t n = 0; n < storage.tile * storage.tile; ++n)
               {
-                for (std::uint16_t sample = 0; sample < (isPlanar ? 1 : samples); ++sample)
+                for (std::uint16_t sample = 0; sample < together; ++sample)
                 {
                   tile.push_back(get(std::min(left + n % storage.tile, width - 1),
                                      std::min(top + n / storage.tile, height - 1),
@@ -636,15 +639,14 @@ protected:
       {
         // several strips
         TIFFSetField(file, TIFFTAG_ROWSPERSTRIP, 5);
-        for (std::uint16_t plane = 0; plane < (isPlanar ? samples : 1); ++plane)
+        for (std::uint16_t plane = 0; plane < planes; ++plane)
         {
           for (std::uint32_t row = 0; row < height; ++row)
           {
-            std::vector<T> line;
-            for (std::uint32_t n = 0; n < width * (isPlanar ? 1 : samples); ++n)
+            std::vector<T> line(std::size_t{ width } * together);
+            for (std::uint32_t n = 0; n < line.size(); ++n)
             {
-              line.push_back(isPlanar ? get(n, row, plane)
-                                      : get(n / samples, row, static_cast<std::uint16_t>(n % samples)));
+              line[n] = isPlanar ? get(n, row, plane) : get(n / samples, row, static_cast<std::uint16_t>(n % samples));
             }
             TIFFWriteScanline(file, line.data(), row, plane);
           }
@@ -701,9 +703,9 @@ protected:
     {
       for (unsigned int channel = 0; channel < channels; ++channel)
       {
-        const PixelType * const begin = stack->GetBufferPointer() + 96 * channels * time + channel;
+        const PixelType * const begin = stack->GetBufferPointer() + std::size_t{ 96 } * channels * time + channel;
         std::multiset<int>      values;
-        for (unsigned int n = 0; n < 96; ++n)
+        for (std::size_t n = 0; n < 96; ++n)
         {
           values.insert(begin[n * channels]);
         }
@@ -914,7 +916,7 @@ TYPED_TEST(ShearWarpMIPProgramTIFFType, HasItsValuesHoweverTheyAreStored)
 
 TEST_F(ShearWarpMIPProgramTIFF, HasColoursWithoutOpacity)
 {
-  std::vector<std::vector<unsigned char>> pages(5, std::vector<unsigned char>(96 * 4));
+  std::vector<std::vector<unsigned char>> pages(5, std::vector<unsigned char>(384));
   for (std::size_t page = 0; page < pages.size(); ++page)
   {
     for (std::size_t n = 0; n < 96; ++n)
