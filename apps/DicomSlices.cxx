@@ -152,9 +152,15 @@ ReadStreams(const Source & source, const gdcm::Image & image)
   std::vector<gdcm::PixelFormat> streams;
   for (std::size_t n = 0; n < (isEachFrame ? source.size[2] : 1); ++n)
   {
-    const gdcm::ByteValue * const bytes = fragments->GetFragment(n).GetByteValue();
-    std::istringstream            fragment(bytes ? std::string(bytes->GetPointer(), bytes->GetLength()) : "");
-    gdcm::TransferSyntax          syntax;
+    // a stream may be in several fragments
+    std::string bytes;
+    for (std::size_t part = n; part < (isEachFrame ? n + 1 : fragments->GetNumberOfFragments()); ++part)
+    {
+      const gdcm::ByteValue * const value = fragments->GetFragment(part).GetByteValue();
+      bytes.append(value ? value->GetPointer() : "", value ? std::size_t{ value->GetLength() } : 0);
+    }
+    std::istringstream   fragment(bytes);
+    gdcm::TransferSyntax syntax;
     codec.SetPixelFormat(image.GetPixelFormat());
     if (!codec.GetHeaderInfo(fragment, syntax))
     {

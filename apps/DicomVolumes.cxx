@@ -96,14 +96,15 @@ GetValue(const DataSet & dataSet, const gdcm::DataElement & element)
       break;
   }
   const std::string text = GetText(dataSet, element.GetTag());
-  return std::all_of(text.begin(), text.end(), [](char c) { return c >= ' ' && c <= '~'; }) ? text : "";
+  const bool        isASCII = std::all_of(text.begin(), text.end(), [](char c) { return c >= ' ' && c <= '~'; });
+  return isASCII ? text : GetLine(dataSet, element.GetTag(), dataSet);
 }
 
 /** What the number of the slice, its position and its pixels change. */
 bool
 IsOfEachSlice(const Tag & tag)
 {
-  const Tag tags[] = { { 0x0020, 0x0013 }, { 0x0020, 0x9057 }, { 0x0020, 0x9157 }, { 0x0020, 0x0032 },
+  const Tag tags[] = { { 0x0020, 0x0013 }, { 0x0020, 0x9057 }, { 0x0020, 0x0032 },
                        { 0x0020, 0x1041 }, { 0x0028, 0x0106 }, { 0x0028, 0x0107 } };
   return std::find(std::begin(tags), std::end(tags), tag) != std::end(tags);
 }
@@ -141,7 +142,16 @@ Collect(const DataSet & dataSet, const std::string & place, std::size_t slice, s
       Collect(sequence->GetItem(item).GetNestedDataSet(), here.str() + std::to_string(item), slice, slices, all);
     }
     const std::string value = sequence ? "" : GetValue(dataSet, element);
-    if (!value.empty())
+    if (tag == Tag(0x0020, 0x9157))
+    {
+      // Dimension Index Values: one of them may be the volume's
+      std::istringstream indices(value);
+      for (std::string index; std::getline(indices, index, '\\'); here << '#')
+      {
+        Add(tag, here.str(), index, slice, slices, all);
+      }
+    }
+    else if (!value.empty())
     {
       Add(tag, here.str(), value, slice, slices, all);
     }
@@ -475,8 +485,10 @@ RefuseTwice(const std::vector<Slice> & slices, const Numbers & numbers, const st
               << " and " << attribute.values[other];
     }
   }
-  throw std::runtime_error(message.str() + (count > 0 ? "; put the images of one volume into a folder of their own"
-                                                      : "; no attribute tells them apart"));
+  const bool areFiles = slices[one].source != slices[other].source;
+  throw std::runtime_error(message.str() + (count == 0 ? "; no attribute tells them apart"
+                                            : areFiles ? "; put the images of one volume into a folder of their own"
+                                                       : ""));
 }
 } // namespace
 

@@ -152,24 +152,33 @@ const std::map<int, NrrdSpace> nrrdSpaces = { { nrrdSpaceUnknown, { { { 1, 1, 1 
 FileGeometry
 ReadNrrdGeometry(const itk::ImageIOBase & io, const fs::path & path, const WarningFunction & warn)
 {
-  const NrrdPointer  nrrd = LoadNrrdHeader(path);
-  FileGeometry       geometry = GetGeometryOfITK(io);
-  unsigned int       domain[NRRD_DIM_MAX];
-  const unsigned int count = nrrdDomainAxesGet(nrrd.get(), domain);
-  const auto         toText = [](const char * text) { return Trim(text ? text : ""); };
-  unsigned int       range[NRRD_DIM_MAX];
+  const NrrdPointer             nrrd = LoadNrrdHeader(path);
+  FileGeometry                  geometry = GetGeometryOfITK(io);
+  unsigned int                  domain[NRRD_DIM_MAX];
+  const unsigned int            count = nrrdDomainAxesGet(nrrd.get(), domain);
+  const auto                    toText = [](const char * text) { return Trim(text ? text : ""); };
+  std::map<std::string, double> units;
+  const auto                    getMillimetres = [&](const std::string & unit) {
+    const auto known = units.find(unit);
+    return known != units.end() ? known->second : units[unit] = GetMillimetres(unit, path, warn);
+  };
+  unsigned int range[NRRD_DIM_MAX];
   geometry.isSeries = nrrdRangeAxesGet(nrrd.get(), range) == 1 && IsSeries(*nrrd, range[0]);
   if (nrrd->spaceDim == 0)
   {
-    const std::string unit = count > 0 ? toText(nrrd->axis[domain[0]].units) : "";
-    for (unsigned int axis = 1; axis < std::min(count, 3u); ++axis)
+    // an axis without a unit has the unit of the others
+    std::string unit;
+    for (unsigned int axis = 0; axis < std::min(count, 3u); ++axis)
     {
-      if (toText(nrrd->axis[domain[axis]].units) != unit)
-      {
-        throw std::runtime_error("'" + path.string() + "' has axes of different units; one unit is needed");
-      }
+      unit = unit.empty() ? toText(nrrd->axis[domain[axis]].units) : unit;
     }
-    Scale(geometry, GetMillimetres(unit, path, warn));
+    for (unsigned int axis = 0; axis < std::min(count, 3u); ++axis)
+    {
+      const std::string own = toText(nrrd->axis[domain[axis]].units);
+      const double      factor = getMillimetres(own.empty() ? unit : own);
+      geometry.spacing[axis] *= factor;
+      geometry.origin[axis] *= factor;
+    }
     return geometry;
   }
 
@@ -180,14 +189,10 @@ ReadNrrdGeometry(const itk::ImageIOBase & io, const fs::path & path, const Warni
                              "', whose relation to a patient is not known; right-anterior-superior, " +
                              "left-anterior-superior or left-posterior-superior is needed");
   }
-  VectorType                    factors;
-  std::map<std::string, double> units;
+  VectorType factors;
   for (unsigned int row = 0; row < 3; ++row)
   {
-    const std::string unit = toText(nrrd->spaceUnits[row]);
-    const auto        known = units.find(unit);
-    factors[row] = known != units.end() ? known->second : units[unit] = GetMillimetres(unit, path, warn);
-    factors[row] *= space->second.signs[row];
+    factors[row] = space->second.signs[row] * getMillimetres(toText(nrrd->spaceUnits[row]));
   }
   const auto toLPS = [&](const double * values) {
     VectorType vector;
@@ -263,6 +268,17 @@ FindDistance(const FileGeometry & one, const FileGeometry & other, const itk::Im
   return distance;
 }
 
+bool
+SpansVolume(const mat44 & matrix)
+{
+  mat33 linear;
+  for (unsigned int row = 0; row < 3; ++row)
+  {
+    std::copy(matrix.m[row], matrix.m[row] + 3, linear.m[row]);
+  }
+  return nifti_mat33_determ(linear) != 0.0F;
+}
+
 FileGeometry
 ReadNIfTIGeometry(const itk::ImageIOBase & io, const fs::path & path, const WarningFunction & warn)
 {
@@ -279,7 +295,12 @@ ReadNIfTIGeometry(const itk::ImageIOBase & io, const fs::path & path, const Warn
   const double millimetres = image->xyz_units == NIFTI_UNITS_METER    ? 1000.0
                              : image->xyz_units == NIFTI_UNITS_MICRON ? 0.001
                                                                       : 1.0;
-  if (image->sform_code <= 0)
+  const bool   hasSform = image->sform_code > 0 && (image->qform_code <= 0 || SpansVolume(image->sto_xyz));
+  if (image->sform_code > 0 && !hasSform)
+  {
+    warn("'" + path.string() + "' has an sform that spans no volume; its qform is used");
+  }
+  if (!hasSform)
   {
     FileGeometry geometry = MakeNIfTIGeometry(image->qto_xyz, millimetres, path);
     // the matrix is rounded
@@ -316,6 +337,11 @@ ReadMRCGeometry(const itk::ImageIOBase & io, const fs::path & path)
     {
       throw std::runtime_error("'" + path.string() + "' has its axes in another order than X, Y, Z");
     }
+    constexpr int volumeStack = 401;
+    if (axes.ispg >= volumeStack)
+    {
+      throw std::runtime_error("'" + path.string() + "' is a stack of volumes; one volume is needed");
+    }
   }
   FileGeometry geometry = GetGeometryOfITK(io);
   Scale(geometry, 1e-7);
@@ -328,8 +354,8 @@ ReadMetaGeometry(const itk::ImageIOBase & io, const fs::path & path, const Warni
   FileGeometry geometry = GetGeometryOfITK(io);
   auto         fields = ReadFields(path);
   const auto isStated = [&fields](const std::string & name) { return !fields[name].empty() && fields[name] != "???"; };
-  geometry.hasOrientation =
-    isStated("AnatomicalOrientation") || isStated("TransformMatrix") || isStated("Rotation") || isStated("Orientation");
+  geometry.hasOrientation = fields["AnatomicalOrientation"] == "RAI" || isStated("TransformMatrix") ||
+                            isStated("Rotation") || isStated("Orientation");
   const std::string unit = fields["DistanceUnits"];
   Scale(geometry, unit == "?" ? 1.0 : GetMillimetres(unit, path, warn));
   return geometry;
@@ -351,44 +377,18 @@ std::optional<double>
 FindMillimetres(const std::string & unit)
 {
   // µ is a sign of its own or a Greek letter, in UTF-8, Latin 1 or as ImageJ writes it
-  static const std::map<std::string, double> units = { { "mm", 1.0 },
-                                                       { "millimeter", 1.0 },
-                                                       { "millimeters", 1.0 },
-                                                       { "millimetre", 1.0 },
-                                                       { "millimetres", 1.0 },
-                                                       { "um", 1e-3 },
-                                                       { "\xc2\xb5m", 1e-3 },
-                                                       { "\xce\xbcm", 1e-3 },
-                                                       { "\xb5m", 1e-3 },
-                                                       { "\\u00b5m", 1e-3 },
-                                                       { "micron", 1e-3 },
-                                                       { "microns", 1e-3 },
-                                                       { "micrometer", 1e-3 },
-                                                       { "micrometers", 1e-3 },
-                                                       { "micrometre", 1e-3 },
-                                                       { "micrometres", 1e-3 },
-                                                       { "nm", 1e-6 },
-                                                       { "nanometer", 1e-6 },
-                                                       { "nanometers", 1e-6 },
-                                                       { "nanometre", 1e-6 },
-                                                       { "nanometres", 1e-6 },
-                                                       { "cm", 10.0 },
-                                                       { "centimeter", 10.0 },
-                                                       { "centimeters", 10.0 },
-                                                       { "centimetre", 10.0 },
-                                                       { "centimetres", 10.0 },
-                                                       { "m", 1e3 },
-                                                       { "meter", 1e3 },
-                                                       { "meters", 1e3 },
-                                                       { "metre", 1e3 },
-                                                       { "metres", 1e3 },
-                                                       { "inch", 25.4 },
-                                                       { "inches", 25.4 },
-                                                       { "in", 25.4 },
-                                                       { "pm", 1e-9 },
-                                                       { "\xc3\x85", 1e-7 },
-                                                       { "\xe2\x84\xab", 1e-7 },
-                                                       { "angstrom", 1e-7 } };
-  const auto                                 found = units.find(ToLower(unit));
+  static const std::map<std::string, double> units = {
+    { "mm", 1.0 },          { "millimeter", 1.0 },    { "millimeters", 1.0 }, { "millimetre", 1.0 },
+    { "millimetres", 1.0 }, { "um", 1e-3 },           { "\xc2\xb5m", 1e-3 },  { "\xce\xbcm", 1e-3 },
+    { "\xb5m", 1e-3 },      { "\\u00b5m", 1e-3 },     { "micron", 1e-3 },     { "microns", 1e-3 },
+    { "micrometer", 1e-3 }, { "micrometers", 1e-3 },  { "micrometre", 1e-3 }, { "micrometres", 1e-3 },
+    { "nm", 1e-6 },         { "nanometer", 1e-6 },    { "nanometers", 1e-6 }, { "nanometre", 1e-6 },
+    { "nanometres", 1e-6 }, { "cm", 10.0 },           { "centimeter", 10.0 }, { "centimeters", 10.0 },
+    { "centimetre", 10.0 }, { "centimetres", 10.0 },  { "m", 1e3 },           { "meter", 1e3 },
+    { "meters", 1e3 },      { "metre", 1e3 },         { "metres", 1e3 },      { "inch", 25.4 },
+    { "inches", 25.4 },     { "in", 25.4 },           { "pm", 1e-9 },         { "\xc3\x85", 1e-7 },
+    { "\xc3\xa5", 1e-7 },   { "\xe2\x84\xab", 1e-7 }, { "angstrom", 1e-7 }
+  };
+  const auto found = units.find(ToLower(unit));
   return found == units.end() ? std::nullopt : std::optional(found->second);
 }

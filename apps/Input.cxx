@@ -104,7 +104,8 @@ try
 catch (const itk::ExceptionObject & error)
 {
   // the voxels of a sheared NIfTI image can be read all the same
-  if (std::string(error.GetDescription()).find("orthonormal") == std::string::npos)
+  if (std::string(io.GetNameOfClass()) != "NiftiImageIO" ||
+      std::string(error.GetDescription()).find("orthonormal") == std::string::npos)
   {
     throw;
   }
@@ -187,14 +188,21 @@ ReadVolume(const std::filesystem::path & path,
     }
     if (!volumeNumber.empty())
     {
-      throw std::runtime_error("a volume can be chosen from DICOM files only, but '" + path.string() + "' is none");
+      throw std::runtime_error("--volume is for DICOM, but '" + path.string() + "' is not DICOM");
     }
     if (LooksLikeTiff(path))
     {
       volume = ReadTiff(path, warn);
       return;
     }
-    if (!io || checkedReaders.count(io->GetNameOfClass()) == 0)
+    const std::string reader = io ? io->GetNameOfClass() : "";
+    if (reader == "HDF5ImageIO" || reader == "MINCImageIO")
+    {
+      throw std::runtime_error("'" + path.string() +
+                               "' is HDF5 or MINC, which are not read because a damaged file can " +
+                               "end the program; convert it to NRRD, NIfTI or MetaImage");
+    }
+    if (checkedReaders.count(reader) == 0)
     {
       throw std::runtime_error("'" + path.string() +
                                "' is no image of DICOM, NIfTI-1, Analyze, NRRD, MetaImage, TIFF, VTK, GIPL or MRC");

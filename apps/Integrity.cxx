@@ -71,9 +71,9 @@ namespace
 constexpr int gzipOrZlib = MAX_WBITS + 32;
 constexpr int rawDeflate = -MAX_WBITS;
 
-/** GetInflatedSize() of one of zlib's formats. */
+/** The bytes that the stream from \a offset on inflates to. */
 std::uintmax_t
-Inflate(const fs::path & path, std::streamoff offset, int format)
+GetInflatedSize(const fs::path & path, std::streamoff offset = 0, int format = gzipOrZlib)
 {
   std::ifstream              file(path, std::ios::binary);
   std::vector<unsigned char> input(1 << 16);
@@ -110,16 +110,6 @@ Inflate(const fs::path & path, std::streamoff offset, int format)
   return size;
 }
 
-} // namespace
-
-std::uintmax_t
-GetInflatedSize(const fs::path & path, std::streamoff offset)
-{
-  return Inflate(path, offset, gzipOrZlib);
-}
-
-namespace
-{
 std::uintmax_t
 GetSize(const fs::path & path)
 {
@@ -257,7 +247,9 @@ RequireIntactVTK(const fs::path & path, const itk::ImageIOBase & io)
   {
     if (!(file >> value))
     {
-      Refuse(path, "it has " + std::to_string(n) + " of " + std::to_string(io.GetImageSizeInComponents()) + " values");
+      Refuse(path,
+             "value " + std::to_string(n + 1) + " of " + std::to_string(io.GetImageSizeInComponents()) +
+               " is missing or no number");
     }
   }
 }
@@ -313,7 +305,7 @@ IsDeflated(const fs::path & path)
     return false;
   }
   return header.GetDataSetTransferSyntax() == gdcm::TransferSyntax::DeflatedExplicitVRLittleEndian &&
-         Inflate(path, file.tellg(), rawDeflate) > 0;
+         GetInflatedSize(path, file.tellg(), rawDeflate) > 0;
 }
 
 /** As it is in the file's meta information (PS3.10 7.1), empty if that has none. */
@@ -568,9 +560,12 @@ RequireIntactDICOM(const Files & files)
   {
     if (answers[n] != Soundness::Sound)
     {
-      RefuseDicom(files[n],
-                  answers[n] == Soundness::WithoutPixels ? "it is an image without pixels"
-                                                         : "its DICOM data cannot be parsed to the end");
+      if (answers[n] == Soundness::WithoutPixels)
+      {
+        throw std::runtime_error(
+          "'" + files[n] + "' is damaged or incomplete, or an image of floats: it has no pixels " + "of integers");
+      }
+      RefuseDicom(files[n], "its DICOM data cannot be parsed to the end");
     }
   }
 }

@@ -66,10 +66,6 @@ HaveDicomHeaders(const std::vector<std::string> & files);
 void
 RequireAllVoxels(const itk::ImageIOBase & io, const std::filesystem::path & path);
 
-/** The bytes that the stream of zlib or gzip from \a offset on inflates to. Throws if the stream is damaged. */
-std::uintmax_t
-GetInflatedSize(const std::filesystem::path & path, std::streamoff offset = 0);
-
 /** Throws the error for a damaged file. */
 [[noreturn]] void
 Refuse(const std::filesystem::path & path, const std::string & reason);

@@ -27,6 +27,7 @@
 #endif
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <map>
 #include <memory>
@@ -38,47 +39,35 @@ namespace
 {
 using Attributes = std::map<std::string, std::string>;
 
-/** The elements of an XML text in the order in which they begin, and an empty one behind them. */
-class Elements
+struct Element
 {
-public:
-  struct Element
-  {
-    std::string name;
-    Attributes  attributes;
-  };
-
-  explicit Elements(const std::string & text)
-  {
-    const std::unique_ptr<XML_ParserStruct, decltype(&XML_ParserFree)> parser(XML_ParserCreate(nullptr),
-                                                                              XML_ParserFree);
-    XML_SetUserData(parser.get(), this);
-    XML_SetStartElementHandler(parser.get(), [](void * self, const XML_Char * name, const XML_Char ** attributes) {
-      // OME's names may have a prefix
-      const std::string whole(name);
-      Element           element{ whole.substr(whole.find(':') == std::string::npos ? 0 : whole.find(':') + 1), {} };
-      for (; *attributes; attributes += 2)
-      {
-        element.attributes[attributes[0]] = attributes[1];
-      }
-      static_cast<Elements *>(self)->m_Elements.push_back(element);
-    });
-    if (XML_Parse(parser.get(), text.data(), static_cast<int>(text.size()), 1) != XML_STATUS_OK)
-    {
-      throw std::runtime_error("its OME description is damaged");
-    }
-    m_Elements.emplace_back();
-  }
-
-  const std::vector<Element> &
-  Get() const
-  {
-    return m_Elements;
-  }
-
-private:
-  std::vector<Element> m_Elements;
+  std::string name;
+  Attributes  attributes;
 };
+
+/** The elements of an XML text in the order in which they begin, and an empty one behind them. */
+std::vector<Element>
+ParseElements(const std::string & text)
+{
+  std::vector<Element>                                               elements;
+  const std::unique_ptr<XML_ParserStruct, decltype(&XML_ParserFree)> parser(XML_ParserCreate(nullptr), XML_ParserFree);
+  XML_SetUserData(parser.get(), &elements);
+  XML_SetStartElementHandler(parser.get(), [](void * data, const XML_Char * name, const XML_Char ** attributes) {
+    const std::string whole(name);
+    Element           element{ whole.substr(whole.find(':') + 1), {} };
+    for (; *attributes; attributes += 2)
+    {
+      element.attributes[attributes[0]] = attributes[1];
+    }
+    static_cast<std::vector<Element> *>(data)->push_back(element);
+  });
+  if (XML_Parse(parser.get(), text.data(), static_cast<int>(text.size()), 1) != XML_STATUS_OK)
+  {
+    throw std::runtime_error("its OME description is damaged");
+  }
+  elements.emplace_back();
+  return elements;
+}
 
 std::string
 Find(const Attributes & attributes, const std::string & name)
@@ -98,11 +87,11 @@ GetNumber(const Attributes & attributes, const std::string & name, double missin
 }
 
 std::size_t
-GetCount(const Attributes & attributes, const std::string & name, std::size_t missing)
+GetCount(const Attributes & attributes, const std::string & name, std::size_t missing, double least = 1.0)
 {
   constexpr double most = 1e9;
   const double     count = GetNumber(attributes, name, static_cast<double>(missing));
-  if (!(count >= 0.0 && count <= most))
+  if (!(count >= least && count <= most))
   {
     throw std::runtime_error("its description has no valid " + name);
   }
@@ -153,8 +142,14 @@ ParseImageJ(const std::string & text, std::size_t pages)
   const std::string unit = Find(fields, "unit");
   description.units = { { unit, unit, fields.count("zunit") > 0 ? Find(fields, "zunit") : unit } };
   description.units[1] = fields.count("yunit") > 0 ? Find(fields, "yunit") : unit;
-  description.spacing[2] = std::max(0.0, GetNumber(fields, "spacing", 0.0));
+  // it is left out where it is 1
+  description.spacing[2] = std::abs(GetNumber(fields, "spacing", unit.empty() ? 0.0 : 1.0));
   description.timeSpacing = std::max(0.0, GetNumber(fields, "finterval", 0.0));
+  // a calibration of values, of which one stands for signed ones
+  const bool isCalibrated = fields.count("cf") > 0 || fields.count("c0") > 0;
+  description.isSigned = isCalibrated && GetNumber(fields, "cf", 0.0) == 0.0 &&
+                         GetNumber(fields, "c0", 0.0) == -32768.0 && GetNumber(fields, "c1", 0.0) == 1.0;
+  description.ignored = isCalibrated && !description.isSigned ? "a calibration of its values" : "";
   for (std::size_t page = 0; page < pages; ++page)
   {
     description.pages.push_back(page);
@@ -166,11 +161,10 @@ ParseImageJ(const std::string & text, std::size_t pages)
 TiffDescription
 ParseOME(const std::string & text, const std::string & fileName, std::size_t pages, std::size_t samples)
 {
-  const Elements  parsed(text);
-  const auto &    elements = parsed.Get();
-  TiffDescription description;
+  const std::vector<Element> elements = ParseElements(text);
+  TiffDescription            description;
   description.writer = "OME";
-  const auto isPixels = [](const Elements::Element & element) { return element.name == "Pixels"; };
+  const auto isPixels = [](const Element & element) { return element.name == "Pixels"; };
   const auto begin = std::find_if(elements.begin(), elements.end(), isPixels);
   if (begin == elements.end())
   {
@@ -224,11 +218,11 @@ ParseOME(const std::string & text, const std::string & fileName, std::size_t pag
     }
   };
   // a block of another file is followed by the name of that file
-  const auto getFile = [](std::vector<Elements::Element>::const_iterator block) {
+  const auto getFile = [](std::vector<Element>::const_iterator block) {
     return block[1].name == "UUID" ? Find(block[1].attributes, "FileName") : "";
   };
-  std::set<std::string>                                       files;
-  std::vector<std::vector<Elements::Element>::const_iterator> blocks;
+  std::set<std::string>                             files;
+  std::vector<std::vector<Element>::const_iterator> blocks;
   for (auto element = begin + 1; element != end; ++element)
   {
     if (element->name == "TiffData")
@@ -242,10 +236,11 @@ ParseOME(const std::string & text, const std::string & fileName, std::size_t pag
     if (files.size() == 1 || getFile(block) == fileName)
     {
       const Attributes & place = block->attributes;
-      addBlock(
-        { { GetCount(place, "FirstC", 0) / samples, GetCount(place, "FirstZ", 0), GetCount(place, "FirstT", 0) } },
-        GetCount(place, "IFD", 0),
-        GetCount(place, "PlaneCount", place.count("IFD") > 0 ? 1 : pages));
+      addBlock({ { GetCount(place, "FirstC", 0, 0.0) / samples,
+                   GetCount(place, "FirstZ", 0, 0.0),
+                   GetCount(place, "FirstT", 0, 0.0) } },
+               GetCount(place, "IFD", 0, 0.0),
+               GetCount(place, "PlaneCount", place.count("IFD") > 0 ? 1 : pages));
     }
   }
   if (blocks.empty())
@@ -281,9 +276,10 @@ ParseTiffDescription(const std::string & text, const std::string & fileName, std
   {
     return ParseImageJ(text, pages);
   }
-  if (text.compare(0, 1, "<") == 0 && text.find("<OME") != std::string::npos)
+  const auto xml = text.find('<');
+  if (xml < 4 && text.find("OME", xml) < 1000)
   {
-    return ParseOME(text, fileName, pages, samples);
+    return ParseOME(text.substr(xml), fileName, pages, samples);
   }
   TiffDescription description;
   description.size = { { 1, pages, 1 } };

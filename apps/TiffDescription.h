@@ -36,6 +36,8 @@ struct TiffDescription
   std::array<std::string, 3> units{};
   /** In seconds, 0 if not given. */
   double timeSpacing{ 0.0 };
+  /** Whether unsigned numbers of 16 bits are values plus 32768. */
+  bool isSigned{ false };
   /** What the description says and the program does not follow; empty if nothing. */
   std::string ignored{};
 };

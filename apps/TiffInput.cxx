@@ -23,6 +23,7 @@
 #include "TiffDescription.h"
 
 #include "itkShearWarpEngine.h"
+#include "itk_zlib.h"
 
 #if __has_include("itk_tiff.h")
 #  include "itk_tiff.h"
@@ -32,12 +33,15 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdarg>
 #include <cstdint>
 #include <cstdio>
 #include <cstring>
+#include <limits>
 #include <memory>
 #include <new>
+#include <sstream>
 #include <stdexcept>
 #include <tuple>
 
@@ -58,6 +62,16 @@ KeepError(const char * /*module*/, const char * format, std::va_list arguments)
   lastError = text.data();
 }
 
+/** libtiff goes on without a tag that it cannot read. */
+void
+KeepReadError(const char * module, const char * format, std::va_list arguments)
+{
+  if (std::string(format).compare(0, 8, "IO error") == 0)
+  {
+    KeepError(module, format, arguments);
+  }
+}
+
 /** How the pixels of a page are stored. */
 struct PageFormat
 {
@@ -69,13 +83,20 @@ struct PageFormat
   std::uint16_t photometric{ PHOTOMETRIC_MINISBLACK };
   /** Of the samples, the last ones. */
   std::uint16_t opacities{ 0 };
+  /** Where the first row and the first column are. */
+  std::uint16_t orientation{ ORIENTATION_TOPLEFT };
 
   bool
   operator==(const PageFormat & other) const
   {
     const auto tie = [](const PageFormat & format) {
-      return std::tie(
-        format.width, format.height, format.bits, format.samples, format.sampleFormat, format.photometric);
+      return std::tie(format.width,
+                      format.height,
+                      format.bits,
+                      format.samples,
+                      format.sampleFormat,
+                      format.photometric,
+                      format.orientation);
     };
     return tie(*this) == tie(other);
   }
@@ -87,7 +108,7 @@ class TiffFile
 public:
   explicit TiffFile(const fs::path & path)
     : m_Path(path)
-    , m_FormerWarnings(TIFFSetWarningHandler(nullptr))
+    , m_FormerWarnings(TIFFSetWarningHandler(KeepReadError))
     , m_FormerErrors(TIFFSetErrorHandler(KeepError))
   {
     lastError.clear();
@@ -145,8 +166,19 @@ public:
     format.samples = this->Get<std::uint16_t>(TIFFTAG_SAMPLESPERPIXEL);
     format.sampleFormat = this->Get<std::uint16_t>(TIFFTAG_SAMPLEFORMAT);
     format.photometric = this->Get<std::uint16_t>(TIFFTAG_PHOTOMETRIC);
+    format.orientation = this->Get<std::uint16_t>(TIFFTAG_ORIENTATION);
     this->Verify(format.width > 0 && format.height > 0 && format.samples > 0);
-    if (format.photometric == PHOTOMETRIC_YCBCR && this->Get<std::uint16_t>(TIFFTAG_COMPRESSION) == COMPRESSION_JPEG)
+    if (format.orientation > ORIENTATION_BOTLEFT)
+    {
+      throw std::runtime_error("'" + m_Path.string() + "' has columns that are stored as rows, which is not read");
+    }
+    const auto compression = this->Get<std::uint16_t>(TIFFTAG_COMPRESSION);
+    if (TIFFIsCODECConfigured(compression) == 0)
+    {
+      throw std::runtime_error("'" + m_Path.string() + "' has a compression that libtiff does not read, number " +
+                               std::to_string(compression));
+    }
+    if (format.photometric == PHOTOMETRIC_YCBCR && compression == COMPRESSION_JPEG)
     {
       TIFFSetField(m_File.get(), TIFFTAG_JPEGCOLORMODE, JPEGCOLORMODE_RGB);
       format.photometric = PHOTOMETRIC_RGB;
@@ -275,17 +307,32 @@ private:
   void
   VerifyChecksums() const
   {
-    const auto          compression = this->Get<std::uint16_t>(TIFFTAG_COMPRESSION);
-    const std::uint32_t blocks = TIFFNumberOfStrips(m_File.get());
-    if (compression == COMPRESSION_ADOBE_DEFLATE || compression == COMPRESSION_DEFLATE)
+    const auto compression = this->Get<std::uint16_t>(TIFFTAG_COMPRESSION);
+    if (compression != COMPRESSION_ADOBE_DEFLATE && compression != COMPRESSION_DEFLATE)
     {
-      for (std::uint32_t block = 0; block < blocks; ++block)
+      return;
+    }
+    const bool          isTiled = TIFFIsTiled(m_File.get()) != 0;
+    const std::uint32_t blocks = isTiled ? TIFFNumberOfTiles(m_File.get()) : TIFFNumberOfStrips(m_File.get());
+    const auto          blockBytes = isTiled ? TIFFTileSize(m_File.get()) : TIFFStripSize(m_File.get());
+    Bytes               inflated(static_cast<std::size_t>(blockBytes));
+    for (std::uint32_t block = 0; block < blocks; ++block)
+    {
+      const auto size = static_cast<tmsize_t>(TIFFGetStrileByteCount(m_File.get(), block));
+      if (size == 0)
       {
-        const std::uint64_t offset = TIFFGetStrileOffset(m_File.get(), block);
-        if (TIFFGetStrileByteCount(m_File.get(), block) > 0)
-        {
-          GetInflatedSize(m_Path, static_cast<std::streamoff>(offset));
-        }
+        continue;
+      }
+      // no more than the file has
+      this->Verify(size > 0 && static_cast<std::uintmax_t>(size) <= fs::file_size(m_Path));
+      Bytes      raw(static_cast<std::size_t>(size));
+      const auto got = isTiled ? TIFFReadRawTile(m_File.get(), block, raw.data(), size)
+                               : TIFFReadRawStrip(m_File.get(), block, raw.data(), size);
+      this->Verify(got == size);
+      auto length = static_cast<uLongf>(inflated.size());
+      if (uncompress(inflated.data(), &length, raw.data(), static_cast<uLong>(size)) != Z_OK)
+      {
+        Refuse(m_Path, "its compressed data are corrupt");
       }
     }
   }
@@ -371,44 +418,60 @@ ExpandPalette(const Bytes & indices, const PageFormat & format, const std::array
   return colours;
 }
 
-/** The size of a voxel in mm. */
+/** The size of a voxel in mm. An axis without one gets the size along another axis. */
 std::array<double, 3>
 FindSpacing(const TiffFile &        file,
             const TiffDescription & description,
             const fs::path &        path,
             const WarningFunction & warn)
 {
-  std::array<double, 3> spacing{ { 1.0, 1.0, 1.0 } };
-  std::string           assumed;
   const double          resolution[] = { file.Get<float>(TIFFTAG_XRESOLUTION), file.Get<float>(TIFFTAG_YRESOLUTION) };
   const auto            unit = file.Get<std::uint16_t>(TIFFTAG_RESOLUTIONUNIT);
+  const bool            isImageJ = description.writer == "ImageJ";
+  std::array<double, 3> spacing{};
+  double                stated = 0.0;
+  bool                  hasUnit = true;
   for (std::size_t axis = 0; axis < 3; ++axis)
   {
-    const double length = axis < 2 && description.writer == "ImageJ" && resolution[axis] > 0.0
-                            ? 1.0 / resolution[axis]
-                            : description.spacing[axis];
-    const auto   millimetres = FindMillimetres(description.units[axis]);
-    if (length > 0.0 && millimetres)
+    const double perPixel = axis < 2 && resolution[axis] > 0.0 ? 1.0 / resolution[axis] : 0.0;
+    if (description.writer.empty())
     {
-      spacing[axis] = length * *millimetres;
-    }
-    else if (axis < 2 && description.writer.empty() && resolution[axis] > 0.0 && unit != RESUNIT_NONE)
-    {
-      spacing[axis] = (unit == RESUNIT_INCH ? 25.4 : 10.0) / resolution[axis];
+      spacing[axis] = unit == RESUNIT_NONE ? 0.0 : unit == RESUNIT_INCH ? 25.4 * perPixel : 10.0 * perPixel;
     }
     else
     {
-      spacing[axis] = length > 0.0 ? length : 1.0;
-      assumed += (assumed.empty() ? "" : ", ") + std::string(1, "xyz"[axis]);
+      const double length = isImageJ && axis < 2 ? perPixel : description.spacing[axis];
+      const auto   millimetres = FindMillimetres(description.units[axis]);
+      hasUnit = hasUnit && (millimetres || !(length > 0.0));
+      spacing[axis] = length * millimetres.value_or(1.0);
+    }
+    spacing[axis] = spacing[axis] > 0.0 && std::isfinite(spacing[axis]) ? spacing[axis] : 0.0;
+    stated = stated > 0.0 ? stated : spacing[axis];
+  }
+  stated = stated > 0.0 ? stated : 1.0;
+  std::string without;
+  for (std::size_t axis = 0; axis < 3; ++axis)
+  {
+    if (spacing[axis] == 0.0)
+    {
+      without += (without.empty() ? "" : ", ") + std::string(1, "xyz"[axis]);
+      spacing[axis] = stated;
     }
   }
-  if (!assumed.empty())
+  if (!without.empty())
   {
-    warn("'" + path.string() + "' does not say how large its voxels are along " + assumed + "; " +
-         (description.spacing == std::array<double, 3>{} ? "1 mm is taken" : "its numbers are taken for mm"));
+    std::ostringstream message;
+    message << "'" << path.string() << "' does not say how large its voxels are along " << without << "; " << stated
+            << " mm is taken";
+    warn(message.str());
+  }
+  if (!hasUnit)
+  {
+    warn("'" + path.string() + "' gives the size of its voxels without a known unit; mm is taken");
   }
   return spacing;
 }
+
 /** What the pages are; all of one slice are taken for slices. */
 TiffDescription
 Describe(const TiffFile & file, std::size_t samples, const fs::path & path, const WarningFunction & warn)
@@ -442,6 +505,33 @@ Describe(const TiffFile & file, std::size_t samples, const fs::path & path, cons
   return description;
 }
 
+/** Puts the first row to the top and the first column to the left. */
+void
+Flip(Bytes & page, const PageFormat & format, std::size_t pixelBytes)
+{
+  const auto getPlace = [&](std::size_t row, std::size_t column) {
+    return page.begin() + static_cast<std::ptrdiff_t>((row * format.width + column) * pixelBytes);
+  };
+  const std::size_t height = format.height;
+  if (format.orientation == ORIENTATION_BOTLEFT || format.orientation == ORIENTATION_BOTRIGHT)
+  {
+    for (std::size_t row = 0; row < height / 2; ++row)
+    {
+      std::swap_ranges(getPlace(row, 0), getPlace(row + 1, 0), getPlace(height - 1 - row, 0));
+    }
+  }
+  if (format.orientation == ORIENTATION_TOPRIGHT || format.orientation == ORIENTATION_BOTRIGHT)
+  {
+    for (std::size_t row = 0; row < height; ++row)
+    {
+      for (std::size_t column = 0; column < format.width / 2; ++column)
+      {
+        std::swap_ranges(getPlace(row, column), getPlace(row, column + 1), getPlace(row, format.width - 1 - column));
+      }
+    }
+  }
+}
+
 /** The pages as slices of a volume of \a grid, with \a values for each pixel of a page. */
 template <typename TPixel>
 Volume
@@ -473,8 +563,9 @@ ReadPages(TiffFile &                file,
       throw std::runtime_error("'" + path.string() + "' has pages of different sizes or kinds, the first and page " +
                                std::to_string(description.pages[n] + 1) + "; all must be of one");
     }
-    const Bytes  bytes = file.ReadPixels(format);
-    const Bytes  page = isPalette ? ExpandPalette(bytes, format, file.GetPalette()) : bytes;
+    const Bytes bytes = file.ReadPixels(format);
+    Bytes       page = isPalette ? ExpandPalette(bytes, format, file.GetPalette()) : bytes;
+    Flip(page, format, samples * sizeof(TPixel));
     const auto * from = page.data();
     TPixel *     to = container->GetBufferPointer() + n / channels * pixels * components + n % channels * values;
     if (components == samples)
@@ -488,6 +579,14 @@ ReadPages(TiffFile &                file,
     }
   }
   file.Verify(true);
+  if (std::is_same_v<TPixel, short> && description.isSigned && format.sampleFormat != SAMPLEFORMAT_INT)
+  {
+    // what is stored is the value plus 32768
+    constexpr auto signBit = static_cast<TPixel>(std::numeric_limits<short>::min());
+    std::for_each(container->GetBufferPointer(), container->GetBufferPointer() + container->Size(), [](TPixel & value) {
+      value = static_cast<TPixel>(value < TPixel{ 0 } ? value - signBit : value + signBit);
+    });
+  }
   return MakeVolume<TPixel>(grid, static_cast<unsigned int>(components), description.size[2], container);
 }
 } // namespace
@@ -506,16 +605,18 @@ ReadTiff(const fs::path & path, const WarningFunction & warn)
   TiffFile file(path);
   file.GoTo(0);
   const PageFormat  format = file.GetFormat();
-  const Component   stored = GetComponentType(format);
+  Component         stored = GetComponentType(format);
   const std::size_t values = CountValues(format, path);
   const bool        isPalette = format.photometric == PHOTOMETRIC_PALETTE;
   if (stored == Component::UNKNOWNCOMPONENTTYPE)
   {
-    throw std::runtime_error("'" + path.string() + "' has samples of " + std::to_string(format.bits) +
-                             " bits; integers of 1, 8, 16, 32 or 64 bits or floats of 32 or 64 bits are needed");
+    throw std::runtime_error(
+      "'" + path.string() + "' has " + (format.sampleFormat == SAMPLEFORMAT_IEEEFP ? "floats of " : "samples of ") +
+      std::to_string(format.bits) + " bits; integers of 1, 8, 16, 32 or 64 bits or floats of 32 or 64 bits are needed");
   }
   const TiffDescription description = Describe(file, isPalette ? 1 : values, path, warn);
-  const auto            grid = itk::ImageBase<3>::New();
+  stored = description.isSigned && stored == Component::USHORT ? Component::SHORT : stored;
+  const auto grid = itk::ImageBase<3>::New();
   grid->SetRegions(itk::Size<3>{ { format.width, format.height, description.size[1] } });
   grid->SetSpacing(FindSpacing(file, description, path, warn).data());
   Volume volume = DispatchPixelType(isPalette ? Component::UCHAR : stored, [&](auto tag) {

@@ -289,7 +289,7 @@ TEST_F(ShearWarpMIPProgramFolder, IsReadThoughObjectsOfOtherSeriesCannotBe)
   this->WriteSeries("1.2.3.8", "b", 1);
   this->Rewrite("dicom/b0.dcm", mrImage, { pixels });
   expectRead(" --series 1.2.3.4");
-  const std::string withoutPixels = "'dicom/b0.dcm' is damaged or incomplete: it is an image without pixels";
+  const std::string withoutPixels = "'dicom/b0.dcm' is damaged or incomplete, or an image of floats: it has no pixels";
   this->ExpectFailure("dicom out.png --series 1.2.3.8", withoutPixels);
   this->ExpectFailure("dicom/b0.dcm out.png", withoutPixels);
   this->ExpectFailure("dicom out.png", " 1 image\n");

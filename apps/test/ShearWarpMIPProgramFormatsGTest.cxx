@@ -193,6 +193,11 @@ TEST_F(ShearWarpMIPProgramNRRD, HasTheUnitThatItStates)
                    "spacings: 700 900 1300\nunits: \"um\" \"um\" \"um\"\n\n" +
                      this->GetBytes());
   this->ExpectRead("axes.nrrd");
+  this->WriteBytes("axes.nrrd",
+                   "NRRD0004\ntype: short\nendian: little\nencoding: raw\ndimension: 3\nsizes: 20 18 12\n"
+                   "spacings: 700 900 1.3\nunits: \"um\" \"\" \"mm\"\n\n" +
+                     this->GetBytes());
+  this->ExpectRead("axes.nrrd");
   this->ExpectLetters("axes.nrrd", false);
 }
 
@@ -247,6 +252,11 @@ TEST_F(ShearWarpMIPProgramFormats, MetaImageHasItsUnitAndMayHaveNoSides)
                    shape + "Offset = -40000 12500 3000\nElementSpacing = 700 900 1300\nDistanceUnits = um\n" + data);
   this->ExpectRead("um.mha");
   this->ExpectLetters("um.mha", false);
+  // these letters alone give no direction
+  this->WriteBytes("letters.mha",
+                   shape + "Offset = -40 12.5 3\nElementSpacing = 0.7 0.9 1.3\nAnatomicalOrientation = ASR\n" + data);
+  this->ExpectRead("letters.mha");
+  this->ExpectLetters("letters.mha", false);
   this->WriteBytes("mm.mha",
                    shape + "Offset = -40 12.5 3\nElementSpacing = 0.7 0.9 1.3\nTransformMatrix = 1 0 0 0 1 0 0 0 1\n" +
                      "AnatomicalOrientation = ???\n" + data);
@@ -421,15 +431,25 @@ TEST_F(ShearWarpMIPProgramForms, OfNIfTIAreInMillimetres)
 
 TEST_F(ShearWarpMIPProgramForms, OfNIfTIThatSpanNoVolumeAreRefused)
 {
-  this->WriteNIfTI("flat.nii", 1, 1, [](nifti_1_header & header) {
+  const auto flatten = [](nifti_1_header & header) {
     std::copy(std::begin(header.srow_x), std::end(header.srow_x), header.srow_y);
-  });
+  };
+  this->WriteNIfTI("flat.nii", 1, 0, flatten);
   this->ExpectFailure("flat.nii out.png", "'flat.nii' has no valid directions of its axes");
   for (const float number : { std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity() })
   {
     this->WriteNIfTI("x.nii", 1, 1, [number](nifti_1_header & header) { header.srow_x[0] = number; });
     this->ExpectFailure("x.nii out.png", "'x.nii' is damaged or incomplete: its sform or qform is not finite");
   }
+  m_Volume->SetDirection(MakeUpright());
+  this->WriteNIfTI("other.nii", 1, 1, [](nifti_1_header & header) {
+    for (float * row : { header.srow_x, header.srow_y, header.srow_z })
+    {
+      std::fill_n(row, 4, 0.0F);
+    }
+  });
+  this->ExpectRead("other.nii",
+                   "shear-warp-mip: warning: 'other.nii' has an sform that spans no volume; its qform is used\n");
   m_Volume->SetDirection(itk::Matrix<double, 3, 3>::GetIdentity());
   m_Volume->SetOrigin(itk::Point<double, 3>(0.0));
   this->WriteNIfTI("none.nii", 0, 0);
@@ -472,14 +492,14 @@ TEST_F(ShearWarpMIPProgramFormats, VTKHasValuesOfPoints)
                    begin + "FIELD FieldData 1\nscalars 1 1 short\n4\nPOINT_DATA 8\n" + scalars + "1 2 3\n");
   this->ExpectFailure("field.vtk out.png", "'field.vtk'");
   this->WriteBytes("few.vtk", begin + "POINT_DATA 8\n" + scalars + "1 2 3 4 5 6 7\n");
-  this->ExpectFailure("few.vtk out.png", "'few.vtk' is damaged or incomplete: it has 7 of 8 values");
+  this->ExpectFailure("few.vtk out.png", "'few.vtk' is damaged or incomplete: value 8 of 8 is missing");
   this->WriteBytes("none.vtk", begin + "POINT_DATA 8\n");
   this->ExpectFailure("none.vtk out.png", "none.vtk");
 }
 
 TEST_F(ShearWarpMIPProgramFormats, OthersAreRefusedByName)
 {
-  for (const std::string name : { "x.h5", "x.lsm", "x.png", "x.pic", "x" })
+  for (const std::string name : { "x.lsm", "x.png", "x.pic", "x" })
   {
     this->WriteBytes(name, "no image");
     this->ExpectFailure(name + " out.png",
@@ -566,6 +586,7 @@ protected:
     std::uint16_t unit{ RESUNIT_NONE };
     std::uint16_t photometric{ PHOTOMETRIC_MINISBLACK };
     std::uint16_t planar{ PLANARCONFIG_CONTIG };
+    std::uint16_t orientation{ ORIENTATION_TOPLEFT };
     std::string   mode{ "w" };
   };
 
@@ -594,6 +615,7 @@ protected:
       TIFFSetField(file, TIFFTAG_PHOTOMETRIC, storage.photometric);
       TIFFSetField(file, TIFFTAG_PLANARCONFIG, storage.planar);
       TIFFSetField(file, TIFFTAG_COMPRESSION, storage.compression);
+      TIFFSetField(file, TIFFTAG_ORIENTATION, storage.orientation);
       if (storage.resolution > 0.0F)
       {
         TIFFSetField(file, TIFFTAG_XRESOLUTION, storage.resolution);
@@ -766,6 +788,63 @@ TEST_F(ShearWarpMIPProgramTIFF, OfImageJHasChannelsSlicesTimesAndSpacing)
   EXPECT_EQ(this->Read("out.nrrd")->GetBufferedRegion().GetSize()[1], 180u);
 }
 
+TEST_F(ShearWarpMIPProgramTIFF, OfImageJMayLeaveOutASpacingOfOneAndHaveSignedValues)
+{
+  Storage storage;
+  storage.description = "ImageJ=1.54f\nimages=5\nslices=5\nunit=micron\n";
+  storage.resolution = 2.0F;
+  const auto pages = MakePages(MakePlaces("ZCT", { { 'C', 1 }, { 'Z', 5 }, { 'T', 1 } }));
+  this->WriteTIFF("x.tif", pages, 8, storage);
+  this->ExpectSeries("x.tif", 1, 5, 1);
+  this->ExpectSpacing("x.tif", { { 0.0005, 0.0005, 0.001 } });
+  storage.description += "spacing=-2.0\ncf=0\nc0=-32768.0\nc1=1.0\n";
+  auto shifted = pages;
+  for (auto & page : shifted)
+  {
+    for (unsigned short & value : page)
+    {
+      value = static_cast<unsigned short>(value + 32768);
+    }
+  }
+  this->WriteTIFF("x.tif", shifted, 8, storage);
+  this->ExpectSeries("x.tif", 1, 5, 1);
+  this->ExpectSpacing("x.tif", { { 0.0005, 0.0005, 0.002 } });
+  storage.description = "ImageJ=1.54f\nimages=5\nslices=5\nunit=micron\ncf=0\nc0=3\nc1=2\n";
+  this->WriteTIFF("x.tif", pages, 8, storage);
+  this->ExpectWarning("x.tif out.nrrd", "'x.tif' describes a calibration of its values, which is not read");
+}
+
+TEST_F(ShearWarpMIPProgramTIFF, HasItsFirstRowAndColumnWhereItSays)
+{
+  Storage storage;
+  storage.description = "ImageJ=1\nimages=2\nslices=2\nspacing=1\nunit=mm\n";
+  storage.resolution = 1.0F;
+  std::vector<unsigned short> page(24);
+  for (std::size_t n = 0; n < page.size(); ++n)
+  {
+    page[n] = static_cast<unsigned short>(100 + n);
+  }
+  this->WriteTIFF("upright.tif", std::vector<std::vector<unsigned short>>(2, page), 6, storage);
+  this->ExpectSuccess("upright.tif upright.nrrd --view superior");
+  for (const int orientation : { ORIENTATION_TOPRIGHT, ORIENTATION_BOTRIGHT, ORIENTATION_BOTLEFT })
+  {
+    std::vector<unsigned short> stored(24);
+    for (std::size_t n = 0; n < page.size(); ++n)
+    {
+      const std::size_t column = orientation == ORIENTATION_BOTLEFT ? n % 6 : 5 - n % 6;
+      const std::size_t row = orientation == ORIENTATION_TOPRIGHT ? n / 6 : 3 - n / 6;
+      stored[n] = page[6 * row + column];
+    }
+    storage.orientation = static_cast<std::uint16_t>(orientation);
+    this->WriteTIFF("x.tif", std::vector<std::vector<unsigned short>>(2, stored), 6, storage);
+    this->ExpectSuccess("x.tif out.nrrd --view superior");
+    EXPECT_EQ(this->ReadPixels("out.nrrd"), this->ReadPixels("upright.nrrd"));
+  }
+  storage.orientation = ORIENTATION_LEFTTOP;
+  this->WriteTIFF("x.tif", std::vector<std::vector<unsigned short>>(2, page), 6, storage);
+  this->ExpectFailure("x.tif out.png", "'x.tif' has columns that are stored as rows, which is not read");
+}
+
 TEST_F(ShearWarpMIPProgramTIFF, OfOMEHasItsOrderOfAxesAndSpacing)
 {
   Storage           storage;
@@ -825,7 +904,7 @@ TEST_F(ShearWarpMIPProgramTIFF, OfOMEWhosePlanesAreElsewhereIsRefused)
   storage.description = MakeOME(axes + "5\"").substr(0, 300);
   this->WriteTIFF("x.ome.tif", pages, 8, storage);
   this->ExpectFailure("x.ome.tif out.png", "its OME description is damaged");
-  for (const std::string size : { "-1", "1e30", "99999999", "x\" y=\"" })
+  for (const std::string size : { "0", "-1", "1e30", "99999999", "x\" y=\"" })
   {
     storage.description = MakeOME(axes + size + "\"");
     this->WriteTIFF("x.ome.tif", pages, 8, storage);
@@ -842,8 +921,8 @@ TEST_F(ShearWarpMIPProgramTIFF, WithoutAKnownDescriptionSaysWhatIsAssumed)
   storage.resolution = 20.0F;
   storage.unit = RESUNIT_CENTIMETER;
   this->WriteTIFF("x.tif", pages, 8, storage);
-  this->ExpectWarning("x.tif out.nrrd", "'x.tif' does not say how large its voxels are along z; 1 mm is taken");
-  this->ExpectSpacing("x.tif", { { 0.5, 0.5, 1.0 } });
+  this->ExpectWarning("x.tif out.nrrd", "'x.tif' does not say how large its voxels are along z; 0.5 mm is taken");
+  this->ExpectSpacing("x.tif", { { 0.5, 0.5, 0.5 } });
   storage.description = "{\"shape\": [5, 1, 2, 12, 8]}";
   this->WriteTIFF("x.tif", pages, 8, storage);
   const Result result = this->Run("x.tif out.nrrd");
@@ -950,7 +1029,7 @@ TEST_F(ShearWarpMIPProgramTIFF, HasColoursWithoutOpacity)
 TEST_F(ShearWarpMIPProgramTIFF, IsRefusedIfAByteOfWhatWasDeflatedIsWrong)
 {
   std::mt19937                            random;
-  std::vector<std::vector<unsigned char>> pages(5, std::vector<unsigned char>(96));
+  std::vector<std::vector<unsigned char>> pages(5, std::vector<unsigned char>(1024));
   for (auto & page : pages)
   {
     std::generate(page.begin(), page.end(), [&random] { return static_cast<unsigned char>(random() % 7); });
@@ -959,17 +1038,21 @@ TEST_F(ShearWarpMIPProgramTIFF, IsRefusedIfAByteOfWhatWasDeflatedIsWrong)
   storage.compression = COMPRESSION_ADOBE_DEFLATE;
   storage.description = "ImageJ=1\nimages=5\nslices=5\nspacing=1\nunit=mm\n";
   storage.resolution = 1.0F;
-  this->WriteTIFF("x.tif", pages, 8, storage);
-  this->ExpectSuccess("x.tif out.nrrd");
-  // the first strip is behind the header of 8 bytes
-  for (const std::size_t place : { 10, 20, 30 })
+  for (const std::uint32_t tile : { 0u, 16u })
   {
-    const auto flip = [place](std::string bytes) {
-      bytes[place] = static_cast<char>(bytes[place] ^ 0x10);
-      return bytes;
-    };
-    this->WithChangedFile(
-      "x.tif", flip, [&] { this->ExpectFailure("x.tif out.png", "'x.tif' is damaged or incomplete"); });
+    storage.tile = tile;
+    this->WriteTIFF("x.tif", pages, 32, storage);
+    this->ExpectSuccess("x.tif out.nrrd");
+    // the first blocks are behind the header of 8 bytes
+    for (std::size_t place = 10; place < 300; place += 23)
+    {
+      const auto flip = [place](std::string bytes) {
+        bytes[place] = static_cast<char>(bytes[place] ^ 0x10);
+        return bytes;
+      };
+      this->WithChangedFile(
+        "x.tif", flip, [&] { this->ExpectFailure("x.tif out.png", "'x.tif' is damaged or incomplete"); });
+    }
   }
 }
 } // namespace
