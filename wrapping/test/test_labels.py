@@ -114,6 +114,22 @@ def test_lengths_are_round(most, length):
     assert _labels.round_length(most) == pytest.approx(length)
 
 
+@pytest.mark.parametrize(
+    "length, text",
+    [
+        (100.0, "100 mm"),
+        (0.1, "0.1 mm"),
+        (0.05, "50 µm"),
+        (0.01, "10 µm"),
+        (0.0001, "0.1 µm"),
+        (5e-5, "50 nm"),
+        (2e-7, "0.2 nm"),
+    ],
+)
+def test_lengths_below_a_tenth_have_the_smaller_unit(length, text):
+    assert _labels.format_length(length) == text
+
+
 @pytest.fixture
 def head():
     """Oblique, and large enough for letters."""
