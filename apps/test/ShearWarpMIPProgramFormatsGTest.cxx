@@ -955,6 +955,8 @@ TYPED_TEST_SUITE(ShearWarpMIPProgramTIFFType, SampleTypes);
 TYPED_TEST(ShearWarpMIPProgramTIFFType, HasItsValuesHoweverTheyAreStored)
 {
   using T = TypeParam;
+  constexpr int               least = std::is_signed_v<T> ? 125 : 0;
+  constexpr double            step = std::is_integral_v<T> ? 1.0 : 0.125;
   std::mt19937                random;
   std::vector<std::vector<T>> pages(4, std::vector<T>(37 * 21));
   std::vector<T>              expected(37 * 21, std::numeric_limits<T>::lowest());
@@ -962,7 +964,7 @@ TYPED_TEST(ShearWarpMIPProgramTIFFType, HasItsValuesHoweverTheyAreStored)
   {
     for (std::size_t n = 0; n < page.size(); ++n)
     {
-      page[n] = static_cast<T>(random() % 250 - (std::is_signed_v<T> ? 125 : 0)) / (std::is_integral_v<T> ? 1 : 8);
+      page[n] = static_cast<T>((static_cast<int>(random() % 250) - least) * step);
       expected[n] = std::max(expected[n], page[n]);
     }
   }
