@@ -950,13 +950,15 @@ using SampleTypes = testing::Types<std::uint8_t,
                                    std::int64_t,
                                    float,
                                    double>;
+} // namespace
+
 TYPED_TEST_SUITE(ShearWarpMIPProgramTIFFType, SampleTypes);
 
 TYPED_TEST(ShearWarpMIPProgramTIFFType, HasItsValuesHoweverTheyAreStored)
 {
   using T = TypeParam;
-  constexpr int               least = std::is_signed_v<T> ? 125 : 0;
-  constexpr double            step = std::is_integral_v<T> ? 1.0 : 0.125;
+  const int                   least = std::is_signed_v<T> ? 125 : 0;
+  const double                step = std::is_integral_v<T> ? 1.0 : 0.125;
   std::mt19937                random;
   std::vector<std::vector<T>> pages(4, std::vector<T>(37 * 21));
   std::vector<T>              expected(37 * 21, std::numeric_limits<T>::lowest());
@@ -964,7 +966,8 @@ TYPED_TEST(ShearWarpMIPProgramTIFFType, HasItsValuesHoweverTheyAreStored)
   {
     for (std::size_t n = 0; n < page.size(); ++n)
     {
-      page[n] = static_cast<T>((static_cast<int>(random() % 250) - least) * step);
+      const auto number = static_cast<int>(random() % 250);
+      page[n] = static_cast<T>(step * (number - least));
       expected[n] = std::max(expected[n], page[n]);
     }
   }
@@ -983,7 +986,7 @@ TYPED_TEST(ShearWarpMIPProgramTIFFType, HasItsValuesHoweverTheyAreStored)
         this->WriteTIFF("x.tif", pages, 37, storage);
         // rows of the picture from superior are the image's
         this->ExpectSuccess("x.tif out.nrrd --view inferior");
-        const auto picture = this->template Read<itk::Image<T, 2>>("out.nrrd");
+        const auto picture = itk::ReadImage<itk::Image<T, 2>>(this->GetPath("out.nrrd"));
         ASSERT_EQ(picture->GetBufferedRegion().GetSize(), (itk::Size<2>{ { 37, 21 } }));
         std::multiset<T> values;
         std::multiset<T> wanted(expected.begin(), expected.end());
@@ -1057,4 +1060,3 @@ TEST_F(ShearWarpMIPProgramTIFF, IsRefusedIfAByteOfWhatWasDeflatedIsWrong)
     }
   }
 }
-} // namespace
