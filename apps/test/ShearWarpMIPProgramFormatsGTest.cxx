@@ -232,8 +232,9 @@ TEST_F(ShearWarpMIPProgramNRRD, OfAListIsASeries)
       ASSERT_EQ(stack[n], picture[n % picture.size()] + 100 * static_cast<int>(n / picture.size()));
     }
     // layers of segments are components
-    const auto addSegment = [](const std::string & text) {
-      return std::string(text).insert(text.find("\n\n") + 1, "Segment0_ID:=a\n");
+    const auto addSegment = [](std::string text) {
+      text.insert(text.find("\n\n") + 1, "Segment0_ID:=a\n");
+      return text;
     };
     this->WithChangedFile("list.nrrd", addSegment, [&] {
       this->ExpectSuccess("list.nrrd out.nrrd");
