@@ -42,6 +42,15 @@ ClipRay(double slope, double offset, double low, double high, double & begin, do
   end = std::min(end, std::max(ends[0], ends[1]));
 }
 
+/** Returns the nearest slice if only the tolerance of limits lies between, so that a ray that ends there does not see
+ * the next slice's voxels. */
+inline double
+SnapToSlice(double place)
+{
+  const double slice = std::round(place);
+  return std::abs(place - slice) <= 2e-9 ? slice : place;
+}
+
 template <typename TPixel>
 TPixel
 RoundToPixel(ExactNumber<TPixel> value)
@@ -169,6 +178,11 @@ RaySearch<TPixel>::Add(double p, double q, std::ptrdiff_t pixel)
   }
   if (begin <= end)
   {
+    if (!m_View.intervals.empty())
+    {
+      begin = SnapToSlice(begin);
+      end = SnapToSlice(end);
+    }
     const auto tile = static_cast<std::size_t>(column) / CellColumns;
     const auto cell =
       (tile * CellRows + static_cast<std::size_t>(row)) * CellColumns + static_cast<std::size_t>(column) % CellColumns;

@@ -440,6 +440,68 @@ TYPED_TEST(ShearWarpExact, AlongTheGridIsTheExtremumOfVoxels)
   }
 }
 
+TYPED_TEST(ShearWarpExact, LimitsOnPlanesOfVoxelsIncludeNothingBeyondThem)
+{
+  Random    random(2414);
+  TypeParam large = std::numeric_limits<TypeParam>::max();
+  if constexpr (std::is_floating_point_v<TypeParam>)
+  {
+    large = TypeParam(1e12);
+  }
+  for (int repeat = 0; repeat < 120; ++repeat)
+  {
+    SCOPED_TRACE(repeat);
+    const auto axis = static_cast<unsigned int>(repeat % 3);
+    const auto image = MakePlainImage<TypeParam>({ { 9, 9, 9 } });
+    image->SetSpacing(MakeVector3(random.Uniform(0.5, 2), random.Uniform(0.5, 2), random.Uniform(0.5, 2)));
+    image->SetOrigin(MakePoint3(random.Uniform(-90, 90), random.Uniform(-90, 90), random.Uniform(-90, 90)));
+    const auto first = random.Integer(0, 8);
+    const auto last = repeat % 4 < 2 ? first : random.Integer(first, 8);
+    const bool isMaximum = random.Integer(0, 1) == 0;
+    FillByIndex(image, [&](const auto & index) {
+      const bool isWithin = index[axis] >= first && index[axis] <= last;
+      return isWithin == isMaximum ? TypeParam{ 0 } : large;
+    });
+    double signs[3];
+    std::generate_n(signs, 3, [&random] { return random.Integer(0, 1) == 0 ? 1.0 : -1.0; });
+    const auto matrix = MakeAxisMatrix(axis) * MakeDiagonal(signs[0], signs[1], signs[2]);
+    const auto view = MakeView(matrix, PointType(0.0));
+    const auto filter = MakeExactFilter(image, view);
+    const auto toView = view->GetInverseTransform();
+    const auto center = toView->TransformPoint(GetCenter(image));
+    SetGrid(filter, { { 3, 3 } }, MakeVector2(0.3, 0.3), MakePoint2(center[0] - 0.3, center[1] - 0.3));
+    filter->SetMode(isMaximum ? ModeEnum::Maximum : ModeEnum::Minimum);
+    filter->SetDefaultPixelValue(1);
+    itk::Index<3> index{ { 4, 4, 4 } };
+    index[axis] = first;
+    const auto firstPlace = image->template TransformIndexToPhysicalPoint<double>(index);
+    index[axis] = last;
+    const auto lastPlace = image->template TransformIndexToPhysicalPoint<double>(index);
+    if (repeat % 2 == 0)
+    {
+      const auto depths = std::minmax(toView->TransformPoint(firstPlace)[2], toView->TransformPoint(lastPlace)[2]);
+      filter->SetSlabNear(depths.first);
+      filter->SetSlabFar(depths.second);
+    }
+    else
+    {
+      auto lower = filter->GetCropLower();
+      auto upper = filter->GetCropUpper();
+      lower[axis] = firstPlace[axis];
+      upper[axis] = lastPlace[axis];
+      filter->SetCropLower(lower);
+      filter->SetCropUpper(upper);
+    }
+    filter->Update();
+    const auto expected = static_cast<double>(isMaximum ? TypeParam{ 0 } : large);
+    for (const TypeParam pixel : GetPixels(filter->GetOutput()))
+    {
+      // means of eight equal numbers in double may differ from them
+      ASSERT_NEAR(static_cast<double>(pixel), expected, sizeof(TypeParam) == 8 ? 1e-15 * expected : 0.0);
+    }
+  }
+}
+
 namespace
 {
 /** A float image of 2 x 2 x 2 voxels, 1000 at one of them, in a cell from (0, 0, 0) to (1, 1, 1). */
