@@ -50,7 +50,8 @@ namespace itk
  * \brief Base of the filters that project 3D images by shear-warp factorization.
  *
  * It has the engine and the threads of these filters.
- * If the transform of a view has a source, UpdateOutputInformation() updates this source first.
+ * If the transform of a view has a source, UpdateOutputInformation() updates this source first. If this source also
+ * makes the image or the mask, it makes them whole.
  *
  * Observers may change the number of threads and release the prepared volume during an update: both take effect after
  * the update. An update ends with an exception if an observer changes a parameter, an input or an output. The memory of

@@ -189,6 +189,16 @@ ShearWarpBaseImageFilter<TInputImage, TOutputImage>::UpdateOutputInformation()
   // the geometry of the outputs needs the transform that its source makes
   if (auto * view = dynamic_cast<DataObjectDecorator<TransformType> *>(this->ProcessObject::GetInput("Transform")))
   {
+    // a source that makes images too must not run again for them
+    for (const auto & name : this->GetInputNames())
+    {
+      auto * image = dynamic_cast<ImageBase<3> *>(this->ProcessObject::GetInput(name));
+      if (image && view->GetSource())
+      {
+        image->UpdateOutputInformation();
+        image->SetRequestedRegionToLargestPossibleRegion();
+      }
+    }
     view->Update();
   }
   Superclass::UpdateOutputInformation();

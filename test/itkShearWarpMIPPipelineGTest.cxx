@@ -26,6 +26,7 @@
 #include "itkCastImageFilter.h"
 #include "itkCompositeTransform.h"
 #include "itkEuler3DTransform.h"
+#include "itkImageAlgorithm.h"
 #include "itkStreamingImageFilter.h"
 
 #include "itksys/SystemTools.hxx"
@@ -144,6 +145,49 @@ private:
   double            m_Angle{ 0.0 };
   bool              m_IsInPlace{ false };
   ViewType::Pointer m_View;
+};
+
+/** \class ImageAndTransformSource
+ * Makes an image and its view in one run, as a reader may. */
+class ImageAndTransformSource : public itk::ImageSource<ImageType>
+{
+public:
+  using Self = ImageAndTransformSource;
+  using Pointer = itk::SmartPointer<Self>;
+  using DecoratorType = TransformSource::DecoratorType;
+  itkNewMacro(Self);
+
+  itkSetMacro(Angle, double);
+  itkSetConstObjectMacro(Image, ImageType);
+
+  DecoratorType *
+  GetTransformOutput()
+  {
+    return static_cast<DecoratorType *>(this->ProcessObject::GetOutput(1));
+  }
+
+protected:
+  ImageAndTransformSource() { this->SetNthOutput(1, DecoratorType::New()); }
+
+  void
+  GenerateOutputInformation() override
+  {
+    this->GetOutput()->CopyInformation(m_Image);
+  }
+
+  void
+  GenerateData() override
+  {
+    auto * output = this->GetOutput();
+    output->SetBufferedRegion(output->GetRequestedRegion());
+    output->Allocate();
+    itk::ImageAlgorithm::Copy(m_Image.GetPointer(), output, output->GetBufferedRegion(), output->GetBufferedRegion());
+    this->GetTransformOutput()->Set(TransformSource::MakeTransform(m_Angle));
+  }
+
+private:
+  double                  m_Angle{ 0.0 };
+  ImageType::ConstPointer m_Image;
 };
 
 /** Expects that a filter whose view has a source gives the output of \a makeFilter()'s filter, whose view has none. */
@@ -514,6 +558,29 @@ TEST_F(ShearWarpMIPPipeline, APartsTransformWithASourceIsMadeBeforeTheGeometry)
     merge->UpdateLargestPossibleRegion();
     const auto expected = ProjectAfresh(m_Image, TransformSource::MakeTransform(angle));
     EXPECT_TRUE(HaveSamePixels(merge->GetOutput(), expected));
+  }
+}
+
+TEST_F(ShearWarpMIPPipeline, OneSourceOfImageAndTransformRunsOnce)
+{
+  for (const unsigned int divisions : { 1, 3 })
+  {
+    SCOPED_TRACE(divisions);
+    const auto source = ImageAndTransformSource::New();
+    source->SetImage(m_Image);
+    const auto filter = MakeFilter(static_cast<const ImageType *>(source->GetOutput()));
+    filter->SetTransformInput(source->GetTransformOutput());
+    filter->SetNumberOfStreamDivisions(divisions);
+    const ExecutionCounter executionsOfSource(source);
+    int                    count = 0;
+    for (const double angle : { 0.4, -1.3, 2.2 })
+    {
+      source->SetAngle(angle);
+      ASSERT_NO_THROW(filter->UpdateLargestPossibleRegion());
+      EXPECT_TRUE(HaveSamePixels(ProjectAfresh(m_Image, TransformSource::MakeTransform(angle)), filter->GetOutput()));
+      filter->Update();
+      EXPECT_EQ(executionsOfSource.GetCount(), ++count);
+    }
   }
 }
 
