@@ -116,7 +116,7 @@ public:
   /** Only samples with SlabNear <= w <= SlabFar count, where w is the depth in view space. The default is from minus to
    * plus infinity. In the views of ShearWarpMIPView, the depth is the distance in mm behind the image's center.
    * Positions are rounded numbers, so samples beyond a limit by at most 1e-9 of a voxel's extent along the depth axis
-   * count too. */
+   * count too. This is enough if the image is at most 100 000 voxels away from the origin of space. */
   itkShearWarpSetMacro(SlabNear, double);
   itkGetConstMacro(SlabNear, double);
   itkShearWarpSetMacro(SlabFar, double);
