@@ -81,10 +81,10 @@ struct ViewGrid
 };
 
 /** Returns the grid of pictures of \a image in all of \a views. Fitted parameters are such that the grid holds the
- * image's voxels, with the smallest spacing of ShearWarpFactorization::ComputeProjectedSpacing(). Where one axis of the
- * image lies along an axis of the grid in all views, and its voxels are a whole number of such pixels long within a
+ * image's voxels, with the smallest spacing of ShearWarpFactorization::ComputeProjectedSpacing(). Where, in each view,
+ * one axis of the image lies along an axis of the grid, and its voxels are a whole number of such pixels long within a
  * thousandth, they are so exactly: the spacing is adapted. There the grid may leave out a hundredth of a pixel, and
- * elsewhere a hundredth of this. The other parameters are those of \a given. Throws ExceptionObject, with the
+ * elsewhere a ten-thousandth of a pixel. The other parameters are those of \a given. Throws ExceptionObject, with the
  * values, if the grid is not finite. */
 ShearWarpMIP_EXPORT ViewGrid
 FitGrid(const ViewList &     views,
@@ -101,7 +101,8 @@ struct DepthRange
 };
 
 /** Returns the depths of \a image from \a slab.nearest to \a slab.farthest. A slab without thickness, or beside the
- * image, gets a thousandth of the image's depth. Throws ExceptionObject, with the slab, if numbers do not suffice. */
+ * image, gets a thousandth of the image's depth. Throws ExceptionObject, with the slab, if the slab's thickness is zero
+ * or infinite in double precision. */
 ShearWarpMIP_EXPORT DepthRange
 ClipDepths(const ViewSpace & view, const ImageBase<3> * image, const DepthRange & slab);
 

@@ -436,7 +436,7 @@ ShearWarp::FitGrid(const ViewList &     views,
   }
   for (unsigned int axis = 0; axis < 2; ++axis)
   {
-    // one image axis lies along this axis, in all views
+    // in each view, one image axis lies along this axis
     const bool isAlong = rest[axis] <= 1e-2 * grid.spacing[axis];
     if (fitSpacing && isAlong)
     {
@@ -444,6 +444,7 @@ ShearWarp::FitGrid(const ViewList &     views,
       const double spacing = longestStep[axis] / pixels;
       const double difference =
         std::max(std::abs(spacing - grid.spacing[axis]), std::abs(shortestStep[axis] / pixels - grid.spacing[axis]));
+      // equal spacings keep their bits
       const bool isRounded = difference > 1e-9 * grid.spacing[axis] && difference <= 1e-3 * grid.spacing[axis];
       grid.spacing[axis] = isRounded ? spacing : grid.spacing[axis];
     }
@@ -456,11 +457,12 @@ ShearWarp::FitGrid(const ViewList &     views,
     {
       grid.origin[axis] = 0.5 * (lower[axis] + upper[axis]) - 0.5 * (grid.size[axis] - 1.0) * grid.spacing[axis];
     }
-    if (!(grid.spacing[axis] > 0.0 && std::isfinite(grid.spacing[axis]) && std::isfinite(grid.origin[axis])))
-    {
-      itkGenericExceptionMacro("The output's grid must be finite, but its spacing is "
-                               << grid.spacing << " and its origin " << grid.origin << '.');
-    }
+  }
+  if (!(IsFinite(grid.spacing) && grid.spacing[0] > 0.0 && grid.spacing[1] > 0.0 && IsFinite(grid.origin)))
+  {
+    itkGenericExceptionMacro("The output's grid must be finite, but its spacing is " << grid.spacing
+                                                                                     << " and its origin "
+                                                                                     << grid.origin << '.');
   }
   return grid;
 }

@@ -458,6 +458,15 @@ TEST(ShearWarpFactorization, ErrorsWhereNumbersOverflow)
   EXPECT_NAMES(ShearWarpFactorization(identity, plain, MakeGrid(1e300)).GetOutputToIntermediateMatrix(), "1e+300");
 }
 
+TEST(ShearWarpFactorization, AnOutputGridThatIsNotFiniteIsShownAsFitted)
+{
+  const auto image = MakeGeometry({ { 3, 3, 3 } }, MakeVector3(1, 1, 1));
+  image->SetOrigin(MakePoint3(1.5e308, 5, 0));
+  const itk::ShearWarp::ViewSpace view(MakeView(MakeDiagonal(1, 1, 1), MakePoint3(0, 0, 0)));
+  const itk::ShearWarp::ViewList  views{ 1, [&view](itk::SizeValueType) { return view; } };
+  EXPECT_NAMES(itk::ShearWarp::FitGrid(views, image, {}, true, true, true), "[1, 1]", "[inf, 5]");
+}
+
 TEST(ShearWarpFactorization, FlatImagesHaveNoView)
 {
   const auto image = MakeGeometry({ { 3, 6, 6 } }, MakeVector3(1, 1, 1));
