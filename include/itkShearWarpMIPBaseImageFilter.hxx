@@ -106,9 +106,7 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::VerifyPreconditions() co
   {
     itkExceptionMacro("Mode must be one of its enumerators, but it is " << static_cast<unsigned int>(m_Mode) << '.');
   }
-  RuleType rule = this->MakeRule();
-  rule.localMaximumThreshold = m_LocalMaximumThreshold;
-  rule.Verify();
+  this->MakeRule().Verify();
   if (m_Exact && (this->GetMaskImage() || m_LocalMaximum || m_DepthAttenuation > 0.0 || this->m_Oversampling != 1 ||
                   m_NumberOfStreamDivisions != 1))
   {

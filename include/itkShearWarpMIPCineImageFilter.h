@@ -44,8 +44,8 @@ namespace itk
  * follows rays from front to back.
  *
  * Parameters, errors, streaming and the memory that is kept between updates are as for ShearWarpMIPImageFilter.
- * Update() also throws ExceptionObject for a NumberOfFrames that is zero or too large, a RotationAxis that is zero or
- * not finite, and a Center, StartAngle or AngularRange that is not finite.
+ * Without AddTransform(), Update() also throws ExceptionObject for a NumberOfFrames that is zero or too large, a
+ * RotationAxis that is zero or not finite, and a Center, StartAngle or AngularRange that is not finite.
  *
  * \tparam TInputImage An Image of dimension 3 of any arithmetic pixel type but bool and long double.
  * \tparam TOutputImage An Image of the same pixel type, of dimension 3: (u, v, frame).

@@ -49,6 +49,7 @@ ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::UseImageCenter()
 {
   if (m_IsCenterSet)
   {
+    m_Center.Fill(0.0);
     m_IsCenterSet = false;
     this->Modified();
   }
@@ -196,6 +197,10 @@ ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::VerifyPreconditions() co
       itkExceptionMacro("Frame " << frame << ": " << error.GetDescription());
     }
     ++frame;
+  }
+  if (!m_Transforms.empty())
+  {
+    return;
   }
   if (m_NumberOfFrames == 0 || m_NumberOfFrames > MaximumNumberOfFrames)
   {

@@ -68,7 +68,7 @@ namespace itk
  * - an Oversampling other than 1 and 2, or a NumberOfStreamDivisions of zero
  * - a SlabNear greater than SlabFar, a CropLower greater than CropUpper, or one of these that is not a number
  * - a SlabNear of infinity or a SlabFar of minus infinity
- * - a LocalMaximumThreshold that is not a number
+ * - a LocalMaximumThreshold that is not a number, with LocalMaximum
  * - a DepthAttenuation that is negative or not finite, or not zero while DefaultPixelValue is not finite
  * - Exact together with a parameter that it excludes
  * - a MaskImage that is not on the input's grid

@@ -157,7 +157,10 @@ TEST(ShearWarpMIPArithmetic, ChecksAreCompiledInTheLibrary)
   }
   expectError("CropLower", [](auto & filter) { filter.SetCropLower(PointType(notANumber)); });
   expectError("CropUpper", [](auto & filter) { filter.SetCropUpper(MakePoint3(1, notANumber, 1)); });
-  expectError("LocalMaximumThreshold", [](auto & filter) { filter.SetLocalMaximumThreshold(notANumber); });
+  expectError("LocalMaximumThreshold", [](auto & filter) {
+    filter.LocalMaximumOn();
+    filter.SetLocalMaximumThreshold(notANumber);
+  });
 
   const auto filter = MakeFilter(image);
   filter->SetDefaultPixelValue(notANumber);

@@ -397,6 +397,35 @@ TEST(ShearWarpMIPCine, ErrorsNameParameterAndValue)
     "Frame 1: ");
 }
 
+TEST(ShearWarpMIPCine, ParametersThatAreNotUsedMayBeAnything)
+{
+  Random           random(1012);
+  const auto       image = MakeRandomImage<short>(random, { { 12, 10, 8 } });
+  constexpr double notANumber = std::numeric_limits<double>::quiet_NaN();
+  const auto       cine = MakeCine(image);
+  cine->SetCenter(MakePoint3(0, notANumber, 0));
+  EXPECT_NAMES(cine->Update(), "Center must be finite");
+  cine->UseImageCenter();
+  EXPECT_NO_THROW(cine->Update());
+
+  cine->AddTransform(itk::AffineTransform<double, 3>::New());
+  const auto singular = itk::AffineTransform<double, 3>::New();
+  singular->Scale(0.0);
+  const std::function<void()> changes[] = { [&] { cine->SetNumberOfFrames(0); },
+                                            [&] { cine->SetRotationAxis(MakeVector3(0, 0, 0)); },
+                                            [&] { cine->SetCenter(MakePoint3(0, notANumber, 0)); },
+                                            [&] { cine->SetStartAngle(notANumber); },
+                                            [&] { cine->SetAngularRange(notANumber); },
+                                            [&] { cine->SetTransform(singular); } };
+  for (const auto & change : changes)
+  {
+    change();
+    EXPECT_NO_THROW(cine->UpdateLargestPossibleRegion());
+  }
+  cine->ClearTransforms();
+  EXPECT_NAMES(cine->Update(), "NumberOfFrames");
+}
+
 TEST(ShearWarpMIPCine, AbortThrowsProgressRisesAndTheNextUpdateIsRight)
 {
   Random     random(1010);

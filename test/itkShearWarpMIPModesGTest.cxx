@@ -874,6 +874,7 @@ TEST(ShearWarpMIPModesParameters, ErrorsNameParameterAndValue)
     filter.SetDefaultPixelValue(static_cast<float>(nothing));
   });
   expectError("LocalMaximumThreshold", "nan", [=](auto & filter) {
+    filter.LocalMaximumOn();
     filter.SetLocalMaximumThreshold(static_cast<float>(nothing));
   });
   expectError("MaskImage", "[6, 5, 3]", [](auto & filter) {
@@ -884,6 +885,13 @@ TEST(ShearWarpMIPModesParameters, ErrorsNameParameterAndValue)
     mask->SetSpacing(MakeVector3(1, 1, 2));
     filter.SetMaskImage(mask);
   });
+}
+
+TEST(ShearWarpMIPModesParameters, AThresholdThatIsNotUsedMayBeAnything)
+{
+  const auto filter = MakeFilter(MakePlainImage<float>({ { 6, 5, 4 } }, 3));
+  filter->SetLocalMaximumThreshold(std::numeric_limits<float>::quiet_NaN());
+  EXPECT_NO_THROW(filter->Update());
 }
 
 TEST(ShearWarpMIPModesParameters, EachIsPrintedAndMakesTheFilterModified)
