@@ -384,7 +384,7 @@ def test_an_array_has_no_letters_and_units_are_mm(rng, open_viewer, monkeypatch)
     assert not {"R", "L", "H", "F"} & set(placed)
     assert "Slab 0.009 mm at 0.000 mm" in placed or "Slab 0.009 mm at 0.001 mm" in placed
     assert f"x {x / 1000:.3f}  y {y / 1000:.3f}  z {z / 1000:.3f} mm" in placed
-    assert {"0.002 mm", "0.005 mm"} & set(placed)
+    assert {"2 µm", "5 µm"} & set(placed)
 
 
 @pytest.mark.parametrize("azimuth", [-170, -90, -35, 0, 20, 90, 180])
