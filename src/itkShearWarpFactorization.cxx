@@ -460,9 +460,8 @@ ShearWarp::FitGrid(const ViewList &     views,
   }
   if (!(IsFinite(grid.spacing) && grid.spacing[0] > 0.0 && grid.spacing[1] > 0.0 && IsFinite(grid.origin)))
   {
-    itkGenericExceptionMacro("The output's grid must be finite, but its spacing is " << grid.spacing
-                                                                                     << " and its origin "
-                                                                                     << grid.origin << '.');
+    itkGenericExceptionMacro("The output's grid must be finite, but its spacing is "
+                             << grid.spacing << " and its origin " << grid.origin << '.');
   }
   return grid;
 }

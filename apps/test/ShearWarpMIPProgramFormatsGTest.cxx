@@ -516,6 +516,12 @@ struct FileType
   bool        hasChecksum;
 };
 
+std::ostream &
+operator<<(std::ostream & stream, const FileType & type)
+{
+  return stream << type.name << (type.isCompressed ? " compressed" : "");
+}
+
 class ShearWarpMIPProgramDamage
   : public ShearWarpMIPProgram
   , public testing::WithParamInterface<FileType>
