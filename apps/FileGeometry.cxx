@@ -246,28 +246,6 @@ MakeNIfTIGeometry(const mat44 & matrix, double millimetres, const fs::path & pat
   return geometry;
 }
 
-/** How far a corner of the image on one grid is at the most from the same corner on another, in mm. */
-double
-FindDistance(const FileGeometry & one, const FileGeometry & other, const itk::ImageIOBase & io)
-{
-  double distance = 0.0;
-  for (unsigned int corner = 0; corner < 8; ++corner)
-  {
-    VectorType difference = one.origin - other.origin;
-    for (unsigned int axis = 0; axis < 3; ++axis)
-    {
-      const double index = (corner >> axis & 1) * static_cast<double>(io.GetDimensions(axis) - 1);
-      for (unsigned int row = 0; row < 3; ++row)
-      {
-        difference[row] +=
-          index * (one.direction(row, axis) * one.spacing[axis] - other.direction(row, axis) * other.spacing[axis]);
-      }
-    }
-    distance = std::max(distance, difference.GetNorm());
-  }
-  return distance;
-}
-
 bool
 SpansVolume(const mat44 & matrix)
 {
@@ -311,7 +289,8 @@ ReadNIfTIGeometry(const itk::ImageIOBase & io, const fs::path & path, const Warn
   const FileGeometry geometry = MakeNIfTIGeometry(image->sto_xyz, millimetres, path);
   if (image->qform_code > 0)
   {
-    const double distance = FindDistance(geometry, MakeNIfTIGeometry(image->qto_xyz, millimetres, path), io);
+    const double distance =
+      FindDistance(MakeGrid(geometry, io), MakeGrid(MakeNIfTIGeometry(image->qto_xyz, millimetres, path), io));
     if (distance > 0.1 * *std::min_element(geometry.spacing.Begin(), geometry.spacing.End()))
     {
       std::ostringstream message;
@@ -371,6 +350,37 @@ ReadGeometry(const itk::ImageIOBase & io, const fs::path & path, const WarningFu
          : format == "MetaImageIO"  ? ReadMetaGeometry(io, path, warn)
          : format == "MRCImageIO"   ? ReadMRCGeometry(io, path)
                                     : GetGeometryOfITK(io);
+}
+
+itk::ImageBase<3>::Pointer
+MakeGrid(const FileGeometry & geometry, const itk::ImageIOBase & io)
+{
+  const auto grid = itk::ImageBase<3>::New();
+  grid->SetRegions(itk::Size<3>{ { io.GetDimensions(0), io.GetDimensions(1), io.GetDimensions(2) } });
+  grid->SetOrigin(geometry.origin);
+  grid->SetSpacing(geometry.spacing);
+  grid->SetDirection(geometry.direction);
+  return grid;
+}
+
+double
+FindDistance(const itk::ImageBase<3> * one, const itk::ImageBase<3> * other)
+{
+  const auto size = one->GetLargestPossibleRegion().GetSize();
+  double     distance = 0.0;
+  for (unsigned int corner = 0; corner < 8; ++corner)
+  {
+    itk::Index<3>         index;
+    itk::Point<double, 3> points[2];
+    for (unsigned int axis = 0; axis < 3; ++axis)
+    {
+      index[axis] = (corner >> axis & 1) * static_cast<itk::IndexValueType>(size[axis] - 1);
+    }
+    one->TransformIndexToPhysicalPoint(index, points[0]);
+    other->TransformIndexToPhysicalPoint(index, points[1]);
+    distance = std::max(distance, points[0].EuclideanDistanceTo(points[1]));
+  }
+  return distance;
 }
 
 std::optional<double>

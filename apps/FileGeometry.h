@@ -40,6 +40,14 @@ struct FileGeometry
 FileGeometry
 ReadGeometry(const itk::ImageIOBase & io, const std::filesystem::path & path, const WarningFunction & warn);
 
+/** The grid of the first three axes of \a io at \a geometry. */
+itk::ImageBase<3>::Pointer
+MakeGrid(const FileGeometry & geometry, const itk::ImageIOBase & io);
+
+/** How far a corner of one grid is at the most from the same corner of another grid of that size, in mm. */
+double
+FindDistance(const itk::ImageBase<3> * one, const itk::ImageBase<3> * other);
+
 /** The mm of a unit of length as files name it, such as um or "millimeter"; none if it is not known. */
 std::optional<double>
 FindMillimetres(const std::string & unit);

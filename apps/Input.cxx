@@ -69,19 +69,7 @@ RequireGrid(const itk::ImageBase<3> * image, const itk::ImageBase<3> * grid, con
     message << "it has " << image->GetLargestPossibleRegion().GetSize() << " voxels instead of " << size;
     throw std::runtime_error(message.str());
   }
-  double distance = 0.0;
-  for (unsigned int corner = 0; corner < 8; ++corner)
-  {
-    itk::Index<3>         index;
-    itk::Point<double, 3> points[2];
-    for (unsigned int axis = 0; axis < 3; ++axis)
-    {
-      index[axis] = (corner >> axis & 1) * static_cast<itk::IndexValueType>(size[axis] - 1);
-    }
-    image->TransformIndexToPhysicalPoint(index, points[0]);
-    grid->TransformIndexToPhysicalPoint(index, points[1]);
-    distance = std::max(distance, points[0].EuclideanDistanceTo(points[1]));
-  }
+  const double distance = FindDistance(image, grid);
   // file formats round positions
   const auto & spacing = grid->GetSpacing();
   if (!(distance <= 0.01 * *std::min_element(spacing.begin(), spacing.end())))
@@ -129,11 +117,7 @@ ReadImage(itk::ImageIOBase & io, const std::filesystem::path & path, const Warni
     region.SetSize(axis, io.GetDimensions(axis));
   }
   io.SetIORegion(region);
-  const auto grid = itk::ImageBase<3>::New();
-  grid->SetRegions(itk::Size<3>{ { io.GetDimensions(0), io.GetDimensions(1), io.GetDimensions(2) } });
-  grid->SetOrigin(geometry.origin);
-  grid->SetSpacing(geometry.spacing);
-  grid->SetDirection(geometry.direction);
+  const auto grid = MakeGrid(geometry, io);
 
   Volume volume = DispatchPixelType(io.GetComponentType(), [&](auto tag) {
     using PixelType = typename decltype(tag)::Type;
