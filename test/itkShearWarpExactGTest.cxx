@@ -16,7 +16,7 @@
  *
  *=========================================================================*/
 #include "itkEuler3DTransform.h"
-#include "itkShearWarpExact.h"
+#include "Exact.h"
 #include "itkShearWarpMIPCineImageFilter.h"
 #include "itkShearWarpMIPImageFilter.h"
 #include "itkShearWarpMIPTestOracle.h"

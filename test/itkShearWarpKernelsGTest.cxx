@@ -15,7 +15,7 @@
  *  limitations under the License.
  *
  *=========================================================================*/
-#include "itkShearWarpKernels.h"
+#include "kernels/Kernels.h"
 
 #include "itkShearWarpMIPTestRule.h"
 

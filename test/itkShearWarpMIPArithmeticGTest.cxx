@@ -15,7 +15,7 @@
  *  limitations under the License.
  *
  *=========================================================================*/
-#include "itkShearWarpKernels.h"
+#include "kernels/Kernels.h"
 #include "itkShearWarpMIPCineImageFilter.h"
 #include "itkShearWarpMIPImageFilter.h"
 #include "itkShearWarpMIPPartImageFilter.h"

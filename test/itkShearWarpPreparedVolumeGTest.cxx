@@ -15,7 +15,7 @@
  *  limitations under the License.
  *
  *=========================================================================*/
-#include "itkShearWarpPreparedVolume.h"
+#include "PreparedVolume.h"
 
 #include "itkShearWarpMIPTestImages.h"
 

@@ -17,7 +17,7 @@
  *=========================================================================*/
 #include "itkEuler3DTransform.h"
 #include "itkShearWarpMIPImageFilter.h"
-#include "itkShearWarpProjector.h"
+#include "Projector.h"
 
 #include "itkShearWarpMIPTestParts.h"
 

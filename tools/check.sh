@@ -63,14 +63,14 @@ check_compile() {
   configure
   local commands asking
   commands=$(list_commands)
-  asking=$(git grep -l '^#ifdef \(__linux__\|ShearWarpMIP_HAS_POSIX\)' -- "apps/*.cxx" "src/*.cxx")
+  asking=$(git grep -l '^#ifdef \(__linux__\|ShearWarpMIP_HAS_POSIX\)' -- "apps/*.cxx" "src/*.cxx" "src/**/*.cxx")
   { echo "$commands"; grep -F "$asking" <<< "$commands" | sed 's/$/ -U__linux__ -DShearWarpMIP_WITHOUT_POSIX/'; } | check_all
 }
 
 check_libcxx() {
   need_packages clang libc++-dev libc++abi-dev
   configure
-  list_commands | grep -E "$root/(apps|src)/[^/]*\.cxx$" |
+  list_commands | grep -E "$root/(apps|src)/.*\.cxx$" |
     sed "s|^.*/c++ |clang++ -stdlib=libc++ |; s|$| ${clang_flags[*]}|" | check_all
 }
 

@@ -19,7 +19,7 @@
 #define itkShearWarpVectorSampling_h
 
 /* Vectors of pixels, and the samples of a slice.
- * See itkShearWarpVectorKernels.h for what includes it. */
+ * See Vector.h for what includes it. */
 
 template <typename TPixel>
 constexpr bool IsUnsignedShort = sizeof(TPixel) == 2 && static_cast<TPixel>(-1) > 0;

@@ -16,7 +16,7 @@
  *
  *=========================================================================*/
 /* The maximum of the interpolant along rays.
- * Included by each file of kernels, after itkShearWarpScalarKernels.h, see there, and after ExactVector<float> and
+ * Included by each file of kernels, after Scalar.h, see there, and after ExactVector<float> and
  * ExactVector<double>: as many numbers as are computed together, with operators for each one. */
 
 template <typename T>

@@ -19,7 +19,7 @@
 #define itkShearWarpProjector_h
 
 #include "itkShearWarpFactorization.h"
-#include "itkShearWarpPreparedVolume.h"
+#include "PreparedVolume.h"
 
 #include <optional>
 #include <vector>

@@ -19,7 +19,7 @@
 #define itkShearWarpVectorPreparation_h
 
 /* What is prepared of a volume: block extrema and transposed slices.
- * See itkShearWarpVectorKernels.h for what includes it. */
+ * See Vector.h for what includes it. */
 
 template <typename TPixel>
 void

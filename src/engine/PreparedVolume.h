@@ -19,9 +19,9 @@
 #define itkShearWarpPreparedVolume_h
 
 #include "itkImage.h"
-#include "itkShearWarpBuffer.h"
+#include "Buffer.h"
 #include "itkShearWarpEngine.h"
-#include "itkShearWarpKernels.h"
+#include "kernels/Kernels.h"
 
 #include <algorithm>
 

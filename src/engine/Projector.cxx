@@ -15,9 +15,9 @@
  *  limitations under the License.
  *
  *=========================================================================*/
-#include "itkShearWarpProjector.h"
+#include "Projector.h"
 
-#include "itkShearWarpPixelTypes.h"
+#include "kernels/PixelTypes.h"
 
 #include <algorithm>
 #include <atomic>

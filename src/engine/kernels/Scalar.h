@@ -15,8 +15,8 @@
  *  limitations under the License.
  *
  *=========================================================================*/
-#ifndef itkShearWarpScalarKernels_h
-#define itkShearWarpScalarKernels_h
+#ifndef itkShearWarpScalar_h
+#define itkShearWarpScalar_h
 
 /* Included by each file of kernels, within its anonymous namespace, so that the linker cannot share what is compiled
  * here. For the same reason nothing here may call an inline function or a template of another header at run time. */

@@ -15,7 +15,7 @@
  *  limitations under the License.
  *
  *=========================================================================*/
-#include "itkShearWarpBuffer.h"
+#include "Buffer.h"
 
 #include "itkMacro.h"
 #include "itkShearWarpEngine.h"

@@ -19,7 +19,7 @@
 #define itkShearWarpVectorProjection_h
 
 /* Slices to intermediate images.
- * See itkShearWarpVectorKernels.h for what includes it. */
+ * See Vector.h for what includes it. */
 
 /** \class Prefetcher
  * Fetches lines of voxels that are soon needed, a few at each step. Lines come from several places in turn, each in

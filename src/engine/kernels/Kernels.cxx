@@ -15,8 +15,8 @@
  *  limitations under the License.
  *
  *=========================================================================*/
-#include "itkShearWarpPixelTypes.h"
-#include "itkShearWarpVectorKernelSets.h"
+#include "PixelTypes.h"
+#include "VectorSets.h"
 
 #include <algorithm>
 #include <cmath>

@@ -15,10 +15,10 @@
  *  limitations under the License.
  *
  *=========================================================================*/
-#ifndef itkShearWarpVectorKernelSets_h
-#define itkShearWarpVectorKernelSets_h
+#ifndef itkShearWarpVectorSets_h
+#define itkShearWarpVectorSets_h
 
-#include "itkShearWarpKernels.h"
+#include "Kernels.h"
 
 namespace itk::ShearWarp
 {

@@ -17,10 +17,10 @@
  *=========================================================================*/
 #include "itkShearWarpEngine.h"
 
-#include "itkShearWarpExact.h"
-#include "itkShearWarpPixelTypes.h"
-#include "itkShearWarpPreparedVolume.h"
-#include "itkShearWarpProjector.h"
+#include "Exact.h"
+#include "kernels/PixelTypes.h"
+#include "PreparedVolume.h"
+#include "Projector.h"
 
 #include <algorithm>
 #include <chrono>

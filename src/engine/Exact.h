@@ -19,7 +19,7 @@
 #define itkShearWarpExact_h
 
 #include "itkShearWarpEngine.h"
-#include "itkShearWarpPreparedVolume.h"
+#include "PreparedVolume.h"
 
 #include <vector>
 

@@ -15,9 +15,9 @@
  *  limitations under the License.
  *
  *=========================================================================*/
-#include "itkShearWarpExact.h"
+#include "Exact.h"
 
-#include "itkShearWarpPixelTypes.h"
+#include "kernels/PixelTypes.h"
 
 #include <algorithm>
 #include <cmath>

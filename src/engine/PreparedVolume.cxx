@@ -15,9 +15,9 @@
  *  limitations under the License.
  *
  *=========================================================================*/
-#include "itkShearWarpPreparedVolume.h"
+#include "PreparedVolume.h"
 
-#include "itkShearWarpPixelTypes.h"
+#include "kernels/PixelTypes.h"
 
 #include <algorithm>
 #include <mutex>

@@ -20,4 +20,4 @@
 #define SHEARWARP_VECTOR_BYTES 32
 #define SHEARWARP_X86(operation) _mm256_##operation
 #define SHEARWARP_GET_KERNELS GetAVX2Kernels
-#include "itkShearWarpGenericKernels.cxx" // NOLINT(bugprone-suspicious-include)
+#include "Generic.cxx" // NOLINT(bugprone-suspicious-include)

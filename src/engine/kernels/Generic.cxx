@@ -15,8 +15,8 @@
  *  limitations under the License.
  *
  *=========================================================================*/
-#include "itkShearWarpPixelTypes.h"
-#include "itkShearWarpVectorKernelSets.h"
+#include "PixelTypes.h"
+#include "VectorSets.h"
 
 #if defined(__SSE2__)
 #  include <immintrin.h>
@@ -513,8 +513,8 @@ struct Lanes
   // clang-format on
 };
 
-#include "itkShearWarpScalarKernels.h"
-#include "itkShearWarpVectorKernels.h"
+#include "Scalar.h"
+#include "Vector.h"
 } // namespace
 
 #define SPECIALIZE(TPixel)                        \

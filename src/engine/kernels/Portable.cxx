@@ -15,8 +15,8 @@
  *  limitations under the License.
  *
  *=========================================================================*/
-#include "itkShearWarpKernels.h"
-#include "itkShearWarpPixelTypes.h"
+#include "Kernels.h"
+#include "PixelTypes.h"
 
 #include <math.h>
 
@@ -36,7 +36,7 @@ namespace itk::ShearWarp
 namespace
 {
 
-#include "itkShearWarpScalarKernels.h"
+#include "Scalar.h"
 
 /** One number. */
 template <typename TNumber>
@@ -106,7 +106,7 @@ inline void
 PrefetchVoxel(const void *)
 {}
 
-#include "itkShearWarpExactKernels.h"
+#include "Exact.h"
 
 /** The weighted mean of VCount values, rounded half upward to the pixel type; a mean of zero is +0. The weights sum to
  * \a sum <= 2^15. */

@@ -15,11 +15,11 @@
  *  limitations under the License.
  *
  *=========================================================================*/
-#ifndef itkShearWarpVectorKernels_h
-#define itkShearWarpVectorKernels_h
+#ifndef itkShearWarpVector_h
+#define itkShearWarpVector_h
 
 /* Included by the file of each instruction set, within its anonymous namespace, after its struct Lanes and
- * itkShearWarpScalarKernels.h, so that the linker cannot share what is compiled here. For the same reason nothing here
+ * Scalar.h, so that the linker cannot share what is compiled here. For the same reason nothing here
  * may call an inline function or a template of another header at run time.
  *
  * Lanes has the operations on vectors of 16-bit and 32-bit integers, float and double that are written differently for
@@ -90,13 +90,13 @@ PrefetchVoxel(const void * p)
   __builtin_prefetch(p);
 }
 
-#include "itkShearWarpExactKernels.h"
+#include "Exact.h"
 
-#include "itkShearWarpVectorSampling.h"
+#include "VectorSampling.h"
 
-#include "itkShearWarpVectorPreparation.h"
-#include "itkShearWarpVectorProjection.h"
-#include "itkShearWarpVectorWarp.h"
+#include "VectorPreparation.h"
+#include "VectorProjection.h"
+#include "VectorWarp.h"
 
 template <typename TPixel>
 constexpr Kernels<TPixel> VectorKernels{ Lanes::Name,           ProjectBlock<TPixel>,

@@ -19,7 +19,7 @@
 #define itkShearWarpVectorWarp_h
 
 /* The intermediate image to the output.
- * See itkShearWarpVectorKernels.h for what includes it. */
+ * See Vector.h for what includes it. */
 
 /** The four corners' weights and values of a few pixels: rows a and b, left and right. */
 struct WarpCells
