@@ -18,10 +18,10 @@
 #ifndef itkShearWarpEngine_h
 #define itkShearWarpEngine_h
 
-#include "itkImage.h"
-#include "itkShearWarpFactorization.h"
+#include "itkShearWarpGeometry.h"
 
 #include <functional>
+#include <iosfwd>
 #include <limits>
 #include <memory>
 #include <optional>
@@ -38,7 +38,7 @@ class ShearWarpMIPImageFilterEnums
 {
 public:
   /** Whether the filter skips parts of the volume that cannot change the picture. */
-  enum class ReducedResampling : uint8_t
+  enum class ReducedResampling : std::uint8_t
   {
     Off,
     On,
@@ -46,7 +46,7 @@ public:
   };
 
   /** Which of a ray's samples is its value. */
-  enum class Mode : uint8_t
+  enum class Mode : std::uint8_t
   {
     Maximum,
     Minimum,
@@ -64,70 +64,74 @@ ShearWarpMIP_EXPORT std::ostream &
 
 namespace ShearWarp
 {
-/** Returns the computer's memory in bytes, or the size of the address space if the system does not report it. */
-ShearWarpMIP_EXPORT double
-GetPhysicalMemory();
+using Mode = ShearWarpMIPImageFilterEnums::Mode;
+using ReducedResampling = ShearWarpMIPImageFilterEnums::ReducedResampling;
+
+/** What not every mode has. */
+enum class Feature : std::uint8_t
+{
+  Depth,
+  Exact,
+  LocalMaximum
+};
+
+/** Returns whether pictures of a mode can have a feature. */
+ShearWarpMIP_EXPORT bool
+HasFeature(Mode mode, Feature feature);
 
 /** Step \a step of piece \a n of some work, by thread \a worker. */
-using Task = std::function<void(SizeValueType n, SizeValueType step, SizeValueType worker)>;
+using Task = std::function<void(std::size_t n, std::size_t step, std::size_t worker)>;
 
 /** Calls the task for each n of [0, count) and each step of [0, steps). The steps of one n run one after the other.
  * Calls with the same worker do not overlap. */
-using Parallelize = std::function<void(SizeValueType count, SizeValueType steps, const Task & task)>;
+using RunTasks = std::function<void(std::size_t count, std::size_t steps, const Task & task)>;
 
-/** The threads of an update. */
+/** The threads of an update. The numbers of workers are less than `count`. */
 struct Threads
 {
-  /** The numbers of workers are less than this. */
-  SizeValueType count{ 1 };
-  /** As Parallelize; the call is \a share of the update's progress. */
-  std::function<void(SizeValueType count, SizeValueType steps, float share, const Task & task)> run;
+  std::size_t count{ 1 };
+  RunTasks    run;
 };
 
-/** Slices [begin, end) along z, counted from the first of the whole image. */
+/** Slices [begin, end) along z, counted from the first of the whole volume. */
 struct SliceRange
 {
   std::ptrdiff_t begin, end;
 };
 
 /** Returns the number of slabs for \a wanted slabs of \a slices slices: slabs consist of blocks of eight slices. */
-ShearWarpMIP_EXPORT SizeValueType
-CountSlabs(SliceRange slices, SizeValueType wanted);
+ShearWarpMIP_EXPORT std::size_t
+CountSlabs(SliceRange slices, std::size_t wanted);
 
 /** Returns slab \a n of \a slabs slabs of equal thickness. */
 ShearWarpMIP_EXPORT SliceRange
-GetSlab(SliceRange slices, SizeValueType n, SizeValueType slabs);
+GetSlab(SliceRange slices, std::size_t n, std::size_t slabs);
 
-/** What the engine projects: the buffered part of an image, or the whole image slab by slab. */
+/** The voxels of a box of a volume, x contiguous, then y, then z. Voxels with the same `owner` and `version` are
+ * unchanged, so the engine prepares them only once. */
 template <typename TPixel>
-struct Volume
+struct Voxels
 {
-  const Image<TPixel, 3> * image;
-  /** The region of the whole, if the image is a part, or else the image's largest possible region. */
-  ImageRegion<3> whole;
-  /** The mask, with the image's geometry, or null. */
-  const Image<unsigned char, 3> * mask{ nullptr };
-  /** The number of slabs along z in which the image comes into memory. With more than one, the engine keeps nothing. */
-  SizeValueType streamDivisions{ 1 };
-  /** Makes image and mask buffer these slices and, if there is one, the slice before them. They stay in memory until
-   * the next call. */
-  std::function<void(const SliceRange & slices)> load{};
+  const TPixel * data{ nullptr };
+  VoxelBox       box{};
+  const void *   owner{ nullptr };
+  std::uint64_t  version{ 0 };
 };
 
-/** Which samples count, and how they change: see the parameters of ShearWarpMIPBaseImageFilter. */
+/** Which samples count, and how: see the parameters of ShearWarpMIPBaseImageFilter. */
 template <typename TPixel>
 struct ShearWarpMIP_EXPORT ProjectionRule
 {
   static constexpr double Infinity = std::numeric_limits<double>::infinity();
 
-  ShearWarpMIPImageFilterEnums::Mode              mode{ ShearWarpMIPImageFilterEnums::Mode::Maximum };
-  ShearWarpMIPImageFilterEnums::ReducedResampling reducedResampling{
-    ShearWarpMIPImageFilterEnums::ReducedResampling::Auto
-  };
+  Mode                  mode{ Mode::Maximum };
+  ReducedResampling     reducedResampling{ ReducedResampling::Auto };
+  unsigned int          oversampling{ 1 };
   double                slabNear{ -Infinity };
   double                slabFar{ Infinity };
-  Point<double, 3>      cropLower{ -Infinity };
-  Point<double, 3>      cropUpper{ Infinity };
+  double                cropLower[3]{ -Infinity, -Infinity, -Infinity };
+  double                cropUpper[3]{ Infinity, Infinity, Infinity };
+  bool                  hasMask{ false };
   unsigned char         maskLabel{ 0 };
   std::optional<TPixel> localMaximumThreshold{};
   double                depthAttenuation{ 0.0 };
@@ -135,7 +139,7 @@ struct ShearWarpMIP_EXPORT ProjectionRule
   bool                  hasDepth{ false };
   bool                  isExact{ false };
 
-  /** Returns whether a ray's value is the maximum of all its samples, apart from a mask. */
+  /** Returns whether a ray's value is the maximum of all its samples. */
   bool
   IsPlainMaximum() const;
 
@@ -143,9 +147,27 @@ struct ShearWarpMIP_EXPORT ProjectionRule
   bool
   HasRegion() const;
 
-  /** Throws ExceptionObject, with the value, if a number is outside of its range or not a number. */
+  /** Returns whether intermediate images have ranks: which slice gave a pixel its value. Depth, masks, fading, local
+   * maxima and exact pictures need them. */
+  bool
+  NeedsRanks() const;
+
+  /** Throws InvalidParameter, with the value, if a parameter is outside of its range, or if two of them exclude each
+   * other. */
   void
   Verify() const;
+};
+
+/** What is projected: views of a volume, each onto the same grid of pixels. */
+struct Scene
+{
+  VolumeGrid               volume;
+  std::vector<AffineMap3D> views;
+  PictureGrid              picture;
+  /** The number of slabs along z in which the volume comes into memory. With more than one, the engine keeps nothing. */
+  std::size_t slabs{ 1 };
+  /** The most bytes of intermediate images of views that are projected together. */
+  std::size_t intermediateMemory{ std::size_t{ 1 } << 30 };
 };
 
 /** The memory for a view's pixels, row by row. */
@@ -157,12 +179,19 @@ struct Picture
   float * depths;
 };
 
-/** A part of an intermediate image, row by row. */
+/** A rectangle of an intermediate image. */
+struct IntermediateRegion
+{
+  std::ptrdiff_t column, row;
+  std::ptrdiff_t columns, rows;
+};
+
+/** The pixels of a rectangle of an intermediate image, row by row. */
 template <typename TPixel>
 struct IntermediatePart
 {
-  const TPixel * pixels;
-  ImageRegion<2> region;
+  const TPixel *     pixels;
+  IntermediateRegion region;
 };
 
 /** What an update did and how long it took. */
@@ -181,9 +210,18 @@ struct Measurements
  * \brief Projects volumes of one pixel type.
  *
  * The engine contains all code that touches voxels. This code is compiled only in the library, so its bits do not
- * depend on the program that includes this header.
+ * depend on the program that includes this header. No header of ITK is needed. A filter drives the engine:
  *
- * The engine keeps the prepared image until the image changes, and keeps its memory. Only one thread at a time may use
+ *     engine.Begin(scene, rule, threads);
+ *     for each pass:
+ *       for each slab of engine.BeginPass(pass): bring the slab into memory; engine.Add(slab, voxels, mask);
+ *       for each view of engine.GetViews(pass): engine.Warp(view, picture), or Refine() if the rule is exact
+ *     engine.End();
+ *
+ * A pass reads the volume once, for views along the same axis. Each function throws ShearWarp::OutOfMemory if there is
+ * no memory, and what a task throws. After an exception, Begin() can be called again.
+ *
+ * The engine keeps the prepared volume until the volume changes, and keeps its memory. Only one thread at a time may use
  * it.
  *
  * \tparam TPixel Any arithmetic type but bool and long double.
@@ -200,47 +238,74 @@ public:
   ShearWarpEngine &
   operator=(const ShearWarpEngine &) = delete;
 
-  using VolumeType = ShearWarp::Volume<TPixel>;
   using RuleType = ShearWarp::ProjectionRule<TPixel>;
+  using VoxelsType = ShearWarp::Voxels<TPixel>;
+  using MaskType = ShearWarp::Voxels<unsigned char>;
   using PictureType = ShearWarp::Picture<TPixel>;
   using PartType = ShearWarp::IntermediatePart<TPixel>;
 
-  /** Projects \a volume to the pictures of \a views on the grid \a grid. Views with the same principal axis are
-   * projected together: at most 256, and as many as fit into \a intermediateMemory bytes. \a getPicture(n) returns the
-   * memory of view n before the engine writes it. Throws the exceptions of the functions that it gets, and
-   * MemoryAllocationError. Like all functions here, it throws ExceptionObject if the environment variable
-   * SHEARWARPMIP_INSTRUCTION_SET names an instruction set that this computer does not have. */
+  /** Plans the passes: views with the same principal axis are projected together, at most 256, and as many as fit into
+   * the scene's memory. The engine keeps copies of all arguments. Throws InvalidParameter as Factorize(), and if the
+   * environment variable SHEARWARPMIP_INSTRUCTION_SET names an instruction set that this computer does not have. */
   void
-  Project(const VolumeType &                                volume,
-          const ShearWarp::ViewList &                       views,
-          const ImageBase<2> *                              grid,
-          unsigned int                                      oversampling,
-          const RuleType &                                  rule,
-          SizeValueType                                     intermediateMemory,
-          const std::function<PictureType(SizeValueType)> & getPicture,
-          const ShearWarp::Threads &                        threads);
+  Begin(const ShearWarp::Scene & scene, const RuleType & rule, const ShearWarp::Threads & threads);
 
-  /** Projects \a volume, a part of an image, to the intermediate image of \a factorization, which must be for this
-   * part. The pixels go to \a getPixels(), row by row. Pixels without a sample have the lowest value, or minus
-   * infinity. */
+  std::size_t
+  GetNumberOfPasses() const;
+
+  /** Returns the slabs that Add() expects, in order. */
+  std::vector<ShearWarp::SliceRange>
+  BeginPass(std::size_t pass);
+
+  /** Projects a slab. The voxels' box must contain the slab and, if there is one, the slice before the slab. The voxels
+   * must stay in memory until the next call of Add() or, for an exact rule, until End(). \a mask has the voxels of the
+   * mask if the rule has a mask, and else no data. */
   void
-  ProjectPart(const VolumeType &                              volume,
-              const ShearWarpFactorization &                  factorization,
-              ShearWarpMIPImageFilterEnums::ReducedResampling reducedResampling,
-              const std::function<TPixel *()> &               getPixels,
-              const ShearWarp::Threads &                      threads);
+  Add(const ShearWarp::SliceRange & slab, const VoxelsType & voxels, const MaskType & mask);
 
-  /** Makes a picture on \a grid from the maxima of the intermediate images of parts. These lie within the intermediate
-   * image of the whole, of \a factorization. */
+  /** Returns the views of the pass, in the order in which Warp() or Refine() expects them. */
+  std::vector<std::size_t>
+  GetViews(std::size_t pass) const;
+
+  /** Makes the picture of a view from the view's intermediate image. */
   void
-  WarpParts(const std::vector<PartType> &     parts,
-            const ShearWarpFactorization &    factorization,
-            const ImageBase<2> *              grid,
-            TPixel                            background,
-            const std::function<TPixel *()> & getPixels,
-            const ShearWarp::Threads &        threads);
+  Warp(std::size_t view, const PictureType & picture);
 
-  /** Returns the measurements of the last projection or picture. */
+  /** Makes the exact picture of a view: the intermediate image is only a guess where the extremum of each ray is. */
+  void
+  Refine(std::size_t view, const PictureType & picture);
+
+  /** Ends an update: frees what only this update needs. */
+  void
+  End();
+
+  /** Returns the part of the planned work that is done, 0 to 1. Any thread may call it. */
+  double
+  GetProgress() const;
+
+  /** Returns where the intermediate image of a part lies in the intermediate image of the whole. Throws InvalidParameter
+   * as Factorize(), and if the box is empty or not within the volume. */
+  static ShearWarp::IntermediateRegion
+  FindPart(const ShearWarp::Scene & scene, const RuleType & rule, const ShearWarp::VoxelBox & box);
+
+  /** Projects the voxels, a part of the volume, to the part's intermediate image: the pixels of FindPart(), row by row.
+   * The scene has one view. Pixels without a sample have the lowest value, or minus infinity. */
+  void
+  ProjectPart(const ShearWarp::Scene &   scene,
+              const RuleType &           rule,
+              const VoxelsType &         voxels,
+              TPixel *                   pixels,
+              const ShearWarp::Threads & threads);
+
+  /** Makes a picture from the maxima of the intermediate images of parts. The scene has one view. */
+  void
+  WarpParts(const ShearWarp::Scene &      scene,
+            const RuleType &              rule,
+            const std::vector<PartType> & parts,
+            TPixel *                      pixels,
+            const ShearWarp::Threads &    threads);
+
+  /** Returns the measurements of the last update. */
   const ShearWarp::Measurements &
   GetMeasurements() const
   {
@@ -252,11 +317,11 @@ public:
   Release();
 
   /** Returns the bytes that the engine holds. */
-  SizeValueType
+  std::size_t
   GetSizeInBytes() const;
 
   /** Returns the bytes of the copy and of the block maxima of the volume. */
-  SizeValueType
+  std::size_t
   GetPreparedSizeInBytes() const;
 
 private:

@@ -18,13 +18,42 @@
 #ifndef itkShearWarpMIPBaseImageFilter_h
 #define itkShearWarpMIPBaseImageFilter_h
 
-#include "itkShearWarpBaseImageFilter.h"
+#include "itkImageToImageFilter.h"
+#include "itkMultiThreaderBase.h"
+#include "itkShearWarpEngine.h"
+#include "itkShearWarpFactorization.h"
 
+#include <atomic>
+#include <cstring>
 #include <limits>
+#include <string>
 #include <vector>
+
+#ifndef itkOverrideGetNameOfClassMacro // before ITK 5.4
+#  define itkOverrideGetNameOfClassMacro(thisClass) itkTypeMacro(thisClass, )
+#endif
+
+/** As itkSetMacro, but compares bits: `-ffast-math` drops what is not a number from a comparison. */
+#define itkShearWarpSetMacro(name, type)            \
+  virtual void Set##name(type value)                \
+  {                                                 \
+    itkDebugMacro("setting " #name " to " << value); \
+    if (!Self::HaveSameBits(this->m_##name, value)) \
+    {                                               \
+      this->m_##name = value;                       \
+      this->Modified();                             \
+    }                                               \
+  }
 
 namespace itk
 {
+namespace ShearWarp
+{
+/** Returns the computer's memory in bytes, or the size of the address space if the system does not report it. */
+ShearWarpMIP_EXPORT double
+GetPhysicalMemory();
+} // namespace ShearWarp
+
 /** \class ShearWarpMIPBaseImageFilter
  * \brief Base of the filters that project 3D images along rays.
  *
@@ -34,6 +63,14 @@ namespace itk
  * it reads the volume once for all of them, and views from opposite sides share an intermediate image. With
  * LocalMaximum, it projects one view after the other. Each view has the same bits as in an update of its own.
  *
+ * An update uses the parameters as they were when the output's geometry was computed. An observer that changes a
+ * parameter during an update changes the next update. So do observers that change the number of threads, or release the
+ * prepared volume. If an observer takes away the memory of voxels or pixels, the update ends with an exception. The
+ * memory of voxels must not be allocated again during an update.
+ *
+ * If the transform of a view has a source, UpdateOutputInformation() updates this source first. If this source also
+ * makes the image or the mask, it makes them whole.
+ *
  * \tparam TInputImage An Image of dimension 3 of any arithmetic pixel type but bool and long double.
  * \tparam TOutputImage An Image of the same pixel type, of dimension 2 or 3.
  *
@@ -41,27 +78,27 @@ namespace itk
  * \sa ShearWarpMIPImageFilter, ShearWarpMIPCineImageFilter
  */
 template <typename TInputImage, typename TOutputImage>
-class ITK_TEMPLATE_EXPORT ShearWarpMIPBaseImageFilter : public ShearWarpBaseImageFilter<TInputImage, TOutputImage>
+class ITK_TEMPLATE_EXPORT ShearWarpMIPBaseImageFilter : public ImageToImageFilter<TInputImage, TOutputImage>
 {
 public:
   ITK_DISALLOW_COPY_AND_MOVE(ShearWarpMIPBaseImageFilter);
 
   using Self = ShearWarpMIPBaseImageFilter;
-  using Superclass = ShearWarpBaseImageFilter<TInputImage, TOutputImage>;
+  using Superclass = ImageToImageFilter<TInputImage, TOutputImage>;
   using Pointer = SmartPointer<Self>;
   using ConstPointer = SmartPointer<const Self>;
 
   itkOverrideGetNameOfClassMacro(ShearWarpMIPBaseImageFilter);
 
-  using Superclass::InputImageDimension;
+  static constexpr unsigned int InputImageDimension = TInputImage::ImageDimension;
   static constexpr unsigned int OutputImageDimension = TOutputImage::ImageDimension;
 
   using InputImageType = TInputImage;
   using OutputImageType = TOutputImage;
-  using typename Superclass::InputPixelType;
-  using typename Superclass::OutputPixelType;
-  using typename Superclass::TransformConstPointer;
-  using typename Superclass::TransformType;
+  using InputPixelType = typename InputImageType::PixelType;
+  using OutputPixelType = typename OutputImageType::PixelType;
+  using TransformType = Transform<double, 3, 3>;
+  using TransformConstPointer = typename TransformType::ConstPointer;
   using OutputImageRegionType = typename OutputImageType::RegionType;
   using OutputIndexType = typename OutputImageType::IndexType;
   using SizeType = itk::Size<2>;
@@ -71,7 +108,14 @@ public:
   using MaskImageType = Image<unsigned char, 3>;
   using DepthImageType = Image<float, OutputImageDimension>;
   using ModeEnum = ShearWarpMIPImageFilterEnums::Mode;
+  using ReducedResamplingEnum = ShearWarpMIPImageFilterEnums::ReducedResampling;
 
+  static_assert(InputImageDimension == 3, "the input of a projection must have dimension 3");
+  static_assert(std::is_base_of_v<Image<InputPixelType, 3>, InputImageType>, "the input must be an itk::Image");
+  static_assert(std::is_same_v<OutputPixelType, InputPixelType>, "input and output must have the same pixel type");
+  static_assert(std::is_arithmetic_v<InputPixelType> && !std::is_same_v<InputPixelType, bool> &&
+                  !std::is_same_v<InputPixelType, long double>,
+                "the pixel type must be a scalar other than bool and long double");
   static_assert(OutputImageDimension == 2 || OutputImageDimension == 3,
                 "the output of a projection must have dimension 2, or 3 for a slice in the image's physical space");
 
@@ -194,21 +238,92 @@ public:
   itkSetMacro(IntermediateMemory, SizeValueType);
   itkGetConstMacro(IntermediateMemory, SizeValueType);
 
+  /** Whether the filter skips parts of slices whose largest voxel is not above the values that the picture already has.
+   * Skipping never changes a pixel. Auto, the default, skips parts only where this saves time. Only the plain maximum
+   * uses reduced resampling. */
+  itkSetEnumMacro(ReducedResampling, ReducedResamplingEnum);
+  itkGetEnumMacro(ReducedResampling, ReducedResamplingEnum);
+
+  /** Pixels of the intermediate image per voxel, along each axis: 1, the default, or 2. With 2, the filter takes four
+   * times as many samples of each slice, and the interpolation of the intermediate image loses less detail. The
+   * output's grid does not change. */
+  itkSetMacro(Oversampling, unsigned int);
+  itkGetConstMacro(Oversampling, unsigned int);
+
+  /** The fraction of the volume, 0 to 1, that the last update left out by reduced resampling or by a mask. */
+  double
+  GetSkippedFraction() const
+  {
+    return m_Engine.GetMeasurements().skippedFraction;
+  }
+
+  /** The instruction set of the last update's kernels: "portable", "generic" (the compiler's vectors), "avx2" or
+   * "avx512". The filter uses the fastest one of the processor, unless the environment variable
+   * SHEARWARPMIP_INSTRUCTION_SET names another. */
+  const std::string &
+  GetInstructionSet() const
+  {
+    return m_Engine.GetMeasurements().instructionSet;
+  }
+
+  /** Index axis of the input, 0, 1 or 2, along which the last update took the slices of the first view. */
+  unsigned int
+  GetPrincipalAxis() const
+  {
+    return m_Engine.GetMeasurements().principalAxis;
+  }
+
+  /** Seconds that the last update took to prepare the volume; 0 if it was prepared already. */
+  double
+  GetPreparationSeconds() const
+  {
+    return m_Engine.GetMeasurements().preparationSeconds;
+  }
+
+  /** Seconds that the last update took to project the volume to intermediate images. */
+  double
+  GetProjectionSeconds() const
+  {
+    return m_Engine.GetMeasurements().projectionSeconds;
+  }
+
   /** Seconds that the last update took to warp intermediate images to the output. */
   double
   GetWarpSeconds() const
   {
-    return this->m_Engine.GetMeasurements().warpSeconds;
+    return m_Engine.GetMeasurements().warpSeconds;
   }
 
+  /** Frees the memory that is kept for the next update: the prepared volume, the prepared mask and the intermediate
+   * images. A later update prepares them again if it needs them. A call during an update takes effect at its end. */
+  void
+  ReleasePreparedVolume();
+
+  /** Returns the bytes that the filter holds beside inputs and outputs, which ReleasePreparedVolume() frees. Observers
+   * must not call it during an update. */
+  SizeValueType
+  GetPreparedVolumeSizeInBytes() const
+  {
+    return m_Engine.GetSizeInBytes();
+  }
+
+  void
+  UpdateOutputInformation() override;
+
+  /** A parameter that an observer changed during the update is a change for the next update. */
+  void
+  UpdateOutputData(DataObject * output) override;
+
 protected:
-  using ViewList = ShearWarp::ViewList;
+  using EngineType = ShearWarpEngine<InputPixelType>;
+  using RuleType = typename EngineType::RuleType;
+  using ViewList = std::vector<ShearWarp::AffineMap3D>;
 
   ShearWarpMIPBaseImageFilter() = default;
   ~ShearWarpMIPBaseImageFilter() override = default;
 
-  /** Returns the view transforms, at least one, from view space to the image's physical space. They must be linear and
-   * invertible. The output has their pictures in this order. */
+  /** Returns the views, at least one, from view space to the image's physical space. The output has their pictures in
+   * this order. */
   virtual ViewList
   MakeViews() const = 0;
 
@@ -216,22 +331,40 @@ protected:
   virtual void
   SetGeometry(ImageBase<OutputImageDimension> * output) const = 0;
 
-  /** The grid of each view in the view plane, after GenerateOutputInformation(). */
-  const ImageBase<2> *
-  GetViewGrid() const
+  /** The scene and the rule of the update, after GenerateOutputInformation(). */
+  const ShearWarp::Scene &
+  GetScene() const
   {
-    return m_Grid;
+    return m_Scene;
+  }
+  const RuleType &
+  GetRule() const
+  {
+    return m_Rule;
   }
 
-  /** Returns whether a ray's value is the maximum of all its samples. */
-  bool
-  IsPlainMaximum() const;
+  /** The size of the picture of each view, after GenerateOutputInformation(). */
+  SizeType
+  GetPictureSize() const;
+
+  /** Returns the rule of the present parameters. */
+  RuleType
+  MakeRule() const;
 
   void
   VerifyPreconditions() const override;
 
   void
   VerifyInputInformation() const override;
+
+  /** Throws ExceptionObject if the numbered inputs are not as expected: by default only the first one. */
+  virtual void
+  VerifyIndexedInputs() const;
+
+  /** Throws ExceptionObject if the input of that name is not a \a TObject. */
+  template <typename TObject>
+  void
+  VerifyInputType(const DataObject::DataObjectIdentifierType & name, const std::string & purpose) const;
 
   void
   GenerateOutputInformation() override;
@@ -240,10 +373,48 @@ protected:
   GenerateInputRequestedRegion() override;
 
   void
-  GeneratePixels() override;
+  EnlargeOutputRequestedRegion(DataObject * output) override;
 
-  std::vector<double>
-  GetSettings() const override;
+  /** Allocates the outputs and calls GeneratePixels(). */
+  void
+  GenerateData() override;
+
+  /** Computes the pixels of the outputs. */
+  virtual void
+  GeneratePixels();
+
+  /** Unlike `==`, also for numbers that are not finite, whatever the compiler's options. */
+  template <typename T>
+  static bool
+  HaveSameBits(const T & a, const T & b)
+  {
+    return std::memcmp(&a, &b, sizeof(T)) == 0;
+  }
+
+  /** Throws ExceptionObject if \a image does not have the voxels of \a wanted in memory. They stay in memory as long as
+   * the returned object. */
+  template <typename TPixel, unsigned int VDimension>
+  typename Image<TPixel, VDimension>::PixelContainerConstPointer
+  VerifyVoxels(const std::string &               name,
+               const Image<TPixel, VDimension> * image,
+               const ImageRegion<VDimension> &   wanted) const;
+
+  /** Throws ExceptionObject if \a output does not have \a count pixels. They stay in memory as long as the returned
+   * object. */
+  template <typename TPixel, unsigned int VDimension>
+  typename Image<TPixel, VDimension>::PixelContainerPointer
+  VerifyPixels(Image<TPixel, VDimension> * output, SizeValueType count) const;
+
+  /** Calls \a function(threads). The threads report the filter's progress, and throw ProcessAborted between two tasks.
+   * Their number does not change during the call, and the prepared volume is not released. */
+  template <typename TFunction>
+  void
+  CallWithThreads(const TFunction & function);
+
+  /** Returns the voxels of an image's buffered region, within the image of \a whole. */
+  template <typename TPixel>
+  static ShearWarp::Voxels<TPixel>
+  MakeVoxels(const Image<TPixel, 3> * image, const ImageRegion<3> & whole);
 
   using Superclass::MakeOutput;
   DataObject::Pointer
@@ -252,32 +423,31 @@ protected:
   void
   PrintSelf(std::ostream & os, Indent indent) const override;
 
+  EngineType m_Engine;
+
 private:
-  using RuleType = typename Superclass::EngineType::RuleType;
-
-  RuleType
-  MakeRule() const;
-
   /** Sets one of the output grid's parameters, so that the filter no longer fits it. */
   template <typename TParameter>
   void
   SetGridParameter(TParameter & parameter, bool & fit, const TParameter & value);
 
-  /** Returns the slices of the input's largest possible region. */
-  ShearWarp::SliceRange
-  GetSlices() const;
+  /** Returns the region of a slab, and of the slice before the slab, which its samples need. */
+  static ImageRegion<3>
+  GetSlabRegion(ImageRegion<3> whole, const ShearWarp::SliceRange & slab);
 
-  /** Returns the number of slabs, at most NumberOfStreamDivisions. */
-  SizeValueType
-  GetNumberOfSlabs() const;
+  /** Makes the source of \a image put a region into memory. */
+  static void
+  LoadRegion(ImageBase<3> * image, const ImageRegion<3> & region);
 
-  /** Requests these slices of the input and the mask, and the slice before them, which their samples need. */
   void
-  SetInputRequestedRegionToSlab(const ShearWarp::SliceRange & slab);
+  RunInParallel(std::size_t count, std::size_t steps, const ShearWarp::Task & task);
 
-  /** Makes the source of \a image, if \a image is not null, put the requested region into memory. */
   void
-  UpdateSlab(DataObject * image);
+  ReportProgress();
+
+  /** When a parameter, or the transform, changed last. */
+  ModifiedTimeType
+  GetParameterTime() const;
 
   SizeType        m_Size{ { 0, 0 } };
   SpacingType     m_OutputSpacing{ 0.0 };
@@ -286,9 +456,6 @@ private:
   bool            m_FitOutputSpacing{ true };
   bool            m_FitOutputOrigin{ true };
   OutputPixelType m_DefaultPixelValue{};
-
-  // of each view, in the view plane
-  ImageBase<2>::Pointer m_Grid{ ImageBase<2>::New() };
 
   ModeEnum          m_Mode{ ModeEnum::Maximum };
   double            m_SlabNear{ -std::numeric_limits<double>::infinity() };
@@ -302,8 +469,23 @@ private:
   bool              m_ComputeDepth{ false };
   bool              m_Exact{ false };
 
-  unsigned int  m_NumberOfStreamDivisions{ 1 };
-  SizeValueType m_IntermediateMemory{ SizeValueType{ 1 } << 30 };
+  ReducedResamplingEnum m_ReducedResampling{ ReducedResamplingEnum::Auto };
+  unsigned int          m_Oversampling{ 1 };
+  unsigned int          m_NumberOfStreamDivisions{ 1 };
+  SizeValueType         m_IntermediateMemory{ SizeValueType{ 1 } << 30 };
+
+  // of the update, from GenerateOutputInformation() on
+  ShearWarp::Scene m_Scene;
+  RuleType         m_Rule;
+  ImageRegion<3>   m_InputRegion;
+  TimeStamp        m_RuleTime;
+
+  // while threads run
+  MultiThreaderBase::Pointer m_UpdateThreader;
+  SizeValueType              m_NumberOfWorkers{ 1 };
+  std::atomic<unsigned int>  m_ReportedPercent{ 0 };
+  bool                       m_IsUpdating{ false };
+  bool                       m_IsReleaseWanted{ false };
 };
 } // namespace itk
 

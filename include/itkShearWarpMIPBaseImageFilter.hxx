@@ -18,7 +18,13 @@
 #ifndef itkShearWarpMIPBaseImageFilter_hxx
 #define itkShearWarpMIPBaseImageFilter_hxx
 
+#include "itkDataObjectDecorator.h"
+
 #include <algorithm>
+#include <exception>
+#include <mutex>
+#include <typeinfo>
+#include <utility>
 
 namespace itk
 {
@@ -70,7 +76,7 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::SetGridParameter(TParame
                                                                          bool &             fit,
                                                                          const TParameter & value)
 {
-  if (fit || !Superclass::HaveSameBits(parameter, value))
+  if (fit || !Self::HaveSameBits(parameter, value))
   {
     parameter = value;
     fit = false;
@@ -97,35 +103,61 @@ void
 ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::VerifyPreconditions() const
 {
   Superclass::VerifyPreconditions();
+  this->template VerifyInputType<InputImageType>("Primary", "the 3D image that is projected");
+  this->VerifyIndexedInputs();
   this->template VerifyInputType<MaskImageType>("MaskImage", "the mask, a 3D image of unsigned char");
   if (m_NumberOfStreamDivisions == 0)
   {
     itkExceptionMacro("NumberOfStreamDivisions must be positive, but it is 0.");
   }
-  if (m_Mode > ModeEnum::AbsoluteMaximum)
+  ShearWarp::CallEngine([this] { this->MakeRule().Verify(); });
+  if (m_Exact && m_NumberOfStreamDivisions != 1)
   {
-    itkExceptionMacro("Mode must be one of its enumerators, but it is " << static_cast<unsigned int>(m_Mode) << '.');
-  }
-  this->MakeRule().Verify();
-  if (m_Exact && (this->GetMaskImage() || m_LocalMaximum || m_DepthAttenuation > 0.0 || this->m_Oversampling != 1 ||
-                  m_NumberOfStreamDivisions != 1))
-  {
-    itkExceptionMacro("Exact pictures have no MaskImage, LocalMaximum, DepthAttenuation, Oversampling or "
-                      "NumberOfStreamDivisions: these must be as by default.");
+    itkExceptionMacro("Exact pictures have no NumberOfStreamDivisions, but it is " << m_NumberOfStreamDivisions << '.');
   }
   if (!m_FitSize && (m_Size[0] == 0 || m_Size[1] == 0))
   {
     itkExceptionMacro("Size must not be zero, but it is " << m_Size << '.');
   }
-  ShearWarp::VerifyOutputGrid(m_OutputSpacing, m_OutputOrigin, m_FitOutputSpacing);
+  const ShearWarp::PictureGrid grid{ {},
+                                     { m_OutputSpacing[0], m_OutputSpacing[1] },
+                                     { m_OutputOrigin[0], m_OutputOrigin[1] } };
+  ShearWarp::CallEngine([&] { ShearWarp::VerifyPictureGrid(grid, m_FitOutputSpacing); });
+}
+
+template <typename TInputImage, typename TOutputImage>
+void
+ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::VerifyIndexedInputs() const
+{
+  for (ProcessObject::DataObjectPointerArraySizeType n = 1; n < this->GetNumberOfIndexedInputs(); ++n)
+  {
+    if (this->ProcessObject::GetInput(n))
+    {
+      itkExceptionMacro("Input " << n << " is not used: only input 0, the 3D image that is projected, is numbered.");
+    }
+  }
+}
+
+template <typename TInputImage, typename TOutputImage>
+template <typename TObject>
+void
+ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::VerifyInputType(const DataObject::DataObjectIdentifierType & name,
+                                                                     const std::string & purpose) const
+{
+  const DataObject * object = this->ProcessObject::GetInput(name);
+  if (object && !dynamic_cast<const TObject *>(object))
+  {
+    itkExceptionMacro("Input " << name << " is for " << purpose << ", not for an object of class "
+                               << object->GetNameOfClass() << " (" << typeid(*object).name() << ").");
+  }
 }
 
 template <typename TInputImage, typename TOutputImage>
 void
 ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::VerifyInputInformation() const
 {
-  // first, as ITK 6 compares the input with itself
-  ShearWarp::VerifyInputGeometry(this->GetInput());
+  // first, because ITK 6 compares the input with itself
+  ShearWarp::CallEngine([this] { ShearWarp::VerifyVolumeGrid(ShearWarp::MakeVolumeGrid(this->GetInput())); });
   try
   {
     Superclass::VerifyInputInformation();
@@ -144,116 +176,45 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::VerifyInputInformation()
 }
 
 template <typename TInputImage, typename TOutputImage>
-void
-ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GenerateOutputInformation()
+template <typename TPixel, unsigned int VDimension>
+auto
+ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::VerifyVoxels(const std::string &               name,
+                                                                     const Image<TPixel, VDimension> * image,
+                                                                     const ImageRegion<VDimension> & wanted) const ->
+  typename Image<TPixel, VDimension>::PixelContainerConstPointer
 {
-  const InputImageType * input = this->GetInput();
-  const ViewList         views = this->MakeViews();
-  const double           givenSize[] = { static_cast<double>(m_Size[0]), static_cast<double>(m_Size[1]) };
-  const auto [size, spacing, origin] =
-    ShearWarp::FitGrid(views,
-                       input,
-                       { Vector<double, 2>(givenSize), m_OutputSpacing, m_OutputOrigin },
-                       m_FitSize,
-                       m_FitOutputSpacing,
-                       m_FitOutputOrigin);
-  const double memory = ShearWarp::GetPhysicalMemory();
-  const double bytes = size[0] * size[1] * sizeof(OutputPixelType) * static_cast<double>(views.count);
-  if (!(bytes <= memory))
+  const auto &        buffered = image->GetBufferedRegion();
+  const auto *        voxels = image->GetPixelContainer();
+  const SizeValueType available = voxels ? voxels->Size() : 0;
+  // a product of the lengths can overflow
+  SizeValueType rest = available;
+  for (const SizeValueType length : buffered.GetSize())
   {
-    itkExceptionMacro("Size must fit in memory, but an output of size " << size << ", spacing " << spacing << ", takes "
-                                                                        << bytes << " bytes and this computer has "
-                                                                        << memory << '.');
+    rest /= std::max<SizeValueType>(length, 1);
   }
-
-  m_Grid->SetLargestPossibleRegion(
-    SizeType{ { static_cast<SizeValueType>(size[0]), static_cast<SizeValueType>(size[1]) } });
-  m_Grid->SetSpacing(spacing);
-  m_Grid->SetOrigin(origin);
-  this->SetGeometry(this->GetOutput());
-  if (m_ComputeDepth)
+  if (!buffered.IsInside(wanted) || !image->GetLargestPossibleRegion().IsInside(buffered) || rest == 0)
   {
-    this->SetGeometry(this->GetDepthOutput());
+    itkExceptionMacro("The " << name << " must be buffered where it is requested, but there are " << available
+                             << " voxels, its buffered region is " << buffered << " and the requested region is "
+                             << wanted);
   }
+  return voxels;
 }
 
 template <typename TInputImage, typename TOutputImage>
-void
-ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GenerateInputRequestedRegion()
+template <typename TPixel, unsigned int VDimension>
+auto
+ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::VerifyPixels(Image<TPixel, VDimension> * output,
+                                                                  SizeValueType               count) const ->
+  typename Image<TPixel, VDimension>::PixelContainerPointer
 {
-  this->SetInputRequestedRegionToSlab(ShearWarp::GetSlab(this->GetSlices(), 0, this->GetNumberOfSlabs()));
-}
-
-template <typename TInputImage, typename TOutputImage>
-void
-ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::SetInputRequestedRegionToSlab(
-  const ShearWarp::SliceRange & slab)
-{
-  typename InputImageType::RegionType region = this->GetInput()->GetLargestPossibleRegion();
-  const std::ptrdiff_t                begin = std::max<std::ptrdiff_t>(slab.begin - 1, 0);
-  region.SetIndex(2, region.GetIndex(2) + begin);
-  region.SetSize(2, static_cast<SizeValueType>(slab.end - begin));
-  const_cast<InputImageType *>(this->GetInput())->SetRequestedRegion(region);
-  if (const MaskImageType * mask = this->GetMaskImage())
+  auto * pixels = output->GetPixelContainer();
+  if (!pixels || pixels->Size() < count)
   {
-    const_cast<MaskImageType *>(mask)->SetRequestedRegion(region);
+    itkExceptionMacro("An output must not change during an update: it has " << (pixels ? pixels->Size() : 0)
+                                                                            << " pixels of " << count << '.');
   }
-}
-
-template <typename TInputImage, typename TOutputImage>
-void
-ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::UpdateSlab(DataObject * image)
-{
-  if (image)
-  {
-    image->PropagateRequestedRegion();
-    image->UpdateOutputData();
-    this->VerifyUnchanged();
-  }
-}
-
-template <typename TInputImage, typename TOutputImage>
-ShearWarp::SliceRange
-ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GetSlices() const
-{
-  return { 0, static_cast<std::ptrdiff_t>(this->GetInput()->GetLargestPossibleRegion().GetSize(2)) };
-}
-
-template <typename TInputImage, typename TOutputImage>
-SizeValueType
-ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GetNumberOfSlabs() const
-{
-  return ShearWarp::CountSlabs(this->GetSlices(), m_NumberOfStreamDivisions);
-}
-
-template <typename TInputImage, typename TOutputImage>
-std::vector<double>
-ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GetSettings() const
-{
-  std::vector<double> settings = Superclass::GetSettings();
-  settings.insert(settings.end(),
-                  { static_cast<double>(m_DefaultPixelValue),
-                    static_cast<double>(m_Mode),
-                    m_SlabNear,
-                    m_SlabFar,
-                    static_cast<double>(m_MaskLabel),
-                    static_cast<double>(m_LocalMaximum),
-                    static_cast<double>(m_LocalMaximumThreshold),
-                    m_DepthAttenuation,
-                    static_cast<double>(m_ComputeDepth),
-                    static_cast<double>(m_Exact),
-                    static_cast<double>(m_NumberOfStreamDivisions),
-                    static_cast<double>(m_IntermediateMemory) });
-  settings.insert(settings.end(), m_CropLower.Begin(), m_CropLower.End());
-  settings.insert(settings.end(), m_CropUpper.Begin(), m_CropUpper.End());
-  settings.insert(settings.end(), m_Size.begin(), m_Size.end());
-  settings.insert(settings.end(), m_OutputSpacing.Begin(), m_OutputSpacing.End());
-  settings.insert(settings.end(), m_OutputOrigin.Begin(), m_OutputOrigin.End());
-  if (const MaskImageType * mask = this->GetMaskImage())
-  {
-    Superclass::AddRegion(mask->GetLargestPossibleRegion(), settings);
-  }
-  return settings;
+  return pixels;
 }
 
 template <typename TInputImage, typename TOutputImage>
@@ -262,11 +223,16 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::MakeRule() const -> Rule
 {
   RuleType rule;
   rule.mode = m_Mode;
-  rule.reducedResampling = this->m_ReducedResampling;
+  rule.reducedResampling = m_ReducedResampling;
+  rule.oversampling = m_Oversampling;
   rule.slabNear = m_SlabNear;
   rule.slabFar = m_SlabFar;
-  rule.cropLower = m_CropLower;
-  rule.cropUpper = m_CropUpper;
+  for (unsigned int axis = 0; axis < 3; ++axis)
+  {
+    rule.cropLower[axis] = m_CropLower[axis];
+    rule.cropUpper[axis] = m_CropUpper[axis];
+  }
+  rule.hasMask = this->GetMaskImage() != nullptr;
   rule.maskLabel = m_MaskLabel;
   if (m_LocalMaximum)
   {
@@ -280,60 +246,332 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::MakeRule() const -> Rule
 }
 
 template <typename TInputImage, typename TOutputImage>
-bool
-ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::IsPlainMaximum() const
+void
+ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::UpdateOutputInformation()
 {
-  return this->MakeRule().IsPlainMaximum() && !this->GetMaskImage();
+  // the geometry of the outputs needs the transform that its source makes
+  if (auto * view = dynamic_cast<DataObjectDecorator<TransformType> *>(this->ProcessObject::GetInput("Transform")))
+  {
+    // a source that makes images too must not run again for them
+    for (const auto & name : this->GetInputNames())
+    {
+      auto * image = dynamic_cast<ImageBase<3> *>(this->ProcessObject::GetInput(name));
+      if (image && view->GetSource())
+      {
+        image->UpdateOutputInformation();
+        image->SetRequestedRegionToLargestPossibleRegion();
+      }
+    }
+    view->Update();
+  }
+  Superclass::UpdateOutputInformation();
+}
+
+template <typename TInputImage, typename TOutputImage>
+ModifiedTimeType
+ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GetParameterTime() const
+{
+  const auto * view =
+    dynamic_cast<const DataObjectDecorator<TransformType> *>(this->ProcessObject::GetInput("Transform"));
+  return std::max(this->GetMTime(), view && view->Get() ? view->Get()->GetMTime() : ModifiedTimeType{ 0 });
+}
+
+template <typename TInputImage, typename TOutputImage>
+void
+ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::UpdateOutputData(DataObject * output)
+{
+  Superclass::UpdateOutputData(output);
+  if (this->GetParameterTime() > m_RuleTime.GetMTime())
+  {
+    this->Modified();
+  }
+}
+
+template <typename TInputImage, typename TOutputImage>
+void
+ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GenerateOutputInformation()
+{
+  const InputImageType * input = this->GetInput();
+  m_RuleTime.Modified();
+  m_Rule = this->MakeRule();
+  m_InputRegion = input->GetLargestPossibleRegion();
+  m_Scene.volume = ShearWarp::MakeVolumeGrid(input);
+  m_Scene.views = this->MakeViews();
+  m_Scene.slabs = ShearWarp::CountSlabs({ 0, m_Scene.volume.size[2] }, m_NumberOfStreamDivisions);
+  m_Scene.intermediateMemory = m_IntermediateMemory;
+  const ShearWarp::PictureGrid given{ { static_cast<double>(m_Size[0]), static_cast<double>(m_Size[1]) },
+                                      { m_OutputSpacing[0], m_OutputSpacing[1] },
+                                      { m_OutputOrigin[0], m_OutputOrigin[1] } };
+  ShearWarp::CallEngine([&] {
+    m_Scene.picture = ShearWarp::FitGrid(
+      m_Scene.views, m_Scene.volume, given, m_FitSize, m_FitOutputSpacing, m_FitOutputOrigin);
+  });
+  const auto & [size, spacing, origin] = m_Scene.picture;
+  const double memory = ShearWarp::GetPhysicalMemory();
+  const double bytes = size[0] * size[1] * sizeof(OutputPixelType) * static_cast<double>(m_Scene.views.size());
+  if (!(bytes <= memory))
+  {
+    itkExceptionMacro("Size must fit in memory, but an output of size [" << size[0] << ", " << size[1] << "], spacing ["
+                                                                         << spacing[0] << ", " << spacing[1]
+                                                                         << "], takes " << bytes
+                                                                         << " bytes and this computer has " << memory
+                                                                         << '.');
+  }
+  this->SetGeometry(this->GetOutput());
+  if (m_ComputeDepth)
+  {
+    this->SetGeometry(this->GetDepthOutput());
+  }
+}
+
+template <typename TInputImage, typename TOutputImage>
+auto
+ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GetPictureSize() const -> SizeType
+{
+  return { { static_cast<SizeValueType>(m_Scene.picture.size[0]),
+             static_cast<SizeValueType>(m_Scene.picture.size[1]) } };
+}
+
+template <typename TInputImage, typename TOutputImage>
+void
+ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::EnlargeOutputRequestedRegion(DataObject * output)
+{
+  output->SetRequestedRegionToLargestPossibleRegion();
+}
+
+template <typename TInputImage, typename TOutputImage>
+void
+ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GenerateInputRequestedRegion()
+{
+  const auto first = ShearWarp::GetSlab({ 0, m_Scene.volume.size[2] }, 0, m_Scene.slabs);
+  const auto region = GetSlabRegion(m_InputRegion, first);
+  const_cast<InputImageType *>(this->GetInput())->SetRequestedRegion(region);
+  if (const MaskImageType * mask = this->GetMaskImage())
+  {
+    const_cast<MaskImageType *>(mask)->SetRequestedRegion(region);
+  }
+}
+
+template <typename TInputImage, typename TOutputImage>
+ImageRegion<3>
+ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GetSlabRegion(ImageRegion<3>                whole,
+                                                                      const ShearWarp::SliceRange & slab)
+{
+  const std::ptrdiff_t begin = std::max<std::ptrdiff_t>(slab.begin - 1, 0);
+  whole.SetIndex(2, whole.GetIndex(2) + begin);
+  whole.SetSize(2, static_cast<SizeValueType>(slab.end - begin));
+  return whole;
+}
+
+template <typename TInputImage, typename TOutputImage>
+void
+ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::LoadRegion(ImageBase<3> * image, const ImageRegion<3> & region)
+{
+  image->SetRequestedRegion(region);
+  image->PropagateRequestedRegion();
+  image->UpdateOutputData();
+}
+
+template <typename TInputImage, typename TOutputImage>
+template <typename TPixel>
+ShearWarp::Voxels<TPixel>
+ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::MakeVoxels(const Image<TPixel, 3> * image,
+                                                                   const ImageRegion<3> &   whole)
+{
+  const auto &              buffered = image->GetBufferedRegion();
+  ShearWarp::Voxels<TPixel> voxels;
+  voxels.data = image->GetBufferPointer();
+  voxels.owner = image;
+  voxels.version = image->GetMTime();
+  for (unsigned int axis = 0; axis < 3; ++axis)
+  {
+    voxels.box.begin[axis] = buffered.GetIndex(axis) - whole.GetIndex(axis);
+    voxels.box.size[axis] = static_cast<std::ptrdiff_t>(buffered.GetSize(axis));
+  }
+  return voxels;
+}
+
+template <typename TInputImage, typename TOutputImage>
+void
+ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GenerateData()
+{
+  this->AllocateOutputs();
+  this->GeneratePixels();
 }
 
 template <typename TInputImage, typename TOutputImage>
 void
 ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GeneratePixels()
 {
-  auto * input = const_cast<InputImageType *>(this->GetInput());
-  auto * mask = const_cast<MaskImageType *>(this->GetMaskImage());
+  // whatever an observer does, these stay
+  const ShearWarp::Scene                   scene = m_Scene;
+  const RuleType                           rule = m_Rule;
+  const ImageRegion<3>                     region = m_InputRegion;
+  const typename InputImageType::Pointer   input = const_cast<InputImageType *>(this->GetInput());
+  const MaskImageType::Pointer             mask = const_cast<MaskImageType *>(this->GetMaskImage());
+  const typename OutputImageType::Pointer  output = this->GetOutput();
+  const typename DepthImageType::Pointer   depthOutput = this->GetDepthOutput();
+  if (input->GetLargestPossibleRegion() != region || rule.hasMask != mask.IsNotNull() ||
+      rule.hasDepth != depthOutput.IsNotNull())
+  {
+    itkExceptionMacro("Inputs and outputs must not change during an update.");
+  }
+  const SizeValueType count = this->GetPictureSize()[0] * this->GetPictureSize()[1];
 
-  typename InputImageType::PixelContainerConstPointer voxels;
-  MaskImageType::PixelContainerConstPointer           maskVoxels;
-  ShearWarp::Volume<InputPixelType>                   volume{ input, input->GetLargestPossibleRegion(), mask };
-  volume.streamDivisions = this->GetNumberOfSlabs();
-  volume.load = [&](const ShearWarp::SliceRange & slab) {
-    if (volume.streamDivisions > 1)
+  this->CallWithThreads([&](const ShearWarp::Threads & threads) {
+    m_Engine.Begin(scene, rule, threads);
+    for (std::size_t pass = 0; pass < m_Engine.GetNumberOfPasses(); ++pass)
     {
-      // the last slab's
-      voxels = nullptr;
-      maskVoxels = nullptr;
-      this->SetInputRequestedRegionToSlab(slab);
-      this->UpdateSlab(input);
-      this->UpdateSlab(mask);
+      typename InputImageType::PixelContainerConstPointer voxels;
+      MaskImageType::PixelContainerConstPointer           maskVoxels;
+      for (const ShearWarp::SliceRange & slab : m_Engine.BeginPass(pass))
+      {
+        const ImageRegion<3> wanted = GetSlabRegion(region, slab);
+        if (scene.slabs > 1)
+        {
+          // the last slab's memory
+          voxels = nullptr;
+          maskVoxels = nullptr;
+          LoadRegion(input, wanted);
+          if (mask)
+          {
+            LoadRegion(mask, wanted);
+          }
+        }
+        voxels = this->VerifyVoxels("input", input.GetPointer(), wanted);
+        typename EngineType::MaskType voxelsOfMask;
+        if (mask)
+        {
+          maskVoxels = this->VerifyVoxels("MaskImage", mask.GetPointer(), wanted);
+          voxelsOfMask = MakeVoxels<unsigned char>(mask, region);
+        }
+        m_Engine.Add(slab, MakeVoxels<InputPixelType>(input, region), voxelsOfMask);
+      }
+      for (const std::size_t view : m_Engine.GetViews(pass))
+      {
+        const SizeValueType first = view * count;
+        const auto          pixels = this->VerifyPixels(output.GetPointer(), first + count);
+        typename DepthImageType::PixelContainerPointer depths;
+        ShearWarp::Picture<InputPixelType>             picture{ pixels->GetBufferPointer() + first, nullptr };
+        if (depthOutput)
+        {
+          depths = this->VerifyPixels(depthOutput.GetPointer(), first + count);
+          picture.depths = depths->GetBufferPointer() + first;
+        }
+        rule.isExact ? m_Engine.Refine(view, picture) : m_Engine.Warp(view, picture);
+      }
     }
-    voxels = this->VerifyVoxels("input", input);
-    if (mask)
+    m_Engine.End();
+  });
+}
+
+template <typename TInputImage, typename TOutputImage>
+template <typename TFunction>
+void
+ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::CallWithThreads(const TFunction & function)
+{
+  m_NumberOfWorkers = std::min(this->GetNumberOfWorkUnits(), this->GetMultiThreader()->GetMaximumNumberOfThreads());
+  // one that no observer has
+  m_UpdateThreader = dynamic_cast<MultiThreaderBase *>(this->GetMultiThreader()->CreateAnother().GetPointer());
+  m_UpdateThreader->SetMaximumNumberOfThreads(this->GetMultiThreader()->GetMaximumNumberOfThreads());
+  m_ReportedPercent = 0;
+  m_IsUpdating = true;
+  const auto end = [this] {
+    m_IsUpdating = false;
+    if (m_IsReleaseWanted)
     {
-      maskVoxels = this->VerifyVoxels("MaskImage", mask);
+      this->ReleasePreparedVolume();
     }
   };
+  try
+  {
+    const ShearWarp::Threads threads{
+      m_NumberOfWorkers, [this](std::size_t count, std::size_t steps, const ShearWarp::Task & task) {
+        this->RunInParallel(count, steps, task);
+      }
+    };
+    ShearWarp::CallEngine([&] { function(threads); });
+    this->UpdateProgress(1.0f);
+  }
+  catch (...)
+  {
+    end();
+    throw;
+  }
+  end();
+}
 
-  typename OutputImageType::PixelContainerPointer pixels;
-  typename DepthImageType::PixelContainerPointer  depths;
-  const SizeValueType                             count = m_Grid->GetLargestPossibleRegion().GetNumberOfPixels();
-  const auto                                      getPicture = [&](SizeValueType view) {
-    const SizeValueType first = view * count;
-    pixels = this->VerifyPixels(this->GetOutput(), first + count);
-    depths = m_ComputeDepth ? this->VerifyPixels(this->GetDepthOutput(), first + count) : nullptr;
-    return ShearWarp::Picture<InputPixelType>{ pixels->GetBufferPointer() + first,
-                                               depths ? depths->GetBufferPointer() + first : nullptr };
+template <typename TInputImage, typename TOutputImage>
+void
+ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::ReleasePreparedVolume()
+{
+  m_IsReleaseWanted = m_IsUpdating;
+  if (!m_IsReleaseWanted)
+  {
+    m_Engine.Release();
+  }
+}
+
+/** ITK's reporters invoke events in their destructors, out of which no observer may throw. ITK's threads lose
+ * exceptions. */
+template <typename TInputImage, typename TOutputImage>
+void
+ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::RunInParallel(std::size_t             count,
+                                                                      std::size_t             steps,
+                                                                      const ShearWarp::Task & task)
+{
+  const SizeValueType workers = std::min<SizeValueType>(count, m_NumberOfWorkers);
+  m_UpdateThreader->SetNumberOfWorkUnits(static_cast<ThreadIdType>(workers));
+  std::atomic<std::size_t> next{ 0 };
+  std::exception_ptr       exception;
+  std::mutex               mutex;
+  const auto               work = [&](SizeValueType worker) {
+    for (std::size_t n = next++; n < count; n = next++)
+    {
+      for (std::size_t step = 0; step < steps; ++step)
+      {
+        if (this->GetAbortGenerateData())
+        {
+          throw ProcessAborted(__FILE__, __LINE__);
+        }
+        task(n, step, worker);
+        this->ReportProgress();
+      }
+    }
   };
-  this->m_Engine.Project(volume,
-                         this->MakeViews(),
-                         m_Grid,
-                         this->m_Oversampling,
-                         this->MakeRule(),
-                         m_IntermediateMemory,
-                         getPicture,
-                         this->GetThreads());
-  // the shares sum to less: ITK's progress wraps around to 0 where rounding takes it beyond 1
-  this->UpdateProgress(1.0f);
+  m_UpdateThreader->ParallelizeArray(
+    0,
+    workers,
+    [&](SizeValueType worker) {
+      try
+      {
+        work(worker);
+      }
+      catch (...)
+      {
+        next = count;
+        const std::lock_guard<std::mutex> lock(mutex);
+        exception = exception ? exception : std::current_exception();
+      }
+    },
+    nullptr);
+  if (exception)
+  {
+    std::rethrow_exception(exception);
+  }
+}
+
+/** Reports whole percents, and the last one at the end: ITK's progress wraps around to 0 beyond 1. */
+template <typename TInputImage, typename TOutputImage>
+void
+ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::ReportProgress()
+{
+  const auto   percent = std::min(static_cast<unsigned int>(100.0 * m_Engine.GetProgress()), 99u);
+  unsigned int reported = m_ReportedPercent;
+  if (percent > reported && m_ReportedPercent.compare_exchange_strong(reported, percent))
+  {
+    this->IncrementProgress(0.01f * static_cast<float>(percent - reported));
+  }
 }
 
 template <typename TInputImage, typename TOutputImage>
@@ -362,6 +600,14 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::PrintSelf(std::ostream &
   os << indent << "Exact: " << (m_Exact ? "On" : "Off") << std::endl;
   os << indent << "NumberOfStreamDivisions: " << m_NumberOfStreamDivisions << std::endl;
   os << indent << "IntermediateMemory: " << m_IntermediateMemory << std::endl;
+  os << indent << "ReducedResampling: " << m_ReducedResampling << std::endl;
+  os << indent << "Oversampling: " << m_Oversampling << std::endl;
+  os << indent << "SkippedFraction: " << this->GetSkippedFraction() << std::endl;
+  os << indent << "InstructionSet: " << this->GetInstructionSet() << std::endl;
+  os << indent << "PrincipalAxis: " << this->GetPrincipalAxis() << std::endl;
+  os << indent << "PreparationSeconds: " << this->GetPreparationSeconds() << std::endl;
+  os << indent << "ProjectionSeconds: " << this->GetProjectionSeconds() << std::endl;
+  os << indent << "PreparedVolumeSizeInBytes: " << this->GetPreparedVolumeSizeInBytes() << std::endl;
   os << indent << "WarpSeconds: " << this->GetWarpSeconds() << std::endl;
 }
 } // namespace itk

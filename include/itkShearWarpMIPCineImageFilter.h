@@ -156,12 +156,6 @@ protected:
   typename Superclass::ViewList
   MakeViews() const override;
 
-  std::vector<double>
-  GetSettings() const override;
-
-  void
-  GeneratePixels() override;
-
   void
   SetGeometry(ImageBase<3> * output) const override;
 
@@ -191,8 +185,6 @@ private:
   bool              m_Rocking{ false };
 
   std::vector<TransformConstPointer> m_Transforms;
-  TimeStamp                          m_ListTime;
-  ModifiedTimeType                   m_FitTime{ 0 }; // when the grid was fitted to the views
 };
 } // namespace itk
 

@@ -28,7 +28,7 @@ template <typename TInputImage, typename TOutputImage>
 void
 ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::SetCenter(const PhysicalPointType & center)
 {
-  if (!m_IsCenterSet || !Superclass::HaveSameBits(m_Center, center))
+  if (!m_IsCenterSet || !Self::HaveSameBits(m_Center, center))
   {
     m_Center = center;
     m_IsCenterSet = true;
@@ -64,7 +64,6 @@ ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::AddTransform(const Trans
     itkExceptionMacro("A frame's transform must not be null.");
   }
   m_Transforms.push_back(transform);
-  m_ListTime.Modified();
   this->Modified();
 }
 
@@ -75,8 +74,7 @@ ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::ClearTransforms()
   if (!m_Transforms.empty())
   {
     m_Transforms.clear();
-    m_ListTime.Modified();
-    this->Modified();
+      this->Modified();
   }
 }
 
@@ -148,35 +146,21 @@ template <typename TInputImage, typename TOutputImage>
 auto
 ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::MakeViews() const -> typename Superclass::ViewList
 {
-  if (!m_Transforms.empty())
+  typename Superclass::ViewList views;
+  for (const TransformConstPointer & transform : m_Transforms)
   {
-    return { m_Transforms.size(), [this, views = m_Transforms](SizeValueType frame) {
-              this->RequireUnchanged(views[frame]->GetMTime() <= m_FitTime);
-              return ShearWarp::ViewSpace(views[frame]);
-            } };
+    views.push_back(ShearWarp::MakeView(transform));
   }
-  return {
-    m_NumberOfFrames,
-    [first = this->GetFirstView(), axis = m_RotationAxis, center = this->GetCenter(), angles = this->GetFrameAngles()](
-      SizeValueType frame) { return ShearWarp::ViewSpace(ShearWarpMIPView::Turn(first, axis, center, angles[frame])); }
-  };
-}
-
-template <typename TInputImage, typename TOutputImage>
-std::vector<double>
-ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::GetSettings() const
-{
-  std::vector<double> settings = Superclass::GetSettings();
-  settings.insert(settings.end(),
-                  { static_cast<double>(m_ListTime.GetMTime()),
-                    static_cast<double>(m_NumberOfFrames),
-                    m_StartAngle,
-                    m_AngularRange,
-                    static_cast<double>(m_Rocking),
-                    static_cast<double>(m_IsCenterSet) });
-  settings.insert(settings.end(), m_RotationAxis.Begin(), m_RotationAxis.End());
-  settings.insert(settings.end(), m_Center.Begin(), m_Center.End());
-  return settings;
+  if (m_Transforms.empty())
+  {
+    const TransformConstPointer first = this->GetFirstView();
+    const PhysicalPointType     center = this->GetCenter();
+    for (const double angle : this->GetFrameAngles())
+    {
+      views.push_back(ShearWarp::MakeView(ShearWarpMIPView::Turn(first, m_RotationAxis, center, angle)));
+    }
+  }
+  return views;
 }
 
 template <typename TInputImage, typename TOutputImage>
@@ -218,17 +202,17 @@ template <typename TInputImage, typename TOutputImage>
 void
 ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::SetGeometry(ImageBase<3> * output) const
 {
-  const ImageBase<2> *                    grid = this->GetViewGrid();
-  const Size<2>                           size = grid->GetLargestPossibleRegion().GetSize();
-  const SizeValueType                     frames = this->GetFrames();
+  const ShearWarp::PictureGrid &          grid = this->GetScene().picture;
+  const Size<2>                           size = this->GetPictureSize();
+  const SizeValueType                     frames = this->GetScene().views.size();
   typename OutputImageType::SpacingType   spacing(1.0);
   typename OutputImageType::PointType     origin(0.0);
   typename OutputImageType::DirectionType direction;
   direction.SetIdentity();
   for (unsigned int axis = 0; axis < 2; ++axis)
   {
-    spacing[axis] = grid->GetSpacing()[axis];
-    origin[axis] = grid->GetOrigin()[axis];
+    spacing[axis] = grid.spacing[axis];
+    origin[axis] = grid.origin[axis];
   }
   output->SetLargestPossibleRegion(typename OutputImageType::SizeType{ { size[0], size[1], frames } });
   output->SetSpacing(spacing);
@@ -240,16 +224,14 @@ template <typename TInputImage, typename TOutputImage>
 void
 ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::GenerateOutputInformation()
 {
-  m_FitTime = this->GetMTime();
   Superclass::GenerateOutputInformation();
   std::vector<double> matrices;
-  const auto          views = this->MakeViews();
-  for (SizeValueType n = 0; n < views.count; ++n)
+  for (const ShearWarp::AffineMap3D & view : this->GetScene().views)
   {
-    const auto [axes, offset] = views.get(n);
     for (unsigned int row = 0; row < 3; ++row)
     {
-      matrices.insert(matrices.end(), { axes(row, 0), axes(row, 1), axes(row, 2), offset[row] });
+      matrices.insert(matrices.end(), view.matrix[row], view.matrix[row] + 3);
+      matrices.push_back(view.offset[row]);
     }
   }
   MetaDataDictionary dictionary;
@@ -259,17 +241,6 @@ ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::GenerateOutputInformatio
     EncapsulateMetaData(dictionary, "FrameAngles", this->GetFrameAngles());
   }
   this->GetOutput()->SetMetaDataDictionary(dictionary);
-}
-
-template <typename TInputImage, typename TOutputImage>
-void
-ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::GeneratePixels()
-{
-  Superclass::GeneratePixels();
-  for (const TransformConstPointer & transform : m_Transforms)
-  {
-    this->RequireUnchanged(transform->GetMTime() <= m_FitTime);
-  }
 }
 
 template <typename TInputImage, typename TOutputImage>

@@ -23,6 +23,14 @@
 
 namespace itk
 {
+namespace ShearWarp
+{
+/** Returns the physical point of a column, row and depth of a picture. Throws ExceptionObject if the depth is not
+ * finite, as where no ray has a value. */
+ShearWarpMIP_EXPORT Point<double, 3>
+                    TransformPixel(const AffineMap3D & pictureSpace, double column, double row, double depth);
+} // namespace ShearWarp
+
 /** \class ShearWarpMIPImageFilter
  * \brief Maximum intensity projection (MIP) of a 3D image from any direction.
  *
@@ -69,6 +77,7 @@ namespace itk
  * - a SlabNear greater than SlabFar, a CropLower greater than CropUpper, or one of these that is not a number
  * - a SlabNear of infinity or a SlabFar of minus infinity
  * - a LocalMaximumThreshold that is not a number, with LocalMaximum
+ * - LocalMaximum with the Mode AbsoluteMaximum
  * - a DepthAttenuation that is negative or not finite, or not zero while DefaultPixelValue is not finite
  * - Exact together with a parameter that it excludes
  * - a MaskImage that is not on the input's grid
@@ -97,7 +106,7 @@ namespace itk
  * and OutputOrigin still define the grid in the view plane.
  *
  * \ingroup ShearWarpMIP
- * \sa MaximumProjectionImageFilter, ResampleImageFilter, ShearWarpMIPView, ShearWarpMIPPartImageFilter
+ * \sa MaximumProjectionImageFilter, ResampleImageFilter, ShearWarpMIPView, ShearWarpMIPPartsImageFilter
  */
 template <typename TInputImage, typename TOutputImage = Image<typename TInputImage::PixelType, 2>>
 class ITK_TEMPLATE_EXPORT ShearWarpMIPImageFilter : public ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>
@@ -156,7 +165,7 @@ protected:
   PrintSelf(std::ostream & os, Indent indent) const override;
 
 private:
-  ShearWarp::PictureSpace m_PictureSpace; // of the last update
+  ShearWarp::AffineMap3D m_PictureSpace{}; // of the last update
 };
 } // namespace itk
 

@@ -41,8 +41,8 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::GetPhysicalPoint(const Outpu
                                                     << ": ComputeDepth must be on, and the index of a pixel of "
                                                     << "the last update.");
   }
-  return m_PictureSpace(
-    static_cast<double>(index[0]), static_cast<double>(index[1]), static_cast<double>(depth->GetPixel(index)));
+  return ShearWarp::TransformPixel(
+    m_PictureSpace, static_cast<double>(index[0]), static_cast<double>(index[1]), depth->GetPixel(index));
 }
 
 template <typename TInputImage, typename TOutputImage>
@@ -58,28 +58,44 @@ template <typename TInputImage, typename TOutputImage>
 auto
 ShearWarpMIPImageFilter<TInputImage, TOutputImage>::MakeViews() const -> typename Superclass::ViewList
 {
-  return { 1, [view = ShearWarp::ViewSpace(this->GetTransform())](SizeValueType) { return view; } };
+  return { ShearWarp::MakeView(this->GetTransform()) };
 }
 
 template <typename TInputImage, typename TOutputImage>
 void
 ShearWarpMIPImageFilter<TInputImage, TOutputImage>::SetGeometry(ImageBase<OutputImageDimension> * output) const
 {
-  const ImageBase<2> * grid = this->GetViewGrid();
+  const ShearWarp::PictureGrid & grid = this->GetScene().picture;
+  const SizeType                 size = this->GetPictureSize();
+
+  typename OutputImageType::DirectionType direction;
+  direction.SetIdentity();
   if constexpr (OutputImageDimension == 2)
   {
-    output->CopyInformation(grid);
+    output->SetLargestPossibleRegion(size);
+    output->SetSpacing(grid.spacing);
+    output->SetOrigin(grid.origin);
+    output->SetDirection(direction);
   }
   else
   {
-    const ShearWarp::ViewSpace  view(this->GetTransform());
-    const ShearWarp::DepthRange slab{ this->GetSlabNear(), this->GetSlabFar() };
-    const auto [spacing, origin, direction] =
-      ShearWarp::MakeSliceGeometry(view, grid, ShearWarp::ClipDepths(view, this->GetInput(), slab));
-    const SizeType size = grid->GetLargestPossibleRegion().GetSize();
+    const ShearWarp::AffineMap3D & view = this->GetScene().views.front();
+    const ShearWarp::DepthRange    slab{ this->GetSlabNear(), this->GetSlabFar() };
+    ShearWarp::SliceGeometry       slice{};
+    ShearWarp::CallEngine([&] {
+      slice =
+        ShearWarp::MakeSliceGeometry(view, grid, ShearWarp::ClipDepths(view, this->GetScene().volume, slab));
+    });
+    for (unsigned int row = 0; row < 3; ++row)
+    {
+      for (unsigned int column = 0; column < 3; ++column)
+      {
+        direction(row, column) = slice.direction[row][column];
+      }
+    }
     output->SetLargestPossibleRegion(typename OutputImageType::SizeType{ { size[0], size[1], 1 } });
-    output->SetSpacing(spacing);
-    output->SetOrigin(origin);
+    output->SetSpacing(slice.spacing);
+    output->SetOrigin(slice.origin);
     output->SetDirection(direction);
   }
 }
@@ -88,12 +104,9 @@ template <typename TInputImage, typename TOutputImage>
 void
 ShearWarpMIPImageFilter<TInputImage, TOutputImage>::GeneratePixels()
 {
+  // for GetPhysicalPoint(), whatever is set afterwards
+  m_PictureSpace = ShearWarp::MakePictureSpace(this->GetScene().views.front(), this->GetScene().picture);
   Superclass::GeneratePixels();
-  if (this->GetComputeDepth())
-  {
-    // for GetPhysicalPoint(), whatever is set afterwards
-    m_PictureSpace = ShearWarp::MakePictureSpace(ShearWarp::ViewSpace(this->GetTransform()), this->GetViewGrid());
-  }
 }
 
 template <typename TInputImage, typename TOutputImage>

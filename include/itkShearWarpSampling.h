@@ -115,6 +115,12 @@ struct ShearedFunction
   ShearWarpMIP_EXPORT double
   operator()(double column, double row, double slice) const;
 };
+/** An affine map of a plane: (x, y) to (xx x + xy y + x0, yx x + yy y + y0). */
+struct AffineMap2D
+{
+  double xx, xy, x0;
+  double yx, yy, y0;
+};
 } // namespace itk::ShearWarp
 
 #endif

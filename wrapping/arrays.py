@@ -10,7 +10,7 @@ import numpy as np
 def _require_image(name, array):
     import itk
 
-    images = itk.ShearWarpMIPPartImageFilter.keys() if name == "input" else [(itk.Image[itk.UC, 3],)]
+    images = itk.ShearWarpMIPPartsImageFilter.keys() if name == "input" else [(itk.Image[itk.UC, 3],)]
     dtypes = {np.dtype(itk.template(image)[1][0].dtype) for (image,) in images}
     if array.ndim != 3:
         raise ValueError(f"{name} must have the axes z, y, x, but its shape is {array.shape}")

@@ -3,14 +3,12 @@
 
 foreach(
   class
-  ShearWarpBaseImageFilter
   ShearWarpFactorization
   ShearWarpMIPBaseImageFilter
   ShearWarpMIPCineImageFilter
   ShearWarpMIPImageFilter
   ShearWarpMIPImageFilterEnums
-  ShearWarpMIPMergePartsImageFilter
-  ShearWarpMIPPartImageFilter
+  ShearWarpMIPPartsImageFilter
   ShearWarpMIPView
   ShearWarpMIPViewEnums
 )

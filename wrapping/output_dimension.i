@@ -1,5 +1,5 @@
-// Of the filters for an input ITK makes the one whose output has the input's type, if there is one. Here that is a slice
-// in physical space, which must be asked for.
+// Among the filters for an input, ITK makes the one whose output has the input's type. Here this output is a slice in
+// physical space: it must be asked for.
 
 %pythoncode %{
 from itk.support.template_class import itkTemplate
@@ -19,7 +19,6 @@ class _ShearWarpMIPTemplate(itkTemplate):
     New.__doc__ = itkTemplate.New.__doc__
 
 
-# ITK finds them by their names
-for _name in ("itk::ShearWarpMIPImageFilter", "itk::ShearWarpMIPMergePartsImageFilter"):
-    _ShearWarpMIPTemplate(_name)
+# ITK finds it by its name
+_ShearWarpMIPTemplate("itk::ShearWarpMIPImageFilter")
 %}

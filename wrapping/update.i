@@ -36,3 +36,17 @@ void _UpdateUnlocked(bool largest, bool hasSignals)
 %}
 }
 %enddef
+
+// A function that works without Python's lock.
+%define SHEAR_WARP_MIP_UNLOCK(function)
+%exception function {
+  PyThreadState * const state = PyEval_SaveThread();
+  try {
+    $action
+    PyEval_RestoreThread(state);
+  } catch (const std::exception & e) {
+    PyEval_RestoreThread(state);
+    SWIG_exception_fail(SWIG_RuntimeError, e.what());
+  }
+}
+%enddef

@@ -329,7 +329,7 @@ def _require_unit_columns(direction: NDArray[np.float64]) -> None:
 
 @cache
 def _find_image_types() -> frozenset[Any]:
-    return frozenset(image for (image,) in itk.ShearWarpMIPPartImageFilter.keys())
+    return frozenset(image for (image,) in itk.ShearWarpMIPPartsImageFilter.keys())
 
 
 @cache

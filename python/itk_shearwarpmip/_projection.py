@@ -59,7 +59,7 @@ def project(volume: Volume, view: Any, parameters: Parameters) -> Any:
     "BytesSent" is the number of bytes of all pieces. Pieces cannot have moved more bytes between workers; the faces of
     chunks are not included.
     """
-    picture = _make_filter(itk.ShearWarpMIPMergePartsImageFilter, volume, parameters)
+    picture = _make_filter(itk.ShearWarpMIPPartsImageFilter, volume, parameters)
     picture.SetTransform(view)
     update(picture, information=True)
     pieces = _project(volume, [view], parameters)
@@ -87,7 +87,7 @@ def project_turn(volume: Volume, set_turn: Callable[[Any, Any], None], parameter
     )
     pixels = np.empty((frames, rows, columns), volume.array.dtype.newbyteorder("="))
     for frame, (view, piece) in enumerate(zip(views, pieces.views, strict=True)):
-        picture = _make_filter(itk.ShearWarpMIPMergePartsImageFilter, volume, grid)
+        picture = _make_filter(itk.ShearWarpMIPPartsImageFilter, volume, grid)
         picture.SetTransform(view)
         pixels[frame] = itk.array_view_from_image(_warp(picture, piece, pieces.background))
     image = itk.image_from_array(pixels)
@@ -112,7 +112,8 @@ def _warp(picture: Any, piece: _Piece, background: Any) -> Any:
     region.SetIndex([piece.column, piece.row])
     region.SetSize(list(piece.pixels.shape[::-1]))
     part.SetRegions(region)
-    picture.SetPart(0, part)
+    picture.ClearParts()
+    picture.AddPart(part)
     set_background(picture, background)
     picture.Update()
     image = picture.GetOutput()
@@ -372,8 +373,7 @@ def merge_chunks(projected: list[_Pieces], before: list[_EndsOf], low: _Place, h
 
 def _project_parts(parts: Iterable[tuple[np.ndarray, Sequence[int]]], view: _View) -> Iterator[list[_Piece]]:
     """Yields the pieces of each part. A part is its voxels and the place of its first voxel (z, y, x)."""
-    projection = itk.ShearWarpMIPPartImageFilter.New(view.volume.make_image())
-    projection.SetWholeRegion(view.volume.region)
+    projection = itk.ShearWarpMIPPartsImageFilter.New(view.volume.make_image())
     projection.SetOversampling(view.oversampling)
     # chunks are what is done at once, also by threads
     projection.SetNumberOfWorkUnits(1)
@@ -381,12 +381,11 @@ def _project_parts(parts: Iterable[tuple[np.ndarray, Sequence[int]]], view: _Vie
         # one view does not pay for its preparation
         projection.SetReducedResampling(itk.ShearWarpMIPImageFilterEnums.ReducedResampling_Off)
     for voxels, first in parts:
-        projection.SetInput(view.volume.make_part(voxels, first))
+        part = view.volume.make_part(voxels, first)
         pieces = []
         for transform in view.transforms:
             projection.SetTransform(transform)
-            projection.Update()
-            output = projection.GetOutput()
+            output = projection.ProjectPart(part)
             column, row = output.GetLargestPossibleRegion().GetIndex()
             pieces.append(_Piece(row, column, itk.array_from_image(output, update=False)))
         yield pieces

@@ -17,20 +17,15 @@
  *=========================================================================*/
 #include "Buffer.h"
 
-#include "itkMacro.h"
-#include "itkShearWarpEngine.h"
-
-#include "itksys/SystemInformation.hxx"
-
-#include <limits>
 #include <new>
+#include <string>
 #include <utility>
 
 #ifdef __linux__
 #  include <sys/mman.h>
 #endif
 
-namespace itk
+namespace itk::ShearWarp
 {
 namespace
 {
@@ -44,13 +39,13 @@ GetAlignment(std::size_t size)
 }
 } // namespace
 
-ShearWarpBuffer::ShearWarpBuffer(ShearWarpBuffer && other) noexcept
+Buffer::Buffer(Buffer && other) noexcept
   : m_Memory(std::exchange(other.m_Memory, nullptr))
   , m_Size(std::exchange(other.m_Size, 0))
 {}
 
-ShearWarpBuffer &
-ShearWarpBuffer::operator=(ShearWarpBuffer && other) noexcept
+Buffer &
+Buffer::operator=(Buffer && other) noexcept
 {
   std::swap(m_Memory, other.m_Memory);
   std::swap(m_Size, other.m_Size);
@@ -58,7 +53,7 @@ ShearWarpBuffer::operator=(ShearWarpBuffer && other) noexcept
 }
 
 void
-ShearWarpBuffer::Reserve(std::size_t bytes, const char * purpose)
+Buffer::Reserve(std::size_t bytes, const char * purpose)
 {
   if (bytes <= m_Size)
   {
@@ -68,21 +63,20 @@ ShearWarpBuffer::Reserve(std::size_t bytes, const char * purpose)
   m_Memory = ::operator new(bytes, GetAlignment(bytes), std::nothrow);
   if (!m_Memory)
   {
-    throw MemoryAllocationError(
-      __FILE__, __LINE__, "Failed to allocate " + std::to_string(bytes) + " bytes for " + purpose + '.', ITK_LOCATION);
+    Throw(OutOfMemory("Failed to allocate " + std::to_string(bytes) + " bytes for " + purpose + '.'));
   }
   m_Size = bytes;
 #ifdef __linux__
   if (bytes >= HugePage)
   {
-    // a wish, not a condition
+    // the system may refuse
     madvise(m_Memory, bytes, MADV_HUGEPAGE);
   }
 #endif
 }
 
 void
-ShearWarpBuffer::Release()
+Buffer::Release()
 {
   if (m_Memory)
   {
@@ -91,17 +85,4 @@ ShearWarpBuffer::Release()
     m_Size = 0;
   }
 }
-
-double
-ShearWarp::GetPhysicalMemory()
-{
-  static const double memory = [] {
-    itksys::SystemInformation system;
-    system.RunMemoryCheck();
-    const auto megabytes = system.GetTotalPhysicalMemory();
-    return megabytes > 0 ? 0x1p20 * static_cast<double>(megabytes)
-                         : 0.5 * static_cast<double>(std::numeric_limits<std::ptrdiff_t>::max());
-  }();
-  return memory;
-}
-} // namespace itk
+} // namespace itk::ShearWarp

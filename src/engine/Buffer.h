@@ -18,44 +18,38 @@
 #ifndef itkShearWarpBuffer_h
 #define itkShearWarpBuffer_h
 
-#include "ShearWarpMIPExport.h"
+#include "itkShearWarpGeometry.h"
 
 #include <cstddef>
 #include <vector>
 
-namespace itk
-{
-namespace ShearWarp
+namespace itk::ShearWarp
 {
 template <typename TElement>
 std::size_t
 CountBytes(const std::vector<TElement> & elements)
 {
-  const auto * begin = reinterpret_cast<const char *>(elements.data());
-  const auto * end = reinterpret_cast<const char *>(elements.data() + elements.capacity());
-  return static_cast<std::size_t>(end - begin);
+  return elements.capacity() * sizeof(TElement);
 }
-} // namespace ShearWarp
 
-/** \class ShearWarpBuffer
+/** \class Buffer
  * \brief Uninitialized memory that begins at a cache line, in huge pages where the system offers them.
  * \ingroup ShearWarpMIP
  */
-class ShearWarpMIP_EXPORT ShearWarpBuffer
+class ShearWarpMIP_EXPORT Buffer
 {
 public:
-  ShearWarpBuffer() = default;
-  ShearWarpBuffer(const ShearWarpBuffer &) = delete;
-  ShearWarpBuffer &
-  operator=(const ShearWarpBuffer &) = delete;
-  ShearWarpBuffer(ShearWarpBuffer && other) noexcept;
-  ShearWarpBuffer &
-  operator=(ShearWarpBuffer && other) noexcept;
-  ~ShearWarpBuffer() { this->Release(); }
+  Buffer() = default;
+  Buffer(const Buffer &) = delete;
+  Buffer &
+  operator=(const Buffer &) = delete;
+  Buffer(Buffer && other) noexcept;
+  Buffer &
+  operator=(Buffer && other) noexcept;
+  ~Buffer() { this->Release(); }
 
-  /** Makes the buffer hold at least \a bytes bytes. What it held is lost if it has to grow. Throws
-   * MemoryAllocationError, which tells the number of bytes and that they were for \a purpose, and the buffer is empty
-   * then. */
+  /** Makes the buffer hold at least \a bytes bytes. A buffer that has to grow loses its contents. Throws OutOfMemory,
+   * which tells the number of bytes and \a purpose; the buffer is then empty. */
   void
   Reserve(std::size_t bytes, const char * purpose);
 
@@ -79,6 +73,6 @@ private:
   void *      m_Memory{ nullptr };
   std::size_t m_Size{ 0 };
 };
-} // namespace itk
+} // namespace itk::ShearWarp
 
 #endif

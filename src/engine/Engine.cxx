@@ -18,139 +18,36 @@
 #include "itkShearWarpEngine.h"
 
 #include "Exact.h"
-#include "kernels/PixelTypes.h"
-#include "PreparedVolume.h"
 #include "Projector.h"
+#include "kernels/PixelTypes.h"
 
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <cmath>
-#include <iterator>
-#include <ostream>
-#include <stdexcept>
 #include <unordered_map>
 
 namespace itk
 {
-std::ostream &
-operator<<(std::ostream & out, ShearWarpMIPImageFilterEnums::Mode value)
-{
-  static constexpr const char * names[] = { "Maximum", "Minimum", "AbsoluteMaximum" };
-  const auto                    index = static_cast<unsigned int>(value);
-  return out << "itk::ShearWarpMIPImageFilterEnums::Mode::" << (index < 3 ? names[index] : "INVALID VALUE");
-}
-
-std::ostream &
-operator<<(std::ostream & out, ShearWarpMIPImageFilterEnums::ReducedResampling value)
-{
-  static constexpr const char * names[] = { "Off", "On", "Auto" };
-  const auto                    index = static_cast<unsigned int>(value);
-  return out << "itk::ShearWarpMIPImageFilterEnums::ReducedResampling::"
-             << (index < 3 ? names[index] : "INVALID VALUE");
-}
-
-namespace ShearWarp
-{
-SizeValueType
-CountSlabs(SliceRange slices, SizeValueType wanted)
-{
-  return std::clamp<SizeValueType>(wanted, 1, std::max<std::ptrdiff_t>(CountBlocks(slices.end - slices.begin), 1));
-}
-
-SliceRange
-GetSlab(SliceRange slices, SizeValueType n, SizeValueType slabs)
-{
-  const SizeValueType blocks = CountBlocks(slices.end - slices.begin);
-  const auto          getEnd = [=](SizeValueType count) {
-    return std::min(slices.begin + static_cast<std::ptrdiff_t>(count * blocks / slabs) * BlockLength, slices.end);
-  };
-  return { getEnd(n), getEnd(n + 1) };
-}
-
-template <typename TPixel>
-bool
-ProjectionRule<TPixel>::IsPlainMaximum() const
-{
-  return mode == ShearWarpMIPImageFilterEnums::Mode::Maximum && !this->HasRegion() && !localMaximumThreshold &&
-         !(depthAttenuation > 0.0) && !hasDepth && !isExact;
-}
-
-template <typename TPixel>
-bool
-ProjectionRule<TPixel>::HasRegion() const
-{
-  bool hasRegion = slabNear != -Infinity || slabFar != Infinity;
-  for (unsigned int axis = 0; axis < 3; ++axis)
-  {
-    hasRegion = hasRegion || cropLower[axis] != -Infinity || cropUpper[axis] != Infinity;
-  }
-  return hasRegion;
-}
-
-template <typename TPixel>
-void
-ProjectionRule<TPixel>::Verify() const
-{
-  if (!(slabNear <= slabFar && slabNear < Infinity && slabFar > -Infinity))
-  {
-    itkGenericExceptionMacro("SlabNear must be less than infinity and not greater than SlabFar, but they are "
-                             << slabNear << " and " << slabFar << '.');
-  }
-  for (unsigned int axis = 0; axis < 3; ++axis)
-  {
-    if (!(cropLower[axis] <= cropUpper[axis]))
-    {
-      itkGenericExceptionMacro("CropLower must not be greater than CropUpper, but they are " << cropLower << " and "
-                                                                                             << cropUpper << '.');
-    }
-  }
-  if (!(depthAttenuation >= 0.0 && std::isfinite(depthAttenuation)))
-  {
-    itkGenericExceptionMacro("DepthAttenuation must be finite and not negative, but it is " << depthAttenuation << '.');
-  }
-  if (depthAttenuation > 0.0 && !std::isfinite(static_cast<double>(background)))
-  {
-    itkGenericExceptionMacro("DefaultPixelValue must be finite where samples fade to it, but it is " << background
-                                                                                                     << '.');
-  }
-  if (localMaximumThreshold && *localMaximumThreshold != *localMaximumThreshold)
-  {
-    itkGenericExceptionMacro("LocalMaximumThreshold must be a number, but it is " << *localMaximumThreshold << '.');
-  }
-}
-} // namespace ShearWarp
-
 namespace
 {
-using ReducedResamplingEnum = ShearWarpMIPImageFilterEnums::ReducedResampling;
-using ModeEnum = ShearWarpMIPImageFilterEnums::Mode;
+using namespace ShearWarp;
 using Clock = std::chrono::steady_clock;
-using ShearWarp::Parallelize;
-using ShearWarp::Threads;
 
-constexpr SizeValueType MostViewsTogether = 256;
+constexpr std::size_t MostViewsTogether = 256;
 
 /** How far beyond the limits of a slab or a box samples count, in extents of a voxel: more than rounding errors. */
 constexpr double LimitTolerance = 1e-9;
 
-struct View
-{
-  ShearWarp::ViewSpace   space;
-  ShearWarpFactorization factorization;
-  SizeValueType          number;
-};
+/** The numbers of views with the same intermediate image, such as views from opposite sides. */
+using Projection = std::vector<std::size_t>;
 
-/** The numbers of views with the same intermediate image. */
-using Projection = std::vector<SizeValueType>;
-
-/** What is projected together. */
-struct Group
+/** What is projected while the volume is read once. */
+struct Pass
 {
   unsigned int            axis;
   std::vector<Projection> projections;
 };
-
-using FactorizeFunction = std::function<std::shared_ptr<const View>(SizeValueType)>;
 
 double
 SecondsSince(Clock::time_point start)
@@ -158,213 +55,321 @@ SecondsSince(Clock::time_point start)
   return std::chrono::duration<double>(Clock::now() - start).count();
 }
 
-Parallelize
-TakeShare(const Threads & threads, float share)
+/** Returns a number that tells most views apart, by the places of the first slice and the last one. */
+std::size_t
+HashPlacements(const std::vector<SlicePlacement> & placements)
 {
-  return [&threads, share](SizeValueType count, SizeValueType steps, const ShearWarp::Task & task) {
-    threads.run(count, steps, share, task);
-  };
+  std::size_t hash = 0;
+  for (const auto & place : { placements.front(), placements.back() })
+  {
+    for (const std::int32_t part : { place.column.whole, place.column.fraction, place.row.whole, place.row.fraction })
+    {
+      hash = hash * 1000003 + static_cast<std::size_t>(part);
+    }
+  }
+  return hash;
 }
 
-template <typename TPixel>
-std::vector<ShearWarp::Interval>
-MakeIntervals(const View & view, const ShearWarp::ProjectionRule<TPixel> & rule)
+bool
+AreEqual(const std::vector<SlicePlacement> & a, const std::vector<SlicePlacement> & b)
 {
-  std::vector<ShearWarp::Interval> intervals;
-  const auto &                     shear = view.factorization.GetShear();
-  const auto addInterval = [&](const ShearWarp::ShearedFunction & function, double low, double high) {
+  const auto areSame = [](const SamplingPosition & x, const SamplingPosition & y) {
+    return x.whole == y.whole && x.fraction == y.fraction;
+  };
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(), [&](const SlicePlacement & x, const SlicePlacement & y) {
+    return areSame(x.column, y.column) && areSame(x.row, y.row);
+  });
+}
+
+/** Returns whether the first slab along z is nearer to the viewer than the last one. */
+bool
+IsFirstSlabFront(const Factorization & factorization)
+{
+  const bool isFirstSliceNearest = GetDepthFunction(factorization).perSlice > 0;
+  // along other axes, rows are along z, and a ray goes through them against the shear
+  return factorization.GetPrincipalAxis() == 2 ? isFirstSliceNearest
+                                               : isFirstSliceNearest == (factorization.shear[1] < 0);
+}
+
+/** Returns the intervals of a view: the slab and the box, as functions of sheared column, row and slice. */
+template <typename TPixel>
+std::vector<Interval>
+MakeIntervals(const AffineMap3D & view, const Factorization & factorization, const ProjectionRule<TPixel> & rule)
+{
+  std::vector<Interval> intervals;
+  const auto            addInterval = [&](const ShearedFunction & function, double low, double high) {
     if (low != -rule.Infinity || high != rule.Infinity)
     {
-      const double alongSlices = (function.perSlice + function.perColumn * shear[0]) + function.perRow * shear[1];
+      const double alongSlices = (function.perSlice + function.perColumn * factorization.shear[0]) +
+                                 function.perRow * factorization.shear[1];
       const double extent = (std::abs(function.perColumn) + std::abs(function.perRow)) + std::abs(alongSlices);
       const double tolerance = LimitTolerance * extent;
       intervals.push_back({ function, low - tolerance, high + tolerance });
     }
   };
-  addInterval(view.factorization.GetDepthFunction(), rule.slabNear, rule.slabFar);
-  const auto & [axes, offset] = view.space;
+  addInterval(GetDepthFunction(factorization), rule.slabNear, rule.slabFar);
   for (unsigned int axis = 0; axis < 3; ++axis)
   {
-    const double position[] = { axes(axis, 0), axes(axis, 1), axes(axis, 2), offset[axis] };
-    addInterval(
-      view.factorization.GetShearedFunction(Vector<double, 4>(position)), rule.cropLower[axis], rule.cropUpper[axis]);
+    const auto & row = view.matrix[axis];
+    addInterval(GetShearedFunction(factorization, { row[0], row[1], row[2], view.offset[axis] }),
+                rule.cropLower[axis],
+                rule.cropUpper[axis]);
   }
   return intervals;
 }
 
-template <typename TPixel>
-std::optional<ShearWarp::Fading>
-MakeFading(const View & view, const ShearWarp::ProjectionRule<TPixel> & rule, const ImageBase<3> * image)
+/** Returns the columns of each row of an oversampled image that its phases reach. */
+std::vector<ColumnSpan>
+JoinReached(const std::vector<IntermediateGrid> & phases, unsigned int oversampling)
 {
-  if (!(rule.depthAttenuation > 0.0))
+  const auto              steps = static_cast<std::int32_t>(oversampling);
+  std::vector<ColumnSpan> reached(phases.front().rows * steps);
+  for (std::size_t n = 0; n < phases.size(); ++n)
   {
-    return {};
-  }
-  return ShearWarp::Fading{ rule.depthAttenuation,
-                            std::max(ShearWarp::FindSphereDepth(view.space, image), rule.slabNear) };
-}
-
-/** For a number that tells most views apart: of the places of the first slice and the last one. */
-SizeValueType
-HashPlacements(const std::vector<ShearWarp::SlicePlacement> & placements)
-{
-  SizeValueType hash = 0;
-  for (const auto & place : { placements.front(), placements.back() })
-  {
-    for (const std::int32_t part : { place.column.whole, place.column.fraction, place.row.whole, place.row.fraction })
+    const auto column = static_cast<std::int32_t>(n) % steps;
+    for (std::ptrdiff_t row = 0; row < phases[n].rows; ++row)
     {
-      hash = hash * 1000003 + static_cast<SizeValueType>(part);
+      const ColumnSpan & phase = phases[n].reached[row];
+      ColumnSpan &       span = reached[row * steps + static_cast<std::int32_t>(n) / steps];
+      if (phase.begin < phase.end)
+      {
+        const std::int32_t begin = phase.begin * steps + column;
+        span.begin = span.begin < span.end ? std::min(span.begin, begin) : begin;
+        span.end = std::max(span.end, (phase.end - 1) * steps + column + 1);
+      }
     }
   }
-  return hash;
+  return reached;
 }
 } // namespace
 
+/** \class ShearWarpEngine::Implementation
+ * The memory that is kept between updates, and the plan and state of an update. */
 template <typename TPixel>
 class ShearWarpEngine<TPixel>::Implementation
 {
 public:
-  using Kernels = ShearWarp::Kernels<TPixel>;
-  using IntermediateImage = ShearWarp::IntermediateImage<TPixel>;
-  using Projector = ShearWarpProjector<TPixel>;
+  using KernelsType = Kernels<TPixel>;
+  using ImageType = IntermediateImage<TPixel>;
 
-  explicit Implementation(ShearWarp::Measurements & measurementsOfEngine)
-    : measurements(measurementsOfEngine)
+  explicit Implementation(Measurements & measurements)
+    : m_Measurements(measurements)
   {}
 
-  /** Chooses the kernels, and forgets the last update's measurements. */
   void
-  Begin(const ShearWarpFactorization & first)
+  Begin(const Scene & scene, const RuleType & rule, const Threads & threads);
+
+  std::size_t
+  GetNumberOfPasses() const
   {
-    try
-    {
-      kernels = &ShearWarp::GetKernels<TPixel>();
-      kernelsOfMask = &ShearWarp::GetKernels<unsigned char>();
-    }
-    catch (const std::invalid_argument & error)
-    {
-      itkGenericExceptionMacro(<< error.what());
-    }
-    measurements = {};
-    measurements.principalAxis = first.GetPrincipalAxis();
-    measurements.instructionSet = kernels->instructionSet;
+    return m_Passes.size();
   }
 
-  /** Whether the order of samples matters: to the first local maximum, and where slices are more than ranks tell. */
-  static bool
-  IsOrdered(const VolumeType & input, const RuleType & rule)
+  std::vector<SliceRange>
+  BeginPass(std::size_t pass);
+
+  void
+  Add(const SliceRange & slab, const VoxelsType & voxels, const MaskType & mask);
+
+  std::vector<std::size_t>
+  GetViews(std::size_t pass) const;
+
+  void
+  Warp(std::size_t view, const PictureType & picture);
+
+  void
+  Refine(std::size_t view, const PictureType & picture);
+
+  void
+  End();
+
+  double
+  GetProgress() const
   {
-    const auto size = input.whole.GetSize();
-    const auto mostSlices = static_cast<SizeValueType>(Projector::MostRankedSlices);
-    return rule.localMaximumThreshold ||
-           (NeedsSlices(input, rule) && std::max({ size[0], size[1], size[2] }) > mostSlices);
+    return m_PlannedSteps == 0 ? 0.0
+                               : std::min(static_cast<double>(m_DoneSteps) / static_cast<double>(m_PlannedSteps), 1.0);
   }
 
-  /** Whether intermediate images tell the slices of their pixels: of depths, and of masks, where a pixel may have none;
-   * and of what fades and of local maxima, as they are projected by the same loops; and where exact maxima begin. */
-  static bool
-  NeedsSlices(const VolumeType & input, const RuleType & rule)
+  void
+  ProjectPart(const Scene &      scene,
+              const RuleType &   rule,
+              const VoxelsType & voxels,
+              TPixel *           pixels,
+              const Threads &    threads);
+
+  void
+  WarpParts(const Scene &                 scene,
+            const RuleType &              rule,
+            const std::vector<PartType> & parts,
+            TPixel *                      pixels,
+            const Threads &               threads);
+
+  std::size_t
+  GetSizeInBytes() const;
+
+  std::size_t
+  GetPreparedSizeInBytes() const
   {
-    return rule.hasDepth || input.mask || rule.depthAttenuation > 0.0 || rule.localMaximumThreshold || rule.isExact;
+    return m_Volume.GetSizeInBytes() + m_Piece.GetSizeInBytes();
   }
 
-  static std::vector<Group>
-  MakeGroups(const VolumeType &        input,
-             SizeValueType             count,
-             const FactorizeFunction & factorize,
-             const RuleType &          rule,
-             SizeValueType             memoryOfThread);
+private:
+  void
+  SetUp(const Scene & scene, const RuleType & rule, const Threads & threads);
+
+  bool
+  IsOrdered() const;
+
+  std::vector<Pass>
+  PlanPasses() const;
 
   void
-  ProjectGroup(const VolumeType &                                                   input,
-               const Group &                                                        group,
-               const FactorizeFunction &                                            factorize,
-               const RuleType &                                                     rule,
-               float                                                                viewShare,
-               const std::function<void(const IntermediateImage &, const View &)> & warp,
-               const Threads &                                                      threads);
+  CutPasses(unsigned int                axis,
+            std::vector<Projection> &&  projections,
+            std::size_t                 bytesOfView,
+            std::vector<Pass> &         passes) const;
 
-  /** What is prepared of a volume slab by slab. */
-  struct Slabs
+  void
+  PlanSteps();
+
+  RunTasks
+  CountSteps(std::size_t steps);
+
+  Factorization
+  FactorizeView(std::size_t view) const
   {
-    ShearWarpPreparedVolume<TPixel>        volume;
-    ShearWarpPreparedVolume<unsigned char> mask{ true };
-  };
+    return Factorize(m_Scene.views[view], m_Scene.volume, m_Rule.oversampling);
+  }
 
-  /** How a volume is projected along an axis. */
-  struct Pass
-  {
-    unsigned int axis;
-    bool         isFirstSlabFirst;
-    bool         hasBlockExtrema, hasBlocksOfMask;
-    bool         isKept; // a transposed copy
-    float        share;  // of the progress
-  };
-
-  /** Prepares the volume and the mask and has \a project(volume, mask, parallelize) project them, slab by slab; \a mask
-   * is null if there is none. */
-  template <typename TFunction>
-  void
-  ProjectSlabs(const VolumeType & input,
-               const Pass &       pass,
-               Slabs &            slabs,
-               const TFunction &  project,
-               const Threads &    threads);
+  std::vector<ProjectedView>
+  MakeProjectedViews(const Pass & pass, const VoxelBox & box);
 
   void
-  Warp(const IntermediateImage &      intermediate,
-       const ShearWarpFactorization & factorization,
-       const Size<2> &                size,
-       TPixel                         background,
-       const PictureType &            picture,
-       const Parallelize &            parallelize);
+  DecidePreparation(const VoxelsType & voxels);
 
-  /** The picture of exact maxima; \a guess is the intermediate image of their view. */
+  std::vector<SliceRange>
+  CutIntoPieces(const SliceRange & slices, const VoxelBox & box) const;
+
   void
-  ProjectExactly(const IntermediateImage & guess,
-                 const View &              view,
-                 const RuleType &          rule,
-                 const Size<2> &           size,
-                 const PictureType &       picture,
-                 const Threads &           threads,
-                 float                     share);
+  AddPiece(const SliceRange & slices, const VoxelsType & voxels, const MaskType & mask, bool isWhole);
 
-  ShearWarpPreparedVolume<TPixel>           volume;
-  ShearWarpPreparedVolume<unsigned char>    mask{ true };
-  Slabs                                     slabsOfParts; // a part's next view has their memory
-  Projector                                 projector;
-  const Kernels *                           kernels{ nullptr };
-  const ShearWarp::Kernels<unsigned char> * kernelsOfMask{ nullptr };
-  ShearWarp::Measurements &                 measurements;
+  template <typename T>
+  const PreparedVolume<T> &
+  Prepare(PreparedVolume<T> & whole,
+          PreparedVolume<T> & piece,
+          const SliceRange &  slices,
+          const Voxels<T> &   voxels,
+          const Kernels<T> &  kernels,
+          bool                hasBlockExtrema,
+          bool                isWhole);
+
+  const ImageType &
+  FinishProjection(std::size_t projection);
+
+  const ImageType &
+  FindImage(std::size_t view);
+
+  void
+  Join(const ImageType & phase, std::size_t projection, std::size_t n);
+
+  void
+  WarpImage(const ImageType & image, const Factorization & factorization, const PictureType & picture);
+
+  // kept between updates
+  PreparedVolume<TPixel>        m_Volume;
+  PreparedVolume<unsigned char> m_Mask{ true };
+  PreparedVolume<TPixel>        m_Piece;
+  PreparedVolume<unsigned char> m_PieceOfMask{ true };
+  Projector<TPixel>             m_Projector;
+  Buffer                        m_JoinedPixels, m_JoinedRanks; // of an oversampled image
+  std::vector<ColumnSpan>       m_JoinedReached;
+  Measurements &                m_Measurements;
+
+  // of an update
+  Scene                          m_Scene;
+  RuleType                       m_Rule;
+  Threads                        m_Threads;
+  const KernelsType *            m_Kernels{ nullptr };
+  const Kernels<unsigned char> * m_KernelsOfMask{ nullptr };
+  std::vector<Pass>              m_Passes;
+  std::size_t                    m_PlannedSteps{ 0 };
+  std::atomic<std::size_t>       m_DoneSteps{ 0 };
+
+  // of a pass
+  static constexpr std::size_t                NoProjection = static_cast<std::size_t>(-1);
+  const Pass *                                m_Pass{ nullptr };
+  std::vector<std::vector<IntermediateGrid>>  m_Phases; // of each projection
+  bool                                        m_IsFirstSlabFirst{ true };
+  bool                                        m_IsPrepared{ false }; // whether the next two are decided
+  bool                                        m_IsCopyKept{ false };
+  bool                                        m_HasBlockExtrema{ false };
+  double                                      m_SkippedBefore{ 0.0 };
+  std::size_t                                 m_Finished{ NoProjection };
+  ImageType                                   m_Image; // of this projection
 };
 
 template <typename TPixel>
-std::vector<Group>
-ShearWarpEngine<TPixel>::Implementation::MakeGroups(const VolumeType &        input,
-                                                    SizeValueType             count,
-                                                    const FactorizeFunction & factorize,
-                                                    const RuleType &          rule,
-                                                    SizeValueType             memoryOfThread)
+void
+ShearWarpEngine<TPixel>::Implementation::SetUp(const Scene & scene, const RuleType & rule, const Threads & threads)
 {
-  const bool                                          isOneByOne = IsOrdered(input, rule);
-  std::vector<Projection>                             projections[3];
-  Size<2>                                             largest[3]{};
-  unsigned int                                        oversampling = 1;
-  std::unordered_multimap<SizeValueType, std::size_t> candidates[3];
-  for (SizeValueType number = 0; number < count; ++number)
-  {
-    const auto         view = factorize(number);
-    const unsigned int axis = view->factorization.GetPrincipalAxis();
-    const Size<2>      size = view->factorization.GetIntermediateSize();
-    largest[axis] = { { std::max(largest[axis][0], size[0]), std::max(largest[axis][1], size[1]) } };
-    oversampling = view->factorization.GetOversampling();
+  m_Kernels = &GetKernels<TPixel>();
+  m_KernelsOfMask = &GetKernels<unsigned char>();
+  m_Scene = scene;
+  m_Rule = rule;
+  m_Threads = threads;
+  m_Pass = nullptr;
+  m_Finished = NoProjection;
+  m_PlannedSteps = 0;
+  m_DoneSteps = 0;
+  m_Measurements = {};
+  m_Measurements.instructionSet = m_Kernels->instructionSet;
+  m_Measurements.principalAxis = this->FactorizeView(0).GetPrincipalAxis();
+}
 
-    const SizeValueType hash = HashPlacements(view->factorization.GetSlicePlacements());
+template <typename TPixel>
+void
+ShearWarpEngine<TPixel>::Implementation::Begin(const Scene & scene, const RuleType & rule, const Threads & threads)
+{
+  this->SetUp(scene, rule, threads);
+  m_Passes = this->PlanPasses();
+  this->PlanSteps();
+}
+
+/** Returns whether the order of samples matters: to the first local maximum, and where ranks cannot count all slices. */
+template <typename TPixel>
+bool
+ShearWarpEngine<TPixel>::Implementation::IsOrdered() const
+{
+  const auto & size = m_Scene.volume.size;
+  return m_Rule.localMaximumThreshold ||
+         (m_Rule.NeedsRanks() && std::max({ size[0], size[1], size[2] }) > Projector<TPixel>::MostRankedSlices);
+}
+
+template <typename TPixel>
+std::vector<Pass>
+ShearWarpEngine<TPixel>::Implementation::PlanPasses() const
+{
+  const bool isAlone = this->IsOrdered() || m_Rule.HasRegion() || m_Rule.hasDepth || m_Rule.depthAttenuation > 0.0;
+  const auto place = [this](const Factorization & view) { return PlaceSlices(view, 0, view.size[2]); };
+  std::vector<Projection>                           projections[3];
+  std::size_t                                       mostBytes[3]{};
+  std::unordered_multimap<std::size_t, std::size_t> candidates[3];
+  for (std::size_t number = 0; number < m_Scene.views.size(); ++number)
+  {
+    const Factorization factorization = this->FactorizeView(number);
+    const unsigned int  axis = factorization.GetPrincipalAxis();
+    const auto          phases = MakePhases(factorization, GetWholeBox(m_Scene.volume), m_Rule.oversampling);
+    const std::size_t   bytes = phases.size() * Projector<TPixel>::GetViewSizeInBytes(phases.front().columns,
+                                                                                    phases.front().rows,
+                                                                                    m_Rule.mode,
+                                                                                    m_Rule.HasRegion(),
+                                                                                    m_Rule.NeedsRanks());
+    mostBytes[axis] = std::max(mostBytes[axis], bytes);
+    const auto        placements = place(factorization);
+    const std::size_t hash = HashPlacements(placements);
     const auto [begin, end] = candidates[axis].equal_range(hash);
-    const bool isAlone = isOneByOne || rule.HasRegion() || rule.hasDepth || rule.depthAttenuation > 0.0;
-    const auto same = isAlone ? end : std::find_if(begin, end, [&](const auto & candidate) {
-      const Projection & projection = projections[axis][candidate.second];
-      return factorize(projection.front())->factorization.HasSameSlicePlacements(view->factorization);
+    const auto same = isAlone ? end : std::find_if(begin, end, [&, axisOfView = axis](const auto & candidate) {
+      return AreEqual(place(this->FactorizeView(projections[axisOfView][candidate.second].front())), placements);
     });
     if (same != end)
     {
@@ -374,243 +379,524 @@ ShearWarpEngine<TPixel>::Implementation::MakeGroups(const VolumeType &        in
     candidates[axis].emplace(hash, projections[axis].size());
     projections[axis].push_back({ number });
   }
-
-  std::vector<Group> groups;
+  std::vector<Pass> passes;
   for (unsigned int axis = 0; axis < 3; ++axis)
   {
-    // as few groups as there is room for, of equal size; more views would save nothing
-    const SizeValueType bytes = Projector::GetImageSizeInBytes(
-      largest[axis], oversampling, rule.mode, rule.HasRegion(), NeedsSlices(input, rule));
-    const SizeValueType room = memoryOfThread / std::max<SizeValueType>(bytes, 1);
-    const SizeValueType most = isOneByOne ? 1 : std::clamp<SizeValueType>(room, 1, MostViewsTogether);
-    const SizeValueType total = projections[axis].size();
-    const SizeValueType groupsOfAxis = (total + most - 1) / most;
-    const auto          first = std::make_move_iterator(projections[axis].begin());
-    for (SizeValueType n = 0; n < groupsOfAxis; ++n)
+    this->CutPasses(axis, std::move(projections[axis]), mostBytes[axis], passes);
+  }
+  return passes;
+}
+
+/** Adds as few passes of the projections as memory allows, of equal size. */
+template <typename TPixel>
+void
+ShearWarpEngine<TPixel>::Implementation::CutPasses(unsigned int               axis,
+                                                   std::vector<Projection> && projections,
+                                                   std::size_t                bytesOfView,
+                                                   std::vector<Pass> &        passes) const
+{
+  const std::size_t room = m_Scene.intermediateMemory / m_Threads.count / std::max<std::size_t>(bytesOfView, 1);
+  const std::size_t most = this->IsOrdered() ? 1 : std::clamp<std::size_t>(room, 1, MostViewsTogether);
+  const std::size_t total = projections.size();
+  const std::size_t count = (total + most - 1) / most;
+  const auto        first = std::make_move_iterator(projections.begin());
+  for (std::size_t n = 0; n < count; ++n)
+  {
+    passes.push_back({ axis, { first + n * total / count, first + (n + 1) * total / count } });
+  }
+}
+
+/** Steps are samples: each pass prepares the volume once and projects it once for each projection. An exact picture
+ * takes about as long as eight projections. */
+template <typename TPixel>
+void
+ShearWarpEngine<TPixel>::Implementation::PlanSteps()
+{
+  const auto & size = m_Scene.volume.size;
+  const auto   voxels = static_cast<std::size_t>(size[0]) * size[1] * size[2];
+  const auto   pixels = static_cast<std::size_t>(m_Scene.picture.size[0] * m_Scene.picture.size[1]);
+  for (const Pass & pass : m_Passes)
+  {
+    m_PlannedSteps += voxels * (1 + pass.projections.size());
+  }
+  m_PlannedSteps += m_Scene.views.size() * (m_Rule.isExact ? 8 * voxels : pixels);
+}
+
+/** Returns the threads, counting steps of work as tasks end. */
+template <typename TPixel>
+RunTasks
+ShearWarpEngine<TPixel>::Implementation::CountSteps(std::size_t stepsOfWork)
+{
+  return [this, stepsOfWork](std::size_t count, std::size_t steps, const Task & task) {
+    const std::size_t stepsOfTask = stepsOfWork / std::max<std::size_t>(count * steps, 1);
+    m_Threads.run(count, steps, [this, stepsOfTask, &task](std::size_t n, std::size_t step, std::size_t worker) {
+      task(n, step, worker);
+      m_DoneSteps += stepsOfTask;
+    });
+  };
+}
+
+/** Makes the views of a pass, and the grids of their phases, for the voxels of a box. */
+template <typename TPixel>
+std::vector<ProjectedView>
+ShearWarpEngine<TPixel>::Implementation::MakeProjectedViews(const Pass & pass, const VoxelBox & box)
+{
+  std::vector<ProjectedView> views;
+  m_Phases.clear();
+  for (const Projection & projection : pass.projections)
+  {
+    const AffineMap3D & view = m_Scene.views[projection.front()];
+    const Factorization factorization = this->FactorizeView(projection.front());
+    const auto          intervals = MakeIntervals(view, factorization, m_Rule);
+    m_Phases.push_back(MakePhases(factorization, box, m_Rule.oversampling));
+    for (std::size_t n = 0; n < m_Phases.back().size(); ++n)
     {
-      groups.push_back({ axis, { first + n * total / groupsOfAxis, first + (n + 1) * total / groupsOfAxis } });
+      const auto toPhase = [&](const ShearedFunction & function) {
+        return GetFunctionOfPhase(function, m_Rule.oversampling, n);
+      };
+      ProjectedView projected{ &m_Phases.back()[n], toPhase(GetDepthFunction(factorization)), intervals, {} };
+      for (Interval & interval : projected.intervals)
+      {
+        interval.function = toPhase(interval.function);
+      }
+      if (m_Rule.depthAttenuation > 0.0)
+      {
+        projected.fading =
+          Fading{ m_Rule.depthAttenuation, std::max(FindSphereDepth(view, m_Scene.volume), m_Rule.slabNear) };
+      }
+      views.push_back(std::move(projected));
     }
   }
-  return groups;
+  return views;
 }
 
 template <typename TPixel>
-template <typename TFunction>
-void
-ShearWarpEngine<TPixel>::Implementation::ProjectSlabs(const VolumeType & input,
-                                                      const Pass &       pass,
-                                                      Slabs &            slabs,
-                                                      const TFunction &  project,
-                                                      const Threads &    threads)
+std::vector<SliceRange>
+ShearWarpEngine<TPixel>::Implementation::BeginPass(std::size_t pass)
 {
-  using ShearWarp::BlockLength;
-  const auto *                image = input.image;
-  const bool                  isStreamed = input.streamDivisions > 1;
-  const bool                  isWhole = !isStreamed && (pass.isKept || pass.axis != 0);
-  const ImageRegion<3> &      present = isStreamed ? input.whole : image->GetBufferedRegion();
-  const auto                  first = present.GetIndex(2) - input.whole.GetIndex(2);
-  const ShearWarp::SliceRange slices{ first, first + static_cast<std::ptrdiff_t>(present.GetSize(2)) };
-  // slabs that are transposed stay in the cache
-  constexpr std::ptrdiff_t slabBytes = 1 << 21;
-  const auto               sliceBytes =
-    static_cast<std::ptrdiff_t>(std::max<SizeValueType>(present.GetSize(0) * present.GetSize(1), 1) * sizeof(TPixel));
-  const std::ptrdiff_t slabLength =
-    std::max(slabBytes / sliceBytes, 2 * BlockLength) * static_cast<std::ptrdiff_t>(threads.count);
-  const SizeValueType count =
-    isStreamed ? input.streamDivisions
-    : isWhole  ? 1
-               : std::max<SizeValueType>(ShearWarp::CountBlocks(slices.end - slices.begin, slabLength), 1);
+  m_Pass = &m_Passes[pass];
+  m_Finished = NoProjection;
+  m_IsPrepared = false;
+  m_SkippedBefore = m_Measurements.skippedFraction;
+  m_IsFirstSlabFirst =
+    !this->IsOrdered() || IsFirstSlabFront(this->FactorizeView(m_Pass->projections.front().front()));
 
-  const bool  findsMaxima = pass.hasBlockExtrema && !(isWhole && volume.IsPrepared(image, 2));
-  const bool  transposes = pass.axis == 0 && !(isWhole && volume.IsPrepared(image, 0, false));
-  const bool  transposesMask = input.mask && pass.axis == 0 && !(isWhole && mask.IsPrepared(input.mask, 0, false));
-  const bool  findsBlocksOfMask = pass.hasBlocksOfMask && !(isWhole && mask.IsPrepared(input.mask, 2));
-  const int   preparations = findsMaxima + transposes + transposesMask + findsBlocksOfMask;
-  const float preparationShare = pass.share * (input.mask ? 0.1f : 0.2f) / static_cast<float>(count);
-  const float projectionShare =
-    pass.share * 0.85f / static_cast<float>(count) - preparationShare * static_cast<float>(preparations);
-  const Parallelize prepareInParallel = TakeShare(threads, preparationShare);
-  if (isStreamed)
+  typename Projector<TPixel>::Parameters parameters;
+  parameters.mode = m_Rule.mode;
+  parameters.hasRanks = m_Rule.NeedsRanks();
+  parameters.isOrdered = this->IsOrdered();
+  parameters.background = m_Rule.background;
+  parameters.maskLabel = m_Rule.maskLabel;
+  parameters.reducedResampling = m_Rule.reducedResampling;
+  parameters.localThreshold = m_Rule.localMaximumThreshold;
+  m_Projector.Begin(this->MakeProjectedViews(*m_Pass, GetWholeBox(m_Scene.volume)),
+                    m_Pass->axis,
+                    *m_Kernels,
+                    parameters,
+                    m_Threads.count);
+
+  std::vector<SliceRange> slabs;
+  for (std::size_t n = 0; n < m_Scene.slabs; ++n)
   {
-    volume.Release();
-    mask.Release();
+    slabs.push_back(GetSlab({ 0, m_Scene.volume.size[2] }, n, m_Scene.slabs));
+  }
+  if (!m_IsFirstSlabFirst)
+  {
+    std::reverse(slabs.begin(), slabs.end());
+  }
+  return slabs;
+}
+
+/** Decides what is prepared for a pass: only what serves further views of the volume, too. */
+template <typename TPixel>
+void
+ShearWarpEngine<TPixel>::Implementation::DecidePreparation(const VoxelsType & voxels)
+{
+  const unsigned int projectedAxes = m_Volume.GetProjectedAxes(voxels);
+  const bool         isSecondView = m_Pass->projections.size() > 1 || projectedAxes != 0;
+  m_IsCopyKept = m_Rule.isExact || (projectedAxes >> m_Pass->axis & 1U) != 0;
+  m_HasBlockExtrema = m_Rule.isExact || (m_Rule.IsPlainMaximum() &&
+                                         (m_Rule.reducedResampling == ReducedResampling::On || isSecondView));
+  if (m_Rule.isExact && m_Rule.mode != Mode::Maximum)
+  {
+    m_Volume.KeepBlockMinima();
+  }
+  m_IsPrepared = true;
+}
+
+template <typename TPixel>
+void
+ShearWarpEngine<TPixel>::Implementation::Add(const SliceRange & slab, const VoxelsType & voxels, const MaskType & mask)
+{
+  if (!m_IsPrepared)
+  {
+    this->DecidePreparation(voxels);
+  }
+  if (m_Scene.slabs > 1)
+  {
+    m_Volume.Release();
+    m_Mask.Release();
+    this->AddPiece(slab, voxels, mask, false);
   }
   else
   {
-    volume.SetImage(image, input.whole);
+    m_Volume.SetVoxels(voxels, GetWholeBox(m_Scene.volume));
+    if (m_IsCopyKept || m_Pass->axis != 0)
+    {
+      m_Piece.Release();
+      m_PieceOfMask.Release();
+      this->AddPiece(slab, voxels, mask, true);
+    }
+    else
+    {
+      for (const SliceRange & piece : this->CutIntoPieces(slab, voxels.box))
+      {
+        this->AddPiece(piece, voxels, mask, false);
+      }
+    }
+    m_Volume.AddProjectedAxis(m_Pass->axis);
   }
+  std::size_t views = 0;
+  for (const Projection & projection : m_Pass->projections)
+  {
+    views += projection.size();
+  }
+  m_Measurements.skippedFraction =
+    m_SkippedBefore + m_Projector.GetSkippedFraction() * static_cast<double>(views) / m_Scene.views.size();
+}
+
+/** Returns pieces of slices whose transposed copy stays in the cache. */
+template <typename TPixel>
+std::vector<SliceRange>
+ShearWarpEngine<TPixel>::Implementation::CutIntoPieces(const SliceRange & slices, const VoxelBox & box) const
+{
+  constexpr std::ptrdiff_t pieceBytes = 1 << 21;
+  const std::ptrdiff_t     sliceBytes = box.size[0] * box.size[1] * static_cast<std::ptrdiff_t>(sizeof(TPixel));
+  const std::ptrdiff_t     length =
+    std::max(pieceBytes / sliceBytes, 2 * BlockLength) * static_cast<std::ptrdiff_t>(m_Threads.count);
+  const auto count = static_cast<std::size_t>(std::max<std::ptrdiff_t>(CountBlocks(slices.end - slices.begin, length), 1));
+  std::vector<SliceRange> pieces;
+  for (std::size_t n = 0; n < count; ++n)
+  {
+    pieces.push_back(GetSlab(slices, n, count));
+  }
+  if (!m_IsFirstSlabFirst)
+  {
+    std::reverse(pieces.begin(), pieces.end());
+  }
+  return pieces;
+}
+
+/** Prepares and projects some slices of the voxels; all of them if \a isWhole. */
+template <typename TPixel>
+void
+ShearWarpEngine<TPixel>::Implementation::AddPiece(const SliceRange & slices,
+                                                  const VoxelsType & voxels,
+                                                  const MaskType &   mask,
+                                                  bool               isWhole)
+{
+  const auto & prepared = this->Prepare(m_Volume, m_Piece, slices, voxels, *m_Kernels, m_HasBlockExtrema, isWhole);
+  const PreparedVolume<unsigned char> * preparedMask = nullptr;
+  if (m_Rule.hasMask)
+  {
+    preparedMask = &this->Prepare(m_Mask, m_PieceOfMask, slices, mask, *m_KernelsOfMask, true, isWhole);
+  }
+  const auto start = Clock::now();
+  const auto size = voxels.box.size;
+  const auto steps = static_cast<std::size_t>(size[0] * size[1] * (slices.end - slices.begin));
+  m_DoneSteps += steps;
+  m_Projector.Project(prepared, preparedMask, this->CountSteps(steps * m_Pass->projections.size()));
+  m_Measurements.projectionSeconds += SecondsSince(start);
+}
+
+template <typename TPixel>
+template <typename T>
+const PreparedVolume<T> &
+ShearWarpEngine<TPixel>::Implementation::Prepare(PreparedVolume<T> & whole,
+                                                 PreparedVolume<T> & piece,
+                                                 const SliceRange &  slices,
+                                                 const Voxels<T> &   voxels,
+                                                 const Kernels<T> &  kernels,
+                                                 bool                hasBlockExtrema,
+                                                 bool                isWhole)
+{
+  const unsigned int axis = m_Pass->axis;
+  const bool isNeeded = isWhole ? !whole.IsPrepared(voxels, axis, hasBlockExtrema) : hasBlockExtrema || axis == 0;
+  const auto start = Clock::now();
+  const auto box = GetWholeBox(m_Scene.volume);
   if (isWhole)
   {
-    slabs.volume.Release();
-    slabs.mask.Release();
+    whole.Prepare(voxels, box, axis, hasBlockExtrema, kernels, m_Threads.run);
   }
-  for (SizeValueType n = 0; n < count; ++n)
+  else
   {
-    const auto slab = ShearWarp::GetSlab(slices, pass.isFirstSlabFirst ? n : count - 1 - n, count);
-    input.load(slab);
-    const auto start = Clock::now();
-    const auto prepare =
-      [&](const auto * of, auto & whole, auto & part, bool hasBlockExtrema, const auto & kernelsOf) -> const auto & {
-      if (isWhole)
-      {
-        whole.Prepare(of, input.whole, pass.axis, hasBlockExtrema, kernelsOf, prepareInParallel);
-        return whole;
-      }
-      part.PreparePart(of, input.whole, slab.begin, slab.end, pass.axis, hasBlockExtrema, kernelsOf, prepareInParallel);
-      return part;
-    };
-    const auto & prepared = prepare(image, volume, slabs.volume, pass.hasBlockExtrema, *kernels);
-    const ShearWarpPreparedVolume<unsigned char> * preparedMask = nullptr;
-    if (input.mask)
-    {
-      preparedMask = &prepare(input.mask, mask, slabs.mask, pass.hasBlocksOfMask, *kernelsOfMask);
-    }
-    measurements.preparationSeconds += preparations > 0 ? SecondsSince(start) : 0.0;
-
-    const auto projectionStart = Clock::now();
-    project(prepared, preparedMask, TakeShare(threads, projectionShare));
-    measurements.projectionSeconds += SecondsSince(projectionStart);
+    piece.PreparePiece(voxels, box, slices, axis, hasBlockExtrema, kernels, m_Threads.run);
   }
-  if (!isStreamed)
-  {
-    volume.AddProjectedAxis(pass.axis);
-  }
+  m_Measurements.preparationSeconds += isNeeded ? SecondsSince(start) : 0.0;
+  return isWhole ? whole : piece;
 }
 
 template <typename TPixel>
-void
-ShearWarpEngine<TPixel>::Implementation::ProjectGroup(
-  const VolumeType &                                                   input,
-  const Group &                                                        group,
-  const FactorizeFunction &                                            factorize,
-  const RuleType &                                                     rule,
-  float                                                                viewShare,
-  const std::function<void(const IntermediateImage &, const View &)> & warp,
-  const Threads &                                                      threads)
+std::vector<std::size_t>
+ShearWarpEngine<TPixel>::Implementation::GetViews(std::size_t pass) const
 {
-  std::vector<std::shared_ptr<const View>> firsts;
-  SizeValueType                            count = 0;
-  for (const Projection & projection : group.projections)
+  std::vector<std::size_t> views;
+  for (const Projection & projection : m_Passes[pass].projections)
   {
-    count += projection.size();
-    firsts.push_back(factorize(projection.front()));
+    views.insert(views.end(), projection.begin(), projection.end());
   }
-  const float share = viewShare * static_cast<float>(count) * (rule.isExact ? 0.15f : 1.0f);
-  const auto  finish = [&](const auto & finishProjection) {
-    for (std::size_t n = 0; n < firsts.size(); ++n)
-    {
-      const Projection & projection = group.projections[n];
-      const auto         start = Clock::now();
-      const float        mergeShare = 0.05f * viewShare * static_cast<float>(projection.size());
-      const auto         intermediate = finishProjection(n, TakeShare(threads, mergeShare));
-      measurements.projectionSeconds += SecondsSince(start);
-      for (const SizeValueType number : projection)
-      {
-        warp(intermediate, *factorize(number));
-      }
-    }
-  };
-
-  Slabs slabs;
-  // what serves further views is made when they come
-  const unsigned int projectedAxes = volume.GetProjectedAxes(input.image);
-  const bool         isKept = rule.isExact || (projectedAxes >> group.axis & 1U) != 0;
-  const bool         isOrdered = IsOrdered(input, rule);
-  const bool         hasBlockExtrema =
-    rule.isExact ||
-    (rule.IsPlainMaximum() && !input.mask &&
-     (rule.reducedResampling == ReducedResamplingEnum::On || group.projections.size() > 1 || projectedAxes != 0));
-  if (rule.isExact && rule.mode != ModeEnum::Maximum)
-  {
-    volume.KeepBlockMinima();
-  }
-  typename Projector::ViewList views;
-  for (const auto & first : firsts)
-  {
-    views.push_back({ &first->factorization, MakeIntervals(*first, rule), MakeFading(*first, rule, input.image) });
-  }
-  typename Projector::Parameters parameters;
-  parameters.mode = rule.mode;
-  parameters.hasSlices = NeedsSlices(input, rule);
-  parameters.isOrdered = isOrdered;
-  parameters.background = rule.background;
-  parameters.maskLabel = rule.maskLabel;
-  parameters.reducedResampling = rule.reducedResampling;
-  parameters.localThreshold = rule.localMaximumThreshold;
-  projector.Start(views, *kernels, parameters, threads.count);
-  const auto project = [this](const auto & ofVolume, const auto * ofMask, const Parallelize & parallelize) {
-    projector.Project(ofVolume, ofMask, parallelize);
-  };
-  const bool isFirstSlabFirst = !isOrdered || Projector::IsFirstSlabFront(firsts.front()->factorization);
-  const Pass pass{ group.axis, isFirstSlabFirst, hasBlockExtrema, input.mask != nullptr, isKept, share };
-  this->ProjectSlabs(input, pass, slabs, project, threads);
-  // shares may sum to a little more than 1
-  measurements.skippedFraction = std::min(measurements.skippedFraction + projector.GetSkippedFraction() * share, 1.0);
-  finish([this](std::size_t n, const Parallelize & parallelize) { return projector.Finish(n, parallelize); });
+  return views;
 }
 
+/** Returns the intermediate image of a view of the pass. */
+template <typename TPixel>
+auto
+ShearWarpEngine<TPixel>::Implementation::FindImage(std::size_t view) -> const ImageType &
+{
+  const auto & projections = m_Pass->projections;
+  const auto   found = std::find_if(projections.begin(), projections.end(), [view](const Projection & projection) {
+    return std::find(projection.begin(), projection.end(), view) != projection.end();
+  });
+  return this->FinishProjection(static_cast<std::size_t>(found - projections.begin()));
+}
+
+/** Merges the images of all threads, and joins the phases of an oversampled image. */
+template <typename TPixel>
+auto
+ShearWarpEngine<TPixel>::Implementation::FinishProjection(std::size_t projection) -> const ImageType &
+{
+  if (projection != m_Finished)
+  {
+    const auto        start = Clock::now();
+    const std::size_t phases = m_Phases[projection].size();
+    m_Finished = NoProjection;
+    for (std::size_t n = 0; n < phases; ++n)
+    {
+      m_Image = m_Projector.Finish(projection * phases + n, m_Threads.run);
+      if (phases > 1)
+      {
+        this->Join(m_Image, projection, n);
+      }
+    }
+    m_Finished = projection;
+    m_Measurements.projectionSeconds += SecondsSince(start);
+  }
+  return m_Image;
+}
+
+/** Copies phase \a n of a projection into the oversampled image. The last phase completes m_Image. */
 template <typename TPixel>
 void
-ShearWarpEngine<TPixel>::Implementation::Warp(const IntermediateImage &      intermediate,
-                                              const ShearWarpFactorization & factorization,
-                                              const Size<2> &                size,
-                                              TPixel                         background,
-                                              const PictureType &            picture,
-                                              const Parallelize &            parallelize)
+ShearWarpEngine<TPixel>::Implementation::Join(const ImageType & phase, std::size_t projection, std::size_t n)
 {
-  const auto                   start = Clock::now();
-  const auto                   map = factorization.GetOutputToIntermediateMatrix();
-  const ShearWarp::AffineMap2D outputToIntermediate{ map(0, 0), map(0, 1), map(0, 2), map(1, 0), map(1, 1), map(1, 2) };
-  const auto                   depth = factorization.GetDepthFunction();
-  constexpr SizeValueType      band = 16;
-  parallelize((size[1] + band - 1) / band, 1, [&](SizeValueType n, SizeValueType, SizeValueType) {
-    for (SizeValueType row = n * band; row < std::min((n + 1) * band, size[1]); ++row)
+  const std::ptrdiff_t steps = m_Rule.oversampling;
+  ImageType            joined = phase;
+  joined.columns = steps * phase.columns;
+  joined.rows = steps * phase.rows;
+  joined.rowStride = steps * phase.rowStride;
+  m_JoinedPixels.Reserve(joined.rows * joined.rowStride * sizeof(TPixel), "the oversampled intermediate image");
+  joined.pixels = m_JoinedPixels.GetPointer<TPixel>();
+  std::int32_t * ranks = nullptr;
+  if (phase.ranks)
+  {
+    m_JoinedRanks.Reserve(joined.rows * joined.rowStride * sizeof(std::int32_t), "the oversampled intermediate image");
+    joined.ranks = ranks = m_JoinedRanks.GetPointer<std::int32_t>();
+  }
+  const auto           number = static_cast<std::ptrdiff_t>(n);
+  const std::ptrdiff_t first = number / steps * joined.rowStride + number % steps;
+  m_Threads.run(static_cast<std::size_t>(phase.rows), 1, [&](std::size_t row, std::size_t, std::size_t) {
+    const std::ptrdiff_t from = static_cast<std::ptrdiff_t>(row) * phase.rowStride;
+    const std::ptrdiff_t to = first + static_cast<std::ptrdiff_t>(row) * steps * joined.rowStride;
+    for (std::ptrdiff_t column = 0; column < phase.columns; ++column)
     {
-      kernels->warpRow(intermediate, outputToIntermediate, row, 0, size[0], background, picture.pixels + row * size[0]);
-      if (picture.depths)
+      joined.pixels[to + column * steps] = phase.pixels[from + column];
+      if (ranks)
       {
-        ShearWarp::FindDepths(intermediate,
-                              outputToIntermediate,
-                              factorization.GetOversampling(),
-                              depth,
-                              row,
-                              size[0],
-                              picture.depths + row * size[0]);
+        ranks[to + column * steps] = phase.ranks[from + column];
       }
     }
   });
-  measurements.warpSeconds += SecondsSince(start);
+  if (number + 1 < steps * steps)
+  {
+    return;
+  }
+  m_JoinedReached = JoinReached(m_Phases[projection], m_Rule.oversampling);
+  joined.hasGaps = false;
+  for (std::ptrdiff_t row = 0; ranks && row < joined.rows; ++row)
+  {
+    const ReachedRow reached = FindReached(ranks + row * joined.rowStride, joined.columns);
+    m_JoinedReached[row] = reached.span;
+    joined.hasGaps = joined.hasGaps || reached.hasGaps;
+  }
+  joined.reached = m_JoinedReached.data();
+  m_Image = joined;
 }
 
 template <typename TPixel>
 void
-ShearWarpEngine<TPixel>::Implementation::ProjectExactly(const IntermediateImage & guess,
-                                                        const View &              view,
-                                                        const RuleType &          rule,
-                                                        const Size<2> &           size,
-                                                        const PictureType &       picture,
-                                                        const Threads &           threads,
-                                                        float                     share)
+ShearWarpEngine<TPixel>::Implementation::Warp(std::size_t view, const PictureType & picture)
 {
-  const auto                   start = Clock::now();
-  const auto &                 factorization = view.factorization;
-  const unsigned int           axis = factorization.GetPrincipalAxis();
-  const auto                   map = factorization.GetOutputToIntermediateMatrix();
-  ShearWarp::ExactView<TPixel> exact;
-  exact.slices = volume.GetSlices(axis);
-  exact.blocks = volume.GetBlockExtrema(axis);
+  this->WarpImage(this->FindImage(view), this->FactorizeView(view), picture);
+}
+
+template <typename TPixel>
+void
+ShearWarpEngine<TPixel>::Implementation::WarpImage(const ImageType &     image,
+                                                   const Factorization & factorization,
+                                                   const PictureType &   picture)
+{
+  const auto            start = Clock::now();
+  const unsigned int    oversampling = m_Rule.oversampling;
+  const AffineMap2D     map = GetOutputToIntermediate(factorization, m_Scene.picture, oversampling);
+  const ShearedFunction depth = GetDepthFunction(factorization);
+  const auto            columns = static_cast<std::ptrdiff_t>(m_Scene.picture.size[0]);
+  const auto            rows = static_cast<std::ptrdiff_t>(m_Scene.picture.size[1]);
+  constexpr std::ptrdiff_t band = 16;
+  const RunTasks           run = this->CountSteps(static_cast<std::size_t>(columns * rows));
+  run(static_cast<std::size_t>(CountBlocks(rows, band)), 1, [&](std::size_t n, std::size_t, std::size_t) {
+    const std::ptrdiff_t begin = static_cast<std::ptrdiff_t>(n) * band;
+    for (std::ptrdiff_t row = begin; row < std::min(begin + band, rows); ++row)
+    {
+      m_Kernels->warpRow(image, map, row, 0, columns, m_Rule.background, picture.pixels + row * columns);
+      if (picture.depths)
+      {
+        FindDepths(image, map, oversampling, depth, row, columns, picture.depths + row * columns);
+      }
+    }
+  });
+  m_Measurements.warpSeconds += SecondsSince(start);
+}
+
+template <typename TPixel>
+void
+ShearWarpEngine<TPixel>::Implementation::Refine(std::size_t view, const PictureType & picture)
+{
+  const ImageType &     guess = this->FindImage(view);
+  const auto            start = Clock::now();
+  const Factorization   factorization = this->FactorizeView(view);
+  const unsigned int    axis = factorization.GetPrincipalAxis();
+  const auto &          size = m_Scene.volume.size;
+  const auto            steps = 8 * static_cast<std::size_t>(size[0]) * size[1] * size[2];
+  ExactView<TPixel>     exact;
+  exact.slices = m_Volume.GetSlices(axis);
+  exact.blocks = m_Volume.GetBlockExtrema(axis);
   for (unsigned int n = 0; n < 2; ++n)
   {
-    exact.shear[n] = factorization.GetShear()[n];
-    exact.translation[n] = factorization.GetTranslation()[n];
+    exact.shear[n] = factorization.shear[n];
+    exact.translation[n] = factorization.translation[n];
   }
-  exact.outputToSheared = { map(0, 0), map(0, 1), map(0, 2), map(1, 0), map(1, 1), map(1, 2) };
-  exact.intervals = MakeIntervals(view, rule);
-  exact.depth = factorization.GetDepthFunction();
-  exact.extremum = Projector::FindExtremum(rule.mode);
-  exact.background = rule.background;
-  ShearWarp::ProjectExactly(exact, *kernels, guess, size[0], size[1], picture, threads, share);
-  measurements.warpSeconds += SecondsSince(start);
+  exact.outputToSheared = GetOutputToIntermediate(factorization, m_Scene.picture);
+  exact.intervals = MakeIntervals(m_Scene.views[view], factorization, m_Rule);
+  exact.depth = GetDepthFunction(factorization);
+  exact.background = m_Rule.background;
+  ProjectExactly(exact,
+                 m_Rule.mode,
+                 *m_Kernels,
+                 guess,
+                 static_cast<std::ptrdiff_t>(m_Scene.picture.size[0]),
+                 static_cast<std::ptrdiff_t>(m_Scene.picture.size[1]),
+                 picture,
+                 this->CountSteps(steps));
+  m_Measurements.warpSeconds += SecondsSince(start);
+}
+
+template <typename TPixel>
+void
+ShearWarpEngine<TPixel>::Implementation::End()
+{
+  m_Piece.Release();
+  m_PieceOfMask.Release();
+  if (m_Scene.slabs > 1)
+  {
+    m_Volume.Release();
+    m_Mask.Release();
+    m_Projector.Release();
+    m_JoinedPixels.Release();
+    m_JoinedRanks.Release();
+  }
+}
+
+template <typename TPixel>
+void
+ShearWarpEngine<TPixel>::Implementation::ProjectPart(const Scene &      scene,
+                                                     const RuleType &   rule,
+                                                     const VoxelsType & voxels,
+                                                     TPixel *           pixels,
+                                                     const Threads &    threads)
+{
+  this->SetUp(scene, rule, threads);
+  const Factorization factorization = this->FactorizeView(0);
+  m_Passes = { { factorization.GetPrincipalAxis(), { { 0 } } } };
+  m_Pass = &m_Passes.front();
+  m_PlannedSteps = 2 * static_cast<std::size_t>(voxels.box.size[0]) * voxels.box.size[1] * voxels.box.size[2];
+  m_SkippedBefore = 0.0;
+  m_IsFirstSlabFirst = true;
+  m_HasBlockExtrema = rule.reducedResampling != ReducedResampling::Off;
+  m_IsCopyKept = m_HasBlockExtrema || m_Volume.IsPrepared(voxels, m_Pass->axis, false);
+  m_IsPrepared = true;
+  typename Projector<TPixel>::Parameters parameters;
+  parameters.reducedResampling = rule.reducedResampling;
+  m_Projector.Begin(
+    this->MakeProjectedViews(*m_Pass, voxels.box), m_Pass->axis, *m_Kernels, parameters, m_Threads.count);
+  this->Add({ voxels.box.begin[2], voxels.box.begin[2] + voxels.box.size[2] }, voxels, {});
+
+  const ImageType & image = this->FinishProjection(0);
+  for (std::ptrdiff_t row = 0; row < image.rows; ++row)
+  {
+    const TPixel *   from = image.pixels + row * image.rowStride;
+    const ColumnSpan reached = image.reached[row];
+    std::fill_n(pixels, image.columns, NoSample<TPixel>);
+    std::copy(from + reached.begin, from + reached.end, pixels + reached.begin);
+    pixels += image.columns;
+  }
+}
+
+template <typename TPixel>
+void
+ShearWarpEngine<TPixel>::Implementation::WarpParts(const Scene &                 scene,
+                                                   const RuleType &              rule,
+                                                   const std::vector<PartType> & parts,
+                                                   TPixel *                      pixels,
+                                                   const Threads &               threads)
+{
+  this->SetUp(scene, rule, threads);
+  const auto               start = Clock::now();
+  const Factorization      factorization = this->FactorizeView(0);
+  const auto               phases = MakePhases(factorization, GetWholeBox(scene.volume), rule.oversampling);
+  const auto               reached = JoinReached(phases, rule.oversampling);
+  const IntermediateRegion region = FindPart(scene, rule, GetWholeBox(scene.volume));
+  Buffer                   memory;
+  memory.Reserve(region.columns * region.rows * sizeof(TPixel), "the intermediate image");
+  ImageType image;
+  image.pixels = memory.GetPointer<TPixel>();
+  image.columns = image.rowStride = region.columns;
+  image.rows = region.rows;
+  image.reached = reached.data();
+  m_PlannedSteps = static_cast<std::size_t>(scene.picture.size[0] * scene.picture.size[1]);
+  m_Threads.run(static_cast<std::size_t>(image.rows), 1, [&](std::size_t n, std::size_t, std::size_t) {
+    const auto row = static_cast<std::ptrdiff_t>(n);
+    std::fill_n(image.pixels + row * image.rowStride, image.columns, NoSample<TPixel>);
+    for (const auto & [partPixels, part] : parts)
+    {
+      if (row >= part.row && row < part.row + part.rows)
+      {
+        const TPixel * from = partPixels + (row - part.row) * part.columns;
+        TPixel *       to = image.pixels + row * image.rowStride + part.column;
+        std::transform(from, from + part.columns, to, to, [](TPixel a, TPixel b) { return a > b ? a : b; });
+      }
+    }
+  });
+  m_Measurements.projectionSeconds = SecondsSince(start);
+  this->WarpImage(image, factorization, { pixels, nullptr });
+}
+
+template <typename TPixel>
+std::size_t
+ShearWarpEngine<TPixel>::Implementation::GetSizeInBytes() const
+{
+  return this->GetPreparedSizeInBytes() + m_Mask.GetSizeInBytes() + m_PieceOfMask.GetSizeInBytes() +
+         m_Projector.GetSizeInBytes() + m_JoinedPixels.GetSizeInBytes() + m_JoinedRanks.GetSizeInBytes() +
+         CountBytes(m_JoinedReached);
 }
 
 template <typename TPixel>
@@ -623,131 +909,108 @@ ShearWarpEngine<TPixel>::~ShearWarpEngine() = default;
 
 template <typename TPixel>
 void
-ShearWarpEngine<TPixel>::Project(const VolumeType &                                volume,
-                                 const ShearWarp::ViewList &                       views,
-                                 const ImageBase<2> *                              grid,
-                                 unsigned int                                      oversampling,
-                                 const RuleType &                                  rule,
-                                 SizeValueType                                     intermediateMemory,
-                                 const std::function<PictureType(SizeValueType)> & getPicture,
-                                 const ShearWarp::Threads &                        threads)
+ShearWarpEngine<TPixel>::Begin(const Scene & scene, const RuleType & rule, const Threads & threads)
 {
-  std::vector<std::shared_ptr<const View>> lastViews(MostViewsTogether);
-  const FactorizeFunction                  factorize = [&](SizeValueType number) {
-    auto & view = lastViews[number % MostViewsTogether];
-    if (!view || view->number != number)
-    {
-      const auto space = views.get(number);
-      view = std::make_shared<const View>(View{ space, { space, volume.image, grid, oversampling }, number });
-    }
-    return view;
-  };
-  m_Implementation->Begin(factorize(0)->factorization);
-  const float viewShare = 1.0f / static_cast<float>(views.count);
-  const auto  warp = [&](const auto & intermediate, const View & view) {
-    const Size<2> size = grid->GetLargestPossibleRegion().GetSize();
-    if (rule.isExact)
-    {
-      m_Implementation->ProjectExactly(
-        intermediate, view, rule, size, getPicture(view.number), threads, 0.8f * viewShare);
-      return;
-    }
-    m_Implementation->Warp(intermediate,
-                           view.factorization,
-                           size,
-                           rule.background,
-                           getPicture(view.number),
-                           TakeShare(threads, 0.09f * viewShare));
-  };
-  const SizeValueType memoryOfThread = intermediateMemory / threads.count;
-  for (const Group & group : Implementation::MakeGroups(volume, views.count, factorize, rule, memoryOfThread))
-  {
-    m_Implementation->ProjectGroup(volume, group, factorize, rule, viewShare, warp, threads);
-  }
-  if (volume.streamDivisions > 1)
-  {
-    this->Release();
-  }
+  m_Implementation->Begin(scene, rule, threads);
+}
+
+template <typename TPixel>
+std::size_t
+ShearWarpEngine<TPixel>::GetNumberOfPasses() const
+{
+  return m_Implementation->GetNumberOfPasses();
+}
+
+template <typename TPixel>
+std::vector<SliceRange>
+ShearWarpEngine<TPixel>::BeginPass(std::size_t pass)
+{
+  return m_Implementation->BeginPass(pass);
 }
 
 template <typename TPixel>
 void
-ShearWarpEngine<TPixel>::ProjectPart(const VolumeType &                volume,
-                                     const ShearWarpFactorization &    factorization,
-                                     ReducedResamplingEnum             reducedResampling,
-                                     const std::function<TPixel *()> & getPixels,
-                                     const ShearWarp::Threads &        threads)
+ShearWarpEngine<TPixel>::Add(const SliceRange & slab, const VoxelsType & voxels, const MaskType & mask)
 {
-  Implementation & engine = *m_Implementation;
-  engine.Begin(factorization);
-  const unsigned int axis = factorization.GetPrincipalAxis();
-  const bool         hasBlockExtrema = reducedResampling != ReducedResamplingEnum::Off;
-  const bool         isKept = hasBlockExtrema || engine.volume.IsPrepared(volume.image, axis, false);
-  typename Implementation::Projector::Parameters parameters;
-  parameters.reducedResampling = reducedResampling;
-  engine.projector.Start({ { &factorization, {} } }, *engine.kernels, parameters, threads.count);
-  const auto project = [&](const auto & prepared, const auto *, const Parallelize & parallelize) {
-    engine.projector.Project(prepared, nullptr, parallelize);
-  };
-  const typename Implementation::Pass pass{ axis, true, hasBlockExtrema, false, isKept, 1.0f };
-  engine.ProjectSlabs(volume, pass, engine.slabsOfParts, project, threads);
-  engine.measurements.skippedFraction = engine.projector.GetSkippedFraction();
+  m_Implementation->Add(slab, voxels, mask);
+}
 
-  const auto start = Clock::now();
-  const auto part = engine.projector.Finish(0, TakeShare(threads, 0.05f));
-  TPixel *   output = getPixels();
-  for (std::ptrdiff_t row = 0; row < part.rows; ++row)
-  {
-    const TPixel *              pixels = part.pixels + row * part.rowStride;
-    const ShearWarp::ColumnSpan reached = part.reached[row];
-    std::fill(output, output + part.columns, ShearWarp::NoSample<TPixel>);
-    std::copy(pixels + reached.begin, pixels + reached.end, output + reached.begin);
-    output += part.columns;
-  }
-  engine.measurements.projectionSeconds += SecondsSince(start);
+template <typename TPixel>
+std::vector<std::size_t>
+ShearWarpEngine<TPixel>::GetViews(std::size_t pass) const
+{
+  return m_Implementation->GetViews(pass);
 }
 
 template <typename TPixel>
 void
-ShearWarpEngine<TPixel>::WarpParts(const std::vector<PartType> &     parts,
-                                   const ShearWarpFactorization &    factorization,
-                                   const ImageBase<2> *              grid,
-                                   TPixel                            background,
-                                   const std::function<TPixel *()> & getPixels,
-                                   const ShearWarp::Threads &        threads)
+ShearWarpEngine<TPixel>::Warp(std::size_t view, const PictureType & picture)
 {
-  Implementation & engine = *m_Implementation;
-  engine.Begin(factorization);
-  const auto      start = Clock::now();
-  const auto      columns = static_cast<std::ptrdiff_t>(factorization.GetIntermediateSize()[0]);
-  const auto      rows = static_cast<std::ptrdiff_t>(factorization.GetIntermediateSize()[1]);
-  ShearWarpBuffer memory;
-  memory.Reserve(columns * rows * sizeof(TPixel), "the intermediate image");
-  auto * const             pixels = memory.template GetPointer<TPixel>();
-  constexpr std::ptrdiff_t band = 16;
-  threads.run(ShearWarp::CountBlocks(rows, band), 1, 0.9f, [&](SizeValueType n, SizeValueType, SizeValueType) {
-    const auto begin = static_cast<std::ptrdiff_t>(n) * band;
-    const auto end = std::min(begin + band, rows);
-    std::fill(pixels + begin * columns, pixels + end * columns, ShearWarp::NoSample<TPixel>);
-    for (const auto & [partPixels, region] : parts)
+  m_Implementation->Warp(view, picture);
+}
+
+template <typename TPixel>
+void
+ShearWarpEngine<TPixel>::Refine(std::size_t view, const PictureType & picture)
+{
+  m_Implementation->Refine(view, picture);
+}
+
+template <typename TPixel>
+void
+ShearWarpEngine<TPixel>::End()
+{
+  m_Implementation->End();
+}
+
+template <typename TPixel>
+double
+ShearWarpEngine<TPixel>::GetProgress() const
+{
+  return m_Implementation->GetProgress();
+}
+
+template <typename TPixel>
+IntermediateRegion
+ShearWarpEngine<TPixel>::FindPart(const Scene & scene, const RuleType & rule, const VoxelBox & box)
+{
+  const auto & whole = scene.volume.size;
+  for (unsigned int axis = 0; axis < 3; ++axis)
+  {
+    if (box.begin[axis] < 0 || box.size[axis] < 1 || box.begin[axis] + box.size[axis] > whole[axis])
     {
-      const auto width = static_cast<std::ptrdiff_t>(region.GetSize(0));
-      const auto lastRow = region.GetIndex(1) + static_cast<std::ptrdiff_t>(region.GetSize(1));
-      for (auto row = std::max(begin, region.GetIndex(1)); row < std::min(end, lastRow); ++row)
-      {
-        const TPixel * from = partPixels + (row - region.GetIndex(1)) * width;
-        TPixel *       to = pixels + row * columns + region.GetIndex(0);
-        std::transform(from, from + width, to, to, [](TPixel a, TPixel b) { return a > b ? a : b; });
-      }
+      std::string text = "A part must not be empty and lie within the volume, but along axis " + std::to_string(axis);
+      text += " it begins at " + std::to_string(box.begin[axis]) + " and has " + std::to_string(box.size[axis]);
+      Throw(InvalidParameter(text + " voxels of " + std::to_string(whole[axis]) + '.'));
     }
-  });
-  engine.measurements.projectionSeconds = SecondsSince(start);
-  engine.Warp({ pixels, columns, rows, columns, factorization.GetReachedColumns().data() },
-              factorization,
-              grid->GetLargestPossibleRegion().GetSize(),
-              background,
-              { getPixels(), nullptr },
-              TakeShare(threads, 0.09f));
+  }
+  const auto phases =
+    MakePhases(Factorize(scene.views.front(), scene.volume, rule.oversampling), box, rule.oversampling);
+  const IntermediateGrid & grid = phases.front();
+  const std::ptrdiff_t     steps = rule.oversampling;
+  return { steps * grid.begin.column, steps * grid.begin.row, steps * grid.columns, steps * grid.rows };
+}
+
+template <typename TPixel>
+void
+ShearWarpEngine<TPixel>::ProjectPart(const Scene &      scene,
+                                     const RuleType &   rule,
+                                     const VoxelsType & voxels,
+                                     TPixel *           pixels,
+                                     const Threads &    threads)
+{
+  m_Implementation->ProjectPart(scene, rule, voxels, pixels, threads);
+}
+
+template <typename TPixel>
+void
+ShearWarpEngine<TPixel>::WarpParts(const Scene &                 scene,
+                                   const RuleType &              rule,
+                                   const std::vector<PartType> & parts,
+                                   TPixel *                      pixels,
+                                   const Threads &               threads)
+{
+  m_Implementation->WarpParts(scene, rule, parts, pixels, threads);
 }
 
 template <typename TPixel>
@@ -758,24 +1021,20 @@ ShearWarpEngine<TPixel>::Release()
 }
 
 template <typename TPixel>
-SizeValueType
-ShearWarpEngine<TPixel>::GetPreparedSizeInBytes() const
+std::size_t
+ShearWarpEngine<TPixel>::GetSizeInBytes() const
 {
-  return m_Implementation->volume.GetSizeInBytes() + m_Implementation->slabsOfParts.volume.GetSizeInBytes();
+  return m_Implementation->GetSizeInBytes();
 }
 
 template <typename TPixel>
-SizeValueType
-ShearWarpEngine<TPixel>::GetSizeInBytes() const
+std::size_t
+ShearWarpEngine<TPixel>::GetPreparedSizeInBytes() const
 {
-  const Implementation & engine = *m_Implementation;
-  return engine.volume.GetSizeInBytes() + engine.slabsOfParts.volume.GetSizeInBytes() + engine.mask.GetSizeInBytes() +
-         engine.projector.GetSizeInBytes();
+  return m_Implementation->GetPreparedSizeInBytes();
 }
 
-#define INSTANTIATE(TPixel)                          \
-  template struct ShearWarp::ProjectionRule<TPixel>; \
-  template class ShearWarpEngine<TPixel>;
+#define INSTANTIATE(TPixel) template class ShearWarpEngine<TPixel>;
 SHEARWARP_FOR_EACH_PIXEL_TYPE(INSTANTIATE)
 #undef INSTANTIATE
 } // namespace itk

@@ -17,17 +17,23 @@
  *=========================================================================*/
 #include "Exact.h"
 
+#include "PreparedVolume.h"
 #include "kernels/PixelTypes.h"
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 #include <numeric>
+#include <utility>
+#include <vector>
 
 namespace itk::ShearWarp
 {
 namespace
 {
+constexpr std::ptrdiff_t CellsInTile = CellRows * CellColumns;
+
 /** Narrows [begin, end] to where low <= slope s + offset <= high. */
 inline void
 ClipRay(double slope, double offset, double low, double high, double & begin, double & end)
@@ -42,8 +48,8 @@ ClipRay(double slope, double offset, double low, double high, double & begin, do
   end = std::min(end, std::max(ends[0], ends[1]));
 }
 
-/** Returns the nearest slice if only the tolerance of limits lies between, so that a ray that ends there does not see
- * the next slice's voxels. */
+/** Returns the nearest slice if \a place is there but for the tolerance of intervals. Then a ray that ends at the slice
+ * does not see the voxels behind it. */
 inline double
 SnapToSlice(double place)
 {
@@ -51,6 +57,7 @@ SnapToSlice(double place)
   return std::abs(place - slice) <= 2e-9 ? slice : place;
 }
 
+/** Rounds to the pixel type: integers half upward, and into the type's range. A zero is +0. */
 template <typename TPixel>
 TPixel
 RoundToPixel(ExactNumber<TPixel> value)
@@ -70,16 +77,16 @@ RoundToPixel(ExactNumber<TPixel> value)
                                                               : static_cast<TPixel>(rounded);
   }
 }
-/** The rays of some tiles beside each other in the sheared grid, and their extrema. */
+
+/** Searches the rays of some tiles that lie side by side. */
 template <typename TPixel>
 class RaySearch
 {
 public:
   using Number = ExactNumber<TPixel>;
 
-  static constexpr std::size_t MostRays = 8192;
-
   RaySearch(const ExactView<TPixel> &         view,
+            Mode                              mode,
             const Kernels<TPixel> &           kernels,
             const IntermediateImage<TPixel> & guess,
             const Picture<TPixel> &           picture,
@@ -87,6 +94,7 @@ public:
             std::ptrdiff_t                    row,
             std::ptrdiff_t                    tiles)
     : m_View(view)
+    , m_Mode(mode)
     , m_Kernels(kernels)
     , m_Guess(guess)
     , m_Picture(picture)
@@ -95,16 +103,17 @@ public:
     , m_Tiles(tiles)
   {}
 
-  /** Takes the ray of \a pixel if it begins in one of the tiles and meets the volume. */
+  /** Adds the ray of sheared column \a p and row \a q if the ray lies in one of the tiles and meets the volume. */
   void
   Add(double p, double q, std::ptrdiff_t pixel);
 
-  /** Sets the pixels of the rays, and forgets these. */
+  /** Searches all rays, sets their pixels, and removes the rays. */
   void
   SetPixels();
 
 private:
-  static constexpr double Nowhere = std::numeric_limits<double>::infinity();
+  static constexpr std::size_t MostRays = 8192;
+  static constexpr double      Nowhere = std::numeric_limits<double>::infinity();
 
   struct Ray
   {
@@ -113,37 +122,62 @@ private:
     std::size_t    cell;
   };
 
-  /** The best values of rays, and their slices. */
+  /** The best value of each ray, and its slice. Minima have the other sign. */
   struct Extrema
   {
     std::vector<Number> best;
     std::vector<double> places;
   };
 
+  struct TileState
+  {
+    ExactTile<TPixel> tile;
+    TPixel            least;
+    double            nearest, farthest; // the slices of the rays
+  };
+
+  /** Clips a ray to the volume and to the intervals: to slices [begin, end], or end < begin. */
+  std::pair<double, double>
+  Clip(double p, double q) const;
+
+  /** Sorts the rays by their cells. */
   void
   Sort();
 
   ExactTile<TPixel>
-  GetTile(std::ptrdiff_t tile, bool isMinimum, Extrema & extrema);
+  GetTile(std::ptrdiff_t tile, Extremum extremum, Extrema & extrema);
 
-  void
-  FindExtrema(bool isMinimum, Extrema & extrema);
-
-  /** The slice that the nearest pixel of the guess had, or the ray's first one. */
+  /** Returns the slice of the guess's nearest pixel, or the slice where the ray begins. */
   RayPart
   FindGuess(std::size_t ray) const;
 
-  /** Whether voxels may make a ray of the tile better, from slice \a first to \a last. */
+  /** Evaluates the guess of each ray. Returns the tiles that have rays. */
+  std::vector<TileState>
+  EvaluateGuesses(Extremum extremum, Extrema & extrema);
+
+  /** Returns whether a cube that the tile's rays may meet between slices \a first and \a last has a better voxel than
+   * \a least. */
   bool
   MayBeBetter(const ExactTile<TPixel> & tile, TPixel least, std::ptrdiff_t first, std::ptrdiff_t last) const;
 
+  void
+  FindExtrema(Extremum extremum, Extrema & extrema);
+
+  /** Returns whether a ray's value is the ray's minimum. */
+  bool
+  IsMinimum(std::size_t ray) const;
+
+  void
+  SetPixel(std::size_t ray);
+
   const ExactView<TPixel> &         m_View;
+  Mode                              m_Mode;
   const Kernels<TPixel> &           m_Kernels;
   const IntermediateImage<TPixel> & m_Guess;
   const Picture<TPixel> &           m_Picture;
   std::ptrdiff_t                    m_Column, m_Row, m_Tiles;
   std::vector<Ray>                  m_Rays;
-  std::vector<std::int32_t>         m_CellBegins; // of tile by tile
+  std::vector<std::int32_t>         m_CellBegins; // tile by tile
   std::vector<std::uint16_t>        m_Cells;
   std::vector<double>               m_P, m_Q, m_Begin, m_End;
   std::vector<RayPart>              m_Parts;
@@ -163,6 +197,24 @@ RaySearch<TPixel>::Add(double p, double q, std::ptrdiff_t pixel)
   {
     return;
   }
+  const auto [begin, end] = this->Clip(p, q);
+  if (begin <= end)
+  {
+    const auto tile = static_cast<std::size_t>(column) / CellColumns;
+    const auto cell =
+      (tile * CellRows + static_cast<std::size_t>(row)) * CellColumns + static_cast<std::size_t>(column) % CellColumns;
+    m_Rays.push_back({ p, q, begin, end, pixel, cell });
+    if (m_Rays.size() == MostRays)
+    {
+      this->SetPixels();
+    }
+  }
+}
+
+template <typename TPixel>
+std::pair<double, double>
+RaySearch<TPixel>::Clip(double p, double q) const
+{
   const double         position[] = { p, q };
   const std::ptrdiff_t lengths[] = { m_View.slices.columns, m_View.slices.rows };
   double               begin = -0.5;
@@ -176,22 +228,11 @@ RaySearch<TPixel>::Add(double p, double q, std::ptrdiff_t pixel)
   {
     ClipRay(function.perSlice, function(p, q, 0.0), low, high, begin, end);
   }
-  if (begin <= end)
+  if (begin <= end && !m_View.intervals.empty())
   {
-    if (!m_View.intervals.empty())
-    {
-      begin = SnapToSlice(begin);
-      end = SnapToSlice(end);
-    }
-    const auto tile = static_cast<std::size_t>(column) / CellColumns;
-    const auto cell =
-      (tile * CellRows + static_cast<std::size_t>(row)) * CellColumns + static_cast<std::size_t>(column) % CellColumns;
-    m_Rays.push_back({ p, q, begin, end, pixel, cell });
-    if (m_Rays.size() == MostRays)
-    {
-      this->SetPixels();
-    }
+    return { SnapToSlice(begin), SnapToSlice(end) };
   }
+  return { begin, end };
 }
 
 template <typename TPixel>
@@ -199,7 +240,7 @@ void
 RaySearch<TPixel>::Sort()
 {
   const std::size_t         count = m_Rays.size();
-  std::vector<std::int32_t> ends(m_Tiles * CellRows * CellColumns + 1);
+  std::vector<std::int32_t> ends(m_Tiles * CellsInTile + 1);
   for (const Ray & ray : m_Rays)
   {
     ++ends[ray.cell + 1];
@@ -216,7 +257,7 @@ RaySearch<TPixel>::Sort()
   {
     const std::int32_t place = ends[ray.cell]++;
     sorted[place] = ray;
-    m_Cells[place] = static_cast<std::uint16_t>(ray.cell % (CellRows * CellColumns));
+    m_Cells[place] = static_cast<std::uint16_t>(ray.cell % CellsInTile);
     m_P[place] = ray.p;
     m_Q[place] = ray.q;
     m_Begin[place] = ray.begin;
@@ -227,13 +268,13 @@ RaySearch<TPixel>::Sort()
 
 template <typename TPixel>
 ExactTile<TPixel>
-RaySearch<TPixel>::GetTile(std::ptrdiff_t tile, bool isMinimum, Extrema & extrema)
+RaySearch<TPixel>::GetTile(std::ptrdiff_t tile, Extremum extremum, Extrema & extrema)
 {
   return { m_Column + tile * CellColumns,
            m_Row,
-           isMinimum,
+           extremum == Extremum::Minimum,
            m_Picture.depths != nullptr,
-           m_CellBegins.data() + tile * CellRows * CellColumns,
+           m_CellBegins.data() + tile * CellsInTile,
            m_Cells.data(),
            m_P.data(),
            m_Q.data(),
@@ -241,8 +282,8 @@ RaySearch<TPixel>::GetTile(std::ptrdiff_t tile, bool isMinimum, Extrema & extrem
            m_End.data(),
            extrema.best.data(),
            extrema.places.data(),
-           m_Least.data() + tile * CellRows * CellColumns,
-           m_LeastLevels.data() + tile * CellRows * CellColumns };
+           m_Least.data() + tile * CellsInTile,
+           m_LeastLevels.data() + tile * CellsInTile };
 }
 
 template <typename TPixel>
@@ -254,79 +295,23 @@ RaySearch<TPixel>::FindGuess(std::size_t ray) const
   double     slice = std::floor(m_Begin[ray]);
   if (row >= 0 && row < m_Guess.rows && column >= m_Guess.reached[row].begin && column < m_Guess.reached[row].end)
   {
-    const std::int32_t guess = m_Guess.slices[row * m_Guess.rowStride + column];
-    const auto         position = static_cast<double>(guess);
-    slice = guess != NoSlice && m_Begin[ray] <= position + 1.0 && position <= m_End[ray] ? position : slice;
+    const std::int32_t rank = m_Guess.ranks[row * m_Guess.rowStride + column];
+    const double       guess = rank > 0 ? static_cast<double>(m_Guess.ranking.GetSlice(rank)) : -Nowhere;
+    slice = m_Begin[ray] <= guess + 1.0 && guess <= m_End[ray] ? guess : slice;
   }
   return { static_cast<std::int32_t>(ray), static_cast<std::int32_t>(slice) };
 }
 
 template <typename TPixel>
-bool
-RaySearch<TPixel>::MayBeBetter(const ExactTile<TPixel> & tile,
-                               TPixel                    least,
-                               std::ptrdiff_t            first,
-                               std::ptrdiff_t            last) const
+auto
+RaySearch<TPixel>::EvaluateGuesses(Extremum extremum, Extrema & extrema) -> std::vector<TileState>
 {
-  const auto & blocks = m_View.blocks;
-  // blocks that the rays may meet, with a voxel more for what rounding errors do
-  std::ptrdiff_t       begin[3], end[3];
-  const std::ptrdiff_t lengths[] = { m_View.slices.columns, m_View.slices.rows };
-  const std::ptrdiff_t low[] = { tile.column, tile.row };
-  const std::ptrdiff_t high[] = { tile.column + CellColumns, tile.row + CellRows };
-  for (int axis = 0; axis < 2; ++axis)
-  {
-    const double offsets[] = { m_View.shear[axis] * static_cast<double>(first) + m_View.translation[axis],
-                               m_View.shear[axis] * static_cast<double>(last) + m_View.translation[axis] };
-    const auto   find = [&](double position) {
-      return static_cast<std::ptrdiff_t>(std::clamp(position, 0.0, static_cast<double>(lengths[axis] - 1))) /
-             BlockLength;
-    };
-    begin[axis] = find(static_cast<double>(low[axis]) - std::max(offsets[0], offsets[1]) - 1.0);
-    end[axis] = find(static_cast<double>(high[axis]) - std::min(offsets[0], offsets[1]) + 2.0) + 1;
-  }
-  begin[2] = std::max<std::ptrdiff_t>(first, 0) / BlockLength;
-  end[2] = std::min(begin[2] + 2, blocks.slices);
-  const TPixel * const extrema = tile.isMinimum ? blocks.minima : blocks.maxima;
-  for (std::ptrdiff_t slice = begin[2]; slice < end[2]; ++slice)
-  {
-    for (std::ptrdiff_t row = begin[1]; row < end[1]; ++row)
-    {
-      for (std::ptrdiff_t column = begin[0]; column < end[0]; ++column)
-      {
-        const TPixel voxel =
-          extrema[column * blocks.columnStride + row * blocks.rowStride + slice * blocks.sliceStride];
-        if ((tile.isMinimum ? voxel < least : voxel > least) || (tile.hasDepth && voxel == least))
-        {
-          return true;
-        }
-      }
-    }
-  }
-  return false;
-}
-
-template <typename TPixel>
-void
-RaySearch<TPixel>::FindExtrema(bool isMinimum, Extrema & extrema)
-{
-  const std::size_t count = m_Rays.size();
-  extrema.best.assign(count, -std::numeric_limits<Number>::infinity());
-  extrema.places.assign(count, m_View.depth.perSlice < 0 ? -Nowhere : Nowhere);
-  m_Least.resize(m_Tiles * CellRows * CellColumns);
-  m_LeastLevels.resize(m_Least.size());
-  struct TileState
-  {
-    ExactTile<TPixel> tile;
-    TPixel            least;
-    double            nearest, farthest;
-  };
   std::vector<TileState> tiles;
   for (std::ptrdiff_t n = 0; n < m_Tiles; ++n)
   {
-    const ExactTile<TPixel> tile = this->GetTile(n, isMinimum, extrema);
+    const ExactTile<TPixel> tile = this->GetTile(n, extremum, extrema);
     const std::size_t       first = tile.cellBegins[0];
-    const std::size_t       last = tile.cellBegins[CellRows * CellColumns];
+    const std::size_t       last = tile.cellBegins[CellsInTile];
     if (first == last)
     {
       continue;
@@ -342,11 +327,67 @@ RaySearch<TPixel>::FindExtrema(bool isMinimum, Extrema & extrema)
                       *std::min_element(m_Begin.begin() + first, m_Begin.begin() + last),
                       *std::max_element(m_End.begin() + first, m_End.begin() + last) });
   }
-  for (std::ptrdiff_t slab = 0; slab < m_View.blocks.slices; ++slab)
+  return tiles;
+}
+
+template <typename TPixel>
+bool
+RaySearch<TPixel>::MayBeBetter(const ExactTile<TPixel> & tile,
+                               TPixel                    least,
+                               std::ptrdiff_t            first,
+                               std::ptrdiff_t            last) const
+{
+  const auto &         cubes = m_View.blocks;
+  std::ptrdiff_t       begin[3], end[3];
+  const std::ptrdiff_t lengths[] = { m_View.slices.columns, m_View.slices.rows };
+  const std::ptrdiff_t low[] = { tile.column, tile.row };
+  const std::ptrdiff_t high[] = { tile.column + CellColumns, tile.row + CellRows };
+  for (int axis = 0; axis < 2; ++axis)
   {
-    // half a voxel before the first slice and behind the last one too
-    const std::ptrdiff_t first = slab == 0 ? -1 : slab * BlockLength;
-    const std::ptrdiff_t last = std::min((slab + 1) * BlockLength, m_View.slices.slices);
+    const double offsets[] = { m_View.shear[axis] * static_cast<double>(first) + m_View.translation[axis],
+                               m_View.shear[axis] * static_cast<double>(last) + m_View.translation[axis] };
+    const auto   findCube = [&](double position) {
+      return static_cast<std::ptrdiff_t>(std::clamp(position, 0.0, static_cast<double>(lengths[axis] - 1))) /
+             BlockLength;
+    };
+    // one voxel more on each side because of rounding errors
+    begin[axis] = findCube(static_cast<double>(low[axis]) - std::max(offsets[0], offsets[1]) - 1.0);
+    end[axis] = findCube(static_cast<double>(high[axis]) - std::min(offsets[0], offsets[1]) + 2.0) + 1;
+  }
+  begin[2] = std::max<std::ptrdiff_t>(first, 0) / BlockLength;
+  end[2] = std::min(begin[2] + 2, cubes.slices);
+  const TPixel * const extrema = tile.isMinimum ? cubes.minima : cubes.maxima;
+  for (std::ptrdiff_t slice = begin[2]; slice < end[2]; ++slice)
+  {
+    for (std::ptrdiff_t row = begin[1]; row < end[1]; ++row)
+    {
+      for (std::ptrdiff_t column = begin[0]; column < end[0]; ++column)
+      {
+        const TPixel voxel = extrema[column * cubes.columnStride + row * cubes.rowStride + slice * cubes.sliceStride];
+        if ((tile.isMinimum ? voxel < least : voxel > least) || (tile.hasDepth && voxel == least))
+        {
+          return true;
+        }
+      }
+    }
+  }
+  return false;
+}
+
+template <typename TPixel>
+void
+RaySearch<TPixel>::FindExtrema(Extremum extremum, Extrema & extrema)
+{
+  extrema.best.assign(m_Rays.size(), -std::numeric_limits<Number>::infinity());
+  extrema.places.assign(m_Rays.size(), m_View.depth.perSlice < 0 ? -Nowhere : Nowhere);
+  m_Least.resize(m_Tiles * CellsInTile);
+  m_LeastLevels.resize(m_Least.size());
+  std::vector<TileState> tiles = this->EvaluateGuesses(extremum, extrema);
+  for (std::ptrdiff_t layer = 0; layer < m_View.blocks.slices; ++layer)
+  {
+    // the outer layers include half a voxel beyond the volume's outer slices
+    const std::ptrdiff_t first = layer == 0 ? -1 : layer * BlockLength;
+    const std::ptrdiff_t last = std::min((layer + 1) * BlockLength, m_View.slices.slices);
     for (auto & [tile, least, nearest, farthest] : tiles)
     {
       if (nearest <= static_cast<double>(last) && farthest >= static_cast<double>(first) &&
@@ -359,52 +400,77 @@ RaySearch<TPixel>::FindExtrema(bool isMinimum, Extrema & extrema)
 }
 
 template <typename TPixel>
+bool
+RaySearch<TPixel>::IsMinimum(std::size_t ray) const
+{
+  switch (m_Mode)
+  {
+    case Mode::Maximum:
+      return false;
+    case Mode::Minimum:
+      return true;
+    case Mode::AbsoluteMaximum:
+      return m_Minima.best[ray] > m_Maxima.best[ray];
+  }
+  return false;
+}
+
+template <typename TPixel>
+void
+RaySearch<TPixel>::SetPixel(std::size_t ray)
+{
+  const bool isMinimum = this->IsMinimum(ray);
+  const auto & [best, places] = isMinimum ? m_Minima : m_Maxima;
+  if (best[ray] == -std::numeric_limits<Number>::infinity())
+  {
+    return;
+  }
+  const auto & [p, q, begin, end, pixel, cell] = m_Rays[ray];
+  m_Picture.pixels[pixel] = RoundToPixel<TPixel>(isMinimum ? -best[ray] : best[ray]);
+  if (m_Picture.depths)
+  {
+    m_Picture.depths[pixel] = static_cast<float>(m_View.depth(p, q, places[ray])) + 0.0f;
+  }
+}
+
+template <typename TPixel>
 void
 RaySearch<TPixel>::SetPixels()
 {
   this->Sort();
-  if (m_View.extremum != Extremum::Minimum)
+  switch (m_Mode)
   {
-    this->FindExtrema(false, m_Maxima);
+    case Mode::Maximum:
+      this->FindExtrema(Extremum::Maximum, m_Maxima);
+      break;
+    case Mode::Minimum:
+      this->FindExtrema(Extremum::Minimum, m_Minima);
+      break;
+    case Mode::AbsoluteMaximum:
+      this->FindExtrema(Extremum::Maximum, m_Maxima);
+      this->FindExtrema(Extremum::Minimum, m_Minima);
+      break;
   }
-  if (m_View.extremum != Extremum::Maximum)
+  for (std::size_t ray = 0; ray < m_Rays.size(); ++ray)
   {
-    this->FindExtrema(true, m_Minima);
-  }
-  for (std::size_t n = 0; n < m_Rays.size(); ++n)
-  {
-    const bool isMinimum = m_View.extremum == Extremum::Minimum ||
-                           (m_View.extremum == Extremum::Magnitude && m_Minima.best[n] > m_Maxima.best[n]);
-    const auto & [best, places] = isMinimum ? m_Minima : m_Maxima;
-    if (best[n] == -std::numeric_limits<Number>::infinity())
-    {
-      continue;
-    }
-    const auto & [p, q, begin, end, pixel, cell] = m_Rays[n];
-    m_Picture.pixels[pixel] = RoundToPixel<TPixel>(isMinimum ? -best[n] : best[n]);
-    if (m_Picture.depths)
-    {
-      m_Picture.depths[pixel] = static_cast<float>(m_View.depth(p, q, places[n])) + 0.0f;
-    }
+    this->SetPixel(ray);
   }
   m_Rays.clear();
 }
 
-/** The most tasks of one tile. */
-constexpr std::ptrdiff_t MostParts = 256;
-
-/** A number of rows or columns, of a double that may be anything. */
+/** Converts any double, also not-a-number, to a number of rows or columns from 0 to \a most. */
 std::ptrdiff_t
-LimitTo(double v, std::ptrdiff_t count)
+ConvertToCount(double v, std::ptrdiff_t most)
 {
-  return v >= static_cast<double>(count) ? count : v >= 0.0 ? static_cast<std::ptrdiff_t>(v) : 0;
+  return v >= static_cast<double>(most) ? most : v >= 0.0 ? static_cast<std::ptrdiff_t>(v) : 0;
 }
 
-/** The pixels that \a map may take to [low, high), in each of both dimensions: rows, or columns of a row. */
-class PixelsOfCells
+/** Finds the pixels that a map may take into the rectangle from `low` to `high`: first their rows, then the columns of
+ * a row. */
+class PixelsInRectangle
 {
 public:
-  PixelsOfCells(const AffineMap2D & map, const double (&low)[2], const double (&high)[2])
+  PixelsInRectangle(const AffineMap2D & map, const double (&low)[2], const double (&high)[2])
     : m_Map(map)
     , m_Low{ low[0] - Slack, low[1] - Slack }
     , m_High{ high[0] + Slack, high[1] + Slack }
@@ -425,7 +491,7 @@ public:
         most = std::max(most, row);
       }
     }
-    return { LimitTo(least - 1.0, rows), LimitTo(most + 2.0, rows) };
+    return { ConvertToCount(least - 1.0, rows), ConvertToCount(most + 2.0, rows) };
   }
 
   std::pair<std::ptrdiff_t, std::ptrdiff_t>
@@ -436,86 +502,139 @@ public:
     const auto y = static_cast<double>(row);
     ClipRay(m_Map.xx, m_Map.xy * y + m_Map.x0, m_Low[0], m_High[0], begin, end);
     ClipRay(m_Map.yx, m_Map.yy * y + m_Map.y0, m_Low[1], m_High[1], begin, end);
-    return { LimitTo(begin - 1.0, columns), LimitTo(end + 2.0, columns) };
+    return { ConvertToCount(begin - 1.0, columns), ConvertToCount(end + 2.0, columns) };
   }
 
 private:
-  /** A pixel whose place is on a border, but for rounding errors, is a pixel of both sides. */
+  /** Rounding errors lose no pixel whose place is on the rectangle's border. */
   static constexpr double Slack = 0.01;
 
   AffineMap2D m_Map;
   double      m_Low[2], m_High[2];
 };
-} // namespace
 
+/** Adds the rays of the pixels of a row. */
 template <typename TPixel>
 void
-ProjectExactly(const ExactView<TPixel> &         view,
-               const Kernels<TPixel> &           kernels,
-               const IntermediateImage<TPixel> & guess,
-               std::ptrdiff_t                    columns,
-               std::ptrdiff_t                    rows,
-               const Picture<TPixel> &           picture,
-               const Threads &                   threads,
-               float                             share)
+AddRays(RaySearch<TPixel> &       rays,
+        const AffineMap2D &       map,
+        const PixelsInRectangle & pixels,
+        std::ptrdiff_t            row,
+        std::ptrdiff_t            columns)
 {
-  threads.run(rows, 1, 0.0f, [&](SizeValueType row, SizeValueType, SizeValueType) {
+  const auto [begin, end] = pixels.FindColumns(row, columns);
+  for (std::ptrdiff_t column = begin; column < end; ++column)
+  {
+    const auto x = static_cast<double>(column);
+    const auto y = static_cast<double>(row);
+    rays.Add((map.xx * x + map.xy * y) + map.x0, (map.yx * x + map.yy * y) + map.y0, row * columns + column);
+  }
+}
+
+/** Fills a picture with the background, and its depths with not-a-number. */
+template <typename TPixel>
+void
+FillBackground(TPixel                  background,
+               std::ptrdiff_t          columns,
+               std::ptrdiff_t          rows,
+               const Picture<TPixel> & picture,
+               const RunTasks &        run)
+{
+  run(static_cast<std::size_t>(rows), 1, [&](std::size_t row, std::size_t, std::size_t) {
     const auto first = static_cast<std::ptrdiff_t>(row) * columns;
-    std::fill_n(picture.pixels + first, columns, view.background);
+    std::fill_n(picture.pixels + first, columns, background);
     if (picture.depths)
     {
       std::fill_n(picture.depths + first, columns, std::numeric_limits<float>::quiet_NaN());
     }
   });
-  // cells that rays may be in, with one more for what rounding errors do
+}
+
+/** A rectangle of cells of the sheared grid. The first cell is (`first[0]`, `first[1]`). */
+struct CellRectangle
+{
+  std::ptrdiff_t first[2], counts[2];
+};
+
+/** Returns the cells that rays may be in, with one cell more on each side because of rounding errors. */
+template <typename TPixel>
+CellRectangle
+FindCells(const ExactView<TPixel> & view)
+{
   const std::ptrdiff_t lengths[] = { view.slices.columns, view.slices.rows };
-  std::ptrdiff_t       first[2], counts[2];
+  CellRectangle        cells;
   for (int axis = 0; axis < 2; ++axis)
   {
     const double shift = view.shear[axis] * static_cast<double>(view.slices.slices);
-    first[axis] = static_cast<std::ptrdiff_t>(std::floor(view.translation[axis] + std::min(shift, 0.0))) - 2;
-    counts[axis] = lengths[axis] + static_cast<std::ptrdiff_t>(std::ceil(std::abs(shift))) + 4;
+    cells.first[axis] = static_cast<std::ptrdiff_t>(std::floor(view.translation[axis] + std::min(shift, 0.0))) - 2;
+    cells.counts[axis] = lengths[axis] + static_cast<std::ptrdiff_t>(std::ceil(std::abs(shift))) + 4;
   }
-  // tiles share what they read; where they have many rays, tasks have some rows of pixels
-  const AffineMap2D &  map = view.outputToSheared;
-  const double         raysInTile = CellRows * CellColumns / std::abs(map.xx * map.yy - map.xy * map.yx);
-  const std::ptrdiff_t tiles = raysInTile > 2048.0 ? 1 : raysInTile > 1024.0 ? 4 : 8;
-  const std::ptrdiff_t parts = raysInTile < 16384.0 ? 1 : LimitTo(raysInTile / 8192.0, std::min(rows, MostParts));
-  const auto           projectPart = [&](SizeValueType tileRow, SizeValueType tileColumn, SizeValueType) {
-    const auto           part = static_cast<std::ptrdiff_t>(tileRow) % parts;
-    const std::ptrdiff_t column = first[0] + static_cast<std::ptrdiff_t>(tileColumn) * tiles * CellColumns;
-    const std::ptrdiff_t row = first[1] + static_cast<std::ptrdiff_t>(tileRow) / parts * CellRows;
-    RaySearch<TPixel>    search(view, kernels, guess, picture, column, row, tiles);
+  return cells;
+}
+
+/** How the rays are split into tasks. A task has `tiles` tiles side by side, which share the voxels in the caches. If
+ * tiles have many rays, a task has one of `bands` bands of the tiles' rows of pixels. */
+struct TaskSize
+{
+  std::ptrdiff_t tiles, bands;
+};
+
+TaskSize
+FindTaskSize(const AffineMap2D & map, std::ptrdiff_t rows)
+{
+  constexpr std::ptrdiff_t mostBands = 256;
+  const double             raysInTile = CellsInTile / std::abs(map.xx * map.yy - map.xy * map.yx);
+  return { raysInTile > 2048.0   ? 1
+           : raysInTile > 1024.0 ? 4
+                                 : 8,
+           raysInTile < 16384.0 ? 1 : ConvertToCount(raysInTile / 8192.0, std::min(rows, mostBands)) };
+}
+} // namespace
+
+template <typename TPixel>
+void
+ProjectExactly(const ExactView<TPixel> &         view,
+               Mode                              mode,
+               const Kernels<TPixel> &           kernels,
+               const IntermediateImage<TPixel> & guess,
+               std::ptrdiff_t                    columns,
+               std::ptrdiff_t                    rows,
+               const Picture<TPixel> &           picture,
+               const RunTasks &                  run)
+{
+  FillBackground(view.background, columns, rows, picture, run);
+
+  const CellRectangle cells = FindCells(view);
+  const TaskSize      task = FindTaskSize(view.outputToSheared, rows);
+  const auto          taskColumns = task.tiles * CellColumns;
+  const auto          search = [&](std::size_t n, std::size_t step, std::size_t) {
+    const auto           band = static_cast<std::ptrdiff_t>(n) % task.bands;
+    const std::ptrdiff_t column = cells.first[0] + static_cast<std::ptrdiff_t>(step) * taskColumns;
+    const std::ptrdiff_t row = cells.first[1] + static_cast<std::ptrdiff_t>(n) / task.bands * CellRows;
+    RaySearch<TPixel>    rays(view, mode, kernels, guess, picture, column, row, task.tiles);
     const double         low[] = { static_cast<double>(column), static_cast<double>(row) };
-    const double high[] = { static_cast<double>(column + tiles * CellColumns), static_cast<double>(row + CellRows) };
-    const PixelsOfCells pixels(map, low, high);
+    const double         high[] = { static_cast<double>(column + taskColumns), static_cast<double>(row + CellRows) };
+    const PixelsInRectangle pixels(view.outputToSheared, low, high);
     const auto [rowBegin, rowEnd] = pixels.FindRows(rows);
     const std::ptrdiff_t count = rowEnd - rowBegin;
-    for (std::ptrdiff_t j = rowBegin + count * part / parts; j < rowBegin + count * (part + 1) / parts; ++j)
+    for (std::ptrdiff_t j = rowBegin + count * band / task.bands; j < rowBegin + count * (band + 1) / task.bands; ++j)
     {
-      const auto [columnBegin, columnEnd] = pixels.FindColumns(j, columns);
-      for (std::ptrdiff_t i = columnBegin; i < columnEnd; ++i)
-      {
-        const auto x = static_cast<double>(i);
-        const auto y = static_cast<double>(j);
-        search.Add((map.xx * x + map.xy * y) + map.x0, (map.yx * x + map.yy * y) + map.y0, j * columns + i);
-      }
+      AddRays(rays, view.outputToSheared, pixels, j, columns);
     }
-    search.SetPixels();
+    rays.SetPixels();
   };
-  threads.run(
-    CountBlocks(counts[1], CellRows) * parts, CountBlocks(counts[0], tiles * CellColumns), share, projectPart);
+  run(CountBlocks(cells.counts[1], CellRows) * task.bands, CountBlocks(cells.counts[0], taskColumns), search);
 }
 
 #define INSTANTIATE(TPixel)                                       \
   template void ProjectExactly(const ExactView<TPixel> &,         \
+                               Mode,                              \
                                const Kernels<TPixel> &,           \
                                const IntermediateImage<TPixel> &, \
                                std::ptrdiff_t,                    \
                                std::ptrdiff_t,                    \
                                const Picture<TPixel> &,           \
-                               const Threads &,                   \
-                               float);
+                               const RunTasks &);
 SHEARWARP_FOR_EACH_PIXEL_TYPE(INSTANTIATE)
 #undef INSTANTIATE
 } // namespace itk::ShearWarp

@@ -19,32 +19,37 @@
 #define itkShearWarpExact_h
 
 #include "itkShearWarpEngine.h"
-#include "PreparedVolume.h"
+#include "kernels/Kernels.h"
 
-#include <vector>
+#include <cstddef>
 
-namespace itk
+namespace itk::ShearWarp
 {
-namespace ShearWarp
-{
-/** Writes \a columns x \a rows pixels: on each one's own ray, the extremum of the trilinear interpolant of the voxels,
- * whose coordinates are clamped to the outer voxel centers, within half a voxel of these and within the intervals;
- * rounded once, half upward. Depths are those of the extremum, the nearest of several. A ray that is outside, or meets
- * no finite cell, gives the background.
+/** Makes an exact picture of `columns` x `rows` pixels. A pixel is the extremum of the interpolant on the pixel's ray:
+ * the highest value, the lowest value, or the value of the largest magnitude. If the highest and the lowest value have
+ * the same magnitude, the highest value wins. Integers are rounded once, half upward.
  *
- * \a guess tells for each pixel of the sheared grid a slice that is likely to have the extremum. It saves time and
- * changes no bit. Throws MemoryAllocationError. */
+ * The interpolant is trilinear between voxel centers. Within half a voxel of the outer centers, it has the value at the
+ * nearest place between the centers. A ray ends where the volume ends, and where an interval of the view ends. Cells
+ * with a voxel that is not finite are left out. A ray that meets no other cell gets the background.
+ *
+ * Depths are where the extrema are. Among equal extrema the nearest wins.
+ *
+ * \a guess, an intermediate image with ranks, tells for each ray in which slice the extremum probably is. The guess
+ * saves time and changes no bit. `guess.pixels` is not used.
+ *
+ * Calls \a run twice: to fill the picture with the background, and to search. The search throws std::bad_alloc if there
+ * is no memory. */
 template <typename TPixel>
 void
 ProjectExactly(const ExactView<TPixel> &         view,
+               Mode                              mode,
                const Kernels<TPixel> &           kernels,
                const IntermediateImage<TPixel> & guess,
                std::ptrdiff_t                    columns,
                std::ptrdiff_t                    rows,
                const Picture<TPixel> &           picture,
-               const Threads &                   threads,
-               float                             share);
-} // namespace ShearWarp
-} // namespace itk
+               const RunTasks &                  run);
+} // namespace itk::ShearWarp
 
 #endif

@@ -20,179 +20,198 @@
 #include "kernels/PixelTypes.h"
 
 #include <algorithm>
-#include <mutex>
+#include <vector>
 
-namespace itk
+namespace itk::ShearWarp
 {
+namespace
+{
+bool
+AreEqual(const VoxelBox & a, const VoxelBox & b)
+{
+  return std::equal(a.begin, a.begin + 3, b.begin) && std::equal(a.size, a.size + 3, b.size);
+}
+} // namespace
+
+template <typename TPixel>
+bool
+PreparedVolume<TPixel>::IsOf(const Voxels<TPixel> & voxels) const
+{
+  return m_Voxels.owner && m_Voxels.owner == voxels.owner && m_Voxels.version == voxels.version &&
+         m_Voxels.data == voxels.data && AreEqual(m_Voxels.box, voxels.box);
+}
+
 template <typename TPixel>
 void
-ShearWarpPreparedVolume<TPixel>::Prepare(const ImageType *                  image,
-                                         const ImageRegion<3> &             whole,
-                                         unsigned int                       principalAxis,
-                                         bool                               hasBlockExtrema,
-                                         const ShearWarp::Kernels<TPixel> & kernels,
-                                         const ShearWarp::Parallelize &     parallelize)
+PreparedVolume<TPixel>::KeepBlockMinima()
 {
-  ShearWarpBuffer memory;
-  if (!this->IsOf(image))
+  if (!m_HasBlockMinima)
+  {
+    m_BlockExtrema.Release();
+    m_HasBlockMinima = true;
+  }
+}
+
+template <typename TPixel>
+void
+PreparedVolume<TPixel>::Prepare(const Voxels<TPixel> &  voxels,
+                                const VoxelBox &        whole,
+                                unsigned int            principalAxis,
+                                bool                    hasBlockExtrema,
+                                const Kernels<TPixel> & kernels,
+                                const RunTasks &        run)
+{
+  Buffer memory;
+  if (!this->IsOf(voxels))
   {
     // the next copy can have the memory of the last one
     memory = std::move(m_Transposed);
   }
-  this->SetImage(image, whole);
+  this->SetVoxels(voxels, whole);
   if (hasBlockExtrema && m_BlockExtrema.GetSizeInBytes() == 0)
   {
-    this->FindBlockExtrema(kernels, parallelize);
+    this->FindBlockExtrema(kernels, run);
   }
   if (principalAxis == 0 && m_Transposed.GetSizeInBytes() == 0)
   {
-    this->Transpose(kernels, parallelize, std::move(memory));
+    this->Transpose(kernels, run, std::move(memory));
   }
 }
 
 template <typename TPixel>
 void
-ShearWarpPreparedVolume<TPixel>::PreparePart(const ImageType *                  image,
-                                             const ImageRegion<3> &             whole,
-                                             std::ptrdiff_t                     begin,
-                                             std::ptrdiff_t                     end,
-                                             unsigned int                       principalAxis,
-                                             bool                               hasBlockExtrema,
-                                             const ShearWarp::Kernels<TPixel> & kernels,
-                                             const ShearWarp::Parallelize &     parallelize)
+PreparedVolume<TPixel>::PreparePiece(const Voxels<TPixel> &  voxels,
+                                     const VoxelBox &        whole,
+                                     const SliceRange &      slices,
+                                     unsigned int            principalAxis,
+                                     bool                    hasBlockExtrema,
+                                     const Kernels<TPixel> & kernels,
+                                     const RunTasks &        run)
 {
-  m_Image = nullptr;
-  ShearWarpBuffer memory = std::move(m_Transposed);
+  m_Voxels = {};
+  Buffer memory = std::move(m_Transposed);
   // rows along z need the slice before
-  const std::ptrdiff_t first = image->GetBufferedRegion().GetIndex(2) - whole.GetIndex(2);
-  this->SetPart(image, whole, principalAxis == 2 ? begin : std::max(begin - 1, first), end);
+  const std::ptrdiff_t begin =
+    principalAxis == 2 ? slices.begin : std::max(slices.begin - 1, voxels.box.begin[2]);
+  this->SetPiece(voxels, whole, { begin, slices.end });
   if (hasBlockExtrema)
   {
-    this->FindBlockExtrema(kernels, parallelize);
+    this->FindBlockExtrema(kernels, run);
   }
   if (principalAxis == 0)
   {
-    this->Transpose(kernels, parallelize, std::move(memory));
+    this->Transpose(kernels, run, std::move(memory));
   }
 }
 
 template <typename TPixel>
 void
-ShearWarpPreparedVolume<TPixel>::SetImage(const ImageType * image, const ImageRegion<3> & whole)
+PreparedVolume<TPixel>::SetVoxels(const Voxels<TPixel> & voxels, const VoxelBox & whole)
 {
-  if (this->IsOf(image))
+  if (this->IsOf(voxels))
   {
+    this->SetEnds(whole);
     return;
   }
   this->Release();
-  const auto &         buffered = image->GetBufferedRegion();
-  const std::ptrdiff_t begin = buffered.GetIndex(2) - whole.GetIndex(2);
-  this->SetPart(image, whole, begin, begin + static_cast<std::ptrdiff_t>(buffered.GetSize(2)));
-  m_Image = image;
-  m_ImageMTime = image->GetMTime();
+  this->SetPiece(voxels, whole, { voxels.box.begin[2], voxels.box.begin[2] + voxels.box.size[2] });
+  m_Voxels = voxels;
   m_ProjectedAxes = 0;
 }
 
 template <typename TPixel>
 void
-ShearWarpPreparedVolume<TPixel>::SetPart(const ImageType *      image,
-                                         const ImageRegion<3> & whole,
-                                         std::ptrdiff_t         begin,
-                                         std::ptrdiff_t         end)
+PreparedVolume<TPixel>::SetPiece(const Voxels<TPixel> & voxels, const VoxelBox & whole, const SliceRange & slices)
 {
-  const auto & buffered = image->GetBufferedRegion();
   for (unsigned int axis = 0; axis < 3; ++axis)
   {
-    m_Begin[axis] = buffered.GetIndex(axis) - whole.GetIndex(axis);
-    m_Size[axis] = static_cast<std::ptrdiff_t>(buffered.GetSize(axis));
+    m_Begin[axis] = voxels.box.begin[axis];
+    m_Size[axis] = voxels.box.size[axis];
   }
-  m_Voxels = image->GetBufferPointer() + (begin - m_Begin[2]) * m_Size[0] * m_Size[1];
-  m_Begin[2] = begin;
-  m_Size[2] = end - begin;
-  for (unsigned int axis = 0; axis < 3; ++axis)
-  {
-    const auto length = static_cast<std::ptrdiff_t>(whole.GetSize(axis));
-    m_Ends[axis] = { m_Begin[axis] == 0, m_Begin[axis] + m_Size[axis] == length };
-  }
-  m_Lowest = NumericTraits<TPixel>::NonpositiveMin();
-  m_Highest = NumericTraits<TPixel>::max();
+  m_First = voxels.data + (slices.begin - m_Begin[2]) * m_Size[0] * m_Size[1];
+  m_Begin[2] = slices.begin;
+  m_Size[2] = slices.end - slices.begin;
+  this->SetEnds(whole);
+  m_Lowest = std::numeric_limits<TPixel>::lowest();
+  m_Highest = std::numeric_limits<TPixel>::max();
 }
 
 template <typename TPixel>
 void
-ShearWarpPreparedVolume<TPixel>::Release()
+PreparedVolume<TPixel>::SetEnds(const VoxelBox & whole)
 {
-  m_Image = nullptr;
+  for (unsigned int axis = 0; axis < 3; ++axis)
+  {
+    m_Ends[axis] = { m_Begin[axis] == 0, m_Begin[axis] + m_Size[axis] == whole.size[axis] };
+  }
+}
+
+template <typename TPixel>
+void
+PreparedVolume<TPixel>::Release()
+{
+  m_Voxels = {};
   m_Transposed.Release();
   m_BlockExtrema.Release();
 }
 
 template <typename TPixel>
 void
-ShearWarpPreparedVolume<TPixel>::FindBlockExtrema(const ShearWarp::Kernels<TPixel> & kernels,
-                                                  const ShearWarp::Parallelize &     parallelize)
+PreparedVolume<TPixel>::FindBlockExtrema(const Kernels<TPixel> & kernels,
+                                                  const RunTasks & run)
 {
-  using ShearWarp::BlockLength;
-  using ShearWarp::CountBlocks;
   const std::ptrdiff_t x = m_Size[0];
   const std::ptrdiff_t y = m_Size[1];
   const std::ptrdiff_t blocksX = CountBlocks(x);
   const std::ptrdiff_t blocksY = CountBlocks(y);
-  ShearWarpBuffer      maxima = std::move(m_BlockExtrema);
+  Buffer      maxima = std::move(m_BlockExtrema);
   const std::ptrdiff_t blocks = blocksX * blocksY * CountBlocks(m_Size[2]);
   maxima.Reserve(blocks * (m_HasBlockMinima ? 2 : 1) * sizeof(TPixel), "the block maxima");
-  TPixel * const first = maxima.GetPointer<TPixel>();
-  TPixel         lowestOfAll = NumericTraits<TPixel>::max();
-  TPixel         highestOfAll = NumericTraits<TPixel>::NonpositiveMin();
-  std::mutex     mutex;
-  parallelize(static_cast<SizeValueType>(blocksY * CountBlocks(m_Size[2])),
-              1,
-              [&](SizeValueType n, SizeValueType, SizeValueType) {
-                const auto           block = static_cast<std::ptrdiff_t>(n);
-                const std::ptrdiff_t row = block % blocksY * BlockLength;
-                const std::ptrdiff_t slice = block / blocksY * BlockLength;
-                TPixel               lowest = NumericTraits<TPixel>::max();
-                TPixel               highest = NumericTraits<TPixel>::NonpositiveMin();
-                kernels.findBlockExtrema(m_Voxels + (slice * y + row) * x,
-                                         x,
-                                         std::min(BlockLength, y - row),
-                                         std::min(BlockLength, m_Size[2] - slice),
-                                         x,
-                                         x * y,
-                                         first + block * blocksX,
-                                         m_HasBlockMinima ? first + blocks + block * blocksX : nullptr,
-                                         lowest,
-                                         highest);
-                const std::lock_guard<std::mutex> lock(mutex);
-                lowestOfAll = std::min(lowestOfAll, lowest);
-                highestOfAll = std::max(highestOfAll, highest);
-              });
-  m_Lowest = lowestOfAll;
-  m_Highest = highestOfAll;
+  TPixel * const      first = maxima.GetPointer<TPixel>();
+  const auto          rows = static_cast<std::size_t>(blocksY * CountBlocks(m_Size[2]));
+  std::vector<TPixel> lowest(rows, std::numeric_limits<TPixel>::max());
+  std::vector<TPixel> highest(rows, std::numeric_limits<TPixel>::lowest());
+  run(rows, 1, [&](std::size_t n, std::size_t, std::size_t) {
+    const auto           block = static_cast<std::ptrdiff_t>(n);
+    const std::ptrdiff_t row = block % blocksY * BlockLength;
+    const std::ptrdiff_t slice = block / blocksY * BlockLength;
+    kernels.findBlockExtrema(m_First + (slice * y + row) * x,
+                             x,
+                             std::min(BlockLength, y - row),
+                             std::min(BlockLength, m_Size[2] - slice),
+                             x,
+                             x * y,
+                             first + block * blocksX,
+                             m_HasBlockMinima ? first + blocks + block * blocksX : nullptr,
+                             lowest[n],
+                             highest[n]);
+  });
+  m_Lowest = *std::min_element(lowest.begin(), lowest.end());
+  m_Highest = *std::max_element(highest.begin(), highest.end());
   m_BlockExtrema = std::move(maxima);
 }
 
 template <typename TPixel>
 void
-ShearWarpPreparedVolume<TPixel>::Transpose(const ShearWarp::Kernels<TPixel> & kernels,
-                                           const ShearWarp::Parallelize &     parallelize,
-                                           ShearWarpBuffer                    memory)
+PreparedVolume<TPixel>::Transpose(const Kernels<TPixel> & kernels,
+                                           const RunTasks & run,
+                                           Buffer                    memory)
 {
   const std::ptrdiff_t slice = m_Size[0] * m_Size[1];
   const std::size_t    bytes = slice * m_Size[2] * sizeof(TPixel);
   memory.Reserve(bytes, "the transposed copy of the volume");
   TPixel * transposed = memory.GetPointer<TPixel>();
-  // a small one stays in the cache
+  // a small copy stays in the cache
   const bool isStreamed = bytes > std::size_t{ 1 } << 22;
-  parallelize(static_cast<SizeValueType>(m_Size[2]), 1, [&](SizeValueType z, SizeValueType, SizeValueType) {
-    kernels.transposeSlice(m_Voxels + z * slice, m_Size[0], m_Size[1], transposed + z * slice, isStreamed);
+  run(static_cast<std::size_t>(m_Size[2]), 1, [&](std::size_t z, std::size_t, std::size_t) {
+    kernels.transposeSlice(m_First + z * slice, m_Size[0], m_Size[1], transposed + z * slice, isStreamed);
   });
   m_Transposed = std::move(memory);
 }
 
 template <typename TPixel>
-auto
-ShearWarpPreparedVolume<TPixel>::GetSlices(unsigned int principalAxis) const -> SliceStackType
+SliceStack<TPixel>
+PreparedVolume<TPixel>::GetSlices(unsigned int principalAxis) const
 {
   const std::ptrdiff_t x = m_Size[0];
   const std::ptrdiff_t y = m_Size[1];
@@ -203,15 +222,15 @@ ShearWarpPreparedVolume<TPixel>::GetSlices(unsigned int principalAxis) const -> 
     case 0:
       return { transposed, y, z, x, x * y, y, m_Lowest, m_Highest, m_Ends[1], m_Ends[2] };
     case 1:
-      return { m_Voxels, x, z, y, x * y, x, m_Lowest, m_Highest, m_Ends[0], m_Ends[2] };
+      return { m_First, x, z, y, x * y, x, m_Lowest, m_Highest, m_Ends[0], m_Ends[2] };
     default:
-      return { m_Voxels, x, y, z, x, x * y, m_Lowest, m_Highest, m_Ends[0], m_Ends[1] };
+      return { m_First, x, y, z, x, x * y, m_Lowest, m_Highest, m_Ends[0], m_Ends[1] };
   }
 }
 
 template <typename TPixel>
-ShearWarp::Corner
-ShearWarpPreparedVolume<TPixel>::GetCorner(unsigned int principalAxis) const
+Corner
+PreparedVolume<TPixel>::GetCorner(unsigned int principalAxis) const
 {
   switch (principalAxis)
   {
@@ -225,12 +244,12 @@ ShearWarpPreparedVolume<TPixel>::GetCorner(unsigned int principalAxis) const
 }
 
 template <typename TPixel>
-auto
-ShearWarpPreparedVolume<TPixel>::GetBlockExtrema(unsigned int principalAxis) const -> BlockExtremaType
+BlockExtrema<TPixel>
+PreparedVolume<TPixel>::GetBlockExtrema(unsigned int principalAxis) const
 {
-  const std::ptrdiff_t x = ShearWarp::CountBlocks(m_Size[0]);
-  const std::ptrdiff_t y = ShearWarp::CountBlocks(m_Size[1]);
-  const std::ptrdiff_t z = ShearWarp::CountBlocks(m_Size[2]);
+  const std::ptrdiff_t x = CountBlocks(m_Size[0]);
+  const std::ptrdiff_t y = CountBlocks(m_Size[1]);
+  const std::ptrdiff_t z = CountBlocks(m_Size[2]);
   const auto *         maxima = m_BlockExtrema.GetPointer<TPixel>();
   const auto *         minima = maxima && m_HasBlockMinima ? maxima + x * y * z : nullptr;
   switch (principalAxis)
@@ -244,7 +263,7 @@ ShearWarpPreparedVolume<TPixel>::GetBlockExtrema(unsigned int principalAxis) con
   }
 }
 
-#define INSTANTIATE(TPixel) template class ShearWarpPreparedVolume<TPixel>;
+#define INSTANTIATE(TPixel) template class PreparedVolume<TPixel>;
 SHEARWARP_FOR_EACH_PIXEL_TYPE(INSTANTIATE)
 #undef INSTANTIATE
-} // namespace itk
+} // namespace itk::ShearWarp

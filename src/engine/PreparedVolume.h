@@ -18,136 +18,111 @@
 #ifndef itkShearWarpPreparedVolume_h
 #define itkShearWarpPreparedVolume_h
 
-#include "itkImage.h"
 #include "Buffer.h"
 #include "itkShearWarpEngine.h"
 #include "kernels/Kernels.h"
 
-#include <algorithm>
-
-namespace itk
+namespace itk::ShearWarp
 {
-namespace ShearWarp
-{
-/** How many blocks of \a blockLength hold \a length elements. */
+/** Returns how many blocks of \a blockLength hold \a length elements. */
 constexpr std::ptrdiff_t
 CountBlocks(std::ptrdiff_t length, std::ptrdiff_t blockLength = BlockLength)
 {
   return (length + blockLength - 1) / blockLength;
 }
-} // namespace ShearWarp
 
-/** \class ShearWarpPreparedVolume
- * \brief An image as stacks of slices along each of its axes, rows contiguous in memory, and its block maxima.
+/** \class PreparedVolume
+ * \brief A volume as stacks of slices along each of its axes, rows contiguous in memory, and its block extrema.
  *
- * Along y and z the slices are those of the image itself. Along x they come from one transposed copy, of the
- * image's size, which is made when it is first needed and kept until the image changes. (Fang et al. 2002
- * keep three permuted copies.) Block maxima, of 1/512 of the image's size, are those of cubes, so that all axes share
- * them.
+ * Along y and z, the slices are the voxels themselves. Along x, they come from one transposed copy of the volume. The
+ * copy is made when it is first needed, and kept until the volume changes. (Fang et al. 2002 keep three permuted
+ * copies.) Block extrema are of cubes, so all axes share them. They have 1/512 of the volume's size.
  *
- * It can be of a part of an image: what is buffered of a larger one or, for streaming, slices of that.
+ * The voxels can be a part of a volume: a box of a larger volume or, for streaming, some of its slices. Samples lie
+ * between voxels, so parts must have one voxel in common along each axis but the principal one.
  *
  * \ingroup ShearWarpMIP
  */
 template <typename TPixel>
-class ShearWarpMIP_EXPORT ShearWarpPreparedVolume
+class ShearWarpMIP_EXPORT PreparedVolume
 {
 public:
-  using Self = ShearWarpPreparedVolume;
-  using ImageType = Image<TPixel, 3>;
-  using SliceStackType = ShearWarp::SliceStack<TPixel>;
-  using BlockExtremaType = ShearWarp::BlockExtrema<TPixel>;
-
-  /** With \a hasBlockMinima block maxima come with the minima. */
-  explicit ShearWarpPreparedVolume(bool hasBlockMinima = false)
+  /** With \a hasBlockMinima, block extrema have minima beside the maxima. */
+  explicit PreparedVolume(bool hasBlockMinima = false)
     : m_HasBlockMinima(hasBlockMinima)
   {}
 
-  /** Whether Prepare() would return at once. */
+  /** Returns whether Prepare() would return at once. */
   bool
-  IsPrepared(const ImageType * image, unsigned int principalAxis, bool hasBlockExtrema = true) const
+  IsPrepared(const Voxels<TPixel> & voxels, unsigned int principalAxis, bool hasBlockExtrema = true) const
   {
-    return this->IsOf(image) && (!hasBlockExtrema || m_BlockExtrema.GetSizeInBytes() > 0) &&
+    return this->IsOf(voxels) && (!hasBlockExtrema || m_BlockExtrema.GetSizeInBytes() > 0) &&
            (principalAxis != 0 || m_Transposed.GetSizeInBytes() > 0);
   }
 
-  /** From now on block maxima come with the minima. */
+  /** Makes block extrema have minima from now on. */
   void
-  KeepBlockMinima()
-  {
-    if (!m_HasBlockMinima)
-    {
-      m_BlockExtrema.Release();
-      m_HasBlockMinima = true;
-    }
-  }
+  KeepBlockMinima();
 
-  /** The index axes along which \a image, as it is now, was projected, as bits 1, 2 and 4. */
+  /** Returns the axes along which \a voxels were projected, as bits 1, 2 and 4. */
   unsigned int
-  GetProjectedAxes(const ImageType * image) const
+  GetProjectedAxes(const Voxels<TPixel> & voxels) const
   {
-    return this->IsOf(image) ? m_ProjectedAxes : 0;
+    return this->IsOf(voxels) ? m_ProjectedAxes : 0;
   }
 
-  /** Frees what was made for another image than \a image, which is a part of \a whole or all of it, or before that was
-   * modified. */
+  /** Frees what was made of other voxels than \a voxels, which are a part of \a whole, or all of it. */
   void
-  SetImage(const ImageType * image, const ImageRegion<3> & whole);
+  SetVoxels(const Voxels<TPixel> & voxels, const VoxelBox & whole);
 
-  /** Tells that the image was projected along index axis \a principalAxis. */
+  /** Notes that the voxels were projected along \a principalAxis. */
   void
   AddProjectedAxis(unsigned int principalAxis)
   {
     m_ProjectedAxes |= 1U << principalAxis;
   }
 
-  /** Makes what GetSlices() and GetBlockExtrema() need for what is buffered of \a image, which is a part of \a whole or
-   * all of it, and index axis \a principalAxis (0, 1, 2); frees what was made for another image, or before this one was
-   * modified. Without \a hasBlockExtrema block maxima, and the lowest and highest voxel, are left out: for one view
-   * they cost more than they save. If \a parallelize throws, what it should have made is not kept. Throws
-   * MemoryAllocationError if there is no memory.
-   */
+  /** Makes what GetSlices() and GetBlockExtrema() need for \a principalAxis (0, 1, 2). Without \a hasBlockExtrema, block
+   * extrema and the lowest and highest voxel are left out: for one view, they cost more than they save. If \a run
+   * throws, nothing half made is kept. Throws OutOfMemory. */
   void
-  Prepare(const ImageType *                  image,
-          const ImageRegion<3> &             whole,
-          unsigned int                       principalAxis,
-          bool                               hasBlockExtrema,
-          const ShearWarp::Kernels<TPixel> & kernels,
-          const ShearWarp::Parallelize &     parallelize);
+  Prepare(const Voxels<TPixel> &  voxels,
+          const VoxelBox &        whole,
+          unsigned int            principalAxis,
+          bool                    hasBlockExtrema,
+          const Kernels<TPixel> & kernels,
+          const RunTasks &        run);
 
-  /** Makes the same for slices [begin, end) along z of what is buffered, counted from the first of \a whole. Rows along
-   * z begin with the slice before, if that is buffered. Nothing of it is kept for another view. Samples are taken
-   * between the voxels of a part: to have them all, parts must have one voxel in common along each axis but the
-   * principal one. */
+  /** Makes the same for some slices along z, counted from the first of \a whole. Rows along z begin with the slice
+   * before, if the voxels have it. Nothing is kept for another view. */
   void
-  PreparePart(const ImageType *                  image,
-              const ImageRegion<3> &             whole,
-              std::ptrdiff_t                     begin,
-              std::ptrdiff_t                     end,
-              unsigned int                       principalAxis,
-              bool                               hasBlockExtrema,
-              const ShearWarp::Kernels<TPixel> & kernels,
-              const ShearWarp::Parallelize &     parallelize);
+  PreparePiece(const Voxels<TPixel> &  voxels,
+               const VoxelBox &        whole,
+               const SliceRange &      slices,
+               unsigned int            principalAxis,
+               bool                    hasBlockExtrema,
+               const Kernels<TPixel> & kernels,
+               const RunTasks &        run);
 
-  /** Slices of what is prepared along its index axis \a principalAxis, with its other axes, in their order, as
-   * columns and rows. They refer to the image's memory or to this object's. */
-  SliceStackType
+  /** Returns the slices along \a principalAxis. Their columns and rows are the other axes, in this order. They refer to
+   * the voxels or to this object's memory. */
+  SliceStack<TPixel>
   GetSlices(unsigned int principalAxis) const;
 
-  /** Without memory if they were not made. */
-  BlockExtremaType
+  /** Returns the block extrema, without memory if they were not made. */
+  BlockExtrema<TPixel>
   GetBlockExtrema(unsigned int principalAxis) const;
 
-  /** The column, row and slice of the whole image where these slices begin. */
-  ShearWarp::Corner
+  /** Returns the column, row and slice of the whole volume where these slices begin. */
+  Corner
   GetCorner(unsigned int principalAxis) const;
 
   /** Frees all memory. */
   void
   Release();
 
-  /** Bytes that the copy and the block maxima hold. */
-  SizeValueType
+  /** Returns the bytes of the copy and of the block extrema. */
+  std::size_t
   GetSizeInBytes() const
   {
     return m_Transposed.GetSizeInBytes() + m_BlockExtrema.GetSizeInBytes();
@@ -155,37 +130,33 @@ public:
 
 private:
   bool
-  IsOf(const ImageType * image) const
-  {
-    return m_Image == image && m_ImageMTime == image->GetMTime() && m_Voxels == image->GetBufferPointer();
-  }
+  IsOf(const Voxels<TPixel> & voxels) const;
 
   void
-  SetPart(const ImageType * image, const ImageRegion<3> & whole, std::ptrdiff_t begin, std::ptrdiff_t end);
+  SetPiece(const Voxels<TPixel> & voxels, const VoxelBox & whole, const SliceRange & slices);
 
   void
-  FindBlockExtrema(const ShearWarp::Kernels<TPixel> & kernels, const ShearWarp::Parallelize & parallelize);
+  SetEnds(const VoxelBox & whole);
 
   void
-  Transpose(const ShearWarp::Kernels<TPixel> & kernels,
-            const ShearWarp::Parallelize &     parallelize,
-            ShearWarpBuffer                    memory);
+  FindBlockExtrema(const Kernels<TPixel> & kernels, const RunTasks & run);
 
-  bool            m_HasBlockMinima;
-  ShearWarpBuffer m_Transposed;
-  ShearWarpBuffer m_BlockExtrema; // and minima behind them
-  TPixel          m_Lowest{};
-  TPixel          m_Highest{};
+  void
+  Transpose(const Kernels<TPixel> & kernels, const RunTasks & run, Buffer memory);
 
-  // an identity; the image itself is not dereferenced
-  const ImageType * m_Image{ nullptr };
-  ModifiedTimeType  m_ImageMTime{ 0 };
-  const TPixel *    m_Voxels{ nullptr };
-  unsigned int      m_ProjectedAxes{ 0 };
-  std::ptrdiff_t    m_Begin[3]{ 0, 0, 0 }; // of the part in the image
-  std::ptrdiff_t    m_Size[3]{ 0, 0, 0 };
-  ShearWarp::Ends   m_Ends[3];
+  bool   m_HasBlockMinima;
+  Buffer m_Transposed;
+  Buffer m_BlockExtrema; // maxima, then minima
+  TPixel m_Lowest{};
+  TPixel m_Highest{};
+
+  Voxels<TPixel> m_Voxels; // without owner if nothing is kept of them
+  unsigned int   m_ProjectedAxes{ 0 };
+  const TPixel * m_First{ nullptr }; // first voxel of the piece
+  std::ptrdiff_t m_Begin[3]{ 0, 0, 0 };
+  std::ptrdiff_t m_Size[3]{ 0, 0, 0 };
+  Ends           m_Ends[3];
 };
-} // namespace itk
+} // namespace itk::ShearWarp
 
 #endif

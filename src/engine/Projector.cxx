@@ -20,67 +20,97 @@
 #include "kernels/PixelTypes.h"
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
-#include <functional>
-#include <numeric>
+#include <utility>
 
-namespace itk
+namespace itk::ShearWarp
 {
 template <typename TPixel>
-void
-ShearWarpProjector<TPixel>::Start(ViewList                           views,
-                                  const ShearWarp::Kernels<TPixel> & kernels,
-                                  const Parameters &                 parameters,
-                                  SizeValueType                      workers)
+bool
+Projector<TPixel>::HasTwoImages(Mode mode)
 {
-  const bool hasRegion =
-    std::any_of(views.begin(), views.end(), [](const View & view) { return !view.intervals.empty(); });
-  m_Kernels = &kernels;
-  m_Views = std::move(views);
-  m_Parameters = parameters;
-  m_Parameters.mode = Simplify(parameters.mode);
-  if (m_Parameters.mode != ModeEnum::Maximum || hasRegion || parameters.hasSlices)
+  switch (mode)
   {
-    m_Parameters.reducedResampling = ReducedResamplingEnum::Off;
+    case Mode::Maximum:
+    case Mode::Minimum:
+      return false;
+    case Mode::AbsoluteMaximum:
+      return std::is_signed_v<TPixel>;
   }
-  m_NumberOfWorkers = workers;
-  m_Grids.clear();
-  m_Regions.clear();
-  m_Fadings.clear();
-  m_TileColumns = m_TileRows = 0;
-  for (const View & view : m_Views)
+  return false;
+}
+
+template <typename TPixel>
+Extremum
+Projector<TPixel>::GetExtremum(std::size_t image) const
+{
+  switch (m_Parameters.mode)
   {
-    std::size_t phase = 0;
-    for (const ShearWarp::IntermediateGrid & grid : view.factorization->GetPhases())
+    case Mode::Maximum:
+      return Extremum::Maximum;
+    case Mode::Minimum:
+      return Extremum::Minimum;
+    case Mode::AbsoluteMaximum:
+      return image % m_ImagesOfView == 1 ? Extremum::Minimum : Extremum::Maximum;
+  }
+  return Extremum::Maximum;
+}
+
+template <typename TPixel>
+TPixel
+Projector<TPixel>::GetStart(std::size_t image) const
+{
+  switch (this->GetExtremum(image))
+  {
+    case Extremum::Maximum:
+      return NoSample<TPixel, Extremum::Maximum>;
+    case Extremum::Minimum:
+      return NoSample<TPixel, Extremum::Minimum>;
+  }
+  return {};
+}
+
+template <typename TPixel>
+void
+Projector<TPixel>::Begin(std::vector<ProjectedView> views,
+                         unsigned int               axis,
+                         const Kernels<TPixel> &    kernels,
+                         const Parameters &         parameters,
+                         std::size_t                workers)
+{
+  m_Kernels = &kernels;
+  m_Axis = axis;
+  m_Parameters = parameters;
+  m_NumberOfWorkers = workers;
+  m_ImagesOfView = HasTwoImages(parameters.mode) ? 2 : 1;
+  m_HasRegion = false;
+  m_TileColumns = m_TileRows = 0;
+  m_Views.clear();
+  for (ProjectedView & view : views)
+  {
+    m_HasRegion = m_HasRegion || !view.intervals.empty();
+    m_TileColumns = std::max(m_TileColumns, CountBlocks(view.grid->columns, TileColumns));
+    m_TileRows = std::max(m_TileRows, CountBlocks(view.grid->rows));
+    PlacedView placed{ std::move(view), {}, {}, {} };
+    placed.region.intervals = placed.view.intervals;
+    if (placed.view.fading)
     {
-      ShearWarp::Region region{ view.intervals };
-      for (ShearWarp::Interval & interval : region.intervals)
-      {
-        interval.function = view.factorization->GetFunctionOfPhase(interval.function, phase);
-      }
-      const auto depth = view.factorization->GetFunctionOfPhase(view.factorization->GetDepthFunction(), phase);
-      ++phase;
-      const bool        isPair = m_Parameters.mode == ModeEnum::AbsoluteMaximum && !m_Parameters.isOrdered;
-      const std::size_t extrema = isPair ? 2 : 1;
-      m_Grids.insert(m_Grids.end(), extrema, &grid);
-      m_Regions.insert(m_Regions.end(), hasRegion ? extrema : 0, region);
-      if (view.fading)
-      {
-        m_Fadings.insert(m_Fadings.end(), extrema, { *view.fading, depth, parameters.background });
-      }
-      m_TileColumns = std::max(m_TileColumns, ShearWarp::CountBlocks(grid.columns, ShearWarp::TileColumns));
-      m_TileRows = std::max(m_TileRows, ShearWarp::CountBlocks(grid.rows));
+      placed.fading = { *placed.view.fading, placed.view.depth, parameters.background };
     }
+    m_Views.push_back(std::move(placed));
   }
   m_RowStride = GetRowStride(m_TileColumns);
+  if (parameters.mode != Mode::Maximum || m_HasRegion || parameters.hasRanks)
+  {
+    m_Parameters.reducedResampling = ReducedResampling::Off;
+  }
 
-  m_Workers.resize(std::max<SizeValueType>(m_Workers.size(), workers));
+  m_Workers.resize(std::max(m_Workers.size(), workers));
   for (Worker & worker : m_Workers)
   {
-    worker.images.resize(m_Grids.size());
-    worker.active.resize(m_Grids.size());
-    for (PartialImage & image : worker.images)
+    worker.images.resize(this->CountImages());
+    worker.active.resize(this->CountImages());
+    for (ThreadImage & image : worker.images)
     {
       image.rowBegin = image.rowEnd = 0;
     }
@@ -90,72 +120,136 @@ ShearWarpProjector<TPixel>::Start(ViewList                           views,
 }
 
 template <typename TPixel>
-bool
-ShearWarpProjector<TPixel>::IsFirstSlabFront(const ShearWarpFactorization & factorization)
+void
+Projector<TPixel>::Project(const PreparedVolume<TPixel> &        volume,
+                           const PreparedVolume<unsigned char> * mask,
+                           const RunTasks &                      run)
 {
-  const bool isFirstSliceNearest = IsFirstSliceNearest(factorization);
-  // along other axes rows are along z, and a ray goes through them against the shear
-  return factorization.GetPrincipalAxis() == 2 ? isFirstSliceNearest
-                                               : isFirstSliceNearest == (factorization.GetShear()[1] < 0);
+  this->SetSlices(volume, mask);
+  this->OrderCubes();
+  const std::vector<Rows> blocks = this->MakeBlocks();
+  const std::ptrdiff_t    blockRows = blocks.front().end - blocks.front().begin;
+  const auto              cubes = static_cast<std::ptrdiff_t>(m_Cubes.size());
+  const auto              images = static_cast<std::ptrdiff_t>(blocks.front().imageEnd - blocks.front().imageBegin);
+
+  // a step takes milliseconds at most
+  constexpr std::ptrdiff_t stepVoxels = 1 << 21;
+  constexpr std::ptrdiff_t mostCubes = MostRankedSlices / BlockLength;
+  const std::ptrdiff_t     stepCubes =
+    std::min(stepVoxels / (images * blockRows * m_Slices.columns * BlockLength) + 1, mostCubes);
+  m_RankedCubes = mostCubes / stepCubes * stepCubes;
+
+  const bool                 isOrdered = m_Parameters.isOrdered;
+  std::vector<ThreadImage> & shared = m_Workers.front().images;
+  const bool                 isFirst = isOrdered && shared.front().rowEnd == 0;
+  for (std::size_t n = 0; isFirst && n < shared.size(); ++n)
+  {
+    this->ReserveRows(shared[n]);
+    shared[n].rowEnd = m_TileRows * BlockLength;
+  }
+  run(blocks.size(),
+      static_cast<std::size_t>(CountBlocks(cubes, stepCubes)),
+      [&](std::size_t n, std::size_t step, std::size_t worker) {
+        const Rows &         rows = blocks[n];
+        const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(step) * stepCubes;
+        const std::ptrdiff_t last = std::min(first + stepCubes, cubes);
+        if (isFirst && first == 0)
+        {
+          this->FillRows(rows.imageBegin, shared[rows.imageBegin], rows.begin, rows.end);
+        }
+        this->ProjectRows(m_Workers[worker], rows, first, last);
+        if (isOrdered && (last == cubes || last % m_RankedCubes == 0))
+        {
+          this->SettleRanks(rows, first);
+        }
+      });
 }
 
 template <typename TPixel>
 void
-ShearWarpProjector<TPixel>::Project(const ShearWarpPreparedVolume<TPixel> &        volume,
-                                    const ShearWarpPreparedVolume<unsigned char> * mask,
-                                    const ShearWarp::Parallelize &                 parallelize)
+Projector<TPixel>::SetSlices(const PreparedVolume<TPixel> & volume, const PreparedVolume<unsigned char> * mask)
 {
-  using ShearWarp::BlockLength;
-  using ShearWarp::CountBlocks;
-
-  const unsigned int axis = m_Views.front().factorization->GetPrincipalAxis();
-  m_Slices = volume.GetSlices(axis);
-  m_BlockExtrema = volume.GetBlockExtrema(axis);
+  m_Slices = volume.GetSlices(m_Axis);
+  m_BlockExtrema = volume.GetBlockExtrema(m_Axis);
+  m_FirstSlice = volume.GetCorner(m_Axis).slice;
   m_Mask = {};
   if (mask)
   {
-    const auto slices = mask->GetSlices(axis);
+    const auto slices = mask->GetSlices(m_Axis);
     m_Mask = { slices.voxels, slices.rowStride, slices.sliceStride, m_Parameters.maskLabel };
-    m_BlocksOfMask = mask->GetBlockExtrema(axis);
+    m_BlocksOfMask = mask->GetBlockExtrema(m_Axis);
   }
-  m_Placements.clear();
-  for (const ShearWarp::IntermediateGrid * grid : m_Grids)
+  for (PlacedView & placed : m_Views)
   {
-    m_Placements.push_back(ShearWarp::PlacePart(*grid, volume.GetCorner(axis), m_Slices.slices));
+    placed.placements = PlacePart(*placed.view.grid, volume.GetCorner(m_Axis), m_Slices.slices);
+    placed.region.firstSlice = m_FirstSlice;
+    if (placed.view.fading)
+    {
+      placed.fading.SetStack(m_Slices.columns, m_FirstSlice);
+    }
   }
-  m_FirstSlice = volume.GetCorner(axis).slice;
-  for (ShearWarp::Region & region : m_Regions)
-  {
-    region.firstSlice = m_FirstSlice;
-  }
-  for (auto & fading : m_Fadings)
-  {
-    fading.SetStack(m_Slices.columns, m_FirstSlice);
-  }
-  m_ReducedResampling = m_BlockExtrema.maxima ? m_Parameters.reducedResampling : ReducedResamplingEnum::Off;
+  m_HasCommonRows = m_Views.size() > 1 && this->HaveCommonRows();
+  m_ReducedResampling = m_BlockExtrema.maxima ? m_Parameters.reducedResampling : ReducedResampling::Off;
   if constexpr (std::is_floating_point_v<TPixel>)
   {
     // an interpolation whose difference overflows can exceed its voxels
     if (!std::isfinite(m_Slices.highest - m_Slices.lowest))
     {
-      m_ReducedResampling = ReducedResamplingEnum::Off;
+      m_ReducedResampling = ReducedResampling::Off;
     }
   }
-  // slices together are faster where samples have two voxels
-  const auto isTurnAboutAxis = [](const View & view) {
-    const auto & placements = view.factorization->GetSlicePlacements();
-    const auto   areWhole = [&](ShearWarp::SamplingPosition ShearWarp::SlicePlacement::* position) {
+}
+
+/** Returns whether each view turns about an axis of the volume. Samples then have two voxels, and several slices are
+ * faster together than one after the other. */
+template <typename TPixel>
+bool
+Projector<TPixel>::HaveCommonRows() const
+{
+  return std::all_of(m_Views.begin(), m_Views.end(), [](const PlacedView & placed) {
+    const auto & placements = placed.view.grid->placements;
+    const auto   areWhole = [&](SamplingPosition SlicePlacement::* position) {
       return std::all_of(
         placements.begin(), placements.end(), [=](const auto & slice) { return (slice.*position).fraction == 0; });
     };
-    return areWhole(&ShearWarp::SlicePlacement::column) || areWhole(&ShearWarp::SlicePlacement::row);
-  };
-  m_HasCommonRows = m_Views.size() > 1 && std::all_of(m_Views.begin(), m_Views.end(), isTurnAboutAxis);
+    return areWhole(&SlicePlacement::column) || areWhole(&SlicePlacement::row);
+  });
+}
 
-  // where slices lie side by side a few rows are long runs in memory, else all rows of a slice are; several images
-  // share rows of BlockLength slices; in order, a thread keeps its rows of the image in the cache
+/** Cubes are in the order of storage or, if samples come in order, from the viewer on. With reduced resampling, every
+ * eighth cube comes first: then all pixels soon have a value. */
+template <typename TPixel>
+void
+Projector<TPixel>::OrderCubes()
+{
+  constexpr std::ptrdiff_t seedDistance = 8 * BlockLength;
+  const bool               hasSeeds = m_ReducedResampling != ReducedResampling::Off;
+  const std::ptrdiff_t     lastCube = (m_Slices.slices - 1) / BlockLength * BlockLength;
+  m_Cubes.clear();
+  for (const bool isSeed : { true, false })
+  {
+    for (std::ptrdiff_t slice = 0; slice < m_Slices.slices; slice += BlockLength)
+    {
+      if (isSeed == (hasSeeds && (slice % seedDistance == 0 || slice == lastCube)))
+      {
+        m_Cubes.push_back(slice);
+      }
+    }
+  }
+  if (m_Parameters.isOrdered && !m_Views.front().view.IsFirstSliceNearest())
+  {
+    std::reverse(m_Cubes.begin(), m_Cubes.end());
+  }
+}
+
+/** Where slices lie side by side in memory, a few rows are long runs; else only all rows of a slice are. Several images
+ * share the rows of BlockLength slices. If samples come in order, a thread keeps its rows of the image in the cache. */
+template <typename TPixel>
+auto
+Projector<TPixel>::MakeBlocks() const -> std::vector<Rows>
+{
   const bool           isOrdered = m_Parameters.isOrdered;
-  const auto           images = isOrdered ? 1 : static_cast<std::ptrdiff_t>(m_Grids.size());
+  const std::size_t    images = this->CountImages();
   const std::ptrdiff_t allRows = isOrdered ? m_TileRows * BlockLength : m_Slices.rows;
   const std::ptrdiff_t rowBytes = m_Slices.columns * static_cast<std::ptrdiff_t>(sizeof(TPixel));
   const bool           isLongRun = m_Slices.sliceStride > m_Slices.rowStride;
@@ -165,190 +259,254 @@ ShearWarpProjector<TPixel>::Project(const ShearWarpPreparedVolume<TPixel> &     
   const std::ptrdiff_t fairShare = CountBlocks(allRows, 2 * static_cast<std::ptrdiff_t>(m_NumberOfWorkers));
   const std::ptrdiff_t blockRows = CountBlocks(std::min(wanted, fairShare)) * BlockLength;
   std::vector<Rows>    blocks;
-  for (std::size_t grid = 0; grid < (isOrdered ? m_Grids.size() : 1); ++grid)
+  for (std::size_t image = 0; image < (isOrdered ? images : 1); ++image)
   {
     for (std::ptrdiff_t row = 0; row < allRows; row += blockRows)
     {
-      blocks.push_back({ row, std::min(row + blockRows, allRows), grid, isOrdered ? grid + 1 : m_Grids.size() });
+      blocks.push_back({ row, std::min(row + blockRows, allRows), image, isOrdered ? image + 1 : images });
     }
   }
-  // a step takes milliseconds at most
-  constexpr std::ptrdiff_t stepVoxels = 1 << 21;
-  constexpr std::ptrdiff_t mostCubes = MostRankedSlices / BlockLength;
-  const std::ptrdiff_t     stepCubes =
-    std::min(stepVoxels / (images * blockRows * m_Slices.columns * BlockLength) + 1, mostCubes);
-  m_RankedCubes = mostCubes / stepCubes * stepCubes;
-  this->OrderSlices();
-
-  const bool isFirst = isOrdered && m_Workers.front().images.front().rowEnd == 0;
-  for (std::size_t grid = 0; isFirst && grid < m_Grids.size(); ++grid)
-  {
-    PartialImage & image = m_Workers.front().images[grid];
-    this->ReserveRows(image);
-    image.rowEnd = allRows;
-  }
-  const auto cubes = static_cast<std::ptrdiff_t>(m_SliceOrder.size());
-  parallelize(static_cast<SizeValueType>(blocks.size()),
-              static_cast<SizeValueType>(CountBlocks(cubes, stepCubes)),
-              [&](SizeValueType n, SizeValueType step, SizeValueType worker) {
-                const Rows &         rows = blocks[n];
-                const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(step) * stepCubes;
-                const std::ptrdiff_t last = std::min(first + stepCubes, cubes);
-                if (isFirst && first == 0)
-                {
-                  this->FillRows(rows.gridBegin, m_Workers.front().images[rows.gridBegin], rows.begin, rows.end);
-                }
-                this->ProjectRows(m_Workers[worker], rows, first, last);
-                if (isOrdered && (last == cubes || last % m_RankedCubes == 0))
-                {
-                  this->SettleRanks(rows, first);
-                }
-              });
+  return blocks;
 }
 
-template <typename TPixel>
-auto
-ShearWarpProjector<TPixel>::Finish(std::size_t view, const ShearWarp::Parallelize & parallelize)
-  -> IntermediateImageType
-{
-  const ShearWarpFactorization & factorization = *m_Views[view].factorization;
-  const auto                     oversampling = static_cast<std::ptrdiff_t>(factorization.GetOversampling());
-  const std::ptrdiff_t           rowStride = oversampling * m_RowStride;
-  const auto                     columns = static_cast<std::ptrdiff_t>(factorization.GetIntermediateSize()[0]);
-  const auto                     rows = static_cast<std::ptrdiff_t>(factorization.GetIntermediateSize()[1]);
-  const std::size_t              phases = factorization.GetPhases().size();
-  const std::size_t              extrema = m_Grids.size() / (m_Views.size() * phases);
-  const std::size_t              firstGrid = view * phases * extrema;
-
-  std::vector<PartialImage> & merged = m_Workers.front().images;
-  for (std::size_t n = firstGrid; n < firstGrid + phases * extrema; ++n)
-  {
-    this->ExtendRows(n, merged[n], 0, m_TileRows * ShearWarp::BlockLength);
-  }
-  if (oversampling > 1)
-  {
-    m_JoinedPhases.Reserve(rows * rowStride * sizeof(TPixel), "the joined intermediate image");
-  }
-  // the better one of two extrema does not tell whether a float has met a sample
-  const bool    hasRegion = !m_Regions.empty();
-  const bool    isAbsolute = extrema == 2;
-  const bool    isMagnitude = this->GetExtremum(firstGrid) == ShearWarp::Extremum::Magnitude;
-  const bool    mayHaveGaps = hasRegion || m_Parameters.hasSlices || (isAbsolute && std::is_floating_point_v<TPixel>);
-  const Ranking ranking = this->GetRanking(m_Views[view], 0);
-  if (mayHaveGaps)
-  {
-    m_Reached.resize(rows);
-    m_JoinedSlices.Reserve(rows * rowStride * sizeof(std::int32_t), "the slices of the joined intermediate image");
-  }
-  auto * const             slices = m_JoinedSlices.template GetPointer<std::int32_t>();
-  constexpr std::ptrdiff_t bandPixels = 1 << 17;
-  const std::ptrdiff_t     bandRows = bandPixels / rowStride + 1;
-  std::atomic<bool>        hasGaps{ false };
-  const auto               mergeBand = [&](SizeValueType n, SizeValueType, SizeValueType) {
-    const std::ptrdiff_t begin = static_cast<std::ptrdiff_t>(n) * bandRows;
-    for (std::ptrdiff_t row = begin; row < std::min(begin + bandRows, rows); ++row)
-    {
-      for (std::ptrdiff_t column = 0; column < oversampling; ++column)
-      {
-        const std::ptrdiff_t phaseOfRow = row % oversampling * oversampling + column;
-        const std::size_t    grid = firstGrid + phaseOfRow * extrema;
-        TPixel *             phase = this->MergeRow(grid, row / oversampling);
-        const TPixel *       minima = isAbsolute ? this->MergeRow(grid + 1, row / oversampling) : nullptr;
-        const RankType *     ranks = this->GetRanks(merged[grid], row / oversampling);
-        const RankType * ranksOfMinima = isAbsolute ? this->GetRanks(merged[grid + 1], row / oversampling) : nullptr;
-        const std::uint8_t * marks = hasRegion ? this->MergeMarks(grid, row / oversampling) : nullptr;
-        const std::int32_t * settled =
-          m_Parameters.isOrdered
-                          ? merged[grid].slices.template GetPointer<std::int32_t>() + row / oversampling * m_RowStride
-                          : nullptr;
-        for (std::ptrdiff_t p = 0; mayHaveGaps && p < m_RowStride; ++p)
-        {
-          const bool isEmpty = std::is_floating_point_v<TPixel> && !isMagnitude && phase[p] == this->GetStart(grid) &&
-                               !(isAbsolute && minima[p] != this->GetStart(grid + 1));
-          const bool isMinimum = isAbsolute && IsMagnitudeLarger(minima[p], phase[p]);
-          const auto rank = m_Parameters.hasSlices ? (isMinimum ? ranksOfMinima : ranks)[p] : RankType{ 0 };
-          const bool hasValue = !isEmpty && (!marks || marks[p] != 0) && rank != ShearWarp::NoRank<TPixel>;
-          const auto slice = m_Parameters.isOrdered ? settled[p] : m_Parameters.hasSlices ? ranking.GetSlice(rank) : 0;
-          slices[row * rowStride + column + p * oversampling] = hasValue ? slice : ShearWarp::NoSlice;
-        }
-        for (std::ptrdiff_t p = 0; isAbsolute && p < m_RowStride; ++p)
-        {
-          phase[p] = IsMagnitudeLarger(minima[p], phase[p]) ? minima[p] : phase[p];
-        }
-        if (oversampling > 1)
-        {
-          TPixel * joined = m_JoinedPhases.template GetPointer<TPixel>() + row * rowStride + column;
-          for (std::ptrdiff_t p = 0; p < m_RowStride; ++p)
-          {
-            joined[p * oversampling] = phase[p];
-          }
-        }
-      }
-      if (mayHaveGaps)
-      {
-        const auto reached = ShearWarp::FindReached(slices + row * rowStride, columns);
-        m_Reached[row] = reached.span;
-        if (reached.hasGaps)
-        {
-          hasGaps = true;
-        }
-      }
-    }
-  };
-  parallelize(static_cast<SizeValueType>(ShearWarp::CountBlocks(rows, bandRows)), 1, mergeBand);
-  const ShearWarpBuffer & pixels = oversampling > 1 ? m_JoinedPhases : merged[firstGrid].pixels;
-  return { pixels.template GetPointer<TPixel>(),
-           columns,
-           rows,
-           rowStride,
-           mayHaveGaps ? m_Reached.data() : factorization.GetReachedColumns().data(),
-           mayHaveGaps ? slices : nullptr,
-           hasGaps,
-           this->GetStart(firstGrid) };
-}
-
-template <typename TPixel>
-auto
-ShearWarpProjector<TPixel>::GetRanking(const View & view, std::ptrdiff_t cube) const -> Ranking
-{
-  using ShearWarp::BlockLength;
-  const bool isFirstNearest = IsFirstSliceNearest(*view.factorization);
-  if (m_Parameters.isOrdered)
-  {
-    const std::ptrdiff_t first = m_SliceOrder[cube / m_RankedCubes * m_RankedCubes];
-    const std::ptrdiff_t nearest = isFirstNearest ? first : std::min(first + BlockLength, m_Slices.slices) - 1;
-    return { m_FirstSlice + nearest, isFirstNearest ? 1 : -1 };
-  }
-  const auto last = static_cast<std::ptrdiff_t>(view.factorization->GetSlicePlacements().size()) - 1;
-  return { isFirstNearest ? 0 : last, isFirstNearest ? 1 : -1 };
-}
-
-/** Ranks become 0: nearer than those that follow. */
+/** Projects elements [first, last) of m_Cubes. */
 template <typename TPixel>
 void
-ShearWarpProjector<TPixel>::SettleRanks(const Rows & rows, std::ptrdiff_t cube)
+Projector<TPixel>::ProjectRows(Worker & worker, const Rows & rows, std::ptrdiff_t first, std::ptrdiff_t last)
 {
-  const Ranking        ranking = this->GetRanking(m_Views.front(), cube);
-  const PartialImage & image = m_Workers.front().images[rows.gridBegin];
-  RankType * const     ranks = this->GetRanks(image, 0);
-  auto * const         slices = image.slices.template GetPointer<std::int32_t>();
+  const bool      isOrdered = m_Parameters.isOrdered;
+  const BlockRows rowsOf = isOrdered         ? BlockRows::OfImage
+                           : m_HasCommonRows ? BlockRows::OfMiddleSlices
+                                             : BlockRows::OfSlices;
+  const bool      isBackward = isOrdered && !m_Views.front().view.IsFirstSliceNearest();
+  for (std::ptrdiff_t n = first, end = first; n < last; n = end)
+  {
+    const bool isTested = m_Mask.voxels || (m_ReducedResampling != ReducedResampling::Off && worker.untestedCubes == 0);
+    end = this->FindCubesTogether(worker, n, last, isTested);
+    const std::ptrdiff_t sliceEnd = std::min(m_Cubes[end - 1] + BlockLength, m_Slices.slices);
+    const Block          block{ rows.begin, rows.end, m_Cubes[n], sliceEnd, m_Slices.rows, rowsOf, isBackward };
+    if (!isOrdered)
+    {
+      this->ExtendImages(worker, rows, block);
+    }
+    const bool areSelected = isTested && this->SelectTiles(worker, rows, block);
+    worker.views.clear();
+    for (std::size_t image = rows.imageBegin; image < rows.imageEnd; ++image)
+    {
+      const auto & active = worker.active[image];
+      const auto   isNeeded = [](TileState state) { return state != TileState::Unneeded; };
+      if (!areSelected || std::any_of(active.begin(), active.end(), isNeeded))
+      {
+        worker.views.push_back(this->MakeShearedView(worker, image, areSelected, first));
+      }
+    }
+    if (!worker.views.empty())
+    {
+      m_Kernels->projectBlock(m_Slices, block, worker.views.data(), worker.views.size());
+    }
+    if (!isTested)
+    {
+      worker.untestedCubes -= end - n;
+      worker.tiles +=
+        (rows.imageEnd - rows.imageBegin) * m_TileColumns * CountBlocks(rows.end - rows.begin) * (end - n);
+    }
+  }
+}
+
+/** Returns the end of the cubes that are projected at once: one cube, or as many as follow each other untested. */
+template <typename TPixel>
+std::ptrdiff_t
+Projector<TPixel>::FindCubesTogether(const Worker & worker,
+                                     std::ptrdiff_t first,
+                                     std::ptrdiff_t last,
+                                     bool           isTested) const
+{
+  std::ptrdiff_t end = first + 1;
+  while (!isTested && end < last && m_Cubes[end] == m_Cubes[end - 1] + BlockLength &&
+         (m_ReducedResampling == ReducedResampling::Off || end - first < worker.untestedCubes))
+  {
+    ++end;
+  }
+  return end;
+}
+
+/** Makes the worker's images have all rows that the block reaches. */
+template <typename TPixel>
+void
+Projector<TPixel>::ExtendImages(Worker & worker, const Rows & rows, const Block & block) const
+{
+  for (std::size_t image = rows.imageBegin; image < rows.imageEnd; ++image)
+  {
+    // offsets are monotonic in the slice
+    const auto &       placements = this->GetView(image).placements;
+    const std::int32_t first = placements[block.sliceBegin].row.whole;
+    const std::int32_t last = placements[block.sliceEnd - 1].row.whole;
+    this->ExtendRows(image,
+                     worker.images[image],
+                     rows.begin + std::min(first, last),
+                     std::min(rows.end + std::max(first, last) + 1, this->GetGrid(image).rows));
+  }
+}
+
+template <typename TPixel>
+ShearedView<TPixel>
+Projector<TPixel>::MakeShearedView(Worker & worker, std::size_t image, bool areSelected, std::ptrdiff_t cube)
+{
+  const PlacedView &       placed = this->GetView(image);
+  const IntermediateGrid & grid = *placed.view.grid;
+  ThreadImage &            target = this->GetImages(worker)[image];
+  const Ranking ranking = m_Parameters.isOrdered ? this->GetRankingOfCube(cube) : this->GetRanking(placed.view);
+  ShearedView<TPixel>      view;
+  view.placements = placed.placements.data();
+  view.intermediate.pixels = target.pixels.template GetPointer<TPixel>();
+  view.intermediate.columns = grid.columns;
+  view.intermediate.rows = grid.rows;
+  view.intermediate.rowStride = m_RowStride;
+  view.intermediate.reached = grid.reached.data();
+  view.active = areSelected ? worker.active[image].data() : nullptr;
+  view.activeStride = m_TileColumns;
+  view.extremum = this->GetExtremum(image);
+  if (m_HasRegion)
+  {
+    view.coverage.region = &placed.region;
+    view.coverage.marks = target.marks.template GetPointer<std::uint8_t>();
+    view.coverage.rowStride = m_RowStride;
+    view.coverage.known = target.known.data();
+  }
+  view.ranked.ranks = this->GetRanks(target, 0);
+  view.ranked.first = ranking.GetRank(static_cast<std::int32_t>(m_FirstSlice));
+  view.ranked.step = ranking.step;
+  view.mask = m_Mask.voxels ? &m_Mask : nullptr;
+  view.fading = placed.view.fading ? &placed.fading : nullptr;
+  view.localThreshold = m_Parameters.localThreshold ? &*m_Parameters.localThreshold : nullptr;
+  return view;
+}
+
+/** The ranks of all slices of the volume. */
+template <typename TPixel>
+Ranking
+Projector<TPixel>::GetRanking(const ProjectedView & view) const
+{
+  const auto last = static_cast<std::int32_t>(view.grid->begin.slice) +
+                    static_cast<std::int32_t>(view.grid->placements.size()) - 1;
+  const auto first = static_cast<std::int32_t>(view.grid->begin.slice);
+  return view.IsFirstSliceNearest() ? Ranking{ first, 1 } : Ranking{ last, -1 };
+}
+
+/** The ranks that begin anew with the cubes around an element of m_Cubes. */
+template <typename TPixel>
+Ranking
+Projector<TPixel>::GetRankingOfCube(std::ptrdiff_t cube) const
+{
+  const bool           isFirstNearest = m_Views.front().view.IsFirstSliceNearest();
+  const std::ptrdiff_t first = m_Cubes[cube / m_RankedCubes * m_RankedCubes];
+  const std::ptrdiff_t nearest = isFirstNearest ? first : std::min(first + BlockLength, m_Slices.slices) - 1;
+  return { static_cast<std::int32_t>(m_FirstSlice + nearest), isFirstNearest ? 1 : -1 };
+}
+
+/** Notes the ranks of pixels, which count from the cubes around an element of m_Cubes on, as ranks of the whole volume.
+ * The ranks then become 0: nearer than all that follow. */
+template <typename TPixel>
+void
+Projector<TPixel>::SettleRanks(const Rows & rows, std::ptrdiff_t cube)
+{
+  const Ranking       all = this->GetRanking(m_Views.front().view);
+  const std::int32_t  before = all.GetRank(this->GetRankingOfCube(cube).first) - 1;
+  const ThreadImage & image = m_Workers.front().images[rows.imageBegin];
+  RankType * const    ranks = this->GetRanks(image, 0);
+  auto * const        settled = image.settledRanks.template GetPointer<std::int32_t>();
   for (std::ptrdiff_t p = rows.begin * m_RowStride; p < rows.end * m_RowStride; ++p)
   {
-    const auto rank = static_cast<RankType>(ranks[p] & ShearWarp::NoRank<TPixel>);
-    if (rank != 0 && rank != ShearWarp::NoRank<TPixel>)
+    const auto rank = static_cast<RankType>(ranks[p] & NoRank<TPixel>);
+    if (rank != 0 && rank != NoRank<TPixel>)
     {
-      slices[p] = ranking.GetSlice(rank);
+      settled[p] = before + rank;
       ranks[p] = static_cast<RankType>(ranks[p] - rank);
     }
   }
 }
 
 template <typename TPixel>
-double
-ShearWarpProjector<TPixel>::GetSkippedFraction() const
+void
+Projector<TPixel>::ReserveRows(ThreadImage & image) const
 {
-  SizeValueType tiles = 0;
-  SizeValueType skipped = 0;
+  const std::ptrdiff_t rows = m_TileRows * BlockLength;
+  const std::ptrdiff_t pixels = rows * m_RowStride;
+  image.pixels.Reserve(pixels * sizeof(TPixel), "an intermediate image");
+  image.lowerBounds.assign(m_TileRows * m_TileColumns, NoSample<TPixel>);
+  if (m_HasRegion)
+  {
+    image.marks.Reserve(pixels, "the marks of an intermediate image");
+  }
+  if (m_Parameters.hasRanks)
+  {
+    image.ranks.Reserve(pixels * sizeof(RankType), "the ranks of an intermediate image");
+  }
+  if (m_Parameters.isOrdered)
+  {
+    image.settledRanks.Reserve(pixels * sizeof(std::int32_t), "the ranks of an intermediate image");
+  }
+  image.known.assign(m_HasRegion ? rows : 0, {});
+}
+
+/** Makes the rows of an image contain [begin, end). */
+template <typename TPixel>
+void
+Projector<TPixel>::ExtendRows(std::size_t n, ThreadImage & image, std::ptrdiff_t begin, std::ptrdiff_t end) const
+{
+  begin = begin / BlockLength * BlockLength;
+  end = CountBlocks(end) * BlockLength;
+  if (image.rowBegin == image.rowEnd)
+  {
+    this->ReserveRows(image);
+    image.rowBegin = image.rowEnd = begin;
+  }
+  if (begin < image.rowBegin)
+  {
+    this->FillRows(n, image, begin, image.rowBegin);
+    image.rowBegin = begin;
+  }
+  if (end > image.rowEnd)
+  {
+    this->FillRows(n, image, image.rowEnd, end);
+    image.rowEnd = end;
+  }
+}
+
+/** Gives pixels the value of no sample. With reduced resampling, pixels that no slice reaches get the largest number, so
+ * that they do not keep a tile from being skipped. */
+template <typename TPixel>
+void
+Projector<TPixel>::FillRows(std::size_t n, ThreadImage & image, std::ptrdiff_t begin, std::ptrdiff_t end) const
+{
+  const IntermediateGrid & grid = this->GetGrid(n);
+  const bool               isTested = m_Parameters.reducedResampling != ReducedResampling::Off;
+  const TPixel             start = this->GetStart(n);
+  const TPixel             outside = isTested ? std::numeric_limits<TPixel>::max() : start;
+  for (std::ptrdiff_t row = begin; row < end; ++row)
+  {
+    TPixel *         pixels = image.pixels.template GetPointer<TPixel>() + row * m_RowStride;
+    const ColumnSpan span = row < grid.rows ? grid.reached[row] : ColumnSpan{ 0, 0 };
+    std::fill(pixels, pixels + span.begin, outside);
+    std::fill(pixels + span.begin, pixels + span.end, start);
+    std::fill(pixels + span.end, pixels + m_RowStride, outside);
+    if (m_HasRegion)
+    {
+      std::fill_n(image.marks.template GetPointer<std::uint8_t>() + row * m_RowStride, m_RowStride, std::uint8_t{ 0 });
+    }
+    if (m_Parameters.hasRanks)
+    {
+      std::fill_n(this->GetRanks(image, row), m_RowStride, NoRank<TPixel>);
+    }
+  }
+}
+
+template <typename TPixel>
+double
+Projector<TPixel>::GetSkippedFraction() const
+{
+  std::size_t tiles = 0;
+  std::size_t skipped = 0;
   for (const Worker & worker : m_Workers)
   {
     tiles += worker.tiles;
@@ -358,38 +516,24 @@ ShearWarpProjector<TPixel>::GetSkippedFraction() const
 }
 
 template <typename TPixel>
-SizeValueType
-ShearWarpProjector<TPixel>::GetSizeInBytes() const
+std::size_t
+Projector<TPixel>::GetSizeInBytes() const
 {
-  using ShearWarp::CountBytes;
-  SizeValueType bytes = m_JoinedPhases.GetSizeInBytes() + CountBytes(m_SliceOrder) + CountBytes(m_Views) +
-                        CountBytes(m_Grids) + CountBytes(m_Regions) + m_JoinedSlices.GetSizeInBytes() +
-                        CountBytes(m_Reached);
-  for (const ShearWarp::Region & region : m_Regions)
+  std::size_t bytes =
+    m_Ranks.GetSizeInBytes() + CountBytes(m_Reached) + CountBytes(m_Cubes) + CountBytes(m_Views);
+  for (const auto & [view, region, fading, placements] : m_Views)
   {
-    bytes += CountBytes(region.intervals);
-  }
-  for (const View & view : m_Views)
-  {
-    bytes += CountBytes(view.intervals);
-  }
-  bytes += CountBytes(m_Fadings);
-  for (const auto & fading : m_Fadings)
-  {
-    bytes += CountBytes(fading.factors);
-  }
-  for (const PlacementList & placements : m_Placements)
-  {
-    bytes += CountBytes(placements);
+    bytes += CountBytes(view.intervals) + CountBytes(region.intervals) + CountBytes(fading.factors) +
+             CountBytes(placements);
   }
   for (const Worker & worker : m_Workers)
   {
     bytes += CountBytes(worker.images) + CountBytes(worker.views) + CountBytes(worker.columnMaxima) +
              CountBytes(worker.columnParts);
-    for (const PartialImage & image : worker.images)
+    for (const ThreadImage & image : worker.images)
     {
       bytes += image.pixels.GetSizeInBytes() + image.marks.GetSizeInBytes() + image.ranks.GetSizeInBytes() +
-               image.slices.GetSizeInBytes() + CountBytes(image.known) + CountBytes(image.lowerBounds);
+               image.settledRanks.GetSizeInBytes() + CountBytes(image.known) + CountBytes(image.lowerBounds);
     }
     for (const auto & active : worker.active)
     {
@@ -400,461 +544,20 @@ ShearWarpProjector<TPixel>::GetSizeInBytes() const
 }
 
 template <typename TPixel>
-SizeValueType
-ShearWarpProjector<TPixel>::GetImageSizeInBytes(const Size<2> & size,
-                                                unsigned int    oversampling,
-                                                ModeEnum        mode,
-                                                bool            hasRegion,
-                                                bool            hasSlices)
+std::size_t
+Projector<TPixel>::GetViewSizeInBytes(std::ptrdiff_t columns,
+                                      std::ptrdiff_t rows,
+                                      Mode           mode,
+                                      bool           hasRegion,
+                                      bool           hasRanks)
 {
-  const auto countBlocks = [=](SizeValueType length, std::ptrdiff_t blockLength) {
-    return ShearWarp::CountBlocks(ShearWarp::CountBlocks(static_cast<std::ptrdiff_t>(length), oversampling),
-                                  blockLength);
-  };
-  const std::ptrdiff_t pixels = GetRowStride(countBlocks(size[0], ShearWarp::TileColumns)) * ShearWarp::BlockLength *
-                                countBlocks(size[1], ShearWarp::BlockLength);
-  return SizeValueType{ oversampling } * oversampling * static_cast<SizeValueType>(pixels) *
-         (Simplify(mode) == ModeEnum::AbsoluteMaximum ? 2 : 1) *
-         (sizeof(TPixel) + hasRegion + (hasSlices ? sizeof(RankType) : 0));
+  const std::ptrdiff_t pixels =
+    GetRowStride(CountBlocks(columns, TileColumns)) * BlockLength * CountBlocks(rows, BlockLength);
+  return static_cast<std::size_t>(pixels) * (HasTwoImages(mode) ? 2 : 1) *
+         (sizeof(TPixel) + (hasRegion ? 1 : 0) + (hasRanks ? sizeof(RankType) : 0));
 }
 
-/** Storage order, or from the viewer on; but for reduced resampling every few slices first: they soon give all pixels a
- * value. */
-template <typename TPixel>
-void
-ShearWarpProjector<TPixel>::OrderSlices()
-{
-  using ShearWarp::BlockLength;
-  constexpr std::ptrdiff_t seedDistance = 8 * BlockLength;
-  const bool               hasSeeds = m_ReducedResampling != ReducedResamplingEnum::Off;
-  const std::ptrdiff_t     lastCube = (m_Slices.slices - 1) / BlockLength * BlockLength;
-  m_SliceOrder.clear();
-  for (const bool isSeed : { true, false })
-  {
-    for (std::ptrdiff_t slice = 0; slice < m_Slices.slices; slice += BlockLength)
-    {
-      if (isSeed == (hasSeeds && (slice % seedDistance == 0 || slice == lastCube)))
-      {
-        m_SliceOrder.push_back(slice);
-      }
-    }
-  }
-  if (m_Parameters.isOrdered && !IsFirstSliceNearest(*m_Views.front().factorization))
-  {
-    std::reverse(m_SliceOrder.begin(), m_SliceOrder.end());
-  }
-}
-
-template <typename TPixel>
-void
-ShearWarpProjector<TPixel>::ProjectRows(Worker & worker, const Rows & rows, std::ptrdiff_t first, std::ptrdiff_t last)
-{
-  using ShearWarp::BlockLength;
-  using ShearWarp::BlockRows;
-  const bool      isOrdered = m_Parameters.isOrdered;
-  const BlockRows rowsOf = isOrdered         ? BlockRows::OfImage
-                           : m_HasCommonRows ? BlockRows::OfMiddleSlices
-                                             : BlockRows::OfSlices;
-  const bool      isBackward = isOrdered && !IsFirstSliceNearest(*m_Views.front().factorization);
-  for (std::ptrdiff_t n = first; n < last;)
-  {
-    // one cube's slices, or as many as follow each other untested
-    const bool isTested =
-      m_Mask.voxels || (m_ReducedResampling != ReducedResamplingEnum::Off && worker.untestedCubes == 0);
-    std::ptrdiff_t end = n + 1;
-    while (!isTested && end < last && m_SliceOrder[end] == m_SliceOrder[end - 1] + BlockLength &&
-           (m_ReducedResampling == ReducedResamplingEnum::Off || end - n < worker.untestedCubes))
-    {
-      ++end;
-    }
-    const std::ptrdiff_t   sliceEnd = std::min(m_SliceOrder[end - 1] + BlockLength, m_Slices.slices);
-    const ShearWarp::Block block{ rows.begin, rows.end, m_SliceOrder[n], sliceEnd, m_Slices.rows, rowsOf, isBackward };
-    for (std::size_t g = rows.gridBegin; !isOrdered && g < rows.gridEnd; ++g)
-    {
-      // offsets are monotonic in the slice
-      const std::int32_t firstRow = m_Placements[g][block.sliceBegin].row.whole;
-      const std::int32_t lastRow = m_Placements[g][block.sliceEnd - 1].row.whole;
-      this->ExtendRows(g,
-                       worker.images[g],
-                       rows.begin + std::min(firstRow, lastRow),
-                       std::min(rows.end + std::max(firstRow, lastRow) + 1, m_Grids[g]->rows));
-    }
-    const bool areSelected = isTested && this->SelectTiles(worker, rows, block);
-    worker.views.clear();
-    const std::size_t gridsOfView = m_Grids.size() / m_Views.size();
-    for (std::size_t g = rows.gridBegin; g < rows.gridEnd; ++g)
-    {
-      const ShearWarp::IntermediateGrid & grid = *m_Grids[g];
-      PartialImage &                      image = this->GetImages(worker)[g];
-      const auto &                        active = worker.active[g];
-      const auto isNeeded = [](ShearWarp::TileState state) { return state != ShearWarp::TileState::Unneeded; };
-      if (!areSelected || std::any_of(active.begin(), active.end(), isNeeded))
-      {
-        const View & view = m_Views[g / gridsOfView];
-        const auto [nearest, step] = this->GetRanking(view, first);
-        const ShearWarp::RankedImage<TPixel> ranked{ this->GetRanks(image, 0),
-                                                     static_cast<std::int32_t>(1 + step * (m_FirstSlice - nearest)),
-                                                     static_cast<std::int32_t>(step) };
-        worker.views.push_back(
-          { m_Placements[g].data(),
-            { image.pixels.template GetPointer<TPixel>(), grid.columns, grid.rows, m_RowStride, grid.reached.data() },
-            areSelected ? active.data() : nullptr,
-            m_TileColumns,
-            this->GetExtremum(g),
-            { m_Regions.empty() ? nullptr : &m_Regions[g],
-              image.marks.template GetPointer<std::uint8_t>(),
-              m_RowStride,
-              image.known.data() },
-            ranked,
-            m_Mask.voxels ? &m_Mask : nullptr,
-            m_Fadings.empty() ? nullptr : &m_Fadings[g],
-            m_Parameters.localThreshold ? &*m_Parameters.localThreshold : nullptr });
-      }
-    }
-    if (!worker.views.empty())
-    {
-      m_Kernels->projectBlock(m_Slices, block, worker.views.data(), worker.views.size());
-    }
-    if (!isTested)
-    {
-      worker.untestedCubes -= end - n;
-      worker.tiles += (rows.gridEnd - rows.gridBegin) * m_TileColumns *
-                      ShearWarp::CountBlocks(rows.end - rows.begin, BlockLength) * (end - n);
-    }
-    n = end;
-  }
-}
-
-/** Marks, on every grid, the tiles of at most BlockLength slices that may raise a pixel; false if the others are too
- * few to be worth it. */
-template <typename TPixel>
-bool
-ShearWarpProjector<TPixel>::SelectTiles(Worker & worker, const Rows & rows, const ShearWarp::Block & block)
-{
-  TileCount tiles{ 0, 0 };
-  for (std::size_t grid = rows.gridBegin; grid < rows.gridEnd; ++grid)
-  {
-    const TileCount count =
-      m_Mask.voxels ? this->SelectMaskedTiles(worker, grid, block) : this->SelectTiles(worker, grid, block);
-    tiles.all += count.all;
-    tiles.skipped += count.skipped;
-  }
-  // memory is faster in one go than in pieces
-  const bool isWorthIt =
-    m_Mask.voxels || m_ReducedResampling == ReducedResamplingEnum::On || 3 * tiles.skipped > tiles.all;
-  worker.tiles += tiles.all;
-  worker.skippedTiles += isWorthIt ? tiles.skipped : 0;
-  // try again more and more rarely
-  worker.untestedCubes = isWorthIt ? 0 : worker.pause;
-  worker.pause = isWorthIt ? 0 : std::min<std::ptrdiff_t>(2 * worker.pause + 1, 15);
-  return isWorthIt;
-}
-
-template <typename TPixel>
-template <typename TBeginRow, typename TGetState>
-auto
-ShearWarpProjector<TPixel>::ForEachTile(Worker &                 worker,
-                                        std::size_t              grid,
-                                        const ShearWarp::Block & block,
-                                        const TBeginRow &        beginRow,
-                                        const TGetState &        getState) const -> TileCount
-{
-  using ShearWarp::BlockLength;
-  using ShearWarp::BlockRows;
-  using ShearWarp::TileColumns;
-  const PlacementList &               placements = m_Placements[grid];
-  std::vector<ShearWarp::TileState> & active = worker.active[grid];
-  const ShearWarp::SlicePlacement &   first = placements[block.sliceBegin];
-  const ShearWarp::SlicePlacement &   last = placements[block.sliceEnd - 1];
-  const std::ptrdiff_t                firstColumn = std::min(first.column.whole, last.column.whole);
-  const std::ptrdiff_t                lastColumn = std::max(first.column.whole, last.column.whole);
-  const std::ptrdiff_t                firstRow = std::min(first.row.whole, last.row.whole);
-  const std::ptrdiff_t                lastRow = std::max(first.row.whole, last.row.whole);
-  const std::ptrdiff_t                commonRow = ShearWarp::FindFirstRow(block, placements.data(), block.sliceBegin);
-
-  const std::ptrdiff_t blockRows = ShearWarp::CountBlocks(block.rowEnd - block.rowBegin, BlockLength);
-  active.assign(blockRows * m_TileColumns, ShearWarp::TileState::Unneeded);
-  TileCount tiles{ 0, 0 };
-  for (std::ptrdiff_t blockRow = 0; blockRow < blockRows; ++blockRow)
-  {
-    // a sample needs the row above too; the last row may have the edge's sample
-    const std::ptrdiff_t row = block.rowBegin + blockRow * BlockLength;
-    const std::ptrdiff_t end = std::min(row + BlockLength, block.rowEnd);
-    const bool           isOfImage = block.rowsOf == BlockRows::OfImage;
-    const bool           isFirst = row == 0 && !isOfImage;
-    const bool           isLast = end == block.rows && !isOfImage;
-    ShearWarp::RowSpan   voxels{ row - 1, end };
-    ShearWarp::RowSpan   pixels{ row + firstRow, end + lastRow + isLast };
-    if (block.rowsOf != BlockRows::OfSlices)
-    {
-      pixels.begin = isFirst ? pixels.begin : row + commonRow;
-      pixels.end = isLast ? pixels.end : end + commonRow;
-      voxels = { pixels.begin - lastRow - 1, pixels.end - firstRow };
-    }
-    const auto findCube = [&](std::ptrdiff_t voxelRow) {
-      return std::clamp<std::ptrdiff_t>(voxelRow, 0, block.rows - 1) / BlockLength;
-    };
-    beginRow(Range{ findCube(voxels.begin), findCube(voxels.end - 1) + 1 });
-
-    const Range tileRows{ pixels.begin / BlockLength, std::min((pixels.end - 1) / BlockLength + 1, m_TileRows) };
-    for (std::ptrdiff_t tileColumn = firstColumn / TileColumns; tileColumn < m_TileColumns; ++tileColumn)
-    {
-      const std::ptrdiff_t columnBegin = std::max<std::ptrdiff_t>(tileColumn * TileColumns - lastColumn - 1, 0);
-      const std::ptrdiff_t columnEnd = std::min(tileColumn * TileColumns + TileColumns - firstColumn, m_Slices.columns);
-      if (tileColumn * TileColumns > lastColumn + m_Slices.columns)
-      {
-        break;
-      }
-      const Range cubeColumns{ std::min(columnBegin, m_Slices.columns - 1) / BlockLength,
-                               (std::max<std::ptrdiff_t>(columnEnd, 1) - 1) / BlockLength + 1 };
-      const auto  state = getState(tileRows, tileColumn, cubeColumns);
-      active[blockRow * m_TileColumns + tileColumn] = state;
-      ++tiles.all;
-      tiles.skipped += state == ShearWarp::TileState::Unneeded;
-    }
-  }
-  return tiles;
-}
-
-template <typename TPixel>
-auto
-ShearWarpProjector<TPixel>::SelectTiles(Worker & worker, std::size_t grid, const ShearWarp::Block & block) -> TileCount
-{
-  using ShearWarp::TileState;
-  std::vector<TPixel> & columnMaxima = worker.columnMaxima;
-  columnMaxima.resize(m_BlockExtrema.columns);
-  const TPixel * cubes = m_BlockExtrema.maxima + block.sliceBegin / ShearWarp::BlockLength * m_BlockExtrema.sliceStride;
-  const auto     findColumnMaxima = [&](Range cubeRows) {
-    for (std::ptrdiff_t column = 0; column < m_BlockExtrema.columns; ++column)
-    {
-      const TPixel * cube = cubes + column * m_BlockExtrema.columnStride + cubeRows.begin * m_BlockExtrema.rowStride;
-      TPixel         maximum = *cube;
-      for (std::ptrdiff_t n = cubeRows.begin + 1; n < cubeRows.end; ++n)
-      {
-        cube += m_BlockExtrema.rowStride;
-        maximum = std::max(maximum, *cube);
-      }
-      columnMaxima[column] = maximum;
-    }
-  };
-  const auto getState = [&](Range tileRows, std::ptrdiff_t tileColumn, Range cubeColumns) {
-    const TPixel maximum =
-      *std::max_element(columnMaxima.data() + cubeColumns.begin, columnMaxima.data() + cubeColumns.end);
-    for (std::ptrdiff_t tileRow = tileRows.begin; tileRow < tileRows.end; ++tileRow)
-    {
-      if (this->IsAnyBelow(worker.images[grid], tileRow, tileColumn, maximum))
-      {
-        return TileState::Whole;
-      }
-    }
-    return TileState::Unneeded;
-  };
-  return this->ForEachTile(worker, grid, block, findColumnMaxima, getState);
-}
-
-/** The state of each tile in the mask. */
-template <typename TPixel>
-auto
-ShearWarpProjector<TPixel>::SelectMaskedTiles(Worker & worker, std::size_t grid, const ShearWarp::Block & block) const
-  -> TileCount
-{
-  using ShearWarp::TileState;
-  constexpr unsigned int in = 1;
-  constexpr unsigned int out = 2;
-  auto &                 columnParts = worker.columnParts;
-  const auto &           blocks = m_BlocksOfMask;
-  const unsigned char    label = m_Mask.label;
-  const auto             getParts = [&](std::ptrdiff_t cube) {
-    const unsigned char highest = blocks.maxima[cube];
-    const unsigned char lowest = blocks.minima[cube];
-    const bool          mayBeIn = label == 0 ? highest != 0 : lowest <= label && label <= highest;
-    const bool          mayBeOut = label == 0 ? lowest == 0 : lowest != label || highest != label;
-    return (mayBeIn ? in : 0) | (mayBeOut ? out : 0);
-  };
-  const std::ptrdiff_t slice = block.sliceBegin / ShearWarp::BlockLength * blocks.sliceStride;
-  const auto           findColumnParts = [&](Range cubeRows) {
-    columnParts.assign(blocks.columns, 0);
-    for (std::ptrdiff_t row = cubeRows.begin; row < cubeRows.end; ++row)
-    {
-      for (std::ptrdiff_t column = 0; column < blocks.columns; ++column)
-      {
-        columnParts[column] |= getParts(slice + row * blocks.rowStride + column * blocks.columnStride);
-      }
-    }
-  };
-  const auto getState = [&](Range, std::ptrdiff_t, Range cubeColumns) {
-    const unsigned int parts = std::accumulate(
-      columnParts.begin() + cubeColumns.begin, columnParts.begin() + cubeColumns.end, 0U, std::bit_or<>());
-    return (parts & in) == 0 ? TileState::Unneeded : parts == in ? TileState::Whole : TileState::Masked;
-  };
-  return this->ForEachTile(worker, grid, block, findColumnParts, getState);
-}
-
-/** Pixels only rise, so what was once true of a tile stays so. */
-template <typename TPixel>
-bool
-ShearWarpProjector<TPixel>::IsAnyBelow(PartialImage & image,
-                                       std::ptrdiff_t tileRow,
-                                       std::ptrdiff_t tileColumn,
-                                       TPixel         value) const
-{
-  TPixel & lowerBound = image.lowerBounds[tileRow * m_TileColumns + tileColumn];
-  if (value <= lowerBound)
-  {
-    return false;
-  }
-  const TPixel * pixels = image.pixels.template GetPointer<TPixel>() + tileRow * ShearWarp::BlockLength * m_RowStride +
-                          tileColumn * ShearWarp::TileColumns;
-  if (m_Kernels->isAnyBelow(pixels, m_RowStride, ShearWarp::BlockLength, ShearWarp::TileColumns, value))
-  {
-    return true;
-  }
-  lowerBound = value;
-  return false;
-}
-
-template <typename TPixel>
-void
-ShearWarpProjector<TPixel>::ReserveRows(PartialImage & image) const
-{
-  const std::ptrdiff_t rows = m_TileRows * ShearWarp::BlockLength;
-  const std::ptrdiff_t pixels = rows * m_RowStride;
-  image.pixels.Reserve(pixels * sizeof(TPixel), "an intermediate image");
-  image.lowerBounds.assign(m_TileRows * m_TileColumns, ShearWarp::NoSample<TPixel>);
-  if (!m_Regions.empty())
-  {
-    image.marks.Reserve(pixels, "the marks of an intermediate image");
-  }
-  if (m_Parameters.hasSlices)
-  {
-    image.ranks.Reserve(pixels * sizeof(RankType), "the slices of an intermediate image");
-  }
-  if (m_Parameters.isOrdered)
-  {
-    image.slices.Reserve(pixels * sizeof(std::int32_t), "the slices of an intermediate image");
-  }
-  image.known.assign(m_Regions.empty() ? 0 : rows, {});
-}
-
-/** Makes the image's rows contain [begin, end). */
-template <typename TPixel>
-void
-ShearWarpProjector<TPixel>::ExtendRows(std::size_t    grid,
-                                       PartialImage & image,
-                                       std::ptrdiff_t begin,
-                                       std::ptrdiff_t end) const
-{
-  using ShearWarp::BlockLength;
-  begin = begin / BlockLength * BlockLength;
-  end = ShearWarp::CountBlocks(end, BlockLength) * BlockLength;
-  if (image.rowBegin == image.rowEnd)
-  {
-    this->ReserveRows(image);
-    image.rowBegin = image.rowEnd = begin;
-  }
-  if (begin < image.rowBegin)
-  {
-    this->FillRows(grid, image, begin, image.rowBegin);
-    image.rowBegin = begin;
-  }
-  if (end > image.rowEnd)
-  {
-    this->FillRows(grid, image, image.rowEnd, end);
-    image.rowEnd = end;
-  }
-}
-
-/** No sample yet; with reduced resampling, where none can come, a maximum that does not keep a tile from being skipped.
- */
-template <typename TPixel>
-void
-ShearWarpProjector<TPixel>::FillRows(std::size_t    grid,
-                                     PartialImage & image,
-                                     std::ptrdiff_t begin,
-                                     std::ptrdiff_t end) const
-{
-  const bool   isTested = m_Parameters.reducedResampling != ReducedResamplingEnum::Off;
-  const TPixel start = this->GetStart(grid);
-  const TPixel outside = isTested ? NumericTraits<TPixel>::max() : start;
-  for (std::ptrdiff_t row = begin; row < end; ++row)
-  {
-    TPixel *                    pixels = image.pixels.template GetPointer<TPixel>() + row * m_RowStride;
-    const ShearWarp::ColumnSpan span =
-      row < m_Grids[grid]->rows ? m_Grids[grid]->reached[row] : ShearWarp::ColumnSpan{ 0, 0 };
-    std::fill(pixels, pixels + span.begin, outside);
-    std::fill(pixels + span.begin, pixels + span.end, start);
-    std::fill(pixels + span.end, pixels + m_RowStride, outside);
-    if (!m_Regions.empty())
-    {
-      std::fill_n(image.marks.template GetPointer<std::uint8_t>() + row * m_RowStride, m_RowStride, std::uint8_t{ 0 });
-    }
-    if (m_Parameters.hasSlices)
-    {
-      std::fill_n(this->GetRanks(image, row), m_RowStride, ShearWarp::NoRank<TPixel>);
-    }
-  }
-}
-
-/** Gives the first worker's marks of a row of a grid those of the others, and returns them. */
-template <typename TPixel>
-const std::uint8_t *
-ShearWarpProjector<TPixel>::MergeMarks(std::size_t grid, std::ptrdiff_t row)
-{
-  std::uint8_t * const result =
-    m_Workers.front().images[grid].marks.template GetPointer<std::uint8_t>() + row * m_RowStride;
-  for (std::size_t n = 1; n < m_Workers.size(); ++n)
-  {
-    const PartialImage & image = m_Workers[n].images[grid];
-    if (row >= image.rowBegin && row < image.rowEnd)
-    {
-      const auto * marks = image.marks.template GetPointer<std::uint8_t>() + row * m_RowStride;
-      std::transform(marks, marks + m_RowStride, result, result, std::bit_or<>());
-    }
-  }
-  return result;
-}
-
-/** Gives the first worker's pixels of a row of a grid the extremum over all, with its ranks, and returns them. */
-template <typename TPixel>
-TPixel *
-ShearWarpProjector<TPixel>::MergeRow(std::size_t grid, std::ptrdiff_t row)
-{
-  const bool           isMinimum = this->GetExtremum(grid) == ShearWarp::Extremum::Minimum;
-  const std::ptrdiff_t columns = m_Grids[grid]->columns;
-  PartialImage &       first = m_Workers.front().images[grid];
-  TPixel * const       result = first.pixels.template GetPointer<TPixel>() + row * m_RowStride;
-  RankType * const     resultRanks = this->GetRanks(first, row);
-  for (std::size_t n = 1; n < m_Workers.size(); ++n)
-  {
-    const PartialImage & image = m_Workers[n].images[grid];
-    if (row >= image.rowBegin && row < image.rowEnd)
-    {
-      const TPixel *   pixels = image.pixels.template GetPointer<TPixel>() + row * m_RowStride;
-      const RankType * ranks = this->GetRanks(image, row);
-      for (std::ptrdiff_t p = 0; m_Parameters.hasSlices && p < columns; ++p)
-      {
-        const bool isBetter = isMinimum ? pixels[p] < result[p] : pixels[p] > result[p];
-        const bool isNearer = pixels[p] == result[p] && ranks[p] < resultRanks[p];
-        resultRanks[p] = isBetter || isNearer ? ranks[p] : resultRanks[p];
-      }
-      for (std::ptrdiff_t p = 0; p < columns; ++p)
-      {
-        result[p] = (isMinimum ? pixels[p] < result[p] : pixels[p] > result[p]) ? pixels[p] : result[p];
-      }
-    }
-  }
-  if constexpr (std::is_floating_point_v<TPixel>)
-  {
-    // which of two zeros was first does not matter
-    for (std::ptrdiff_t p = 0; p < columns; ++p)
-    {
-      result[p] += TPixel{ 0 };
-    }
-  }
-  return result;
-}
-
-#define INSTANTIATE(TPixel) template class ShearWarpProjector<TPixel>;
+#define INSTANTIATE(TPixel) template class Projector<TPixel>;
 SHEARWARP_FOR_EACH_PIXEL_TYPE(INSTANTIATE)
 #undef INSTANTIATE
-} // namespace itk
+} // namespace itk::ShearWarp

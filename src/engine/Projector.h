@@ -18,115 +18,94 @@
 #ifndef itkShearWarpProjector_h
 #define itkShearWarpProjector_h
 
-#include "itkShearWarpFactorization.h"
 #include "PreparedVolume.h"
 
 #include <optional>
 #include <vector>
 
-namespace itk
+namespace itk::ShearWarp
 {
-/** \class ShearWarpProjector
- * \brief Projects a prepared volume to the intermediate images of views along one axis, by several threads: the
- * maximum, the minimum or the sample of the largest magnitude, of all samples or of those in a region or a mask, faded
- * or not; or the first local one; and the slices that they are of.
+/** A view of a pass: where its slices are, and which samples count. */
+struct ProjectedView
+{
+  const IntermediateGrid * grid{ nullptr };
+  /** The depth of column, row and slice of the grid. */
+  ShearedFunction depth{};
+  /** A sample counts if all intervals contain it. */
+  std::vector<Interval> intervals{};
+  std::optional<Fading> fading{};
+
+  bool
+  IsFirstSliceNearest() const
+  {
+    return depth.perSlice > 0;
+  }
+};
+
+/** \class Projector
+ * \brief Projects a prepared volume to the intermediate images of the views of a pass, by several threads.
  *
- * The volume is divided into blocks of rows and slices. Each thread takes the next block and raises intermediate
- * images of its own, or for the minimum lowers them; the extremum over the threads' images is the result. It does not
- * depend on who took which block; of equal samples the nearest is kept. A block is projected for all views while it is
- * in the cache, so that the volume is read once.
+ * An image collects one value per ray, the maximum or the minimum of the samples that count, and optionally the rank of
+ * the slice that the value came from. An absolute maximum is made from two images, of maxima and of minima.
  *
- * Where the order of samples matters, blocks are rows of one intermediate image that all threads share, and slices come
- * from the viewer on.
+ * The volume is divided into blocks of rows and slices. Each thread takes the next block and raises (or lowers) images
+ * of its own; the extremum over all threads' images is the result. The result does not depend on which thread took which
+ * block: among equal samples the lowest rank wins. A block is projected for all views while it is in the cache, so the
+ * volume is read once.
  *
- * Reduced resampling (Fang et al. 2002, figure 3) by tiles: before a thread projects eight slices of a block, it
- * compares the maximum of the cubes that a tile's samples come from with the least pixel that the tile has already. A
- * sample is never above the maximum of its voxels, so where that is not greater nothing can change. Only the
- * maximum of the whole image has it.
+ * Where the order of samples matters, blocks are rows of one image that all threads share, and slices come from the
+ * viewer on.
  *
- * The phases of an oversampled intermediate image are projected together, while the voxels are in the cache, and joined
- * at the end.
+ * Reduced resampling (Fang et al. 2002, figure 3) works on tiles. Before a thread projects eight slices of a block, it
+ * compares the largest voxel of the cubes that a tile's samples come from with the least pixel that the tile has
+ * already. A sample is never above its voxels, so nothing changes if the voxel is not greater, and the tile is skipped.
+ * Only plain maxima are projected in this way.
  *
  * The memory is kept from one projection to the next.
  *
  * \ingroup ShearWarpMIP
  */
 template <typename TPixel>
-class ShearWarpMIP_EXPORT ShearWarpProjector
+class ShearWarpMIP_EXPORT Projector
 {
 public:
-  using ReducedResamplingEnum = ShearWarpMIPImageFilterEnums::ReducedResampling;
-  using ModeEnum = ShearWarpMIPImageFilterEnums::Mode;
-  using IntermediateImageType = ShearWarp::IntermediateImage<TPixel>;
+  /** With more slices, ranks begin anew, and samples must come in order. */
+  static constexpr std::ptrdiff_t MostRankedSlices = NoRank<TPixel> - 1;
 
-  using IntervalList = std::vector<ShearWarp::Interval>;
-
-  struct View
-  {
-    const ShearWarpFactorization * factorization;
-    /** Samples count in all of them. */
-    IntervalList intervals;
-    /** How samples fade to the background, if they do; it needs the slices. */
-    std::optional<ShearWarp::Fading> fading{};
-  };
-  using ViewList = std::vector<View>;
-
-  /** More are projected in order. */
-  static constexpr std::ptrdiff_t MostRankedSlices = ShearWarp::NoRank<TPixel> - 1;
-
-  /** What is wanted of the samples. */
   struct Parameters
   {
-    ModeEnum mode{ ModeEnum::Maximum };
-    /** Whether the intermediate images tell the slices of their pixels. */
-    bool hasSlices{ false };
-    /** Whether samples come from the viewer on; then there is one view, it has slices, and slabs come so too. */
-    bool   isOrdered{ false };
-    TPixel background{};
-    /** Of the voxels that count in a mask; 0 for all but 0. */
-    unsigned char         maskLabel{ 0 };
-    ReducedResamplingEnum reducedResampling{ ReducedResamplingEnum::Off };
-    /** If given, and samples come in order, rays end behind their first local extremum that is not less good. */
+    Mode mode{ Mode::Maximum };
+    bool hasRanks{ false };
+    /** Whether samples come from the viewer on. Then all views have one direction, images have ranks, and slabs come
+     * from the viewer on too. */
+    bool              isOrdered{ false };
+    TPixel            background{};
+    unsigned char     maskLabel{ 0 };
+    ReducedResampling reducedResampling{ ReducedResampling::Off };
+    /** If given, and samples come in order, a ray ends behind its first local extremum that reaches the threshold. */
     std::optional<TPixel> localThreshold{};
   };
 
-  /** Begins a projection by at most \a workers threads. The factorizations of \a views, of one principal axis and one
-   * oversampling, and \a kernels must live until Finish(). */
+  /** Begins a pass of views along \a axis, by at most \a workers threads. The grids of \a views and \a kernels must live
+   * until the last Finish(). */
   void
-  Start(ViewList                           views,
-        const ShearWarp::Kernels<TPixel> & kernels,
-        const Parameters &                 parameters,
-        SizeValueType                      workers);
+  Begin(std::vector<ProjectedView> views,
+        unsigned int               axis,
+        const Kernels<TPixel> &    kernels,
+        const Parameters &         parameters,
+        std::size_t                workers);
 
-  /** What pixels keep. */
-  static ShearWarp::Extremum
-  FindExtremum(ModeEnum mode)
-  {
-    using ShearWarp::Extremum;
-    mode = Simplify(mode);
-    return mode == ModeEnum::Minimum           ? Extremum::Minimum
-           : mode == ModeEnum::AbsoluteMaximum ? Extremum::Magnitude
-                                               : Extremum::Maximum;
-  }
-
-  /** Whether the first slice along the volume's z axis is met before the last one: the order of slabs. */
-  static bool
-  IsFirstSlabFront(const ShearWarpFactorization & factorization);
-
-  /** Projects what \a volume has prepared for the factorizations' principal axis: all or, one after the other, parts.
-   * \a mask, of the same size and with block minima, restricts it if that is not null; it needs the slices.
-   * Throws MemoryAllocationError. */
+  /** Projects the prepared voxels: all, or a piece of the volume after another. \a mask, with block minima, has the same
+   * size, or is null. Throws OutOfMemory. */
   void
-  Project(const ShearWarpPreparedVolume<TPixel> &        volume,
-          const ShearWarpPreparedVolume<unsigned char> * mask,
-          const ShearWarp::Parallelize &                 parallelize);
+  Project(const PreparedVolume<TPixel> & volume, const PreparedVolume<unsigned char> * mask, const RunTasks & run);
 
-  /** The intermediate image, of view \a view, of all that was projected since Start(). It refers to this object's
-   * memory and to the factorization's, and is valid until the next call. Throws MemoryAllocationError. */
-  IntermediateImageType
-  Finish(std::size_t view, const ShearWarp::Parallelize & parallelize);
+  /** Returns the intermediate image of a view, of all that was projected since Begin(). Its pixels belong to this object
+   * and are valid until the next Begin(), its other memory until the next call. Throws OutOfMemory. */
+  IntermediateImage<TPixel>
+  Finish(std::size_t view, const RunTasks & run);
 
-  /** The fraction of tiles that the last projection left out. */
+  /** Returns the fraction of tiles that were skipped since Begin(). */
   double
   GetSkippedFraction() const;
 
@@ -134,102 +113,64 @@ public:
   void
   Release()
   {
-    *this = ShearWarpProjector();
+    *this = Projector();
   }
 
-  SizeValueType
+  std::size_t
   GetSizeInBytes() const;
 
-  /** Bytes of one thread's intermediate image of \a size pixels, with a region or slices or without. */
-  static SizeValueType
-  GetImageSizeInBytes(const Size<2> & size, unsigned int oversampling, ModeEnum mode, bool hasRegion, bool hasSlices);
+  /** Returns the bytes of one thread's images of a view. */
+  static std::size_t
+  GetViewSizeInBytes(std::ptrdiff_t columns, std::ptrdiff_t rows, Mode mode, bool hasRegion, bool hasRanks);
 
 private:
-  using PlacementList = std::vector<ShearWarp::SlicePlacement>;
-  using RankType = ShearWarp::SliceRank<TPixel>;
+  using RankType = SliceRank<TPixel>;
 
-  /** What one thread has projected onto one grid: rows [rowBegin, rowEnd). */
-  struct PartialImage
+  /** A view, and what depends on the slices that are projected. */
+  struct PlacedView
   {
-    ShearWarpBuffer                    pixels;
-    ShearWarpBuffer                    marks; // of pixels that have met a sample of the region
-    std::vector<ShearWarp::ColumnSpan> known;
-    ShearWarpBuffer                    ranks;
-    ShearWarpBuffer                    slices; // of the pixels whose ranks are settled, if samples come in order
-    std::ptrdiff_t                     rowBegin{ 0 }, rowEnd{ 0 };
-    std::vector<TPixel>                lowerBounds; // no pixel of the tile is below
+    ProjectedView               view;
+    Region                      region;
+    ViewFading<TPixel>          fading;
+    std::vector<SlicePlacement> placements;
+  };
+
+  /** What one thread has projected to one image: rows [rowBegin, rowEnd). */
+  struct ThreadImage
+  {
+    Buffer                  pixels;
+    Buffer                  marks; // of pixels that have met a sample of the region
+    std::vector<ColumnSpan> known;
+    Buffer                  ranks;
+    Buffer                  settledRanks; // if samples come in order
+    std::ptrdiff_t          rowBegin{ 0 }, rowEnd{ 0 };
+    std::vector<TPixel>     lowerBounds; // of the pixels of each tile
   };
 
   struct Worker
   {
-    std::vector<PartialImage>                      images; // one for each grid
-    std::vector<ShearWarp::ShearedView<TPixel>>    views;
-    std::vector<std::vector<ShearWarp::TileState>> active; // of each grid
-    std::vector<TPixel>                            columnMaxima;
-    std::vector<unsigned int>                      columnParts;
-    SizeValueType                                  tiles{ 0 };
-    SizeValueType                                  skippedTiles{ 0 };
-    std::ptrdiff_t                                 untestedCubes{ 0 };
-    std::ptrdiff_t                                 pause{ 0 };
+    std::vector<ThreadImage>            images;
+    std::vector<ShearedView<TPixel>>    views;
+    std::vector<std::vector<TileState>> active; // of each image
+    std::vector<TPixel>                 columnMaxima;
+    std::vector<unsigned int>           columnParts;
+    std::size_t                         tiles{ 0 };
+    std::size_t                         skippedTiles{ 0 };
+    std::ptrdiff_t                      untestedCubes{ 0 };
+    std::ptrdiff_t                      pause{ 0 };
   };
 
   struct TileCount
   {
-    SizeValueType all, skipped;
+    std::size_t all, skipped;
   };
 
-  /** Whether \a minimum, which is not above \a maximum, has the larger magnitude. */
-  static bool
-  IsMagnitudeLarger(TPixel minimum, TPixel maximum)
-  {
-    if constexpr (std::is_floating_point_v<TPixel>)
-    {
-      return minimum < 0 && -minimum > maximum;
-    }
-    else if constexpr (std::is_signed_v<TPixel>)
-    {
-      // that of the lowest integer has no sign
-      return minimum < 0 && (maximum < 0 || -(minimum + 1) >= maximum);
-    }
-    return false;
-  }
-
-  /** No unsigned minimum has a larger magnitude than the maximum. */
-  static ModeEnum
-  Simplify(ModeEnum mode)
-  {
-    return mode == ModeEnum::AbsoluteMaximum && !std::is_signed_v<TPixel> ? ModeEnum::Maximum : mode;
-  }
-
-  /** An odd number of tiles, so that rows do not compete for the same lines of the cache. */
-  static std::ptrdiff_t
-  GetRowStride(std::ptrdiff_t tileColumns)
-  {
-    return (tileColumns | 1) * ShearWarp::TileColumns;
-  }
-
-  void
-  OrderSlices();
-
-  /** Rows [begin, end) of the slices or, if samples come in order, of one grid. */
+  /** Rows [begin, end) of the slices or, if samples come in order, of one image. */
   struct Rows
   {
     std::ptrdiff_t begin, end;
-    std::size_t    gridBegin, gridEnd;
+    std::size_t    imageBegin, imageEnd;
   };
-
-  /** Of elements [first, last) of m_SliceOrder. */
-  void
-  ProjectRows(Worker & worker, const Rows & rows, std::ptrdiff_t first, std::ptrdiff_t last);
-
-  bool
-  SelectTiles(Worker & worker, const Rows & rows, const ShearWarp::Block & block);
-
-  TileCount
-  SelectTiles(Worker & worker, std::size_t grid, const ShearWarp::Block & block);
-
-  TileCount
-  SelectMaskedTiles(Worker & worker, std::size_t grid, const ShearWarp::Block & block) const;
 
   /** A range of cubes, or of tiles. */
   struct Range
@@ -237,118 +178,170 @@ private:
     std::ptrdiff_t begin, end;
   };
 
-  /** For each row of the block's tiles: \a beginRow(cubeRows), then for each of its tiles \a getState(tileRows,
-   * tileColumn, cubeColumns), of which the samples may be. */
-  template <typename TBeginRow, typename TGetState>
-  TileCount
-  ForEachTile(Worker &                 worker,
-              std::size_t              grid,
-              const ShearWarp::Block & block,
-              const TBeginRow &        beginRow,
-              const TGetState &        getState) const;
+  /** Returns whether two images make a view: of an unsigned type, the absolute maximum is the maximum. */
+  static bool
+  HasTwoImages(Mode mode);
 
-  /** Onto which \a worker projects, for each grid. */
-  std::vector<PartialImage> &
+  /** Returns what an image of a view collects. */
+  Extremum
+  GetExtremum(std::size_t image) const;
+
+  TPixel
+  GetStart(std::size_t image) const;
+
+  /** An odd number of tiles, so that rows do not compete for the same lines of the cache. */
+  static std::ptrdiff_t
+  GetRowStride(std::ptrdiff_t tileColumns)
+  {
+    return (tileColumns | 1) * TileColumns;
+  }
+
+  std::size_t
+  CountImages() const
+  {
+    return m_Views.size() * m_ImagesOfView;
+  }
+
+  const PlacedView &
+  GetView(std::size_t image) const
+  {
+    return m_Views[image / m_ImagesOfView];
+  }
+
+  const IntermediateGrid &
+  GetGrid(std::size_t image) const
+  {
+    return *this->GetView(image).view.grid;
+  }
+
+  // Projector.cxx
+  void
+  SetSlices(const PreparedVolume<TPixel> & volume, const PreparedVolume<unsigned char> * mask);
+
+  bool
+  HaveCommonRows() const;
+
+  void
+  OrderCubes();
+
+  std::vector<Rows>
+  MakeBlocks() const;
+
+  void
+  ProjectRows(Worker & worker, const Rows & rows, std::ptrdiff_t first, std::ptrdiff_t last);
+
+  std::ptrdiff_t
+  FindCubesTogether(const Worker & worker, std::ptrdiff_t first, std::ptrdiff_t last, bool isTested) const;
+
+  void
+  ExtendImages(Worker & worker, const Rows & rows, const Block & block) const;
+
+  ShearedView<TPixel>
+  MakeShearedView(Worker & worker, std::size_t image, bool areSelected, std::ptrdiff_t cube);
+
+  Ranking
+  GetRanking(const ProjectedView & view) const;
+
+  Ranking
+  GetRankingOfCube(std::ptrdiff_t cube) const;
+
+  void
+  SettleRanks(const Rows & rows, std::ptrdiff_t cube);
+
+  RankType *
+  GetRanks(const ThreadImage & image, std::ptrdiff_t row) const
+  {
+    return m_Parameters.hasRanks ? image.ranks.template GetPointer<RankType>() + row * m_RowStride : nullptr;
+  }
+
+  std::vector<ThreadImage> &
   GetImages(Worker & worker)
   {
     return m_Parameters.isOrdered ? m_Workers.front().images : worker.images;
   }
 
+  void
+  ReserveRows(ThreadImage & image) const;
+
+  void
+  ExtendRows(std::size_t n, ThreadImage & image, std::ptrdiff_t begin, std::ptrdiff_t end) const;
+
+  void
+  FillRows(std::size_t n, ThreadImage & image, std::ptrdiff_t begin, std::ptrdiff_t end) const;
+
+  // ProjectorTiles.cxx
   bool
-  IsAnyBelow(PartialImage & image, std::ptrdiff_t tileRow, std::ptrdiff_t tileColumn, TPixel value) const;
+  SelectTiles(Worker & worker, const Rows & rows, const Block & block);
 
-  void
-  ReserveRows(PartialImage & image) const;
+  TileCount
+  SelectRaisedTiles(Worker & worker, std::size_t image, const Block & block);
 
-  void
-  ExtendRows(std::size_t grid, PartialImage & image, std::ptrdiff_t begin, std::ptrdiff_t end) const;
+  TileCount
+  SelectMaskedTiles(Worker & worker, std::size_t image, const Block & block) const;
 
-  void
-  FillRows(std::size_t grid, PartialImage & image, std::ptrdiff_t begin, std::ptrdiff_t end) const;
-
-  TPixel *
-  MergeRow(std::size_t grid, std::ptrdiff_t row);
-
-  const std::uint8_t *
-  MergeMarks(std::size_t grid, std::ptrdiff_t row);
-
-  RankType *
-  GetRanks(const PartialImage & image, std::ptrdiff_t row) const
+  /** Rows of pixels and of cubes. */
+  struct RowsOfTiles
   {
-    return m_Parameters.hasSlices ? image.ranks.template GetPointer<RankType>() + row * m_RowStride : nullptr;
-  }
-
-  /** Which slice of the volume has rank 1, and whether the next ranks are those of the next slices or of the ones
-   * before. */
-  struct Ranking
-  {
-    std::ptrdiff_t first, step;
-
-    std::int32_t
-    GetSlice(RankType rank) const
-    {
-      return static_cast<std::int32_t>(first + step * (rank - 1));
-    }
+    Range pixels, cubes;
   };
 
-  /** For element \a cube of m_SliceOrder. */
-  Ranking
-  GetRanking(const View & view, std::ptrdiff_t cube) const;
+  static RowsOfTiles
+  FindRowsOfTiles(const Block & block, const std::vector<SlicePlacement> & placements, std::ptrdiff_t row);
 
-  static bool
-  IsFirstSliceNearest(const ShearWarpFactorization & factorization)
-  {
-    return factorization.GetDepthFunction().perSlice > 0;
-  }
+  template <typename TBeginRow, typename TGetState>
+  TileCount
+  ForEachTile(Worker &          worker,
+              std::size_t       image,
+              const Block &     block,
+              const TBeginRow & beginRow,
+              const TGetState & getState) const;
 
-  /** Notes the slices of pixels whose ranks count from element \a cube of m_SliceOrder on. */
+  bool
+  IsAnyBelow(ThreadImage & image, std::ptrdiff_t tileRow, std::ptrdiff_t tileColumn, TPixel value) const;
+
+  // ProjectorMerge.cxx
   void
-  SettleRanks(const Rows & rows, std::ptrdiff_t cube);
+  MergeView(std::size_t firstImage, std::ptrdiff_t row, bool hasRanks);
 
-  /** In any order, for the absolute maximum, each phase has two grids: of maxima, then of minima. */
-  ShearWarp::Extremum
-  GetExtremum(std::size_t grid) const
+  TPixel *
+  MergeRow(std::size_t n, std::ptrdiff_t row);
+
+  const std::uint8_t *
+  MergeMarks(std::size_t n, std::ptrdiff_t row);
+
+  /** A row of a view, merged from all threads. Without a second image, there are no minima. */
+  struct MergedRow
   {
-    using ShearWarp::Extremum;
-    const Extremum extremum = FindExtremum(m_Parameters.mode);
-    const bool     isPair = extremum == Extremum::Magnitude && !m_Parameters.isOrdered;
-    return isPair ? (grid % 2 == 1 ? Extremum::Minimum : Extremum::Maximum) : extremum;
-  }
+    TPixel *             pixels;
+    const TPixel *       minima;
+    const std::uint8_t * marks;
+  };
 
-  TPixel
-  GetStart(std::size_t grid) const
-  {
-    using ShearWarp::Extremum;
-    const Extremum extremum = this->GetExtremum(grid);
-    return extremum == Extremum::Minimum     ? ShearWarp::NoSample<TPixel, Extremum::Minimum>
-           : extremum == Extremum::Magnitude ? ShearWarp::NoSample<TPixel, Extremum::Magnitude>
-                                             : ShearWarp::NoSample<TPixel>;
-  }
+  void
+  SetRanks(std::size_t firstImage, std::ptrdiff_t row, const MergedRow & merged);
 
-  std::vector<Worker>                m_Workers;
-  SizeValueType                      m_NumberOfWorkers{ 1 };
-  ShearWarpBuffer                    m_JoinedPhases;
-  ShearWarpBuffer                    m_JoinedSlices; // where pixels may have no value; all are 0 unless they are wanted
-  std::vector<ShearWarp::ColumnSpan> m_Reached;      // of its rows
-  std::vector<std::ptrdiff_t>        m_SliceOrder;   // the first of each BlockLength slices
-  std::ptrdiff_t                     m_RankedCubes{ 1 }; // ranks begin anew after so many of these
+  std::vector<Worker>         m_Workers;
+  std::size_t                 m_NumberOfWorkers{ 1 };
+  Buffer                      m_Ranks;   // of a view's pixels that may have no value
+  std::vector<ColumnSpan>     m_Reached; // of a view's rows
+  std::vector<std::ptrdiff_t> m_Cubes;   // the first slice of each cube, in the order of projection
+  std::ptrdiff_t              m_RankedCubes{ 1 }; // ranks begin anew after so many cubes
 
-  const ShearWarp::Kernels<TPixel> *               m_Kernels{ nullptr };
-  ViewList                                         m_Views;
-  std::vector<ShearWarp::Region>                   m_Regions; // of each grid, if any has intervals
-  std::vector<ShearWarp::ViewFading<TPixel>>       m_Fadings; // of each grid, if samples fade
-  Parameters                                       m_Parameters;
-  std::vector<const ShearWarp::IntermediateGrid *> m_Grids;      // of each view its phases, of these the extrema
-  std::vector<PlacementList>                       m_Placements; // on each grid, of the slices
-  ShearWarp::SliceStack<TPixel>                    m_Slices{};
-  ShearWarp::BlockExtrema<TPixel>                  m_BlockExtrema{};
-  ShearWarp::Mask                                  m_Mask; // without voxels if there is none
-  ShearWarp::BlockExtrema<unsigned char>           m_BlocksOfMask{};
-  bool                                             m_HasCommonRows{ false };
-  std::ptrdiff_t                                   m_FirstSlice{ 0 }; // of these slices, in the volume
-  ReducedResamplingEnum                            m_ReducedResampling{ ReducedResamplingEnum::Off };
-  std::ptrdiff_t                                   m_TileColumns{ 0 }, m_TileRows{ 0 }, m_RowStride{ 0 };
+  const Kernels<TPixel> *     m_Kernels{ nullptr };
+  unsigned int                m_Axis{ 2 };
+  std::vector<PlacedView>     m_Views;
+  std::size_t                 m_ImagesOfView{ 1 };
+  bool                        m_HasRegion{ false };
+  Parameters                  m_Parameters;
+  SliceStack<TPixel>          m_Slices{};
+  BlockExtrema<TPixel>        m_BlockExtrema{};
+  Mask                        m_Mask; // without voxels if there is none
+  BlockExtrema<unsigned char> m_BlocksOfMask{};
+  bool                        m_HasCommonRows{ false };
+  std::ptrdiff_t              m_FirstSlice{ 0 }; // of the slices, in the volume
+  ReducedResampling           m_ReducedResampling{ ReducedResampling::Off };
+  std::ptrdiff_t              m_TileColumns{ 0 }, m_TileRows{ 0 }, m_RowStride{ 0 };
 };
-} // namespace itk
+} // namespace itk::ShearWarp
 
 #endif

@@ -15,9 +15,8 @@
  *  limitations under the License.
  *
  *=========================================================================*/
-#define SHEARWARP_WITH_AVX2
 #define SHEARWARP_INSTRUCTION_SET "avx2"
 #define SHEARWARP_VECTOR_BYTES 32
-#define SHEARWARP_X86(operation) _mm256_##operation
+#define SHEARWARP_LANES "LanesAVX2.h"
 #define SHEARWARP_GET_KERNELS GetAVX2Kernels
-#include "Generic.cxx" // NOLINT(bugprone-suspicious-include)
+#include "Vector.h"

@@ -15,9 +15,10 @@
  *  limitations under the License.
  *
  *=========================================================================*/
-/* The maximum of the interpolant along rays.
- * Included by each file of kernels, after Scalar.h, see there, and after ExactVector<float> and
- * ExactVector<double>: as many numbers as are computed together, with operators for each one. */
+/* The maxima of the interpolant along rays. For minima, voxels change their sign when they are loaded.
+ *
+ * Each file of kernels includes this file after Scalar.h (see there) and after ExactVector<float> and
+ * ExactVector<double>. An ExactVector holds the numbers that are computed together, and its operators act on each. */
 
 template <typename T>
 T
@@ -26,8 +27,8 @@ Limit(T v, T low, T high)
   return v < low ? low : v > high ? high : v;
 }
 
-/** Levels are voxels in 15 bits, a larger one a better one, so that their differences are in 16 bits. A number that is
- * compared, of a voxel or between voxels, has the level (number + Zero) * scale. */
+/** Levels are voxels in 15 bits, so that the difference of two levels has 16 bits. A better voxel has a higher level.
+ * The level of a number between voxels is (number + Zero) * scale. Numbers have the other sign for minima. */
 template <typename TPixel, bool VIsMinimum>
 struct Levels
 {
@@ -37,7 +38,7 @@ struct Levels
   static constexpr int  Flip = VIsMinimum ? Sign ^ All : Sign;
   static constexpr auto Zero = static_cast<std::int16_t>(Flip);
 
-  /** Of a volume with voxels from \a lowest to \a highest. */
+  /** Prepares for voxels from \a lowest to \a highest. */
   Levels(TPixel lowest, TPixel highest)
     : isHalved(sizeof(TPixel) == 2 && highest - lowest > 32767)
     , scale(sizeof(TPixel) == 1 ? 64.0
@@ -57,7 +58,7 @@ struct Levels
   double scale;
 };
 
-/** Of pixels that have no levels. */
+/** Stands for the levels of pixel types that have none. */
 struct NoLevels
 {
   template <typename TPixel>
@@ -67,7 +68,7 @@ struct NoLevels
   static constexpr bool isHalved = false;
 };
 
-/** (1 - \a w / 2^15) \a a + \a w / 2^15 \a b, but for half a unit. */
+/** Returns (1 - w / 2^15) a + w / 2^15 b, with an error of at most half a unit. */
 inline std::int16_t
 Mix(std::int16_t a, std::int16_t b, std::int16_t w)
 {
@@ -75,16 +76,16 @@ Mix(std::int16_t a, std::int16_t b, std::int16_t w)
   return static_cast<std::int16_t>(a + static_cast<std::int16_t>((((difference * w) >> 14) + 1) >> 1));
 }
 
-/** Voxels that have weight in a cell of the sheared grid from one slice to the next, along one axis: those of the cell
- * 0 begin at `first`. Its rays go from Mix(0, 1, left), past the voxels 1 to `last`, to Mix(last, last + 1, right);
- * `last` is 1 to 3. */
+/** The voxels along one axis that have weight in a cell of the sheared grid, from a slice to the next one. In cell n
+ * they begin at voxel `first` + n, which is the window's voxel 0. The cell's rays lie between a place `left` / 2^15
+ * behind voxel 0 and a place `right` / 2^15 behind voxel `last`. `last` is 1, 2 or 3. */
 struct CellWindow
 {
   std::ptrdiff_t first, last;
   std::int16_t   left, right;
 };
 
-/** The highest level where the voxel \a get(n) has weight, for n from 0 to VLast + 1. */
+/** Returns the highest level in a window. The voxels 0 to VLast + 1 of the window have the levels \a get(n). */
 template <int VLast, typename TGet>
 SHEARWARP_INLINE inline std::int16_t
 FindHighest(const CellWindow & window, const TGet & get)
@@ -95,7 +96,7 @@ FindHighest(const CellWindow & window, const TGet & get)
   return Larger(Larger(ends, VLast > 2 ? get(2) : last), Larger(first, last));
 }
 
-/** Calls \a function with `last` as a constant. */
+/** Calls a function with the window's `last` as a constant. */
 template <typename TFunction>
 void
 CallWithLast(const CellWindow & window, const TFunction & function)
@@ -105,20 +106,240 @@ CallWithLast(const CellWindow & window, const TFunction & function)
                      : function(std::integral_constant<int, 3>());
 }
 
-/** The same voxels of a slice and the next one. */
+/** A row of a slice, and the same row of the next slice. */
 template <typename TPixel>
 struct PairOfRows
 {
   const TPixel * voxels[2];
 };
 
-/** In each column of cells the best voxel of two rows, and the highest level of their interpolants. */
+/** For each cell of a row, the best voxel of a pair of rows, and the highest level between the voxels of each row. */
 template <typename TPixel>
 struct RowBounds
 {
   TPixel       voxels[CellColumns];
   std::int16_t levels[CellColumns];
 };
+
+/** Doubles may be so large or so small that products of them overflow or vanish. */
+template <typename TPixel>
+constexpr bool HasLargeNumbers = std::is_same_v<TPixel, double>;
+
+/** A cell between four voxels of a slice and four voxels of the next one, for the ray of each lane. Voxels are in the
+ * direction of the ray, columns first. The ray passes the cell from slice `begin` to slice `end`. In slice 0 the ray is
+ * at column `x` and row `y` of the cell, which may lie outside of the cell. */
+template <typename TNumber>
+struct CellLanes
+{
+  using Vector = typename ExactVector<TNumber>::Type;
+
+  Vector front[4], back[4];
+  Vector x, y;
+  Vector begin, end;
+};
+
+/** The bilinear interpolant of four voxels on a line: c0 + c1 t + c2 t^2. */
+template <typename TNumber>
+struct Quadratic
+{
+  typename ExactVector<TNumber>::Type c0, c1, c2;
+};
+
+/** Returns the bilinear interpolant on the line (x0 + X t, y0 + Y t). */
+template <typename TNumber, typename TVector = typename ExactVector<TNumber>::Type>
+SHEARWARP_INLINE inline Quadratic<TNumber>
+ExpandOnLine(const TVector * v, TVector x0, TNumber X, TVector y0, TNumber Y)
+{
+  const TVector a10 = v[1] - v[0];
+  const TVector a01 = v[2] - v[0];
+  const TVector a11 = (v[3] - v[2]) - a10;
+  return { (v[0] + a10 * x0) + (a01 + a11 * x0) * y0, (a10 * X + a01 * Y) + a11 * (x0 * Y + y0 * X), a11 * (X * Y) };
+}
+
+/** The trilinear interpolant on a ray: f0 + f1 t + f2 t^2 + f3 t^3. */
+template <typename TNumber>
+struct Cubic
+{
+  using Vector = typename ExactVector<TNumber>::Type;
+
+  SHEARWARP_INLINE Vector
+  Evaluate(Vector t) const
+  {
+    return ((f3 * t + f2) * t + f1) * t + f0;
+  }
+
+  SHEARWARP_INLINE Vector
+  Derive(Vector t) const
+  {
+    return (threeF3 * t + twoF2) * t + f1;
+  }
+
+  Vector f0, f1, f2, f3, threeF3, twoF2;
+};
+
+/** Returns the trilinear interpolant of a cell on rays that pass \a slope columns and rows from slice to slice. */
+template <typename TNumber>
+SHEARWARP_INLINE inline Cubic<TNumber>
+ExpandInCell(const CellLanes<TNumber> & cell, const TNumber (&slope)[2])
+{
+  using Vector = typename ExactVector<TNumber>::Type;
+  const TNumber three = 3;
+  const auto    front = ExpandOnLine<TNumber>(cell.front, cell.x, slope[0], cell.y, slope[1]);
+  const auto    back = ExpandOnLine<TNumber>(cell.back, cell.x, slope[0], cell.y, slope[1]);
+  const Vector  f0 = front.c0;
+  const Vector  f1 = front.c1 + (back.c0 - front.c0);
+  const Vector  f2 = front.c2 + (back.c1 - front.c1);
+  const Vector  f3 = back.c2 - front.c2;
+  return { f0, f1, f2, f3, three * f3, f2 + f2 };
+}
+
+/** The ray of each lane, its best value so far, and the place of that value. Rays pass `slope` columns and rows from
+ * slice to slice. Values below `least` do not matter. Cells come in the direction of the slices. */
+template <typename TPixel>
+struct RayLanes
+{
+  using Number = ExactNumber<TPixel>;
+  using Vectors = ExactVector<Number>;
+  using Vector = typename Vectors::Type;
+  using Mask = decltype(Vector{} < Vector{});
+
+  const Number (&slope)[2];
+  bool   isBackward; // the viewer is behind the last slice
+  Vector least;
+  Vector best;
+  Vector place;
+
+  SHEARWARP_INLINE static Vector
+  GetLower(Vector a, Vector b)
+  {
+    return b < a ? b : a;
+  }
+
+  SHEARWARP_INLINE static Vector
+  GetHigher(Vector a, Vector b)
+  {
+    return a < b ? b : a;
+  }
+
+  /** Compares a value with a value before it. Among equal values the one nearer to the viewer wins. */
+  SHEARWARP_INLINE Mask
+  IsBetter(Vector value, Vector before) const
+  {
+    return isBackward ? value >= before : value > before;
+  }
+
+  /** Returns a power of two. Squares of the coefficients that are multiplied by it neither overflow nor vanish. */
+  static Number
+  FindScaleOfSquares(const Cubic<Number> & cubic)
+  {
+    if constexpr (HasLargeNumbers<TPixel>)
+    {
+      const auto   abs = [](double v) { return v < 0 ? -v : v; };
+      const double largest = Larger(Larger(abs(cubic.f1), abs(cubic.f2)), abs(cubic.f3));
+      return largest > 0x1p400 ? 0x1p-600 : largest < 0x1p-400 ? 0x1p600 : 1.0;
+    }
+    return 1;
+  }
+
+  /** Returns the lanes whose rays meet a cell that may have a better value, and whose voxels are finite. */
+  SHEARWARP_INLINE Mask
+  FindCounted(const CellLanes<Number> & cell, Vector highest) const;
+
+  /** Raises `value` to the cubic's local maximum within the cell, in the lanes of a mask. */
+  SHEARWARP_INLINE void
+  TakeLocalMaximum(const CellLanes<Number> & cell,
+                   const Cubic<Number> &     cubic,
+                   Vector                    bound,
+                   Mask                      lanes,
+                   Vector &                  value,
+                   Vector &                  valuePlace) const;
+
+  /** Raises `best` to the maximum in a cell. */
+  SHEARWARP_INLINE void
+  TakeCell(const CellLanes<Number> & cell);
+};
+
+template <typename TPixel>
+SHEARWARP_INLINE inline auto
+RayLanes<TPixel>::FindCounted(const CellLanes<Number> & cell, Vector highest) const -> Mask
+{
+  Mask isCounted = (cell.begin <= cell.end) & (highest >= least);
+  if constexpr (IsFloat<TPixel>)
+  {
+    constexpr Number largest = std::numeric_limits<Number>::max();
+    const Vector     most = Vectors::Set(largest);
+    const auto &     a = cell.front;
+    const auto &     b = cell.back;
+    const Vector     sum = ((a[0] + b[0]) + (a[1] + b[1])) + ((a[2] + b[2]) + (a[3] + b[3]));
+    isCounted &= (sum >= -most) & (sum <= most);
+  }
+  return isCounted;
+}
+
+template <typename TPixel>
+SHEARWARP_INLINE inline void
+RayLanes<TPixel>::TakeLocalMaximum(const CellLanes<Number> & cell,
+                                   const Cubic<Number> &     cubic,
+                                   Vector                    bound,
+                                   Mask                      lanes,
+                                   Vector &                  value,
+                                   Vector &                  valuePlace) const
+{
+  // the derivative falls through 0 at t; 3 g3, 2 g2 and g1 are its coefficients
+  const Vector none = Vectors::Set(0);
+  const Number scale = FindScaleOfSquares(cubic);
+  const Vector g1 = cubic.f1 * scale;
+  const Vector g2 = cubic.f2 * scale;
+  const Vector threeG3 = cubic.threeF3 * scale;
+  const Vector discriminant = g2 * g2 - threeG3 * g1;
+  const Vector root = Vectors::SquareRoot(GetHigher(discriminant, none));
+  const Mask   isFalling = g2 <= none;
+  const Vector numerator = isFalling ? g1 : Vector(-(g2 + root));
+  const Vector denominator = isFalling ? Vector(root - g2) : threeG3;
+  const Vector t = numerator / denominator;
+  const Vector atRoot = GetLower(cubic.Evaluate(t), bound);
+  const Mask   isTaken =
+    lanes & (discriminant >= none) & (t > cell.begin) & (t < cell.end) & this->IsBetter(atRoot, value);
+  value = isTaken ? atRoot : value;
+  valuePlace = isTaken ? t : valuePlace;
+}
+
+template <typename TPixel>
+SHEARWARP_INLINE inline void
+RayLanes<TPixel>::TakeCell(const CellLanes<Number> & cell)
+{
+  const auto & a = cell.front;
+  const auto & b = cell.back;
+  const Vector highest = GetHigher(GetHigher(GetHigher(a[0], b[0]), GetHigher(a[1], b[1])),
+                                   GetHigher(GetHigher(a[2], b[2]), GetHigher(a[3], b[3])));
+  const Mask   isCounted = this->FindCounted(cell, highest);
+  if (Vectors::GetBits(isCounted) == 0)
+  {
+    return;
+  }
+  const auto   cubic = ExpandInCell<Number>(cell, slope);
+  const Vector atBegin = GetLower(cubic.Evaluate(cell.begin), highest);
+  const Vector atEnd = GetLower(cubic.Evaluate(cell.end), highest);
+  // a cubic is not above the control points of its Bernstein form
+  const Number three = 3;
+  const Number third = Number(1) / three;
+  const Vector step = (cell.end - cell.begin) * third;
+  const Vector bound =
+    GetLower(GetHigher(atBegin + step * cubic.Derive(cell.begin), atEnd - step * cubic.Derive(cell.end)), highest);
+  const Mask mayBeBetter = isCounted & (bound > atBegin) & (bound > atEnd) & (bound >= least);
+  Vector     value = atBegin;
+  Vector     valuePlace = cell.begin;
+  if (Vectors::GetBits(mayBeBetter) != 0)
+  {
+    this->TakeLocalMaximum(cell, cubic, bound, mayBeBetter, value, valuePlace);
+  }
+  const Mask takesEnd = this->IsBetter(atEnd, value);
+  value = takesEnd ? atEnd : value;
+  valuePlace = takesEnd ? cell.end : valuePlace;
+  const Mask isTaken = isCounted & this->IsBetter(value, best);
+  best = isTaken ? value : best;
+  place = isTaken ? valuePlace : place;
+}
 
 /** Finds the maxima of the rays of a tile. */
 template <typename TPixel, bool VIsMinimum>
@@ -127,14 +348,14 @@ class TileSearch
 public:
   using Number = ExactNumber<TPixel>;
 
-  /** With \a isNew `least` is not set yet. */
+  /** A new search sets `least` of all cells. Another one only updates `least`. */
   TileSearch(const ExactView<TPixel> & view, const ExactTile<TPixel> & tile, bool isNew);
 
-  /** All rays from a slice to the next one; what bounds by voxels exclude is left out. */
+  /** Searches all rays from a slice to the next one, except those that bounds exclude. */
   void
   SearchPair(std::ptrdiff_t slice);
 
-  /** One ray from a slice to the next one; evaluated together with others, at the latest by Finish(). */
+  /** Searches one ray from a slice to the next one. Finish() completes the search. */
   void
   Add(RayPart part)
   {
@@ -145,15 +366,20 @@ public:
     }
   }
 
-  /** Sets `least` of all cells, and returns the least of them. */
+  /** Completes the search, sets `least`, and returns the least of all cells. */
   TPixel
   Finish();
 
 private:
   using Vectors = ExactVector<Number>;
+  using Lanes = RayLanes<TPixel>;
   using Vector = typename Vectors::Type;
 
   using LevelType = std::conditional_t<(sizeof(TPixel) <= 2), Levels<TPixel, VIsMinimum>, NoLevels>;
+
+  /** Four voxels of at most two bytes. */
+  using Four = std::conditional_t<sizeof(TPixel) == 1, std::uint32_t, std::uint64_t>;
+  static constexpr int WordsInFour = sizeof(Four) / sizeof(std::uint32_t);
 
 #if defined(__BYTE_ORDER__) && __BYTE_ORDER__ == __ORDER_BIG_ENDIAN__
   static constexpr bool IsBigEndian = true;
@@ -161,21 +387,38 @@ private:
   static constexpr bool IsBigEndian = false;
 #endif
 
-  static constexpr int  RaysTogether = 16;
+  static constexpr int  RaysTogether = 16; // at most 32
   static constexpr bool HasLevels = sizeof(TPixel) <= 2;
-  static constexpr bool HasLargeNumbers = std::is_same_v<TPixel, double>;
-
-  /** What rounding may take from a level: half a unit for a halved voxel, and along each axis one for the weight and
-   * half a one for the product. */
+  /** Rounding may lower a level by half a unit if voxels are halved, and, along each axis, by one unit for the weight
+   * and half a unit for the product. */
   static constexpr int LevelSlack = 4;
 
   static constexpr TPixel NoVoxel = VIsMinimum ? NoSample<TPixel, Extremum::Minimum> : NoSample<TPixel>;
 
-  /** The most voxels of a row that have weight in a cell of the sheared grid, from one slice to the next. */
+  /** The most voxels along one axis that have weight in a cell of the sheared grid, from a slice to the next one. */
   static constexpr int CellReach = 5;
 
-  /** The voxels of a row that have weight in a row of cells. */
+  /** The most voxels of a row that have weight in a row of cells. */
   static constexpr std::ptrdiff_t RowWidth = CellColumns + CellReach - 1;
+
+  /** The rays that are evaluated together, from a slice to the next one. In the slice, a ray is at column `x` and row
+   * `y`, counted from the corner of its first cell in the direction of the ray. The ray begins and ends between the two
+   * slices. `best` is the ray's best value so far. `voxels` are 3 x 3 x 2 voxels in the direction of the ray, columns
+   * first: a ray passes at most one column and one row. */
+  struct RayGroup
+  {
+    Number x[RaysTogether], y[RaysTogether];
+    Number begin[RaysTogether], end[RaysTogether];
+    Number best[RaysTogether];
+    Number voxels[18][RaysTogether];
+  };
+
+  /** Where the voxels of a RayGroup are: the least column and row of each ray, and the two slices. */
+  struct VoxelPlaces
+  {
+    std::int32_t   columns[RaysTogether], rows[RaysTogether];
+    const TPixel * slices[2][RaysTogether];
+  };
 
   static Number
   Load(TPixel voxel)
@@ -183,36 +426,24 @@ private:
     return VIsMinimum ? -static_cast<Number>(voxel) : static_cast<Number>(voxel);
   }
 
-  /** Not-a-number as \a voxel is ignored. */
+  /** Returns the better voxel. \a voxel may be not-a-number, which is never better. */
   static TPixel
   GetBetter(TPixel best, TPixel voxel)
   {
     return (VIsMinimum ? voxel < best : voxel > best) ? voxel : best;
   }
 
+  /** Returns what a voxel must exceed, or reach if there is depth, to be better than \a best. */
   static TPixel
   FindLeast(Number best, bool hasDepth);
 
-  /** A power of two by which no difference of voxels overflows. */
+  /** Returns a power of two. Differences of voxels that are multiplied by it do not overflow. */
   Number
   FindScaleOfVoxels() const
   {
-    if constexpr (HasLargeNumbers)
+    if constexpr (HasLargeNumbers<TPixel>)
     {
       return m_Slices.lowest < -0x1p1000 || m_Slices.highest > 0x1p1000 ? 0x1p-30 : 1.0;
-    }
-    return 1;
-  }
-
-  /** A power of two by which squares of these numbers neither overflow nor vanish. */
-  static Number
-  FindScaleOfSquares(Vector f1, Vector f2, Vector f3)
-  {
-    if constexpr (HasLargeNumbers)
-    {
-      const auto   abs = [](double v) { return v < 0 ? -v : v; };
-      const double largest = Larger(Larger(abs(f1), abs(f2)), abs(f3));
-      return largest > 0x1p400 ? 0x1p-600 : largest < 0x1p-400 ? 0x1p600 : 1.0;
     }
     return 1;
   }
@@ -241,7 +472,7 @@ private:
   void
   SetLeast(std::ptrdiff_t row);
 
-  /** The voxels of a row from \a first on; columns beside the volume are as its outer ones. */
+  /** Returns the voxels of a row from column \a first on. Beside the volume, columns have the outer column's voxel. */
   const TPixel *
   CopyRow(const TPixel * voxels, std::ptrdiff_t first, TPixel (&copy)[2 * RowWidth]) const
   {
@@ -273,7 +504,7 @@ private:
             const CellWindow &         window,
             RowBounds<TPixel> *        bounds);
 
-  /** The cells of a row that may have something better, as bits, and the best voxel of each one. */
+  /** Returns the cells of a row that may have a better value, as bits, and writes the best voxel of each cell. */
   template <int VLast>
   std::uint32_t
   FindCells(const RowBounds<TPixel> * rows,
@@ -281,12 +512,36 @@ private:
             std::ptrdiff_t            row,
             TPixel (&voxels)[CellColumns]) const;
 
+  /** Places the rays of the first \a count parts. The other rays of the group are copies of the first one. */
   void
-  LoadVoxels(const std::int32_t (&columns)[RaysTogether],
-             const std::int32_t (&rows)[RaysTogether],
-             const TPixel * const (&slices)[2][RaysTogether],
-             Number (&voxels)[18][RaysTogether]) const;
+  PlaceRays(int count, RayGroup & group, VoxelPlaces & places) const;
 
+  /** Loads voxels one by one. */
+  void
+  LoadSingly(const VoxelPlaces & places, RayGroup & group) const;
+
+  /** Loads four voxels of a row at once. Pixels have one or two bytes. */
+  void
+  LoadFours(const VoxelPlaces & places, RayGroup & group) const;
+
+  /** Copies four voxels of three rows of two slices for each ray. Beside the volume, they are the outer voxels. */
+  void
+  CopyLines(const VoxelPlaces & places, Four (&fours)[6][RaysTogether]) const;
+
+  /** Converts three of four voxels to numbers, in the direction of rays. */
+  void
+  SplitLine(const std::uint32_t (&words)[WordsInFour][RaysTogether], Number (*voxels)[RaysTogether]) const;
+
+  /** Evaluates as many rays as a vector has lanes, from ray \a first on. Writes their best values and the places of
+   * these in the part, and returns the rays with a value of at least their best one so far, as bits. */
+  std::uint32_t
+  EvaluateLanes(const RayGroup & group, int first, Number * best, Number * places) const;
+
+  /** Gives a ray a value if it is better than the ray's best one so far, or as good and nearer to the viewer. */
+  void
+  TakeBest(const RayPart & part, Number value, Number placeInPart);
+
+  /** Evaluates the parts that were added. */
   void
   Evaluate();
 
@@ -294,9 +549,9 @@ private:
   const ExactTile<TPixel> &  m_Tile;
   const SliceStack<TPixel> & m_Slices;
   bool                       m_IsBackward;
-  std::ptrdiff_t             m_Step[2];     // from voxel to voxel, the way that rays go
-  Number                     m_Slope[2];    // columns and rows that a ray passes in a slice
-  Number                     m_PerVoxel[2]; // slices in which a ray passes a column or row
+  std::ptrdiff_t             m_Step[2];     // 1 or -1: the direction of rays
+  Number                     m_Slope[2];    // columns and rows that a ray passes from slice to slice
+  Number                     m_PerVoxel[2]; // slices in which a ray passes a column or a row
   LevelType                  m_Levels;
   bool                       m_HasChanged[CellRows]{};
   RayPart                    m_Parts[RaysTogether]{};
@@ -325,7 +580,6 @@ TileSearch<TPixel, VIsMinimum>::TileSearch(const ExactView<TPixel> & view, const
   }
 }
 
-/** The largest voxel that does not exceed a value, or that reaches it. */
 template <typename TPixel, bool VIsMinimum>
 TPixel
 TileSearch<TPixel, VIsMinimum>::FindLeast(Number best, bool hasDepth)
@@ -352,7 +606,7 @@ TileSearch<TPixel, VIsMinimum>::FindLeast(Number best, bool hasDepth)
     double           rounded = hasDepth == VIsMinimum ? floor(wide) : ceil(wide);
     if (sizeof(TPixel) == 8)
     {
-      // some integers are one number
+      // a double does not distinguish all integers
       constexpr double epsilon = std::numeric_limits<double>::epsilon();
       const double     spacing = (rounded < 0 ? -rounded : rounded) * epsilon;
       rounded = VIsMinimum ? rounded + spacing : rounded - spacing;
@@ -421,7 +675,7 @@ TileSearch<TPixel, VIsMinimum>::FindWindow(int axis, std::ptrdiff_t slice) const
 {
   const double a = this->GetOffset(axis, static_cast<double>(slice));
   const double b = this->GetOffset(axis, static_cast<double>(slice + 1));
-  // a little more, for what rounding errors do
+  // windows are a little wider because of rounding errors
   constexpr double slack = 1e-6;
   const double     left = -Larger(a, b) - slack;
   const double     right = 1.0 - Smaller(a, b) + slack;
@@ -446,7 +700,7 @@ TileSearch<TPixel, VIsMinimum>::BoundRows(const PairOfRows<TPixel> * rows,
   {
     const TPixel * const a = rows[row].voxels[0];
     const TPixel * const b = rows[row].voxels[1];
-    // one loop, so that numbers stay in registers
+    // one loop keeps numbers in registers
     for (std::ptrdiff_t n = 0; n < CellColumns; ++n)
     {
       TPixel best = GetBetter(GetBetter(NoVoxel, a[n]), b[n]);
@@ -563,135 +817,12 @@ TileSearch<TPixel, VIsMinimum>::SearchPair(std::ptrdiff_t slice)
   }
 }
 
-/** The bilinear interpolant of four voxels, columns first, on a line, (x, y) = (x0 + X t, y0 + Y t), as
- * c0 + c1 t + c2 t^2. */
-template <typename TNumber>
-struct LineExpansion
-{
-  typename ExactVector<TNumber>::Type c0, c1, c2;
-};
-
-template <typename TNumber, typename TVector = typename ExactVector<TNumber>::Type>
-SHEARWARP_INLINE inline LineExpansion<TNumber>
-ExpandOnLine(const TVector * v, TVector x0, TNumber X, TVector y0, TNumber Y)
-{
-  const TVector a10 = v[1] - v[0];
-  const TVector a01 = v[2] - v[0];
-  const TVector a11 = (v[3] - v[2]) - a10;
-  return { (v[0] + a10 * x0) + (a01 + a11 * x0) * y0, (a10 * X + a01 * Y) + a11 * (x0 * Y + y0 * X), a11 * (X * Y) };
-}
-
-/** 3 x 3 x 2 voxels, columns first, the way that the rays go, from the least column and row on. */
 template <typename TPixel, bool VIsMinimum>
 void
-TileSearch<TPixel, VIsMinimum>::LoadVoxels(const std::int32_t (&columns)[RaysTogether],
-                                           const std::int32_t (&rows)[RaysTogether],
-                                           const TPixel * const (&slices)[2][RaysTogether],
-                                           Number (&voxels)[18][RaysTogether]) const
+TileSearch<TPixel, VIsMinimum>::PlaceRays(int count, RayGroup & group, VoxelPlaces & places) const
 {
-  const int  firstColumn = m_Step[0] > 0 ? 0 : 2;
-  const int  firstRow = m_Step[1] > 0 ? 0 : 2;
-  const auto stepX = static_cast<int>(m_Step[0]);
-  const auto stepY = static_cast<int>(m_Step[1]);
-  const auto lastColumn = static_cast<std::int32_t>(m_Slices.columns - 1);
-  const auto lastRow = static_cast<std::int32_t>(m_Slices.rows - 1);
-  if constexpr (sizeof(TPixel) <= 2)
-  {
-    // four columns at once
-    constexpr int bits = 8 * sizeof(TPixel);
-    constexpr int voxelsInWord = 32 / bits;
-    constexpr int wordCount = 4 / voxelsInWord;
-    using Four = std::conditional_t<wordCount == 1, std::uint32_t, std::uint64_t>;
-    Four fours[6][RaysTogether];
-    for (int n = 0; n < RaysTogether; ++n)
-    {
-      const bool isInside =
-        (columns[n] >= 0) & (columns[n] <= lastColumn - 3) & (rows[n] >= 0) & (rows[n] <= lastRow - 2);
-      if (isInside)
-      {
-        const std::ptrdiff_t offset = rows[n] * m_Slices.rowStride + columns[n];
-        for (int line = 0; line < 6; ++line)
-        {
-          CopyBytes(&fours[line][n], slices[line / 3][n] + offset + line % 3 * m_Slices.rowStride, sizeof(Four));
-        }
-        continue;
-      }
-      for (int line = 0; line < 6; ++line)
-      {
-        const TPixel * const from = slices[line / 3][n] + Limit(rows[n] + line % 3, 0, lastRow) * m_Slices.rowStride;
-        TPixel               edge[4];
-        for (int column = 0; column < 4; ++column)
-        {
-          edge[column] = from[Limit(columns[n] + column, 0, lastColumn)];
-        }
-        CopyBytes(&fours[line][n], edge, sizeof(Four));
-      }
-    }
-    std::uint32_t words[6][wordCount][RaysTogether];
-    for (int line = 0; line < 6; ++line)
-    {
-      for (int word = 0; word < wordCount; ++word)
-      {
-        const int shift = 32 * (IsBigEndian ? wordCount - 1 - word : word);
-        for (int n = 0; n < RaysTogether; ++n)
-        {
-          words[line][word][n] = static_cast<std::uint32_t>(fours[line][n] >> shift);
-        }
-      }
-    }
-    using Word = std::conditional_t<std::is_signed_v<TPixel>, std::int32_t, std::uint32_t>;
-    for (int line = 0; line < 6; ++line)
-    {
-      const auto & from = words[line / 3 * 3 + firstRow + line % 3 * stepY];
-      for (int column = 0; column < 3; ++column)
-      {
-        const int    place = firstColumn + column * stepX;
-        const int    inWord = IsBigEndian ? voxelsInWord - 1 - place % voxelsInWord : place % voxelsInWord;
-        const int    shift = 32 - bits * (inWord + 1);
-        const auto & word = from[place / voxelsInWord];
-        for (int n = 0; n < RaysTogether; ++n)
-        {
-          const auto shifted = static_cast<Word>(word[n] << shift);
-          const auto number = static_cast<Number>(static_cast<std::int32_t>(shifted >> (32 - bits)));
-          voxels[3 * line + column][n] = VIsMinimum ? -number : number;
-        }
-      }
-    }
-  }
-  else
-  {
-    for (int n = 0; n < RaysTogether; ++n)
-    {
-      for (int line = 0; line < 6; ++line)
-      {
-        const std::ptrdiff_t row = Limit(rows[n] + firstRow + line % 3 * stepY, 0, lastRow);
-        const TPixel * const from = slices[line / 3][n] + row * m_Slices.rowStride;
-        for (int column = 0; column < 3; ++column)
-        {
-          voxels[3 * line + column][n] = Load(from[Limit(columns[n] + firstColumn + column * stepX, 0, lastColumn)]);
-        }
-      }
-    }
-  }
-}
-
-template <typename TPixel, bool VIsMinimum>
-void
-TileSearch<TPixel, VIsMinimum>::Evaluate()
-{
-  constexpr int lanes = RaysTogether;
-  const int     count = m_Count;
-  m_Count = 0;
-  if (count == 0)
-  {
-    return;
-  }
-  // columns and rows from the corner where the ray begins, slices from the first one
-  Number         fromX[lanes], fromY[lanes], fromZ[lanes], toZ[lanes], leasts[lanes];
-  double         p[lanes], q[lanes], begins[lanes], ends[lanes], first[lanes];
-  std::int32_t   columns[lanes], rows[lanes]; // the least of three
-  const TPixel * slices[2][lanes];
-  for (int n = 0; n < lanes; ++n)
+  double p[RaysTogether], q[RaysTogether], begins[RaysTogether], ends[RaysTogether], first[RaysTogether];
+  for (int n = 0; n < RaysTogether; ++n)
   {
     const std::int32_t ray = m_Parts[n < count ? n : 0].ray;
     const std::int32_t slice = m_Parts[n < count ? n : 0].slice;
@@ -699,166 +830,248 @@ TileSearch<TPixel, VIsMinimum>::Evaluate()
     q[n] = m_Tile.q[ray];
     begins[n] = m_Tile.begin[ray];
     ends[n] = m_Tile.end[ray];
-    leasts[n] = m_Tile.best[ray];
+    group.best[n] = m_Tile.best[ray];
     first[n] = static_cast<double>(slice);
-    slices[0][n] = this->GetSlice(slice);
-    slices[1][n] = this->GetSlice(slice + 1);
+    places.slices[0][n] = this->GetSlice(slice);
+    places.slices[1][n] = this->GetSlice(slice + 1);
   }
   const auto   stepX = static_cast<double>(m_Step[0]);
   const auto   stepY = static_cast<double>(m_Step[1]);
   const double behindX = m_Step[0] > 0 ? 0.0 : 2.0;
   const double behindY = m_Step[1] > 0 ? 0.0 : 2.0;
-  for (int n = 0; n < lanes; ++n)
+  for (int n = 0; n < RaysTogether; ++n)
   {
     const double x = stepX * (p[n] - this->GetOffset(0, first[n]));
     const double y = stepY * (q[n] - this->GetOffset(1, first[n]));
     const double baseX = floor(x);
     const double baseY = floor(y);
-    columns[n] = static_cast<std::int32_t>(stepX * baseX - behindX);
-    rows[n] = static_cast<std::int32_t>(stepY * baseY - behindY);
-    fromX[n] = static_cast<Number>(x - baseX);
-    fromY[n] = static_cast<Number>(y - baseY);
-    fromZ[n] = static_cast<Number>(Larger(begins[n] - first[n], 0.0));
-    toZ[n] = static_cast<Number>(Smaller(ends[n] - first[n], 1.0));
+    places.columns[n] = static_cast<std::int32_t>(stepX * baseX - behindX);
+    places.rows[n] = static_cast<std::int32_t>(stepY * baseY - behindY);
+    group.x[n] = static_cast<Number>(x - baseX);
+    group.y[n] = static_cast<Number>(y - baseY);
+    group.begin[n] = static_cast<Number>(Larger(begins[n] - first[n], 0.0));
+    group.end[n] = static_cast<Number>(Smaller(ends[n] - first[n], 1.0));
   }
-  Number voxels[18][lanes];
-  this->LoadVoxels(columns, rows, slices, voxels);
+}
 
-  const Number scaleOfVoxels = this->FindScaleOfVoxels();
-  if constexpr (HasLargeNumbers)
+template <typename TPixel, bool VIsMinimum>
+void
+TileSearch<TPixel, VIsMinimum>::LoadSingly(const VoxelPlaces & places, RayGroup & group) const
+{
+  const int  firstColumn = m_Step[0] > 0 ? 0 : 2;
+  const int  firstRow = m_Step[1] > 0 ? 0 : 2;
+  const auto stepX = static_cast<int>(m_Step[0]);
+  const auto stepY = static_cast<int>(m_Step[1]);
+  const auto lastColumn = static_cast<std::int32_t>(m_Slices.columns - 1);
+  const auto lastRow = static_cast<std::int32_t>(m_Slices.rows - 1);
+  for (int n = 0; n < RaysTogether; ++n)
   {
-    for (int n = 0; n < lanes; ++n)
+    for (int line = 0; line < 6; ++line)
     {
-      leasts[n] *= scaleOfVoxels;
-      for (auto & voxelsOfRays : voxels)
+      const std::ptrdiff_t row = Limit(places.rows[n] + firstRow + line % 3 * stepY, 0, lastRow);
+      const TPixel * const from = places.slices[line / 3][n] + row * m_Slices.rowStride;
+      for (int column = 0; column < 3; ++column)
       {
-        voxelsOfRays[n] *= scaleOfVoxels;
+        const std::int32_t place = Limit(places.columns[n] + firstColumn + column * stepX, 0, lastColumn);
+        group.voxels[3 * line + column][n] = Load(from[place]);
       }
     }
   }
+}
 
-  Number        best[lanes], places[lanes];
-  std::uint32_t betterRays = 0;
-  for (int n = 0; n < lanes; n += Vectors::Count)
+template <typename TPixel, bool VIsMinimum>
+SHEARWARP_INLINE inline void
+TileSearch<TPixel, VIsMinimum>::CopyLines(const VoxelPlaces & places, Four (&fours)[6][RaysTogether]) const
+{
+  const auto lastColumn = static_cast<std::int32_t>(m_Slices.columns - 1);
+  const auto lastRow = static_cast<std::int32_t>(m_Slices.rows - 1);
+  for (int n = 0; n < RaysTogether; ++n)
   {
-    const auto   load = [n](const Number * numbers) SHEARWARP_INLINE -> Vector { return Vectors::Load(numbers + n); };
-    const Vector none = Vectors::Set(0);
-    const Vector all = Vectors::Set(1);
-    const Vector nowhere = Vectors::Set(NoSample<Number>);
-    constexpr Number largest = std::numeric_limits<Number>::max();
-    const Vector     most = Vectors::Set(largest);
-    const Number     three = 3;
-    const Vector     least = load(leasts);
-    const Vector     x0 = load(fromX);
-    const Vector     y0 = load(fromY);
-    const Vector     begin = load(fromZ);
-    const Vector     end = load(toZ);
-    Vector           v[18];
-    SHEARWARP_UNROLL
-    for (int voxel = 0; voxel < 18; ++voxel)
+    const std::int32_t column = places.columns[n];
+    const std::int32_t row = places.rows[n];
+    const bool isInside = (column >= 0) & (column <= lastColumn - 3) & (row >= 0) & (row <= lastRow - 2);
+    if (isInside)
     {
-      v[voxel] = load(voxels[voxel]);
+      const std::ptrdiff_t offset = row * m_Slices.rowStride + column;
+      for (int line = 0; line < 6; ++line)
+      {
+        CopyBytes(&fours[line][n], places.slices[line / 3][n] + offset + line % 3 * m_Slices.rowStride, sizeof(Four));
+      }
+      continue;
     }
-    const auto smaller = [](Vector a, Vector b) SHEARWARP_INLINE -> Vector { return b < a ? b : a; };
-    const auto larger = [](Vector a, Vector b) SHEARWARP_INLINE -> Vector { return a < b ? b : a; };
-    // what comes later is better only if it is more or, for a viewer behind the last slice, as much
-    const auto isBetter = [isBackward = m_IsBackward](Vector a, Vector b)
-                            SHEARWARP_INLINE { return isBackward ? a >= b : a > b; };
-    Vector     bestOfAll = nowhere;
-    Vector     placeOfBest = none;
-    const auto takeCell =
-      [&](const Vector(&a)[4], const Vector(&b)[4], Vector x, Vector y, Vector from, Vector to) SHEARWARP_INLINE {
-        const Vector highest =
-          larger(larger(larger(a[0], b[0]), larger(a[1], b[1])), larger(larger(a[2], b[2]), larger(a[3], b[3])));
-        auto isCounted = (from <= to) & (highest >= least);
-        if constexpr (IsFloat<TPixel>)
-        {
-          // what is not finite is left out
-          const Vector sum = ((a[0] + b[0]) + (a[1] + b[1])) + ((a[2] + b[2]) + (a[3] + b[3]));
-          isCounted &= (sum >= -most) & (sum <= most);
-        }
-        if (Vectors::GetBits(isCounted) == 0)
-        {
-          return;
-        }
-        // the cubic f0 + f1 t + f2 t^2 + f3 t^3
-        const auto   before = ExpandOnLine<Number>(a, x, m_Slope[0], y, m_Slope[1]);
-        const auto   behind = ExpandOnLine<Number>(b, x, m_Slope[0], y, m_Slope[1]);
-        const Vector f0 = before.c0;
-        const Vector f1 = before.c1 + (behind.c0 - before.c0);
-        const Vector f2 = before.c2 + (behind.c1 - before.c1);
-        const Vector f3 = behind.c2 - before.c2;
-        const Vector threeF3 = three * f3;
-        const Vector twoF2 = f2 + f2;
-        const auto   evaluate = [&](Vector t) SHEARWARP_INLINE -> Vector { return ((f3 * t + f2) * t + f1) * t + f0; };
-        const auto   derive = [&](Vector t) SHEARWARP_INLINE -> Vector { return (threeF3 * t + twoF2) * t + f1; };
-        const Vector atBegin = smaller(evaluate(from), highest);
-        const Vector atEnd = smaller(evaluate(to), highest);
-        // the cubic is not above its control points (Bernstein)
-        const Number third = Number(1) / three;
-        const Vector step = (to - from) * third;
-        const Vector control = smaller(larger(atBegin + step * derive(from), atEnd - step * derive(to)), highest);
-        const auto   mayBeBetter = isCounted & (control > atBegin) & (control > atEnd) & (control >= least);
-        Vector       value = atBegin;
-        Vector       place = from;
-        if (Vectors::GetBits(mayBeBetter) != 0)
-        {
-          // where its derivative falls through 0
-          const Number scale = FindScaleOfSquares(f1, f2, f3);
-          const Vector g1 = f1 * scale;
-          const Vector g2 = f2 * scale;
-          const Vector threeG3 = threeF3 * scale;
-          const Vector discriminant = g2 * g2 - threeG3 * g1;
-          const Vector root = Vectors::SquareRoot(larger(discriminant, none));
-          const auto   isFalling = g2 <= none;
-          const Vector numerator = isFalling ? g1 : Vector(-(g2 + root));
-          const Vector denominator = isFalling ? Vector(root - g2) : threeG3;
-          const Vector t = numerator / denominator;
-          const Vector atRoot = smaller(evaluate(t), control);
-          const auto takesRoot = mayBeBetter & (discriminant >= none) & (t > from) & (t < to) & isBetter(atRoot, value);
-          value = takesRoot ? atRoot : value;
-          place = takesRoot ? t : place;
-        }
-        const auto takesEnd = isBetter(atEnd, value);
-        value = takesEnd ? atEnd : value;
-        place = takesEnd ? to : place;
-        const auto isTaken = isCounted & isBetter(value, bestOfAll);
-        bestOfAll = isTaken ? value : bestOfAll;
-        placeOfBest = isTaken ? place : placeOfBest;
-      };
-    // a ray leaves its first column or its first row, then the other one
-    const Vector leavesX = (all - x0) * m_PerVoxel[0];
-    const Vector leavesY = (all - y0) * m_PerVoxel[1];
-    const auto   isXFirst = leavesX <= leavesY;
-    const Vector leavesFirst = smaller(leavesX, leavesY);
-    const Vector leavesLast = larger(leavesX, leavesY);
-    const auto   next = [&](int voxel) SHEARWARP_INLINE -> Vector { return isXFirst ? v[voxel + 1] : v[voxel + 3]; };
-    takeCell({ v[0], v[1], v[3], v[4] }, { v[9], v[10], v[12], v[13] }, x0, y0, begin, smaller(leavesFirst, end));
-    takeCell({ next(0), next(1), next(3), next(4) },
-             { next(9), next(10), next(12), next(13) },
-             isXFirst ? Vector(x0 - all) : x0,
-             isXFirst ? y0 : Vector(y0 - all),
-             larger(leavesFirst, begin),
-             smaller(leavesLast, end));
-    takeCell(
-      { v[4], v[5], v[7], v[8] }, { v[13], v[14], v[16], v[17] }, x0 - all, y0 - all, larger(leavesLast, begin), end);
-    betterRays |= Vectors::GetBits(bestOfAll >= least) << n;
-    Vectors::Store(best + n, bestOfAll);
-    Vectors::Store(places + n, placeOfBest);
+    for (int line = 0; line < 6; ++line)
+    {
+      const TPixel * const from =
+        places.slices[line / 3][n] + Limit(row + line % 3, 0, lastRow) * m_Slices.rowStride;
+      TPixel edge[4];
+      for (int place = 0; place < 4; ++place)
+      {
+        edge[place] = from[Limit(column + place, 0, lastColumn)];
+      }
+      CopyBytes(&fours[line][n], edge, sizeof(Four));
+    }
+  }
+}
+
+template <typename TPixel, bool VIsMinimum>
+SHEARWARP_INLINE inline void
+TileSearch<TPixel, VIsMinimum>::SplitLine(const std::uint32_t (&words)[WordsInFour][RaysTogether],
+                                          Number (*voxels)[RaysTogether]) const
+{
+  using Word = std::conditional_t<std::is_signed_v<TPixel>, std::int32_t, std::uint32_t>;
+  constexpr int bits = 8 * sizeof(TPixel);
+  constexpr int voxelsInWord = 32 / bits;
+  const int     firstColumn = m_Step[0] > 0 ? 0 : 2;
+  const auto    stepX = static_cast<int>(m_Step[0]);
+  for (int column = 0; column < 3; ++column)
+  {
+    const int    place = firstColumn + column * stepX;
+    const int    inWord = IsBigEndian ? voxelsInWord - 1 - place % voxelsInWord : place % voxelsInWord;
+    const int    shift = 32 - bits * (inWord + 1);
+    const auto & word = words[place / voxelsInWord];
+    for (int n = 0; n < RaysTogether; ++n)
+    {
+      const auto shifted = static_cast<Word>(word[n] << shift);
+      const auto number = static_cast<Number>(static_cast<std::int32_t>(shifted >> (32 - bits)));
+      voxels[column][n] = VIsMinimum ? -number : number;
+    }
+  }
+}
+
+template <typename TPixel, bool VIsMinimum>
+void
+TileSearch<TPixel, VIsMinimum>::LoadFours(const VoxelPlaces & places, RayGroup & group) const
+{
+  Four fours[6][RaysTogether];
+  this->CopyLines(places, fours);
+  std::uint32_t words[6][WordsInFour][RaysTogether];
+  for (int line = 0; line < 6; ++line)
+  {
+    for (int word = 0; word < WordsInFour; ++word)
+    {
+      const int shift = 32 * (IsBigEndian ? WordsInFour - 1 - word : word);
+      for (int n = 0; n < RaysTogether; ++n)
+      {
+        words[line][word][n] = static_cast<std::uint32_t>(fours[line][n] >> shift);
+      }
+    }
+  }
+  const int  firstRow = m_Step[1] > 0 ? 0 : 2;
+  const auto stepY = static_cast<int>(m_Step[1]);
+  for (int line = 0; line < 6; ++line)
+  {
+    this->SplitLine(words[line / 3 * 3 + firstRow + line % 3 * stepY], group.voxels + 3 * line);
+  }
+}
+
+template <typename TPixel, bool VIsMinimum>
+SHEARWARP_INLINE inline std::uint32_t
+TileSearch<TPixel, VIsMinimum>::EvaluateLanes(const RayGroup & group,
+                                              int              first,
+                                              Number *         best,
+                                              Number *         places) const
+{
+  const auto load = [first](const Number * numbers) SHEARWARP_INLINE -> Vector { return Vectors::Load(numbers + first); };
+  const Vector all = Vectors::Set(1);
+  const Vector x = load(group.x);
+  const Vector y = load(group.y);
+  const Vector begin = load(group.begin);
+  const Vector end = load(group.end);
+  Vector       v[18];
+  SHEARWARP_UNROLL
+  for (int voxel = 0; voxel < 18; ++voxel)
+  {
+    v[voxel] = load(group.voxels[voxel]);
+  }
+  // the ray leaves its first column or its first row, then the other one
+  const Vector leavesX = (all - x) * m_PerVoxel[0];
+  const Vector leavesY = (all - y) * m_PerVoxel[1];
+  const auto   isXFirst = leavesX <= leavesY;
+  const Vector leavesFirst = Lanes::GetLower(leavesX, leavesY);
+  const Vector leavesLast = Lanes::GetHigher(leavesX, leavesY);
+  const auto   next = [&](int voxel) SHEARWARP_INLINE -> Vector { return isXFirst ? v[voxel + 1] : v[voxel + 3]; };
+
+  Lanes lanes{ m_Slope, m_IsBackward, load(group.best), Vectors::Set(NoSample<Number>), Vectors::Set(0) };
+  lanes.TakeCell({ { v[0], v[1], v[3], v[4] },
+                   { v[9], v[10], v[12], v[13] },
+                   x,
+                   y,
+                   begin,
+                   Lanes::GetLower(leavesFirst, end) });
+  lanes.TakeCell({ { next(0), next(1), next(3), next(4) },
+                   { next(9), next(10), next(12), next(13) },
+                   isXFirst ? Vector(x - all) : x,
+                   isXFirst ? y : Vector(y - all),
+                   Lanes::GetHigher(leavesFirst, begin),
+                   Lanes::GetLower(leavesLast, end) });
+  lanes.TakeCell({ { v[4], v[5], v[7], v[8] },
+                   { v[13], v[14], v[16], v[17] },
+                   x - all,
+                   y - all,
+                   Lanes::GetHigher(leavesLast, begin),
+                   end });
+  Vectors::Store(best + first, lanes.best);
+  Vectors::Store(places + first, lanes.place);
+  return Vectors::GetBits(lanes.best >= lanes.least);
+}
+
+template <typename TPixel, bool VIsMinimum>
+SHEARWARP_INLINE inline void
+TileSearch<TPixel, VIsMinimum>::TakeBest(const RayPart & part, Number value, Number placeInPart)
+{
+  const std::int32_t ray = part.ray;
+  const double       place = static_cast<double>(part.slice) + static_cast<double>(placeInPart);
+  if (value > m_Tile.best[ray] || (value == m_Tile.best[ray] && this->IsNearer(place, m_Tile.places[ray])))
+  {
+    m_Tile.best[ray] = value;
+    m_Tile.places[ray] = place;
+    m_HasChanged[m_Tile.cells[ray] / CellColumns] = true;
+  }
+}
+
+template <typename TPixel, bool VIsMinimum>
+void
+TileSearch<TPixel, VIsMinimum>::Evaluate()
+{
+  const int count = m_Count;
+  m_Count = 0;
+  if (count == 0)
+  {
+    return;
+  }
+  RayGroup    group;
+  VoxelPlaces voxelPlaces;
+  this->PlaceRays(count, group, voxelPlaces);
+  if constexpr (sizeof(TPixel) <= 2)
+  {
+    this->LoadFours(voxelPlaces, group);
+  }
+  else
+  {
+    this->LoadSingly(voxelPlaces, group);
+  }
+  const Number scale = this->FindScaleOfVoxels();
+  if constexpr (HasLargeNumbers<TPixel>)
+  {
+    for (int n = 0; n < RaysTogether; ++n)
+    {
+      group.best[n] *= scale;
+      for (auto & voxelsOfRays : group.voxels)
+      {
+        voxelsOfRays[n] *= scale;
+      }
+    }
+  }
+  Number        best[RaysTogether], places[RaysTogether];
+  std::uint32_t betterRays = 0;
+  for (int n = 0; n < RaysTogether; n += Vectors::Count)
+  {
+    betterRays |= this->EvaluateLanes(group, n, best, places) << n;
   }
   for (betterRays &= (std::uint32_t{ 1 } << count) - 1; betterRays != 0; betterRays &= betterRays - 1)
   {
-    const int          n = FindLowest(betterRays);
-    const Number       value = best[n] / scaleOfVoxels;
-    const std::int32_t ray = m_Parts[n].ray;
-    const std::int32_t slice = m_Parts[n].slice;
-    const double       place = static_cast<double>(slice) + static_cast<double>(places[n]);
-    if (value > m_Tile.best[ray] || (value == m_Tile.best[ray] && this->IsNearer(place, m_Tile.places[ray])))
-    {
-      m_Tile.best[ray] = value;
-      m_Tile.places[ray] = place;
-      m_HasChanged[m_Tile.cells[ray] / CellColumns] = true;
-    }
+    const int n = FindLowest(betterRays);
+    this->TakeBest(m_Parts[n], best[n] / scale, places[n]);
   }
 }
 

@@ -109,37 +109,64 @@ ShearWarpMIP_EXPORT RowSpan
 FindRowSamples(const Block & block, const SlicePlacement * placements, std::ptrdiff_t slice, Ends rowEnds);
 
 /** \class Extremum
- * Which samples pixels keep: of the same magnitude the positive one. */
+ * Which samples an image collects. */
 enum class Extremum : std::uint8_t
 {
   Maximum,
-  Minimum,
-  Magnitude
+  Minimum
 };
 
-/** The value of a pixel that has met no sample: of a maximum, a minimum or a magnitude. */
+/** The value of a pixel that has met no sample. */
+template <typename TPixel>
+constexpr TPixel
+GetNoSample(Extremum extremum)
+{
+  using Limits = std::numeric_limits<TPixel>;
+  switch (extremum)
+  {
+    case Extremum::Maximum:
+      return Limits::has_infinity ? static_cast<TPixel>(-Limits::infinity()) : Limits::lowest();
+    case Extremum::Minimum:
+      return Limits::has_infinity ? Limits::infinity() : Limits::max();
+  }
+  return TPixel{};
+}
 template <typename TPixel, Extremum VExtremum = Extremum::Maximum>
-constexpr TPixel NoSample = VExtremum == Extremum::Magnitude ? TPixel{ 0 }
-                            : VExtremum == Extremum::Minimum
-                              ? (std::numeric_limits<TPixel>::has_infinity ? std::numeric_limits<TPixel>::infinity()
-                                                                           : std::numeric_limits<TPixel>::max())
-                              : (std::numeric_limits<TPixel>::has_infinity ? -std::numeric_limits<TPixel>::infinity()
-                                                                           : std::numeric_limits<TPixel>::lowest());
+constexpr TPixel NoSample = GetNoSample<TPixel>(VExtremum);
 
-/** The intermediate (sheared) image: `rows` x `columns` pixels, `rowStride` pixels from row to row. `reached[r]` are
- * the columns of row r that may have a value; what the other pixels hold is not defined.
+/** The slices in the order of their ranks. Slice `first` has rank 1, and the next rank is `step` slices further: 1 or
+ * -1. */
+struct Ranking
+{
+  std::int32_t first{ 0 }, step{ 1 };
+
+  std::int32_t
+  GetSlice(std::int32_t rank) const
+  {
+    return first + step * (rank - 1);
+  }
+  std::int32_t
+  GetRank(std::int32_t slice) const
+  {
+    return 1 + step * (slice - first);
+  }
+};
+
+/** The intermediate (sheared) image: `rows` x `columns` pixels, `rowStride` pixels from row to row. Columns
+ * `reached[r]` of row r may have values; the other pixels are not defined.
  *
- * `slices`, if not null, tells for each pixel, laid out as `pixels`, which slice gave it its value; it is negative
- * where a pixel has none. The image `hasGaps` if that may be so of a reached one. Without `slices` floating-point
- * pixels that are `none` have no value. */
+ * `ranks`, if not null, has the rank of each pixel's value, laid out as `pixels`; a rank of 0 or less is a pixel
+ * without a value. If `hasGaps`, a reached pixel may have no value. Without `ranks`, floating-point pixels that are
+ * `none` have no value. */
 template <typename TPixel>
 struct IntermediateImage
 {
-  TPixel *             pixels;
-  std::ptrdiff_t       columns, rows, rowStride;
-  const ColumnSpan *   reached;
-  const std::int32_t * slices{ nullptr };
-  bool                 hasGaps{ slices != nullptr };
+  TPixel *             pixels{ nullptr };
+  std::ptrdiff_t       columns{ 0 }, rows{ 0 }, rowStride{ 0 };
+  const ColumnSpan *   reached{ nullptr };
+  const std::int32_t * ranks{ nullptr };
+  Ranking              ranking{};
+  bool                 hasGaps{ false };
   TPixel               none{ NoSample<TPixel> };
 };
 
@@ -284,8 +311,8 @@ struct ViewFading
 template <typename TPixel>
 struct ShearedView
 {
-  const SlicePlacement *     placements;
-  IntermediateImage<TPixel>  intermediate;
+  const SlicePlacement *     placements{ nullptr };
+  IntermediateImage<TPixel>  intermediate{};
   const TileState *          active{ nullptr };
   std::ptrdiff_t             activeStride{ 0 };
   Extremum                   extremum{ Extremum::Maximum };
@@ -294,16 +321,6 @@ struct ShearedView
   const Mask *               mask{ nullptr };
   const ViewFading<TPixel> * fading{ nullptr };
   const TPixel *             localThreshold{ nullptr };
-};
-
-/** The slice of a pixel without any. */
-constexpr std::int32_t NoSlice = -1;
-
-/** Affine map (x, y) -> (xx x + xy y + x0, yx x + yy y + y0). */
-struct AffineMap2D
-{
-  double xx, xy, x0;
-  double yx, yy, y0;
 };
 
 /** The maxima of a volume's cubes of BlockLength voxels a side, permuted as its slices are, and the minima if these are
@@ -332,7 +349,6 @@ struct ExactView
   AffineMap2D           outputToSheared;
   std::vector<Interval> intervals; // of sheared column, row and slice
   ShearedFunction       depth;
-  Extremum              extremum;
   TPixel                background;
 };
 
@@ -435,7 +451,7 @@ struct Kernels
                        std::ptrdiff_t            sliceEnd);
 };
 
-/** The columns of a row from the first to the last that has a slice, and whether some between them have none. */
+/** The columns of a row from the first to the last pixel with a value, and whether a pixel between them has none. */
 struct ReachedRow
 {
   ColumnSpan span;
@@ -443,7 +459,7 @@ struct ReachedRow
 };
 
 ShearWarpMIP_EXPORT ReachedRow
-FindReached(const std::int32_t * slices, std::ptrdiff_t columns);
+FindReached(const std::int32_t * ranks, std::ptrdiff_t columns);
 
 /** The sample of weights \a x and \a y between the voxels b[column], b[before], a[column] and a[before], of those whose
  * bits, the lowest first, \a counted has. */
@@ -457,8 +473,9 @@ SampleCounted(const TPixel * a,
               std::int32_t   y,
               unsigned int   counted);
 
-/** For columns [0, columns) of row \a row of an output image, \a depth on the pixel's own ray, in the slice of that
- * intermediate pixel which has the largest weight in its interpolation; or not-a-number. */
+/** Writes the depths of columns [0, columns) of row \a row of an output image. A pixel's depth is \a depth on the
+ * pixel's own ray, in the slice of the intermediate pixel with the largest weight, or not-a-number if the pixel has no
+ * value. */
 template <typename TPixel>
 ShearWarpMIP_EXPORT void
 FindDepths(const IntermediateImage<TPixel> & intermediate,

@@ -38,7 +38,7 @@ namespace
 
 #include "Scalar.h"
 
-/** One number. */
+/** One number in place of a vector. */
 template <typename TNumber>
 struct ExactVector
 {
@@ -72,7 +72,7 @@ struct ExactVector
   }
 };
 
-/** The bits of those numbers that are not 0 but -1. */
+/** Returns a bit for each flag that is -1; the other flags are 0. */
 inline std::uint32_t
 FindSet(const std::int16_t (&flags)[CellColumns])
 {
@@ -84,7 +84,7 @@ FindSet(const std::int16_t (&flags)[CellColumns])
   return bits;
 }
 
-/** The place of the lowest bit of \a v. */
+/** Returns the place of the lowest bit of \a v. */
 inline int
 FindLowest(std::uint32_t v)
 {
@@ -108,8 +108,8 @@ PrefetchVoxel(const void *)
 
 #include "Exact.h"
 
-/** The weighted mean of VCount values, rounded half upward to the pixel type; a mean of zero is +0. The weights sum to
- * \a sum <= 2^15. */
+/** Returns the weighted mean of VCount values, rounded half upward to the pixel type. A mean of zero is +0. The weights
+ * sum to \a sum <= 2^15. */
 template <typename TPixel, std::size_t VCount>
 TPixel
 WeightedMean(const TPixel (&values)[VCount], const std::int32_t (&weights)[VCount], std::int32_t sum)
@@ -138,12 +138,12 @@ WeightedMean(const TPixel (&values)[VCount], const std::int32_t (&weights)[VCoun
     };
     const TPixel lowest = weighted(std::numeric_limits<TPixel>::infinity(), std::less<>());
     const TPixel highest = weighted(-std::numeric_limits<TPixel>::infinity(), std::greater<>());
-    // no std::clamp: where all are not a number, lowest is more than highest
+    // std::clamp needs lowest <= highest, which is false if no value is a number
     return std::min(std::max(static_cast<TPixel>(mean), lowest), highest) + TPixel{ 0 };
   }
   else
   {
-    // for 64-bit pixels, value = quotient * sum + remainder keeps every term within 64 bits
+    // pixels of 64 bits are split into quotient * sum + remainder, so that no term overflows
     TPixel       whole = 0;
     std::int64_t twice = sum;
     for (std::size_t n = 0; n < VCount; ++n)
@@ -228,23 +228,21 @@ Raise(TPixel & maximum, TPixel value)
   maximum = value > maximum ? value : maximum;
 }
 
-/** A row of a slice's samples: between the rows \a a, of weight y / 2^15, and \a b of `columns` voxels, of which voxel
- * 0 is at `column` of the intermediate image, and \a maskA and \a maskB of the mask, if there is one. At the first and
- * last rows' outer half voxels, y is 0. */
+/** A row of samples between two rows of a slice. */
 template <typename TPixel>
 struct SliceRow
 {
-  const TPixel *       a;
-  const TPixel *       b;
+  const TPixel *       a; // weight y / 2^15
+  const TPixel *       b; // the remaining weight
   const std::uint8_t * maskA;
-  const std::uint8_t * maskB;
+  const std::uint8_t * maskB; // both null if the view has no mask
   std::ptrdiff_t       columns;
-  SamplingPosition     column;
-  std::int32_t         y;
+  SamplingPosition     column; // of voxel 0 in the intermediate image
+  std::int32_t         y;      // 0 in the outer half voxels
 };
 
-/** Takes the samples in \a span of row \a pixelRow of a slice; they fade unless \a fading is null. */
-template <typename TRule, typename TPixel>
+/** Takes the samples in \a span. They fade if \a fading is not null. */
+template <Extremum VExtremum, typename TPixel>
 void
 ProjectRow(const SliceRow<TPixel> &    row,
            const ShearedView<TPixel> & view,
@@ -263,7 +261,7 @@ ProjectRow(const SliceRow<TPixel> &    row,
   const TPixel * const      threshold = view.localThreshold;
   const auto                take = [=](std::ptrdiff_t p, TPixel value) {
     const TPixel taken = fading ? FadeInRow(*fading, value, p) : value;
-    TakeSample<TRule>(taken, rank, threshold, pixels[p], ranks ? ranks + p : nullptr);
+    TakeSample<VExtremum>(taken, rank, threshold, pixels[p], ranks ? ranks + p : nullptr);
   };
   const auto getState = [=](std::ptrdiff_t p) {
     return active ? active[p / TileColumns] : row.maskA ? TileState::Masked : TileState::Whole;
@@ -304,6 +302,57 @@ ProjectRow(const SliceRow<TPixel> &    row,
   }
 }
 
+/** Takes the block's samples of one slice. */
+template <Extremum VExtremum, typename TPixel>
+void
+ProjectSlice(const SliceStack<TPixel> &  stack,
+             const Block &               block,
+             const ShearedView<TPixel> & view,
+             std::ptrdiff_t              slice)
+{
+  const SamplingPosition & column = view.placements[slice].column;
+  const SamplingPosition & row = view.placements[slice].row;
+  const auto [begin, end] = FindRowSamples(block, view.placements, slice, stack.rowEnds);
+  const RowSpan        columnSamples = FindSamples(column, stack.columns, stack.columnEnds);
+  const std::ptrdiff_t firstTile = FindFirstRow(block, view.placements, slice) - row.whole + block.rowBegin;
+  const Mask           mask = view.mask ? *view.mask : Mask{};
+  const auto           getRow = [slice](const auto & of, std::ptrdiff_t index) {
+    return of.voxels ? of.voxels + (slice * of.sliceStride + index * of.rowStride) : nullptr;
+  };
+  for (std::ptrdiff_t j = begin; j < end; ++j)
+  {
+    const bool           isEdge = j == 0 || j == stack.rows;
+    const std::ptrdiff_t a = std::max<std::ptrdiff_t>(j - 1, 0);
+    const std::ptrdiff_t b = std::min(j, stack.rows - 1);
+    const std::ptrdiff_t tile =
+      std::clamp<std::ptrdiff_t>(j - firstTile, 0, block.rowEnd - block.rowBegin - 1) / BlockLength;
+    ColumnSpan        reached{ column.whole + static_cast<std::int32_t>(columnSamples.begin),
+                        column.whole + static_cast<std::int32_t>(columnSamples.end) };
+    FadingRow<TPixel> fading{};
+    if (view.fading)
+    {
+      fading = view.fading->GetRow(row.whole + j, slice, reached);
+    }
+    if (view.coverage.region)
+    {
+      reached = view.coverage.Add(reached, row.whole + j, slice);
+    }
+    ProjectRow<VExtremum, TPixel>({ getRow(stack, a),
+                                    getRow(stack, b),
+                                    getRow(mask, a),
+                                    getRow(mask, b),
+                                    stack.columns,
+                                    column,
+                                    isEdge ? 0 : row.fraction },
+                                  view,
+                                  reached,
+                                  view.active ? view.active + tile * view.activeStride : nullptr,
+                                  GetRank(view.ranked, slice),
+                                  view.fading ? &fading : nullptr,
+                                  row.whole + j);
+  }
+}
+
 template <typename TPixel>
 void
 ProjectBlock(const SliceStack<TPixel> &  slices,
@@ -313,55 +362,11 @@ ProjectBlock(const SliceStack<TPixel> &  slices,
 {
   for (std::ptrdiff_t n = block.sliceBegin; n < block.sliceEnd; ++n)
   {
-    const std::ptrdiff_t k = block.isBackward ? block.sliceBegin + block.sliceEnd - 1 - n : n;
+    const std::ptrdiff_t slice = block.isBackward ? block.sliceBegin + block.sliceEnd - 1 - n : n;
     for (const ShearedView<TPixel> * view = views; view != views + count; ++view)
     {
-      const SamplingPosition & column = view->placements[k].column;
-      const SamplingPosition & row = view->placements[k].row;
-
-      // sample j lies between rows j - 1 and j; the outer half voxels have the edge's value
-      const auto [begin, end] = FindRowSamples(block, view->placements, k, slices.rowEnds);
-      const RowSpan        columnSamples = FindSamples(column, slices.columns, slices.columnEnds);
-      const std::ptrdiff_t firstTile = FindFirstRow(block, view->placements, k) - row.whole + block.rowBegin;
-      for (std::ptrdiff_t j = begin; j < end; ++j)
-      {
-        const bool           isEdge = j == 0 || j == slices.rows;
-        const std::ptrdiff_t a = std::max<std::ptrdiff_t>(j - 1, 0);
-        const std::ptrdiff_t b = std::min(j, slices.rows - 1);
-        const auto           getRow = [k](const auto & stack, std::ptrdiff_t index) {
-          return stack.voxels ? stack.voxels + (k * stack.sliceStride + index * stack.rowStride) : nullptr;
-        };
-        const std::ptrdiff_t tile =
-          std::clamp<std::ptrdiff_t>(j - firstTile, 0, block.rowEnd - block.rowBegin - 1) / BlockLength;
-        ColumnSpan        reached{ column.whole + static_cast<std::int32_t>(columnSamples.begin),
-                            column.whole + static_cast<std::int32_t>(columnSamples.end) };
-        FadingRow<TPixel> fading{};
-        if (view->fading)
-        {
-          fading = view->fading->GetRow(row.whole + j, k, reached);
-        }
-        if (view->coverage.region)
-        {
-          reached = view->coverage.Add(reached, row.whole + j, k);
-        }
-        const Mask mask = view->mask ? *view->mask : Mask{};
-        const auto project = view->extremum == Extremum::Minimum     ? ProjectRow<MinimumRule<TPixel>, TPixel>
-                             : view->extremum == Extremum::Magnitude ? ProjectRow<MagnitudeRule<TPixel>, TPixel>
-                                                                     : ProjectRow<MaximumRule<TPixel>, TPixel>;
-        project({ getRow(slices, a),
-                  getRow(slices, b),
-                  getRow(mask, a),
-                  getRow(mask, b),
-                  slices.columns,
-                  column,
-                  isEdge ? 0 : row.fraction },
-                *view,
-                reached,
-                view->active ? view->active + tile * view->activeStride : nullptr,
-                GetRank(view->ranked, k),
-                view->fading ? &fading : nullptr,
-                row.whole + j);
-      }
+      CallWithExtremum(view->extremum,
+                       [&](auto extremum) { ProjectSlice<decltype(extremum)::value>(slices, block, *view, slice); });
     }
   }
 }
@@ -395,8 +400,8 @@ FindBlockExtrema(const TPixel * voxels,
                  TPixel &       highest)
 {
   const std::ptrdiff_t blocks = (columns + BlockLength - 1) / BlockLength;
-  std::fill(maxima, maxima + blocks, MaximumRule<TPixel>::Start);
-  std::fill(minima, minima + (minima ? blocks : 0), MinimumRule<TPixel>::Start);
+  std::fill(maxima, maxima + blocks, NoSample<TPixel, Extremum::Maximum>);
+  std::fill(minima, minima + (minima ? blocks : 0), NoSample<TPixel, Extremum::Minimum>);
   for (std::ptrdiff_t k = 0; k < slices; ++k)
   {
     for (std::ptrdiff_t j = 0; j < rows; ++j)
@@ -416,8 +421,7 @@ FindBlockExtrema(const TPixel * voxels,
   }
 }
 
-/** The four intermediate pixels around the place of an output pixel: their weights, 0 where there is no value, and
- * where they are in memory. */
+/** The four intermediate pixels around the place of an output pixel. A pixel without a value has weight 0. */
 template <typename TPixel>
 struct WarpCell
 {
@@ -439,7 +443,7 @@ struct WarpCell
       if (corners[corner] != 0 && j >= 0 && j < image.rows && i >= image.reached[j].begin && i < image.reached[j].end)
       {
         const std::ptrdiff_t place = j * image.rowStride + i;
-        const bool           hasValue = image.slices                       ? image.slices[place] >= 0
+        const bool           hasValue = image.ranks                        ? image.ranks[place] > 0
                                         : std::is_floating_point_v<TPixel> ? image.pixels[place] != image.none
                                                                            : true;
         weights[corner] = hasValue ? corners[corner] : 0;
@@ -541,10 +545,10 @@ SampleCounted(const TPixel * a,
                    : CellSampler<TPixel>(x, y)(values[3], values[2], values[1], values[0]);
 }
 
-/** The slice of that pixel which has the largest weight at a place of the image. */
+/** Returns the rank of the intermediate pixel with the largest weight, or 0 if the place has no value. */
 template <typename TPixel>
 std::int32_t
-FindSlice(const IntermediateImage<TPixel> & image, double column, double row)
+FindRank(const IntermediateImage<TPixel> & image, double column, double row)
 {
   const auto isWithin = [](double position, std::ptrdiff_t length) {
     return position >= 0.0 && position < static_cast<double>(length - 1);
@@ -556,17 +560,17 @@ FindSlice(const IntermediateImage<TPixel> & image, double column, double row)
     const auto             q = static_cast<std::int64_t>(row * One);
     const std::int64_t     i = (p + half) >> FractionBits;
     const std::int64_t     j = (q + half) >> FractionBits;
-    // further from the middle than rounding moves weights, the nearest pixel has more than the others
+    // rounding moves weights by at most two units: further from the middle, the nearest pixel has the largest weight
     const auto isClear = [](std::int64_t position) { return std::abs((position & (One - 1)) - half) > 2; };
     if (isClear(p) && isClear(q) && i >= image.reached[j].begin && i < image.reached[j].end &&
-        image.slices[j * image.rowStride + i] >= 0)
+        image.ranks[j * image.rowStride + i] > 0)
     {
-      return image.slices[j * image.rowStride + i];
+      return image.ranks[j * image.rowStride + i];
     }
   }
   const WarpCell<TPixel> cell(image, column, row);
   const auto             largest = std::max_element(cell.weights, cell.weights + 4) - cell.weights;
-  return cell.sum > 0 ? image.slices[cell.places[largest]] : NoSlice;
+  return cell.sum > 0 ? image.ranks[cell.places[largest]] : 0;
 }
 
 template <typename TPixel>
@@ -587,9 +591,10 @@ FindDepths(const IntermediateImage<TPixel> & intermediate,
     const auto         x = static_cast<double>(n);
     const double       p = (map.xx * x + map.xy * y) + map.x0;
     const double       q = (map.yx * x + map.yy * y) + map.y0;
-    const std::int32_t slice = FindSlice(intermediate, p, q);
-    depths[n] = slice < 0 ? std::numeric_limits<float>::quiet_NaN()
-                          : static_cast<float>(depth(toSheared(p), toSheared(q), slice)) + 0.0f;
+    const std::int32_t rank = FindRank(intermediate, p, q);
+    const std::int32_t slice = intermediate.ranking.GetSlice(rank);
+    depths[n] = rank > 0 ? static_cast<float>(depth(toSheared(p), toSheared(q), slice)) + 0.0f
+                         : std::numeric_limits<float>::quiet_NaN();
   }
 }
 

@@ -18,8 +18,11 @@
 #ifndef itkShearWarpScalar_h
 #define itkShearWarpScalar_h
 
-/* Included by each file of kernels, within its anonymous namespace, so that the linker cannot share what is compiled
- * here. For the same reason nothing here may call an inline function or a template of another header at run time. */
+/* What all kernels do with one pixel.
+ *
+ * Each file of kernels includes this header within its anonymous namespace, so that the linker cannot share the
+ * compiled code: another file's code may have instructions that the processor lacks. For the same reason, nothing here
+ * may call an inline function or a template of another header at run time. */
 
 template <typename T>
 T
@@ -38,73 +41,33 @@ Larger(T a, T b)
 template <typename TPixel>
 constexpr bool IsFloat = static_cast<TPixel>(0.5) != 0;
 
-template <typename TPixel>
-struct MaximumRule
+/** Calls \a function with a std::integral_constant. */
+template <typename TFunction>
+void
+CallWithExtremum(Extremum extremum, const TFunction & function)
 {
-  static constexpr TPixel Start = NoSample<TPixel>;
-
-  static bool
-  IsBetter(TPixel sample, TPixel value)
+  switch (extremum)
   {
-    return sample > value;
+    case Extremum::Maximum:
+      return function(std::integral_constant<Extremum, Extremum::Maximum>());
+    case Extremum::Minimum:
+      return function(std::integral_constant<Extremum, Extremum::Minimum>());
   }
-};
+}
 
-template <typename TPixel>
-struct MinimumRule
-{
-  static constexpr TPixel Start = NoSample<TPixel, Extremum::Minimum>;
-
-  static bool
-  IsBetter(TPixel sample, TPixel value)
-  {
-    return sample < value;
-  }
-};
-
-template <typename TPixel>
-struct MagnitudeRule
-{
-  static constexpr TPixel Start = NoSample<TPixel, Extremum::Magnitude>;
-
-  static bool
-  IsBetter(TPixel sample, TPixel value)
-  {
-    const auto ofSample = GetMagnitude(sample);
-    const auto ofValue = GetMagnitude(value);
-    return (ofSample > ofValue) | ((ofSample == ofValue) & (sample > value));
-  }
-
-  static auto
-  GetMagnitude(TPixel value)
-  {
-    if constexpr (IsFloat<TPixel>)
-    {
-      return value < 0 ? -value : value;
-    }
-    else
-    {
-      // that of the lowest integer has no sign
-      using Unsigned = std::make_unsigned_t<TPixel>;
-      const auto bits = static_cast<Unsigned>(value);
-      return static_cast<Unsigned>(value < 0 ? 0 - bits : bits);
-    }
-  }
-};
-
-/** Whether \a sample is less good than \a value. */
-template <typename TRule, typename TPixel>
+/** Whether \a sample replaces \a value. Not-a-number replaces nothing. */
+template <Extremum VExtremum, typename TPixel>
 bool
-IsWorse(TPixel sample, TPixel value)
+IsBetter(TPixel sample, TPixel value)
 {
-  if constexpr (std::is_same_v<TRule, MagnitudeRule<TPixel>>)
+  switch (VExtremum)
   {
-    return TRule::GetMagnitude(sample) < TRule::GetMagnitude(value);
+    case Extremum::Maximum:
+      return sample > value;
+    case Extremum::Minimum:
+      return sample < value;
   }
-  else
-  {
-    return TRule::IsBetter(value, sample);
-  }
+  return false;
 }
 
 template <typename TPixel>
@@ -114,7 +77,8 @@ GetRank(const RankedImage<TPixel> & image, std::ptrdiff_t slice)
   return static_cast<SliceRank<TPixel>>(image.first + image.step * slice);
 }
 
-/** Which voxels of two rows around a sample are in a mask, as SampleCounted() has them; none if the nearest is not. */
+/** Returns which of the four voxels around a sample are in a mask, as bits in the order of SampleCounted(), or 0 if the
+ * nearest voxel is not in the mask. Rows \a a and \a b are rows of the mask. */
 inline unsigned int
 FindCounted(const std::uint8_t * a,
             const std::uint8_t * b,
@@ -132,9 +96,9 @@ FindCounted(const std::uint8_t * a,
   return (counted >> nearest & 1U) != 0 ? counted : 0;
 }
 
-/** Gives a pixel a sample if that is better, or as good and nearer; or ends its ray at its first local maximum, unless
- * \a localThreshold is null. */
-template <typename TRule, typename TPixel>
+/** Gives a pixel a sample that is better, or equal and of a lower rank. If \a localThreshold is not null, a ray ends at
+ * its first local maximum instead. */
+template <Extremum VExtremum, typename TPixel>
 void
 TakeSample(TPixel              sample,
            SliceRank<TPixel>   rank,
@@ -144,9 +108,11 @@ TakeSample(TPixel              sample,
 {
   if (localThreshold)
   {
-    // an infinity as bad as the start counts as no sample
-    const bool counts = !IsFloat<TPixel> || TRule::Start == 0 || sample != TRule::Start;
-    if (counts && IsWorse<TRule>(sample, pixel) && !IsWorse<TRule>(pixel, *localThreshold) && *pixelRank >= 0)
+    // an infinity that no sample can be worse than counts as no sample
+    const bool counts = !IsFloat<TPixel> || sample != NoSample<TPixel, VExtremum>;
+    const bool isWorse = IsBetter<VExtremum>(pixel, sample);
+    const bool isBeyond = !IsBetter<VExtremum>(*localThreshold, pixel);
+    if (counts && isWorse && isBeyond && *pixelRank >= 0)
     {
       *pixelRank += EndedRank<TPixel>;
     }
@@ -155,7 +121,7 @@ TakeSample(TPixel              sample,
       return;
     }
   }
-  const bool isBetter = TRule::IsBetter(sample, pixel);
+  const bool isBetter = IsBetter<VExtremum>(sample, pixel);
   if (pixelRank && (isBetter || (sample == pixel && rank < *pixelRank)))
   {
     *pixelRank = rank;
@@ -163,9 +129,9 @@ TakeSample(TPixel              sample,
   pixel = isBetter ? sample : pixel;
 }
 
-/** A sample that fades by \a product, from 0 to 1, to a finite background: to `background + (sample - background) *
- * product`, rounded half upward to the pixel type; to a value that lies between the two. One whose difference from the
- * background is infinite stays as it is. */
+/** Returns a sample that fades by \a product, from 0 to 1, to a finite background: `background + (sample - background)
+ * * product`, limited to the range between sample and background, and rounded half upward to the pixel type. A sample
+ * infinitely far from the background does not fade. */
 template <typename TPixel>
 TPixel
 FadeSample(TPixel sample, FadeNumber<TPixel> product, TPixel background)
@@ -176,14 +142,14 @@ FadeSample(TPixel sample, FadeNumber<TPixel> product, TPixel background)
   const Number faded = to + (from - to) * product;
   if constexpr (IsFloat<TPixel>)
   {
-    // the sample if rounding leads beyond it, or its difference is infinite or not a number
+    // not-a-number is neither below nor above the sample
     const TPixel below = faded < sample ? faded : sample;
     const TPixel above = faded > sample ? faded : sample;
     return sample > background ? below : above;
   }
   else
   {
-    // between two integers of less than 64 bits; of others a double does not hold all
+    // a double does not hold every integer of 64 bits
     if (sizeof(TPixel) < 8 || (faded > to && faded < from) || (faded < to && faded > from))
     {
       const Number half = faded + static_cast<Number>(0.5);
@@ -194,7 +160,7 @@ FadeSample(TPixel sample, FadeNumber<TPixel> product, TPixel background)
   }
 }
 
-/** A sample of column \a column, as the row fades. */
+/** Returns a sample of column \a column as the samples of \a row fade. */
 template <typename TPixel>
 TPixel
 FadeInRow(const FadingRow<TPixel> & row, TPixel sample, std::ptrdiff_t column)

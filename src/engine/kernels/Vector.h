@@ -18,60 +18,85 @@
 #ifndef itkShearWarpVector_h
 #define itkShearWarpVector_h
 
-/* Included by the file of each instruction set, within its anonymous namespace, after its struct Lanes and
- * Scalar.h, so that the linker cannot share what is compiled here. For the same reason nothing here
- * may call an inline function or a template of another header at run time.
+/* The kernels of one instruction set. A file with an instruction set defines these macros, and includes this header:
  *
- * Lanes has the operations on vectors of 16-bit and 32-bit integers, float and double that are written differently for
- * each instruction set. */
+ * SHEARWARP_INSTRUCTION_SET  its name
+ * SHEARWARP_VECTOR_BYTES     the length of a vector
+ * SHEARWARP_LANES            the header of its operations on vectors, in namespace Lanes
+ * SHEARWARP_GET_KERNELS      the function that returns its kernels
+ *
+ * The headers below are included within an anonymous namespace, so that the linker cannot share their code with another
+ * instruction set. For the same reason, they may not call an inline function or a template of another header at run
+ * time. */
 
+#include "InstructionSets.h"
+#include "PixelTypes.h"
+
+#if defined(__SSE2__)
+#  include <immintrin.h>
+#elif defined(__aarch64__)
+#  include <arm_neon.h>
+#endif
+
+#include <math.h>
+
+#include <type_traits>
+
+#define SHEARWARP_UNROLL _Pragma("GCC unroll 18")
+#define SHEARWARP_INLINE __attribute__((always_inline))
+
+namespace itk::ShearWarp
+{
+namespace
+{
+#include SHEARWARP_LANES
+
+#include "Scalar.h"
+
+/** Exact.h computes with vectors of one of these types. */
 template <typename TNumber>
-struct ExactVector;
-template <>
-struct ExactVector<float> : Lanes
+struct ExactVector
 {
-  using Type = Lanes::Float;
-  static constexpr int Count = Lanes::FloatCount;
+  using Type = std::conditional_t<std::is_same_v<TNumber, float>, Lanes::Float, Lanes::Double>;
+  static constexpr int Count = sizeof(Type) / sizeof(TNumber);
 
   static Type
-  Set(float v)
+  Load(const TNumber * p)
   {
-    return SetFloat(v);
+    return Lanes::Load(p);
   }
+  static void
+  Store(TNumber * p, Type v)
+  {
+    Lanes::Store(p, v);
+  }
+  static Type
+  Set(TNumber v)
+  {
+    return v - Type{};
+  }
+  static Type
+  SquareRoot(Type v)
+  {
+    return Lanes::SquareRoot(v);
+  }
+  /** Returns a bit for each lane of a mask. */
   template <typename TMask>
   static std::uint32_t
   GetBits(TMask lanes)
   {
-    return GetSigns(reinterpret_cast<Type>(lanes));
-  }
-};
-template <>
-struct ExactVector<double> : Lanes
-{
-  using Type = Lanes::Double;
-  static constexpr int Count = Lanes::WarpCount;
-
-  static Type
-  Set(double v)
-  {
-    return SetDouble(v);
-  }
-  template <typename TMask>
-  static std::uint32_t
-  GetBits(TMask lanes)
-  {
-    return GetSigns(reinterpret_cast<Type>(lanes));
+    return Lanes::GetSigns(reinterpret_cast<Type>(lanes));
   }
 };
 
-/** The bits of those numbers that are not 0 but -1. */
+/** Returns a bit for each flag that is -1; the other flags are 0. */
 inline std::uint32_t
 FindSet(const std::int16_t (&flags)[CellColumns])
 {
   return Lanes::FindSet(flags);
 }
 
-/** The place of the lowest bit of \a v. */
+/** Returns the place of the lowest bit of \a v. */
 inline int
 FindLowest(std::uint32_t v)
 {
@@ -94,14 +119,28 @@ PrefetchVoxel(const void * p)
 
 #include "VectorSampling.h"
 
-#include "VectorPreparation.h"
+#include "VectorTiles.h"
+
 #include "VectorProjection.h"
+
+#include "VectorPreparation.h"
 #include "VectorWarp.h"
 
 template <typename TPixel>
-constexpr Kernels<TPixel> VectorKernels{ Lanes::Name,           ProjectBlock<TPixel>,
-                                         IsAnyBelow<TPixel>,    FindBlockExtrema<TPixel>,
-                                         WarpRow<TPixel>,       TransposeSlice<TPixel>,
-                                         EvaluateParts<TPixel>, SearchSlab<TPixel> };
+constexpr Kernels<TPixel> KernelsOf{ Lanes::Name,           ProjectBlock<TPixel>,
+                                     IsAnyBelow<TPixel>,    FindBlockExtrema<TPixel>,
+                                     WarpRow<TPixel>,       TransposeSlice<TPixel>,
+                                     EvaluateParts<TPixel>, SearchSlab<TPixel> };
+} // namespace
+
+const VectorKernels &
+SHEARWARP_GET_KERNELS()
+{
+  static constexpr VectorKernels kernels{
+    KernelsOf<unsigned char>, KernelsOf<signed char>, KernelsOf<unsigned short>, KernelsOf<short>, KernelsOf<float>
+  };
+  return kernels;
+}
+} // namespace itk::ShearWarp
 
 #endif

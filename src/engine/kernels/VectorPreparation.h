@@ -18,8 +18,7 @@
 #ifndef itkShearWarpVectorPreparation_h
 #define itkShearWarpVectorPreparation_h
 
-/* What is prepared of a volume: block extrema and transposed slices.
- * See Vector.h for what includes it. */
+/* What is computed of a volume before views: block extrema and transposed slices. Vector.h includes this header. */
 
 template <typename TPixel>
 void
@@ -57,8 +56,8 @@ FindBlockExtrema(const TPixel * voxels,
     TPixel columnMinima[strip];
     for (std::ptrdiff_t i = 0; i < width; ++i)
     {
-      columnMaxima[i] = MaximumRule<TPixel>::Start;
-      columnMinima[i] = MinimumRule<TPixel>::Start;
+      columnMaxima[i] = NoSample<TPixel, Extremum::Maximum>;
+      columnMinima[i] = NoSample<TPixel, Extremum::Minimum>;
     }
     auto least = Lanes::Load(columnMinima);
     for (std::ptrdiff_t k = 0; k < slices; ++k)

@@ -18,8 +18,7 @@
 #ifndef itkShearWarpVectorSampling_h
 #define itkShearWarpVectorSampling_h
 
-/* Vectors of pixels, and the samples of a slice.
- * See Vector.h for what includes it. */
+/* Vectors of pixels, and the samples of a slice. Vector.h includes this header. */
 
 template <typename TPixel>
 constexpr bool IsUnsignedShort = sizeof(TPixel) == 2 && static_cast<TPixel>(-1) > 0;
@@ -27,8 +26,8 @@ constexpr bool IsUnsignedShort = sizeof(TPixel) == 2 && static_cast<TPixel>(-1) 
 template <typename TPixel>
 constexpr std::ptrdiff_t LaneCount = IsFloat<TPixel> ? Lanes::FloatCount : Lanes::ShortCount;
 
-/** The maximum of pixels of type TPixel; 8-bit ones are lanes of 16 bits. For float, \a maximum where \a value is not a
- * number. */
+/** Returns the larger of two pixels, or \a maximum if \a value is not a number. Pixels of 8 bits have lanes of 16 bits.
+ */
 template <typename TPixel, typename TVector>
 TVector
 Maximum(TVector maximum, TVector value)
@@ -43,6 +42,7 @@ Maximum(TVector maximum, TVector value)
   }
 }
 
+/** Returns the smaller of two pixels, or \a minimum if \a value is not a number. */
 template <typename TPixel, typename TVector>
 TVector
 Minimum(TVector minimum, TVector value)
@@ -57,27 +57,22 @@ Minimum(TVector minimum, TVector value)
   }
 }
 
-/** The one of two pixels that a rule takes. */
-template <typename TRule, typename TPixel, typename TVector>
+template <Extremum VExtremum, typename TPixel, typename TVector>
 TVector
 Better(TVector best, TVector value)
 {
-  if constexpr (std::is_same_v<TRule, MinimumRule<TPixel>>)
+  switch (VExtremum)
   {
-    return Minimum<TPixel>(best, value);
+    case Extremum::Maximum:
+      return Maximum<TPixel>(best, value);
+    case Extremum::Minimum:
+      return Minimum<TPixel>(best, value);
   }
-  else if constexpr (std::is_same_v<TRule, MagnitudeRule<TPixel>>)
-  {
-    return Lanes::LargerMagnitude(best, value);
-  }
-  else
-  {
-    return Maximum<TPixel>(best, value);
-  }
+  return best;
 }
 
 /** \class Fractions
- * Which of a slice's fractions are not zero: a sample has one, two or four voxels. */
+ * Along which axes a slice has a fraction: a sample has one, two or four voxels. */
 enum class Fractions
 {
   None,
@@ -93,16 +88,15 @@ struct Rectangle
   std::ptrdiff_t begin, end;
 };
 
-/** A slice where the view places it: pixel (p, q) is sampled between voxels (p - 1, q - 1) and (p, q) of a slice whose
- * voxel (0, 0) is at `offset`, and at `maskOffset` of the mask. Of the block's samples it has all voxels of those in
- * `inner`; the block may have those of an outer row beside them. */
+/** A slice and its place in the intermediate image. Pixel (p, q) is sampled between voxels (p - 1, q - 1) and (p, q),
+ * counted from `offset`. */
 struct PlacedSlice
 {
-  std::ptrdiff_t offset, maskOffset;
-  std::ptrdiff_t column, row;
-  std::int32_t   x, y;
-  Rectangle      inner;
-  bool           hasEdgeRow;
+  std::ptrdiff_t offset, maskOffset; // of pixel (0, 0) in the volume and in the mask
+  std::ptrdiff_t column, row;        // of voxel (0, 0) in the intermediate image
+  std::int32_t   x, y;               // the fractions
+  Rectangle      inner;              // samples of the block with all voxels in the slice
+  bool           hasEdgeRow;         // whether the block has the samples of an outer row
 
   Fractions
   GetFractions() const
@@ -113,34 +107,35 @@ struct PlacedSlice
 
 class Prefetcher;
 
-/** A row of tiles: columns [begin, end), at least LaneCount of them, that `count` slices have in common, of `rows` rows
- * from `row` on: 1 or BlockLength. `spans`, if not null, are the columns to take of each row; `any` has all of them,
- * and each has `common`.
- */
+/** A row of tiles: columns [begin, end), at least LaneCount, that `count` slices have in common. */
 template <typename TPixel>
 struct TileRow
 {
-  const TPixel *            voxels;
-  std::ptrdiff_t            rowStride;
-  const PlacedSlice *       slices;
-  std::ptrdiff_t            count;
-  std::ptrdiff_t            row, begin, end;
-  TPixel *                  pixels;
-  std::ptrdiff_t            pixelStride;
-  const TileState *         active;
-  std::ptrdiff_t            nextSlice;  // distance in voxels
-  Prefetcher *              prefetcher; // null where tiles fetch their own place in the next slice
-  SliceRank<TPixel>         rank;       // of the one slice
-  const Mask *              mask;
-  const TPixel *            localThreshold;
-  int                       rows{ BlockLength };
-  bool                      isMoved{ false }; // so that it has rows of other tiles, whose states `active` does not tell
-  SliceRank<TPixel> *       ranks{ nullptr };
-  const FadingRow<TPixel> * fades{ nullptr }; // of each row
-  const ColumnSpan *        spans{ nullptr };
-  ColumnSpan                any{}, common{};
+  const TPixel *      voxels{ nullptr };
+  std::ptrdiff_t      rowStride{ 0 };
+  const PlacedSlice * slices{ nullptr };
+  std::ptrdiff_t      count{ 0 };
+  std::ptrdiff_t      nextSlice{ 0 };        // distance in voxels
+  Prefetcher *        prefetcher{ nullptr }; // if null, each tile fetches its voxels of the next slice
 
-  /** Whether some row's span has not all of the LaneCount pixels from \a column on. */
+  std::ptrdiff_t row{ 0 }, begin{ 0 }, end{ 0 };
+  int            rows{ BlockLength }; // 1 or BlockLength
+
+  TPixel *            pixels{ nullptr };
+  SliceRank<TPixel> * ranks{ nullptr };
+  std::ptrdiff_t      pixelStride{ 0 };
+  SliceRank<TPixel>   rank{ 0 }; // of the slice, if there is only one
+
+  const TileState *         active{ nullptr };
+  bool                      isMoved{ false }; // `active` does not tell the states of all rows
+  const Mask *              mask{ nullptr };
+  const TPixel *            localThreshold{ nullptr };
+  const FadingRow<TPixel> * fades{ nullptr }; // of each row
+
+  const ColumnSpan * spans{ nullptr }; // columns that each row takes; null for all
+  ColumnSpan         any{}, common{};  // columns that one row takes, and columns that every row takes
+
+  /** Whether some row does not take all LaneCount pixels from \a column on. */
   bool
   IsCut(std::ptrdiff_t column) const
   {
@@ -149,36 +144,36 @@ struct TileRow
 };
 
 /** \class LinearSampler
- * The samples of a slice in a tile, row by row, of one or two short integers whose difference fits in 16 bits: linear
- * interpolation is b + ((a - b) x + 2^14 >> 15). */
+ * The samples of a slice in a tile, row by row. A sample has one voxel, or two whose difference has at most 16 bits:
+ * then linear interpolation is b + ((a - b) x + 2^14 >> 15). */
 template <typename TPixel, Fractions VFractions>
 class LinearSampler
 {
 public:
   using Sample = Lanes::Short;
 
-  /** As many rows as have registers. */
+  /** More rows would need more registers than there are. */
   static constexpr int MaximumRows = BlockLength;
 
-  /** \a b are the first row's lower voxels. */
+  /** \a b points to the lower voxels of the first row. */
   SHEARWARP_INLINE
   LinearSampler(const PlacedSlice & slice, const TPixel * b, std::ptrdiff_t stride)
     : m_Weight(Lanes::Set(VFractions == Fractions::Column ? slice.x : slice.y))
     , m_Above(VFractions == Fractions::Row ? Lanes::Load(b - stride) : m_Weight)
   {}
 
-  template <typename TRule>
+  template <Extremum VExtremum>
   static Sample
   GetStart()
   {
-    return Lanes::Set(TRule::Start);
+    return Lanes::Set(NoSample<TPixel, VExtremum>);
   }
 
-  template <typename TRule>
+  template <Extremum VExtremum>
   static Sample
   GetBetter(Sample a, Sample b)
   {
-    return Better<TRule, TPixel>(a, b);
+    return Better<VExtremum, TPixel>(a, b);
   }
 
   static Sample
@@ -187,7 +182,7 @@ public:
     return sample;
   }
 
-  /** The samples of the next row; \a b are its lower voxels. */
+  /** Returns the samples of the next row. \a b points to the lower voxels. */
   SHEARWARP_INLINE Sample
   Next(const TPixel * b)
   {
@@ -220,8 +215,8 @@ private:
 };
 
 /** \class SumSampler
- * The samples of a slice in a tile, row by row, of short integers: weighted sums. VFlipSign if unsigned ones
- * need all 16 bits. */
+ * The samples of a slice in a tile, row by row, as weighted sums of short integers. VFlipSign is for unsigned integers
+ * that need all 16 bits. */
 template <typename TPixel, Fractions VFractions, bool VFlipSign>
 class SumSampler
 {
@@ -229,12 +224,12 @@ public:
   using Short = Lanes::Short;
   using Int = Lanes::Int;
 
-  /** Two halves of weighted sums, 2^14 added. */
+  /** The weighted sums plus 2^14, in two halves. */
   using Sample = Lanes::Sums;
 
   static constexpr int MaximumRows = Lanes::SumRows;
 
-  /** \a b are the first row's lower voxels. */
+  /** \a b points to the lower voxels of the first row. */
   SHEARWARP_INLINE
   SumSampler(const PlacedSlice & slice, const TPixel * b, std::ptrdiff_t stride)
     : SumSampler(slice.x, slice.y, (slice.x * slice.y + (1 << 14)) >> 15)
@@ -249,30 +244,31 @@ public:
     }
   }
 
-  template <typename TRule>
+  template <Extremum VExtremum>
   static Sample
   GetStart()
   {
-    // beyond every sum
-    const Int start = Lanes::SetInt(std::is_same_v<TRule, MinimumRule<TPixel>> ? 1 << 30 : -(1 << 30));
+    // no sum is worse
+    constexpr int beyond = 1 << 30;
+    const Int     start = Lanes::SetInt(VExtremum == Extremum::Maximum ? -beyond : beyond);
     return { start, start };
   }
 
-  template <typename TRule>
+  template <Extremum VExtremum>
   static Sample
   GetBetter(Sample a, Sample b)
   {
-    if constexpr (std::is_same_v<TRule, MinimumRule<TPixel>>)
+    switch (VExtremum)
     {
-      return { Lanes::MinimumInt(a.low, b.low), Lanes::MinimumInt(a.high, b.high) };
+      case Extremum::Maximum:
+        return { Lanes::MaximumInt(a.low, b.low), Lanes::MaximumInt(a.high, b.high) };
+      case Extremum::Minimum:
+        return { Lanes::MinimumInt(a.low, b.low), Lanes::MinimumInt(a.high, b.high) };
     }
-    else
-    {
-      return { Lanes::MaximumInt(a.low, b.low), Lanes::MaximumInt(a.high, b.high) };
-    }
+    return a;
   }
 
-  /** Rounds: that is monotonic, so that an extremum is rounded once. */
+  /** Rounds. Rounding is monotonic, so an extremum of many sums is rounded only once. */
   static Short
   Finish(Sample sample)
   {
@@ -280,7 +276,7 @@ public:
     return VFlipSign ? Lanes::FlipSign(packed) : packed;
   }
 
-  /** The samples of the next row; \a b are its lower voxels. */
+  /** Returns the samples of the next row. \a b points to the lower voxels. */
   SHEARWARP_INLINE Sample
   Next(const TPixel * b)
   {
@@ -326,7 +322,7 @@ private:
 };
 
 /** \class FloatSampler
- * The samples of a slice in a tile, row by row, of floats. */
+ * The samples of a slice of floats in a tile, row by row. */
 template <Fractions VFractions>
 class FloatSampler
 {
@@ -335,7 +331,7 @@ public:
 
   static constexpr int MaximumRows = BlockLength;
 
-  /** \a b are the first row's lower voxels. */
+  /** \a b points to the lower voxels of the first row. */
   SHEARWARP_INLINE
   FloatSampler(const PlacedSlice & slice, const float * b, std::ptrdiff_t stride)
     : m_X(Lanes::SetFloat(static_cast<float>(slice.x) / 32768))
@@ -343,18 +339,18 @@ public:
     , m_Above(IsBetweenRows ? this->InterpolateColumns(b - stride) : m_X)
   {}
 
-  template <typename TRule>
+  template <Extremum VExtremum>
   static Sample
   GetStart()
   {
-    return Lanes::SetFloat(TRule::Start);
+    return Lanes::SetFloat(NoSample<float, VExtremum>);
   }
 
-  template <typename TRule>
+  template <Extremum VExtremum>
   static Sample
   GetBetter(Sample a, Sample b)
   {
-    return Better<TRule, float>(a, b);
+    return Better<VExtremum, float>(a, b);
   }
 
   static Sample
@@ -363,7 +359,7 @@ public:
     return sample;
   }
 
-  /** The samples of the next row; \a b are its lower voxels. */
+  /** Returns the samples of the next row. \a b points to the lower voxels. */
   SHEARWARP_INLINE Sample
   Next(const float * b)
   {
@@ -410,7 +406,7 @@ struct SamplerOf<false, float, VFractions, VWide>
 {
   using Type = FloatSampler<VFractions>;
 };
-/** \a VWide if voxels, or their differences, need more than 15 bits and a sign. */
+/** VWide is for voxels that need more than 15 bits and a sign, or whose differences do. */
 template <typename TPixel, Fractions VFractions, bool VWide>
 using Sampler =
   typename SamplerOf<!IsFloat<TPixel> && (VFractions == Fractions::None || (!VWide && VFractions != Fractions::Both)),

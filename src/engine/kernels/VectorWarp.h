@@ -18,8 +18,7 @@
 #ifndef itkShearWarpVectorWarp_h
 #define itkShearWarpVectorWarp_h
 
-/* The intermediate image to the output.
- * See Vector.h for what includes it. */
+/* From the intermediate image to the output. Vector.h includes this header. */
 
 /** The four corners' weights and values of a few pixels: rows a and b, left and right. */
 struct WarpCells
@@ -41,8 +40,8 @@ InterpolateCells(const WarpCells & cells, const TPixel * pixels, TPixel * output
     return static_cast<TPixel>(-1) > 0 ? Lanes::ShiftRightLogical(shifted, 32 - bits)
                                           : Lanes::ShiftRight(shifted, 32 - bits);
   };
-  const Lanes::Index upper = Lanes::template Gather<sizeof(TPixel)>(pixels, cells.index);
-  const Lanes::Index lower = Lanes::template Gather<sizeof(TPixel)>(pixels + cells.rowStride, cells.index);
+  const Lanes::Index upper = Lanes::Gather<sizeof(TPixel)>(pixels, cells.index);
+  const Lanes::Index lower = Lanes::Gather<sizeof(TPixel)>(pixels + cells.rowStride, cells.index);
   Lanes::Index       sum = Lanes::SetIndex(1 << 14);
   sum = Lanes::AddIndex(sum, Lanes::MultiplyIndex(cells.bbWeights, extract(upper, 0)));
   sum = Lanes::AddIndex(sum, Lanes::MultiplyIndex(cells.baWeights, extract(upper, bits)));
@@ -103,7 +102,7 @@ IsReached(const IntermediateImage<TPixel> & image,
 }
 
 inline double
-Magnitude(double value)
+AbsoluteValue(double value)
 {
   return value < 0 ? -value : value;
 }
@@ -161,7 +160,8 @@ WarpRow(const IntermediateImage<TPixel> & intermediate,
   std::ptrdiff_t end = columnEnd;
   const auto     clip = [&](double slope, double fromRow, double offset, std::ptrdiff_t pixels) {
     // the terms of a position may cancel: what is left is then rounding
-    const double size = Magnitude(slope) * static_cast<double>(columnEnd) + Magnitude(fromRow) + Magnitude(offset);
+    const double size =
+      AbsoluteValue(slope) * static_cast<double>(columnEnd) + AbsoluteValue(fromRow) + AbsoluteValue(offset);
     const double error = 0x1p-50 * size;
     Clip(slope, fromRow + offset, -1.0 - error, static_cast<double>(pixels) + error, begin, end);
   };

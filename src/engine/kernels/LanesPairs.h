@@ -15,26 +15,23 @@
  *  limitations under the License.
  *
  *=========================================================================*/
-#ifndef itkShearWarpVectorSets_h
-#define itkShearWarpVectorSets_h
+#ifndef itkShearWarpLanesPairs_h
+#define itkShearWarpLanesPairs_h
 
-#include "Kernels.h"
+/* Products of pairs by the compiler's vectors. Included for processors without an instruction for pairs. */
 
-namespace itk::ShearWarp
+namespace Lanes
 {
-/** The kernels of one instruction set, for the processors that have it; the pixel types are those of
- * SHEARWARP_FOR_EACH_VECTOR_PIXEL_TYPE. */
-template <typename TPixel>
-const Kernels<TPixel> &
-GetGenericKernels();
-
-template <typename TPixel>
-const Kernels<TPixel> &
-GetAVX2Kernels();
-
-template <typename TPixel>
-const Kernels<TPixel> &
-GetAVX512Kernels();
-} // namespace itk::ShearWarp
+// clang-format off
+/** The even and the odd elements of 16 bits. */
+inline Int GetEven(Short v) { return As<Int>(As<UnsignedInt>(v) << 16) >> 16; }
+inline Int GetOdd(Short v) { return As<Int>(v) >> 16; }
+/** Shifts by 15 bits, and keeps 16 bits of each. */
+inline Short PackEvenOdd(Int even, Int odd)
+{
+  return As<Short>(((even >> 15) & SetInt(0xFFFF)) | (As<Int>(As<UnsignedInt>(odd) << 1) & SetInt(-65536)));
+}
+// clang-format on
+} // namespace Lanes
 
 #endif

@@ -104,15 +104,28 @@ ExpectGuards(const std::vector<T> & memory, T untouched)
   EXPECT_EQ(std::count(memory.end() - Guard, memory.end(), untouched), Guard);
 }
 
-/** What pixels begin with. */
+/** The value of a pixel before samples. */
 template <typename TPixel>
 TPixel
 GetStart(Kernels::Extremum extremum)
 {
-  using Kernels::Extremum;
-  return extremum == Extremum::Minimum     ? Kernels::NoSample<TPixel, Extremum::Minimum>
-         : extremum == Extremum::Magnitude ? TPixel{ 0 }
-                                           : Kernels::NoSample<TPixel>;
+  using Limits = std::numeric_limits<TPixel>;
+  const bool   isMinimum = extremum == Kernels::Extremum::Minimum;
+  const TPixel finite = isMinimum ? Limits::max() : Limits::lowest();
+  const TPixel infinite = isMinimum ? Limits::infinity() : -Limits::infinity();
+  return Limits::has_infinity ? infinite : finite;
+}
+
+template <typename TPixel>
+Kernels::IntermediateImage<TPixel>
+MakeImage(TPixel * pixels, std::ptrdiff_t columns, std::ptrdiff_t rows, std::ptrdiff_t rowStride)
+{
+  Kernels::IntermediateImage<TPixel> image;
+  image.pixels = pixels;
+  image.columns = columns;
+  image.rows = rows;
+  image.rowStride = rowStride;
+  return image;
 }
 
 template <typename TPixel>
@@ -149,9 +162,9 @@ Warp(const std::vector<TPixel> &              pixels,
   const std::ptrdiff_t intermediateColumns = static_cast<std::ptrdiff_t>(pixels.size()) / intermediateRows;
   GuardedMemory        memory(pixels.size() * sizeof(TPixel));
   const auto *         guarded = memory.Place(pixels, split % 2 == 0);
-  const Kernels::IntermediateImage<TPixel> intermediate{
-    const_cast<TPixel *>(guarded), intermediateColumns, intermediateRows, intermediateColumns, reached.data()
-  };
+  auto                 intermediate =
+    MakeImage(const_cast<TPixel *>(guarded), intermediateColumns, intermediateRows, intermediateColumns);
+  intermediate.reached = reached.data();
   const TPixel        untouched{ 77 };
   std::vector<TPixel> output(Guard + columns * rows + Guard, untouched);
   for (std::ptrdiff_t row = 0; row < rows; ++row)
@@ -303,19 +316,18 @@ public:
         std::fill_n(rankMemory + row * stride, columns, Kernels::NoRank<TPixel>);
       }
       const auto view = static_cast<std::ptrdiff_t>(list.size());
-      list.push_back({ m_Placements.data(),
-                       { memory.data() + Guard, columns, rows, stride, nullptr },
-                       nullptr,
-                       0,
-                       extremum,
-                       { region.intervals.empty() ? nullptr : &region,
-                         isCovered.data() + view * columns * rows,
-                         columns,
-                         known.data() + view * rows },
-                       { rankStep != 0 ? rankMemory : nullptr, rankStep < 0 ? lastSlice : 0, rankStep },
-                       nullptr,
-                       nullptr,
-                       localThreshold ? &*localThreshold : nullptr });
+      auto &     sheared = list.emplace_back();
+      sheared.placements = m_Placements.data();
+      sheared.intermediate = MakeImage(memory.data() + Guard, columns, rows, stride);
+      sheared.extremum = extremum;
+      sheared.coverage.region = region.intervals.empty() ? nullptr : &region;
+      sheared.coverage.marks = isCovered.data() + view * columns * rows;
+      sheared.coverage.rowStride = columns;
+      sheared.coverage.known = known.data() + view * rows;
+      sheared.ranked.ranks = rankStep != 0 ? rankMemory : nullptr;
+      sheared.ranked.first = rankStep < 0 ? lastSlice : 0;
+      sheared.ranked.step = rankStep;
+      sheared.localThreshold = localThreshold ? &*localThreshold : nullptr;
     }
     rowSplits.push_back(rowsOf == Kernels::BlockRows::OfImage ? rows : m_Stack.rows);
     sliceSplits.push_back(m_Stack.slices);
@@ -411,7 +423,7 @@ public:
       return false;
     }
     SampleRule<TPixel> rule;
-    rule.mode = static_cast<RayMode>(extremum);
+    rule.mode = extremum == Kernels::Extremum::Minimum ? RayMode::Minimum : RayMode::Maximum;
     rule.isLocal = localThreshold.has_value();
     rule.threshold = localThreshold.value_or(TPixel{});
     const auto sample = ChooseSample(rule, samples);
@@ -429,25 +441,25 @@ public:
   {
     using Kernels::Extremum;
     const auto rowsWithoutOrder = rowsOf;
-    for (int rule = 0; rule < 18; ++rule)
+    for (int rule = 0; rule < 12; ++rule)
     {
-      extremum = static_cast<Extremum>(rule % 3);
-      rankStep = rule / 3 % 3 - 1;
-      const bool isLocal = rule / 9 == 1;
-      const bool isOrdered = isLocal || extremum == Extremum::Magnitude;
-      if (isOrdered && rankStep == 0)
+      extremum = rule % 2 == 0 ? Extremum::Maximum : Extremum::Minimum;
+      rankStep = rule / 2 % 3 - 1;
+      // rays end in the order of their samples, and have ranks
+      const bool isLocal = rule / 6 == 1;
+      if (isLocal && rankStep == 0)
       {
         continue;
       }
-      rowsOf = isOrdered ? Kernels::BlockRows::OfImage : rowsWithoutOrder;
-      isBackward = isOrdered && rankStep < 0;
+      rowsOf = isLocal ? Kernels::BlockRows::OfImage : rowsWithoutOrder;
+      isBackward = isLocal && rankStep < 0;
       localThreshold.reset();
       if (isLocal)
       {
         localThreshold = m_Voxels.front();
       }
       // views share their ranks
-      const std::size_t count = isOrdered ? 1 : views;
+      const std::size_t count = isLocal ? 1 : views;
       this->FillPadding(extremum == Extremum::Minimum ? std::numeric_limits<TPixel>::lowest()
                                                       : std::numeric_limits<TPixel>::max());
       this->Project();
@@ -529,7 +541,9 @@ private:
     }
     GuardedMemory memory(voxels.size() * sizeof(TPixel));
     part.voxels = memory.Place(voxels, atEnd);
-    const Kernels::ShearedView<TPixel> view{ placements.data(), { pixels.data(), columns, rows, columns, nullptr } };
+    Kernels::ShearedView<TPixel> view;
+    view.placements = placements.data();
+    view.intermediate = MakeImage(pixels.data(), columns, rows, columns);
     Kernels::GetKernels<TPixel>().projectBlock(part, { 0, part.rows, 0, part.slices, part.rows }, &view, 1);
   }
 
@@ -600,7 +614,9 @@ FadeSamples(const Kernels::Kernels<TPixel> & kernels,
   std::vector<TPixel>                     pixels(columns, Kernels::NoSample<TPixel>);
   std::vector<Kernels::SliceRank<TPixel>> ranks(columns, Kernels::NoRank<TPixel>);
   fading.factors.assign(columns + 1 + 2 * Kernels::FadePadding, product);
-  Kernels::ShearedView<TPixel> view{ &placement, { pixels.data(), columns, 1, columns, nullptr } };
+  Kernels::ShearedView<TPixel> view;
+  view.placements = &placement;
+  view.intermediate = MakeImage(pixels.data(), columns, 1, columns);
   view.ranked.ranks = ranks.data();
   view.fading = &fading;
   kernels.projectBlock({ voxels.data(), columns, 1, 1, columns, columns }, { 0, 1, 0, 1, 1 }, &view, 1);
@@ -638,30 +654,34 @@ AddFixedPictures(const Kernels::SliceStack<TPixel> & stack, std::uint64_t & chec
       placements.push_back(
         { { k * columnStep >> 15, k * columnStep & 32767 }, { k * rowStep >> 15, k * rowStep & 32767 } });
     }
-    for (const auto extremum : { Kernels::Extremum::Maximum, Kernels::Extremum::Minimum, Kernels::Extremum::Magnitude })
+    for (const auto extremum : { Kernels::Extremum::Maximum, Kernels::Extremum::Minimum })
     {
-      std::vector<TPixel>          pixels(columns * rows, GetStart<TPixel>(extremum));
-      Kernels::ShearedView<TPixel> view{ placements.data(), { pixels.data(), columns, rows, columns, reached.data() } };
-      view.extremum = extremum;
-      if (extremum == Kernels::Extremum::Magnitude)
+      for (const bool isRanked : { false, true })
       {
-        ranks.assign(ranks.size(), Kernels::NoRank<TPixel>);
-        view.ranked.ranks = ranks.data();
-      }
-      Kernels::Block block{ 0, FixedRows, 0, FixedSlices, FixedRows };
-      if (view.ranked.ranks)
-      {
-        block.rowsOf = Kernels::BlockRows::OfImage;
-        block.rowEnd = rows;
-      }
-      kernels.projectBlock(stack, block, &view, 1);
-      AddToChecksum(pixels.data(), pixels.size(), checksum);
-      AddToChecksum(ranks.data(), ranks.size(), checksum);
-      std::vector<TPixel> picture(90);
-      for (std::ptrdiff_t row = 0; row < 80; ++row)
-      {
-        kernels.warpRow(view.intermediate, { 0.7, -0.3, 9.2, 0.2, 0.9, -5.1 }, row, 0, 90, TPixel{ 1 }, picture.data());
-        AddToChecksum(picture.data(), picture.size(), checksum);
+        std::vector<TPixel>          pixels(columns * rows, GetStart<TPixel>(extremum));
+        Kernels::ShearedView<TPixel> view;
+        view.placements = placements.data();
+        view.intermediate = MakeImage(pixels.data(), columns, rows, columns);
+        view.intermediate.reached = reached.data();
+        view.extremum = extremum;
+        Kernels::Block block{ 0, FixedRows, 0, FixedSlices, FixedRows };
+        if (isRanked)
+        {
+          ranks.assign(ranks.size(), Kernels::NoRank<TPixel>);
+          view.ranked.ranks = ranks.data();
+          block.rowsOf = Kernels::BlockRows::OfImage;
+          block.rowEnd = rows;
+        }
+        kernels.projectBlock(stack, block, &view, 1);
+        AddToChecksum(pixels.data(), pixels.size(), checksum);
+        AddToChecksum(ranks.data(), ranks.size(), checksum);
+        std::vector<TPixel> picture(90);
+        for (std::ptrdiff_t row = 0; row < 80; ++row)
+        {
+          kernels.warpRow(
+            view.intermediate, { 0.7, -0.3, 9.2, 0.2, 0.9, -5.1 }, row, 0, 90, TPixel{ 1 }, picture.data());
+          AddToChecksum(picture.data(), picture.size(), checksum);
+        }
       }
     }
   }
@@ -738,12 +758,12 @@ ExpectFixedChecksum(std::uint64_t expected)
 
 TEST(ShearWarpKernels, FixedVolumesHaveTheChecksumsOfEveryMachine)
 {
-  ExpectFixedChecksum<unsigned char>(0xa8204fdc46c3b076);
-  ExpectFixedChecksum<signed char>(0x4a8bb521d83591f0);
-  ExpectFixedChecksum<unsigned short>(0x34e3cb0d5f66dcdc);
-  ExpectFixedChecksum<short>(0x809ab14efba4b616);
-  ExpectFixedChecksum<float>(0x5f6332b89f57fd76);
-  ExpectFixedChecksum<double>(0x575f75ea52470cd4);
+  ExpectFixedChecksum<unsigned char>(0x37b9f2234cea3296);
+  ExpectFixedChecksum<signed char>(0xd52f6d2d8d81f668);
+  ExpectFixedChecksum<unsigned short>(0x58fbec20b27a8284);
+  ExpectFixedChecksum<short>(0x2b4fc6d0bf74d747);
+  ExpectFixedChecksum<float>(0xebaf84d1d1c85419);
+  ExpectFixedChecksum<double>(0xdd5bd692ec434d2d);
 }
 
 TEST(ShearWarpKernels, ClippedColumnsAreThoseWhereTheFunctionIsWithinItsLimits)
@@ -771,6 +791,64 @@ TEST(ShearWarpKernels, ClippedColumnsAreThoseWhereTheFunctionIsWithinItsLimits)
         << "column " << column << " in repetition " << repeat;
     }
     ASSERT_TRUE(clipped.begin >= clipped.end || (clipped.begin >= span.begin && clipped.end <= span.end));
+  }
+}
+
+TEST(ShearWarpKernels, ReachedColumnsHaveRanks)
+{
+  const auto expect = [](const std::vector<std::int32_t> & ranks, std::int32_t begin, std::int32_t end, bool hasGaps) {
+    const auto reached = Kernels::FindReached(ranks.data(), static_cast<std::ptrdiff_t>(ranks.size()));
+    EXPECT_EQ(reached.span.end - reached.span.begin, end - begin);
+    EXPECT_TRUE(begin == end || reached.span.begin == begin);
+    EXPECT_EQ(reached.hasGaps, hasGaps);
+  };
+  expect({}, 0, 0, false);
+  expect({ 0, -5, 0 }, 0, 0, false);
+  expect({ 1, 2, 3 }, 0, 3, false);
+  expect({ 0, 1, 7, -1 }, 1, 3, false);
+  expect({ -1, 1, 0, 7, 0 }, 1, 4, true);
+  expect({ 5 }, 0, 1, false);
+}
+
+TYPED_TEST(ShearWarpKernelsTyped, PixelsWithoutARankHaveNoWeightAndNoDepth)
+{
+  const std::vector<TypeParam>          pixels{ 10, 20, 30, 40 };
+  const Kernels::ColumnSpan             reached[] = { { 0, 2 }, { 0, 2 } };
+  const Kernels::ShearedFunction        depth{ 0.0, 0.0, 1.0, 0.25 };
+  std::vector<std::int32_t>             ranks{ 3, 0, -2, 1 };
+  Kernels::IntermediateImage<TypeParam> image = MakeImage(const_cast<TypeParam *>(pixels.data()), 2, 2, 2);
+  image.reached = reached;
+  image.ranks = ranks.data();
+  image.hasGaps = true;
+  for (const std::int32_t step : { 1, -1 })
+  {
+    image.ranking = { 12, step };
+    const auto warp = [&](double x, double y) {
+      TypeParam output{};
+      Kernels::GetKernels<TypeParam>().warpRow(image, { 0, 0, x, 0, 0, y }, 0, 0, 1, TypeParam{ 7 }, &output);
+      return output;
+    };
+    const auto findDepth = [&](double x, double y) {
+      float found = 0;
+      Kernels::FindDepths(image, { 0, 0, x, 0, 0, y }, 1, depth, 0, 1, &found);
+      return found;
+    };
+    ForEachInstructionSet([&](const std::string &) {
+      EXPECT_EQ(warp(0, 0), 10);
+      EXPECT_EQ(warp(1, 0), 7);
+      EXPECT_EQ(warp(0, 1), 7);
+      EXPECT_EQ(warp(0.75, 0), 10);
+      EXPECT_EQ(warp(0.5, 0.5), 25);
+    });
+    EXPECT_EQ(findDepth(0, 0), 12.25f + 2 * step);
+    EXPECT_EQ(findDepth(0.25, 0.25), 12.25f + 2 * step);
+    // the nearest pixel has no rank
+    EXPECT_EQ(findDepth(0.25, 0.625), 12.25f + 2 * step);
+    EXPECT_EQ(findDepth(0.375, 0.75), 12.25f);
+    EXPECT_EQ(findDepth(1, 1), 12.25f);
+    EXPECT_TRUE(std::isnan(findDepth(1, 0)));
+    EXPECT_TRUE(std::isnan(findDepth(0, 1)));
+    EXPECT_TRUE(std::isnan(findDepth(2, 2)));
   }
 }
 
@@ -1288,8 +1366,7 @@ TYPED_TEST(ShearWarpKernelsTyped, ProjectBlockHasTheBitsOfThePortableKernelsAtSp
       {
         slices.Place(k, x, y);
       }
-      for (const auto extremum :
-           { Kernels::Extremum::Maximum, Kernels::Extremum::Minimum, Kernels::Extremum::Magnitude })
+      for (const auto extremum : { Kernels::Extremum::Maximum, Kernels::Extremum::Minimum })
       {
         for (const bool isLocal : { false, true })
         {

@@ -15,16 +15,16 @@
  *  limitations under the License.
  *
  *=========================================================================*/
+#include "Kernels.h"
 #include "PixelTypes.h"
-#include "VectorSets.h"
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <cstring>
 #include <iterator>
-#include <stdexcept>
 #include <type_traits>
+
+/* What kernels need to know of a view: where its samples lie, which of them count, and how they fade. */
 
 namespace itk::ShearWarp
 {
@@ -82,7 +82,7 @@ ShearedFunction::operator()(double column, double row, double slice) const
 ColumnSpan
 ClipColumns(const ShearedFunction & function, double low, double high, double row, double slice, ColumnSpan span)
 {
-  // monotonic in the column, rounding included
+  // the function is monotonic in the column, with rounding too
   const double rest = function(0.0, row, slice);
   const auto   getValue = [&](std::int32_t column) { return function.perColumn * column + rest; };
   if (span.begin >= span.end)
@@ -98,7 +98,7 @@ ClipColumns(const ShearedFunction & function, double low, double high, double ro
   {
     return { span.begin, span.begin };
   }
-  // near the place where the function has that value
+  // the search begins near the column where the function has the value
   const auto findFirst = [&](double value, const auto & isReached) {
     const double guess = (value - rest) / function.perColumn;
     auto         first = guess > span.begin ? static_cast<std::int32_t>(std::min<double>(guess, span.end)) : span.begin;
@@ -123,15 +123,15 @@ bool
 Region::MayReach(ColumnSpan columns, RowSpan rows, std::ptrdiff_t slice) const
 {
   const auto   position = static_cast<double>(firstSlice + slice);
-  const double ofColumns[] = { static_cast<double>(columns.begin), static_cast<double>(columns.end - 1) };
-  const double ofRows[] = { static_cast<double>(rows.begin), static_cast<double>(rows.end - 1) };
+  const double outerColumns[] = { static_cast<double>(columns.begin), static_cast<double>(columns.end - 1) };
+  const double outerRows[] = { static_cast<double>(rows.begin), static_cast<double>(rows.end - 1) };
   return std::all_of(intervals.begin(), intervals.end(), [&](const Interval & interval) {
-    // monotonic in column and row, rounding included
+    // the function is monotonic in column and row, with rounding too
     const auto & function = interval.function;
     const bool   falls = function.perColumn < 0;
     const bool   fallsAlongRows = function.perRow < 0;
-    const double lowest = function(ofColumns[falls], ofRows[fallsAlongRows], position);
-    const double highest = function(ofColumns[!falls], ofRows[!fallsAlongRows], position);
+    const double lowest = function(outerColumns[falls], outerRows[fallsAlongRows], position);
+    const double highest = function(outerColumns[!falls], outerRows[!fallsAlongRows], position);
     return highest >= interval.low && lowest <= interval.high;
   });
 }
@@ -148,27 +148,27 @@ Region::Clip(ColumnSpan columns, std::ptrdiff_t row, std::ptrdiff_t slice) const
 }
 
 ReachedRow
-FindReached(const std::int32_t * slices, std::ptrdiff_t columns)
+FindReached(const std::int32_t * ranks, std::ptrdiff_t columns)
 {
-  const auto hasSlice = [](std::int32_t slice) { return slice >= 0; };
-  const auto begin = std::find_if(slices, slices + columns, hasSlice);
-  const auto isLast =
-    std::find_if(std::make_reverse_iterator(slices + columns), std::make_reverse_iterator(begin), hasSlice);
-  const auto end = isLast.base();
-  return { { static_cast<std::int32_t>(begin - slices), static_cast<std::int32_t>(end - slices) },
-           !std::all_of(begin, end, hasSlice) };
+  const auto hasValue = [](std::int32_t rank) { return rank > 0; };
+  const auto begin = std::find_if(ranks, ranks + columns, hasValue);
+  const auto last =
+    std::find_if(std::make_reverse_iterator(ranks + columns), std::make_reverse_iterator(begin), hasValue);
+  const auto end = last.base();
+  return { { static_cast<std::int32_t>(begin - ranks), static_cast<std::int32_t>(end - ranks) },
+           !std::all_of(begin, end, hasValue) };
 }
 
 ColumnSpan
 Coverage::Add(ColumnSpan columns, std::ptrdiff_t row, std::ptrdiff_t slice) const
 {
   const ColumnSpan span = region->Clip(columns, row, slice);
-  ColumnSpan &     of = known[row];
-  if (span.begin < span.end && (span.begin < of.begin || span.end > of.end))
+  ColumnSpan &     marked = known[row];
+  if (span.begin < span.end && (span.begin < marked.begin || span.end > marked.end))
   {
     std::memset(marks + row * rowStride + span.begin, 1, static_cast<std::size_t>(span.end - span.begin));
-    const bool areJoined = span.begin <= of.end && span.end >= of.begin;
-    of = areJoined ? ColumnSpan{ std::min(span.begin, of.begin), std::max(span.end, of.end) } : span;
+    const bool areJoined = span.begin <= marked.end && span.end >= marked.begin;
+    marked = areJoined ? ColumnSpan{ std::min(span.begin, marked.begin), std::max(span.end, marked.end) } : span;
   }
   return span;
 }
@@ -180,18 +180,18 @@ Decay(double x)
   {
     return 0.0;
   }
-  // 2^-n exp(r), where n times the high part of log(2) is exact
+  // exp(-x) = 2^-n exp(r), and n log2High is exact
   constexpr double log2High = 0x1.62e42fefap-1;
   constexpr double log2Low = 0x1.cf79abc9e3b3ap-40;
   const double     n = std::floor(x * 0x1.71547652b82fep+0 + 0.5);
   const double     r = (n * log2High - x) + n * log2Low;
-  // Taylor's series, whose next term is below 2^-57
-  constexpr double of[] = {
+  // coefficients of Taylor's series; the first term left out is below 2^-57
+  constexpr double c[] = {
     1.0 / 2,     1.0 / 6,      1.0 / 24,      1.0 / 120,      1.0 / 720,       1.0 / 5040,
     1.0 / 40320, 1.0 / 362880, 1.0 / 3628800, 1.0 / 39916800, 1.0 / 479001600, 1.0 / 6227020800
   };
   const double r2 = r * r;
-  const auto   sum = [=](int m) { return (of[m] + of[m + 1] * r) + r2 * (of[m + 2] + of[m + 3] * r); };
+  const auto   sum = [=](int m) { return (c[m] + c[m + 1] * r) + r2 * (c[m + 2] + c[m + 3] * r); };
   const double exponential = 1.0 + (r + r2 * (sum(0) + (r2 * r2) * (sum(4) + (r2 * r2) * sum(8))));
   const auto   powerBits = static_cast<std::uint64_t>(1023 - static_cast<std::int64_t>(n)) << 52;
   double       power;
@@ -201,7 +201,7 @@ Decay(double x)
 
 namespace
 {
-/** Smaller numbers would be slow. */
+/** Returns a float below 2^-60 as 0: products with denormalized numbers are slow. */
 template <typename TNumber>
 TNumber
 ToFadeNumber(double factor)
@@ -232,14 +232,13 @@ FadingRow<TPixel>
 ViewFading<TPixel>::GetRow(std::ptrdiff_t row, std::ptrdiff_t slice, ColumnSpan reached) const
 {
   constexpr double infinity = std::numeric_limits<double>::infinity();
-  const auto       ofRow = static_cast<double>(row);
-  const auto       ofSlice = static_cast<double>(firstSlice + slice);
-  const ColumnSpan behind = ClipColumns(depth, fading.begin, infinity, ofRow, ofSlice, reached);
+  const auto       y = static_cast<double>(row);
+  const auto       z = static_cast<double>(firstSlice + slice);
+  const ColumnSpan behind = ClipColumns(depth, fading.begin, infinity, y, z, reached);
   const bool       isFirstNearest = depth.perColumn >= 0;
   const auto       count = static_cast<std::int32_t>(factors.size() - 2 * FadePadding);
   const auto       nearest = isFirstNearest ? behind.begin : behind.end - 1;
-  const double     factor =
-    behind.begin == behind.end ? 1.0 : Decay(fading.rate * (depth(nearest, ofRow, ofSlice) - fading.begin));
+  const double factor = behind.begin == behind.end ? 1.0 : Decay(fading.rate * (depth(nearest, y, z) - fading.begin));
   return { behind,
            isFirstNearest ? nearest : behind.end - count,
            ToFadeNumber<FadeNumber<TPixel>>(factor),
@@ -248,95 +247,6 @@ ViewFading<TPixel>::GetRow(std::ptrdiff_t row, std::ptrdiff_t slice, ColumnSpan 
 }
 
 #define INSTANTIATE(TPixel) template struct ViewFading<TPixel>;
-SHEARWARP_FOR_EACH_PIXEL_TYPE(INSTANTIATE)
-#undef INSTANTIATE
-
-std::vector<std::string>
-GetInstructionSets()
-{
-  std::vector<std::string> names{ "portable" };
-#ifdef ShearWarpMIP_HAS_GENERIC_KERNELS
-  names.emplace_back("generic");
-#endif
-#ifdef ShearWarpMIP_HAS_X86_KERNELS
-  __builtin_cpu_init();
-  if (__builtin_cpu_supports("avx2"))
-  {
-    names.emplace_back("avx2");
-    if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512dq") &&
-        __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512vnni"))
-    {
-      names.emplace_back("avx512");
-    }
-  }
-#endif
-  return names;
-}
-
-namespace
-{
-std::string
-ChooseInstructionSet()
-{
-  static const std::vector<std::string> available = GetInstructionSets();
-  const char *                          wanted = std::getenv("SHEARWARPMIP_INSTRUCTION_SET");
-  if (!wanted || !*wanted)
-  {
-    return available.back();
-  }
-  std::string names;
-  for (const std::string & name : available)
-  {
-    if (name == wanted)
-    {
-      return name;
-    }
-    names += ' ' + name;
-  }
-  throw std::invalid_argument("SHEARWARPMIP_INSTRUCTION_SET is \"" + std::string(wanted) +
-                              "\"; this computer has:" + names);
-}
-
-template <typename TPixel>
-constexpr bool HasVectorKernels = false;
-#define HAS_VECTOR_KERNELS(TPixel) \
-  template <>                      \
-  constexpr bool HasVectorKernels<TPixel> = true;
-SHEARWARP_FOR_EACH_VECTOR_PIXEL_TYPE(HAS_VECTOR_KERNELS)
-#undef HAS_VECTOR_KERNELS
-} // namespace
-
-template <typename TPixel>
-const Kernels<TPixel> &
-GetKernels()
-{
-  [[maybe_unused]] const std::string name = ChooseInstructionSet();
-#ifdef ShearWarpMIP_HAS_X86_KERNELS
-  if constexpr (HasVectorKernels<TPixel>)
-  {
-    if (name == "avx512")
-    {
-      return GetAVX512Kernels<TPixel>();
-    }
-    if (name == "avx2")
-    {
-      return GetAVX2Kernels<TPixel>();
-    }
-  }
-#endif
-#ifdef ShearWarpMIP_HAS_GENERIC_KERNELS
-  if constexpr (HasVectorKernels<TPixel>)
-  {
-    if (name == "generic")
-    {
-      return GetGenericKernels<TPixel>();
-    }
-  }
-#endif
-  return GetPortableKernels<TPixel>();
-}
-
-#define INSTANTIATE(TPixel) template const Kernels<TPixel> & GetKernels();
 SHEARWARP_FOR_EACH_PIXEL_TYPE(INSTANTIATE)
 #undef INSTANTIATE
 

@@ -1,0 +1,144 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#ifndef itkShearWarpMIPPartsImageFilter_hxx
+#define itkShearWarpMIPPartsImageFilter_hxx
+
+namespace itk
+{
+template <typename TInputImage>
+void
+ShearWarpMIPPartsImageFilter<TInputImage>::VerifyPreconditions() const
+{
+  Superclass::VerifyPreconditions();
+  if (!this->MakeRule().IsPlainMaximum() || this->GetNumberOfStreamDivisions() != 1)
+  {
+    itkExceptionMacro("Parts have plain maxima: Mode, SlabNear, SlabFar, CropLower, CropUpper, MaskImage, LocalMaximum, "
+                      "DepthAttenuation, ComputeDepth, Exact and NumberOfStreamDivisions must be as by default.");
+  }
+}
+
+template <typename TInputImage>
+auto
+ShearWarpMIPPartsImageFilter<TInputImage>::ProjectPart(const InputImageType * part) -> typename PartImageType::Pointer
+{
+  if (!part)
+  {
+    itkExceptionMacro("The part must not be null.");
+  }
+  this->VerifyPreconditions();
+  this->VerifyInputInformation();
+  ShearWarp::Scene scene;
+  scene.volume = ShearWarp::MakeVolumeGrid(this->GetInput());
+  scene.views = this->MakeViews();
+  const auto rule = this->MakeRule();
+  const auto voxels = Self::template MakeVoxels<InputPixelType>(part, this->GetInput()->GetLargestPossibleRegion());
+  const auto container = this->VerifyVoxels("part", part, part->GetBufferedRegion());
+
+  auto projection = PartImageType::New();
+  this->CallWithThreads([&](const ShearWarp::Threads & threads) {
+    const ShearWarp::IntermediateRegion place = Superclass::EngineType::FindPart(scene, rule, voxels.box);
+    projection->SetRegions({ { { place.column, place.row } },
+                             { { static_cast<SizeValueType>(place.columns), static_cast<SizeValueType>(place.rows) } } });
+    projection->Allocate();
+    this->m_Engine.ProjectPart(scene, rule, voxels, projection->GetBufferPointer(), threads);
+  });
+  return projection;
+}
+
+template <typename TInputImage>
+void
+ShearWarpMIPPartsImageFilter<TInputImage>::AddPart(const PartImageType * projection)
+{
+  if (!projection)
+  {
+    itkExceptionMacro("The projection of a part must not be null.");
+  }
+  this->VerifyVoxels("projection of a part", projection, projection->GetBufferedRegion());
+  m_Parts.emplace_back(projection);
+  this->Modified();
+}
+
+template <typename TInputImage>
+void
+ShearWarpMIPPartsImageFilter<TInputImage>::ClearParts()
+{
+  if (!m_Parts.empty())
+  {
+    m_Parts.clear();
+    this->Modified();
+  }
+}
+
+template <typename TInputImage>
+void
+ShearWarpMIPPartsImageFilter<TInputImage>::GenerateInputRequestedRegion()
+{
+  auto * input = const_cast<TInputImage *>(this->GetInput());
+  input->SetRequestedRegion({ input->GetLargestPossibleRegion().GetIndex(), { { 0, 0, 0 } } });
+}
+
+template <typename TInputImage>
+void
+ShearWarpMIPPartsImageFilter<TInputImage>::GeneratePixels()
+{
+  if (m_Parts.empty())
+  {
+    itkExceptionMacro("Parts are required but not added.");
+  }
+  const ShearWarp::Scene scene = this->GetScene();
+  const auto             rule = this->GetRule();
+  const auto             projections = m_Parts;
+  this->CallWithThreads([&](const ShearWarp::Threads & threads) {
+    const ShearWarp::IntermediateRegion whole =
+      Superclass::EngineType::FindPart(scene, rule, ShearWarp::GetWholeBox(scene.volume));
+    const ImageRegion<2> region(
+      { { 0, 0 } }, { { static_cast<SizeValueType>(whole.columns), static_cast<SizeValueType>(whole.rows) } });
+    std::vector<typename PartImageType::PixelContainerConstPointer> containers;
+    std::vector<ShearWarp::IntermediatePart<InputPixelType>>        parts;
+    for (const auto & projection : projections)
+    {
+      const ImageRegion<2> & place = projection->GetBufferedRegion();
+      if (!region.IsInside(place))
+      {
+        itkExceptionMacro("The projection of a part must lie within the intermediate image, " << region
+                                                                                              << ", but its region is "
+                                                                                              << place);
+      }
+      containers.push_back(this->VerifyVoxels("projection of a part", projection.GetPointer(), place));
+      parts.push_back({ projection->GetBufferPointer(),
+                        { place.GetIndex(0),
+                          place.GetIndex(1),
+                          static_cast<std::ptrdiff_t>(place.GetSize(0)),
+                          static_cast<std::ptrdiff_t>(place.GetSize(1)) } });
+    }
+    const auto size = this->GetPictureSize();
+    const auto pixels = this->VerifyPixels(this->GetOutput(), size[0] * size[1]);
+    this->m_Engine.WarpParts(scene, rule, parts, pixels->GetBufferPointer(), threads);
+  });
+}
+
+template <typename TInputImage>
+void
+ShearWarpMIPPartsImageFilter<TInputImage>::PrintSelf(std::ostream & os, Indent indent) const
+{
+  Superclass::PrintSelf(os, indent);
+  os << indent << "NumberOfParts: " << this->GetNumberOfParts() << std::endl;
+}
+} // namespace itk
+
+#endif
