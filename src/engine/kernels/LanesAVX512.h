@@ -55,7 +55,7 @@ inline void Stream(void * p, X86 v) { _mm512_stream_si512(static_cast<__m512i *>
 inline Double SquareRoot(Double v) { return _mm512_sqrt_pd(v); }
 
 template <typename TMask>
-bool AreAll(TMask mask) { return _mm512_movepi32_mask(As<X86>(mask)) == 0xFFFF; }
+bool AreAll(TMask mask) { return _mm512_movepi16_mask(As<X86>(mask)) == 0xFFFFFFFF; }
 inline bool AreFinite(Single v) { return _mm256_movemask_ps(As<Single>(v * SetSingle(0) == 0)) == 0xFF; }
 inline std::uint32_t GetSigns(Float mask) { return _mm512_movepi32_mask(As<X86>(mask)); }
 inline std::uint32_t GetSigns(Double mask) { return _mm512_movepi64_mask(As<X86>(mask)); }
