@@ -58,14 +58,9 @@ FindNoReprojection(const Options & options)
 void
 WriteDicom(OutputFiles & files, const std::string & path, const Product & product)
 {
-  using ModeEnum = ProjectionOptions::ModeEnum;
   const Options &    options = product.options;
-  const ModeEnum     mode = product.projection.mode;
   DicomSeriesOptions dicom;
-  dicom.isMinimum = mode == ModeEnum::Minimum;
-  dicom.derivation = mode == ModeEnum::Maximum   ? "Maximum intensity projection"
-                     : mode == ModeEnum::Minimum ? "Minimum intensity projection"
-                                                 : "Maximum intensity projection of absolute values";
+  dicom.mode = product.projection.mode;
   dicom.noReprojection = FindNoReprojection(options);
   dicom.warn = product.warn;
   dicom.isSuv = product.isSuv;

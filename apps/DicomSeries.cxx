@@ -265,11 +265,10 @@ FindPetObstacle(const itk::ImageBase<3> &      frames,
                 const DicomSeriesOptions &     options)
 {
   std::string missing = FindMissingPetAttribute(source);
-  if (!missing.empty() || !options.noReprojection.empty() || options.isMinimum)
+  const std::string ofMode = DescribeMode(options.mode).petObstacle;
+  if (!missing.empty() || !options.noReprojection.empty() || !ofMode.empty())
   {
-    return !missing.empty()    ? "the source has no " + missing
-           : options.isMinimum ? "they are minima"
-                               : options.noReprojection;
+    return !missing.empty() ? "the source has no " + missing : !ofMode.empty() ? ofMode : options.noReprojection;
   }
   const auto                size = frames.GetLargestPossibleRegion().GetSize();
   const Geometry &          first = geometries.front();
@@ -408,13 +407,13 @@ MakeHeader(const AnyImage &           frames,
     SetText(header, { 0x0008, timeElement }, time);
   }
 
-  const std::string mode = options.isMinimum ? "MinIP" : "MIP";
-  const std::string sourceDescription = GetText(source, { 0x0008, 0x103e });
+  const ModeInDicom & mode = DescribeMode(options.mode);
+  const std::string   sourceDescription = GetText(source, { 0x0008, 0x103e });
   std::string       description = options.description;
   if (description.empty())
   {
-    description = mode + ' ' + sourceDescription;
-    description = sourceDescription.empty() || description.size() > 64 ? mode : description;
+    description = std::string(mode.series) + ' ' + sourceDescription;
+    description = sourceDescription.empty() || description.size() > 64 ? mode.series : description;
   }
   const std::string sourceNumber = GetText(source, { 0x0020, 0x0011 });
   const int         number = options.number.value_or(std::min(std::atoi(sourceNumber.c_str()), 1000000) + 1000);
@@ -437,12 +436,9 @@ MakeHeader(const AnyImage &           frames,
   SetText(header,
           { 0x0008, 0x0008 },
           std::string("DERIVED\\") + (sopClass == petImageStorage ? "PRIMARY" : "SECONDARY") + "\\PROJECTION IMAGE\\" +
-            (options.isMinimum ? "MIN_IP" : "MAX_IP"));
-  SetText(header, { 0x0008, 0x2111 }, options.derivation);
-  AddCode(header,
-          { 0x0008, 0x9215 },
-          options.isMinimum ? "113079" : "113078",
-          options.isMinimum ? "Minimum intensity projection" : "Maximum intensity projection");
+            mode.imageType);
+  SetText(header, { 0x0008, 0x2111 }, mode.derivation + options.derivation);
+  AddCode(header, { 0x0008, 0x9215 }, mode.code, mode.meaning);
   for (const Path & file : files)
   {
     const DataSet image = ReadHeader(file);
@@ -604,7 +600,7 @@ RequireFrames(const AnyImage & frames, const std::vector<DicomView> & views, con
   {
     throw std::runtime_error("the lower end of a window must be less than the upper one");
   }
-  RequireText(options.derivation, 1024);
+  RequireText(DescribeMode(options.mode).derivation + options.derivation, 1024);
   RequireText(options.description, 64);
   RequireText(options.program, 64);
   RequireText(options.version, 64);
@@ -635,6 +631,34 @@ GetFrameName(std::size_t frame, std::size_t frames)
   return name.str();
 }
 } // namespace
+
+const ModeInDicom &
+DescribeMode(itk::ShearWarpMIPImageFilterEnums::Mode mode)
+{
+  using Mode = itk::ShearWarpMIPImageFilterEnums::Mode;
+  static constexpr ModeInDicom maximum{
+    "Maximum intensity projection", "MIP", "MAX_IP", "113078", "Maximum intensity projection", ""
+  };
+  static constexpr ModeInDicom minimum{ "Minimum intensity projection", "MinIP",
+                                        "MIN_IP",                       "113079",
+                                        "Minimum intensity projection", "they are minima" };
+  static constexpr ModeInDicom absoluteMaximum{ "Maximum intensity projection of absolute values",
+                                                "MIP",
+                                                "MAX_IP",
+                                                "113078",
+                                                "Maximum intensity projection",
+                                                "" };
+  switch (mode)
+  {
+    case Mode::Maximum:
+      return maximum;
+    case Mode::Minimum:
+      return minimum;
+    case Mode::AbsoluteMaximum:
+      return absoluteMaximum;
+  }
+  throw std::logic_error("the mode has no description in DICOM");
+}
 
 double
 ComputeDepthOfCenter(const itk::Transform<double, 3, 3> * transform, const itk::ImageBase<3> * grid)

@@ -22,6 +22,8 @@
 #include "itkTransform.h"
 
 #include <filesystem>
+#include "itkShearWarpEngine.h"
+
 #include <functional>
 #include <limits>
 #include <optional>
@@ -43,11 +45,26 @@ struct DicomView
   double angle{ std::numeric_limits<double>::quiet_NaN() };
 };
 
+/** What DICOM says of a mode (PS3.3 C.8.16.1, PS3.16 CID 7203). */
+struct ModeInDicom
+{
+  const char * derivation;
+  const char * series;    // begins the description of a series
+  const char * imageType; // value 4 of Image Type
+  const char * code;
+  const char * meaning;
+  const char * petObstacle; // why pictures of PET are no reprojections, or empty
+};
+
+/** The one place of the program that describes modes to DICOM. */
+const ModeInDicom &
+DescribeMode(itk::ShearWarpMIPImageFilterEnums::Mode mode);
+
 struct DicomSeriesOptions
 {
-  /** In DerivationDescription: printable ASCII, at most 1024 characters. */
-  std::string derivation{ "Maximum intensity projection" };
-  bool        isMinimum{ false };
+  itk::ShearWarpMIPImageFilterEnums::Mode mode{ itk::ShearWarpMIPImageFilterEnums::Mode::Maximum };
+  /** In DerivationDescription, behind the words of the mode: printable ASCII, at most 1024 characters together. */
+  std::string derivation;
   /** Why the pictures of a PET series are no reprojection by maximum, if there is a reason beside their geometry. */
   std::string noReprojection;
   /** Whether values are SUV by body weight, from Bq/ml. */
@@ -56,7 +73,7 @@ struct DicomSeriesOptions
   std::optional<double> frameTime;
   /** Is told why the pictures of a PET series are Secondary Capture. */
   std::function<void(const std::string &)> warn;
-  /** SeriesDescription, printable ASCII, at most 64 characters. If empty, MIP (or MinIP) and the source's. */
+  /** SeriesDescription, printable ASCII, at most 64 characters. If empty, the mode's and the source's. */
   std::string description;
   /** If not given, the source's and 1000 more. */
   std::optional<int> number;

@@ -653,6 +653,10 @@ Verify(const Options & options)
   {
     throw std::runtime_error("--slab: NEAR must not be greater than FAR");
   }
+  if (options.localMaximum && !itk::ShearWarp::HasFeature(modes.at(options.mode), itk::ShearWarp::Feature::LocalMaximum))
+  {
+    throw std::runtime_error("--local-maximum is not possible with --mode " + options.mode);
+  }
   if (options.pageBits && FindFormat(options.output) != FileFormat::Page)
   {
     throw std::runtime_error("--page-bits requires a page: .html");

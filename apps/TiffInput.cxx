@@ -22,7 +22,7 @@
 #include "Integrity.h"
 #include "TiffDescription.h"
 
-#include "itkShearWarpEngine.h"
+#include "itkShearWarpMIPBaseImageFilter.h"
 #include "itk_zlib.h"
 
 #if __has_include("itk_tiff.h")

@@ -442,9 +442,9 @@ TEST_F(ShearWarpMIPProgramDicom, KeepsCharacterSetAndCompression)
 TEST_F(ShearWarpMIPProgramDicom, TakesOptions)
 {
   DicomSeriesOptions options;
-  options.isMinimum = true;
+  options.mode = itk::ShearWarpMIPImageFilterEnums::Mode::Minimum;
   options.description = "airways";
-  options.derivation = "Minimum of slabs";
+  options.derivation = " of slabs";
   options.number = 12;
   options.window = { -1000.0, -500.0 };
   options.version = "1.2";
@@ -452,7 +452,7 @@ TEST_F(ShearWarpMIPProgramDicom, TakesOptions)
   const auto tags = this->ReadSeries()[0].tags;
   EXPECT_EQ(tags.at("0008|0008"), "DERIVED\\SECONDARY\\PROJECTION IMAGE\\MIN_IP");
   EXPECT_EQ(tags.at("0008|103e"), "airways");
-  EXPECT_EQ(tags.at("0008|2111"), "Minimum of slabs");
+  EXPECT_EQ(tags.at("0008|2111"), "Minimum intensity projection of slabs");
   EXPECT_EQ(tags.at("0020|0011"), "12");
   EXPECT_EQ(tags.at("0028|1050"), "-749.5");
   EXPECT_EQ(tags.at("0028|1051"), "501");

@@ -570,6 +570,8 @@ TEST_F(ShearWarpMIPProgram, AnswersWrongCalls)
     { "in.nrrd out.png --window 800,100", "--window: LOW must be less than HIGH" },
     { "in.nrrd out.png --background black", "--background: 'black' is not a number" },
     { "in.nrrd out.png --local-maximum high", "--local-maximum: 'high' is not a number" },
+    { "in.nrrd out.png --local-maximum 6 --mode absolute-maximum",
+      "--local-maximum is not possible with --mode absolute-maximum" },
     { "in.nrrd out.png --background 70000", "--background 70000 is not a value of the image's pixel type, short" },
     { "in.nrrd out.png --rocking 60", "--rocking requires --frames" },
     { "in.nrrd out.png --frames 3 --sliding-slab 10 5", "--frames excludes --sliding-slab" },
