@@ -608,12 +608,12 @@ ProjectExactly(const ExactView<TPixel> &         view,
   const TaskSize      task = FindTaskSize(view.outputToSheared, rows);
   const auto          taskColumns = task.tiles * CellColumns;
   const auto          search = [&](std::size_t n, std::size_t step, std::size_t) {
-    const auto           band = static_cast<std::ptrdiff_t>(n) % task.bands;
-    const std::ptrdiff_t column = cells.first[0] + static_cast<std::ptrdiff_t>(step) * taskColumns;
-    const std::ptrdiff_t row = cells.first[1] + static_cast<std::ptrdiff_t>(n) / task.bands * CellRows;
-    RaySearch<TPixel>    rays(view, mode, kernels, guess, picture, column, row, task.tiles);
-    const double         low[] = { static_cast<double>(column), static_cast<double>(row) };
-    const double         high[] = { static_cast<double>(column + taskColumns), static_cast<double>(row + CellRows) };
+    const auto              band = static_cast<std::ptrdiff_t>(n) % task.bands;
+    const std::ptrdiff_t    column = cells.first[0] + static_cast<std::ptrdiff_t>(step) * taskColumns;
+    const std::ptrdiff_t    row = cells.first[1] + static_cast<std::ptrdiff_t>(n) / task.bands * CellRows;
+    RaySearch<TPixel>       rays(view, mode, kernels, guess, picture, column, row, task.tiles);
+    const double            low[] = { static_cast<double>(column), static_cast<double>(row) };
+    const double            high[] = { static_cast<double>(column + taskColumns), static_cast<double>(row + CellRows) };
     const PixelsInRectangle pixels(view.outputToSheared, low, high);
     const auto [rowBegin, rowEnd] = pixels.FindRows(rows);
     const std::ptrdiff_t count = rowEnd - rowBegin;

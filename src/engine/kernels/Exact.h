@@ -121,10 +121,6 @@ struct RowBounds
   std::int16_t levels[CellColumns];
 };
 
-/** Doubles may be so large or so small that products of them overflow or vanish. */
-template <typename TPixel>
-constexpr bool HasLargeNumbers = std::is_same_v<TPixel, double>;
-
 /** A cell between four voxels of a slice and four voxels of the next one, for the ray of each lane. Voxels are in the
  * direction of the ray, columns first. The ray passes the cell from slice `begin` to slice `end`. In slice 0 the ray is
  * at column `x` and row `y` of the cell, which may lie outside of the cell. */
@@ -193,153 +189,14 @@ ExpandInCell(const CellLanes<TNumber> & cell, const TNumber (&slope)[2])
   return { f0, f1, f2, f3, three * f3, f2 + f2 };
 }
 
-/** The ray of each lane, its best value so far, and the place of that value. Rays pass `slope` columns and rows from
- * slice to slice. Values below `least` do not matter. Cells come in the direction of the slices. */
-template <typename TPixel>
-struct RayLanes
+/** The best value so far of the ray of each lane, and its place. Values below `least` do not matter. */
+template <typename TNumber>
+struct BestLanes
 {
-  using Number = ExactNumber<TPixel>;
-  using Vectors = ExactVector<Number>;
-  using Vector = typename Vectors::Type;
-  using Mask = decltype(Vector{} < Vector{});
+  using Vector = typename ExactVector<TNumber>::Type;
 
-  const Number (&slope)[2];
-  bool   isBackward; // the viewer is behind the last slice
-  Vector least;
-  Vector best;
-  Vector place;
-
-  SHEARWARP_INLINE static Vector
-  GetLower(Vector a, Vector b)
-  {
-    return b < a ? b : a;
-  }
-
-  SHEARWARP_INLINE static Vector
-  GetHigher(Vector a, Vector b)
-  {
-    return a < b ? b : a;
-  }
-
-  /** Compares a value with a value before it. Among equal values the one nearer to the viewer wins. */
-  SHEARWARP_INLINE Mask
-  IsBetter(Vector value, Vector before) const
-  {
-    return isBackward ? value >= before : value > before;
-  }
-
-  /** Returns a power of two. Squares of the coefficients that are multiplied by it neither overflow nor vanish. */
-  static Number
-  FindScaleOfSquares(const Cubic<Number> & cubic)
-  {
-    if constexpr (HasLargeNumbers<TPixel>)
-    {
-      const auto   abs = [](double v) { return v < 0 ? -v : v; };
-      const double largest = Larger(Larger(abs(cubic.f1), abs(cubic.f2)), abs(cubic.f3));
-      return largest > 0x1p400 ? 0x1p-600 : largest < 0x1p-400 ? 0x1p600 : 1.0;
-    }
-    return 1;
-  }
-
-  /** Returns the lanes whose rays meet a cell that may have a better value, and whose voxels are finite. */
-  SHEARWARP_INLINE Mask
-  FindCounted(const CellLanes<Number> & cell, Vector highest) const;
-
-  /** Raises `value` to the cubic's local maximum within the cell, in the lanes of a mask. */
-  SHEARWARP_INLINE void
-  TakeLocalMaximum(const CellLanes<Number> & cell,
-                   const Cubic<Number> &     cubic,
-                   Vector                    bound,
-                   Mask                      lanes,
-                   Vector &                  value,
-                   Vector &                  valuePlace) const;
-
-  /** Raises `best` to the maximum in a cell. */
-  SHEARWARP_INLINE void
-  TakeCell(const CellLanes<Number> & cell);
+  Vector least, best, place;
 };
-
-template <typename TPixel>
-SHEARWARP_INLINE inline auto
-RayLanes<TPixel>::FindCounted(const CellLanes<Number> & cell, Vector highest) const -> Mask
-{
-  Mask isCounted = (cell.begin <= cell.end) & (highest >= least);
-  if constexpr (IsFloat<TPixel>)
-  {
-    constexpr Number largest = std::numeric_limits<Number>::max();
-    const Vector     most = Vectors::Set(largest);
-    const auto &     a = cell.front;
-    const auto &     b = cell.back;
-    const Vector     sum = ((a[0] + b[0]) + (a[1] + b[1])) + ((a[2] + b[2]) + (a[3] + b[3]));
-    isCounted &= (sum >= -most) & (sum <= most);
-  }
-  return isCounted;
-}
-
-template <typename TPixel>
-SHEARWARP_INLINE inline void
-RayLanes<TPixel>::TakeLocalMaximum(const CellLanes<Number> & cell,
-                                   const Cubic<Number> &     cubic,
-                                   Vector                    bound,
-                                   Mask                      lanes,
-                                   Vector &                  value,
-                                   Vector &                  valuePlace) const
-{
-  // the derivative falls through 0 at t; 3 g3, 2 g2 and g1 are its coefficients
-  const Vector none = Vectors::Set(0);
-  const Number scale = FindScaleOfSquares(cubic);
-  const Vector g1 = cubic.f1 * scale;
-  const Vector g2 = cubic.f2 * scale;
-  const Vector threeG3 = cubic.threeF3 * scale;
-  const Vector discriminant = g2 * g2 - threeG3 * g1;
-  const Vector root = Vectors::SquareRoot(GetHigher(discriminant, none));
-  const Mask   isFalling = g2 <= none;
-  const Vector numerator = isFalling ? g1 : Vector(-(g2 + root));
-  const Vector denominator = isFalling ? Vector(root - g2) : threeG3;
-  const Vector t = numerator / denominator;
-  const Vector atRoot = GetLower(cubic.Evaluate(t), bound);
-  const Mask   isTaken =
-    lanes & (discriminant >= none) & (t > cell.begin) & (t < cell.end) & this->IsBetter(atRoot, value);
-  value = isTaken ? atRoot : value;
-  valuePlace = isTaken ? t : valuePlace;
-}
-
-template <typename TPixel>
-SHEARWARP_INLINE inline void
-RayLanes<TPixel>::TakeCell(const CellLanes<Number> & cell)
-{
-  const auto & a = cell.front;
-  const auto & b = cell.back;
-  const Vector highest = GetHigher(GetHigher(GetHigher(a[0], b[0]), GetHigher(a[1], b[1])),
-                                   GetHigher(GetHigher(a[2], b[2]), GetHigher(a[3], b[3])));
-  const Mask   isCounted = this->FindCounted(cell, highest);
-  if (Vectors::GetBits(isCounted) == 0)
-  {
-    return;
-  }
-  const auto   cubic = ExpandInCell<Number>(cell, slope);
-  const Vector atBegin = GetLower(cubic.Evaluate(cell.begin), highest);
-  const Vector atEnd = GetLower(cubic.Evaluate(cell.end), highest);
-  // a cubic is not above the control points of its Bernstein form
-  const Number three = 3;
-  const Number third = Number(1) / three;
-  const Vector step = (cell.end - cell.begin) * third;
-  const Vector bound =
-    GetLower(GetHigher(atBegin + step * cubic.Derive(cell.begin), atEnd - step * cubic.Derive(cell.end)), highest);
-  const Mask mayBeBetter = isCounted & (bound > atBegin) & (bound > atEnd) & (bound >= least);
-  Vector     value = atBegin;
-  Vector     valuePlace = cell.begin;
-  if (Vectors::GetBits(mayBeBetter) != 0)
-  {
-    this->TakeLocalMaximum(cell, cubic, bound, mayBeBetter, value, valuePlace);
-  }
-  const Mask takesEnd = this->IsBetter(atEnd, value);
-  value = takesEnd ? atEnd : value;
-  valuePlace = takesEnd ? cell.end : valuePlace;
-  const Mask isTaken = isCounted & this->IsBetter(value, best);
-  best = isTaken ? value : best;
-  place = isTaken ? valuePlace : place;
-}
 
 /** Finds the maxima of the rays of a tile. */
 template <typename TPixel, bool VIsMinimum>
@@ -372,8 +229,8 @@ public:
 
 private:
   using Vectors = ExactVector<Number>;
-  using Lanes = RayLanes<TPixel>;
   using Vector = typename Vectors::Type;
+  using Flags = decltype(Vector{} < Vector{});
 
   using LevelType = std::conditional_t<(sizeof(TPixel) <= 2), Levels<TPixel, VIsMinimum>, NoLevels>;
 
@@ -389,6 +246,9 @@ private:
 
   static constexpr int  RaysTogether = 16; // at most 32
   static constexpr bool HasLevels = sizeof(TPixel) <= 2;
+
+  /** Doubles may be so large or so small that products of them overflow or vanish. */
+  static constexpr bool HasLargeNumbers = std::is_same_v<TPixel, double>;
   /** Rounding may lower a level by half a unit if voxels are halved, and, along each axis, by one unit for the weight
    * and half a unit for the product. */
   static constexpr int LevelSlack = 4;
@@ -441,11 +301,44 @@ private:
   Number
   FindScaleOfVoxels() const
   {
-    if constexpr (HasLargeNumbers<TPixel>)
+    if constexpr (HasLargeNumbers)
     {
       return m_Slices.lowest < -0x1p1000 || m_Slices.highest > 0x1p1000 ? 0x1p-30 : 1.0;
     }
     return 1;
+  }
+
+  /** Returns a power of two. Squares of coefficients that are multiplied by it neither overflow nor vanish. */
+  static Number
+  FindScaleOfSquares(const Cubic<Number> & cubic)
+  {
+    if constexpr (HasLargeNumbers)
+    {
+      const auto   abs = [](double v) { return v < 0 ? -v : v; };
+      const double largest = Larger(Larger(abs(cubic.f1), abs(cubic.f2)), abs(cubic.f3));
+      return largest > 0x1p400 ? 0x1p-600 : largest < 0x1p-400 ? 0x1p600 : 1.0;
+    }
+    return 1;
+  }
+
+  SHEARWARP_INLINE static Vector
+  GetLower(Vector a, Vector b)
+  {
+    return b < a ? b : a;
+  }
+
+  SHEARWARP_INLINE static Vector
+  GetHigher(Vector a, Vector b)
+  {
+    return a < b ? b : a;
+  }
+
+  /** Returns the lanes where \a value is better than a value before it. Among equal values the one nearer to the viewer
+   * is better. */
+  SHEARWARP_INLINE Flags
+  IsBetter(Vector value, Vector before) const
+  {
+    return m_IsBackward ? value >= before : value > before;
   }
 
   bool
@@ -531,6 +424,24 @@ private:
   /** Converts three of four voxels to numbers, in the direction of rays. */
   void
   SplitLine(const std::uint32_t (&words)[WordsInFour][RaysTogether], Number (*voxels)[RaysTogether]) const;
+
+  /** Returns the lanes whose rays meet the cell, if the cell may have a better value and all its voxels are finite. */
+  static Flags
+  FindCounted(const CellLanes<Number> & cell, Vector highest, Vector least);
+
+  /** Raises \a value to the cubic's local maximum within the cell, in the given lanes. The maximum is at most \a bound.
+   */
+  void
+  TakeLocalMaximum(const CellLanes<Number> & cell,
+                   const Cubic<Number> &     cubic,
+                   Vector                    bound,
+                   Flags                     lanes,
+                   Vector &                  value,
+                   Vector &                  place) const;
+
+  /** Raises best values to the maximum in the cell. A ray's cells come in the order of the slices. */
+  void
+  TakeCell(const CellLanes<Number> & cell, BestLanes<Number> & lanes) const;
 
   /** Evaluates as many rays as a vector has lanes, from ray \a first on. Writes their best values and the places of
    * these in the part, and returns the rays with a value of at least their best one so far, as bits. */
@@ -889,7 +800,7 @@ TileSearch<TPixel, VIsMinimum>::CopyLines(const VoxelPlaces & places, Four (&fou
   {
     const std::int32_t column = places.columns[n];
     const std::int32_t row = places.rows[n];
-    const bool isInside = (column >= 0) & (column <= lastColumn - 3) & (row >= 0) & (row <= lastRow - 2);
+    const bool         isInside = (column >= 0) & (column <= lastColumn - 3) & (row >= 0) & (row <= lastRow - 2);
     if (isInside)
     {
       const std::ptrdiff_t offset = row * m_Slices.rowStride + column;
@@ -901,9 +812,8 @@ TileSearch<TPixel, VIsMinimum>::CopyLines(const VoxelPlaces & places, Four (&fou
     }
     for (int line = 0; line < 6; ++line)
     {
-      const TPixel * const from =
-        places.slices[line / 3][n] + Limit(row + line % 3, 0, lastRow) * m_Slices.rowStride;
-      TPixel edge[4];
+      const TPixel * const from = places.slices[line / 3][n] + Limit(row + line % 3, 0, lastRow) * m_Slices.rowStride;
+      TPixel               edge[4];
       for (int place = 0; place < 4; ++place)
       {
         edge[place] = from[Limit(column + place, 0, lastColumn)];
@@ -965,13 +875,93 @@ TileSearch<TPixel, VIsMinimum>::LoadFours(const VoxelPlaces & places, RayGroup &
 }
 
 template <typename TPixel, bool VIsMinimum>
-SHEARWARP_INLINE inline std::uint32_t
-TileSearch<TPixel, VIsMinimum>::EvaluateLanes(const RayGroup & group,
-                                              int              first,
-                                              Number *         best,
-                                              Number *         places) const
+SHEARWARP_INLINE inline auto
+TileSearch<TPixel, VIsMinimum>::FindCounted(const CellLanes<Number> & cell, Vector highest, Vector least) -> Flags
 {
-  const auto load = [first](const Number * numbers) SHEARWARP_INLINE -> Vector { return Vectors::Load(numbers + first); };
+  Flags isCounted = (cell.begin <= cell.end) & (highest >= least);
+  if constexpr (IsFloat<TPixel>)
+  {
+    constexpr Number largest = std::numeric_limits<Number>::max();
+    const Vector     most = Vectors::Set(largest);
+    const auto &     a = cell.front;
+    const auto &     b = cell.back;
+    const Vector     sum = ((a[0] + b[0]) + (a[1] + b[1])) + ((a[2] + b[2]) + (a[3] + b[3]));
+    isCounted &= (sum >= -most) & (sum <= most);
+  }
+  return isCounted;
+}
+
+template <typename TPixel, bool VIsMinimum>
+SHEARWARP_INLINE inline void
+TileSearch<TPixel, VIsMinimum>::TakeLocalMaximum(const CellLanes<Number> & cell,
+                                                 const Cubic<Number> &     cubic,
+                                                 Vector                    bound,
+                                                 Flags                     lanes,
+                                                 Vector &                  value,
+                                                 Vector &                  place) const
+{
+  // the derivative falls through 0 at t; 3 g3, 2 g2 and g1 are its coefficients
+  const Vector none = Vectors::Set(0);
+  const Number scale = FindScaleOfSquares(cubic);
+  const Vector g1 = cubic.f1 * scale;
+  const Vector g2 = cubic.f2 * scale;
+  const Vector threeG3 = cubic.threeF3 * scale;
+  const Vector discriminant = g2 * g2 - threeG3 * g1;
+  const Vector root = Vectors::SquareRoot(GetHigher(discriminant, none));
+  const Flags  isFalling = g2 <= none;
+  const Vector numerator = isFalling ? g1 : Vector(-(g2 + root));
+  const Vector denominator = isFalling ? Vector(root - g2) : threeG3;
+  const Vector t = numerator / denominator;
+  const Vector atRoot = GetLower(cubic.Evaluate(t), bound);
+  const Flags  isTaken =
+    lanes & (discriminant >= none) & (t > cell.begin) & (t < cell.end) & this->IsBetter(atRoot, value);
+  value = isTaken ? atRoot : value;
+  place = isTaken ? t : place;
+}
+
+template <typename TPixel, bool VIsMinimum>
+SHEARWARP_INLINE inline void
+TileSearch<TPixel, VIsMinimum>::TakeCell(const CellLanes<Number> & cell, BestLanes<Number> & lanes) const
+{
+  const auto & a = cell.front;
+  const auto & b = cell.back;
+  const Vector highest = GetHigher(GetHigher(GetHigher(a[0], b[0]), GetHigher(a[1], b[1])),
+                                   GetHigher(GetHigher(a[2], b[2]), GetHigher(a[3], b[3])));
+  const Flags  isCounted = FindCounted(cell, highest, lanes.least);
+  if (Vectors::GetBits(isCounted) == 0)
+  {
+    return;
+  }
+  const auto   cubic = ExpandInCell<Number>(cell, m_Slope);
+  const Vector atBegin = GetLower(cubic.Evaluate(cell.begin), highest);
+  const Vector atEnd = GetLower(cubic.Evaluate(cell.end), highest);
+  // a cubic is not above the control points of its Bernstein form
+  const Number three = 3;
+  const Number third = Number(1) / three;
+  const Vector step = (cell.end - cell.begin) * third;
+  const Vector bound =
+    GetLower(GetHigher(atBegin + step * cubic.Derive(cell.begin), atEnd - step * cubic.Derive(cell.end)), highest);
+  const Flags mayBeBetter = isCounted & (bound > atBegin) & (bound > atEnd) & (bound >= lanes.least);
+  Vector      value = atBegin;
+  Vector      place = cell.begin;
+  if (Vectors::GetBits(mayBeBetter) != 0)
+  {
+    this->TakeLocalMaximum(cell, cubic, bound, mayBeBetter, value, place);
+  }
+  const Flags takesEnd = this->IsBetter(atEnd, value);
+  value = takesEnd ? atEnd : value;
+  place = takesEnd ? cell.end : place;
+  const Flags isTaken = isCounted & this->IsBetter(value, lanes.best);
+  lanes.best = isTaken ? value : lanes.best;
+  lanes.place = isTaken ? place : lanes.place;
+}
+
+template <typename TPixel, bool VIsMinimum>
+SHEARWARP_INLINE inline std::uint32_t
+TileSearch<TPixel, VIsMinimum>::EvaluateLanes(const RayGroup & group, int first, Number * best, Number * places) const
+{
+  const auto load = [first](const Number * numbers)
+                      SHEARWARP_INLINE -> Vector { return Vectors::Load(numbers + first); };
   const Vector all = Vectors::Set(1);
   const Vector x = load(group.x);
   const Vector y = load(group.y);
@@ -987,29 +977,23 @@ TileSearch<TPixel, VIsMinimum>::EvaluateLanes(const RayGroup & group,
   const Vector leavesX = (all - x) * m_PerVoxel[0];
   const Vector leavesY = (all - y) * m_PerVoxel[1];
   const auto   isXFirst = leavesX <= leavesY;
-  const Vector leavesFirst = Lanes::GetLower(leavesX, leavesY);
-  const Vector leavesLast = Lanes::GetHigher(leavesX, leavesY);
+  const Vector leavesFirst = GetLower(leavesX, leavesY);
+  const Vector leavesLast = GetHigher(leavesX, leavesY);
   const auto   next = [&](int voxel) SHEARWARP_INLINE -> Vector { return isXFirst ? v[voxel + 1] : v[voxel + 3]; };
 
-  Lanes lanes{ m_Slope, m_IsBackward, load(group.best), Vectors::Set(NoSample<Number>), Vectors::Set(0) };
-  lanes.TakeCell({ { v[0], v[1], v[3], v[4] },
-                   { v[9], v[10], v[12], v[13] },
-                   x,
-                   y,
-                   begin,
-                   Lanes::GetLower(leavesFirst, end) });
-  lanes.TakeCell({ { next(0), next(1), next(3), next(4) },
+  BestLanes<Number> lanes{ load(group.best), Vectors::Set(NoSample<Number>), Vectors::Set(0) };
+  this->TakeCell({ { v[0], v[1], v[3], v[4] }, { v[9], v[10], v[12], v[13] }, x, y, begin, GetLower(leavesFirst, end) },
+                 lanes);
+  this->TakeCell({ { next(0), next(1), next(3), next(4) },
                    { next(9), next(10), next(12), next(13) },
                    isXFirst ? Vector(x - all) : x,
                    isXFirst ? y : Vector(y - all),
-                   Lanes::GetHigher(leavesFirst, begin),
-                   Lanes::GetLower(leavesLast, end) });
-  lanes.TakeCell({ { v[4], v[5], v[7], v[8] },
-                   { v[13], v[14], v[16], v[17] },
-                   x - all,
-                   y - all,
-                   Lanes::GetHigher(leavesLast, begin),
-                   end });
+                   GetHigher(leavesFirst, begin),
+                   GetLower(leavesLast, end) },
+                 lanes);
+  this->TakeCell(
+    { { v[4], v[5], v[7], v[8] }, { v[13], v[14], v[16], v[17] }, x - all, y - all, GetHigher(leavesLast, begin), end },
+    lanes);
   Vectors::Store(best + first, lanes.best);
   Vectors::Store(places + first, lanes.place);
   return Vectors::GetBits(lanes.best >= lanes.least);
@@ -1051,7 +1035,7 @@ TileSearch<TPixel, VIsMinimum>::Evaluate()
     this->LoadSingly(voxelPlaces, group);
   }
   const Number scale = this->FindScaleOfVoxels();
-  if constexpr (HasLargeNumbers<TPixel>)
+  if constexpr (HasLargeNumbers)
   {
     for (int n = 0; n < RaysTogether; ++n)
     {
