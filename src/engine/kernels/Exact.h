@@ -121,9 +121,10 @@ struct RowBounds
   std::int16_t levels[CellColumns];
 };
 
-/** A cell between four voxels of a slice and four voxels of the next one, for the ray of each lane. Voxels are in the
- * direction of the ray, columns first. The ray passes the cell from slice `begin` to slice `end`. In slice 0 the ray is
- * at column `x` and row `y` of the cell, which may lie outside of the cell. */
+/** For the ray of each lane, a cell between four voxels of a slice and four voxels of the next slice. Voxels are in the
+ * direction of the ray, columns first. Places on the ray are 0 in the slice and 1 in the next one. The ray is in the
+ * cell from `begin` to `end`. At 0 it is at column `x` and row `y` of the cell, or beside the cell if it enters later.
+ */
 template <typename TNumber>
 struct CellLanes
 {
@@ -189,7 +190,7 @@ ExpandInCell(const CellLanes<TNumber> & cell, const TNumber (&slope)[2])
   return { f0, f1, f2, f3, three * f3, f2 + f2 };
 }
 
-/** The best value so far of the ray of each lane, and its place. Values below `least` do not matter. */
+/** For the ray of each lane, the best value in the cells so far, and its place. Values below `least` are not needed. */
 template <typename TNumber>
 struct BestLanes
 {
@@ -208,7 +209,7 @@ public:
   /** A new search sets `least` of all cells. Another one only updates `least`. */
   TileSearch(const ExactView<TPixel> & view, const ExactTile<TPixel> & tile, bool isNew);
 
-  /** Searches all rays from a slice to the next one, except those that bounds exclude. */
+  /** Searches from a slice to the next one all rays that voxels near them do not exclude. */
   void
   SearchPair(std::ptrdiff_t slice);
 
@@ -249,6 +250,7 @@ private:
 
   /** Doubles may be so large or so small that products of them overflow or vanish. */
   static constexpr bool HasLargeNumbers = std::is_same_v<TPixel, double>;
+
   /** Rounding may lower a level by half a unit if voxels are halved, and, along each axis, by one unit for the weight
    * and half a unit for the product. */
   static constexpr int LevelSlack = 4;
@@ -260,6 +262,16 @@ private:
 
   /** The most voxels of a row that have weight in a row of cells. */
   static constexpr std::ptrdiff_t RowWidth = CellColumns + CellReach - 1;
+
+  /** The most rows that have weight in a tile. */
+  static constexpr std::ptrdiff_t MostRows = CellRows + CellReach - 1;
+
+  /** Rows of a slice and of the next one: in the volume, or copies. */
+  struct SlicePair
+  {
+    PairOfRows<TPixel> rows[MostRows];
+    TPixel             copies[MostRows][2][2 * RowWidth];
+  };
 
   /** The rays that are evaluated together, from a slice to the next one. In the slice, a ray is at column `x` and row
    * `y`, counted from the corner of its first cell in the direction of the ray. The ray begins and ends between the two
@@ -310,12 +322,12 @@ private:
 
   /** Returns a power of two. Squares of coefficients that are multiplied by it neither overflow nor vanish. */
   static Number
-  FindScaleOfSquares(const Cubic<Number> & cubic)
+  FindScaleOfSquares(Vector f1, Vector f2, Vector f3)
   {
     if constexpr (HasLargeNumbers)
     {
       const auto   abs = [](double v) { return v < 0 ? -v : v; };
-      const double largest = Larger(Larger(abs(cubic.f1), abs(cubic.f2)), abs(cubic.f3));
+      const double largest = Larger(Larger(abs(f1), abs(f2)), abs(f3));
       return largest > 0x1p400 ? 0x1p-600 : largest < 0x1p-400 ? 0x1p600 : 1.0;
     }
     return 1;
@@ -390,6 +402,14 @@ private:
     return inside + (isLeft ? Larger(first, -RowWidth) : Smaller(first - last, RowWidth));
   }
 
+  /** Finds \a count rows that have weight in the tile, and prefetches the slice behind them. */
+  void
+  FindRows(std::ptrdiff_t slice,
+           std::ptrdiff_t firstColumn,
+           std::ptrdiff_t firstRow,
+           std::ptrdiff_t count,
+           SlicePair &    pair) const;
+
   template <int VLast, bool VIsHalved>
   static void
   BoundRows(const PairOfRows<TPixel> * rows,
@@ -404,6 +424,10 @@ private:
             const CellWindow &        window,
             std::ptrdiff_t            row,
             TPixel (&voxels)[CellColumns]) const;
+
+  /** Adds the rays of a cell for which \a bound, the best voxel near the cell, is better, or as good and nearer. */
+  void
+  AddRays(std::ptrdiff_t cell, Number bound, std::ptrdiff_t slice);
 
   /** Places the rays of the first \a count parts. The other rays of the group are copies of the first one. */
   void
@@ -506,6 +530,7 @@ TileSearch<TPixel, VIsMinimum>::FindLeast(Number best, bool hasDepth)
     {
       return voxel;
     }
+    // rounding went beyond the value
     const TPixel more = static_cast<TPixel>(rounded < 0 ? -rounded * 2e-7 : rounded * 2e-7) + smallest;
     return VIsMinimum ? voxel + more : voxel - more;
   }
@@ -663,36 +688,68 @@ TileSearch<TPixel, VIsMinimum>::FindCells(const RowBounds<TPixel> * rows,
 
 template <typename TPixel, bool VIsMinimum>
 void
+TileSearch<TPixel, VIsMinimum>::FindRows(std::ptrdiff_t slice,
+                                         std::ptrdiff_t firstColumn,
+                                         std::ptrdiff_t firstRow,
+                                         std::ptrdiff_t count,
+                                         SlicePair &    pair) const
+{
+  const bool           isInside = firstColumn >= 0 && firstColumn + RowWidth <= m_Slices.columns;
+  const TPixel * const slices[] = { this->GetSlice(slice), this->GetSlice(slice + 1) };
+  const TPixel * const later = this->GetSlice(slice + 2);
+  const std::ptrdiff_t laterColumns[] = { Limit<std::ptrdiff_t>(firstColumn, 0, m_Slices.columns - 1),
+                                          Limit<std::ptrdiff_t>(firstColumn + CellColumns, 0, m_Slices.columns - 1) };
+  for (std::ptrdiff_t row = 0; row < count; ++row)
+  {
+    const std::ptrdiff_t begin = Limit<std::ptrdiff_t>(firstRow + row, 0, m_Slices.rows - 1) * m_Slices.rowStride;
+    for (int side = 0; side < 2; ++side)
+    {
+      const TPixel * const voxels = slices[side] + begin;
+      pair.rows[row].voxels[side] =
+        isInside ? voxels + firstColumn : this->CopyRow(voxels, firstColumn, pair.copies[row][side]);
+      PrefetchVoxel(later + (begin + laterColumns[side]));
+    }
+  }
+}
+
+template <typename TPixel, bool VIsMinimum>
+void
+TileSearch<TPixel, VIsMinimum>::AddRays(std::ptrdiff_t cell, Number bound, std::ptrdiff_t slice)
+{
+  const auto                 first = static_cast<double>(slice);
+  const double               nearest = m_IsBackward ? first + 1.0 : first;
+  const std::int32_t * const begin = m_Tile.cellBegins + cell;
+  for (std::int32_t ray = begin[0]; ray < begin[1]; ++ray)
+  {
+    const bool isReached = (m_Tile.begin[ray] <= first + 1.0) & (m_Tile.end[ray] >= first);
+    bool       isBetter = bound > m_Tile.best[ray];
+    if (m_Tile.hasDepth)
+    {
+      isBetter |= (bound == m_Tile.best[ray]) & this->IsNearer(nearest, m_Tile.places[ray]);
+    }
+    m_Parts[m_Count] = { ray, static_cast<std::int32_t>(slice) };
+    m_Count += (isReached & isBetter) ? 1 : 0;
+    if (m_Count == RaysTogether)
+    {
+      this->Evaluate();
+    }
+  }
+}
+
+template <typename TPixel, bool VIsMinimum>
+void
 TileSearch<TPixel, VIsMinimum>::SearchPair(std::ptrdiff_t slice)
 {
   const CellWindow     columns = this->FindWindow(0, slice);
   const CellWindow     rows = this->FindWindow(1, slice);
   const std::ptrdiff_t count = CellRows + rows.last + 1;
-  const bool           isInside = columns.first >= 0 && columns.first + RowWidth <= m_Slices.columns;
-  const TPixel * const slices[] = { this->GetSlice(slice), this->GetSlice(slice + 1) };
-  const TPixel * const later = this->GetSlice(slice + 2);
-  const std::ptrdiff_t laterColumns[] = { Limit<std::ptrdiff_t>(columns.first, 0, m_Slices.columns - 1),
-                                          Limit<std::ptrdiff_t>(columns.first + CellColumns, 0, m_Slices.columns - 1) };
-  PairOfRows<TPixel>   pairs[CellRows + CellReach - 1];
-  TPixel               edges[CellRows + CellReach - 1][2][2 * RowWidth];
-  for (std::ptrdiff_t row = 0; row < count; ++row)
-  {
-    const std::ptrdiff_t begin = Limit<std::ptrdiff_t>(rows.first + row, 0, m_Slices.rows - 1) * m_Slices.rowStride;
-    for (int side = 0; side < 2; ++side)
-    {
-      const TPixel * const voxels = slices[side] + begin;
-      pairs[row].voxels[side] =
-        isInside ? voxels + columns.first : this->CopyRow(voxels, columns.first, edges[row][side]);
-      PrefetchVoxel(later + (begin + laterColumns[side]));
-    }
-  }
-  RowBounds<TPixel> bounds[CellRows + CellReach - 1];
+  SlicePair            pair;
+  this->FindRows(slice, columns.first, rows.first, count, pair);
+  RowBounds<TPixel> bounds[MostRows];
   CallWithLast(columns, [&](auto last) {
-    m_Levels.isHalved ? BoundRows<decltype(last)::value, sizeof(TPixel) == 2>(pairs, count, columns, bounds)
-                      : BoundRows<decltype(last)::value, false>(pairs, count, columns, bounds);
+    m_Levels.isHalved ? BoundRows<decltype(last)::value, sizeof(TPixel) == 2>(pair.rows, count, columns, bounds)
+                      : BoundRows<decltype(last)::value, false>(pair.rows, count, columns, bounds);
   });
-  const auto   first = static_cast<double>(slice);
-  const double nearest = m_IsBackward ? first + 1.0 : first;
   for (std::ptrdiff_t row = 0; row < CellRows; ++row)
   {
     if (m_HasChanged[row])
@@ -707,23 +764,7 @@ TileSearch<TPixel, VIsMinimum>::SearchPair(std::ptrdiff_t slice)
     for (; bits != 0; bits &= bits - 1)
     {
       const std::ptrdiff_t n = FindLowest(bits);
-      const Number         bound = Load(voxels[n]);
-      const std::int32_t * cell = m_Tile.cellBegins + (row * CellColumns + n);
-      for (std::int32_t ray = cell[0]; ray < cell[1]; ++ray)
-      {
-        const bool isReached = (m_Tile.begin[ray] <= first + 1.0) & (m_Tile.end[ray] >= first);
-        bool       isBetter = bound > m_Tile.best[ray];
-        if (m_Tile.hasDepth)
-        {
-          isBetter |= (bound == m_Tile.best[ray]) & this->IsNearer(nearest, m_Tile.places[ray]);
-        }
-        m_Parts[m_Count] = { ray, static_cast<std::int32_t>(slice) };
-        m_Count += (isReached & isBetter) ? 1 : 0;
-        if (m_Count == RaysTogether)
-        {
-          this->Evaluate();
-        }
-      }
+      this->AddRays(row * CellColumns + n, Load(voxels[n]), slice);
     }
   }
 }
@@ -900,21 +941,21 @@ TileSearch<TPixel, VIsMinimum>::TakeLocalMaximum(const CellLanes<Number> & cell,
                                                  Vector &                  value,
                                                  Vector &                  place) const
 {
-  // the derivative falls through 0 at t; 3 g3, 2 g2 and g1 are its coefficients
-  const Vector none = Vectors::Set(0);
-  const Number scale = FindScaleOfSquares(cubic);
+  // the derivative, 3 g3 t^2 + 2 g2 t + g1 but for the scale, falls through 0 at t
+  const Vector zero = Vectors::Set(0);
+  const Number scale = FindScaleOfSquares(cubic.f1, cubic.f2, cubic.f3);
   const Vector g1 = cubic.f1 * scale;
   const Vector g2 = cubic.f2 * scale;
   const Vector threeG3 = cubic.threeF3 * scale;
   const Vector discriminant = g2 * g2 - threeG3 * g1;
-  const Vector root = Vectors::SquareRoot(GetHigher(discriminant, none));
-  const Flags  isFalling = g2 <= none;
+  const Vector root = Vectors::SquareRoot(GetHigher(discriminant, zero));
+  const Flags  isFalling = g2 <= zero;
   const Vector numerator = isFalling ? g1 : Vector(-(g2 + root));
   const Vector denominator = isFalling ? Vector(root - g2) : threeG3;
   const Vector t = numerator / denominator;
   const Vector atRoot = GetLower(cubic.Evaluate(t), bound);
   const Flags  isTaken =
-    lanes & (discriminant >= none) & (t > cell.begin) & (t < cell.end) & this->IsBetter(atRoot, value);
+    lanes & (discriminant >= zero) & (t > cell.begin) & (t < cell.end) & this->IsBetter(atRoot, value);
   value = isTaken ? atRoot : value;
   place = isTaken ? t : place;
 }
@@ -962,7 +1003,7 @@ TileSearch<TPixel, VIsMinimum>::EvaluateLanes(const RayGroup & group, int first,
 {
   const auto load = [first](const Number * numbers)
                       SHEARWARP_INLINE -> Vector { return Vectors::Load(numbers + first); };
-  const Vector all = Vectors::Set(1);
+  const Vector one = Vectors::Set(1);
   const Vector x = load(group.x);
   const Vector y = load(group.y);
   const Vector begin = load(group.begin);
@@ -974,8 +1015,8 @@ TileSearch<TPixel, VIsMinimum>::EvaluateLanes(const RayGroup & group, int first,
     v[voxel] = load(group.voxels[voxel]);
   }
   // the ray leaves its first column or its first row, then the other one
-  const Vector leavesX = (all - x) * m_PerVoxel[0];
-  const Vector leavesY = (all - y) * m_PerVoxel[1];
+  const Vector leavesX = (one - x) * m_PerVoxel[0];
+  const Vector leavesY = (one - y) * m_PerVoxel[1];
   const auto   isXFirst = leavesX <= leavesY;
   const Vector leavesFirst = GetLower(leavesX, leavesY);
   const Vector leavesLast = GetHigher(leavesX, leavesY);
@@ -986,13 +1027,13 @@ TileSearch<TPixel, VIsMinimum>::EvaluateLanes(const RayGroup & group, int first,
                  lanes);
   this->TakeCell({ { next(0), next(1), next(3), next(4) },
                    { next(9), next(10), next(12), next(13) },
-                   isXFirst ? Vector(x - all) : x,
-                   isXFirst ? y : Vector(y - all),
+                   isXFirst ? Vector(x - one) : x,
+                   isXFirst ? y : Vector(y - one),
                    GetHigher(leavesFirst, begin),
                    GetLower(leavesLast, end) },
                  lanes);
   this->TakeCell(
-    { { v[4], v[5], v[7], v[8] }, { v[13], v[14], v[16], v[17] }, x - all, y - all, GetHigher(leavesLast, begin), end },
+    { { v[4], v[5], v[7], v[8] }, { v[13], v[14], v[16], v[17] }, x - one, y - one, GetHigher(leavesLast, begin), end },
     lanes);
   Vectors::Store(best + first, lanes.best);
   Vectors::Store(places + first, lanes.place);
