@@ -805,7 +805,7 @@ TYPED_TEST(ShearWarpExact, BoundsExcludeNothingBetter)
   }
 }
 
-/** Where nothing is known, and where all is wrong. */
+/** The picture is the same without ranks and with wrong ones, whether the first or the last slice has rank 1. */
 TEST(ShearWarpExactGuess, ChangesNoBit)
 {
   Random                              random(2405);
@@ -813,15 +813,11 @@ TEST(ShearWarpExactGuess, ChangesNoBit)
   const auto                          image = MakePlainImage<short>({ { columns, rows, slices } });
   itk::ShearWarpPreparedVolume<short> volume(true);
   const auto &                        kernels = Kernels::GetKernels<short>();
-  Kernels::Threads                    threads;
-  const auto call = [](itk::SizeValueType count, itk::SizeValueType steps, const Kernels::Task & task) {
-    for (itk::SizeValueType n = 0; n < count * steps; ++n)
+  const Kernels::RunTasks             run = [](std::size_t count, std::size_t steps, const Kernels::Task & task) {
+    for (std::size_t n = 0; n < count * steps; ++n)
     {
       task(n / steps, n % steps, 0);
     }
-  };
-  threads.run = [&](itk::SizeValueType count, itk::SizeValueType steps, float, const Kernels::Task & task) {
-    call(count, steps, task);
   };
   for (int repeat = 0; repeat < 40; ++repeat)
   {
@@ -829,7 +825,7 @@ TEST(ShearWarpExactGuess, ChangesNoBit)
       return static_cast<short>(repeat % 2 == 0 ? random.Integer(0, 3) : random.Integer(-32768, 32767));
     });
     image->Modified();
-    volume.Prepare(image, image->GetLargestPossibleRegion(), 2, true, kernels, call);
+    volume.Prepare(image, image->GetLargestPossibleRegion(), 2, true, kernels, run);
     Kernels::ExactView<short> view;
     view.slices = volume.GetSlices(2);
     view.blocks = volume.GetBlockExtrema(2);
@@ -840,37 +836,83 @@ TEST(ShearWarpExactGuess, ChangesNoBit)
     }
     view.outputToSheared = { 0.9, 0.1, 0.0, -0.2, 0.8, 5.0 };
     view.depth = { 0.0, 0.0, repeat % 3 == 0 ? -1.0 : 1.0, 0.0 };
-    view.extremum = static_cast<Kernels::Extremum>(repeat % 3);
     view.background = 7;
+    const auto mode = static_cast<Kernels::Mode>(repeat % 3);
 
-    constexpr std::ptrdiff_t         width = 60, height = 50;
-    const std::ptrdiff_t             guessColumns = columns + slices, guessRows = rows + slices;
-    std::vector<Kernels::ColumnSpan> reached(guessRows, { 0, static_cast<std::int32_t>(guessColumns) });
-    std::vector<std::int32_t>        guesses(guessColumns * guessRows, Kernels::NoSlice);
-    std::vector<short>               pixels, expected;
-    std::vector<float>               depths, expectedDepths;
+    constexpr std::ptrdiff_t          width = 60, height = 50;
+    const std::ptrdiff_t              guessColumns = columns + slices, guessRows = rows + slices;
+    std::vector<Kernels::ColumnSpan>  reached(guessRows, { 0, static_cast<std::int32_t>(guessColumns) });
+    std::vector<std::int32_t>         ranks(guessColumns * guessRows, 0);
+    Kernels::IntermediateImage<short> guess{ nullptr, guessColumns, guessRows, guessColumns, reached.data() };
+    guess.ranks = ranks.data();
+    guess.ranking = repeat % 4 < 2 ? Kernels::Ranking{ 0, 1 } : Kernels::Ranking{ slices - 1, -1 };
+
+    std::vector<short> pixels, expected;
+    std::vector<float> depths, expectedDepths;
     for (int n = 0; n < 4; ++n)
     {
       pixels.assign(width * height, 0);
       depths.assign(width * height, 0.0f);
-      Kernels::ProjectExactly<short>(view,
-                                     kernels,
-                                     { nullptr, guessColumns, guessRows, guessColumns, reached.data(), guesses.data() },
-                                     width,
-                                     height,
-                                     { pixels.data(), depths.data() },
-                                     threads,
-                                     1.0f);
+      Kernels::ProjectExactly<short>(view, mode, kernels, guess, width, height, { pixels.data(), depths.data() }, run);
       expected = n == 0 ? pixels : expected;
       expectedDepths = n == 0 ? depths : expectedDepths;
       EXPECT_EQ(pixels, expected);
       EXPECT_EQ(std::memcmp(depths.data(), expectedDepths.data(), depths.size() * sizeof(float)), 0);
-      std::generate(guesses.begin(), guesses.end(), [&random] {
-        return static_cast<std::int32_t>(random.Integer(-1, slices - 1));
-      });
+      std::generate(
+        ranks.begin(), ranks.end(), [&random] { return static_cast<std::int32_t>(random.Integer(-1, slices)); });
     }
     EXPECT_GT(std::count(pixels.begin(), pixels.end(), 7), 0);
   }
+}
+
+namespace
+{
+std::vector<std::int32_t> firstSlices;
+
+/** Evaluates nothing, but keeps the slices where the search begins. */
+short
+KeepFirstSlices(const Kernels::ExactView<short> &,
+                const Kernels::ExactTile<short> &,
+                const Kernels::RayPart * parts,
+                std::size_t              count)
+{
+  std::for_each(parts, parts + count, [](const auto & part) { firstSlices.push_back(part.slice); });
+  return 0;
+}
+} // namespace
+
+/** The search begins in the slice of the guess, or where the ray begins: without a rank, and without a pixel. */
+TEST(ShearWarpExactGuess, TellsWhereTheSearchBegins)
+{
+  constexpr std::ptrdiff_t  size = 6;
+  std::vector<short>        voxels(size * size * size), cubes(1);
+  Kernels::Kernels<short>   kernels = Kernels::GetPortableKernels<short>();
+  Kernels::ExactView<short> view{};
+  view.slices = { voxels.data(), size, size, size, size, size * size };
+  view.blocks = { cubes.data(), nullptr, 1, 1, 1, 1, 1, 1 };
+  view.outputToSheared = { 1.0, 0.0, 0.0, 0.0, 1.0, 0.0 };
+  kernels.evaluateParts = KeepFirstSlices;
+  kernels.searchSlab = [](const auto &, const auto &, std::ptrdiff_t, std::ptrdiff_t) { return short{ 0 }; };
+
+  const std::vector<Kernels::ColumnSpan> reached(size, { 0, 5 });
+  const std::vector<std::int32_t>        ranks{ 0, 1, 2, 6, -3, 4 };
+  Kernels::IntermediateImage<short>      guess{ nullptr, size, 1, size, reached.data(), ranks.data() };
+  std::vector<short>                     pixels(size);
+  const auto                             run = [](std::size_t count, std::size_t steps, const Kernels::Task & task) {
+    for (std::size_t n = 0; n < count * steps; ++n)
+    {
+      task(n / steps, n % steps, 0);
+    }
+  };
+  const auto findFirstSlices = [&](const Kernels::Ranking & ranking) {
+    firstSlices.clear();
+    guess.ranking = ranking;
+    Kernels::ProjectExactly<short>(
+      view, Kernels::Mode::Maximum, kernels, guess, size, 1, { pixels.data(), nullptr }, run);
+    return firstSlices;
+  };
+  EXPECT_EQ(findFirstSlices({ 0, 1 }), (std::vector<std::int32_t>{ -1, 0, 1, 5, -1, -1 }));
+  EXPECT_EQ(findFirstSlices({ size - 1, -1 }), (std::vector<std::int32_t>{ -1, 5, 4, 0, -1, -1 }));
 }
 
 TEST(ShearWarpExactRays, NoSampleIsBetter)
