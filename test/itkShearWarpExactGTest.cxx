@@ -913,6 +913,7 @@ TEST(ShearWarpExactGuess, TellsWhereTheSearchBegins)
   };
   EXPECT_EQ(findFirstSlices({ 0, 1 }), (std::vector<std::int32_t>{ -1, 0, 1, 5, -1, -1 }));
   EXPECT_EQ(findFirstSlices({ size - 1, -1 }), (std::vector<std::int32_t>{ -1, 5, 4, 0, -1, -1 }));
+  EXPECT_EQ(findFirstSlices({ 2, 1 }), (std::vector<std::int32_t>{ -1, 2, 3, -1, -1, -1 }));
 }
 
 TEST(ShearWarpExactRays, NoSampleIsBetter)
