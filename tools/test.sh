@@ -14,9 +14,10 @@
 #              tests that are compiled with that ITK
 #   sanitize   the C++ tests under AddressSanitizer with UndefinedBehaviorSanitizer, and under ThreadSanitizer, against
 #              Debian's installed ITK
-#   arm        the kernels and their tests, without ITK, for ARM64 under emulation; beside the other stages, if there are any
+#   engine     the engine and its tests alone, without ITK: by g++ and clang, for x86-64, and for ARM64 under emulation; for
+#              WebAssembly, without exceptions, it is only built; beside the other stages, if there are any
 #
-# Usage: test.sh [quick | module | installed | python | --sanitize | arm]...    [quick]
+# Usage: test.sh [quick | module | installed | python | --sanitize | engine]...    [quick]
 #        test.sh --all     all of them but --sanitize
 #        test.sh --rest    the same without `quick`
 #        test.sh --long    random cases for 30 minutes and an image of more than 2^31 voxels (5 GB), on an installed ITK
@@ -27,11 +28,12 @@ set -euo pipefail
 
 build=$root/build
 remote_module=$cache/itk-remote-module
-arm_packages=(cmake g++-aarch64-linux-gnu libgtest-dev ninja-build qemu-user-static)
+engine_packages=(clang cmake g++ g++-aarch64-linux-gnu libc++-14-dev-wasm32 libgtest-dev lld ninja-build
+  qemu-user-static wasi-libc)
 rare_types='<(signed )?char>|<(unsigned )?(int|long|long long)>|<double>'
 export CTEST_OUTPUT_ON_FAILURE=1 CTEST_PARALLEL_LEVEL=$jobs
 
-rest=(module installed python arm)
+rest=(module installed python engine)
 case $* in
   --all) stages=(quick "${rest[@]}") ;;
   --rest) stages=("${rest[@]}") ;;
@@ -40,7 +42,7 @@ case $* in
 esac
 for stage in "${stages[@]}"; do
   case $stage in
-    quick | module | installed | python | sanitize | arm | long) ;;
+    quick | module | installed | python | sanitize | engine | long) ;;
     *) exit_with_usage "$1" ;;
   esac
 done
@@ -233,13 +235,28 @@ test_sanitize() (
   done
 )
 
-test_arm() {
-  need_packages "${arm_packages[@]}"
-  cmake -S "$root/tools/kernels" -B "$build/arm" -G Ninja -DCMAKE_BUILD_TYPE=Release \
-    -DCMAKE_SYSTEM_NAME=Linux -DCMAKE_SYSTEM_PROCESSOR=aarch64 -DCMAKE_CXX_COMPILER=aarch64-linux-gnu-g++ \
-    -DCMAKE_EXE_LINKER_FLAGS=-static -DCMAKE_CROSSCOMPILING_EMULATOR=qemu-aarch64-static
-  cmake --build "$build/arm" --parallel "$jobs"
-  run_tests "$build/arm"
+test_engine() {
+  need_packages "${engine_packages[@]}"
+  local compiler
+  local arm=(-DCMAKE_SYSTEM_NAME=Linux -DCMAKE_SYSTEM_PROCESSOR=aarch64 -DCMAKE_EXE_LINKER_FLAGS=-static
+    -DCMAKE_CROSSCOMPILING_EMULATOR=qemu-aarch64-static)
+  for compiler in g++ clang++; do
+    build_engine "$compiler" -DCMAKE_CXX_COMPILER="$compiler"
+  done
+  build_engine arm64-g++ "${arm[@]}" -DCMAKE_CXX_COMPILER=aarch64-linux-gnu-g++
+  build_engine arm64-clang++ "${arm[@]}" -DCMAKE_CXX_COMPILER=clang++ -DCMAKE_CXX_COMPILER_TARGET=aarch64-linux-gnu
+  build_engine wasm32 -DCMAKE_TOOLCHAIN_FILE="$root/tools/engine/wasm32-wasi.cmake"
+  for compiler in g++ clang++ arm64-g++ arm64-clang++; do
+    run_tests "$build/engine/$compiler"
+  done
+}
+
+# build_engine NAME OPTION...
+build_engine() {
+  local dir=$build/engine/$1
+  shift
+  cmake -S "$root/tools/engine" -B "$dir" -G Ninja -DCMAKE_BUILD_TYPE=Release "$@"
+  cmake --build "$dir" --parallel "$jobs"
 }
 
 run_stage() {
@@ -248,20 +265,20 @@ run_stage() {
 }
 
 share_compilations
-# arm needs one core for most of its time: it takes what the other stages leave
-arm=
-if [[ " ${stages[*]} " = *' arm '* && ${stages[*]} != arm ]]; then
-  need_packages "${arm_packages[@]}"
-  exec {arm}< <(set -e; renice -n 19 "$BASHPID" > /dev/null; run_stage arm < /dev/null 2>&1; echo passed)
+# the engine takes what the other stages leave of the processor
+engine=
+if [[ " ${stages[*]} " = *' engine '* && ${stages[*]} != engine ]]; then
+  need_packages "${engine_packages[@]}"
+  exec {engine}< <(set -e; renice -n 19 "$BASHPID" > /dev/null; run_stage engine < /dev/null 2>&1; echo passed)
 fi
 for stage in "${stages[@]}"; do
-  if [ "$stage" != arm ] || [ -z "$arm" ]; then
+  if [ "$stage" != engine ] || [ -z "$engine" ]; then
     run_stage "$stage"
   fi
 done
-if [ -n "$arm" ]; then
-  log=$(cat <&"$arm")
+if [ -n "$engine" ]; then
+  log=$(cat <&"$engine")
   say "$log"
-  [[ $log = *passed ]] || die "the stage arm failed"
+  [[ $log = *passed ]] || die "the stage engine failed"
 fi
 say "all passed: ${stages[*]}"
