@@ -264,7 +264,7 @@ FindPetObstacle(const itk::ImageBase<3> &      frames,
                 const std::vector<DicomView> & views,
                 const DicomSeriesOptions &     options)
 {
-  std::string missing = FindMissingPetAttribute(source);
+  std::string       missing = FindMissingPetAttribute(source);
   const std::string ofMode = DescribeMode(options.mode).petObstacle;
   if (!missing.empty() || !options.noReprojection.empty() || !ofMode.empty())
   {
@@ -409,7 +409,7 @@ MakeHeader(const AnyImage &           frames,
 
   const ModeInDicom & mode = DescribeMode(options.mode);
   const std::string   sourceDescription = GetText(source, { 0x0008, 0x103e });
-  std::string       description = options.description;
+  std::string         description = options.description;
   if (description.empty())
   {
     description = std::string(mode.series) + ' ' + sourceDescription;
@@ -636,18 +636,13 @@ const ModeInDicom &
 DescribeMode(itk::ShearWarpMIPImageFilterEnums::Mode mode)
 {
   using Mode = itk::ShearWarpMIPImageFilterEnums::Mode;
-  static constexpr ModeInDicom maximum{
-    "Maximum intensity projection", "MIP", "MAX_IP", "113078", "Maximum intensity projection", ""
-  };
-  static constexpr ModeInDicom minimum{ "Minimum intensity projection", "MinIP",
-                                        "MIN_IP",                       "113079",
+  static constexpr ModeInDicom maximum{ "Maximum intensity projection", "MIP", "MAX_IP", "113078",
+                                        "Maximum intensity projection", "" };
+  static constexpr ModeInDicom minimum{ "Minimum intensity projection", "MinIP",          "MIN_IP", "113079",
                                         "Minimum intensity projection", "they are minima" };
-  static constexpr ModeInDicom absoluteMaximum{ "Maximum intensity projection of absolute values",
-                                                "MIP",
-                                                "MAX_IP",
-                                                "113078",
-                                                "Maximum intensity projection",
-                                                "" };
+  static constexpr ModeInDicom absoluteMaximum{
+    "Maximum intensity projection of absolute values", "MIP", "MAX_IP", "113078", "Maximum intensity projection", ""
+  };
   switch (mode)
   {
     case Mode::Maximum:

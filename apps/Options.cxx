@@ -653,7 +653,8 @@ Verify(const Options & options)
   {
     throw std::runtime_error("--slab: NEAR must not be greater than FAR");
   }
-  if (options.localMaximum && !itk::ShearWarp::HasFeature(modes.at(options.mode), itk::ShearWarp::Feature::LocalMaximum))
+  if (options.localMaximum &&
+      !itk::ShearWarp::HasFeature(modes.at(options.mode), itk::ShearWarp::Feature::LocalMaximum))
   {
     throw std::runtime_error("--local-maximum is not possible with --mode " + options.mode);
   }

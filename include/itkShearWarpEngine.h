@@ -101,7 +101,7 @@ struct SliceRange
 
 /** Returns the number of slabs for \a wanted slabs of \a slices slices: slabs consist of blocks of eight slices. */
 ShearWarpMIP_EXPORT std::size_t
-CountSlabs(SliceRange slices, std::size_t wanted);
+                    CountSlabs(SliceRange slices, std::size_t wanted);
 
 /** Returns slab \a n of \a slabs slabs of equal thickness. */
 ShearWarpMIP_EXPORT SliceRange
@@ -164,7 +164,8 @@ struct Scene
   VolumeGrid               volume;
   std::vector<AffineMap3D> views;
   PictureGrid              picture;
-  /** The number of slabs along z in which the volume comes into memory. With more than one, the engine keeps nothing. */
+  /** The number of slabs along z in which the volume comes into memory. With more than one, the engine keeps nothing.
+   */
   std::size_t slabs{ 1 };
   /** The most bytes of intermediate images of views that are projected together. */
   std::size_t intermediateMemory{ std::size_t{ 1 } << 30 };
@@ -221,8 +222,8 @@ struct Measurements
  * A pass reads the volume once, for views along the same axis. Each function throws ShearWarp::OutOfMemory if there is
  * no memory, and what a task throws. After an exception, Begin() can be called again.
  *
- * The engine keeps the prepared volume until the volume changes, and keeps its memory. Only one thread at a time may use
- * it.
+ * The engine keeps the prepared volume until the volume changes, and keeps its memory. Only one thread at a time may
+ * use it.
  *
  * \tparam TPixel Any arithmetic type but bool and long double.
  *
@@ -283,8 +284,8 @@ public:
   double
   GetProgress() const;
 
-  /** Returns where the intermediate image of a part lies in the intermediate image of the whole. Throws InvalidParameter
-   * as Factorize(), and if the box is empty or not within the volume. */
+  /** Returns where the intermediate image of a part lies in the intermediate image of the whole. Throws
+   * InvalidParameter as Factorize(), and if the box is empty or not within the volume. */
   static ShearWarp::IntermediateRegion
   FindPart(const ShearWarp::Scene & scene, const RuleType & rule, const ShearWarp::VoxelBox & box);
 

@@ -163,7 +163,7 @@ VerifyView(const AffineMap3D & view);
  * are not finite or not invertible, or if an intermediate image of \a oversampling pixels per voxel would have 2^31
  * columns or rows. */
 ShearWarpMIP_EXPORT Factorization
-                    Factorize(const AffineMap3D & view, const VolumeGrid & volume, unsigned int oversampling = 1);
+Factorize(const AffineMap3D & view, const VolumeGrid & volume, unsigned int oversampling = 1);
 
 /** Returns the places of \a count slices from \a first on. */
 ShearWarpMIP_EXPORT std::vector<SlicePlacement>
@@ -173,11 +173,11 @@ ShearWarpMIP_EXPORT std::vector<SlicePlacement>
  * element `row * oversampling + column` is pixel (oversampling x + column, oversampling y + row) of the oversampled
  * image. All phases have the same size. Without oversampling, the only element is the intermediate image. */
 ShearWarpMIP_EXPORT std::vector<IntermediateGrid>
-                    MakePhases(const Factorization & factorization, const VoxelBox & part, unsigned int oversampling = 1);
+MakePhases(const Factorization & factorization, const VoxelBox & part, unsigned int oversampling = 1);
 
 /** Returns the part of the whole volume. */
 ShearWarpMIP_EXPORT VoxelBox
-                    GetWholeBox(const VolumeGrid & volume);
+GetWholeBox(const VolumeGrid & volume);
 
 /** Returns the places in \a grid of \a slices slices of a part of a volume. The part's voxel (0, 0, 0) is the volume's
  * voxel at \a corner. */
@@ -186,28 +186,28 @@ ShearWarpMIP_EXPORT std::vector<SlicePlacement>
 
 /** Returns the map of sheared column, row and slice to view space. */
 ShearWarpMIP_EXPORT AffineMap3D
-                    GetShearedToView(const Factorization & factorization);
+GetShearedToView(const Factorization & factorization);
 
 /** Returns the function \a ofView[0] u + \a ofView[1] v + \a ofView[2] w + \a ofView[3] of view space as a function of
  * sheared column, row and slice. */
 ShearWarpMIP_EXPORT ShearedFunction
-                    GetShearedFunction(const Factorization & factorization, const double (&ofView)[4]);
+GetShearedFunction(const Factorization & factorization, const double (&ofView)[4]);
 
 /** Returns the depth w as a function of sheared column, row and slice. */
 ShearWarpMIP_EXPORT ShearedFunction
-                    GetDepthFunction(const Factorization & factorization);
+GetDepthFunction(const Factorization & factorization);
 
 /** Returns a function of sheared column, row and slice as a function of column, row and slice of element \a phase of
  * MakePhases(). */
 ShearWarpMIP_EXPORT ShearedFunction
-                    GetFunctionOfPhase(ShearedFunction function, unsigned int oversampling, std::size_t phase);
+GetFunctionOfPhase(ShearedFunction function, unsigned int oversampling, std::size_t phase);
 
 /** Returns the map of a picture's column and row to the whole volume's intermediate image. Throws InvalidParameter,
  * with the values, if the map is not finite. */
 ShearWarpMIP_EXPORT AffineMap2D
-                    GetOutputToIntermediate(const Factorization & factorization,
-                                            const PictureGrid &   picture,
-                                            unsigned int          oversampling = 1);
+GetOutputToIntermediate(const Factorization & factorization,
+                        const PictureGrid &   picture,
+                        unsigned int          oversampling = 1);
 
 /** The bounding box of a volume in view space. The box contains whole voxels, not only their centers. */
 struct ViewBounds
@@ -220,31 +220,31 @@ struct ViewBounds
 
 /** Throws as Factorize(). */
 ShearWarpMIP_EXPORT ViewBounds
-                    FindBounds(const AffineMap3D & view, const VolumeGrid & volume);
+FindBounds(const AffineMap3D & view, const VolumeGrid & volume);
 
 /** Writes the volume's smallest spacing, in units of the view plane's two axes. */
 ShearWarpMIP_EXPORT void
 ProjectSpacing(const AffineMap3D & view, const VolumeGrid & volume, double (&projected)[2]);
 
 /** Returns the grid of pictures of a volume in all of \a views. Fitted parameters are such that the grid holds the
- * volume's voxels, with the smallest spacing of ProjectSpacing(). Where, in each view, one axis of the volume lies along
- * an axis of the grid, and its voxels are a whole number of such pixels long within a thousandth, the voxels are exactly
- * so many pixels long: the spacing is adapted. There the grid may leave out a hundredth of a pixel, and elsewhere a
- * ten-thousandth of a pixel. The other parameters are those of \a given. Throws InvalidParameter, with the values, if
- * the grid is not finite. */
+ * volume's voxels, with the smallest spacing of ProjectSpacing(). Where, in each view, one axis of the volume lies
+ * along an axis of the grid, and its voxels are a whole number of such pixels long within a thousandth, the voxels are
+ * exactly so many pixels long: the spacing is adapted. There the grid may leave out a hundredth of a pixel, and
+ * elsewhere a ten-thousandth of a pixel. The other parameters are those of \a given. Throws InvalidParameter, with the
+ * values, if the grid is not finite. */
 ShearWarpMIP_EXPORT PictureGrid
-                    FitGrid(const std::vector<AffineMap3D> & views,
-                            const VolumeGrid &               volume,
-                            const PictureGrid &              given,
-                            bool                             fitSize,
-                            bool                             fitSpacing,
-                            bool                             fitOrigin);
+FitGrid(const std::vector<AffineMap3D> & views,
+        const VolumeGrid &               volume,
+        const PictureGrid &              given,
+        bool                             fitSize,
+        bool                             fitSpacing,
+        bool                             fitOrigin);
 
 /** Returns the depths of a volume from \a slab.nearest to \a slab.farthest. A slab without thickness, or beside the
  * volume, gets a thousandth of the volume's depth. Throws InvalidParameter, with the slab, if the slab's thickness is
  * zero or infinite in double precision. */
 ShearWarpMIP_EXPORT DepthRange
-                    ClipDepths(const AffineMap3D & view, const VolumeGrid & volume, const DepthRange & slab);
+ClipDepths(const AffineMap3D & view, const VolumeGrid & volume, const DepthRange & slab);
 
 /** Returns the least depth of the smallest sphere about the volume's center that holds all voxels. Except for rounding
  * errors, it is the same for all views that turn about the center. */
@@ -253,7 +253,7 @@ FindSphereDepth(const AffineMap3D & view, const VolumeGrid & volume);
 
 /** Returns the map of a picture's column, row and depth to physical space. */
 ShearWarpMIP_EXPORT AffineMap3D
-                    MakePictureSpace(const AffineMap3D & view, const PictureGrid & picture);
+MakePictureSpace(const AffineMap3D & view, const PictureGrid & picture);
 
 /** Where a slice lies in physical space. The columns of `direction` have length 1. */
 struct SliceGeometry
@@ -265,7 +265,7 @@ struct SliceGeometry
 
 /** Returns a picture as a slice in physical space, in the middle of \a depths and as thick as their range. */
 ShearWarpMIP_EXPORT SliceGeometry
-                    MakeSliceGeometry(const AffineMap3D & view, const PictureGrid & picture, const DepthRange & depths);
+MakeSliceGeometry(const AffineMap3D & view, const PictureGrid & picture, const DepthRange & depths);
 } // namespace itk::ShearWarp
 
 #endif

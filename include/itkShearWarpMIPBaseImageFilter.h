@@ -34,15 +34,15 @@
 #endif
 
 /** As itkSetMacro, but compares bits: `-ffast-math` drops what is not a number from a comparison. */
-#define itkShearWarpSetMacro(name, type)            \
-  virtual void Set##name(type value)                \
-  {                                                 \
+#define itkShearWarpSetMacro(name, type)             \
+  virtual void Set##name(type value)                 \
+  {                                                  \
     itkDebugMacro("setting " #name " to " << value); \
-    if (!Self::HaveSameBits(this->m_##name, value)) \
-    {                                               \
-      this->m_##name = value;                       \
-      this->Modified();                             \
-    }                                               \
+    if (!Self::HaveSameBits(this->m_##name, value))  \
+    {                                                \
+      this->m_##name = value;                        \
+      this->Modified();                              \
+    }                                                \
   }
 
 namespace itk

@@ -141,8 +141,9 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::VerifyIndexedInputs() co
 template <typename TInputImage, typename TOutputImage>
 template <typename TObject>
 void
-ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::VerifyInputType(const DataObject::DataObjectIdentifierType & name,
-                                                                     const std::string & purpose) const
+ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::VerifyInputType(
+  const DataObject::DataObjectIdentifierType & name,
+  const std::string &                          purpose) const
 {
   const DataObject * object = this->ProcessObject::GetInput(name);
   if (object && !dynamic_cast<const TObject *>(object))
@@ -180,7 +181,7 @@ template <typename TPixel, unsigned int VDimension>
 auto
 ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::VerifyVoxels(const std::string &               name,
                                                                      const Image<TPixel, VDimension> * image,
-                                                                     const ImageRegion<VDimension> & wanted) const ->
+                                                                     const ImageRegion<VDimension> &   wanted) const ->
   typename Image<TPixel, VDimension>::PixelContainerConstPointer
 {
   const auto &        buffered = image->GetBufferedRegion();
@@ -205,7 +206,7 @@ template <typename TInputImage, typename TOutputImage>
 template <typename TPixel, unsigned int VDimension>
 auto
 ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::VerifyPixels(Image<TPixel, VDimension> * output,
-                                                                  SizeValueType               count) const ->
+                                                                     SizeValueType               count) const ->
   typename Image<TPixel, VDimension>::PixelContainerPointer
 {
   auto * pixels = output->GetPixelContainer();
@@ -303,19 +304,17 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GenerateOutputInformatio
                                       { m_OutputSpacing[0], m_OutputSpacing[1] },
                                       { m_OutputOrigin[0], m_OutputOrigin[1] } };
   ShearWarp::CallEngine([&] {
-    m_Scene.picture = ShearWarp::FitGrid(
-      m_Scene.views, m_Scene.volume, given, m_FitSize, m_FitOutputSpacing, m_FitOutputOrigin);
+    m_Scene.picture =
+      ShearWarp::FitGrid(m_Scene.views, m_Scene.volume, given, m_FitSize, m_FitOutputSpacing, m_FitOutputOrigin);
   });
   const auto & [size, spacing, origin] = m_Scene.picture;
   const double memory = ShearWarp::GetPhysicalMemory();
   const double bytes = size[0] * size[1] * sizeof(OutputPixelType) * static_cast<double>(m_Scene.views.size());
   if (!(bytes <= memory))
   {
-    itkExceptionMacro("Size must fit in memory, but an output of size [" << size[0] << ", " << size[1] << "], spacing ["
-                                                                         << spacing[0] << ", " << spacing[1]
-                                                                         << "], takes " << bytes
-                                                                         << " bytes and this computer has " << memory
-                                                                         << '.');
+    itkExceptionMacro("Size must fit in memory, but an output of size ["
+                      << size[0] << ", " << size[1] << "], spacing [" << spacing[0] << ", " << spacing[1] << "], takes "
+                      << bytes << " bytes and this computer has " << memory << '.');
   }
   this->SetGeometry(this->GetOutput());
   if (m_ComputeDepth)
@@ -404,13 +403,13 @@ void
 ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GeneratePixels()
 {
   // whatever an observer does, these stay
-  const ShearWarp::Scene                   scene = m_Scene;
-  const RuleType                           rule = m_Rule;
-  const ImageRegion<3>                     region = m_InputRegion;
-  const typename InputImageType::Pointer   input = const_cast<InputImageType *>(this->GetInput());
-  const MaskImageType::Pointer             mask = const_cast<MaskImageType *>(this->GetMaskImage());
-  const typename OutputImageType::Pointer  output = this->GetOutput();
-  const typename DepthImageType::Pointer   depthOutput = this->GetDepthOutput();
+  const ShearWarp::Scene                  scene = m_Scene;
+  const RuleType                          rule = m_Rule;
+  const ImageRegion<3>                    region = m_InputRegion;
+  const typename InputImageType::Pointer  input = const_cast<InputImageType *>(this->GetInput());
+  const MaskImageType::Pointer            mask = const_cast<MaskImageType *>(this->GetMaskImage());
+  const typename OutputImageType::Pointer output = this->GetOutput();
+  const typename DepthImageType::Pointer  depthOutput = this->GetDepthOutput();
   if (input->GetLargestPossibleRegion() != region || rule.hasMask != mask.IsNotNull() ||
       rule.hasDepth != depthOutput.IsNotNull())
   {
@@ -449,8 +448,8 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GeneratePixels()
       }
       for (const std::size_t view : m_Engine.GetViews(pass))
       {
-        const SizeValueType first = view * count;
-        const auto          pixels = this->VerifyPixels(output.GetPointer(), first + count);
+        const SizeValueType                            first = view * count;
+        const auto                                     pixels = this->VerifyPixels(output.GetPointer(), first + count);
         typename DepthImageType::PixelContainerPointer depths;
         ShearWarp::Picture<InputPixelType>             picture{ pixels->GetBufferPointer() + first, nullptr };
         if (depthOutput)
@@ -485,11 +484,10 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::CallWithThreads(const TF
   };
   try
   {
-    const ShearWarp::Threads threads{
-      m_NumberOfWorkers, [this](std::size_t count, std::size_t steps, const ShearWarp::Task & task) {
-        this->RunInParallel(count, steps, task);
-      }
-    };
+    const ShearWarp::Threads threads{ m_NumberOfWorkers,
+                                      [this](std::size_t count, std::size_t steps, const ShearWarp::Task & task) {
+                                        this->RunInParallel(count, steps, task);
+                                      } };
     ShearWarp::CallEngine([&] { function(threads); });
     this->UpdateProgress(1.0f);
   }

@@ -74,7 +74,7 @@ ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::ClearTransforms()
   if (!m_Transforms.empty())
   {
     m_Transforms.clear();
-      this->Modified();
+    this->Modified();
   }
 }
 

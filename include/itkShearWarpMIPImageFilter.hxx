@@ -83,8 +83,7 @@ ShearWarpMIPImageFilter<TInputImage, TOutputImage>::SetGeometry(ImageBase<Output
     const ShearWarp::DepthRange    slab{ this->GetSlabNear(), this->GetSlabFar() };
     ShearWarp::SliceGeometry       slice{};
     ShearWarp::CallEngine([&] {
-      slice =
-        ShearWarp::MakeSliceGeometry(view, grid, ShearWarp::ClipDepths(view, this->GetScene().volume, slab));
+      slice = ShearWarp::MakeSliceGeometry(view, grid, ShearWarp::ClipDepths(view, this->GetScene().volume, slab));
     });
     for (unsigned int row = 0; row < 3; ++row)
     {

@@ -28,8 +28,8 @@ namespace itk
  * With this filter, an image that is too large for one memory, or that lies in pieces on many computers, is projected
  * part by part, and only small 2D images move between computers.
  *
- * The input is the whole image: the filter uses only its geometry, and does not request its voxels. ProjectPart() on any
- * computer makes the projection of a part. AddPart() takes the projections of all parts, in any order, and Update()
+ * The input is the whole image: the filter uses only its geometry, and does not request its voxels. ProjectPart() on
+ * any computer makes the projection of a part. AddPart() takes the projections of all parts, in any order, and Update()
  * makes the picture. It has the same bits as the output of ShearWarpMIPImageFilter for the whole image.
  *
  * The filter makes only plain maxima: Mode, SlabNear, SlabFar, CropLower, CropUpper, MaskImage, LocalMaximum,
@@ -66,8 +66,8 @@ public:
    * common along each axis. The rules for the edge of the volume apply only to the edges of the input.
    *
    * The index of the projection's region is its place in the intermediate image of the whole image. Its size is at most
-   * (c + s, r + s) Oversampling pixels for a part of c columns, r rows and s slices in the view's order of axes. A pixel
-   * without a sample of the part has the pixel type's lowest value, or minus infinity. Spacing is 1 and origin 0.
+   * (c + s, r + s) Oversampling pixels for a part of c columns, r rows and s slices in the view's order of axes. A
+   * pixel without a sample of the part has the pixel type's lowest value, or minus infinity. Spacing is 1 and origin 0.
    *
    * The first view of a part prepares the part, as the second view of ShearWarpMIPImageFilter does. The filter keeps
    * this preparation until it gets another part. If a part has only one view, set ReducedResampling to Off: the

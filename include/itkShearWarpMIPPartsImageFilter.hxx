@@ -27,8 +27,9 @@ ShearWarpMIPPartsImageFilter<TInputImage>::VerifyPreconditions() const
   Superclass::VerifyPreconditions();
   if (!this->MakeRule().IsPlainMaximum() || this->GetNumberOfStreamDivisions() != 1)
   {
-    itkExceptionMacro("Parts have plain maxima: Mode, SlabNear, SlabFar, CropLower, CropUpper, MaskImage, LocalMaximum, "
-                      "DepthAttenuation, ComputeDepth, Exact and NumberOfStreamDivisions must be as by default.");
+    itkExceptionMacro(
+      "Parts have plain maxima: Mode, SlabNear, SlabFar, CropLower, CropUpper, MaskImage, LocalMaximum, "
+      "DepthAttenuation, ComputeDepth, Exact and NumberOfStreamDivisions must be as by default.");
   }
 }
 
@@ -52,8 +53,9 @@ ShearWarpMIPPartsImageFilter<TInputImage>::ProjectPart(const InputImageType * pa
   auto projection = PartImageType::New();
   this->CallWithThreads([&](const ShearWarp::Threads & threads) {
     const ShearWarp::IntermediateRegion place = Superclass::EngineType::FindPart(scene, rule, voxels.box);
-    projection->SetRegions({ { { place.column, place.row } },
-                             { { static_cast<SizeValueType>(place.columns), static_cast<SizeValueType>(place.rows) } } });
+    projection->SetRegions(
+      { { { place.column, place.row } },
+        { { static_cast<SizeValueType>(place.columns), static_cast<SizeValueType>(place.rows) } } });
     projection->Allocate();
     this->m_Engine.ProjectPart(scene, rule, voxels, projection->GetBufferPointer(), threads);
   });
@@ -115,9 +117,8 @@ ShearWarpMIPPartsImageFilter<TInputImage>::GeneratePixels()
       const ImageRegion<2> & place = projection->GetBufferedRegion();
       if (!region.IsInside(place))
       {
-        itkExceptionMacro("The projection of a part must lie within the intermediate image, " << region
-                                                                                              << ", but its region is "
-                                                                                              << place);
+        itkExceptionMacro("The projection of a part must lie within the intermediate image, "
+                          << region << ", but its region is " << place);
       }
       containers.push_back(this->VerifyVoxels("projection of a part", projection.GetPointer(), place));
       parts.push_back({ projection->GetBufferPointer(),

@@ -100,8 +100,8 @@ MakeIntervals(const AffineMap3D & view, const Factorization & factorization, con
   const auto            addInterval = [&](const ShearedFunction & function, double low, double high) {
     if (low != -rule.Infinity || high != rule.Infinity)
     {
-      const double alongSlices = (function.perSlice + function.perColumn * factorization.shear[0]) +
-                                 function.perRow * factorization.shear[1];
+      const double alongSlices =
+        (function.perSlice + function.perColumn * factorization.shear[0]) + function.perRow * factorization.shear[1];
       const double extent = (std::abs(function.perColumn) + std::abs(function.perRow)) + std::abs(alongSlices);
       const double tolerance = LimitTolerance * extent;
       intervals.push_back({ function, low - tolerance, high + tolerance });
@@ -224,10 +224,10 @@ private:
   PlanPasses() const;
 
   void
-  CutPasses(unsigned int                axis,
-            std::vector<Projection> &&  projections,
-            std::size_t                 bytesOfView,
-            std::vector<Pass> &         passes) const;
+  CutPasses(unsigned int               axis,
+            std::vector<Projection> && projections,
+            std::size_t                bytesOfView,
+            std::vector<Pass> &        passes) const;
 
   void
   PlanSteps();
@@ -296,16 +296,16 @@ private:
   std::atomic<std::size_t>       m_DoneSteps{ 0 };
 
   // of a pass
-  static constexpr std::size_t                NoProjection = static_cast<std::size_t>(-1);
-  const Pass *                                m_Pass{ nullptr };
-  std::vector<std::vector<IntermediateGrid>>  m_Phases; // of each projection
-  bool                                        m_IsFirstSlabFirst{ true };
-  bool                                        m_IsPrepared{ false }; // whether the next two are decided
-  bool                                        m_IsCopyKept{ false };
-  bool                                        m_HasBlockExtrema{ false };
-  double                                      m_SkippedBefore{ 0.0 };
-  std::size_t                                 m_Finished{ NoProjection };
-  ImageType                                   m_Image; // of this projection
+  static constexpr std::size_t               NoProjection = static_cast<std::size_t>(-1);
+  const Pass *                               m_Pass{ nullptr };
+  std::vector<std::vector<IntermediateGrid>> m_Phases; // of each projection
+  bool                                       m_IsFirstSlabFirst{ true };
+  bool                                       m_IsPrepared{ false }; // whether the next two are decided
+  bool                                       m_IsCopyKept{ false };
+  bool                                       m_HasBlockExtrema{ false };
+  double                                     m_SkippedBefore{ 0.0 };
+  std::size_t                                m_Finished{ NoProjection };
+  ImageType                                  m_Image; // of this projection
 };
 
 template <typename TPixel>
@@ -335,7 +335,8 @@ ShearWarpEngine<TPixel>::Implementation::Begin(const Scene & scene, const RuleTy
   this->PlanSteps();
 }
 
-/** Returns whether the order of samples matters: to the first local maximum, and where ranks cannot count all slices. */
+/** Returns whether the order of samples matters: to the first local maximum, and where ranks cannot count all slices.
+ */
 template <typename TPixel>
 bool
 ShearWarpEngine<TPixel>::Implementation::IsOrdered() const
@@ -359,11 +360,10 @@ ShearWarpEngine<TPixel>::Implementation::PlanPasses() const
     const Factorization factorization = this->FactorizeView(number);
     const unsigned int  axis = factorization.GetPrincipalAxis();
     const auto          phases = MakePhases(factorization, GetWholeBox(m_Scene.volume), m_Rule.oversampling);
-    const std::size_t   bytes = phases.size() * Projector<TPixel>::GetViewSizeInBytes(phases.front().columns,
-                                                                                    phases.front().rows,
-                                                                                    m_Rule.mode,
-                                                                                    m_Rule.HasRegion(),
-                                                                                    m_Rule.NeedsRanks());
+    const std::size_t   bytes =
+      phases.size() *
+      Projector<TPixel>::GetViewSizeInBytes(
+        phases.front().columns, phases.front().rows, m_Rule.mode, m_Rule.HasRegion(), m_Rule.NeedsRanks());
     mostBytes[axis] = std::max(mostBytes[axis], bytes);
     const auto        placements = place(factorization);
     const std::size_t hash = HashPlacements(placements);
@@ -478,8 +478,7 @@ ShearWarpEngine<TPixel>::Implementation::BeginPass(std::size_t pass)
   m_Finished = NoProjection;
   m_IsPrepared = false;
   m_SkippedBefore = m_Measurements.skippedFraction;
-  m_IsFirstSlabFirst =
-    !this->IsOrdered() || IsFirstSlabFront(this->FactorizeView(m_Pass->projections.front().front()));
+  m_IsFirstSlabFirst = !this->IsOrdered() || IsFirstSlabFront(this->FactorizeView(m_Pass->projections.front().front()));
 
   typename Projector<TPixel>::Parameters parameters;
   parameters.mode = m_Rule.mode;
@@ -515,8 +514,8 @@ ShearWarpEngine<TPixel>::Implementation::DecidePreparation(const VoxelsType & vo
   const unsigned int projectedAxes = m_Volume.GetProjectedAxes(voxels);
   const bool         isSecondView = m_Pass->projections.size() > 1 || projectedAxes != 0;
   m_IsCopyKept = m_Rule.isExact || (projectedAxes >> m_Pass->axis & 1U) != 0;
-  m_HasBlockExtrema = m_Rule.isExact || (m_Rule.IsPlainMaximum() &&
-                                         (m_Rule.reducedResampling == ReducedResampling::On || isSecondView));
+  m_HasBlockExtrema =
+    m_Rule.isExact || (m_Rule.IsPlainMaximum() && (m_Rule.reducedResampling == ReducedResampling::On || isSecondView));
   if (m_Rule.isExact && m_Rule.mode != Mode::Maximum)
   {
     m_Volume.KeepBlockMinima();
@@ -574,7 +573,8 @@ ShearWarpEngine<TPixel>::Implementation::CutIntoPieces(const SliceRange & slices
   const std::ptrdiff_t     sliceBytes = box.size[0] * box.size[1] * static_cast<std::ptrdiff_t>(sizeof(TPixel));
   const std::ptrdiff_t     length =
     std::max(pieceBytes / sliceBytes, 2 * BlockLength) * static_cast<std::ptrdiff_t>(m_Threads.count);
-  const auto count = static_cast<std::size_t>(std::max<std::ptrdiff_t>(CountBlocks(slices.end - slices.begin, length), 1));
+  const auto count =
+    static_cast<std::size_t>(std::max<std::ptrdiff_t>(CountBlocks(slices.end - slices.begin, length), 1));
   std::vector<SliceRange> pieces;
   for (std::size_t n = 0; n < count; ++n)
   {
@@ -745,12 +745,12 @@ ShearWarpEngine<TPixel>::Implementation::WarpImage(const ImageType &     image,
                                                    const Factorization & factorization,
                                                    const PictureType &   picture)
 {
-  const auto            start = Clock::now();
-  const unsigned int    oversampling = m_Rule.oversampling;
-  const AffineMap2D     map = GetOutputToIntermediate(factorization, m_Scene.picture, oversampling);
-  const ShearedFunction depth = GetDepthFunction(factorization);
-  const auto            columns = static_cast<std::ptrdiff_t>(m_Scene.picture.size[0]);
-  const auto            rows = static_cast<std::ptrdiff_t>(m_Scene.picture.size[1]);
+  const auto               start = Clock::now();
+  const unsigned int       oversampling = m_Rule.oversampling;
+  const AffineMap2D        map = GetOutputToIntermediate(factorization, m_Scene.picture, oversampling);
+  const ShearedFunction    depth = GetDepthFunction(factorization);
+  const auto               columns = static_cast<std::ptrdiff_t>(m_Scene.picture.size[0]);
+  const auto               rows = static_cast<std::ptrdiff_t>(m_Scene.picture.size[1]);
   constexpr std::ptrdiff_t band = 16;
   const RunTasks           run = this->CountSteps(static_cast<std::size_t>(columns * rows));
   run(static_cast<std::size_t>(CountBlocks(rows, band)), 1, [&](std::size_t n, std::size_t, std::size_t) {
@@ -771,13 +771,13 @@ template <typename TPixel>
 void
 ShearWarpEngine<TPixel>::Implementation::Refine(std::size_t view, const PictureType & picture)
 {
-  const ImageType &     guess = this->FindImage(view);
-  const auto            start = Clock::now();
-  const Factorization   factorization = this->FactorizeView(view);
-  const unsigned int    axis = factorization.GetPrincipalAxis();
-  const auto &          size = m_Scene.volume.size;
-  const auto            steps = 8 * static_cast<std::size_t>(size[0]) * size[1] * size[2];
-  ExactView<TPixel>     exact;
+  const ImageType &   guess = this->FindImage(view);
+  const auto          start = Clock::now();
+  const Factorization factorization = this->FactorizeView(view);
+  const unsigned int  axis = factorization.GetPrincipalAxis();
+  const auto &        size = m_Scene.volume.size;
+  const auto          steps = 8 * static_cast<std::size_t>(size[0]) * size[1] * size[2];
+  ExactView<TPixel>   exact;
   exact.slices = m_Volume.GetSlices(axis);
   exact.blocks = m_Volume.GetBlockExtrema(axis);
   for (unsigned int n = 0; n < 2; ++n)

@@ -91,8 +91,7 @@ PreparedVolume<TPixel>::PreparePiece(const Voxels<TPixel> &  voxels,
   m_Voxels = {};
   Buffer memory = std::move(m_Transposed);
   // rows along z need the slice before
-  const std::ptrdiff_t begin =
-    principalAxis == 2 ? slices.begin : std::max(slices.begin - 1, voxels.box.begin[2]);
+  const std::ptrdiff_t begin = principalAxis == 2 ? slices.begin : std::max(slices.begin - 1, voxels.box.begin[2]);
   this->SetPiece(voxels, whole, { begin, slices.end });
   if (hasBlockExtrema)
   {
@@ -157,14 +156,13 @@ PreparedVolume<TPixel>::Release()
 
 template <typename TPixel>
 void
-PreparedVolume<TPixel>::FindBlockExtrema(const Kernels<TPixel> & kernels,
-                                                  const RunTasks & run)
+PreparedVolume<TPixel>::FindBlockExtrema(const Kernels<TPixel> & kernels, const RunTasks & run)
 {
   const std::ptrdiff_t x = m_Size[0];
   const std::ptrdiff_t y = m_Size[1];
   const std::ptrdiff_t blocksX = CountBlocks(x);
   const std::ptrdiff_t blocksY = CountBlocks(y);
-  Buffer      maxima = std::move(m_BlockExtrema);
+  Buffer               maxima = std::move(m_BlockExtrema);
   const std::ptrdiff_t blocks = blocksX * blocksY * CountBlocks(m_Size[2]);
   maxima.Reserve(blocks * (m_HasBlockMinima ? 2 : 1) * sizeof(TPixel), "the block maxima");
   TPixel * const      first = maxima.GetPointer<TPixel>();
@@ -193,9 +191,7 @@ PreparedVolume<TPixel>::FindBlockExtrema(const Kernels<TPixel> & kernels,
 
 template <typename TPixel>
 void
-PreparedVolume<TPixel>::Transpose(const Kernels<TPixel> & kernels,
-                                           const RunTasks & run,
-                                           Buffer                    memory)
+PreparedVolume<TPixel>::Transpose(const Kernels<TPixel> & kernels, const RunTasks & run, Buffer memory)
 {
   const std::ptrdiff_t slice = m_Size[0] * m_Size[1];
   const std::size_t    bytes = slice * m_Size[2] * sizeof(TPixel);

@@ -82,8 +82,8 @@ public:
     m_ProjectedAxes |= 1U << principalAxis;
   }
 
-  /** Makes what GetSlices() and GetBlockExtrema() need for \a principalAxis (0, 1, 2). Without \a hasBlockExtrema, block
-   * extrema and the lowest and highest voxel are left out: for one view, they cost more than they save. If \a run
+  /** Makes what GetSlices() and GetBlockExtrema() need for \a principalAxis (0, 1, 2). Without \a hasBlockExtrema,
+   * block extrema and the lowest and highest voxel are left out: for one view, they cost more than they save. If \a run
    * throws, nothing half made is kept. Throws OutOfMemory. */
   void
   Prepare(const Voxels<TPixel> &  voxels,

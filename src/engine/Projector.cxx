@@ -355,8 +355,8 @@ Projector<TPixel>::MakeShearedView(Worker & worker, std::size_t image, bool areS
   const PlacedView &       placed = this->GetView(image);
   const IntermediateGrid & grid = *placed.view.grid;
   ThreadImage &            target = this->GetImages(worker)[image];
-  const Ranking ranking = m_Parameters.isOrdered ? this->GetRankingOfCube(cube) : this->GetRanking(placed.view);
-  ShearedView<TPixel>      view;
+  const Ranking       ranking = m_Parameters.isOrdered ? this->GetRankingOfCube(cube) : this->GetRanking(placed.view);
+  ShearedView<TPixel> view;
   view.placements = placed.placements.data();
   view.intermediate.pixels = target.pixels.template GetPointer<TPixel>();
   view.intermediate.columns = grid.columns;
@@ -387,8 +387,8 @@ template <typename TPixel>
 Ranking
 Projector<TPixel>::GetRanking(const ProjectedView & view) const
 {
-  const auto last = static_cast<std::int32_t>(view.grid->begin.slice) +
-                    static_cast<std::int32_t>(view.grid->placements.size()) - 1;
+  const auto last =
+    static_cast<std::int32_t>(view.grid->begin.slice) + static_cast<std::int32_t>(view.grid->placements.size()) - 1;
   const auto first = static_cast<std::int32_t>(view.grid->begin.slice);
   return view.IsFirstSliceNearest() ? Ranking{ first, 1 } : Ranking{ last, -1 };
 }
@@ -473,8 +473,8 @@ Projector<TPixel>::ExtendRows(std::size_t n, ThreadImage & image, std::ptrdiff_t
   }
 }
 
-/** Gives pixels the value of no sample. With reduced resampling, pixels that no slice reaches get the largest number, so
- * that they do not keep a tile from being skipped. */
+/** Gives pixels the value of no sample. With reduced resampling, pixels that no slice reaches get the largest number,
+ * so that they do not keep a tile from being skipped. */
 template <typename TPixel>
 void
 Projector<TPixel>::FillRows(std::size_t n, ThreadImage & image, std::ptrdiff_t begin, std::ptrdiff_t end) const
@@ -519,12 +519,11 @@ template <typename TPixel>
 std::size_t
 Projector<TPixel>::GetSizeInBytes() const
 {
-  std::size_t bytes =
-    m_Ranks.GetSizeInBytes() + CountBytes(m_Reached) + CountBytes(m_Cubes) + CountBytes(m_Views);
+  std::size_t bytes = m_Ranks.GetSizeInBytes() + CountBytes(m_Reached) + CountBytes(m_Cubes) + CountBytes(m_Views);
   for (const auto & [view, region, fading, placements] : m_Views)
   {
-    bytes += CountBytes(view.intervals) + CountBytes(region.intervals) + CountBytes(fading.factors) +
-             CountBytes(placements);
+    bytes +=
+      CountBytes(view.intervals) + CountBytes(region.intervals) + CountBytes(fading.factors) + CountBytes(placements);
   }
   for (const Worker & worker : m_Workers)
   {

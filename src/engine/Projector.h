@@ -49,9 +49,9 @@ struct ProjectedView
  * the slice that the value came from. An absolute maximum is made from two images, of maxima and of minima.
  *
  * The volume is divided into blocks of rows and slices. Each thread takes the next block and raises (or lowers) images
- * of its own; the extremum over all threads' images is the result. The result does not depend on which thread took which
- * block: among equal samples the lowest rank wins. A block is projected for all views while it is in the cache, so the
- * volume is read once.
+ * of its own; the extremum over all threads' images is the result. The result does not depend on which thread took
+ * which block: among equal samples the lowest rank wins. A block is projected for all views while it is in the cache,
+ * so the volume is read once.
  *
  * Where the order of samples matters, blocks are rows of one image that all threads share, and slices come from the
  * viewer on.
@@ -86,8 +86,8 @@ public:
     std::optional<TPixel> localThreshold{};
   };
 
-  /** Begins a pass of views along \a axis, by at most \a workers threads. The grids of \a views and \a kernels must live
-   * until the last Finish(). */
+  /** Begins a pass of views along \a axis, by at most \a workers threads. The grids of \a views and \a kernels must
+   * live until the last Finish(). */
   void
   Begin(std::vector<ProjectedView> views,
         unsigned int               axis,
@@ -95,13 +95,13 @@ public:
         const Parameters &         parameters,
         std::size_t                workers);
 
-  /** Projects the prepared voxels: all, or a piece of the volume after another. \a mask, with block minima, has the same
-   * size, or is null. Throws OutOfMemory. */
+  /** Projects the prepared voxels: all, or a piece of the volume after another. \a mask, with block minima, has the
+   * same size, or is null. Throws OutOfMemory. */
   void
   Project(const PreparedVolume<TPixel> & volume, const PreparedVolume<unsigned char> * mask, const RunTasks & run);
 
-  /** Returns the intermediate image of a view, of all that was projected since Begin(). Its pixels belong to this object
-   * and are valid until the next Begin(), its other memory until the next call. Throws OutOfMemory. */
+  /** Returns the intermediate image of a view, of all that was projected since Begin(). Its pixels belong to this
+   * object and are valid until the next Begin(), its other memory until the next call. Throws OutOfMemory. */
   IntermediateImage<TPixel>
   Finish(std::size_t view, const RunTasks & run);
 
@@ -322,9 +322,9 @@ private:
 
   std::vector<Worker>         m_Workers;
   std::size_t                 m_NumberOfWorkers{ 1 };
-  Buffer                      m_Ranks;   // of a view's pixels that may have no value
-  std::vector<ColumnSpan>     m_Reached; // of a view's rows
-  std::vector<std::ptrdiff_t> m_Cubes;   // the first slice of each cube, in the order of projection
+  Buffer                      m_Ranks;            // of a view's pixels that may have no value
+  std::vector<ColumnSpan>     m_Reached;          // of a view's rows
+  std::vector<std::ptrdiff_t> m_Cubes;            // the first slice of each cube, in the order of projection
   std::ptrdiff_t              m_RankedCubes{ 1 }; // ranks begin anew after so many cubes
 
   const Kernels<TPixel> *     m_Kernels{ nullptr };

@@ -49,8 +49,8 @@ template <typename TPixel>
 IntermediateImage<TPixel>
 Projector<TPixel>::Finish(std::size_t view, const RunTasks & run)
 {
-  const ProjectedView &    projected = m_Views[view].view;
-  const std::size_t        firstImage = view * m_ImagesOfView;
+  const ProjectedView &      projected = m_Views[view].view;
+  const std::size_t          firstImage = view * m_ImagesOfView;
   std::vector<ThreadImage> & merged = m_Workers.front().images;
   for (std::size_t n = firstImage; n < firstImage + m_ImagesOfView; ++n)
   {
@@ -207,8 +207,7 @@ Projector<TPixel>::MergeRow(std::size_t n, std::ptrdiff_t row)
   return result;
 }
 
-#define INSTANTIATE(TPixel) \
-  template IntermediateImage<TPixel> Projector<TPixel>::Finish(std::size_t, const RunTasks &);
+#define INSTANTIATE(TPixel) template IntermediateImage<TPixel> Projector<TPixel>::Finish(std::size_t, const RunTasks &);
 SHEARWARP_FOR_EACH_PIXEL_TYPE(INSTANTIATE)
 #undef INSTANTIATE
 } // namespace itk::ShearWarp

@@ -64,11 +64,7 @@ if(ShearWarpMIP_X86_KERNELS AND ShearWarpMIP_IS_X86_64)
   list(APPEND ShearWarpMIP_ENGINE_SRCS ${ShearWarpMIP_INSTRUCTION_SET_SRCS})
   list(APPEND kernel_definitions ShearWarpMIP_HAS_X86_KERNELS)
 endif()
-set_source_files_properties(
-  ${kernels}/InstructionSets.cxx
-  PROPERTIES
-    COMPILE_DEFINITIONS "${kernel_definitions}"
-)
+set_source_files_properties(${kernels}/InstructionSets.cxx PROPERTIES COMPILE_DEFINITIONS "${kernel_definitions}")
 
 # the same bits on every machine: no fused multiply-add where the source has none; vectors where comparisons may be made
 # that the source does not make
