@@ -426,6 +426,25 @@ protected:
   EngineType m_Engine;
 
 private:
+  /** What an update depends on. Whatever an observer does, these stay. */
+  struct UpdateData
+  {
+    ShearWarp::Scene                  scene;
+    RuleType                          rule;
+    ImageRegion<3>                    region; // of the input
+    typename InputImageType::Pointer  input;
+    MaskImageType::Pointer            mask;
+    typename OutputImageType::Pointer output;
+    typename DepthImageType::Pointer  depths;
+  };
+
+  /** Projects the volume for a pass. Returns the voxels of the last slab. */
+  typename InputImageType::PixelContainerConstPointer
+  AddSlabs(std::size_t pass, const UpdateData & update);
+
+  void
+  MakePictures(std::size_t pass, const UpdateData & update);
+
   /** Sets one of the output grid's parameters, so that the filter no longer fits it. */
   template <typename TParameter>
   void

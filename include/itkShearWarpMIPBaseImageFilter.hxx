@@ -402,66 +402,81 @@ template <typename TInputImage, typename TOutputImage>
 void
 ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GeneratePixels()
 {
-  // whatever an observer does, these stay
-  const ShearWarp::Scene                  scene = m_Scene;
-  const RuleType                          rule = m_Rule;
-  const ImageRegion<3>                    region = m_InputRegion;
-  const typename InputImageType::Pointer  input = const_cast<InputImageType *>(this->GetInput());
-  const MaskImageType::Pointer            mask = const_cast<MaskImageType *>(this->GetMaskImage());
-  const typename OutputImageType::Pointer output = this->GetOutput();
-  const typename DepthImageType::Pointer  depthOutput = this->GetDepthOutput();
-  if (input->GetLargestPossibleRegion() != region || rule.hasMask != mask.IsNotNull() ||
-      rule.hasDepth != depthOutput.IsNotNull())
+  const UpdateData update{ m_Scene,
+                           m_Rule,
+                           m_InputRegion,
+                           const_cast<InputImageType *>(this->GetInput()),
+                           const_cast<MaskImageType *>(this->GetMaskImage()),
+                           this->GetOutput(),
+                           this->GetDepthOutput() };
+  if (update.input->GetLargestPossibleRegion() != update.region || update.rule.hasMask != update.mask.IsNotNull() ||
+      update.rule.hasDepth != update.depths.IsNotNull())
   {
     itkExceptionMacro("Inputs and outputs must not change during an update.");
   }
-  const SizeValueType count = this->GetPictureSize()[0] * this->GetPictureSize()[1];
-
   this->CallWithThreads([&](const ShearWarp::Threads & threads) {
-    m_Engine.Begin(scene, rule, threads);
+    m_Engine.Begin(update.scene, update.rule, threads);
     for (std::size_t pass = 0; pass < m_Engine.GetNumberOfPasses(); ++pass)
     {
-      typename InputImageType::PixelContainerConstPointer voxels;
-      MaskImageType::PixelContainerConstPointer           maskVoxels;
-      for (const ShearWarp::SliceRange & slab : m_Engine.BeginPass(pass))
-      {
-        const ImageRegion<3> wanted = GetSlabRegion(region, slab);
-        if (scene.slabs > 1)
-        {
-          // the last slab's memory
-          voxels = nullptr;
-          maskVoxels = nullptr;
-          LoadRegion(input, wanted);
-          if (mask)
-          {
-            LoadRegion(mask, wanted);
-          }
-        }
-        voxels = this->VerifyVoxels("input", input.GetPointer(), wanted);
-        typename EngineType::MaskType voxelsOfMask;
-        if (mask)
-        {
-          maskVoxels = this->VerifyVoxels("MaskImage", mask.GetPointer(), wanted);
-          voxelsOfMask = MakeVoxels<unsigned char>(mask, region);
-        }
-        m_Engine.Add(slab, MakeVoxels<InputPixelType>(input, region), voxelsOfMask);
-      }
-      for (const std::size_t view : m_Engine.GetViews(pass))
-      {
-        const SizeValueType                            first = view * count;
-        const auto                                     pixels = this->VerifyPixels(output.GetPointer(), first + count);
-        typename DepthImageType::PixelContainerPointer depths;
-        ShearWarp::Picture<InputPixelType>             picture{ pixels->GetBufferPointer() + first, nullptr };
-        if (depthOutput)
-        {
-          depths = this->VerifyPixels(depthOutput.GetPointer(), first + count);
-          picture.depths = depths->GetBufferPointer() + first;
-        }
-        rule.isExact ? m_Engine.Refine(view, picture) : m_Engine.Warp(view, picture);
-      }
+      // exact pictures need the voxels
+      const auto voxels = this->AddSlabs(pass, update);
+      this->MakePictures(pass, update);
     }
     m_Engine.End();
   });
+}
+
+template <typename TInputImage, typename TOutputImage>
+auto
+ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::AddSlabs(std::size_t pass, const UpdateData & update) ->
+  typename InputImageType::PixelContainerConstPointer
+{
+  typename InputImageType::PixelContainerConstPointer voxels;
+  MaskImageType::PixelContainerConstPointer           maskVoxels;
+  for (const ShearWarp::SliceRange & slab : m_Engine.BeginPass(pass))
+  {
+    const ImageRegion<3> wanted = GetSlabRegion(update.region, slab);
+    if (update.scene.slabs > 1)
+    {
+      // the memory of the slab before
+      voxels = nullptr;
+      maskVoxels = nullptr;
+      LoadRegion(update.input, wanted);
+      if (update.mask)
+      {
+        LoadRegion(update.mask, wanted);
+      }
+    }
+    voxels = this->VerifyVoxels("input", update.input.GetPointer(), wanted);
+    typename EngineType::MaskType voxelsOfMask;
+    if (update.mask)
+    {
+      maskVoxels = this->VerifyVoxels("MaskImage", update.mask.GetPointer(), wanted);
+      voxelsOfMask = MakeVoxels<unsigned char>(update.mask, update.region);
+    }
+    m_Engine.Add(slab, MakeVoxels<InputPixelType>(update.input, update.region), voxelsOfMask);
+  }
+  return voxels;
+}
+
+template <typename TInputImage, typename TOutputImage>
+void
+ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::MakePictures(std::size_t pass, const UpdateData & update)
+{
+  const auto count = static_cast<SizeValueType>(update.scene.picture.size[0] * update.scene.picture.size[1]);
+  for (const std::size_t view : m_Engine.GetViews(pass))
+  {
+    const SizeValueType first = view * count;
+    const auto          pixels = this->VerifyPixels(update.output.GetPointer(), first + count);
+    typename DepthImageType::PixelContainerPointer depths;
+    ShearWarp::Picture<InputPixelType>             picture{ pixels->GetBufferPointer() + first, nullptr };
+    if (update.depths)
+    {
+      depths = this->VerifyPixels(update.depths.GetPointer(), first + count);
+      picture.depths = depths->GetBufferPointer() + first;
+    }
+    update.rule.isExact ? m_Engine.Refine(view, picture) : m_Engine.Warp(view, picture);
+  }
 }
 
 template <typename TInputImage, typename TOutputImage>
