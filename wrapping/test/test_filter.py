@@ -536,12 +536,20 @@ def test_progress_and_abort_by_observers(rng):
 
 
 @pytest.mark.parametrize(
-    "name", ["ShearWarpMIPImageFilter", "ShearWarpMIPCineImageFilter", "ShearWarpMIPPartImageFilter"]
+    ("name", "updates"),
+    [
+        ("ShearWarpMIPImageFilter", "process.Update, process.UpdateLargestPossibleRegion"),
+        ("ShearWarpMIPCineImageFilter", "process.Update, process.UpdateLargestPossibleRegion"),
+        ("ShearWarpMIPPartsImageFilter", "lambda: process.ProjectPart(image), process.Update"),
+    ],
 )
-def test_other_threads_run_during_an_update(name, isolated):
+def test_other_threads_run_during_an_update(name, updates, isolated):
     outcome = isolated(f"""
 import sys, threading, time
-process = itk.{name}.New(itk.image_from_array(np.ones((64, 256, 256), np.uint8)))
+image = itk.image_from_array(np.ones((64, 256, 256), np.uint8))
+process = itk.{name}.New(image)
+if hasattr(process, "AddPart"):
+    process.AddPart(process.ProjectPart(image))
 seen, done = [0], threading.Event()
 def count():
     while not done.is_set():
@@ -550,7 +558,7 @@ def count():
 # no thread gets Python's lock unless another one gives it up
 sys.setswitchinterval(1000)
 threading.Thread(target=count).start()
-for update in (process.Update, process.UpdateLargestPossibleRegion):
+for update in ({updates}):
     for _ in range(100):
         process.Modified()
         before = seen[0]
