@@ -520,8 +520,9 @@ def _reword(text: str) -> str:
         word = match[0]
         return _WORDS.get(word) or re.sub(r"(?<=.)([A-Z])", r"_\1", word).lower()
 
+    text = text.replace("AbsoluteMaximum", "absolute")
     names = (
-        "OutputSpacing|OutputOrigin|Size|Oversampling|RotationAxis|Center|StartAngle|AngularRange|Exact|LocalMaximum"
+        "OutputSpacing|OutputOrigin|Size|Oversampling|RotationAxis|Center|StartAngle|AngularRange|Exact|LocalMaximum|Mode"
     )
     return re.sub(rf"\b({'|'.join(_WORDS)}|{names})\b", name, text)
 

@@ -100,11 +100,21 @@ class Layer:
         set_parameters(self.filter, given, background)
         self._mask = None if given.mask is None else open_mask(given.mask, given.mask_label, image)
         self.filter.SetMaskImage(self._mask)
+        self.modes = [mode for mode in MODES if self._allows(mode)]
         self.windows: dict[str, Window] = {}
         self._table: tuple[Window, Array] | None = None
 
     def _find_background(self) -> Any:
         return find_lowest(itk.array_view_from_image(self.image))
+
+    def _allows(self, mode: str) -> bool:
+        """Whether the layer's parameters can be combined with a mode."""
+        self.filter.SetMode(getattr(itk.ShearWarpMIPImageFilterEnums, MODES[mode]))
+        try:
+            update(self.filter, information=True)
+        except ValueError:
+            return False
+        return True
 
     def check(self, state: State, exact: bool) -> None:
         """Raises ValueError for a state that cannot be projected."""

@@ -144,7 +144,9 @@ class Viewer:
 
     @mode.setter
     def mode(self, mode: str) -> None:
-        self._change(mode=check_mode(mode))
+        if check_mode(mode) not in self._find_modes():
+            raise ValueError(f"mode {mode!r} is not possible with the viewer's other parameters, such as local_maximum")
+        self._change(mode=mode)
 
     @property
     def slab(self) -> tuple[float, float] | None:
@@ -459,6 +461,13 @@ class Viewer:
         ]
         self._change(zoom=zoom, pan=(pan[0], pan[1]))
 
+    def _find_modes(self) -> list[str]:
+        return [mode for mode in MODES if all(mode in layer.modes for layer in self._scene.layers)]
+
+    def _change_mode(self) -> None:
+        modes = self._find_modes()
+        self._change(True, mode=modes[(modes.index(self._state.mode) + 1) % len(modes)])
+
     def _on_key_down(self, event: dict[str, Any]) -> None:
         if set(event["modifiers"]) & {"Control", "Alt", "Meta"}:
             return
@@ -468,7 +477,7 @@ class Viewer:
         steps = {"ArrowLeft": (-5, 0), "ArrowRight": (5, 0), "ArrowUp": (0, -5), "ArrowDown": (0, 5)}
         actions: dict[str, Callable[[], None]] = {
             " ": self._toggle_play,
-            "m": lambda: self._change(True, mode=[*MODES][([*MODES].index(self._state.mode) + 1) % len(MODES)]),
+            "m": self._change_mode,
             "+": lambda: self._resize_slab(1.25),
             "=": lambda: self._resize_slab(1.25),
             "-": lambda: self._resize_slab(0.8),
