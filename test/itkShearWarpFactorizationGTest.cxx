@@ -400,9 +400,12 @@ TEST(ShearWarpFactorization, TooManyIntermediateColumnsAreAnError)
   const auto factorize = [&] { ShearWarpFactorization(ViewType::New(), image, output); };
   image->SetRegions(itk::Size<3>{ { 1, 1, std::size_t{ 1 } << 31 } });
   EXPECT_NAMES(factorize(), "[1, 1, 2147483648] needs 2147483649");
-  // a sum that is a small number where it overflows
+  // a sum that overflows
+  image->SetRegions(itk::Size<3>{ { std::numeric_limits<itk::SizeValueType>::max() / 2, 1, 7 } });
+  EXPECT_NAMES(factorize(), "must have less than 2^31 columns and rows", "[9223372036854775807, 1, 7]");
+  // a size that overflows
   image->SetRegions(itk::Size<3>{ { std::numeric_limits<itk::SizeValueType>::max() - 4, 1, 7 } });
-  EXPECT_NAMES(factorize(), "must have less than 2^31 columns and rows", "[18446744073709551611, 1, 7]");
+  EXPECT_NAMES(factorize(), "less than 2^63", "[18446744073709551611, 1, 7]");
 }
 
 TEST(ShearWarpFactorization, OfEqualAxesTheLastIsPrincipal)
@@ -458,15 +461,6 @@ TEST(ShearWarpFactorization, ErrorsWhereNumbersOverflow)
   EXPECT_NAMES(ShearWarpFactorization(identity, plain, MakeGrid(1e300)).GetOutputToIntermediateMatrix(), "1e+300");
 }
 
-TEST(ShearWarpFactorization, AnOutputGridThatIsNotFiniteIsShownAsFitted)
-{
-  const auto image = MakeGeometry({ { 3, 3, 3 } }, MakeVector3(1, 1, 1));
-  image->SetOrigin(MakePoint3(1.5e308, 5, 0));
-  const itk::ShearWarp::ViewSpace view(MakeView(MakeDiagonal(1, 1, 1), MakePoint3(0, 0, 0)));
-  const itk::ShearWarp::ViewList  views{ 1, [&view](itk::SizeValueType) { return view; } };
-  EXPECT_NAMES(itk::ShearWarp::FitGrid(views, image, {}, true, true, true), "[1, 1]", "[inf, 5]");
-}
-
 TEST(ShearWarpFactorization, FlatImagesHaveNoView)
 {
   const auto image = MakeGeometry({ { 3, 6, 6 } }, MakeVector3(1, 1, 1));
@@ -508,95 +502,71 @@ TEST(ShearWarpFactorization, ProjectedSpacingIsTheSmallestScaledByTheTransform)
   EXPECT_NEAR(projected[1], 0.25, 1e-12);
 }
 
-TEST(ShearWarpFactorization, OversampledPhasesLieBetweenThePixels)
+TEST(ShearWarpFactorization, ConversionsKeepTheGeometry)
 {
   Random random(106);
-  for (int repeat = 0; repeat < 500 && !HasFatalFailure(); ++repeat)
-  {
-    SCOPED_TRACE(repeat);
-    const auto                   image = MakeRandomGeometry(random, 1, 12);
-    const auto                   view = MakeRandomView(random, AllViewKinds[repeat % 3], image);
-    const auto                   grid = MakeGrid(0.5, 0.7, -10, 4);
-    const ShearWarpFactorization plain(view, image, grid);
-    const ShearWarpFactorization fine(view, image, grid, 2);
-    ASSERT_EQ(plain.GetPhases().size(), 1u);
-    ASSERT_EQ(fine.GetOversampling(), 2u);
-    ASSERT_EQ(fine.GetPhases().size(), 4u);
-    ASSERT_EQ(fine.GetShearMatrix(), plain.GetShearMatrix());
-    ASSERT_EQ(fine.GetWarpMatrix(), plain.GetWarpMatrix());
-
-    // pixel 2 p + 1 lies where pixel p of the plain image does
-    const auto fineMap = fine.GetOutputToIntermediateMatrix();
-    const auto plainMap = plain.GetOutputToIntermediateMatrix();
-    const auto finePoint = Apply(fineMap, 3, 8);
-    const auto plainPoint = Apply(plainMap, 3, 8);
-    ASSERT_NEAR(finePoint[0], 2 * plainPoint[0] + 1, 1e-9);
-    ASSERT_NEAR(finePoint[1], 2 * plainPoint[1] + 1, 1e-9);
-
-    // pixel x of a row meets the slice where -1/2 <= (x - 1) / 2 - column < columns - 1/2
-    const auto                          size = image->GetLargestPossibleRegion().GetSize();
-    const auto                          columns = static_cast<double>(size[fine.GetPermutation()[0]]);
-    const auto                          rows = static_cast<double>(size[fine.GetPermutation()[1]]);
-    std::vector<std::set<std::int32_t>> expected(fine.GetIntermediateSize()[1]);
-    double                              endColumn = 0, endRow = 0;
-    for (std::size_t k = 0; k < plain.GetSlicePlacements().size(); ++k)
-    {
-      const double column = ToDouble(plain.GetSlicePlacements()[k].column);
-      const double row = ToDouble(plain.GetSlicePlacements()[k].row);
-      for (unsigned int phase = 0; phase < 4; ++phase)
-      {
-        const itk::ShearWarp::SlicePlacement & placement = fine.GetPhases()[phase].placements[k];
-        ASSERT_EQ(ToDouble(placement.column), column + (phase % 2 == 0 ? 0.5 : 0.0));
-        ASSERT_EQ(ToDouble(placement.row), row + (phase / 2 == 0 ? 0.5 : 0.0));
-        ASSERT_LE(placement.FirstColumn() + columns, fine.GetPhases()[phase].columns);
-        ASSERT_LE(placement.FirstRow() + rows, fine.GetPhases()[phase].rows);
-      }
-      for (double y = std::ceil(2 * row); y < 2 * (row + rows); ++y)
-      {
-        for (double x = std::ceil(2 * column); x < 2 * (column + columns); ++x)
-        {
-          endColumn = std::max(endColumn, x + 1);
-          endRow = std::max(endRow, y + 1);
-          expected.at(static_cast<std::size_t>(y)).insert(static_cast<std::int32_t>(x));
-        }
-      }
-    }
-    ASSERT_EQ(endColumn, static_cast<double>(fine.GetIntermediateSize()[0]));
-    ASSERT_EQ(endRow, static_cast<double>(fine.GetIntermediateSize()[1]));
-    ExpectSpans(expected, fine.GetReachedColumns());
-  }
-  const auto image = MakeGeometry({ { 3, 3, 3 } }, MakeVector3(1, 1, 1));
-  for (const unsigned int oversampling : { 0u, 3u })
-  {
-    EXPECT_NAMES(ShearWarpFactorization(ViewType::New(), image, MakeGrid(), oversampling),
-                 "Oversampling must be 1 or 2, but it is " + std::to_string(oversampling));
-  }
-}
-
-TEST(ShearWarpFactorization, ViewsFromOppositeSidesHaveTheSameSlicePlacements)
-{
-  Random random(107);
-  int    opposites = 0;
   for (int repeat = 0; repeat < 100; ++repeat)
   {
-    const auto image = MakeRandomGeometry(random, 2, 60);
-    const auto view = MakeRandomView(random, AllViewKinds[repeat % 3], image);
-    // the same rays, from the other side, in a picture that is turned and shifted
-    auto turned = itk::AffineTransform<double, 3>::New();
-    turned->Rotate(0, 1, random.Uniform(-3, 3));
-    turned->Scale(MakeVector3(-1, 1, -1));
-    turned->Translate(MakeVector3(random.Uniform(-9, 9), random.Uniform(-9, 9), random.Uniform(-9, 9)));
-    auto opposite = itk::CompositeTransform<double, 3>::New();
-    opposite->AddTransform(view);
-    opposite->AddTransform(turned);
-    const auto                   grid = MakeGrid(0.5, 0.7, -10, 4);
-    const ShearWarpFactorization factorization(view, image, grid);
-    EXPECT_TRUE(factorization.HasSameSlicePlacements(factorization));
-    opposites += factorization.HasSameSlicePlacements(ShearWarpFactorization(opposite, image, grid));
-    EXPECT_FALSE(factorization.HasSameSlicePlacements(ShearWarpFactorization(view, image, grid, 2)));
-    const auto other = MakeRandomView(random, ViewKind::Rigid, image);
-    EXPECT_FALSE(factorization.HasSameSlicePlacements(ShearWarpFactorization(other, image, grid)));
+    const auto volumeImage = MakeRandomGeometry(random, 1, 12);
+    const auto transform = MakeRandomView(random, AllViewKinds[repeat % 3], volumeImage);
+    const auto view = itk::ShearWarp::MakeView(transform);
+    const auto volume = itk::ShearWarp::MakeVolumeGrid(volumeImage);
+    const auto image = MakeGrid(0.5, random.Uniform(0.2, 3), -10, 4);
+    const auto picture = itk::ShearWarp::MakePictureGrid(image);
+    const auto region = volumeImage->GetLargestPossibleRegion();
+    for (unsigned int row = 0; row < 3; ++row)
+    {
+      EXPECT_EQ(view.offset[row], transform->GetOffset()[row]);
+      EXPECT_EQ(volume.size[row], static_cast<std::ptrdiff_t>(region.GetSize(row)));
+      EXPECT_EQ(volume.spacing[row], volumeImage->GetSpacing()[row]);
+      for (unsigned int column = 0; column < 3; ++column)
+      {
+        EXPECT_NEAR(view.matrix[row][column], transform->GetMatrix()(row, column), 1e-12);
+      }
+    }
+    const double steps[] = { 1, 2, 3 };
+    const auto   first = volumeImage->TransformIndexToPhysicalPoint<double>(region.GetIndex());
+    const auto   other =
+      volumeImage->TransformIndexToPhysicalPoint<double>(region.GetIndex() + itk::Offset<3>{ { 1, 2, 3 } });
+    for (unsigned int row = 0; row < 3; ++row)
+    {
+      double expected = volume.indexToPhysical.offset[row];
+      EXPECT_NEAR(first[row], expected, 1e-11);
+      for (unsigned int axis = 0; axis < 3; ++axis)
+      {
+        expected += volume.indexToPhysical.matrix[row][axis] * steps[axis];
+      }
+      EXPECT_NEAR(other[row], expected, 1e-11);
+    }
+    for (unsigned int axis = 0; axis < 2; ++axis)
+    {
+      EXPECT_EQ(picture.size[axis], 8);
+      EXPECT_EQ(picture.spacing[axis], image->GetSpacing()[axis]);
+      EXPECT_EQ(picture.origin[axis], image->GetOrigin()[axis]);
+    }
   }
-  // rounding errors may move a slice by 1/2^15
-  EXPECT_GT(opposites, 95);
+  EXPECT_NAMES(itk::ShearWarp::MakeVolumeGrid(nullptr), "The input image is required but not set.");
+  EXPECT_NAMES(itk::ShearWarp::MakePictureGrid(nullptr), "The output image is required but not set.");
+}
+
+TEST(ShearWarpFactorization, EmptyImagesHaveNoView)
+{
+  const auto image = MakeGeometry({ { 3, 0, 3 } }, MakeVector3(1, 1, 1));
+  EXPECT_NAMES(ShearWarpFactorization(ViewType::New(), image, MakeGrid()), "must not be empty", "[3, 0, 3]");
+}
+
+TEST(ShearWarpFactorization, ExceptionsOfTheEngineBecomeExceptionsOfITK)
+{
+  using itk::ShearWarp::CallEngine;
+  int        called = 0;
+  const auto getReference = [&called]() -> int & { return ++called; };
+  EXPECT_EQ(&CallEngine(getReference), &called);
+  EXPECT_EQ(called, 1);
+  EXPECT_NAMES(CallEngine([] { throw itk::ShearWarp::InvalidParameter("Oversampling is 3"); }), "Oversampling is 3");
+  EXPECT_NAMES(CallEngine([] { throw itk::ShearWarp::OutOfMemory("no 12 bytes"); }), "no 12 bytes");
+  EXPECT_THROW(CallEngine([] { throw itk::ShearWarp::OutOfMemory("no 12 bytes"); }), itk::MemoryAllocationError);
+  // exceptions of others are unchanged
+  EXPECT_THROW(CallEngine([] { throw std::bad_alloc(); }), std::bad_alloc);
+  EXPECT_THROW(CallEngine([] { throw std::invalid_argument("a"); }), std::invalid_argument);
+  EXPECT_THROW(CallEngine([] { throw itk::ProcessAborted(); }), itk::ProcessAborted);
 }

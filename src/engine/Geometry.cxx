@@ -272,7 +272,7 @@ struct FittedAxis
   double spacing{ Infinity };
 };
 
-/** Returns \a spacing, or the spacing of which a voxel's step is a whole number, if they nearly agree. */
+/** Returns the spacing that makes a voxel's step a whole number of pixels if it is near \a spacing, else \a spacing. */
 double
 RoundSpacing(const FittedAxis & fitted, double spacing)
 {

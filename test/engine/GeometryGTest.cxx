@@ -398,11 +398,25 @@ TEST(ShearWarpGeometry, ATiltShearsByItsTangent)
     EXPECT_NEAR(factorization.translation[1], translation, 1e-13);
     const auto placements = PlaceSlices(factorization, 2, 3);
     ASSERT_EQ(placements.size(), 3u);
-    for (int n = 0; n < 3; ++n)
+    for (std::size_t n = 0; n < 3; ++n)
     {
-      EXPECT_NEAR(ToDouble(placements[n].row), tangent * (2 + n) + translation, 0.5001 / 32768.0);
+      const double slice = 2.0 + static_cast<double>(n);
+      EXPECT_NEAR(ToDouble(placements[n].row), tangent * slice + translation, 0.5001 / 32768.0);
     }
   }
+}
+
+TEST(ShearWarpGeometry, OfEqualAxesTheLastIsPrincipal)
+{
+  const VolumeGrid volume = MakeVolume({ 4, 5, 6 }, { 1, 1, 1 });
+  const auto       getAxis = [&volume](double x, double y, double z) {
+    return Factorize({ { { 1, 0, x }, { 0, 1, y }, { 0, 0, z } }, { 0, 0, 0 } }, volume).GetPrincipalAxis();
+  };
+  EXPECT_EQ(getAxis(1, 1, 1), 2u);
+  EXPECT_EQ(getAxis(-1, 1, -1), 2u);
+  EXPECT_EQ(getAxis(1 + 1e-12, 0.3, 1), 2u);
+  EXPECT_EQ(getAxis(1 + 1e-9, 0.3, 1), 0u);
+  EXPECT_EQ(getAxis(1 + 1e-12, 1, 0.3), 1u);
 }
 
 TEST(ShearWarpGeometry, OversampledPhasesLieBetweenThePixels)
@@ -590,8 +604,10 @@ TEST(ShearWarpGeometry, AFittedSpacingIsRoundedToWholePixels)
   EXPECT_EQ(fit(1.002, 3.004).spacing[0], 1.0);
   EXPECT_EQ(fit(1.002, 3.004).spacing[1], 1.0);
   EXPECT_EQ(fit(1.002, 3.004).size[1], 16);
+  // a difference of rounding errors changes no bit
+  EXPECT_EQ(fit(1.0 + 1e-12, 1).spacing[0], 1.0);
   // no axis of the volume lies along v
-  EXPECT_EQ(FitGrid({ MakeTilt(0.1) }, MakeVolume({ 4, 5, 6 }, { 1, 1.0005, 1 }), given, true, true, true).spacing[1],
+  EXPECT_EQ(FitGrid({ MakeTilt(0.02) }, MakeVolume({ 4, 5, 6 }, { 1, 1.0005, 1 }), given, true, true, true).spacing[1],
             1.0);
 }
 
