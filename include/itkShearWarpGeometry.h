@@ -171,7 +171,8 @@ ShearWarpMIP_EXPORT std::vector<SlicePlacement>
 
 /** Returns the intermediate images of a part of the volume: `oversampling` x `oversampling` phases. Pixel (x, y) of
  * element `row * oversampling + column` is pixel (oversampling x + column, oversampling y + row) of the oversampled
- * image. All phases have the same size. Without oversampling, the only element is the intermediate image. */
+ * image. Pixel (x, y) of that image lies at sheared column (x + 1) / oversampling - 1 and row (y + 1) / oversampling
+ * - 1. All phases have the same size. Without oversampling, the only element is the intermediate image. */
 ShearWarpMIP_EXPORT std::vector<IntermediateGrid>
 MakePhases(const Factorization & factorization, const VoxelBox & part, unsigned int oversampling = 1);
 

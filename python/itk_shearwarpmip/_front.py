@@ -521,9 +521,7 @@ def _reword(text: str) -> str:
         return _WORDS.get(word) or re.sub(r"(?<=.)([A-Z])", r"_\1", word).lower()
 
     text = text.replace("AbsoluteMaximum", "absolute")
-    names = (
-        "OutputSpacing|OutputOrigin|Size|Oversampling|RotationAxis|Center|StartAngle|AngularRange|Exact|LocalMaximum|Mode"
-    )
+    names = "OutputSpacing|OutputOrigin|Size|Oversampling|RotationAxis|Center|StartAngle|AngularRange|Exact|LocalMaximum|Mode"
     return re.sub(rf"\b({'|'.join(_WORDS)}|{names})\b", name, text)
 
 

@@ -682,6 +682,11 @@ BAD = {
     "file of depths": (call(IMAGE, depth="d.nrrd"), ValueError, "depth must be True or False"),
     "fading": (call(IMAGE, attenuation=-1), ValueError, "attenuation must be finite and not negative"),
     "local maximum": (call(IMAGE, local_maximum=1.5), ValueError, "local_maximum must be whole"),
+    "local maximum of magnitudes": (
+        call(IMAGE, local_maximum=1, mode="absolute"),
+        ValueError,
+        "local_maximum needs mode .* but mode is absolute",
+    ),
     "switched local maximum": (call(IMAGE, local_maximum=False), ValueError, "local_maximum must be whole"),
     "text as local maximum": (call(IMAGE, local_maximum="3"), ValueError, "local_maximum must be whole"),
     "background": (call(IMAGE, background=70000), ValueError, "background must be whole"),

@@ -613,6 +613,16 @@ def test_modes(viewer):
     assert viewer.window == (0, 1)
 
 
+def test_modes_are_those_that_parameters_allow(image, open_viewer):
+    viewer = open_viewer(image, local_maximum=5)
+    press(viewer, "m")
+    assert viewer.mode == "minimum"
+    press(viewer, "m")
+    assert viewer.mode == "maximum"
+    with pytest.raises(ValueError, match="mode 'absolute' is not possible .* local_maximum"):
+        viewer.mode = "absolute"
+
+
 def test_double_click_resets(image, open_viewer, monkeypatch):
     monkeypatch.setattr(_viewer, "_DOUBLE_CLICK_SECONDS", 1000)
     viewer = open_viewer(image, view="left", window=(0, 500), slab=(-2, 2))
