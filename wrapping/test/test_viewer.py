@@ -619,7 +619,7 @@ def test_modes_are_those_that_parameters_allow(image, open_viewer):
     assert viewer.mode == "minimum"
     press(viewer, "m")
     assert viewer.mode == "maximum"
-    with pytest.raises(ValueError, match="mode 'absolute' is not possible .* local_maximum"):
+    with pytest.raises(ValueError, match=r"mode 'absolute' is not possible .* local_maximum"):
         viewer.mode = "absolute"
 
 
