@@ -132,8 +132,8 @@ public:
   Matrix4Type
   GetViewMatrix() const;
 
-  /** M_shear: (i, j, k, 1) to column, row, slice of the sheared image. Column and row are also those of the
-   * intermediate image. */
+  /** M_shear: (i, j, k, 1) to column, row, slice of the sheared image. The intermediate image has
+   * the same columns and rows. */
   Matrix4Type
   GetShearMatrix() const;
 

@@ -171,7 +171,8 @@ ShearWarpMIP_EXPORT std::vector<SlicePlacement>
 
 /** Returns the intermediate images of a part of the volume: `oversampling` x `oversampling` phases. Pixel (x, y) of
  * element `row * oversampling + column` is pixel (oversampling x + column, oversampling y + row) of the oversampled
- * image. Pixel (x, y) of that image lies at sheared column (x + 1) / oversampling - 1 and row (y + 1) / oversampling
+ * image. Pixel (x, y) of the oversampled image lies at sheared column (x + 1) / oversampling - 1 and row (y + 1) /
+ * oversampling
  * - 1. All phases have the same size. Without oversampling, the only element is the intermediate image. */
 ShearWarpMIP_EXPORT std::vector<IntermediateGrid>
 MakePhases(const Factorization & factorization, const VoxelBox & part, unsigned int oversampling = 1);
@@ -231,7 +232,7 @@ ProjectSpacing(const AffineMap3D & view, const VolumeGrid & volume, double (&pro
  * volume's voxels, with the smallest spacing of ProjectSpacing(). Where, in each view, one axis of the volume lies
  * along an axis of the grid, and its voxels are a whole number of such pixels long within a thousandth, the voxels are
  * exactly so many pixels long: the spacing is adapted. There the grid may leave out a hundredth of a pixel, and
- * elsewhere a ten-thousandth of a pixel. The other parameters are those of \a given. Throws InvalidParameter, with the
+ * elsewhere a ten-thousandth of a pixel. The other parameters stay as in \a given. Throws InvalidParameter, with the
  * values, if the grid is not finite. */
 ShearWarpMIP_EXPORT PictureGrid
 FitGrid(const std::vector<AffineMap3D> & views,

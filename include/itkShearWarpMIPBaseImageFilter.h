@@ -207,8 +207,8 @@ public:
   itkBooleanMacro(ComputeDepth);
 
   /** The depth w of the output's values, in units of view space; null if ComputeDepth is off. T(u, v, w) is the place
-   * of a pixel's maximum, or the nearest place if there are several. The depth is that of the intermediate pixel with
-   * the largest weight in the output pixel. It is not-a-number if the pixel has no sample. */
+   * of a pixel's maximum, or the nearest place if there are several. A pixel has the depth of the intermediate pixel
+   * with the largest weight in its interpolation. The depth is not-a-number if the pixel has no sample. */
   DepthImageType *
   GetDepthOutput();
   const DepthImageType *
@@ -220,7 +220,7 @@ public:
    * cubic along the ray, and the extremum of the cubic has a closed form. So there is no step, no principal axis and no
    * second interpolation. The extremum is rounded once. For pixels of 8 and 16 bits, the error before rounding is below
    * 2^-14 of the range of the pixel type. Wider pixels are computed in double precision, which rounds integers beyond
-   * 2^53. Cells with a voxel that is not finite are left out. The depth is that of the extremum. MaskImage,
+   * 2^53. Cells with a voxel that is not finite are left out. Depths are exact, too. MaskImage,
    * LocalMaximum, DepthAttenuation, Oversampling and NumberOfStreamDivisions must have their default values. */
   itkSetMacro(Exact, bool);
   itkGetConstMacro(Exact, bool);
@@ -361,7 +361,7 @@ protected:
   virtual void
   VerifyIndexedInputs() const;
 
-  /** Throws ExceptionObject if the input of that name is not a \a TObject. */
+  /** Throws ExceptionObject if the input \a name is not a \a TObject. */
   template <typename TObject>
   void
   VerifyInputType(const DataObject::DataObjectIdentifierType & name, const std::string & purpose) const;

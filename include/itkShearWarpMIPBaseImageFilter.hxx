@@ -525,7 +525,7 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::ReleasePreparedVolume()
   }
 }
 
-/** ITK's reporters invoke events in their destructors, out of which no observer may throw. ITK's threads lose
+/** ITK's reporters are not used: they invoke events in destructors, where no observer may throw. ITK's threads lose
  * exceptions. */
 template <typename TInputImage, typename TOutputImage>
 void

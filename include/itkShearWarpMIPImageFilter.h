@@ -55,7 +55,8 @@ ShearWarpMIP_EXPORT Point<double, 3>
  *
  * Mode and LocalMaximum select another sample of a ray than the maximum. SlabNear, SlabFar, CropLower, CropUpper and
  * MaskImage leave out samples, and DepthAttenuation fades samples. ComputeDepth adds a second output with depths. All
- * of these can be combined. With any of them, reduced resampling skips no part of the volume. With LocalMaximum, the
+ * these parameters can be combined, except LocalMaximum with AbsoluteMaximum. Reduced resampling then skips no part of
+ * the volume. With LocalMaximum, the
  * filter follows rays from front to back, and all threads share one intermediate image. It does the same for MaskImage,
  * ComputeDepth and DepthAttenuation if an axis has more than 32766 voxels of 8 or 16 bits.
  *

@@ -52,10 +52,10 @@ struct SamplingPosition
 ShearWarpMIP_EXPORT SamplingPosition
 QuantizePosition(double position);
 
-/** Weights of the four corners of a cell in 1/2^15: none negative, their sum exactly 2^15.
- * First letter: row, second letter: column; `a` is the neighbour of weight \a x (or \a y), `b` the neighbour with
- * the rest. \f[ aa = \lfloor (x y + 2^{14}) / 2^{15} \rfloor, \quad ab = y - aa, \quad ba = x - aa, \quad
- * bb = 2^{15} - x - y + aa \f] */
+/** Weights of the four corners of a cell, in 1/2^15. No weight is negative, and their sum is exactly 2^15.
+ * The first letter is the row, the second one the column. Neighbour `a` has weight \a x (or \a y), and neighbour `b`
+ * the rest. \f[ aa = \lfloor (x y + 2^{14}) / 2^{15} \rfloor, \quad ab = y - aa, \quad ba = x - aa, \quad bb = 2^{15} -
+ * x - y + aa \f] */
 struct BilinearWeights
 {
   BilinearWeights(std::int32_t x, std::int32_t y)
@@ -67,7 +67,7 @@ struct BilinearWeights
   std::int32_t aa, ab, ba, bb;
 };
 
-/** The place of a slice in the intermediate image: its voxel (0, 0) is at column `column`, row `row`.
+/** The place of a slice in the intermediate image. Voxel (0, 0) of the slice is at column `column`, row `row`.
  *
  * Intermediate pixel p meets the slice at voxel column p - column.whole - column.fraction / 2^15.
  * The slice reaches half a voxel beyond its outer voxel centers, with the outer voxels' values, so it always covers as
