@@ -34,8 +34,9 @@ namespace ShearWarp
 ShearWarpMIP_EXPORT AffineMap3D
 MakeView(const Transform<double, 3, 3> * transform);
 
-/** Returns where the voxels of an image's largest possible region are. Throws ExceptionObject if the image is null, or
- * if a size does not fit into std::ptrdiff_t. Does not verify other numbers: see VerifyVolumeGrid(). */
+/** Returns where the voxels of an image's largest possible region are. Throws ExceptionObject, with the value, if the
+ * image is null, a size does not fit into std::ptrdiff_t, or the origin is not finite. For other numbers, see
+ * VerifyVolumeGrid(). */
 ShearWarpMIP_EXPORT VolumeGrid
 MakeVolumeGrid(const ImageBase<3> * image);
 

@@ -17,6 +17,7 @@
  *=========================================================================*/
 #include "itkShearWarpFactorization.h"
 
+#include <cmath>
 #include <limits>
 #include <utility>
 
@@ -101,6 +102,10 @@ ShearWarp::MakeVolumeGrid(const ImageBase<3> * image)
     {
       itkGenericExceptionMacro("The input must have less than 2^63 voxels along each axis, but its size is "
                                << region.GetSize() << '.');
+    }
+    if (!std::isfinite(image->GetOrigin()[axis]))
+    {
+      itkGenericExceptionMacro("The input's origin must be finite, but it is " << image->GetOrigin() << '.');
     }
     volume.size[axis] = static_cast<std::ptrdiff_t>(region.GetSize(axis));
     volume.spacing[axis] = image->GetSpacing()[axis];

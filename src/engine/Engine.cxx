@@ -186,8 +186,8 @@ public:
   double
   GetProgress() const
   {
-    return m_PlannedSteps == 0 ? 0.0
-                               : std::min(static_cast<double>(m_DoneSteps) / static_cast<double>(m_PlannedSteps), 1.0);
+    const auto planned = static_cast<double>(m_PlannedSteps);
+    return planned > 0.0 ? std::min(static_cast<double>(m_DoneSteps) / planned, 1.0) : 0.0;
   }
 
   void
@@ -261,7 +261,8 @@ private:
           const Voxels<T> &   voxels,
           const Kernels<T> &  kernels,
           bool                hasBlockExtrema,
-          bool                isWhole);
+          bool                isWhole,
+          std::size_t         steps);
 
   const ImageType &
   FinishProjection(std::size_t projection);
@@ -292,7 +293,7 @@ private:
   const KernelsType *            m_Kernels{ nullptr };
   const Kernels<unsigned char> * m_KernelsOfMask{ nullptr };
   std::vector<Pass>              m_Passes;
-  std::size_t                    m_PlannedSteps{ 0 };
+  std::atomic<std::size_t>       m_PlannedSteps{ 0 };
   std::atomic<std::size_t>       m_DoneSteps{ 0 };
 
   // of a pass
@@ -406,8 +407,8 @@ ShearWarpEngine<TPixel>::Implementation::CutPasses(unsigned int               ax
   }
 }
 
-/** Steps are samples: each pass prepares the volume once and projects it once for each projection. An exact picture
- * takes about as long as eight projections. */
+/** Steps are samples. A pass projects the volume once for each projection; what it prepares is planned when it is known.
+ * An exact picture takes about as long as eight projections. */
 template <typename TPixel>
 void
 ShearWarpEngine<TPixel>::Implementation::PlanSteps()
@@ -417,7 +418,7 @@ ShearWarpEngine<TPixel>::Implementation::PlanSteps()
   const auto   pixels = static_cast<std::size_t>(m_Scene.picture.size[0] * m_Scene.picture.size[1]);
   for (const Pass & pass : m_Passes)
   {
-    m_PlannedSteps += voxels * (1 + pass.projections.size());
+    m_PlannedSteps += voxels * pass.projections.size();
   }
   m_PlannedSteps += m_Scene.views.size() * (m_Rule.isExact ? 8 * voxels : pixels);
 }
@@ -595,16 +596,16 @@ ShearWarpEngine<TPixel>::Implementation::AddPiece(const SliceRange & slices,
                                                   const MaskType &   mask,
                                                   bool               isWhole)
 {
-  const auto & prepared = this->Prepare(m_Volume, m_Piece, slices, voxels, *m_Kernels, m_HasBlockExtrema, isWhole);
+  const auto   size = voxels.box.size;
+  const auto   steps = static_cast<std::size_t>(size[0] * size[1] * (slices.end - slices.begin));
+  const auto & prepared =
+    this->Prepare(m_Volume, m_Piece, slices, voxels, *m_Kernels, m_HasBlockExtrema, isWhole, steps);
   const PreparedVolume<unsigned char> * preparedMask = nullptr;
   if (m_Rule.hasMask)
   {
-    preparedMask = &this->Prepare(m_Mask, m_PieceOfMask, slices, mask, *m_KernelsOfMask, true, isWhole);
+    preparedMask = &this->Prepare(m_Mask, m_PieceOfMask, slices, mask, *m_KernelsOfMask, true, isWhole, steps);
   }
   const auto start = Clock::now();
-  const auto size = voxels.box.size;
-  const auto steps = static_cast<std::size_t>(size[0] * size[1] * (slices.end - slices.begin));
-  m_DoneSteps += steps;
   m_Projector.Project(prepared, preparedMask, this->CountSteps(steps * m_Pass->projections.size()));
   m_Measurements.projectionSeconds += SecondsSince(start);
 }
@@ -618,21 +619,25 @@ ShearWarpEngine<TPixel>::Implementation::Prepare(PreparedVolume<T> & whole,
                                                  const Voxels<T> &   voxels,
                                                  const Kernels<T> &  kernels,
                                                  bool                hasBlockExtrema,
-                                                 bool                isWhole)
+                                                 bool                isWhole,
+                                                 std::size_t         steps)
 {
   const unsigned int axis = m_Pass->axis;
-  const bool isNeeded = isWhole ? !whole.IsPrepared(voxels, axis, hasBlockExtrema) : hasBlockExtrema || axis == 0;
-  const auto start = Clock::now();
-  const auto box = GetWholeBox(m_Scene.volume);
+  const bool         findsExtrema = hasBlockExtrema && !(isWhole && whole.IsPrepared(voxels, 2));
+  const bool         transposes = axis == 0 && !(isWhole && whole.IsPrepared(voxels, 0, false));
+  const auto         start = Clock::now();
+  const auto         box = GetWholeBox(m_Scene.volume);
+  const RunTasks     run = this->CountSteps(steps);
+  m_PlannedSteps += (findsExtrema ? steps : 0) + (transposes ? steps : 0);
   if (isWhole)
   {
-    whole.Prepare(voxels, box, axis, hasBlockExtrema, kernels, m_Threads.run);
+    whole.Prepare(voxels, box, axis, hasBlockExtrema, kernels, run);
   }
   else
   {
-    piece.PreparePiece(voxels, box, slices, axis, hasBlockExtrema, kernels, m_Threads.run);
+    piece.PreparePiece(voxels, box, slices, axis, hasBlockExtrema, kernels, run);
   }
-  m_Measurements.preparationSeconds += isNeeded ? SecondsSince(start) : 0.0;
+  m_Measurements.preparationSeconds += findsExtrema || transposes ? SecondsSince(start) : 0.0;
   return isWhole ? whole : piece;
 }
 
@@ -828,7 +833,7 @@ ShearWarpEngine<TPixel>::Implementation::ProjectPart(const Scene &      scene,
   const Factorization factorization = this->FactorizeView(0);
   m_Passes = { { factorization.GetPrincipalAxis(), { { 0 } } } };
   m_Pass = &m_Passes.front();
-  m_PlannedSteps = 2 * static_cast<std::size_t>(voxels.box.size[0]) * voxels.box.size[1] * voxels.box.size[2];
+  m_PlannedSteps = static_cast<std::size_t>(voxels.box.size[0]) * voxels.box.size[1] * voxels.box.size[2];
   m_SkippedBefore = 0.0;
   m_IsFirstSlabFirst = true;
   m_HasBlockExtrema = rule.reducedResampling != ReducedResampling::Off;

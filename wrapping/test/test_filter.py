@@ -512,7 +512,7 @@ def test_functional_interface_gives_an_array_of_its_own():
 
 
 def test_progress_and_abort_by_observers(rng):
-    image = itk.image_from_array(rng.integers(0, 255, (80, 90, 100), np.uint8))
+    image = itk.image_from_array(rng.integers(0, 255, (160, 180, 200), np.uint8))
     mip = filter_type(image).New(image, Transform=make_rotation(0.1, 0.2, 0.3))
     mip.SetNumberOfWorkUnits(1)
     tag = mip.AddObserver(itk.ProgressEvent(), mip.AbortGenerateDataOn)
