@@ -1140,6 +1140,82 @@ TYPED_TEST(ShearWarpKernelsTyped, ProjectBlockGivesTheSameHoweverTheVolumeIsDivi
   }
 }
 
+TYPED_TEST(ShearWarpKernelsTyped, IsAnyBelowFindsEveryPixel)
+{
+  constexpr std::ptrdiff_t columns = 2 * Kernels::TileColumns;
+  constexpr std::ptrdiff_t rows = 2;
+  constexpr std::ptrdiff_t stride = columns + 3;
+  // what is between rows is below, and does not count
+  std::vector<TypeParam> pixels(stride * rows, TypeParam{ 0 });
+  for (std::ptrdiff_t n = 0; n < columns * rows; ++n)
+  {
+    pixels[n / columns * stride + n % columns] = TypeParam{ 100 };
+  }
+  ForEachInstructionSet([&](const std::string &) {
+    const auto isAnyBelow = Kernels::GetKernels<TypeParam>().isAnyBelow;
+    EXPECT_FALSE(isAnyBelow(pixels.data(), stride, rows, columns, TypeParam{ 100 }));
+    EXPECT_TRUE(isAnyBelow(pixels.data(), stride, rows, columns, TypeParam{ 101 }));
+    for (std::ptrdiff_t n = 0; n < columns * rows; ++n)
+    {
+      TypeParam & pixel = pixels[n / columns * stride + n % columns];
+      pixel = TypeParam{ 99 };
+      EXPECT_TRUE(isAnyBelow(pixels.data(), stride, rows, columns, TypeParam{ 100 })) << n;
+      EXPECT_FALSE(isAnyBelow(pixels.data(), stride, rows, columns, TypeParam{ 99 })) << n;
+      pixel = TypeParam{ 100 };
+    }
+  });
+}
+
+TYPED_TEST(ShearWarpKernelsTyped, BlockExtremaAreOfTheVoxels)
+{
+  Random random(13);
+  for (int repeat = 0; repeat < 60; ++repeat)
+  {
+    const std::ptrdiff_t columns = random.Integer(1, 150);
+    const std::ptrdiff_t rows = random.Integer(1, 8);
+    const std::ptrdiff_t slices = random.Integer(1, 8);
+    const std::ptrdiff_t blocks = (columns + Kernels::BlockLength - 1) / Kernels::BlockLength;
+    const auto           voxels = MakeRandomPixels<TypeParam>(random, columns * rows * slices);
+    const auto           getExtremum = [&](std::ptrdiff_t begin, std::ptrdiff_t end, auto better) {
+      TypeParam extremum = voxels[begin];
+      for (std::ptrdiff_t row = 0; row < rows * slices; ++row)
+      {
+        const auto first = voxels.begin() + row * columns;
+        extremum = better(extremum, *std::min_element(first + begin, first + end, [&](TypeParam a, TypeParam b) {
+                            return a != b && better(a, b) == a;
+                          }));
+      }
+      return extremum;
+    };
+    const auto smaller = [](TypeParam a, TypeParam b) { return std::min(a, b); };
+    const auto larger = [](TypeParam a, TypeParam b) { return std::max(a, b); };
+    ForEachInstructionSet([&](const std::string &) {
+      std::vector<TypeParam> maxima(blocks), minima(blocks);
+      TypeParam              lowest = voxels.front();
+      TypeParam              highest = voxels.front();
+      Kernels::GetKernels<TypeParam>().findBlockExtrema(voxels.data(),
+                                                        columns,
+                                                        rows,
+                                                        slices,
+                                                        columns,
+                                                        columns * rows,
+                                                        maxima.data(),
+                                                        repeat % 2 == 0 ? minima.data() : nullptr,
+                                                        lowest,
+                                                        highest);
+      EXPECT_EQ(lowest, getExtremum(0, columns, smaller));
+      EXPECT_EQ(highest, getExtremum(0, columns, larger));
+      for (std::ptrdiff_t n = 0; n < blocks; ++n)
+      {
+        const std::ptrdiff_t begin = n * Kernels::BlockLength;
+        const std::ptrdiff_t end = std::min(begin + Kernels::BlockLength, columns);
+        EXPECT_EQ(maxima[n], getExtremum(begin, end, larger)) << n;
+        EXPECT_TRUE(repeat % 2 != 0 || minima[n] == getExtremum(begin, end, smaller)) << n;
+      }
+    });
+  }
+}
+
 TYPED_TEST(ShearWarpKernelsTyped, WarpRowFollowsTheRule)
 {
   Random random(7);
