@@ -26,19 +26,18 @@
 #include <type_traits>
 #include <vector>
 
-/** The steps of the projection on plain memory: pointers, strides and sizes, no ITK type.
+/** The steps of the projection on plain memory: pointers, strides and sizes.
  *
- * Kernels holds one function for each step. Every scalar pixel type of ITK (the arithmetic and character types but
- * `bool` and `long double`) has portable kernels. `unsigned char`, `signed char`, 16-bit integers and float have vector
- * kernels too, but `char` has not. All give the same bits: those of the rule of itkShearWarpSampling.h.
- */
+ * Kernels has one function for each step. Portable kernels are for every scalar type except `bool` and `long double`.
+ * Vector kernels are for `unsigned char`, `signed char`, integers of 16 bits, and float. All kernels give the same
+ * bits: they follow the rule of itkShearWarpSampling.h. */
 namespace itk::ShearWarp
 {
 
-/** Blocks begin and end at multiples of this many rows and slices; block maxima are those of cubes of this length. */
+/** The length of a cube. Blocks begin and end at multiples of it. */
 constexpr std::ptrdiff_t BlockLength = 8;
 
-/** Columns of a tile of the intermediate image; it has BlockLength rows. */
+/** The columns of a tile, which has BlockLength rows. */
 constexpr std::ptrdiff_t TileColumns = 32;
 
 /** Whether the first and the last voxel along an axis are the volume's. */
@@ -47,42 +46,43 @@ struct Ends
   bool first{ true }, last{ true };
 };
 
-/** A volume, or a part of it, as slices along the principal axis. A slice is `rows` x `columns` voxels, its columns are
- * contiguous in memory; strides are in voxels. No voxel is below `lowest` or above `highest`.
+/** A volume, or a part of a volume, as slices along the principal axis. A slice has `rows` x `columns` voxels. Columns
+ * are contiguous in memory; strides are in voxels. No voxel is below `lowest` or above `highest`.
  *
- * A part has the samples between its voxels and, if its first voxel is not the volume's, none at that: along columns
- * and rows parts must have one voxel in common, and then they have all samples once. */
+ * A part owns the samples between its voxels. It owns samples at its first voxel only if that voxel is the volume's
+ * first. Parts that share one voxel per axis own each sample once. */
 template <typename TPixel>
 struct SliceStack
 {
-  const TPixel * voxels;
-  std::ptrdiff_t columns, rows, slices;
-  std::ptrdiff_t rowStride, sliceStride;
+  const TPixel * voxels{ nullptr };
+  std::ptrdiff_t columns{ 0 }, rows{ 0 }, slices{ 0 };
+  std::ptrdiff_t rowStride{ 0 }, sliceStride{ 0 };
   TPixel         lowest{ std::numeric_limits<TPixel>::lowest() };
   TPixel         highest{ std::numeric_limits<TPixel>::max() };
   Ends           columnEnds{}, rowEnds{};
 };
 
 /** \class BlockRows
- * Whose rows a block has. */
+ * What the rows of a block are. */
 enum class BlockRows : std::uint8_t
 {
-  OfSlices,
-  OfMiddleSlices, // the other slices of each BlockLength: their samples in the same rows of the intermediate image
-  OfImage         // the intermediate image's
+  OfSlices,       // rows of each slice
+  OfMiddleSlices, // rows of the image where the middle slice of each cube has the rows
+  OfImage         // rows of the intermediate image
 };
 
-/** Rows [rowBegin, rowEnd), of slices [sliceBegin, sliceEnd) of a SliceStack of `rows` rows: each a multiple of
- * BlockLength or the end.
+/** Rows [rowBegin, rowEnd) and slices [sliceBegin, sliceEnd) of a SliceStack with `rows` rows. Each limit is a multiple
+ * of BlockLength, or the end.
  *
- * Sample j of a slice lies between its rows j - 1 and j, and belongs to the block of row j; see FindRowSamples(). With
- * common rows slices can be projected together. With rows of the image blocks share no pixel, so that each pixel can
- * have its samples in their order: the first slice first, or the last one if the block `isBackward`. */
+ * Sample j of a slice lies between rows j - 1 and j, and belongs to the block of row j; see FindRowSamples(). If blocks
+ * have rows of middle slices, the slices of a cube can be projected together. If blocks are rows of the image, no two
+ * blocks write one pixel, so that a pixel can take its samples in order: from the first slice on, or from the last one
+ * if the block `isBackward`. */
 struct Block
 {
-  std::ptrdiff_t rowBegin, rowEnd;
-  std::ptrdiff_t sliceBegin, sliceEnd;
-  std::ptrdiff_t rows;
+  std::ptrdiff_t rowBegin{ 0 }, rowEnd{ 0 };
+  std::ptrdiff_t sliceBegin{ 0 }, sliceEnd{ 0 };
+  std::ptrdiff_t rows{ 0 };
   BlockRows      rowsOf{ BlockRows::OfSlices };
   bool           isBackward{ false };
 };
@@ -93,18 +93,18 @@ struct RowSpan
   std::ptrdiff_t begin, end;
 };
 
-/** The samples of a slice of \a voxels voxels along one axis, counted from `position.whole`: sample n lies between
- * voxels n - 1 and n, and the outer one at the end that is nearer, if it is the volume's, has the outer voxel's value.
- */
+/** Returns the samples of a slice along an axis with \a voxels voxels, counted from `position.whole`. Sample n lies
+ * between voxels n - 1 and n. Beyond the end of the volume that is nearer to samples, one more sample has the value of
+ * the outer voxel. */
 ShearWarpMIP_EXPORT RowSpan
 FindSamples(const SamplingPosition & position, std::ptrdiff_t voxels, Ends ends);
 
-/** The row of the intermediate image where row 0 of the block's rows lies, for \a slice. */
+/** Returns the row of the intermediate image where row 0 of the block lies for \a slice. */
 ShearWarpMIP_EXPORT std::ptrdiff_t
                     FindFirstRow(const Block & block, const SlicePlacement * placements, std::ptrdiff_t slice);
 
-/** The samples of \a slice along its rows that are the block's, as FindSamples() counts them; at the ends of the stack
- * all that there are. */
+/** Returns the samples of \a slice along its rows that belong to the block, as FindSamples() counts them. The first and
+ * the last block have all remaining samples. */
 ShearWarpMIP_EXPORT RowSpan
 FindRowSamples(const Block & block, const SlicePlacement * placements, std::ptrdiff_t slice, Ends rowEnds);
 
@@ -134,8 +134,8 @@ GetNoSample(Extremum extremum)
 template <typename TPixel, Extremum VExtremum = Extremum::Maximum>
 constexpr TPixel NoSample = GetNoSample<TPixel>(VExtremum);
 
-/** The slices in the order of their ranks. Slice `first` has rank 1, and the next rank is `step` slices further: 1 or
- * -1. */
+/** The order of slices by rank, as seen from the viewer. Slice `first` has rank 1, and the next rank is `step` slices
+ * further: 1 or -1. */
 struct Ranking
 {
   std::int32_t first{ 0 }, step{ 1 };
@@ -170,49 +170,47 @@ struct IntermediateImage
   TPixel               none{ NoSample<TPixel> };
 };
 
-/** Those columns of \a span where \a low <= function <= \a high, for a row and a slice. */
+/** Returns the columns of \a span where \a low <= function <= \a high, for a row and a slice. */
 ShearWarpMIP_EXPORT ColumnSpan
 ClipColumns(const ShearedFunction & function, double low, double high, double row, double slice, ColumnSpan span);
 
-/** Samples count where \a low <= function <= \a high. */
+/** Samples count where low <= function <= high. */
 struct Interval
 {
-  ShearedFunction function;
-  double          low, high;
+  ShearedFunction function{};
+  double          low{ 0 }, high{ 0 };
 };
 
-/** The samples that count in a view: those of all intervals. */
+/** Samples count in a view where they count in all intervals. */
 struct Region
 {
   std::vector<Interval> intervals;
-  std::ptrdiff_t        firstSlice{ 0 }; // of the stack, in the volume
+  std::ptrdiff_t        firstSlice{ 0 }; // number of the stack's first slice in the volume
 
-  /** Whether samples of columns \a columns and rows \a rows of a slice may count. */
+  /** False only if no sample of these columns and rows of a slice counts. */
   ShearWarpMIP_EXPORT bool
   MayReach(ColumnSpan columns, RowSpan rows, std::ptrdiff_t slice) const;
 
-  /** Those of columns \a columns of a row of a slice that count. */
+  /** Returns the columns of a row of a slice where samples count. */
   ShearWarpMIP_EXPORT ColumnSpan
   Clip(ColumnSpan columns, std::ptrdiff_t row, std::ptrdiff_t slice) const;
 };
 
-/** A view's region, and which pixels have met a sample of it. */
+/** A view's region, and the pixels that have met a sample in the region. */
 struct Coverage
 {
   const Region * region{ nullptr };
-  std::uint8_t * marks{ nullptr }; // 1 for those, 0 for others
+  std::uint8_t * marks{ nullptr }; // 1 for these pixels, 0 for others
   std::ptrdiff_t rowStride{ 0 };
-  ColumnSpan *   known{ nullptr }; // of each row, some that are marked
+  ColumnSpan *   known{ nullptr }; // for each row, some columns that are marked
 
-  /** Marks those pixels of columns \a columns of a row that have a sample of a slice in the region, and returns them.
-   */
+  /** Marks and returns the columns of a row where a sample of the slice is in the region. */
   ShearWarpMIP_EXPORT ColumnSpan
   Add(ColumnSpan columns, std::ptrdiff_t row, std::ptrdiff_t slice) const;
 };
 
-/** The place of a slice, counted from the viewer, from 1 on: as wide as the lanes of its pixels. Of equal samples the
- * one of the least counts. A pixel without a sample has NoRank; that of a ray which takes no more has EndedRank added.
- */
+/** The type of a rank while samples are collected: as wide as a lane of the pixels. Among equal samples the lowest rank
+ * wins. A pixel without a sample has NoRank. When a ray ends, EndedRank is added to its pixel's rank. */
 template <typename TPixel>
 using SliceRank = std::conditional_t<(sizeof(TPixel) > 2), std::int32_t, std::int16_t>;
 template <typename TPixel>
@@ -220,7 +218,7 @@ constexpr SliceRank<TPixel> NoRank = std::numeric_limits<SliceRank<TPixel>>::max
 template <typename TPixel>
 constexpr SliceRank<TPixel> EndedRank = std::numeric_limits<SliceRank<TPixel>>::lowest();
 
-/** The ranks of an image's pixels, laid out as these; that of slice k is `first + step * k`. */
+/** The ranks of an image's pixels, laid out as the pixels. Slice k has rank `first + step * k`. */
 template <typename TPixel>
 struct RankedImage
 {
@@ -228,9 +226,9 @@ struct RankedImage
   std::int32_t        first{ 1 }, step{ 1 };
 };
 
-/** A mask, laid out as the slices of a volume, but with strides of its own: voxels are in it where they are `label` or,
- * if that is 0, not 0. A sample counts where its nearest voxel is in the mask, and is the mean of those of its voxels
- * that are, their weights scaled to sum to one. */
+/** A mask of a volume, laid out as its slices, with its own strides. Voxels are in the mask where the mask is `label`
+ * or, if `label` is 0, not 0. A sample counts if its nearest voxel is in the mask. The sample is the weighted mean of
+ * its voxels in the mask, with weights scaled to sum to one. */
 struct Mask
 {
   const std::uint8_t * voxels{ nullptr };
@@ -239,7 +237,7 @@ struct Mask
 };
 
 /** \class TileState
- * What is known of a tile: no sample is needed, each is taken, or the mask tells. */
+ * Whether a tile needs no sample, takes all samples, or takes samples as the mask tells. */
 enum class TileState : std::uint8_t
 {
   Unneeded,
@@ -247,23 +245,23 @@ enum class TileState : std::uint8_t
   Masked
 };
 
-/** exp(-\a x) for 0 <= x, or 0 where that is less than exp(-708): from IEEE operations alone, so that every computer
- * has the same bits. It is exactly 1 at 0, never rises with x, and its relative error is below 2^-52. */
+/** Returns exp(-\a x) for 0 <= x, or 0 for x >= 708. Only IEEE operations are used, so that every computer has the same
+ * bits. The result is exactly 1 at 0 and never rises with x; its relative error is below 2^-52. */
 ShearWarpMIP_EXPORT double
 Decay(double x);
 
-/** How samples fade: those of depth w by exp(-rate (w - begin)), those before `begin` not at all. */
+/** How samples fade: at depth w by exp(-rate (w - begin)). Samples before `begin` do not fade. */
 struct Fading
 {
-  double rate, begin;
+  double rate{ 0 }, begin{ 0 };
 };
 
 /** The precision in which samples fade. */
 template <typename TPixel>
 using FadeNumber = std::conditional_t<(sizeof(TPixel) <= 2) || std::is_same_v<TPixel, float>, float, double>;
 
-/** How a row of samples fades to `background`: those of the columns of `span`, column p by
- * `factor * factors[p - first]`. Vectors that have one of these columns may read FadePadding factors further. */
+/** How a row of samples fades to `background`. In the columns of `span`, column p fades by `factor * factors[p -
+ * first]`. Vectors may read FadePadding factors before and behind. */
 template <typename TPixel>
 struct FadingRow
 {
@@ -275,8 +273,8 @@ struct FadingRow
 };
 constexpr std::ptrdiff_t FadePadding = 32;
 
-/** How the samples of a view fade to `background`: `depth` is that of column and row of the intermediate image and of
- * the slice in the volume. A float factor below 2^-60 is 0. */
+/** How the samples of a view fade to `background`. `depth` is a function of column and row of the intermediate image,
+ * and of the slice in the volume. A float factor below 2^-60 is 0. */
 template <typename TPixel>
 struct ViewFading
 {
@@ -291,23 +289,23 @@ struct ViewFading
   ShearWarpMIP_EXPORT void
   SetStack(std::ptrdiff_t columns, std::ptrdiff_t first);
 
-  /** For a row of a slice of the stack that reaches the columns of \a reached. */
+  /** Returns how a row of a slice of the stack fades in columns \a reached. */
   ShearWarpMIP_EXPORT FadingRow<TPixel>
                       GetRow(std::ptrdiff_t row, std::ptrdiff_t slice, ColumnSpan reached) const;
 };
 
-/** A view along the slices' axis: the place of each slice, and the image that collects the extrema; with a `coverage`
- * of the samples in its region alone. `ranked` tells which slices gave the extrema, if its ranks are not null. The
- * views of one call all have a coverage or none, and all have ranks or none.
+/** A view along the axis of the slices: the place of each slice, and the image that collects the extremum of samples.
+ * If there is a `coverage`, only samples in its region count. If `ranked.ranks` is not null, ranks tell which slices
+ * gave the pixels their values. The views of one call all have a coverage or none, and all have ranks or none. Views
+ * with a mask, fading or a local threshold have ranks.
  *
- * A ray whose pixel is `*localThreshold` or beyond, if that is not null, ends at the first sample that is less good: it
- * keeps its first local maximum (local maximum intensity projection, Sato et al. 1998). For that, as for magnitudes,
- * blocks have the image's rows, and slices come from the viewer on.
+ * `localThreshold`, if not null, is for local maximum intensity projection (Sato et al. 1998). A ray whose pixel has
+ * reached `*localThreshold` ends at the first sample that is worse, and so keeps its first local maximum. Blocks must
+ * then be rows of the image, and come in the order of the slices from the viewer on.
  *
- * `active`, if not null, tells the state of the tiles of a block of at most BlockLength slices: that of
- * `active[(row - block.rowBegin) / BlockLength * activeStride + column / TileColumns]`, for a row counted from
- * FindFirstRow() and no further than the block's, and a column of the intermediate image. If it is null all tiles are
- * Masked, or Whole without a `mask`. Views of a mask, of fading, of magnitudes and of local maxima have ranks. */
+ * `active`, if not null, has the states of the tiles of a block of at most BlockLength slices, `activeStride` elements
+ * from one row of tiles to the next. Rows of tiles begin where FindFirstRow() has the block's first row; columns of
+ * tiles begin with the image. If `active` is null, all tiles are Masked if there is a mask, or else Whole. */
 template <typename TPixel>
 struct ShearedView
 {
@@ -323,15 +321,15 @@ struct ShearedView
   const TPixel *             localThreshold{ nullptr };
 };
 
-/** The maxima of a volume's cubes of BlockLength voxels a side, permuted as its slices are, and the minima if these are
- * not null; not-a-number is ignored. Strides are in elements. */
+/** The maxima of a volume's cubes, and the minima if not null. Axes are in the order of the slices. Not-a-number is
+ * ignored. Strides are in elements. */
 template <typename TPixel>
 struct BlockExtrema
 {
-  const TPixel * maxima;
-  const TPixel * minima;
-  std::ptrdiff_t columns, rows, slices;
-  std::ptrdiff_t columnStride, rowStride, sliceStride;
+  const TPixel * maxima{ nullptr };
+  const TPixel * minima{ nullptr };
+  std::ptrdiff_t columns{ 0 }, rows{ 0 }, slices{ 0 };
+  std::ptrdiff_t columnStride{ 0 }, rowStride{ 0 }, sliceStride{ 0 };
 };
 
 /** The precision in which the interpolant is evaluated. */
@@ -387,9 +385,9 @@ struct Kernels
   /** "portable", "generic", "avx2" or "avx512". */
   const char * instructionSet;
 
-  /** Gives the pixels of each of \a count views the extremum of what they hold and of the
-   * samples of a block of the sheared volume: the projection of Fang et al. 2002 (figure 2 and equation 2), one set of
-   * weights for a slice. */
+  /** Projects a block of the sheared volume into \a count views: each pixel becomes the extremum of its value and of
+   * the block's samples. One set of weights is for a whole slice (Fang et al. 2002, figure 2 and equation 2). Outer
+   * tiles overlap their neighbours, so a pixel may take one sample twice: only an extremum allows that. */
   void (*projectBlock)(const SliceStack<TPixel> &  slices,
                        const Block &               block,
                        const ShearedView<TPixel> * views,
@@ -402,9 +400,10 @@ struct Kernels
                      std::ptrdiff_t columns,
                      TPixel         value);
 
-  /** The maximum of each BlockLength columns of `slices` x `rows` rows of `columns` voxels, to ceil(columns /
-   * BlockLength) elements of \a maxima, and the minimum to \a minima if that is not null; \a lowest and \a highest are
-   * widened to hold every voxel. Not-a-number is ignored. */
+  /** Writes the maxima of a row of cubes to \a maxima, and the minima to \a minima if not null: ceil(columns /
+   * BlockLength) elements. The cubes have `slices` x `rows` rows of `columns` voxels. Widens the range from \a lowest
+   * to
+   * \a highest so that it has every voxel. Not-a-number is ignored. */
   void (*findBlockExtrema)(const TPixel * voxels,
                            std::ptrdiff_t columns,
                            std::ptrdiff_t rows,
@@ -416,10 +415,11 @@ struct Kernels
                            TPixel &       lowest,
                            TPixel &       highest);
 
-  /** Writes columns [columnBegin, columnEnd) of row \a row of an output image, that row's first pixel at \a output:
-   * the bilinear interpolation of \a intermediate at \a outputToIntermediate of each pixel's column and row.
-   * Intermediate pixels that no slice reached are left out and the weights of the others are scaled to
-   * sum to one; where none is left the pixel is \a background. */
+  /** Writes columns [columnBegin, columnEnd) of row \a row of an output image. \a output points to the row's first
+   * pixel. Each pixel is interpolated bilinearly in \a intermediate, at its place by \a outputToIntermediate.
+   * Intermediate pixels without a value are left out, and the weights of the others are scaled to sum to one. An output
+   * pixel without any is
+   * \a background. */
   void (*warpRow)(const IntermediateImage<TPixel> & intermediate,
                   const AffineMap2D &               outputToIntermediate,
                   std::ptrdiff_t                    row,
@@ -428,23 +428,23 @@ struct Kernels
                   TPixel                            background,
                   TPixel *                          output);
 
-  /** Copies \a rows rows of \a columns pixels at \a input to \a columns rows of \a rows pixels at \a output. With
-   * \a isStreamed they are written past the caches. */
+  /** Swaps columns and rows: copies \a rows rows of \a columns pixels to \a columns rows of \a rows pixels. If
+   * \a isStreamed, pixels are written past the caches. */
   void (*transposeSlice)(const TPixel * input,
                          std::ptrdiff_t columns,
                          std::ptrdiff_t rows,
                          TPixel *       output,
                          bool           isStreamed);
 
-  /** Raises the best values of a tile's rays to the maxima of the interpolant in \a count parts, and sets `least` of
-   * all cells. Voxels before the first slice and behind the last one are as these. Returns the least of all cells. */
+  /** Raises the best values of a tile's rays to the maxima of the interpolant in \a count parts of rays. Sets `least`
+   * of all cells, and returns the lowest one. Beyond the first and the last slice, voxels repeat. */
   TPixel (*evaluateParts)(const ExactView<TPixel> & view,
                           const ExactTile<TPixel> & tile,
                           const RayPart *           parts,
                           std::size_t               count);
 
-  /** The same for all parts of slices sliceBegin to sliceEnd that bounds by voxels do not exclude, once a part of each
-   * ray was evaluated. */
+  /** Does the same for all parts from slice sliceBegin to slice sliceEnd, except for parts that the bounds by voxels
+   * exclude. Before, evaluateParts() must have had a part of each ray. */
   TPixel (*searchSlab)(const ExactView<TPixel> & view,
                        const ExactTile<TPixel> & tile,
                        std::ptrdiff_t            sliceBegin,
@@ -461,8 +461,8 @@ struct ReachedRow
 ShearWarpMIP_EXPORT ReachedRow
 FindReached(const std::int32_t * ranks, std::ptrdiff_t columns);
 
-/** The sample of weights \a x and \a y between the voxels b[column], b[before], a[column] and a[before], of those whose
- * bits, the lowest first, \a counted has. */
+/** Returns the sample with weights \a x and \a y between voxels b[column], b[before], a[column] and a[before]. Only
+ * voxels with a bit in \a counted have weight; the first voxel has the lowest bit. */
 template <typename TPixel>
 ShearWarpMIP_EXPORT TPixel
 SampleCounted(const TPixel * a,
@@ -486,14 +486,14 @@ FindDepths(const IntermediateImage<TPixel> & intermediate,
            std::ptrdiff_t                    columns,
            float *                           depths);
 
-/** The plain C++ kernels: the definition that the others are tested against. */
+/** Returns the kernels in standard C++: the reference for all others. */
 template <typename TPixel>
 const ShearWarpMIP_EXPORT Kernels<TPixel> &
                           GetPortableKernels();
 
-/** The kernels of the instruction set that the environment variable SHEARWARPMIP_INSTRUCTION_SET names or, if that is
- * not set, of the best one of this computer. Pixel types without kernels of their own get the portable ones.
- * Throws std::invalid_argument if this computer does not have the named instruction set. */
+/** Returns the kernels of the instruction set in the environment variable SHEARWARPMIP_INSTRUCTION_SET or, if the
+ * variable is not set, of the best one of this computer. Pixel types without vector kernels get the portable kernels.
+ * Throws InvalidParameter if this computer does not have the instruction set. */
 template <typename TPixel>
 const ShearWarpMIP_EXPORT Kernels<TPixel> &
                           GetKernels();

@@ -28,7 +28,10 @@ constexpr int SumRows = 8; // of two vectors each, in half of the registers
 
 // clang-format off
 inline Quad PackBytes(Short v) { return As<Quad>(vcombine_s8(vmovn_s16(As<int16x8_t>(v)), vdup_n_s8(0))); }
-inline Short MultiplyHighRounded(Short a, Short b) { return As<Short>(vqrdmulhq_s16(As<int16x8_t>(a), As<int16x8_t>(b))); }
+inline Short MultiplyHighRounded(Short a, Short b)
+{
+  return As<Short>(vqrdmulhq_s16(As<int16x8_t>(a), As<int16x8_t>(b)));
+}
 inline Short Maximum(Short maximum, Short v) { return As<Short>(vmaxq_s16(As<int16x8_t>(maximum), As<int16x8_t>(v))); }
 inline Short Minimum(Short minimum, Short v) { return As<Short>(vminq_s16(As<int16x8_t>(minimum), As<int16x8_t>(v))); }
 inline Short MaximumUnsigned(Short maximum, Short v)
@@ -50,7 +53,10 @@ inline Sums AddColumns(Sums sums, Short a, Short b, Short weights)
   const auto high = vmlal_high_lane_s16(As<int32x4_t>(sums.high), aa, w, 0);
   return { As<Int>(vmlal_lane_s16(low, vget_low_s16(bb), w, 1)), As<Int>(vmlal_high_lane_s16(high, bb, w, 1)) };
 }
-inline Sums AddRows(Sums sums, Short above, Short below, Short weights) { return AddColumns(sums, above, below, weights); }
+inline Sums AddRows(Sums sums, Short above, Short below, Short weights)
+{
+  return AddColumns(sums, above, below, weights);
+}
 inline Short PackColumns(Sums sums)
 {
   return As<Short>(vshrn_high_n_s32(vshrn_n_s32(As<int32x4_t>(sums.low), 15), As<int32x4_t>(sums.high), 15));

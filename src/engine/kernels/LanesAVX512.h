@@ -106,7 +106,8 @@ Short Fade(Short v, const float * factors, float factor, float to)
 template <typename TPixel>
 void StoreLow(TPixel * p, Index v)
 {
-  const __m128i low = sizeof(TPixel) == 1 ? _mm256_cvtepi32_epi8(As<__m256i>(v)) : _mm256_cvtepi32_epi16(As<__m256i>(v));
+  const auto    all = As<__m256i>(v);
+  const __m128i low = sizeof(TPixel) == 1 ? _mm256_cvtepi32_epi8(all) : _mm256_cvtepi32_epi16(all);
   __builtin_memcpy(p, &low, 8 * sizeof(TPixel));
 }
 /** Loads 32 bits at each index, in units of VSize bytes. */

@@ -39,8 +39,14 @@ inline Short MultiplyHighRounded(Short a, Short b)
 }
 inline Short Maximum(Short maximum, Short v) { return v > maximum ? v : maximum; }
 inline Short Minimum(Short minimum, Short v) { return v < minimum ? v : minimum; }
-inline Short MaximumUnsigned(Short maximum, Short v) { return As<UnsignedShort>(v) > As<UnsignedShort>(maximum) ? v : maximum; }
-inline Short MinimumUnsigned(Short minimum, Short v) { return As<UnsignedShort>(v) < As<UnsignedShort>(minimum) ? v : minimum; }
+inline Short MaximumUnsigned(Short maximum, Short v)
+{
+  return As<UnsignedShort>(v) > As<UnsignedShort>(maximum) ? v : maximum;
+}
+inline Short MinimumUnsigned(Short minimum, Short v)
+{
+  return As<UnsignedShort>(v) < As<UnsignedShort>(minimum) ? v : minimum;
+}
 
 /** Halves are the even and the odd columns. */
 inline Sums AddColumns(Sums sums, Short a, Short b, Short weights)
@@ -50,7 +56,10 @@ inline Sums AddColumns(Sums sums, Short a, Short b, Short weights)
   return { sums.low + GetEven(a) * weightOfA + GetEven(b) * weightOfB,
            sums.high + GetOdd(a) * weightOfA + GetOdd(b) * weightOfB };
 }
-inline Sums AddRows(Sums sums, Short above, Short below, Short weights) { return AddColumns(sums, above, below, weights); }
+inline Sums AddRows(Sums sums, Short above, Short below, Short weights)
+{
+  return AddColumns(sums, above, below, weights);
+}
 inline Short PackColumns(Sums sums) { return PackEvenOdd(sums.low, sums.high); }
 inline Short PackRows(Sums sums) { return PackColumns(sums); }
 // clang-format on

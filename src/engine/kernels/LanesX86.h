@@ -26,8 +26,14 @@ namespace Lanes
 /** Intrinsics have integers of 64 bits. */
 using X86 [[gnu::vector_size(SHEARWARP_VECTOR_BYTES)]] = long long;
 
-inline Short Maximum(Short maximum, Short v) { return As<Short>(SHEARWARP_X86(max_epi16)(As<X86>(maximum), As<X86>(v))); }
-inline Short Minimum(Short minimum, Short v) { return As<Short>(SHEARWARP_X86(min_epi16)(As<X86>(minimum), As<X86>(v))); }
+inline Short Maximum(Short maximum, Short v)
+{
+  return As<Short>(SHEARWARP_X86(max_epi16)(As<X86>(maximum), As<X86>(v)));
+}
+inline Short Minimum(Short minimum, Short v)
+{
+  return As<Short>(SHEARWARP_X86(min_epi16)(As<X86>(minimum), As<X86>(v)));
+}
 
 /** Adds the products of two neighbours. */
 inline Int AddPairProducts(Int sum, Short a, Short b)
