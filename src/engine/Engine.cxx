@@ -407,8 +407,8 @@ ShearWarpEngine<TPixel>::Implementation::CutPasses(unsigned int               ax
   }
 }
 
-/** Steps are samples. A pass projects the volume once for each projection; what it prepares is planned when it is known.
- * An exact picture takes about as long as eight projections. */
+/** Steps are samples. A pass projects the volume once for each projection; what it prepares is planned when it is
+ * known. An exact picture takes about as long as eight projections. */
 template <typename TPixel>
 void
 ShearWarpEngine<TPixel>::Implementation::PlanSteps()

@@ -1559,25 +1559,3 @@ TYPED_TEST(ShearWarpKernelsFloating, InfinityWinsWhereItHasWeight)
   EXPECT_EQ(WarpAt(pixels, 0.5, 0.5), infinity);
   EXPECT_EQ(WarpAt(pixels, 0.0, 0.5), 1);
 }
-
-TYPED_TEST(ShearWarpKernelsTyped, IsAnyBelowSeesEveryPixel)
-{
-  constexpr std::ptrdiff_t rows = 3;
-  constexpr std::ptrdiff_t columns = 2 * Kernels::TileColumns;
-  constexpr std::ptrdiff_t rowStride = columns + 5;
-  const TypeParam          value{ 7 };
-  ForEachInstructionSet([&](const std::string & name) {
-    const auto isAnyBelow = Kernels::GetKernels<TypeParam>().isAnyBelow;
-    for (std::ptrdiff_t place = 0; place < rows * rowStride; ++place)
-    {
-      const bool isPixel = place % rowStride < columns;
-      for (const TypeParam pixel : { std::numeric_limits<TypeParam>::lowest(), TypeParam{ 6 }, value, TypeParam{ 8 } })
-      {
-        std::vector<TypeParam> pixels(rows * rowStride, value);
-        pixels[place] = pixel;
-        EXPECT_EQ(isAnyBelow(pixels.data(), rowStride, rows, columns, value), isPixel && pixel < value)
-          << name << ", pixel " << place;
-      }
-    }
-  });
-}
