@@ -18,7 +18,7 @@ ninja -C "$build" -j "$jobs" ShearWarpMIPGTestDriver
 timed "tests" "$build/test/ShearWarpMIPGTestDriver" --gtest_brief=1
 mkdir -p "$build/report"
 exclude=()
-grep -q avx512_vnni /proc/cpuinfo || exclude=(--exclude "$root/src/engine/kernels/AVX512.cxx")
+grep -q avx512_vnni /proc/cpuinfo || exclude=(--exclude "$root/src/engine/kernels/LanesAVX512.h")
 # threads can spoil the counts of branches; atomic ones take more than twice as long
 gcovr --root "$root" --filter "$root/(include|src)/" "${exclude[@]}" -j "$jobs" --print-summary --fail-under-line 95 \
   --gcov-ignore-parse-errors \
