@@ -528,6 +528,10 @@ template <typename TPixel>
 void
 ShearWarpEngine<TPixel>::Implementation::Add(const SliceRange & slab, const VoxelsType & voxels, const MaskType & mask)
 {
+  if (!m_Pass)
+  {
+    Throw(std::logic_error("BeginPass() comes before Add()."));
+  }
   if (!m_IsPrepared)
   {
     this->DecidePreparation(voxels);
@@ -658,10 +662,14 @@ template <typename TPixel>
 auto
 ShearWarpEngine<TPixel>::Implementation::FindImage(std::size_t view) -> const ImageType &
 {
-  const auto & projections = m_Pass->projections;
-  const auto   found = std::find_if(projections.begin(), projections.end(), [view](const Projection & projection) {
+  const auto projections = m_Pass ? m_Pass->projections : std::vector<Projection>();
+  const auto found = std::find_if(projections.begin(), projections.end(), [view](const Projection & projection) {
     return std::find(projection.begin(), projection.end(), view) != projection.end();
   });
+  if (found == projections.end())
+  {
+    Throw(std::logic_error("A view's picture is made in the view's pass."));
+  }
   return this->FinishProjection(static_cast<std::size_t>(found - projections.begin()));
 }
 

@@ -65,9 +65,16 @@ inline std::uint32_t FindSet(const std::int16_t * p) { return _mm512_movepi16_ma
 template <std::ptrdiff_t VCount>
 std::uint32_t FindLabel(const std::uint8_t * p, std::uint8_t label)
 {
-  __m256i bytes{};
-  __builtin_memcpy(&bytes, p, VCount);
-  const std::uint32_t equal = _mm256_cmpeq_epi8_mask(bytes, _mm256_set1_epi8(static_cast<char>(label)));
+  std::uint32_t equal;
+  if constexpr (VCount == 32)
+  {
+    equal = _mm256_cmpeq_epi8_mask(LoadVector<__m256i>(p), _mm256_set1_epi8(static_cast<char>(label)));
+  }
+  else
+  {
+    static_assert(VCount == 16, "the lanes of floats");
+    equal = _mm_cmpeq_epi8_mask(LoadVector<__m128i>(p), _mm_set1_epi8(static_cast<char>(label)));
+  }
   return (label == 0 ? ~equal : equal) & static_cast<std::uint32_t>((std::uint64_t{ 1 } << VCount) - 1);
 }
 
