@@ -23,7 +23,6 @@
 #include "itkMaximumProjectionImageFilter.h"
 #include "itkResampleImageFilter.h"
 
-#include <set>
 #include <utility>
 
 namespace
@@ -78,38 +77,6 @@ using PixelTypes = testing::
   Types<unsigned char, signed char, short, unsigned short, int, unsigned int, long long, unsigned long, float, double>;
 TYPED_TEST_SUITE(ShearWarpMIPImageFilterTyped, PixelTypes, );
 } // namespace
-
-TYPED_TEST(ShearWarpMIPImageFilterTyped, HasTheBitsOfABruteForceEvaluation)
-{
-  Random                                  random(401);
-  std::set<std::pair<unsigned int, bool>> axes;
-  for (int repeat = 0; repeat < 400; ++repeat)
-  {
-    const auto image = MakeRandomImage<TypeParam>(random, MakeRandomSize(random, 1, repeat % 4 == 0 ? 3 : 17));
-    const auto view = MakeRandomView(random, AllViewKinds[repeat % 3], image);
-    const auto background = MakeRandomPixel<TypeParam>(random);
-    const auto filter = MakeFilter(image, view);
-    SetRandomGrid(random, filter.GetPointer(), view, image);
-    filter->SetDefaultPixelValue(background);
-    const int oversampling = repeat / 4 % 2 + 1;
-    filter->SetOversampling(oversampling);
-    filter->Update();
-
-    BruteForceProjection<TypeParam> bruteForce(view, image, oversampling);
-    const auto                      expected = bruteForce.Evaluate(filter->GetOutput(), background);
-    ASSERT_TRUE(HaveSamePixels(expected, filter->GetOutput())) << "in repetition " << repeat;
-    ASSERT_EQ(filter->GetPrincipalAxis(), bruteForce.GetPrincipalAxis());
-    axes.insert({ bruteForce.GetPrincipalAxis(), bruteForce.LooksAlongAxis() });
-
-    const auto voxels = GetPixels(image);
-    const auto [lowest, highest] = std::minmax_element(voxels.begin(), voxels.end());
-    for (const TypeParam pixel : GetPixels(filter->GetOutput()))
-    {
-      ASSERT_TRUE(pixel == background || (*lowest <= pixel && pixel <= *highest));
-    }
-  }
-  EXPECT_EQ(axes.size(), 6u) << "every axis from both sides";
-}
 
 TYPED_TEST(ShearWarpMIPImageFilterTyped, AxisAlignedViewsEqualMaximumProjectionImageFilter)
 {
@@ -176,27 +143,6 @@ TYPED_TEST(ShearWarpMIPImageFilterTyped, ConstantImageGivesTheConstantOrTheBackg
       inside += pixel == constant;
     }
     EXPECT_GT(inside, 0);
-  }
-}
-
-TYPED_TEST(ShearWarpMIPImageFilterTyped, AnyNumberOfWorkUnitsGivesTheSameBits)
-{
-  Random random(405);
-  for (int repeat = 0; repeat < 40; ++repeat)
-  {
-    const auto image = MakeRandomImage<TypeParam>(random, MakeRandomSize(random, 1, 40));
-    const auto view = MakeRandomView(random, AllViewKinds[repeat % 3], image);
-    const auto filter = MakeFilter(image, view);
-    filter->SetNumberOfWorkUnits(1);
-    filter->Update();
-    const auto expected = Copy(filter->GetOutput());
-    for (const unsigned int workUnits : { 2, 3, 7, 16 })
-    {
-      filter->SetNumberOfWorkUnits(workUnits);
-      filter->ReleasePreparedVolume();
-      UpdateAnew(filter);
-      ASSERT_TRUE(HaveSamePixels(expected, filter->GetOutput())) << workUnits << " work units";
-    }
   }
 }
 
@@ -332,41 +278,6 @@ TEST(ShearWarpMIPImageFilter, AgreesWithFineResamplingOfASmoothImage)
       ASSERT_LT(std::abs(static_cast<double>(output->GetBufferPointer()[n]) - expected[n]), bound);
     }
     EXPECT_GT(*std::max_element(expected.begin(), expected.end()), amplitude);
-  }
-}
-
-TEST(ShearWarpMIPImageFilter, FittedGridHoldsTheWholeImageAtEveryViewAndNoMore)
-{
-  Random random(410);
-  for (int repeat = 0; repeat < 300; ++repeat)
-  {
-    const auto image = MakeRandomImage<unsigned char>(random, MakeRandomSize(random, 1, 10));
-    const auto view = MakeRandomView(random, AllViewKinds[repeat % 3], image);
-    const auto filter = MakeFilter(image, view);
-    filter->UpdateOutputInformation();
-    const auto * output = filter->GetOutput();
-    const auto & size = output->GetLargestPossibleRegion().GetSize();
-
-    const auto [lower, upper] = FindCornerBounds(view, image);
-    const double smallest = image->GetSpacing().GetVnlVector().min_value();
-    for (unsigned int axis = 0; axis < 2; ++axis)
-    {
-      const double spacing = output->GetSpacing()[axis];
-      const double begin = output->GetOrigin()[axis] - 0.5 * spacing;
-      const double end = begin + spacing * static_cast<double>(size[axis]);
-      const double slack = 1e-4 * spacing;
-      ASSERT_LE(begin, lower[axis] + slack);
-      ASSERT_GE(end, upper[axis] - slack);
-      ASSERT_LT(end - begin, std::max(spacing, upper[axis] - lower[axis] + spacing) + slack);
-      ASSERT_NEAR(begin + end, lower[axis] + upper[axis], 1e-8) << "centered on the image";
-
-      PointType ahead = MakePoint3(0, 0, 0);
-      ahead[axis] = 1.0;
-      const auto scale = (view->TransformPoint(ahead) - view->TransformPoint(MakePoint3(0, 0, 0))).GetNorm();
-      ASSERT_NEAR(spacing * scale, smallest, 1e-9) << "a step of a pixel is the smallest spacing in physical space";
-    }
-    EXPECT_EQ(output->GetDirection(), (itk::Matrix<double, 2, 2>(itk::Matrix<double, 2, 2>::GetIdentity())));
-    EXPECT_EQ(output->GetLargestPossibleRegion().GetIndex(), (itk::Index<2>{ { 0, 0 } }));
   }
 }
 

@@ -18,7 +18,6 @@
 #include "kernels/Kernels.h"
 #include "itkShearWarpMIPCineImageFilter.h"
 #include "itkShearWarpMIPImageFilter.h"
-#include "itkShearWarpMIPPartImageFilter.h"
 #include "itkShearWarpMIPTestOracle.h"
 #include "itkShearWarpMIPTestParts.h"
 #include "itkShearWarpMIPView.h"
@@ -30,7 +29,7 @@ namespace
 {
 using namespace itk::ShearWarpMIPTest;
 using ModeEnum = itk::ShearWarpMIPImageFilterEnums::Mode;
-constexpr ModeEnum modes[] = { ModeEnum::Maximum, ModeEnum::Minimum, ModeEnum::AbsoluteMaximum };
+using Feature = itk::ShearWarp::Feature;
 
 template <typename TPixel>
 using FilterType = itk::ShearWarpMIPImageFilter<itk::Image<TPixel, 3>>;
@@ -134,11 +133,11 @@ TYPED_TEST(ShearWarpMIPModes, ValuesAndDepthHaveTheBitsOfSamplesInTheirOrder)
       filter->SetMaskLabel(static_cast<unsigned char>(random.Integer(0, 2)));
     }
     filter->SetDepthAttenuation(repeat % 7 < 3 ? std::pow(10.0, random.Uniform(-4.0, 2.0)) : 0.0);
-    filter->SetMode(modes[random.Integer(0, 2)]);
+    filter->SetMode(AllModes[random.Integer(0, 2)]);
     // beyond the type's end nothing is better
-    const TypeParam unmet =
-      filter->GetMode() == ModeEnum::Maximum || (filter->GetMode() != ModeEnum::Minimum && first == 0) ? last : first;
-    const auto threshold = MakeRandomPixel<TypeParam>(random);
+    const TypeParam unmet = filter->GetMode() == ModeEnum::Maximum ? last : first;
+    const bool      mayBeLocal = itk::ShearWarp::HasFeature(filter->GetMode(), Feature::LocalMaximum);
+    const auto      threshold = MakeRandomPixel<TypeParam>(random);
     filter->SetOversampling(repeat % 5 == 0 ? 2 : 1);
     filter->SetNumberOfStreamDivisions(static_cast<unsigned int>(random.Integer(1, 3)));
     filter->SetDefaultPixelValue(MakeRandomPixel<TypeParam>(random));
@@ -157,7 +156,7 @@ TYPED_TEST(ShearWarpMIPModes, ValuesAndDepthHaveTheBitsOfSamplesInTheirOrder)
       filter->Update();
       EXPECT_TRUE(HaveSamePixels(pixels, filter->GetOutput()));
       const auto depths = Copy(filter->GetDepthOutput());
-      filter->LocalMaximumOn();
+      filter->SetLocalMaximum(mayBeLocal);
       filter->Update();
       EXPECT_TRUE(HaveSamePixels(pixels, filter->GetOutput()));
       EXPECT_TRUE(HaveSamePixels(depths, filter->GetDepthOutput()));
@@ -228,7 +227,7 @@ TYPED_TEST(ShearWarpMIPModes, FadesByTheFormula)
     rule.background = MakeRandomPixel<TypeParam>(random);
     const auto [lower, upper] = FindCornerBounds(view, image);
     rule.slabNear = repeat % 3 == 0 ? random.Uniform(lower[2], upper[2]) : rule.slabNear;
-    filter->SetMode(modes[repeat % 2]);
+    filter->SetMode(AllModes[repeat % 2]);
     filter->SetDepthAttenuation(rule.attenuation);
     filter->SetDefaultPixelValue(rule.background);
     filter->SetSlabNear(rule.slabNear);
@@ -569,6 +568,7 @@ TEST(ShearWarpMIPModesClosedForms, AFadingTurnDoesNotPulse)
   cine->SetDepthAttenuation(0.1);
   cine->SetNumberOfFrames(24);
   const double radius = 0.5 * 61 * std::sqrt(3.0);
+  const auto   volume = itk::ShearWarp::MakeVolumeGrid(image);
   for (const bool isAboutCenter : { true, false })
   {
     if (!isAboutCenter)
@@ -585,7 +585,7 @@ TEST(ShearWarpMIPModesClosedForms, AFadingTurnDoesNotPulse)
       EXPECT_GT(brightest, 1000 * std::exp(-0.1 * radius)) << frame;
       EXPECT_LT(brightest, 1000 * std::exp(-0.1 * (radius - 2.6))) << frame;
       const double depth =
-        itk::ShearWarp::FindSphereDepth(itk::ShearWarp::ViewSpace(cine->GetFrameTransform(frame)), image);
+        itk::ShearWarp::FindSphereDepth(itk::ShearWarp::MakeView(cine->GetFrameTransform(frame)), volume);
       EXPECT_NEAR(depth,
                   cine->GetFrameTransform(frame)->GetInverseTransform()->TransformPoint(GetCenter(image))[2] - radius,
                   1e-9);
@@ -665,7 +665,7 @@ TEST(ShearWarpMIPModesOutput, EveryZeroIsPositiveWithEveryInstructionSet)
     [](Filter * filter) { filter->SetMaskImage(MakeMask(filter->GetInput())); },
     [](Filter * filter) { filter->SetDepthAttenuation(0.3); },
     [](Filter * filter) {
-      filter->LocalMaximumOn();
+      filter->SetLocalMaximum(itk::ShearWarp::HasFeature(filter->GetMode(), Feature::LocalMaximum));
       filter->SetLocalMaximumThreshold(-least);
     },
     [](Filter * filter) { filter->ExactOn(); },
@@ -683,7 +683,7 @@ TEST(ShearWarpMIPModesOutput, EveryZeroIsPositiveWithEveryInstructionSet)
       const bool isAlongGrid = repeat < 42;
       const auto view = isAlongGrid ? ViewType::New() : MakeRandomView(random, ViewKind::Rigid, image);
       const auto filter = MakeFilter(image, view);
-      filter->SetMode(modes[repeat / 7 % 3]);
+      filter->SetMode(AllModes[repeat / 7 % 3]);
       filter->ComputeDepthOn();
       SetGrid(filter, { { width, 8 } }, MakeVector2(1, 1), isAlongGrid ? MakePoint2(2.25, 2.25) : MakePoint2(-3, -3));
       options[repeat % 7](filter);
@@ -706,17 +706,14 @@ TEST(ShearWarpMIPModesOutput, EveryZeroIsPositiveWithEveryInstructionSet)
       {
         continue;
       }
-      const auto part = itk::ShearWarpMIPPartImageFilter<itk::Image<float, 3>>::New();
-      const auto merge = MakeMergeFilter(filter.GetPointer());
-      part->SetInput(image);
-      part->SetTransform(view);
-      part->SetOversampling(filter->GetOversampling());
-      merge->SetPart(0, part->GetOutput());
+      const auto parts = MakePartsFilter(filter.GetPointer());
       ForEachInstructionSet([&](const std::string & name) {
-        UpdateAnew(part);
-        UpdateAnew(merge);
-        EXPECT_TRUE(HaveSamePixels(first, merge->GetOutput())) << name;
-        const auto pixels = GetPixels(part->GetOutput());
+        parts->ClearParts();
+        const auto part = parts->ProjectPart(image);
+        parts->AddPart(part);
+        parts->Update();
+        EXPECT_TRUE(HaveSamePixels(first, parts->GetOutput())) << name;
+        const auto pixels = GetPixels(part);
         EXPECT_TRUE(
           std::none_of(pixels.begin(), pixels.end(), [](float pixel) { return pixel == 0.0f && std::signbit(pixel); }))
           << name;
@@ -740,7 +737,7 @@ TEST(ShearWarpMIPModesOutput, IsScaledAsItsVoxelsAreOfAnyMagnitude)
     SCOPED_TRACE(repeat);
     const auto image = MakeRandomImage<double>(random, MakeRandomSize(random, 1, 12));
     const auto filter = MakeFilter(image, MakeRandomView(random, AllViewKinds[repeat % 3], image));
-    filter->SetMode(modes[repeat / 4 % 3]);
+    filter->SetMode(AllModes[repeat / 4 % 3]);
     filter->ComputeDepthOn();
     options[repeat % 4](filter);
     filter->Update();
@@ -885,6 +882,41 @@ TEST(ShearWarpMIPModesParameters, ErrorsNameParameterAndValue)
     mask->SetSpacing(MakeVector3(1, 1, 2));
     filter.SetMaskImage(mask);
   });
+}
+
+TEST(ShearWarpMIPModesParameters, FeaturesThatAModeHasNotAreRefused)
+{
+  const auto image = MakePlainImage<float>({ { 6, 5, 4 } }, 3);
+  const auto single = MakeFilter(image);
+  const auto cine = itk::ShearWarpMIPCineImageFilter<itk::Image<float, 3>>::New();
+  cine->SetInput(image);
+  const auto expect = [](const auto & filter, Feature feature, bool isOn) {
+    filter->SetLocalMaximum(isOn && feature == Feature::LocalMaximum);
+    filter->SetComputeDepth(isOn && feature == Feature::Depth);
+    filter->SetExact(isOn && feature == Feature::Exact);
+    for (const ModeEnum mode : AllModes)
+    {
+      SCOPED_TRACE(mode);
+      filter->SetMode(mode);
+      const auto text = GetExceptionDescription([&] { filter->UpdateLargestPossibleRegion(); });
+      EXPECT_EQ(text == "no exception", !isOn || itk::ShearWarp::HasFeature(mode, feature)) << text;
+    }
+  };
+  for (const Feature feature : { Feature::Depth, Feature::Exact, Feature::LocalMaximum })
+  {
+    for (const bool isOn : { false, true, false })
+    {
+      expect(single, feature, isOn);
+      expect(cine, feature, isOn);
+    }
+  }
+  const auto expectMessage = [](const auto & filter) {
+    filter->LocalMaximumOn();
+    filter->SetMode(ModeEnum::AbsoluteMaximum);
+    EXPECT_NAMES(filter->Update(), "LocalMaximum needs Mode Maximum or Minimum, but Mode is AbsoluteMaximum.");
+  };
+  expectMessage(single);
+  expectMessage(cine);
 }
 
 TEST(ShearWarpMIPModesParameters, AThresholdThatIsNotUsedMayBeAnything)

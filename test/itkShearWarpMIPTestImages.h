@@ -27,6 +27,7 @@
 #include "itkShearWarpMIPImageFilter.h"
 #include "itkShearWarpMIPTestRule.h"
 
+#include <functional>
 #include <sstream>
 #include <utility>
 
@@ -413,6 +414,17 @@ Copy(const Image<TPixel, 2> * image)
   const auto copy = MakeAlike<TPixel>(image, image->GetBufferedRegion());
   std::copy_n(image->GetBufferPointer(), image->GetBufferedRegion().GetNumberOfPixels(), copy->GetBufferPointer());
   return copy;
+}
+
+/** Takes one pixel from what is held. */
+template <typename TPixel, unsigned int VDimension>
+void
+Shorten(Image<TPixel, VDimension> * image)
+{
+  const auto pixels = Image<TPixel, VDimension>::PixelContainer::New();
+  pixels->Reserve(image->GetBufferedRegion().GetNumberOfPixels() - 1);
+  std::fill_n(pixels->GetBufferPointer(), pixels->Size(), TPixel{ 1 });
+  image->SetPixelContainer(pixels);
 }
 
 /** Bytes of what a filter has prepared of its input, without intermediate images. */

@@ -151,15 +151,18 @@ DrawSlabAndBox(Random &             random,
   }
 }
 
+constexpr ShearWarp::Mode AllModes[] = { ShearWarp::Mode::Maximum,
+                                         ShearWarp::Mode::Minimum,
+                                         ShearWarp::Mode::AbsoluteMaximum };
+
 /** Chooses parameters, for the filter and for the rule that its result must follow. */
 template <typename TFilter, typename TPixel>
 RayRule<TPixel>
 DrawRule(Random & random, TFilter * filter, const ViewBaseType * view, const Image<TPixel, 3> * image)
 {
   RayRule<TPixel> rule;
-  const auto      mode = random.Integer(0, 2);
-  rule.mode = static_cast<RayMode>(mode);
-  filter->SetMode(static_cast<typename TFilter::ModeEnum>(mode));
+  filter->SetMode(AllModes[random.Integer(0, 2)]);
+  rule.mode = static_cast<RayMode>(filter->GetMode());
   DrawSlabAndBox(random, filter, view, image, true, rule);
   if (random.Integer(0, 1) == 0)
   {
@@ -169,7 +172,7 @@ DrawRule(Random & random, TFilter * filter, const ViewBaseType * view, const Ima
     filter->SetMaskImage(mask);
     filter->SetMaskLabel(rule.maskLabel);
   }
-  if (rule.mode != RayMode::AbsoluteMaximum && random.Integer(0, 1) == 0)
+  if (ShearWarp::HasFeature(filter->GetMode(), ShearWarp::Feature::LocalMaximum) && random.Integer(0, 1) == 0)
   {
     rule.isLocal = true;
     rule.threshold = MakeRandomPixel<TPixel>(random);

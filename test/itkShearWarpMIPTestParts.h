@@ -20,7 +20,7 @@
 
 #include "itkImageAlgorithm.h"
 #include "itkImageSource.h"
-#include "itkShearWarpMIPMergePartsImageFilter.h"
+#include "itkShearWarpMIPPartsImageFilter.h"
 #include "itkShearWarpMIPTestImages.h"
 
 /** Images that come in parts. */
@@ -74,29 +74,41 @@ MakeOutline(const Image<TPixel, 3> * image)
 }
 
 /** The filter that makes the picture of \a filter from parts of its input. */
-template <typename TInputImage, typename TOutputImage>
+template <typename TInputImage>
 auto
-MakeMergeFilter(const ShearWarpMIPImageFilter<TInputImage, TOutputImage> * filter)
+MakePartsFilter(const ShearWarpMIPImageFilter<TInputImage> * filter)
 {
-  const auto merge = ShearWarpMIPMergePartsImageFilter<TInputImage, TOutputImage>::New();
-  merge->SetInput(MakeOutline(filter->GetInput()));
-  merge->SetTransform(filter->GetTransform());
-  merge->SetOversampling(filter->GetOversampling());
-  merge->SetDefaultPixelValue(filter->GetDefaultPixelValue());
-  merge->SetNumberOfWorkUnits(filter->GetNumberOfWorkUnits());
+  const auto parts = ShearWarpMIPPartsImageFilter<TInputImage>::New();
+  parts->SetInput(MakeOutline(filter->GetInput()));
+  parts->SetTransform(filter->GetTransform());
+  parts->SetOversampling(filter->GetOversampling());
+  parts->SetDefaultPixelValue(filter->GetDefaultPixelValue());
+  parts->SetReducedResampling(filter->GetReducedResampling());
+  parts->SetNumberOfWorkUnits(filter->GetNumberOfWorkUnits());
   if (filter->GetSize()[0] > 0)
   {
-    merge->SetSize(filter->GetSize());
+    parts->SetSize(filter->GetSize());
   }
   if (filter->GetOutputSpacing()[0] > 0.0)
   {
-    merge->SetOutputSpacing(filter->GetOutputSpacing());
+    parts->SetOutputSpacing(filter->GetOutputSpacing());
   }
   if (filter->GetOutputOrigin() != Point<double, 2>(0.0))
   {
-    merge->SetOutputOrigin(filter->GetOutputOrigin());
+    parts->SetOutputOrigin(filter->GetOutputOrigin());
   }
-  return merge;
+  return parts;
+}
+
+/** The picture of the whole image as one part. */
+template <typename TInputImage>
+auto
+ProjectAsOnePart(const ShearWarpMIPImageFilter<TInputImage> * filter)
+{
+  const auto parts = MakePartsFilter(filter);
+  parts->AddPart(parts->ProjectPart(filter->GetInput()));
+  parts->Update();
+  return Copy(parts->GetOutput());
 }
 
 /** Gives the requested parts of an image, in memory of their own, and remembers how large they were. */

@@ -395,12 +395,10 @@ ChooseSample(const SampleRule<TPixel> & rule, const std::vector<RaySample<TPixel
     {
       if (rank(n) >= GetRank(rule.mode, rule.threshold) && rank(n + 1) < rank(n))
       {
-        std::size_t best = n;
         for (; n > 0 && rank(n - 1) == rank(n); --n)
         {
-          best = samples[n - 1].value >= samples[best].value ? n - 1 : best;
         }
-        return samples[best];
+        return samples[n];
       }
     }
   }

@@ -18,7 +18,6 @@
 #include "../itkShearWarpMIPTestOracle.h"
 #include "../itkShearWarpMIPTestParts.h"
 #include "itkShearWarpMIPImageFilter.h"
-#include "itkShearWarpMIPPartImageFilter.h"
 #include "vnl/vnl_inverse.h"
 
 #include <fuzzer/FuzzedDataProvider.h>
@@ -306,21 +305,13 @@ MakePictureFromParts(Numbers & numbers, const TFilter * filter)
   upper.SetIndex(axis, whole.GetIndex(axis) + static_cast<itk::IndexValueType>(common));
   upper.SetSize(axis, whole.GetSize(axis) - common);
 
-  const auto merge = MakeMergeFilter(filter);
+  const auto parts = MakePartsFilter(filter);
   for (const auto & region : { lower, upper })
   {
-    const auto part = itk::ShearWarpMIPPartImageFilter<ImageType>::New();
-    part->SetInput(MakePart(image.GetPointer(), region));
-    part->SetWholeRegion(whole);
-    part->SetTransform(filter->GetTransform());
-    part->SetOversampling(filter->GetOversampling());
-    part->SetReducedResampling(filter->GetReducedResampling());
-    part->SetNumberOfWorkUnits(filter->GetNumberOfWorkUnits());
-    part->Update();
-    merge->SetPart(merge->GetNumberOfParts(), part->GetOutput());
+    parts->AddPart(parts->ProjectPart(MakePart(image.GetPointer(), region)));
   }
-  merge->Update();
-  return Copy<typename TFilter::InputPixelType>(merge->GetOutput());
+  parts->Update();
+  return Copy<typename TFilter::InputPixelType>(parts->GetOutput());
 }
 
 template <typename TPixel>
