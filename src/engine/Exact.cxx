@@ -17,7 +17,6 @@
  *=========================================================================*/
 #include "Exact.h"
 
-#include "PreparedVolume.h"
 #include "kernels/PixelTypes.h"
 
 #include <algorithm>
@@ -32,7 +31,7 @@ namespace itk::ShearWarp
 {
 namespace
 {
-constexpr std::ptrdiff_t CellsInTile = CellRows * CellColumns;
+constexpr std::ptrdiff_t CellsInPatch = CellRows * CellColumns;
 
 /** Narrows [begin, end] to where low <= slope s + offset <= high. */
 inline void
@@ -78,7 +77,7 @@ RoundToPixel(ExactNumber<TPixel> value)
   }
 }
 
-/** Searches the rays of some tiles that lie side by side. */
+/** Searches the rays of some patches that lie side by side. */
 template <typename TPixel>
 class RaySearch
 {
@@ -92,7 +91,7 @@ public:
             const Picture<TPixel> &           picture,
             std::ptrdiff_t                    column,
             std::ptrdiff_t                    row,
-            std::ptrdiff_t                    tiles)
+            std::ptrdiff_t                    patches)
     : m_View(view)
     , m_Mode(mode)
     , m_Kernels(kernels)
@@ -100,10 +99,10 @@ public:
     , m_Picture(picture)
     , m_Column(column)
     , m_Row(row)
-    , m_Tiles(tiles)
+    , m_Patches(patches)
   {}
 
-  /** Adds the ray of sheared column \a p and row \a q if the ray lies in one of the tiles and meets the volume. */
+  /** Adds the ray of sheared column \a p and row \a q if the ray lies in one of the patches and meets the volume. */
   void
   Add(double p, double q, std::ptrdiff_t pixel);
 
@@ -129,11 +128,11 @@ private:
     std::vector<double> places;
   };
 
-  struct TileState
+  struct PatchState
   {
-    ExactTile<TPixel> tile;
-    TPixel            least;
-    double            nearest, farthest; // the slices of the rays
+    RayPatch<TPixel> patch;
+    TPixel           least;
+    double           nearest, farthest; // the slices of the rays
   };
 
   /** Clips a ray to the volume and to the intervals: to slices [begin, end], or end < begin. */
@@ -144,21 +143,21 @@ private:
   void
   Sort();
 
-  ExactTile<TPixel>
-  GetTile(std::ptrdiff_t tile, Extremum extremum, Extrema & extrema);
+  RayPatch<TPixel>
+  GetPatch(std::ptrdiff_t patch, Extremum extremum, Extrema & extrema);
 
   /** Returns the slice of the guess's nearest pixel, or the slice where the ray begins. */
-  RayPart
+  RaySegment
   FindGuess(std::size_t ray) const;
 
-  /** Evaluates the guess of each ray. Returns the tiles that have rays. */
-  std::vector<TileState>
+  /** Evaluates the guess of each ray. Returns the patches that have rays. */
+  std::vector<PatchState>
   EvaluateGuesses(Extremum extremum, Extrema & extrema);
 
-  /** Returns whether a cube that the tile's rays may meet between slices \a first and \a last has a better voxel than
+  /** Returns whether a cube that the patch's rays may meet between slices \a first and \a last has a better voxel than
    * \a least. */
   bool
-  MayBeBetter(const ExactTile<TPixel> & tile, TPixel least, std::ptrdiff_t first, std::ptrdiff_t last) const;
+  MayBeBetter(const RayPatch<TPixel> & patch, TPixel least, std::ptrdiff_t first, std::ptrdiff_t last) const;
 
   void
   FindExtrema(Extremum extremum, Extrema & extrema);
@@ -175,12 +174,12 @@ private:
   const Kernels<TPixel> &           m_Kernels;
   const IntermediateImage<TPixel> & m_Guess;
   const Picture<TPixel> &           m_Picture;
-  std::ptrdiff_t                    m_Column, m_Row, m_Tiles;
+  std::ptrdiff_t                    m_Column, m_Row, m_Patches;
   std::vector<Ray>                  m_Rays;
-  std::vector<std::int32_t>         m_CellBegins; // tile by tile
+  std::vector<std::int32_t>         m_CellBegins; // patch by patch
   std::vector<std::uint16_t>        m_Cells;
   std::vector<double>               m_P, m_Q, m_Begin, m_End;
-  std::vector<RayPart>              m_Parts;
+  std::vector<RaySegment>           m_Segments;
   std::vector<TPixel>               m_Least;
   std::vector<std::int16_t>         m_LeastLevels;
   Extrema                           m_Maxima, m_Minima;
@@ -192,7 +191,7 @@ RaySearch<TPixel>::Add(double p, double q, std::ptrdiff_t pixel)
 {
   const double column = std::floor(p) - static_cast<double>(m_Column);
   const double row = std::floor(q) - static_cast<double>(m_Row);
-  if (!(column >= 0.0 && column < static_cast<double>(m_Tiles * CellColumns) && row >= 0.0 &&
+  if (!(column >= 0.0 && column < static_cast<double>(m_Patches * CellColumns) && row >= 0.0 &&
         row < static_cast<double>(CellRows)))
   {
     return;
@@ -200,9 +199,9 @@ RaySearch<TPixel>::Add(double p, double q, std::ptrdiff_t pixel)
   const auto [begin, end] = this->Clip(p, q);
   if (begin <= end)
   {
-    const auto tile = static_cast<std::size_t>(column) / CellColumns;
+    const auto patch = static_cast<std::size_t>(column) / CellColumns;
     const auto cell =
-      (tile * CellRows + static_cast<std::size_t>(row)) * CellColumns + static_cast<std::size_t>(column) % CellColumns;
+      (patch * CellRows + static_cast<std::size_t>(row)) * CellColumns + static_cast<std::size_t>(column) % CellColumns;
     m_Rays.push_back({ p, q, begin, end, pixel, cell });
     if (m_Rays.size() == MostRays)
     {
@@ -240,7 +239,7 @@ void
 RaySearch<TPixel>::Sort()
 {
   const std::size_t         count = m_Rays.size();
-  std::vector<std::int32_t> ends(m_Tiles * CellsInTile + 1);
+  std::vector<std::int32_t> ends(m_Patches * CellsInPatch + 1);
   for (const Ray & ray : m_Rays)
   {
     ++ends[ray.cell + 1];
@@ -257,7 +256,7 @@ RaySearch<TPixel>::Sort()
   {
     const std::int32_t place = ends[ray.cell]++;
     sorted[place] = ray;
-    m_Cells[place] = static_cast<std::uint16_t>(ray.cell % CellsInTile);
+    m_Cells[place] = static_cast<std::uint16_t>(ray.cell % CellsInPatch);
     m_P[place] = ray.p;
     m_Q[place] = ray.q;
     m_Begin[place] = ray.begin;
@@ -267,14 +266,14 @@ RaySearch<TPixel>::Sort()
 }
 
 template <typename TPixel>
-ExactTile<TPixel>
-RaySearch<TPixel>::GetTile(std::ptrdiff_t tile, Extremum extremum, Extrema & extrema)
+RayPatch<TPixel>
+RaySearch<TPixel>::GetPatch(std::ptrdiff_t patch, Extremum extremum, Extrema & extrema)
 {
-  return { m_Column + tile * CellColumns,
+  return { m_Column + patch * CellColumns,
            m_Row,
            extremum == Extremum::Minimum,
            m_Picture.depths != nullptr,
-           m_CellBegins.data() + tile * CellsInTile,
+           m_CellBegins.data() + patch * CellsInPatch,
            m_Cells.data(),
            m_P.data(),
            m_Q.data(),
@@ -282,12 +281,12 @@ RaySearch<TPixel>::GetTile(std::ptrdiff_t tile, Extremum extremum, Extrema & ext
            m_End.data(),
            extrema.best.data(),
            extrema.places.data(),
-           m_Least.data() + tile * CellsInTile,
-           m_LeastLevels.data() + tile * CellsInTile };
+           m_Least.data() + patch * CellsInPatch,
+           m_LeastLevels.data() + patch * CellsInPatch };
 }
 
 template <typename TPixel>
-RayPart
+RaySegment
 RaySearch<TPixel>::FindGuess(std::size_t ray) const
 {
   const auto column = static_cast<std::ptrdiff_t>(std::floor(m_P[ray] + 0.5));
@@ -304,44 +303,44 @@ RaySearch<TPixel>::FindGuess(std::size_t ray) const
 
 template <typename TPixel>
 auto
-RaySearch<TPixel>::EvaluateGuesses(Extremum extremum, Extrema & extrema) -> std::vector<TileState>
+RaySearch<TPixel>::EvaluateGuesses(Extremum extremum, Extrema & extrema) -> std::vector<PatchState>
 {
-  std::vector<TileState> tiles;
-  for (std::ptrdiff_t n = 0; n < m_Tiles; ++n)
+  std::vector<PatchState> patches;
+  for (std::ptrdiff_t n = 0; n < m_Patches; ++n)
   {
-    const ExactTile<TPixel> tile = this->GetTile(n, extremum, extrema);
-    const std::size_t       first = tile.cellBegins[0];
-    const std::size_t       last = tile.cellBegins[CellsInTile];
+    const RayPatch<TPixel> patch = this->GetPatch(n, extremum, extrema);
+    const std::size_t      first = patch.cellBegins[0];
+    const std::size_t      last = patch.cellBegins[CellsInPatch];
     if (first == last)
     {
       continue;
     }
-    m_Parts.clear();
+    m_Segments.clear();
     for (std::size_t ray = first; ray < last; ++ray)
     {
-      m_Parts.push_back(this->FindGuess(ray));
+      m_Segments.push_back(this->FindGuess(ray));
     }
-    const TPixel least = m_Kernels.evaluateParts(m_View, tile, m_Parts.data(), m_Parts.size());
-    tiles.push_back({ tile,
-                      least,
-                      *std::min_element(m_Begin.begin() + first, m_Begin.begin() + last),
-                      *std::max_element(m_End.begin() + first, m_End.begin() + last) });
+    const TPixel least = m_Kernels.evaluateSegments(m_View, patch, m_Segments.data(), m_Segments.size());
+    patches.push_back({ patch,
+                        least,
+                        *std::min_element(m_Begin.begin() + first, m_Begin.begin() + last),
+                        *std::max_element(m_End.begin() + first, m_End.begin() + last) });
   }
-  return tiles;
+  return patches;
 }
 
 template <typename TPixel>
 bool
-RaySearch<TPixel>::MayBeBetter(const ExactTile<TPixel> & tile,
-                               TPixel                    least,
-                               std::ptrdiff_t            first,
-                               std::ptrdiff_t            last) const
+RaySearch<TPixel>::MayBeBetter(const RayPatch<TPixel> & patch,
+                               TPixel                   least,
+                               std::ptrdiff_t           first,
+                               std::ptrdiff_t           last) const
 {
   const auto &         cubes = m_View.blocks;
   std::ptrdiff_t       begin[3], end[3];
   const std::ptrdiff_t lengths[] = { m_View.slices.columns, m_View.slices.rows };
-  const std::ptrdiff_t low[] = { tile.column, tile.row };
-  const std::ptrdiff_t high[] = { tile.column + CellColumns, tile.row + CellRows };
+  const std::ptrdiff_t low[] = { patch.column, patch.row };
+  const std::ptrdiff_t high[] = { patch.column + CellColumns, patch.row + CellRows };
   for (int axis = 0; axis < 2; ++axis)
   {
     const double offsets[] = { m_View.shear[axis] * static_cast<double>(first) + m_View.translation[axis],
@@ -356,7 +355,7 @@ RaySearch<TPixel>::MayBeBetter(const ExactTile<TPixel> & tile,
   }
   begin[2] = std::max<std::ptrdiff_t>(first, 0) / BlockLength;
   end[2] = std::min(begin[2] + 2, cubes.slices);
-  const TPixel * const extrema = tile.isMinimum ? cubes.minima : cubes.maxima;
+  const TPixel * const extrema = patch.isMinimum ? cubes.minima : cubes.maxima;
   for (std::ptrdiff_t slice = begin[2]; slice < end[2]; ++slice)
   {
     for (std::ptrdiff_t row = begin[1]; row < end[1]; ++row)
@@ -364,7 +363,7 @@ RaySearch<TPixel>::MayBeBetter(const ExactTile<TPixel> & tile,
       for (std::ptrdiff_t column = begin[0]; column < end[0]; ++column)
       {
         const TPixel voxel = extrema[column * cubes.columnStride + row * cubes.rowStride + slice * cubes.sliceStride];
-        if ((tile.isMinimum ? voxel < least : voxel > least) || (tile.hasDepth && voxel == least))
+        if ((patch.isMinimum ? voxel < least : voxel > least) || (patch.hasDepth && voxel == least))
         {
           return true;
         }
@@ -380,20 +379,20 @@ RaySearch<TPixel>::FindExtrema(Extremum extremum, Extrema & extrema)
 {
   extrema.best.assign(m_Rays.size(), -std::numeric_limits<Number>::infinity());
   extrema.places.assign(m_Rays.size(), m_View.depth.perSlice < 0 ? -Nowhere : Nowhere);
-  m_Least.resize(m_Tiles * CellsInTile);
+  m_Least.resize(m_Patches * CellsInPatch);
   m_LeastLevels.resize(m_Least.size());
-  std::vector<TileState> tiles = this->EvaluateGuesses(extremum, extrema);
+  std::vector<PatchState> patches = this->EvaluateGuesses(extremum, extrema);
   for (std::ptrdiff_t layer = 0; layer < m_View.blocks.slices; ++layer)
   {
     // the outer layers include half a voxel beyond the volume's outer slices
     const std::ptrdiff_t first = layer == 0 ? -1 : layer * BlockLength;
     const std::ptrdiff_t last = std::min((layer + 1) * BlockLength, m_View.slices.slices);
-    for (auto & [tile, least, nearest, farthest] : tiles)
+    for (auto & [patch, least, nearest, farthest] : patches)
     {
       if (nearest <= static_cast<double>(last) && farthest >= static_cast<double>(first) &&
-          this->MayBeBetter(tile, least, first, last))
+          this->MayBeBetter(patch, least, first, last))
       {
-        least = m_Kernels.searchSlab(m_View, tile, first, last);
+        least = m_Kernels.searchLayer(m_View, patch, first, last);
       }
     }
   }
@@ -572,22 +571,22 @@ FindCells(const ExactView<TPixel> & view)
   return cells;
 }
 
-/** How the rays are split into tasks. A task has `tiles` tiles side by side, which share the voxels in the caches. If
- * tiles have many rays, a task has one of `bands` bands of the tiles' rows of pixels. */
+/** How the rays are split into tasks. A task has `patches` patches side by side, which share the voxels in the caches.
+ * If patches have many rays, a task has one of `bands` bands of the patches' rows of pixels. */
 struct TaskSize
 {
-  std::ptrdiff_t tiles, bands;
+  std::ptrdiff_t patches, bands;
 };
 
 TaskSize
 FindTaskSize(const AffineMap2D & map, std::ptrdiff_t rows)
 {
   constexpr std::ptrdiff_t mostBands = 256;
-  const double             raysInTile = CellsInTile / std::abs(map.xx * map.yy - map.xy * map.yx);
-  return { raysInTile > 2048.0   ? 1
-           : raysInTile > 1024.0 ? 4
-                                 : 8,
-           raysInTile < 16384.0 ? 1 : ConvertToCount(raysInTile / 8192.0, std::min(rows, mostBands)) };
+  const double             raysInPatch = CellsInPatch / std::abs(map.xx * map.yy - map.xy * map.yx);
+  return { raysInPatch > 2048.0   ? 1
+           : raysInPatch > 1024.0 ? 4
+                                  : 8,
+           raysInPatch < 16384.0 ? 1 : ConvertToCount(raysInPatch / 8192.0, std::min(rows, mostBands)) };
 }
 } // namespace
 
@@ -606,12 +605,12 @@ ProjectExactly(const ExactView<TPixel> &         view,
 
   const CellRectangle cells = FindCells(view);
   const TaskSize      task = FindTaskSize(view.outputToSheared, rows);
-  const auto          taskColumns = task.tiles * CellColumns;
+  const auto          taskColumns = task.patches * CellColumns;
   const auto          search = [&](std::size_t n, std::size_t step, std::size_t) {
     const auto              band = static_cast<std::ptrdiff_t>(n) % task.bands;
     const std::ptrdiff_t    column = cells.first[0] + static_cast<std::ptrdiff_t>(step) * taskColumns;
     const std::ptrdiff_t    row = cells.first[1] + static_cast<std::ptrdiff_t>(n) / task.bands * CellRows;
-    RaySearch<TPixel>       rays(view, mode, kernels, guess, picture, column, row, task.tiles);
+    RaySearch<TPixel>       rays(view, mode, kernels, guess, picture, column, row, task.patches);
     const double            low[] = { static_cast<double>(column), static_cast<double>(row) };
     const double            high[] = { static_cast<double>(column + taskColumns), static_cast<double>(row + CellRows) };
     const PixelsInRectangle pixels(view.outputToSheared, low, high);

@@ -24,13 +24,6 @@
 
 namespace itk::ShearWarp
 {
-/** Returns how many blocks of \a blockLength hold \a length elements. */
-constexpr std::ptrdiff_t
-CountBlocks(std::ptrdiff_t length, std::ptrdiff_t blockLength = BlockLength)
-{
-  return (length + blockLength - 1) / blockLength;
-}
-
 /** \class PreparedVolume
  * \brief A volume as stacks of slices along each of its axes, rows contiguous in memory, and its block extrema.
  *

@@ -687,7 +687,7 @@ AddFixedPictures(const Kernels::SliceStack<TPixel> & stack, std::uint64_t & chec
   }
 }
 
-/** The extrema of the interpolant along a ray of each cell of a tile. */
+/** The extrema of the interpolant along a ray of each cell of a patch. */
 template <typename TPixel>
 void
 AddFixedRays(const Kernels::SliceStack<TPixel> & stack, std::uint64_t & checksum)
@@ -703,14 +703,14 @@ AddFixedRays(const Kernels::SliceStack<TPixel> & stack, std::uint64_t & checksum
     view.shear[1] = -0.71875;
     view.translation[1] = 15.0;
     view.depth.perSlice = 1.0;
-    std::vector<std::int32_t>     cellBegins(count + 1);
-    std::vector<std::uint16_t>    cells(count);
-    std::vector<double>           p(count), q(count), begins(count), places(count);
-    const std::vector<double>     ends(count, static_cast<double>(FixedSlices - 1));
-    std::vector<Number>           best(count, -std::numeric_limits<Number>::infinity());
-    std::vector<TPixel>           least(count);
-    std::vector<std::int16_t>     levels(count);
-    std::vector<Kernels::RayPart> parts;
+    std::vector<std::int32_t>        cellBegins(count + 1);
+    std::vector<std::uint16_t>       cells(count);
+    std::vector<double>              p(count), q(count), begins(count), places(count);
+    const std::vector<double>        ends(count, static_cast<double>(FixedSlices - 1));
+    std::vector<Number>              best(count, -std::numeric_limits<Number>::infinity());
+    std::vector<TPixel>              least(count);
+    std::vector<std::int16_t>        levels(count);
+    std::vector<Kernels::RaySegment> segments;
     for (std::int32_t n = 0; n < count; ++n)
     {
       cellBegins[n + 1] = n + 1;
@@ -719,15 +719,15 @@ AddFixedRays(const Kernels::SliceStack<TPixel> & stack, std::uint64_t & checksum
       p[n] = static_cast<double>(10 + n % Kernels::CellColumns) + (n * 37 % 64) / 64.0;
       q[n] = static_cast<double>(20 + row) + (n * 29 % 64) / 64.0;
       places[n] = std::numeric_limits<double>::infinity();
-      parts.push_back({ n, n % static_cast<std::int32_t>(FixedSlices - 1) });
+      segments.push_back({ n, n % static_cast<std::int32_t>(FixedSlices - 1) });
     }
-    const Kernels::ExactTile<TPixel> tile{
+    const Kernels::RayPatch<TPixel> patch{
       10,           20,           isMinimum,     true,        cellBegins.data(), cells.data(),
       p.data(),     q.data(),     begins.data(), ends.data(), best.data(),       places.data(),
       least.data(), levels.data()
     };
-    kernels.evaluateParts(view, tile, parts.data(), parts.size());
-    kernels.searchSlab(view, tile, 0, FixedSlices - 1);
+    kernels.evaluateSegments(view, patch, segments.data(), segments.size());
+    kernels.searchLayer(view, patch, 0, FixedSlices - 1);
     AddToChecksum(best.data(), best.size(), checksum);
     AddToChecksum(places.data(), places.size(), checksum);
   }

@@ -199,15 +199,15 @@ struct BestLanes
   Vector least, best, place;
 };
 
-/** Finds the maxima of the rays of a tile. */
+/** Finds the maxima of the rays of a patch. */
 template <typename TPixel, bool VIsMinimum>
-class TileSearch
+class PatchSearch
 {
 public:
   using Number = ExactNumber<TPixel>;
 
   /** A new search sets `least` of all cells. Another one only updates `least`. */
-  TileSearch(const ExactView<TPixel> & view, const ExactTile<TPixel> & tile, bool isNew);
+  PatchSearch(const ExactView<TPixel> & view, const RayPatch<TPixel> & patch, bool isNew);
 
   /** Searches from a slice to the next one all rays that voxels near them do not exclude. */
   void
@@ -215,9 +215,9 @@ public:
 
   /** Searches one ray from a slice to the next one. Finish() completes the search. */
   void
-  Add(RayPart part)
+  Add(RaySegment segment)
   {
-    m_Parts[m_Count++] = part;
+    m_Segments[m_Count++] = segment;
     if (m_Count == RaysTogether)
     {
       this->Evaluate();
@@ -263,7 +263,7 @@ private:
   /** The most voxels of a row that have weight in a row of cells. */
   static constexpr std::ptrdiff_t RowWidth = CellColumns + CellReach - 1;
 
-  /** The most rows that have weight in a tile. */
+  /** The most rows that have weight in a patch. */
   static constexpr std::ptrdiff_t MostRows = CellRows + CellReach - 1;
 
   /** Rows of a slice and of the next one: in the volume, or copies. */
@@ -402,7 +402,7 @@ private:
     return inside + (isLeft ? Larger(first, -RowWidth) : Smaller(first - last, RowWidth));
   }
 
-  /** Finds \a count rows that have weight in the tile, and prefetches the slice behind them. */
+  /** Finds \a count rows that have weight in the patch, and prefetches the slice behind them. */
   void
   FindRows(std::ptrdiff_t slice,
            std::ptrdiff_t firstColumn,
@@ -429,7 +429,7 @@ private:
   void
   AddRays(std::ptrdiff_t cell, Number bound, std::ptrdiff_t slice);
 
-  /** Places the rays of the first \a count parts. The other rays of the group are copies of the first one. */
+  /** Places the rays of the first \a count segments. The other rays of the group are copies of the first one. */
   void
   PlaceRays(int count, RayGroup & group, VoxelPlaces & places) const;
 
@@ -467,21 +467,21 @@ private:
   void
   TakeCell(const CellLanes<Number> & cell, BestLanes<Number> & lanes) const;
 
-  /** Evaluates as many rays as a vector has lanes, from ray \a first on. Writes their best values and the places of
-   * these in the part, and returns the rays with a value of at least their best one so far, as bits. */
+  /** Evaluates as many rays as a vector has lanes, from ray \a first on. Writes each ray's best value and its place in
+   * the segment. Returns, as bits, the rays whose value is at least the best one so far. */
   std::uint32_t
   EvaluateLanes(const RayGroup & group, int first, Number * best, Number * places) const;
 
   /** Gives a ray a value if it is better than the ray's best one so far, or as good and nearer to the viewer. */
   void
-  TakeBest(const RayPart & part, Number value, Number placeInPart);
+  TakeBest(const RaySegment & segment, Number value, Number placeInSegment);
 
-  /** Evaluates the parts that were added. */
+  /** Evaluates the segments that were added. */
   void
   Evaluate();
 
   const ExactView<TPixel> &  m_View;
-  const ExactTile<TPixel> &  m_Tile;
+  const RayPatch<TPixel> &   m_Patch;
   const SliceStack<TPixel> & m_Slices;
   bool                       m_IsBackward;
   std::ptrdiff_t             m_Step[2];     // 1 or -1: the direction of rays
@@ -489,14 +489,14 @@ private:
   Number                     m_PerVoxel[2]; // slices in which a ray passes a column or a row
   LevelType                  m_Levels;
   bool                       m_HasChanged[CellRows]{};
-  RayPart                    m_Parts[RaysTogether]{};
+  RaySegment                 m_Segments[RaysTogether]{};
   int                        m_Count{ 0 };
 };
 
 template <typename TPixel, bool VIsMinimum>
-TileSearch<TPixel, VIsMinimum>::TileSearch(const ExactView<TPixel> & view, const ExactTile<TPixel> & tile, bool isNew)
+PatchSearch<TPixel, VIsMinimum>::PatchSearch(const ExactView<TPixel> & view, const RayPatch<TPixel> & patch, bool isNew)
   : m_View(view)
-  , m_Tile(tile)
+  , m_Patch(patch)
   , m_Slices(view.slices)
   , m_IsBackward(view.depth.perSlice < 0)
   , m_Levels(view.slices.lowest, view.slices.highest)
@@ -517,7 +517,7 @@ TileSearch<TPixel, VIsMinimum>::TileSearch(const ExactView<TPixel> & view, const
 
 template <typename TPixel, bool VIsMinimum>
 TPixel
-TileSearch<TPixel, VIsMinimum>::FindLeast(Number best, bool hasDepth)
+PatchSearch<TPixel, VIsMinimum>::FindLeast(Number best, bool hasDepth)
 {
   using Limits = std::numeric_limits<TPixel>;
   const Number value = VIsMinimum ? -best : best;
@@ -555,7 +555,7 @@ TileSearch<TPixel, VIsMinimum>::FindLeast(Number best, bool hasDepth)
 
 template <typename TPixel, bool VIsMinimum>
 void
-TileSearch<TPixel, VIsMinimum>::SetLeast(std::ptrdiff_t row)
+PatchSearch<TPixel, VIsMinimum>::SetLeast(std::ptrdiff_t row)
 {
   constexpr Number most = std::numeric_limits<Number>::infinity();
   Number           best[CellColumns];
@@ -563,19 +563,20 @@ TileSearch<TPixel, VIsMinimum>::SetLeast(std::ptrdiff_t row)
   {
     best[n] = most;
   }
-  for (std::int32_t ray = m_Tile.cellBegins[row * CellColumns]; ray < m_Tile.cellBegins[(row + 1) * CellColumns]; ++ray)
+  for (std::int32_t ray = m_Patch.cellBegins[row * CellColumns]; ray < m_Patch.cellBegins[(row + 1) * CellColumns];
+       ++ray)
   {
-    Number & least = best[m_Tile.cells[ray] % CellColumns];
-    least = Smaller(least, m_Tile.best[ray]);
+    Number & least = best[m_Patch.cells[ray] % CellColumns];
+    least = Smaller(least, m_Patch.best[ray]);
   }
-  TPixel * const least = m_Tile.least + row * CellColumns;
+  TPixel * const least = m_Patch.least + row * CellColumns;
   for (std::ptrdiff_t n = 0; n < CellColumns; ++n)
   {
-    least[n] = FindLeast(best[n], m_Tile.hasDepth);
+    least[n] = FindLeast(best[n], m_Patch.hasDepth);
   }
   if constexpr (HasLevels)
   {
-    std::int16_t * const levels = m_Tile.leastLevels + row * CellColumns;
+    std::int16_t * const levels = m_Patch.leastLevels + row * CellColumns;
     for (std::ptrdiff_t n = 0; n < CellColumns; ++n)
     {
       const double level = floor((LevelType::Zero + static_cast<double>(best[n])) * m_Levels.scale);
@@ -587,7 +588,7 @@ TileSearch<TPixel, VIsMinimum>::SetLeast(std::ptrdiff_t row)
 
 template <typename TPixel, bool VIsMinimum>
 TPixel
-TileSearch<TPixel, VIsMinimum>::Finish()
+PatchSearch<TPixel, VIsMinimum>::Finish()
 {
   this->Evaluate();
   for (std::ptrdiff_t row = 0; row < CellRows; ++row)
@@ -597,17 +598,17 @@ TileSearch<TPixel, VIsMinimum>::Finish()
       this->SetLeast(row);
     }
   }
-  TPixel least = m_Tile.least[0];
+  TPixel least = m_Patch.least[0];
   for (std::ptrdiff_t n = 1; n < CellRows * CellColumns; ++n)
   {
-    least = (VIsMinimum ? m_Tile.least[n] > least : m_Tile.least[n] < least) ? m_Tile.least[n] : least;
+    least = (VIsMinimum ? m_Patch.least[n] > least : m_Patch.least[n] < least) ? m_Patch.least[n] : least;
   }
   return least;
 }
 
 template <typename TPixel, bool VIsMinimum>
 CellWindow
-TileSearch<TPixel, VIsMinimum>::FindWindow(int axis, std::ptrdiff_t slice) const
+PatchSearch<TPixel, VIsMinimum>::FindWindow(int axis, std::ptrdiff_t slice) const
 {
   const double a = this->GetOffset(axis, static_cast<double>(slice));
   const double b = this->GetOffset(axis, static_cast<double>(slice + 1));
@@ -618,7 +619,7 @@ TileSearch<TPixel, VIsMinimum>::FindWindow(int axis, std::ptrdiff_t slice) const
   const double     first = floor(left);
   const double     last = floor(right);
   const auto       weight = [](double v) { return static_cast<std::int16_t>(Smaller(v * 32768.0, 32767.0)); };
-  return { static_cast<std::ptrdiff_t>(first) + (axis == 0 ? m_Tile.column : m_Tile.row),
+  return { static_cast<std::ptrdiff_t>(first) + (axis == 0 ? m_Patch.column : m_Patch.row),
            static_cast<std::ptrdiff_t>(last - first),
            weight(left - first),
            weight(right - last) };
@@ -627,10 +628,10 @@ TileSearch<TPixel, VIsMinimum>::FindWindow(int axis, std::ptrdiff_t slice) const
 template <typename TPixel, bool VIsMinimum>
 template <int VLast, bool VIsHalved>
 void
-TileSearch<TPixel, VIsMinimum>::BoundRows(const PairOfRows<TPixel> * rows,
-                                          std::ptrdiff_t             count,
-                                          const CellWindow &         window,
-                                          RowBounds<TPixel> *        bounds)
+PatchSearch<TPixel, VIsMinimum>::BoundRows(const PairOfRows<TPixel> * rows,
+                                           std::ptrdiff_t             count,
+                                           const CellWindow &         window,
+                                           RowBounds<TPixel> *        bounds)
 {
   for (std::ptrdiff_t row = 0; row < count; ++row)
   {
@@ -660,14 +661,14 @@ TileSearch<TPixel, VIsMinimum>::BoundRows(const PairOfRows<TPixel> * rows,
 template <typename TPixel, bool VIsMinimum>
 template <int VLast>
 std::uint32_t
-TileSearch<TPixel, VIsMinimum>::FindCells(const RowBounds<TPixel> * rows,
-                                          const CellWindow &        window,
-                                          std::ptrdiff_t            row,
-                                          TPixel (&voxels)[CellColumns]) const
+PatchSearch<TPixel, VIsMinimum>::FindCells(const RowBounds<TPixel> * rows,
+                                           const CellWindow &        window,
+                                           std::ptrdiff_t            row,
+                                           TPixel (&voxels)[CellColumns]) const
 {
-  const TPixel * const       least = m_Tile.least + row * CellColumns;
-  const std::int16_t * const leastLevels = m_Tile.leastLevels + row * CellColumns;
-  const std::int16_t         equal = m_Tile.hasDepth ? -1 : 0;
+  const TPixel * const       least = m_Patch.least + row * CellColumns;
+  const std::int16_t * const leastLevels = m_Patch.leastLevels + row * CellColumns;
+  const std::int16_t         equal = m_Patch.hasDepth ? -1 : 0;
   std::int16_t               flags[CellColumns];
   for (std::ptrdiff_t n = 0; n < CellColumns; ++n)
   {
@@ -688,11 +689,11 @@ TileSearch<TPixel, VIsMinimum>::FindCells(const RowBounds<TPixel> * rows,
 
 template <typename TPixel, bool VIsMinimum>
 void
-TileSearch<TPixel, VIsMinimum>::FindRows(std::ptrdiff_t slice,
-                                         std::ptrdiff_t firstColumn,
-                                         std::ptrdiff_t firstRow,
-                                         std::ptrdiff_t count,
-                                         SlicePair &    pair) const
+PatchSearch<TPixel, VIsMinimum>::FindRows(std::ptrdiff_t slice,
+                                          std::ptrdiff_t firstColumn,
+                                          std::ptrdiff_t firstRow,
+                                          std::ptrdiff_t count,
+                                          SlicePair &    pair) const
 {
   const bool           isInside = firstColumn >= 0 && firstColumn + RowWidth <= m_Slices.columns;
   const TPixel * const slices[] = { this->GetSlice(slice), this->GetSlice(slice + 1) };
@@ -714,20 +715,20 @@ TileSearch<TPixel, VIsMinimum>::FindRows(std::ptrdiff_t slice,
 
 template <typename TPixel, bool VIsMinimum>
 void
-TileSearch<TPixel, VIsMinimum>::AddRays(std::ptrdiff_t cell, Number bound, std::ptrdiff_t slice)
+PatchSearch<TPixel, VIsMinimum>::AddRays(std::ptrdiff_t cell, Number bound, std::ptrdiff_t slice)
 {
   const auto                 first = static_cast<double>(slice);
   const double               nearest = m_IsBackward ? first + 1.0 : first;
-  const std::int32_t * const begin = m_Tile.cellBegins + cell;
+  const std::int32_t * const begin = m_Patch.cellBegins + cell;
   for (std::int32_t ray = begin[0]; ray < begin[1]; ++ray)
   {
-    const bool isReached = (m_Tile.begin[ray] <= first + 1.0) & (m_Tile.end[ray] >= first);
-    bool       isBetter = bound > m_Tile.best[ray];
-    if (m_Tile.hasDepth)
+    const bool isReached = (m_Patch.begin[ray] <= first + 1.0) & (m_Patch.end[ray] >= first);
+    bool       isBetter = bound > m_Patch.best[ray];
+    if (m_Patch.hasDepth)
     {
-      isBetter |= (bound == m_Tile.best[ray]) & this->IsNearer(nearest, m_Tile.places[ray]);
+      isBetter |= (bound == m_Patch.best[ray]) & this->IsNearer(nearest, m_Patch.places[ray]);
     }
-    m_Parts[m_Count] = { ray, static_cast<std::int32_t>(slice) };
+    m_Segments[m_Count] = { ray, static_cast<std::int32_t>(slice) };
     m_Count += (isReached & isBetter) ? 1 : 0;
     if (m_Count == RaysTogether)
     {
@@ -738,7 +739,7 @@ TileSearch<TPixel, VIsMinimum>::AddRays(std::ptrdiff_t cell, Number bound, std::
 
 template <typename TPixel, bool VIsMinimum>
 void
-TileSearch<TPixel, VIsMinimum>::SearchPair(std::ptrdiff_t slice)
+PatchSearch<TPixel, VIsMinimum>::SearchPair(std::ptrdiff_t slice)
 {
   const CellWindow     columns = this->FindWindow(0, slice);
   const CellWindow     rows = this->FindWindow(1, slice);
@@ -771,18 +772,18 @@ TileSearch<TPixel, VIsMinimum>::SearchPair(std::ptrdiff_t slice)
 
 template <typename TPixel, bool VIsMinimum>
 void
-TileSearch<TPixel, VIsMinimum>::PlaceRays(int count, RayGroup & group, VoxelPlaces & places) const
+PatchSearch<TPixel, VIsMinimum>::PlaceRays(int count, RayGroup & group, VoxelPlaces & places) const
 {
   double p[RaysTogether], q[RaysTogether], begins[RaysTogether], ends[RaysTogether], first[RaysTogether];
   for (int n = 0; n < RaysTogether; ++n)
   {
-    const std::int32_t ray = m_Parts[n < count ? n : 0].ray;
-    const std::int32_t slice = m_Parts[n < count ? n : 0].slice;
-    p[n] = m_Tile.p[ray];
-    q[n] = m_Tile.q[ray];
-    begins[n] = m_Tile.begin[ray];
-    ends[n] = m_Tile.end[ray];
-    group.best[n] = m_Tile.best[ray];
+    const std::int32_t ray = m_Segments[n < count ? n : 0].ray;
+    const std::int32_t slice = m_Segments[n < count ? n : 0].slice;
+    p[n] = m_Patch.p[ray];
+    q[n] = m_Patch.q[ray];
+    begins[n] = m_Patch.begin[ray];
+    ends[n] = m_Patch.end[ray];
+    group.best[n] = m_Patch.best[ray];
     first[n] = static_cast<double>(slice);
     places.slices[0][n] = this->GetSlice(slice);
     places.slices[1][n] = this->GetSlice(slice + 1);
@@ -808,7 +809,7 @@ TileSearch<TPixel, VIsMinimum>::PlaceRays(int count, RayGroup & group, VoxelPlac
 
 template <typename TPixel, bool VIsMinimum>
 void
-TileSearch<TPixel, VIsMinimum>::LoadSingly(const VoxelPlaces & places, RayGroup & group) const
+PatchSearch<TPixel, VIsMinimum>::LoadSingly(const VoxelPlaces & places, RayGroup & group) const
 {
   const int  firstColumn = m_Step[0] > 0 ? 0 : 2;
   const int  firstRow = m_Step[1] > 0 ? 0 : 2;
@@ -833,7 +834,7 @@ TileSearch<TPixel, VIsMinimum>::LoadSingly(const VoxelPlaces & places, RayGroup 
 
 template <typename TPixel, bool VIsMinimum>
 SHEARWARP_INLINE inline void
-TileSearch<TPixel, VIsMinimum>::CopyLines(const VoxelPlaces & places, Four (&fours)[6][RaysTogether]) const
+PatchSearch<TPixel, VIsMinimum>::CopyLines(const VoxelPlaces & places, Four (&fours)[6][RaysTogether]) const
 {
   const auto lastColumn = static_cast<std::int32_t>(m_Slices.columns - 1);
   const auto lastRow = static_cast<std::int32_t>(m_Slices.rows - 1);
@@ -866,8 +867,8 @@ TileSearch<TPixel, VIsMinimum>::CopyLines(const VoxelPlaces & places, Four (&fou
 
 template <typename TPixel, bool VIsMinimum>
 SHEARWARP_INLINE inline void
-TileSearch<TPixel, VIsMinimum>::SplitLine(const std::uint32_t (&words)[WordsInFour][RaysTogether],
-                                          Number (*voxels)[RaysTogether]) const
+PatchSearch<TPixel, VIsMinimum>::SplitLine(const std::uint32_t (&words)[WordsInFour][RaysTogether],
+                                           Number (*voxels)[RaysTogether]) const
 {
   using Word = std::conditional_t<std::is_signed_v<TPixel>, std::int32_t, std::uint32_t>;
   constexpr int bits = 8 * sizeof(TPixel);
@@ -891,7 +892,7 @@ TileSearch<TPixel, VIsMinimum>::SplitLine(const std::uint32_t (&words)[WordsInFo
 
 template <typename TPixel, bool VIsMinimum>
 void
-TileSearch<TPixel, VIsMinimum>::LoadFours(const VoxelPlaces & places, RayGroup & group) const
+PatchSearch<TPixel, VIsMinimum>::LoadFours(const VoxelPlaces & places, RayGroup & group) const
 {
   Four fours[6][RaysTogether];
   this->CopyLines(places, fours);
@@ -917,7 +918,7 @@ TileSearch<TPixel, VIsMinimum>::LoadFours(const VoxelPlaces & places, RayGroup &
 
 template <typename TPixel, bool VIsMinimum>
 SHEARWARP_INLINE inline auto
-TileSearch<TPixel, VIsMinimum>::FindCounted(const CellLanes<Number> & cell, Vector highest, Vector least) -> Flags
+PatchSearch<TPixel, VIsMinimum>::FindCounted(const CellLanes<Number> & cell, Vector highest, Vector least) -> Flags
 {
   Flags isCounted = (cell.begin <= cell.end) & (highest >= least);
   if constexpr (IsFloat<TPixel>)
@@ -934,12 +935,12 @@ TileSearch<TPixel, VIsMinimum>::FindCounted(const CellLanes<Number> & cell, Vect
 
 template <typename TPixel, bool VIsMinimum>
 SHEARWARP_INLINE inline void
-TileSearch<TPixel, VIsMinimum>::TakeLocalMaximum(const CellLanes<Number> & cell,
-                                                 const Cubic<Number> &     cubic,
-                                                 Vector                    bound,
-                                                 Flags                     lanes,
-                                                 Vector &                  value,
-                                                 Vector &                  place) const
+PatchSearch<TPixel, VIsMinimum>::TakeLocalMaximum(const CellLanes<Number> & cell,
+                                                  const Cubic<Number> &     cubic,
+                                                  Vector                    bound,
+                                                  Flags                     lanes,
+                                                  Vector &                  value,
+                                                  Vector &                  place) const
 {
   // the derivative, 3 g3 t^2 + 2 g2 t + g1 but for the scale, falls through 0 at t
   const Vector zero = Vectors::Set(0);
@@ -962,7 +963,7 @@ TileSearch<TPixel, VIsMinimum>::TakeLocalMaximum(const CellLanes<Number> & cell,
 
 template <typename TPixel, bool VIsMinimum>
 SHEARWARP_INLINE inline void
-TileSearch<TPixel, VIsMinimum>::TakeCell(const CellLanes<Number> & cell, BestLanes<Number> & lanes) const
+PatchSearch<TPixel, VIsMinimum>::TakeCell(const CellLanes<Number> & cell, BestLanes<Number> & lanes) const
 {
   const auto & a = cell.front;
   const auto & b = cell.back;
@@ -999,7 +1000,7 @@ TileSearch<TPixel, VIsMinimum>::TakeCell(const CellLanes<Number> & cell, BestLan
 
 template <typename TPixel, bool VIsMinimum>
 SHEARWARP_INLINE inline std::uint32_t
-TileSearch<TPixel, VIsMinimum>::EvaluateLanes(const RayGroup & group, int first, Number * best, Number * places) const
+PatchSearch<TPixel, VIsMinimum>::EvaluateLanes(const RayGroup & group, int first, Number * best, Number * places) const
 {
   const auto load = [first](const Number * numbers)
                       SHEARWARP_INLINE -> Vector { return Vectors::Load(numbers + first); };
@@ -1042,21 +1043,21 @@ TileSearch<TPixel, VIsMinimum>::EvaluateLanes(const RayGroup & group, int first,
 
 template <typename TPixel, bool VIsMinimum>
 SHEARWARP_INLINE inline void
-TileSearch<TPixel, VIsMinimum>::TakeBest(const RayPart & part, Number value, Number placeInPart)
+PatchSearch<TPixel, VIsMinimum>::TakeBest(const RaySegment & segment, Number value, Number placeInSegment)
 {
-  const std::int32_t ray = part.ray;
-  const double       place = static_cast<double>(part.slice) + static_cast<double>(placeInPart);
-  if (value > m_Tile.best[ray] || (value == m_Tile.best[ray] && this->IsNearer(place, m_Tile.places[ray])))
+  const std::int32_t ray = segment.ray;
+  const double       place = static_cast<double>(segment.slice) + static_cast<double>(placeInSegment);
+  if (value > m_Patch.best[ray] || (value == m_Patch.best[ray] && this->IsNearer(place, m_Patch.places[ray])))
   {
-    m_Tile.best[ray] = value;
-    m_Tile.places[ray] = place;
-    m_HasChanged[m_Tile.cells[ray] / CellColumns] = true;
+    m_Patch.best[ray] = value;
+    m_Patch.places[ray] = place;
+    m_HasChanged[m_Patch.cells[ray] / CellColumns] = true;
   }
 }
 
 template <typename TPixel, bool VIsMinimum>
 void
-TileSearch<TPixel, VIsMinimum>::Evaluate()
+PatchSearch<TPixel, VIsMinimum>::Evaluate()
 {
   const int count = m_Count;
   m_Count = 0;
@@ -1096,18 +1097,21 @@ TileSearch<TPixel, VIsMinimum>::Evaluate()
   for (betterRays &= (std::uint32_t{ 1 } << count) - 1; betterRays != 0; betterRays &= betterRays - 1)
   {
     const int n = FindLowest(betterRays);
-    this->TakeBest(m_Parts[n], best[n] / scale, places[n]);
+    this->TakeBest(m_Segments[n], best[n] / scale, places[n]);
   }
 }
 
 template <bool VIsMinimum, typename TPixel>
 TPixel
-EvaluateParts(const ExactView<TPixel> & view, const ExactTile<TPixel> & tile, const RayPart * parts, std::size_t count)
+EvaluateSegments(const ExactView<TPixel> & view,
+                 const RayPatch<TPixel> &  patch,
+                 const RaySegment *        segments,
+                 std::size_t               count)
 {
-  TileSearch<TPixel, VIsMinimum> search(view, tile, true);
+  PatchSearch<TPixel, VIsMinimum> search(view, patch, true);
   for (std::size_t n = 0; n < count; ++n)
   {
-    search.Add(parts[n]);
+    search.Add(segments[n]);
   }
   return search.Finish();
 }
@@ -1115,20 +1119,23 @@ EvaluateParts(const ExactView<TPixel> & view, const ExactTile<TPixel> & tile, co
 /** See Kernels. */
 template <typename TPixel>
 TPixel
-EvaluateParts(const ExactView<TPixel> & view, const ExactTile<TPixel> & tile, const RayPart * parts, std::size_t count)
+EvaluateSegments(const ExactView<TPixel> & view,
+                 const RayPatch<TPixel> &  patch,
+                 const RaySegment *        segments,
+                 std::size_t               count)
 {
-  return tile.isMinimum ? EvaluateParts<true>(view, tile, parts, count)
-                        : EvaluateParts<false>(view, tile, parts, count);
+  return patch.isMinimum ? EvaluateSegments<true>(view, patch, segments, count)
+                         : EvaluateSegments<false>(view, patch, segments, count);
 }
 
 template <bool VIsMinimum, typename TPixel>
 TPixel
-SearchSlab(const ExactView<TPixel> & view,
-           const ExactTile<TPixel> & tile,
-           std::ptrdiff_t            sliceBegin,
-           std::ptrdiff_t            sliceEnd)
+SearchLayer(const ExactView<TPixel> & view,
+            const RayPatch<TPixel> &  patch,
+            std::ptrdiff_t            sliceBegin,
+            std::ptrdiff_t            sliceEnd)
 {
-  TileSearch<TPixel, VIsMinimum> search(view, tile, false);
+  PatchSearch<TPixel, VIsMinimum> search(view, patch, false);
   for (std::ptrdiff_t slice = sliceBegin; slice < sliceEnd; ++slice)
   {
     search.SearchPair(slice);
@@ -1139,11 +1146,11 @@ SearchSlab(const ExactView<TPixel> & view,
 /** See Kernels. */
 template <typename TPixel>
 TPixel
-SearchSlab(const ExactView<TPixel> & view,
-           const ExactTile<TPixel> & tile,
-           std::ptrdiff_t            sliceBegin,
-           std::ptrdiff_t            sliceEnd)
+SearchLayer(const ExactView<TPixel> & view,
+            const RayPatch<TPixel> &  patch,
+            std::ptrdiff_t            sliceBegin,
+            std::ptrdiff_t            sliceEnd)
 {
-  return tile.isMinimum ? SearchSlab<true>(view, tile, sliceBegin, sliceEnd)
-                        : SearchSlab<false>(view, tile, sliceBegin, sliceEnd);
+  return patch.isMinimum ? SearchLayer<true>(view, patch, sliceBegin, sliceEnd)
+                         : SearchLayer<false>(view, patch, sliceBegin, sliceEnd);
 }

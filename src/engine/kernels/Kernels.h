@@ -37,6 +37,13 @@ namespace itk::ShearWarp
 /** The length of a cube. Blocks begin and end at multiples of it. */
 constexpr std::ptrdiff_t BlockLength = 8;
 
+/** Returns how many blocks of \a blockLength hold \a length elements. */
+constexpr std::ptrdiff_t
+CountBlocks(std::ptrdiff_t length, std::ptrdiff_t blockLength = BlockLength)
+{
+  return (length + blockLength - 1) / blockLength;
+}
+
 /** The columns of a tile, which has BlockLength rows. */
 constexpr std::ptrdiff_t TileColumns = 32;
 
@@ -342,7 +349,7 @@ template <typename TPixel>
 struct ExactView
 {
   SliceStack<TPixel>    slices;
-  BlockExtrema<TPixel>  blocks; // with minima unless the maximum is wanted
+  BlockExtrema<TPixel>  blocks; // block extrema, with minima unless the maximum is wanted
   double                shear[2], translation[2];
   AffineMap2D           outputToSheared;
   std::vector<Interval> intervals; // of sheared column, row and slice
@@ -350,16 +357,17 @@ struct ExactView
   TPixel                background;
 };
 
-/** The rays of a tile of CellRows x CellColumns cells of the sheared grid, sorted by their cells: those of slices
- * [begin, end], with the best value so far and its slice. `least` has for each cell what a voxel must exceed, or with
- * depths reach, to make one of its rays better. With `isMinimum` all voxels have the other sign. */
+/** The rays of a patch of CellRows x CellColumns cells of the sheared grid, sorted by their cells. Each ray has slices
+ * [begin, end], a best value so far, and the place of the best value among the slices. A voxel improves a ray of a cell
+ * only if the voxel exceeds the cell's `least`, or reaches `least` if there are depths. With `isMinimum`, all voxels
+ * have the other sign. */
 template <typename TPixel>
-struct ExactTile
+struct RayPatch
 {
   std::ptrdiff_t        column, row; // of the first cell
   bool                  isMinimum, hasDepth;
-  const std::int32_t *  cellBegins; // the first ray of each cell; the last one's end
-  const std::uint16_t * cells;      // of the rays, in the tile
+  const std::int32_t *  cellBegins; // the first ray of each cell, and the number of rays
+  const std::uint16_t * cells;      // the cell of each ray, counted in the patch
   const double *        p;
   const double *        q;
   const double *        begin;
@@ -372,8 +380,8 @@ struct ExactTile
 constexpr std::ptrdiff_t CellColumns = 32;
 constexpr std::ptrdiff_t CellRows = 16;
 
-/** A ray of a tile, from a slice to the next one. */
-struct RayPart
+/** A segment of a ray: from a slice to the next one. */
+struct RaySegment
 {
   std::int32_t ray, slice;
 };
@@ -436,19 +444,19 @@ struct Kernels
                          TPixel *       output,
                          bool           isStreamed);
 
-  /** Raises the best values of a tile's rays to the maxima of the interpolant in \a count parts of rays. Sets `least`
-   * of all cells, and returns the lowest one. Beyond the first and the last slice, voxels repeat. */
-  TPixel (*evaluateParts)(const ExactView<TPixel> & view,
-                          const ExactTile<TPixel> & tile,
-                          const RayPart *           parts,
-                          std::size_t               count);
+  /** Raises the best values of a patch's rays to the maxima of the interpolant on \a count segments of the rays. Sets
+   * `least` of all cells, and returns the lowest `least`. Beyond the first and the last slice, voxels repeat. */
+  TPixel (*evaluateSegments)(const ExactView<TPixel> & view,
+                             const RayPatch<TPixel> &  patch,
+                             const RaySegment *        segments,
+                             std::size_t               count);
 
-  /** Does the same for all parts from slice sliceBegin to slice sliceEnd, except for parts that the bounds by voxels
-   * exclude. Before, evaluateParts() must have had a part of each ray. */
-  TPixel (*searchSlab)(const ExactView<TPixel> & view,
-                       const ExactTile<TPixel> & tile,
-                       std::ptrdiff_t            sliceBegin,
-                       std::ptrdiff_t            sliceEnd);
+  /** Does the same for all segments from slice \a sliceBegin to slice \a sliceEnd. Segments near which no voxel is
+   * good enough are left out. Before, evaluateSegments() must have had a segment of each ray. */
+  TPixel (*searchLayer)(const ExactView<TPixel> & view,
+                        const RayPatch<TPixel> &  patch,
+                        std::ptrdiff_t            sliceBegin,
+                        std::ptrdiff_t            sliceEnd);
 };
 
 /** The columns of a row from the first to the last pixel with a value, and whether a pixel between them has none. */

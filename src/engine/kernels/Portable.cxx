@@ -516,8 +516,8 @@ const Kernels<TPixel> &
 GetPortableKernels()
 {
   static constexpr Kernels<TPixel> kernels{
-    "portable",      ProjectBlock<TPixel>,   IsAnyBelow<TPixel>,    FindBlockExtrema<TPixel>,
-    WarpRow<TPixel>, TransposeSlice<TPixel>, EvaluateParts<TPixel>, SearchSlab<TPixel>
+    "portable",      ProjectBlock<TPixel>,   IsAnyBelow<TPixel>,       FindBlockExtrema<TPixel>,
+    WarpRow<TPixel>, TransposeSlice<TPixel>, EvaluateSegments<TPixel>, SearchLayer<TPixel>
   };
   return kernels;
 }

@@ -127,10 +127,10 @@ PrefetchVoxel(const void * p)
 #include "VectorWarp.h"
 
 template <typename TPixel>
-constexpr Kernels<TPixel> KernelsOf{ Lanes::Name,           ProjectBlock<TPixel>,
-                                     IsAnyBelow<TPixel>,    FindBlockExtrema<TPixel>,
-                                     WarpRow<TPixel>,       TransposeSlice<TPixel>,
-                                     EvaluateParts<TPixel>, SearchSlab<TPixel> };
+constexpr Kernels<TPixel> KernelsOf{
+  Lanes::Name,     ProjectBlock<TPixel>,   IsAnyBelow<TPixel>,       FindBlockExtrema<TPixel>,
+  WarpRow<TPixel>, TransposeSlice<TPixel>, EvaluateSegments<TPixel>, SearchLayer<TPixel>
+};
 } // namespace
 
 const VectorKernels &
