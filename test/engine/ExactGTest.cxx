@@ -67,7 +67,7 @@ struct RandomTile
   }
 
   /** Without any value yet. */
-  Kernels::ExactTile<TPixel>
+  Kernels::RayPatch<TPixel>
   Get(bool isMinimum, bool hasDepth, bool isBackward)
   {
     constexpr double infinity = std::numeric_limits<double>::infinity();
@@ -174,7 +174,7 @@ TYPED_TEST(ShearWarpExactKernels, BoundsExcludeNothingBetter)
     }
     view.depth = { 0.0, 0.0, repeat % 3 == 0 ? -1.0 : 1.0, 0.0 };
     RandomTile<TypeParam>         rays(random, view, isAlike);
-    std::vector<Kernels::RayPart> all, some;
+    std::vector<Kernels::RaySegment> all, some;
     for (std::size_t ray = 0; ray < rays.p.size(); ++ray)
     {
       for (std::int64_t slice = -1; slice < slices; ++slice)
@@ -189,15 +189,15 @@ TYPED_TEST(ShearWarpExactKernels, BoundsExcludeNothingBetter)
     ForEachInstructionSet([&](const std::string &) {
       const auto & kernels = Kernels::GetKernels<TypeParam>();
       const auto   tile = rays.Get(isMinimum, hasDepth, view.depth.perSlice < 0);
-      kernels.evaluateParts(view, tile, all.data(), all.size());
+      kernels.evaluateSegments(view, tile, all.data(), all.size());
       const std::vector<Number> best = rays.best;
       const std::vector<double> places = rays.places;
 
       const auto again = rays.Get(isMinimum, hasDepth, view.depth.perSlice < 0);
-      kernels.evaluateParts(view, again, some.data(), some.size());
+      kernels.evaluateSegments(view, again, some.data(), some.size());
       for (const std::int64_t begin : { std::int64_t{ 8 }, std::int64_t{ -1 }, std::int64_t{ 16 } })
       {
-        kernels.searchSlab(view, again, begin, std::min<std::int64_t>(begin < 0 ? 8 : begin + 8, slices));
+        kernels.searchLayer(view, again, begin, std::min<std::int64_t>(begin < 0 ? 8 : begin + 8, slices));
       }
       for (std::size_t ray = 0; ray < best.size(); ++ray)
       {
@@ -277,8 +277,8 @@ std::vector<std::int32_t> firstSlices;
 /** Evaluates nothing, but keeps the slices where the search begins. */
 short
 KeepFirstSlices(const Kernels::ExactView<short> &,
-                const Kernels::ExactTile<short> &,
-                const Kernels::RayPart * parts,
+                const Kernels::RayPatch<short> &,
+                const Kernels::RaySegment * parts,
                 std::size_t              count)
 {
   std::for_each(parts, parts + count, [](const auto & part) { firstSlices.push_back(part.slice); });
@@ -296,8 +296,8 @@ TEST(ShearWarpExactGuess, TellsWhereTheSearchBegins)
   view.slices = { voxels.data(), size, size, size, size, size * size };
   view.blocks = { cubes.data(), nullptr, 1, 1, 1, 1, 1, 1 };
   view.outputToSheared = { 1.0, 0.0, 0.0, 0.0, 1.0, 0.0 };
-  kernels.evaluateParts = KeepFirstSlices;
-  kernels.searchSlab = [](const auto &, const auto &, std::ptrdiff_t, std::ptrdiff_t) { return short{ 0 }; };
+  kernels.evaluateSegments = KeepFirstSlices;
+  kernels.searchLayer = [](const auto &, const auto &, std::ptrdiff_t, std::ptrdiff_t) { return short{ 0 }; };
 
   const std::vector<Kernels::ColumnSpan> reached(size, { 0, 5 });
   const std::vector<std::int32_t>        ranks{ 0, 1, 2, 6, -3, 4 };
