@@ -241,66 +241,103 @@ struct SliceRow
   std::int32_t         y;      // 0 in the outer half voxels
 };
 
-/** Takes the samples in \a span. They fade if \a fading is not null. */
+/** Takes the samples of a row of a slice for a view. They fade if \a fading is not null. */
 template <Extremum VExtremum, typename TPixel>
-void
-ProjectRow(const SliceRow<TPixel> &    row,
-           const ShearedView<TPixel> & view,
-           ColumnSpan                  span,
-           const TileState *           active,
-           SliceRank<TPixel>           rank,
-           const FadingRow<TPixel> *   fading,
-           std::ptrdiff_t              pixelRow)
+class RowProjector
 {
-  const auto [a, b, maskA, maskB, columns, position, y] = row;
-  const CellSampler<TPixel> sample(position.fraction, y);
-  const CellSampler<TPixel> edgeSample(0, y);
-  const std::ptrdiff_t      place = pixelRow * view.intermediate.rowStride;
-  TPixel * const            pixels = view.intermediate.pixels + place;
-  SliceRank<TPixel> * const ranks = view.ranked.ranks ? view.ranked.ranks + place : nullptr;
-  const TPixel * const      threshold = view.localThreshold;
-  const auto                take = [=](std::ptrdiff_t p, TPixel value) {
-    const TPixel taken = fading ? FadeInRow(*fading, value, p) : value;
-    TakeSample<VExtremum>(taken, rank, threshold, pixels[p], ranks ? ranks + p : nullptr);
-  };
-  const auto getState = [=](std::ptrdiff_t p) {
-    return active ? active[p / TileColumns] : row.maskA ? TileState::Masked : TileState::Whole;
-  };
-  const auto takeCounted = [&](std::ptrdiff_t p, std::ptrdiff_t i, std::ptrdiff_t before, std::int32_t x) {
-    const unsigned int counted = FindCounted(row.maskA, row.maskB, view.mask->label, i, before, x, row.y);
+public:
+  RowProjector(const SliceRow<TPixel> &    row,
+               const ShearedView<TPixel> & view,
+               std::ptrdiff_t              pixelRow,
+               const TileState *           active,
+               SliceRank<TPixel>           rank,
+               const FadingRow<TPixel> *   fading)
+    : m_Row(row)
+    , m_View(view)
+    , m_Active(active)
+    , m_Rank(rank)
+    , m_Fading(fading)
+    , m_Threshold(view.localThreshold)
+    , m_Pixels(view.intermediate.pixels + pixelRow * view.intermediate.rowStride)
+    , m_Ranks(view.ranked.ranks ? view.ranked.ranks + pixelRow * view.intermediate.rowStride : nullptr)
+  {}
+
+  /** Takes the samples in \a span that lie between two columns. */
+  void
+  ProjectInner(ColumnSpan span) const
+  {
+    const auto [a, b, maskA, maskB, columns, position, y] = m_Row;
+    const CellSampler<TPixel> sample(position.fraction, y);
+    const std::ptrdiff_t      last = std::min<std::ptrdiff_t>(span.end, position.whole + columns);
+    for (std::ptrdiff_t begin = std::max(span.begin, position.whole + 1), end = 0; begin < last; begin = end)
+    {
+      end = std::min<std::ptrdiff_t>((begin / TileColumns + 1) * TileColumns, last);
+      const TileState state = this->GetState(begin);
+      for (std::ptrdiff_t p = begin; state == TileState::Whole && p < end; ++p)
+      {
+        const std::ptrdiff_t i = p - position.whole;
+        this->Take(p, sample(a[i - 1], a[i], b[i - 1], b[i]));
+      }
+      for (std::ptrdiff_t p = begin; state == TileState::Masked && p < end; ++p)
+      {
+        const std::ptrdiff_t i = p - position.whole;
+        this->TakeCounted(p, i, i - 1, position.fraction);
+      }
+    }
+  }
+
+  /** Takes the sample of the outer column if the sample is in \a span. */
+  void
+  ProjectEdge(ColumnSpan span) const
+  {
+    const auto [a, b, maskA, maskB, columns, position, y] = m_Row;
+    const std::ptrdiff_t edge = position.whole + (position.fraction > One / 2 ? columns : 0);
+    const std::ptrdiff_t i = std::min(edge - position.whole, columns - 1);
+    const bool           hasEdge = edge >= span.begin && edge < span.end;
+    if (hasEdge && this->GetState(edge) == TileState::Whole)
+    {
+      this->Take(edge, CellSampler<TPixel>(0, y)(a[i], a[i], b[i], b[i]));
+    }
+    if (hasEdge && this->GetState(edge) == TileState::Masked)
+    {
+      this->TakeCounted(edge, i, i, 0);
+    }
+  }
+
+private:
+  TileState
+  GetState(std::ptrdiff_t p) const
+  {
+    return m_Active ? m_Active[p / TileColumns] : m_Row.maskA ? TileState::Masked : TileState::Whole;
+  }
+
+  void
+  Take(std::ptrdiff_t p, TPixel value) const
+  {
+    const TPixel taken = m_Fading ? FadeInRow(*m_Fading, value, p) : value;
+    TakeSample<VExtremum>(taken, m_Rank, m_Threshold, m_Pixels[p], m_Ranks ? m_Ranks + p : nullptr);
+  }
+
+  /** Takes the sample between voxels \a before and \a i of both rows if the sample counts by the mask. */
+  void
+  TakeCounted(std::ptrdiff_t p, std::ptrdiff_t i, std::ptrdiff_t before, std::int32_t x) const
+  {
+    const unsigned int counted = FindCounted(m_Row.maskA, m_Row.maskB, m_View.mask->label, i, before, x, m_Row.y);
     if (counted != 0)
     {
-      take(p, SampleCounted(row.a, row.b, i, before, x, row.y, counted));
-    }
-  };
-  const std::ptrdiff_t last = std::min<std::ptrdiff_t>(span.end, position.whole + columns);
-  for (std::ptrdiff_t begin = std::max(span.begin, position.whole + 1), end = 0; begin < last; begin = end)
-  {
-    end = std::min<std::ptrdiff_t>((begin / TileColumns + 1) * TileColumns, last);
-    const TileState state = getState(begin);
-    for (std::ptrdiff_t p = begin; state == TileState::Whole && p < end; ++p)
-    {
-      const std::ptrdiff_t i = p - position.whole;
-      take(p, sample(a[i - 1], a[i], b[i - 1], b[i]));
-    }
-    for (std::ptrdiff_t p = begin; state == TileState::Masked && p < end; ++p)
-    {
-      const std::ptrdiff_t i = p - position.whole;
-      takeCounted(p, i, i - 1, position.fraction);
+      this->Take(p, SampleCounted(m_Row.a, m_Row.b, i, before, x, m_Row.y, counted));
     }
   }
-  const std::ptrdiff_t edge = position.whole + (position.fraction > One / 2 ? columns : 0);
-  const std::ptrdiff_t i = std::min(edge - position.whole, columns - 1);
-  const bool           hasEdge = edge >= span.begin && edge < span.end;
-  if (hasEdge && getState(edge) == TileState::Whole)
-  {
-    take(edge, edgeSample(a[i], a[i], b[i], b[i]));
-  }
-  if (hasEdge && getState(edge) == TileState::Masked)
-  {
-    takeCounted(edge, i, i, 0);
-  }
-}
+
+  SliceRow<TPixel>            m_Row;
+  const ShearedView<TPixel> & m_View;
+  const TileState *           m_Active; // the states of the row's tiles, or null
+  SliceRank<TPixel>           m_Rank;
+  const FadingRow<TPixel> *   m_Fading;
+  const TPixel *              m_Threshold;
+  TPixel *                    m_Pixels;
+  SliceRank<TPixel> *         m_Ranks;
+};
 
 /** Takes the block's samples of one slice. */
 template <Extremum VExtremum, typename TPixel>
@@ -337,19 +374,20 @@ ProjectSlice(const SliceStack<TPixel> &  stack,
     {
       reached = view.coverage.Add(reached, row.whole + j, slice);
     }
-    ProjectRow<VExtremum, TPixel>({ getRow(stack, a),
-                                    getRow(stack, b),
-                                    getRow(mask, a),
-                                    getRow(mask, b),
-                                    stack.columns,
-                                    column,
-                                    isEdge ? 0 : row.fraction },
-                                  view,
-                                  reached,
-                                  view.active ? view.active + tile * view.activeStride : nullptr,
-                                  GetRank(view.ranked, slice),
-                                  view.fading ? &fading : nullptr,
-                                  row.whole + j);
+    const RowProjector<VExtremum, TPixel> projector({ getRow(stack, a),
+                                                      getRow(stack, b),
+                                                      getRow(mask, a),
+                                                      getRow(mask, b),
+                                                      stack.columns,
+                                                      column,
+                                                      isEdge ? 0 : row.fraction },
+                                                    view,
+                                                    row.whole + j,
+                                                    view.active ? view.active + tile * view.activeStride : nullptr,
+                                                    GetRank(view.ranked, slice),
+                                                    view.fading ? &fading : nullptr);
+    projector.ProjectInner(reached);
+    projector.ProjectEdge(reached);
   }
 }
 
@@ -493,14 +531,14 @@ template <typename TPixel>
 void
 TransposeSlice(const TPixel * input, std::ptrdiff_t columns, std::ptrdiff_t rows, TPixel * output, bool)
 {
-  constexpr std::ptrdiff_t tile = 32;
-  for (std::ptrdiff_t tileRow = 0; tileRow < rows; tileRow += tile)
+  constexpr std::ptrdiff_t square = 32;
+  for (std::ptrdiff_t firstRow = 0; firstRow < rows; firstRow += square)
   {
-    for (std::ptrdiff_t tileColumn = 0; tileColumn < columns; tileColumn += tile)
+    for (std::ptrdiff_t firstColumn = 0; firstColumn < columns; firstColumn += square)
     {
-      for (std::ptrdiff_t i = tileColumn; i < std::min(tileColumn + tile, columns); ++i)
+      for (std::ptrdiff_t i = firstColumn; i < std::min(firstColumn + square, columns); ++i)
       {
-        for (std::ptrdiff_t j = tileRow; j < std::min(tileRow + tile, rows); ++j)
+        for (std::ptrdiff_t j = firstRow; j < std::min(firstRow + square, rows); ++j)
         {
           output[i * rows + j] = input[j * columns + i];
         }

@@ -110,9 +110,7 @@ TakeSample(TPixel              sample,
   {
     // an infinity that no sample can be worse than counts as no sample
     const bool counts = !IsFloat<TPixel> || sample != NoSample<TPixel, VExtremum>;
-    const bool isWorse = IsBetter<VExtremum>(pixel, sample);
-    const bool isBeyond = !IsBetter<VExtremum>(*localThreshold, pixel);
-    if (counts && isWorse && isBeyond && *pixelRank >= 0)
+    if (counts && IsBetter<VExtremum>(pixel, sample) && !IsBetter<VExtremum>(*localThreshold, pixel) && *pixelRank >= 0)
     {
       *pixelRank += EndedRank<TPixel>;
     }

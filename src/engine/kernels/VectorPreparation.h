@@ -18,8 +18,73 @@
 #ifndef itkShearWarpVectorPreparation_h
 #define itkShearWarpVectorPreparation_h
 
-/* What is computed of a volume before views: block extrema and transposed slices. Vector.h includes this header. */
+/* What is computed before a volume is projected: block extrema and transposed slices. Vector.h includes this header. */
 
+/** Rows of voxels, in one or more slices. Strides are in voxels. */
+template <typename TPixel>
+struct RowsOfVoxels
+{
+  const TPixel * voxels;
+  std::ptrdiff_t columns, rows, slices;
+  std::ptrdiff_t rowStride, sliceStride;
+};
+
+/** Raises the maxima of columns, and lowers their minima if VHasMinima. Lowers the lanes of \a least. */
+template <bool VHasMinima, typename TPixel, typename TVector>
+SHEARWARP_INLINE inline void
+FindColumnExtrema(const RowsOfVoxels<TPixel> & of, TPixel * maxima, TPixel * minima, TVector & least)
+{
+  constexpr std::ptrdiff_t lanes = LaneCount<TPixel>;
+  const auto [voxels, columns, rows, slices, rowStride, sliceStride] = of;
+  for (std::ptrdiff_t k = 0; k < slices; ++k)
+  {
+    for (std::ptrdiff_t j = 0; j < rows; ++j)
+    {
+      const TPixel * row = voxels + k * sliceStride + j * rowStride;
+      for (std::ptrdiff_t first = 0; first < columns; first += lanes)
+      {
+        const std::ptrdiff_t i = Smaller(first, columns - lanes);
+        const auto           values = Lanes::Load(row + i);
+        Lanes::Store(maxima + i, Maximum<TPixel>(Lanes::Load(maxima + i), values));
+        least = Minimum<TPixel>(least, values);
+        if constexpr (VHasMinima)
+        {
+          Lanes::Store(minima + i, Minimum<TPixel>(Lanes::Load(minima + i), values));
+        }
+      }
+    }
+  }
+}
+
+/** Finds the extrema of blocks of columns. \a minima may be null. Raises \a highest to the maxima. */
+template <typename TPixel>
+SHEARWARP_INLINE inline void
+JoinColumns(const TPixel * columnMaxima,
+            const TPixel * columnMinima,
+            std::ptrdiff_t columns,
+            TPixel *       maxima,
+            TPixel *       minima,
+            TPixel &       highest)
+{
+  for (std::ptrdiff_t i = 0; i < columns; i += BlockLength)
+  {
+    TPixel maximum = columnMaxima[i];
+    TPixel minimum = columnMinima[i];
+    for (std::ptrdiff_t n = i + 1; n < Smaller(i + BlockLength, columns); ++n)
+    {
+      maximum = Larger(maximum, columnMaxima[n]);
+      minimum = Smaller(minimum, columnMinima[n]);
+    }
+    maxima[i / BlockLength] = maximum;
+    highest = Larger(highest, maximum);
+    if (minima)
+    {
+      minima[i / BlockLength] = minimum;
+    }
+  }
+}
+
+/** See Kernels. */
 template <typename TPixel>
 void
 FindBlockExtrema(const TPixel * voxels,
@@ -34,66 +99,31 @@ FindBlockExtrema(const TPixel * voxels,
                  TPixel &       highest)
 {
   constexpr std::ptrdiff_t lanes = LaneCount<TPixel>;
-  constexpr std::ptrdiff_t strip = 4096;
-  for (std::ptrdiff_t begin = 0; begin < columns; begin += strip)
+  constexpr std::ptrdiff_t most = 4096;
+  const auto               portable = GetPortableKernels<TPixel>().findBlockExtrema;
+  for (std::ptrdiff_t begin = 0; begin < columns; begin += most)
   {
-    const std::ptrdiff_t width = Smaller(strip, columns - begin);
+    const std::ptrdiff_t width = Smaller(most, columns - begin);
+    TPixel * const       blockMaxima = maxima + begin / BlockLength;
+    TPixel * const       blockMinima = minima ? minima + begin / BlockLength : nullptr;
+    const TPixel * const first = voxels + begin;
     if (width < lanes)
     {
-      GetPortableKernels<TPixel>().findBlockExtrema(voxels + begin,
-                                                    width,
-                                                    rows,
-                                                    slices,
-                                                    rowStride,
-                                                    sliceStride,
-                                                    maxima + begin / BlockLength,
-                                                    minima ? minima + begin / BlockLength : nullptr,
-                                                    lowest,
-                                                    highest);
+      portable(first, width, rows, slices, rowStride, sliceStride, blockMaxima, blockMinima, lowest, highest);
       continue;
     }
-    TPixel columnMaxima[strip];
-    TPixel columnMinima[strip];
+    TPixel columnMaxima[most];
+    TPixel columnMinima[most];
     for (std::ptrdiff_t i = 0; i < width; ++i)
     {
       columnMaxima[i] = NoSample<TPixel, Extremum::Maximum>;
       columnMinima[i] = NoSample<TPixel, Extremum::Minimum>;
     }
-    auto least = Lanes::Load(columnMinima);
-    for (std::ptrdiff_t k = 0; k < slices; ++k)
-    {
-      for (std::ptrdiff_t j = 0; j < rows; ++j)
-      {
-        const TPixel * row = voxels + k * sliceStride + j * rowStride + begin;
-        for (std::ptrdiff_t first = 0; first < width; first += lanes)
-        {
-          const std::ptrdiff_t i = Smaller(first, width - lanes);
-          const auto           values = Lanes::Load(row + i);
-          Lanes::Store(columnMaxima + i, Maximum<TPixel>(Lanes::Load(columnMaxima + i), values));
-          least = Minimum<TPixel>(least, values);
-          if (minima)
-          {
-            Lanes::Store(columnMinima + i, Minimum<TPixel>(Lanes::Load(columnMinima + i), values));
-          }
-        }
-      }
-    }
-    for (std::ptrdiff_t i = 0; i < width; i += BlockLength)
-    {
-      TPixel maximum = columnMaxima[i];
-      TPixel minimum = columnMinima[i];
-      for (std::ptrdiff_t n = i + 1; n < Smaller(i + BlockLength, width); ++n)
-      {
-        maximum = Larger(maximum, columnMaxima[n]);
-        minimum = Smaller(minimum, columnMinima[n]);
-      }
-      maxima[(begin + i) / BlockLength] = maximum;
-      highest = Larger(highest, maximum);
-      if (minima)
-      {
-        minima[(begin + i) / BlockLength] = minimum;
-      }
-    }
+    auto                       least = Lanes::Load(columnMinima);
+    const RowsOfVoxels<TPixel> all{ first, width, rows, slices, rowStride, sliceStride };
+    minima ? FindColumnExtrema<true>(all, columnMaxima, columnMinima, least)
+           : FindColumnExtrema<false>(all, columnMaxima, columnMinima, least);
+    JoinColumns(columnMaxima, columnMinima, width, blockMaxima, blockMinima, highest);
     Lanes::Store(columnMinima, least);
     for (std::ptrdiff_t i = 0; i < lanes; ++i)
     {
@@ -102,8 +132,9 @@ FindBlockExtrema(const TPixel * voxels,
   }
 }
 
-/** Interleaves the elements of the first half of the vectors with those of the second: that moves the highest bit of an
- * element's vector to the lowest of its position, so that doing it for every bit transposes. */
+/** Interleaves the first half of the vectors with the second half. An element's place is the number of its vector,
+ * followed by its position in the vector. Interleaving moves the highest bit of the place to the lowest one, so that
+ * repeating it for every bit of the vector's number transposes. */
 template <typename TPixel, int VCount>
 SHEARWARP_INLINE inline void
 InterleaveHalves(Lanes::Quad (&vectors)[VCount])
@@ -122,15 +153,72 @@ InterleaveHalves(Lanes::Quad (&vectors)[VCount])
   }
 }
 
+/** The side of the squares that are transposed together: a cache line. */
+template <typename TPixel>
+constexpr std::ptrdiff_t SquareLength = 64 / sizeof(TPixel);
+
+/** Transposes a square whose rows fill 128-bit vectors. Strides are in pixels. */
+template <typename TPixel>
+SHEARWARP_INLINE inline void
+TransposeVectors(const TPixel * input, std::ptrdiff_t inputStride, TPixel * output, std::ptrdiff_t outputStride)
+{
+  constexpr int count = 16 / sizeof(TPixel);
+  Lanes::Quad   vectors[count];
+  SHEARWARP_UNROLL
+  for (int n = 0; n < count; ++n)
+  {
+    vectors[n] = Lanes::LoadQuad(input + n * inputStride);
+  }
+  InterleaveHalves<TPixel>(vectors);
+  InterleaveHalves<TPixel>(vectors);
+  if constexpr (count > 4)
+  {
+    InterleaveHalves<TPixel>(vectors);
+  }
+  if constexpr (count > 8)
+  {
+    InterleaveHalves<TPixel>(vectors);
+  }
+  SHEARWARP_UNROLL
+  for (int n = 0; n < count; ++n)
+  {
+    Lanes::StoreQuad(output + n * outputStride, vectors[n]);
+  }
+}
+
+/** Transposes SquareLength columns of SquareLength rows. Strides are in pixels. */
+template <typename TPixel>
+SHEARWARP_INLINE inline void
+TransposeSquare(const TPixel * input,
+                std::ptrdiff_t inputStride,
+                TPixel *       output,
+                std::ptrdiff_t outputStride,
+                bool           isStreamed)
+{
+  constexpr std::ptrdiff_t square = SquareLength<TPixel>;
+  constexpr std::ptrdiff_t small = 16 / sizeof(TPixel);
+  alignas(64) TPixel       lines[square][square];
+  for (std::ptrdiff_t column = 0; column < square; column += small)
+  {
+    for (std::ptrdiff_t row = 0; row < square; row += small)
+    {
+      TransposeVectors(input + row * inputStride + column, inputStride, &lines[column][row], square);
+    }
+  }
+  for (std::ptrdiff_t column = 0; column < square; ++column)
+  {
+    Lanes::StoreLine(output + column * outputStride, lines[column], isStreamed);
+  }
+}
+
+/** See Kernels. */
 template <typename TPixel>
 void
 TransposeSlice(const TPixel * input, std::ptrdiff_t columns, std::ptrdiff_t rows, TPixel * output, bool isStreamed)
 {
-  // squares of a cache line's width, in smaller ones that fit in 128-bit vectors
-  constexpr std::ptrdiff_t square = 64 / sizeof(TPixel);
-  constexpr int            small = 16 / sizeof(TPixel);
-  isStreamed = isStreamed && reinterpret_cast<std::uintptr_t>(output) % 64 == 0 && rows % square == 0;
+  constexpr std::ptrdiff_t square = SquareLength<TPixel>;
   constexpr std::ptrdiff_t ahead = (1 << 15) / sizeof(TPixel);
+  isStreamed = isStreamed && reinterpret_cast<std::uintptr_t>(output) % 64 == 0 && rows % square == 0;
   for (std::ptrdiff_t j = 0; j < rows; j += square)
   {
     for (std::ptrdiff_t i = 0; i < columns; i += square)
@@ -146,43 +234,12 @@ TransposeSlice(const TPixel * input, std::ptrdiff_t columns, std::ptrdiff_t rows
         }
         continue;
       }
-      // as many lines as a square has, in the order of memory, not of squares
+      // the next lines in the order of memory, as many as a square has
       for (std::ptrdiff_t line = 0; line < square; ++line)
       {
         Lanes::PrefetchFar(reinterpret_cast<const char *>(input + j * columns + (i + line) * square + ahead));
       }
-      alignas(64) TPixel lines[square][square];
-      for (std::ptrdiff_t column = 0; column < square; column += small)
-      {
-        for (std::ptrdiff_t row = 0; row < square; row += small)
-        {
-          Lanes::Quad vectors[small];
-          SHEARWARP_UNROLL
-          for (int n = 0; n < small; ++n)
-          {
-            vectors[n] = Lanes::LoadQuad(input + (j + row + n) * columns + i + column);
-          }
-          InterleaveHalves<TPixel>(vectors);
-          InterleaveHalves<TPixel>(vectors);
-          if constexpr (small > 4)
-          {
-            InterleaveHalves<TPixel>(vectors);
-          }
-          if constexpr (small > 8)
-          {
-            InterleaveHalves<TPixel>(vectors);
-          }
-          SHEARWARP_UNROLL
-          for (int n = 0; n < small; ++n)
-          {
-            Lanes::StoreQuad(&lines[column + n][row], vectors[n]);
-          }
-        }
-      }
-      for (std::ptrdiff_t column = 0; column < square; ++column)
-      {
-        Lanes::StoreLine(output + (i + column) * rows + j, lines[column], isStreamed);
-      }
+      TransposeSquare(input + j * columns + i, columns, output + i * rows + j, rows, isStreamed);
     }
   }
   Lanes::FinishLines();

@@ -20,7 +20,13 @@
 
 /* From the intermediate image to the output. Vector.h includes this header. */
 
-/** The four corners' weights and values of a few pixels: rows a and b, left and right. */
+/** Pixels [begin, end) along one axis. */
+struct PixelSpan
+{
+  std::ptrdiff_t begin, end;
+};
+
+/** The cells of a vector of output pixels: the bilinear weights, and the place of the cell's first pixel. */
 struct WarpCells
 {
   Lanes::Index   aaWeights, abWeights, baWeights, bbWeights;
@@ -28,12 +34,49 @@ struct WarpCells
   std::ptrdiff_t rowStride;
 };
 
-/** Interpolates between integers; all corners count. */
+/** Quantizes positions as QuantizePosition() does, to units of 1/2^15 pixel. */
+SHEARWARP_INLINE inline Lanes::Index
+QuantizePositions(Lanes::Double positions)
+{
+  return Lanes::DoubleToIndex(
+    Lanes::AddDouble(Lanes::MultiplyDouble(positions, Lanes::SetDouble(32768.0)), Lanes::SetDouble(0.5)));
+}
+
+/** Returns the pixels of the cells at quantized positions along one axis. */
+SHEARWARP_INLINE inline PixelSpan
+GetPixels(Lanes::Index positions)
+{
+  // positions lie on a line: the outer ones are the extremes
+  const Lanes::Index   whole = Lanes::ShiftRight(positions, 15);
+  const std::ptrdiff_t first = Lanes::First(whole);
+  const std::ptrdiff_t last = Lanes::Last(whole);
+  return { Smaller(first, last), Larger(first, last) + 2 };
+}
+
+/** Returns the cells at quantized positions, with the weights of BilinearWeights. */
+SHEARWARP_INLINE inline WarpCells
+GetCells(Lanes::Index columns, Lanes::Index rows, std::ptrdiff_t rowStride)
+{
+  const Lanes::Index u = Lanes::AndIndex(columns, Lanes::SetIndex(32767));
+  const Lanes::Index v = Lanes::AndIndex(rows, Lanes::SetIndex(32767));
+  const Lanes::Index stride = Lanes::SetIndex(static_cast<std::int32_t>(rowStride));
+  WarpCells          cells;
+  cells.aaWeights = Lanes::ShiftRight(Lanes::AddIndex(Lanes::MultiplyIndex(u, v), Lanes::SetIndex(1 << 14)), 15);
+  cells.abWeights = Lanes::SubtractIndex(v, cells.aaWeights);
+  cells.baWeights = Lanes::SubtractIndex(u, cells.aaWeights);
+  cells.bbWeights = Lanes::SubtractIndex(Lanes::SetIndex(32768), Lanes::AddIndex(v, cells.baWeights));
+  cells.rowStride = rowStride;
+  cells.index =
+    Lanes::AddIndex(Lanes::MultiplyIndex(Lanes::ShiftRight(rows, 15), stride), Lanes::ShiftRight(columns, 15));
+  return cells;
+}
+
+/** Writes a vector of output pixels, interpolated between integers. Returns true. */
 template <typename TPixel>
-bool
+SHEARWARP_INLINE inline bool
 InterpolateCells(const WarpCells & cells, const TPixel * pixels, TPixel * output)
 {
-  // two neighbours come in one 32-bit element
+  // one 32-bit element holds two neighbours
   constexpr int bits = 8 * sizeof(TPixel);
   const auto    extract = [](Lanes::Index pair, int position) {
     const auto shifted = Lanes::ShiftLeft(pair, 32 - bits - position);
@@ -51,8 +94,9 @@ InterpolateCells(const WarpCells & cells, const TPixel * pixels, TPixel * output
   return true;
 }
 
-/** Interpolates between finite values; false, and no output, if one is not. */
-inline bool
+/** Writes a vector of output pixels, interpolated between finite values. Returns false, and writes nothing, if a value
+ * is not finite. */
+SHEARWARP_INLINE inline bool
 InterpolateCells(const WarpCells & cells, const float * pixels, float * output)
 {
   const Lanes::Single values[4] = { Lanes::GatherSingle(pixels, cells.index),
@@ -81,19 +125,15 @@ InterpolateCells(const WarpCells & cells, const float * pixels, float * output)
   return true;
 }
 
-/** Whether slices reach all of columns [begin, end) of rows [rowBegin, rowEnd) or, unless VAll, one of them. */
+/** Returns whether all pixels of a rectangle are reached, or, unless VAll, whether one is. */
 template <bool VAll, typename TPixel>
 bool
-IsReached(const IntermediateImage<TPixel> & image,
-          std::ptrdiff_t                    rowBegin,
-          std::ptrdiff_t                    rowEnd,
-          std::ptrdiff_t                    begin,
-          std::ptrdiff_t                    end)
+IsReached(const IntermediateImage<TPixel> & image, PixelSpan columns, PixelSpan rows)
 {
-  for (std::ptrdiff_t row = rowBegin; row < rowEnd; ++row)
+  for (std::ptrdiff_t row = rows.begin; row < rows.end; ++row)
   {
     const auto [first, last] = image.reached[row];
-    if ((VAll ? begin >= first && end <= last : begin < last && end > first) != VAll)
+    if ((VAll ? columns.begin >= first && columns.end <= last : columns.begin < last && columns.end > first) != VAll)
     {
       return !VAll;
     }
@@ -107,12 +147,21 @@ AbsoluteValue(double value)
   return value < 0 ? -value : value;
 }
 
+/** Returns the positions (slope x + fromRow) + offset of output columns \a x along one axis of the intermediate image.
+ */
+SHEARWARP_INLINE inline Lanes::Double
+GetPositions(double slope, Lanes::Double fromRow, double offset, Lanes::Double x)
+{
+  return Lanes::AddDouble(Lanes::AddDouble(Lanes::MultiplyDouble(Lanes::SetDouble(slope), x), fromRow),
+                          Lanes::SetDouble(offset));
+}
+
 /** Narrows [begin, end) to the integers x where lowest < slope x + offset < highest, and at most two more on each side.
  */
 inline void
 Clip(double slope, double offset, double lowest, double highest, std::ptrdiff_t & begin, std::ptrdiff_t & end)
 {
-  // of a zero too: infinities come from it, with its sign
+  // a slope of -0 too: its infinities have the other sign
   if (__builtin_signbit(slope))
   {
     return Clip(-slope, -offset, -highest, -lowest, begin, end);
@@ -121,12 +170,78 @@ Clip(double slope, double offset, double lowest, double highest, std::ptrdiff_t 
   const double last = (highest - offset) / slope + 2;
   const auto   from = static_cast<double>(begin);
   const auto   to = static_cast<double>(end);
-  // false for what is not a number, and then nothing is cut off
+  // not-a-number cuts nothing off
   begin = first > from ? static_cast<std::ptrdiff_t>(Smaller(first, to)) : begin;
   end = last < to ? static_cast<std::ptrdiff_t>(Larger(last, from)) : end;
   end = Larger(begin, end);
 }
 
+/** Narrows output columns [begin, end) to the columns x that may have a value: whose position (slope x + fromRow) +
+ * offset may be next to one of \a pixels pixels. No column is beyond \a columnEnd. */
+inline void
+ClipToPixels(double           slope,
+             double           fromRow,
+             double           offset,
+             std::ptrdiff_t   pixels,
+             std::ptrdiff_t   columnEnd,
+             std::ptrdiff_t & begin,
+             std::ptrdiff_t & end)
+{
+  // the terms of a position may cancel, and leave only rounding errors
+  const double size =
+    AbsoluteValue(slope) * static_cast<double>(columnEnd) + AbsoluteValue(fromRow) + AbsoluteValue(offset);
+  const double error = 0x1p-50 * size;
+  Clip(slope, fromRow + offset, -1.0 - error, static_cast<double>(pixels) + error, begin, end);
+}
+
+template <typename TPixel>
+SHEARWARP_INLINE inline void
+FillColumns(TPixel * output, std::ptrdiff_t begin, std::ptrdiff_t end, TPixel background)
+{
+  for (std::ptrdiff_t x = begin; x < end; ++x)
+  {
+    output[x] = background;
+  }
+}
+
+/** Writes a vector of output pixels, which lie at \a columns and \a rows of the intermediate image. Returns false, and
+ * writes nothing, if the portable kernel must write the pixels: at a border, or if a value is not finite. */
+template <typename TPixel>
+SHEARWARP_INLINE inline bool
+WarpVector(const IntermediateImage<TPixel> & image,
+           Lanes::Double                     columns,
+           Lanes::Double                     rows,
+           TPixel                            background,
+           TPixel *                          output)
+{
+  if (!(Lanes::AreWithin(columns, 0.0, static_cast<double>(image.columns - 1)) &&
+        Lanes::AreWithin(rows, 0.0, static_cast<double>(image.rows - 1))))
+  {
+    return false;
+  }
+  // a gather reads 32 bits: for small pixels, more than a cell has
+  constexpr std::ptrdiff_t more = IsFloat<TPixel> ? 0 : 4 / sizeof(TPixel) - 2;
+  const Lanes::Index       p = QuantizePositions(columns);
+  const Lanes::Index       q = QuantizePositions(rows);
+  const PixelSpan          pixelColumns = GetPixels(p);
+  const PixelSpan          pixelRows = GetPixels(q);
+  if (pixelRows.end > image.rows)
+  {
+    return false;
+  }
+  if (pixelColumns.end + more <= image.columns && IsReached<true>(image, pixelColumns, pixelRows))
+  {
+    return InterpolateCells(GetCells(p, q, image.rowStride), static_cast<const TPixel *>(image.pixels), output);
+  }
+  if (!IsReached<false>(image, pixelColumns, pixelRows))
+  {
+    FillColumns(output, 0, Lanes::WarpCount, background);
+    return true;
+  }
+  return false;
+}
+
+/** See Kernels. */
 template <typename TPixel>
 void
 WarpRow(const IntermediateImage<TPixel> & intermediate,
@@ -139,7 +254,6 @@ WarpRow(const IntermediateImage<TPixel> & intermediate,
 {
   const auto &             map = outputToIntermediate;
   constexpr std::ptrdiff_t lanes = Lanes::WarpCount;
-  constexpr std::ptrdiff_t read = IsFloat<TPixel> ? 2 : 4 / sizeof(TPixel);
   const auto               portable = GetPortableKernels<TPixel>().warpRow;
   constexpr std::ptrdiff_t limit = 65535;
   if (intermediate.hasGaps || intermediate.columns > limit || intermediate.rows > limit ||
@@ -152,77 +266,19 @@ WarpRow(const IntermediateImage<TPixel> & intermediate,
   const auto          y = static_cast<double>(row);
   const Lanes::Double columnFromRow = Lanes::SetDouble(map.xy * y);
   const Lanes::Double rowFromRow = Lanes::SetDouble(map.yy * y);
-  const auto          quantize = [](Lanes::Double position) {
-    return Lanes::DoubleToIndex(
-      Lanes::AddDouble(Lanes::MultiplyDouble(position, Lanes::SetDouble(32768.0)), Lanes::SetDouble(0.5)));
-  };
-  std::ptrdiff_t begin = columnBegin;
-  std::ptrdiff_t end = columnEnd;
-  const auto     clip = [&](double slope, double fromRow, double offset, std::ptrdiff_t pixels) {
-    // the terms of a position may cancel: what is left is then rounding
-    const double size =
-      AbsoluteValue(slope) * static_cast<double>(columnEnd) + AbsoluteValue(fromRow) + AbsoluteValue(offset);
-    const double error = 0x1p-50 * size;
-    Clip(slope, fromRow + offset, -1.0 - error, static_cast<double>(pixels) + error, begin, end);
-  };
-  clip(map.xx, map.xy * y, map.x0, intermediate.columns);
-  clip(map.yx, map.yy * y, map.y0, intermediate.rows);
-  for (std::ptrdiff_t x = columnBegin; x < begin; ++x)
-  {
-    output[x] = background;
-  }
-  for (std::ptrdiff_t x = end; x < columnEnd; ++x)
-  {
-    output[x] = background;
-  }
+  std::ptrdiff_t      begin = columnBegin;
+  std::ptrdiff_t      end = columnEnd;
+  ClipToPixels(map.xx, map.xy * y, map.x0, intermediate.columns, columnEnd, begin, end);
+  ClipToPixels(map.yx, map.yy * y, map.y0, intermediate.rows, columnEnd, begin, end);
+  FillColumns(output, columnBegin, begin, background);
+  FillColumns(output, end, columnEnd, background);
   std::ptrdiff_t x = begin;
   for (; x + lanes <= end; x += lanes)
   {
     const Lanes::Double xs = Lanes::Count(static_cast<double>(x));
-    const Lanes::Double columns = Lanes::AddDouble(
-      Lanes::AddDouble(Lanes::MultiplyDouble(Lanes::SetDouble(map.xx), xs), columnFromRow), Lanes::SetDouble(map.x0));
-    const Lanes::Double rows = Lanes::AddDouble(
-      Lanes::AddDouble(Lanes::MultiplyDouble(Lanes::SetDouble(map.yx), xs), rowFromRow), Lanes::SetDouble(map.y0));
-    const auto isWithin = Lanes::AreWithin(columns, 0.0, static_cast<double>(intermediate.columns - 1)) &&
-                          Lanes::AreWithin(rows, 0.0, static_cast<double>(intermediate.rows - 1));
-    bool isDone = false;
-    if (isWithin)
-    {
-      const Lanes::Index column = quantize(columns);
-      const Lanes::Index wholeColumn = Lanes::ShiftRight(column, 15);
-      const Lanes::Index line = quantize(rows);
-      const Lanes::Index wholeRow = Lanes::ShiftRight(line, 15);
-      // positions lie on a line: the outer ones are the extremes
-      const std::ptrdiff_t first = Smaller(Lanes::First(wholeColumn), Lanes::Last(wholeColumn));
-      const std::ptrdiff_t last = Larger(Lanes::First(wholeColumn), Lanes::Last(wholeColumn));
-      const std::ptrdiff_t rowBegin = Smaller(Lanes::First(wholeRow), Lanes::Last(wholeRow));
-      const std::ptrdiff_t rowEnd = Larger(Lanes::First(wholeRow), Lanes::Last(wholeRow)) + 2;
-      if (last + read <= intermediate.columns && rowEnd <= intermediate.rows &&
-          IsReached<true>(intermediate, rowBegin, rowEnd, first, last + 2))
-      {
-        const Lanes::Index fraction = Lanes::SetIndex(32767);
-        const Lanes::Index u = Lanes::AndIndex(column, fraction);
-        const Lanes::Index v = Lanes::AndIndex(line, fraction);
-        WarpCells          cells;
-        cells.aaWeights = Lanes::ShiftRight(Lanes::AddIndex(Lanes::MultiplyIndex(u, v), Lanes::SetIndex(1 << 14)), 15);
-        cells.abWeights = Lanes::SubtractIndex(v, cells.aaWeights);
-        cells.baWeights = Lanes::SubtractIndex(u, cells.aaWeights);
-        cells.bbWeights = Lanes::SubtractIndex(Lanes::SetIndex(32768), Lanes::AddIndex(v, cells.baWeights));
-        cells.rowStride = intermediate.rowStride;
-        cells.index = Lanes::AddIndex(
-          Lanes::MultiplyIndex(wholeRow, Lanes::SetIndex(static_cast<std::int32_t>(cells.rowStride))), wholeColumn);
-        isDone = InterpolateCells(cells, static_cast<const TPixel *>(intermediate.pixels), output + x);
-      }
-      else if (rowEnd <= intermediate.rows && !IsReached<false>(intermediate, rowBegin, rowEnd, first, last + 2))
-      {
-        for (std::ptrdiff_t n = x; n < x + lanes; ++n)
-        {
-          output[n] = background;
-        }
-        isDone = true;
-      }
-    }
-    if (!isDone)
+    const Lanes::Double columns = GetPositions(map.xx, columnFromRow, map.x0, xs);
+    const Lanes::Double rows = GetPositions(map.yx, rowFromRow, map.y0, xs);
+    if (!WarpVector(intermediate, columns, rows, background, output + x))
     {
       portable(intermediate, map, row, x, x + lanes, background, output);
     }
