@@ -409,8 +409,8 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GeneratePixels()
                            const_cast<MaskImageType *>(this->GetMaskImage()),
                            this->GetOutput(),
                            this->GetDepthOutput() };
-  if (update.input->GetLargestPossibleRegion() != update.region || update.rule.hasMask != update.mask.IsNotNull() ||
-      update.rule.hasDepth != update.depths.IsNotNull())
+  if (update.input.IsNull() || update.input->GetLargestPossibleRegion() != update.region ||
+      update.rule.hasMask != update.mask.IsNotNull() || update.rule.hasDepth != update.depths.IsNotNull())
   {
     itkExceptionMacro("Inputs and outputs must not change during an update.");
   }

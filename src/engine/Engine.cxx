@@ -826,6 +826,7 @@ ShearWarpEngine<TPixel>::Implementation::End()
     m_Projector.Release();
     m_JoinedPixels.Release();
     m_JoinedRanks.Release();
+    m_JoinedReached = std::vector<ColumnSpan>();
   }
 }
 

@@ -173,7 +173,7 @@ TYPED_TEST(ShearWarpExactKernels, BoundsExcludeNothingBetter)
       view.translation[axis] = isHalf ? 0.5 * static_cast<double>(random.Integer(0, 40)) : random.Uniform(0, 20);
     }
     view.depth = { 0.0, 0.0, repeat % 3 == 0 ? -1.0 : 1.0, 0.0 };
-    RandomTile<TypeParam>         rays(random, view, isAlike);
+    RandomTile<TypeParam>            rays(random, view, isAlike);
     std::vector<Kernels::RaySegment> all, some;
     for (std::size_t ray = 0; ray < rays.p.size(); ++ray)
     {
@@ -279,7 +279,7 @@ short
 KeepFirstSlices(const Kernels::ExactView<short> &,
                 const Kernels::RayPatch<short> &,
                 const Kernels::RaySegment * parts,
-                std::size_t              count)
+                std::size_t                 count)
 {
   std::for_each(parts, parts + count, [](const auto & part) { firstSlices.push_back(part.slice); });
   return 0;
