@@ -27,6 +27,7 @@
 #include <cstring>
 #include <limits>
 #include <string>
+#include <thread>
 #include <vector>
 
 #ifndef itkOverrideGetNameOfClassMacro // before ITK 5.4
@@ -65,8 +66,9 @@ GetPhysicalMemory();
  *
  * An update uses the parameters as they were when the output's geometry was computed. An observer that changes a
  * parameter during an update changes the next update. So do observers that change the number of threads, or release the
- * prepared volume. If an observer takes away the memory of voxels or pixels, the update ends with an exception. The
- * memory of voxels must not be allocated again during an update.
+ * prepared volume. An update ends with an exception if an observer of its start changes inputs or outputs, or if an
+ * observer takes away the pixels of an image that are still needed. An observer must not free or allocate the memory of
+ * a pixel container during an update.
  *
  * If the transform of a view has a source, UpdateOutputInformation() updates this source first. If this source also
  * makes the image or the mask, it makes them whole.
@@ -391,16 +393,14 @@ protected:
     return std::memcmp(&a, &b, sizeof(T)) == 0;
   }
 
-  /** Throws ExceptionObject if \a image does not have the voxels of \a wanted in memory. They stay in memory as long as
-   * the returned object. */
+  /** Throws ExceptionObject if \a image does not have the voxels of \a wanted in memory. Returns their container. */
   template <typename TPixel, unsigned int VDimension>
   typename Image<TPixel, VDimension>::PixelContainerConstPointer
   VerifyVoxels(const std::string &               name,
                const Image<TPixel, VDimension> * image,
                const ImageRegion<VDimension> &   wanted) const;
 
-  /** Throws ExceptionObject if \a output does not have \a count pixels. They stay in memory as long as the returned
-   * object. */
+  /** Throws ExceptionObject if \a output does not have \a count pixels. Returns their container. */
   template <typename TPixel, unsigned int VDimension>
   typename Image<TPixel, VDimension>::PixelContainerPointer
   VerifyPixels(Image<TPixel, VDimension> * output, SizeValueType count) const;
@@ -497,12 +497,15 @@ private:
   ShearWarp::Scene m_Scene;
   RuleType         m_Rule;
   ImageRegion<3>   m_InputRegion;
+  const void *     m_InputOfRule{ nullptr };
+  const void *     m_MaskOfRule{ nullptr };
   TimeStamp        m_RuleTime;
 
   // while threads run
   MultiThreaderBase::Pointer m_UpdateThreader;
   SizeValueType              m_NumberOfWorkers{ 1 };
-  std::atomic<unsigned int>  m_ReportedPercent{ 0 };
+  std::thread::id            m_CallingThread;
+  unsigned int               m_ReportedPercent{ 0 };
   bool                       m_IsUpdating{ false };
   bool                       m_IsReleaseWanted{ false };
 };

@@ -23,6 +23,7 @@
 #include <algorithm>
 #include <exception>
 #include <mutex>
+#include <thread>
 #include <typeinfo>
 #include <utility>
 
@@ -274,14 +275,30 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GetParameterTime() const
 {
   const auto * view =
     dynamic_cast<const DataObjectDecorator<TransformType> *>(this->ProcessObject::GetInput("Transform"));
-  return std::max(this->GetMTime(), view && view->Get() ? view->Get()->GetMTime() : ModifiedTimeType{ 0 });
+  ModifiedTimeType time = std::max(this->GetMTime(), view && view->Get() ? view->Get()->GetMTime() : 0);
+  for (const DataObject * image :
+       { static_cast<const DataObject *>(this->GetInput()), static_cast<const DataObject *>(this->GetMaskImage()) })
+  {
+    // a source changes its images in an update
+    time = image && !image->GetSource() ? std::max(time, image->GetMTime()) : time;
+  }
+  return time;
 }
 
 template <typename TInputImage, typename TOutputImage>
 void
 ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::UpdateOutputData(DataObject * output)
 {
-  Superclass::UpdateOutputData(output);
+  try
+  {
+    Superclass::UpdateOutputData(output);
+  }
+  catch (...)
+  {
+    // ITK does not do this where an observer of the start throws
+    this->ResetPipeline();
+    throw;
+  }
   if (this->GetParameterTime() > m_RuleTime.GetMTime())
   {
     this->Modified();
@@ -295,6 +312,8 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GenerateOutputInformatio
   const InputImageType * input = this->GetInput();
   m_RuleTime.Modified();
   m_Rule = this->MakeRule();
+  m_InputOfRule = input;
+  m_MaskOfRule = this->GetMaskImage();
   m_InputRegion = input->GetLargestPossibleRegion();
   m_Scene.volume = ShearWarp::MakeVolumeGrid(input);
   m_Scene.views = this->MakeViews();
@@ -409,8 +428,8 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GeneratePixels()
                            const_cast<MaskImageType *>(this->GetMaskImage()),
                            this->GetOutput(),
                            this->GetDepthOutput() };
-  if (update.input.IsNull() || update.input->GetLargestPossibleRegion() != update.region ||
-      update.rule.hasMask != update.mask.IsNotNull() || update.rule.hasDepth != update.depths.IsNotNull())
+  if (update.input.IsNull() || update.input.GetPointer() != m_InputOfRule || update.mask.GetPointer() != m_MaskOfRule ||
+      update.input->GetLargestPossibleRegion() != update.region || update.rule.hasDepth != update.depths.IsNotNull())
   {
     itkExceptionMacro("Inputs and outputs must not change during an update.");
   }
@@ -476,6 +495,11 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::MakePictures(std::size_t
       picture.depths = depths->GetBufferPointer() + first;
     }
     update.rule.isExact ? m_Engine.Refine(view, picture) : m_Engine.Warp(view, picture);
+    if (this->VerifyPixels(update.output.GetPointer(), first + count) != pixels ||
+        (update.depths && this->VerifyPixels(update.depths.GetPointer(), first + count) != depths))
+    {
+      itkExceptionMacro("An output must not change during an update.");
+    }
   }
 }
 
@@ -484,10 +508,15 @@ template <typename TFunction>
 void
 ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::CallWithThreads(const TFunction & function)
 {
+  if (m_IsUpdating)
+  {
+    itkExceptionMacro("An observer must not make the filter project while it projects.");
+  }
   m_NumberOfWorkers = std::min(this->GetNumberOfWorkUnits(), this->GetMultiThreader()->GetMaximumNumberOfThreads());
   // one that no observer has
   m_UpdateThreader = dynamic_cast<MultiThreaderBase *>(this->GetMultiThreader()->CreateAnother().GetPointer());
   m_UpdateThreader->SetMaximumNumberOfThreads(this->GetMultiThreader()->GetMaximumNumberOfThreads());
+  m_CallingThread = std::this_thread::get_id();
   m_ReportedPercent = 0;
   m_IsUpdating = true;
   const auto end = [this] {
@@ -574,16 +603,19 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::RunInParallel(std::size_
   }
 }
 
-/** Reports whole percents, and the last one at the end: ITK's progress wraps around to 0 beyond 1. */
+/** Reports whole percents, in the thread that called the filter. The last one is reported at the end. */
 template <typename TInputImage, typename TOutputImage>
 void
 ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::ReportProgress()
 {
-  const auto   percent = std::min(static_cast<unsigned int>(100.0 * m_Engine.GetProgress()), 99u);
-  unsigned int reported = m_ReportedPercent;
-  if (percent > reported && m_ReportedPercent.compare_exchange_strong(reported, percent))
+  if (std::this_thread::get_id() == m_CallingThread)
   {
-    this->IncrementProgress(0.01f * static_cast<float>(percent - reported));
+    const auto percent = std::min(static_cast<unsigned int>(100.0 * m_Engine.GetProgress()), 99u);
+    if (percent > m_ReportedPercent)
+    {
+      m_ReportedPercent = percent;
+      this->UpdateProgress(0.01f * static_cast<float>(percent));
+    }
   }
 }
 
@@ -620,7 +652,10 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::PrintSelf(std::ostream &
   os << indent << "PrincipalAxis: " << this->GetPrincipalAxis() << std::endl;
   os << indent << "PreparationSeconds: " << this->GetPreparationSeconds() << std::endl;
   os << indent << "ProjectionSeconds: " << this->GetProjectionSeconds() << std::endl;
-  os << indent << "PreparedVolumeSizeInBytes: " << this->GetPreparedVolumeSizeInBytes() << std::endl;
+  if (!m_IsUpdating)
+  {
+    os << indent << "PreparedVolumeSizeInBytes: " << this->GetPreparedVolumeSizeInBytes() << std::endl;
+  }
   os << indent << "WarpSeconds: " << this->GetWarpSeconds() << std::endl;
 }
 } // namespace itk

@@ -73,8 +73,9 @@ public:
    * this preparation until it gets another part. If a part has only one view, set ReducedResampling to Off: the
    * projection is then faster, and needs little memory beside a large part.
    *
-   * Throws ExceptionObject if there is no input, if the part is null, empty, not within the input or has fewer voxels
-   * than its buffered region, and for parameters as Update(). Throws MemoryAllocationError if memory runs out. */
+   * Throws ExceptionObject if there is no input, if the part is null, empty, not within the input, has another
+   * geometry or fewer voxels than its buffered region, and for parameters as Update(). Throws MemoryAllocationError if
+   * memory runs out. */
   typename PartImageType::Pointer
   ProjectPart(const InputImageType * part);
 

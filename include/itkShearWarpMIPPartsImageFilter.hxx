@@ -46,8 +46,20 @@ ShearWarpMIPPartsImageFilter<TInputImage>::ProjectPart(const InputImageType * pa
   ShearWarp::Scene scene;
   scene.volume = ShearWarp::MakeVolumeGrid(this->GetInput());
   scene.views = this->MakeViews();
-  const auto rule = this->MakeRule();
-  const auto voxels = Self::template MakeVoxels<InputPixelType>(part, this->GetInput()->GetLargestPossibleRegion());
+  const auto   rule = this->MakeRule();
+  const auto   voxels = Self::template MakeVoxels<InputPixelType>(part, this->GetInput()->GetLargestPossibleRegion());
+  const double tolerance = 1e-6 * this->GetInput()->GetSpacing()[0];
+  const auto   isEqual = [tolerance](const auto & a, const auto & b) {
+    return a.GetVnlVector().is_equal(b.GetVnlVector(), tolerance);
+  };
+  if (!isEqual(part->GetSpacing(), this->GetInput()->GetSpacing()) ||
+      !isEqual(part->GetOrigin(), this->GetInput()->GetOrigin()) ||
+      !part->GetDirection().GetVnlMatrix().is_equal(this->GetInput()->GetDirection().GetVnlMatrix(), 1e-6))
+  {
+    itkExceptionMacro("A part must have the input's spacing, origin and direction, but its spacing is "
+                      << part->GetSpacing() << ", its origin " << part->GetOrigin() << " and its direction\n"
+                      << part->GetDirection());
+  }
   const auto container = this->VerifyVoxels("part", part, part->GetBufferedRegion());
 
   auto projection = PartImageType::New();

@@ -313,6 +313,10 @@ template <typename TPixel>
 void
 ShearWarpEngine<TPixel>::Implementation::SetUp(const Scene & scene, const RuleType & rule, const Threads & threads)
 {
+  if (scene.views.empty() || scene.slabs == 0 || threads.count == 0)
+  {
+    Throw(InvalidParameter("A scene needs views and slabs, and an update needs threads."));
+  }
   m_Kernels = &GetKernels<TPixel>();
   m_KernelsOfMask = &GetKernels<unsigned char>();
   m_Scene = scene;
@@ -544,7 +548,6 @@ ShearWarpEngine<TPixel>::Implementation::Add(const SliceRange & slab, const Voxe
   }
   else
   {
-    m_Volume.SetVoxels(voxels, GetWholeBox(m_Scene.volume));
     if (m_IsCopyKept || m_Pass->axis != 0)
     {
       m_Piece.Release();
@@ -553,6 +556,7 @@ ShearWarpEngine<TPixel>::Implementation::Add(const SliceRange & slab, const Voxe
     }
     else
     {
+      m_Volume.SetVoxels(voxels, GetWholeBox(m_Scene.volume));
       for (const SliceRange & piece : this->CutIntoPieces(slab, voxels.box))
       {
         this->AddPiece(piece, voxels, mask, false);
@@ -809,6 +813,7 @@ ShearWarpEngine<TPixel>::Implementation::Refine(std::size_t view, const PictureT
                  static_cast<std::ptrdiff_t>(m_Scene.picture.size[0]),
                  static_cast<std::ptrdiff_t>(m_Scene.picture.size[1]),
                  picture,
+                 m_Threads.run,
                  this->CountSteps(steps));
   m_Measurements.warpSeconds += SecondsSince(start);
 }
@@ -991,7 +996,8 @@ ShearWarpEngine<TPixel>::FindPart(const Scene & scene, const RuleType & rule, co
   const auto & whole = scene.volume.size;
   for (unsigned int axis = 0; axis < 3; ++axis)
   {
-    if (box.begin[axis] < 0 || box.size[axis] < 1 || box.begin[axis] + box.size[axis] > whole[axis])
+    if (box.begin[axis] < 0 || box.size[axis] < 1 || box.size[axis] > whole[axis] ||
+        box.begin[axis] > whole[axis] - box.size[axis])
     {
       std::string text = "A part must not be empty and lie within the volume, but along axis " + std::to_string(axis);
       text += " it begins at " + std::to_string(box.begin[axis]) + " and has " + std::to_string(box.size[axis]);

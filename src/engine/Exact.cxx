@@ -599,9 +599,10 @@ ProjectExactly(const ExactView<TPixel> &         view,
                std::ptrdiff_t                    columns,
                std::ptrdiff_t                    rows,
                const Picture<TPixel> &           picture,
-               const RunTasks &                  run)
+               const RunTasks &                  runFill,
+               const RunTasks &                  runSearch)
 {
-  FillBackground(view.background, columns, rows, picture, run);
+  FillBackground(view.background, columns, rows, picture, runFill);
 
   const CellRectangle cells = FindCells(view);
   const TaskSize      task = FindTaskSize(view.outputToSheared, rows);
@@ -622,7 +623,7 @@ ProjectExactly(const ExactView<TPixel> &         view,
     }
     rays.SetPixels();
   };
-  run(CountBlocks(cells.counts[1], CellRows) * task.bands, CountBlocks(cells.counts[0], taskColumns), search);
+  runSearch(CountBlocks(cells.counts[1], CellRows) * task.bands, CountBlocks(cells.counts[0], taskColumns), search);
 }
 
 #define INSTANTIATE(TPixel)                                       \
@@ -633,6 +634,7 @@ ProjectExactly(const ExactView<TPixel> &         view,
                                std::ptrdiff_t,                    \
                                std::ptrdiff_t,                    \
                                const Picture<TPixel> &,           \
+                               const RunTasks &,                  \
                                const RunTasks &);
 SHEARWARP_FOR_EACH_PIXEL_TYPE(INSTANTIATE)
 #undef INSTANTIATE

@@ -38,8 +38,8 @@ namespace itk::ShearWarp
  * \a guess, an intermediate image with ranks, tells for each ray in which slice the extremum probably is. The guess
  * saves time and changes no bit. `guess.pixels` is not used.
  *
- * Calls \a run twice: to fill the picture with the background, and to search. The search throws std::bad_alloc if there
- * is no memory. */
+ * \a runFill fills the picture with the background, and \a runSearch searches, which takes most of the time. The search
+ * throws std::bad_alloc if there is no memory. */
 template <typename TPixel>
 void
 ProjectExactly(const ExactView<TPixel> &         view,
@@ -49,7 +49,8 @@ ProjectExactly(const ExactView<TPixel> &         view,
                std::ptrdiff_t                    columns,
                std::ptrdiff_t                    rows,
                const Picture<TPixel> &           picture,
-               const RunTasks &                  run);
+               const RunTasks &                  runFill,
+               const RunTasks &                  runSearch);
 } // namespace itk::ShearWarp
 
 #endif

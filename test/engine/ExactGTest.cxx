@@ -258,7 +258,7 @@ TEST(ShearWarpExactGuess, ChangesNoBit)
       pixels.assign(width * height, 0);
       depths.assign(width * height, 0.0f);
       Kernels::ProjectExactly<short>(
-        view, mode, kernels, guess, width, height, { pixels.data(), depths.data() }, RunSerially);
+        view, mode, kernels, guess, width, height, { pixels.data(), depths.data() }, RunSerially, RunSerially);
       expected = n == 0 ? pixels : expected;
       expectedDepths = n == 0 ? depths : expectedDepths;
       EXPECT_EQ(pixels, expected);
@@ -307,7 +307,7 @@ TEST(ShearWarpExactGuess, TellsWhereTheSearchBegins)
     firstSlices.clear();
     guess.ranking = ranking;
     Kernels::ProjectExactly<short>(
-      view, Kernels::Mode::Maximum, kernels, guess, size, 1, { pixels.data(), nullptr }, RunSerially);
+      view, Kernels::Mode::Maximum, kernels, guess, size, 1, { pixels.data(), nullptr }, RunSerially, RunSerially);
     return firstSlices;
   };
   EXPECT_EQ(findFirstSlices({ 0, 1 }), (std::vector<std::int32_t>{ -1, 0, 1, 5, -1, -1 }));
