@@ -63,9 +63,8 @@ ShearWarpMIPPartsImageFilter<TInputImage>::ProjectPart(const InputImageType * pa
   const auto container = this->VerifyVoxels("part", part, part->GetBufferedRegion());
 
   auto projection = PartImageType::New();
-  this->SetAbortGenerateData(false);
-  this->UpdateProgress(0.0f);
   this->CallWithThreads([&](const ShearWarp::Threads & threads) {
+    this->SetAbortGenerateData(false);
     const ShearWarp::IntermediateRegion place = Superclass::EngineType::FindPart(scene, rule, voxels.box);
     projection->SetRegions(
       { { { place.column, place.row } },

@@ -20,6 +20,8 @@
 
 #include "itkShearWarpMIPTestParts.h"
 
+#include <stdexcept>
+
 #if defined(__GLIBC__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
 #  if __GLIBC__ > 2 || __GLIBC_MINOR__ >= 33
 #    include <malloc.h>
@@ -574,4 +576,115 @@ TEST(ShearWarpMemoryOfASeries, IsSharedByFramesFromOppositeSides)
   };
   EXPECT_EQ(measure(72, 360.0), measure(36, 180.0));
   EXPECT_LT(measure(36, 180.0), measure(72, 180.0));
+}
+
+TEST(ShearWarpObserved, AFilterThatProjectsRefusesToProjectAPart)
+{
+  const auto image = MakeTestImage();
+  const auto parts = PartsType::New();
+  Configure<PartsType>(parts);
+  parts->AddPart(parts->ProjectPart(image));
+  parts->Update();
+  const auto expected = Copy(parts->GetOutput());
+  int        refusals = 0;
+  parts->AddObserver(itk::ProgressEvent(), [&](const itk::EventObject &) {
+    const auto text = GetExceptionDescription([&] { parts->ProjectPart(image); });
+    refusals += text.find("must not make the filter project while it projects") != std::string::npos;
+    parts->ReleasePreparedVolume();
+  });
+  UpdateAnew(parts);
+  EXPECT_GT(refusals, 0);
+  EXPECT_TRUE(HaveSamePixels(expected, parts->GetOutput()));
+}
+
+TEST(ShearWarpObserved, ExactPicturesReportProgressAsTheySearch)
+{
+  const auto filter = MakeConfigured<SingleType>();
+  filter->SetNumberOfWorkUnits(1);
+  filter->ExactOn();
+  std::vector<float> seen{ 0.0f };
+  filter->AddObserver(itk::ProgressEvent(), [&](const itk::EventObject &) { seen.push_back(filter->GetProgress()); });
+  filter->Update();
+  EXPECT_GT(seen.size(), 5u);
+  for (std::size_t n = 1; n < seen.size(); ++n)
+  {
+    EXPECT_GE(seen[n], seen[n - 1]);
+    EXPECT_LT(seen[n] - seen[n - 1], 0.35f);
+  }
+}
+
+TEST(ShearWarpObserved, AnotherInputOfTheSameSizeAtTheStartIsAnError)
+{
+  const auto filter = MakeConfigured<SingleType>();
+  const auto other = MakeTestImage();
+  other->SetSpacing(MakeVector3(1, 2, 3));
+  const auto observer =
+    filter->AddObserver(itk::StartEvent(), [&](const itk::EventObject &) { filter->SetInput(other); });
+  EXPECT_NE(GetExceptionDescription([&] { filter->Update(); }).find("must not change during an update"),
+            std::string::npos);
+  filter->RemoveObserver(observer);
+  filter->Update();
+  const auto fresh = MakeConfigured<SingleType>();
+  fresh->SetInput(other);
+  fresh->Update();
+  EXPECT_TRUE(HaveSamePixels(fresh->GetOutput(), filter->GetOutput()));
+}
+
+TEST(ShearWarpObserved, AnOutputThatIsTakenDuringItsWarpIsAnError)
+{
+  const auto filter = MakeConfigured<SingleType>();
+  filter->SetNumberOfWorkUnits(1);
+  // a large picture of few voxels: most of the time goes into the warp
+  filter->SetSize({ { 400, 400 } });
+  const auto observer = filter->AddObserver(itk::ProgressEvent(), [&](const itk::EventObject &) {
+    if (filter->GetProgress() > 0.9f && filter->GetProgress() < 1.0f)
+    {
+      filter->GetOutput()->Initialize();
+    }
+  });
+  EXPECT_NE(GetExceptionDescription([&] { filter->Update(); }).find("must not change during an update"),
+            std::string::npos);
+  filter->RemoveObserver(observer);
+  filter->Update();
+  EXPECT_EQ(filter->GetOutput()->GetPixelContainer()->Size(), 400u * 400u);
+}
+
+TEST(ShearWarpObserved, VoxelsThatChangeDuringAnUpdateAreProjectedByTheNextOne)
+{
+  const auto image = MakeTestImage();
+  const auto filter = MakeConfigured<SingleType>();
+  filter->SetInput(image);
+  const auto observer = filter->AddObserver(itk::ProgressEvent(), [&](const itk::EventObject &) {
+    image->FillBuffer(33);
+    image->Modified();
+  });
+  filter->Update();
+  filter->RemoveObserver(observer);
+  filter->Update();
+  const auto fresh = MakeConfigured<SingleType>();
+  fresh->SetInput(image);
+  fresh->Update();
+  EXPECT_TRUE(HaveSamePixels(fresh->GetOutput(), filter->GetOutput()));
+}
+
+TEST(ShearWarpObserved, WhatAnObserverOfTheStartThrowsLeavesTheFilterRight)
+{
+  const auto filter = MakeConfigured<SingleType>();
+  const auto observer =
+    filter->AddObserver(itk::StartEvent(), [](const itk::EventObject &) { throw std::runtime_error("stopped"); });
+  EXPECT_THROW(filter->Update(), std::runtime_error);
+  filter->RemoveObserver(observer);
+  filter->Update();
+  const auto fresh = MakeConfigured<SingleType>();
+  fresh->Update();
+  EXPECT_TRUE(HaveSamePixels(fresh->GetOutput(), filter->GetOutput()));
+}
+
+TEST(ShearWarpInputsOfParts, OfAnotherGeometryAreErrors)
+{
+  const auto parts = MakeConfigured<PartsType>();
+  const auto image = MakeTestImage();
+  image->SetSpacing(MakeVector3(1, 2, 3));
+  EXPECT_NE(GetExceptionDescription([&] { parts->ProjectPart(image); }).find("must have the input's spacing"),
+            std::string::npos);
 }

@@ -542,6 +542,8 @@ TEST(ShearWarpEngine, InvalidParametersAreErrorsAtTheDoor)
   expectInvalid(findPart({ { 0, 0, 0 }, { 6, 5, 5 } }), "axis 2 it begins at 0 and has 5 voxels of 4");
   expectInvalid(findPart({ { 0, -1, 0 }, { 6, 3, 4 } }), "axis 1 it begins at -1 and has 3 voxels of 5");
   expectInvalid(findPart({ { 2, 0, 0 }, { 0, 5, 4 } }), "axis 0 it begins at 2 and has 0 voxels of 6");
+  expectInvalid(findPart({ { 0, 0, std::numeric_limits<std::ptrdiff_t>::max() - 1 }, { 6, 5, 4 } }),
+                "axis 2 it begins");
   EXPECT_TRUE(Project(engine, scene, {}, MakeThreads(1), volume) == expected);
 }
 
