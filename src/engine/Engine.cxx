@@ -569,8 +569,8 @@ ShearWarpEngine<TPixel>::Implementation::Add(const SliceRange & slab, const Voxe
   {
     views += projection.size();
   }
-  m_Measurements.skippedFraction =
-    m_SkippedBefore + m_Projector.GetSkippedFraction() * static_cast<double>(views) / m_Scene.views.size();
+  m_Measurements.skippedFraction = m_SkippedBefore + m_Projector.GetSkippedFraction() * static_cast<double>(views) /
+                                                       static_cast<double>(m_Scene.views.size());
 }
 
 /** Returns pieces of slices whose transposed copy stays in the cache. */

@@ -840,10 +840,10 @@ TYPED_TEST(ShearWarpKernelsTyped, PixelsWithoutARankHaveNoWeightAndNoDepth)
       EXPECT_EQ(warp(0.75, 0), 10);
       EXPECT_EQ(warp(0.5, 0.5), 25);
     });
-    EXPECT_EQ(findDepth(0, 0), 12.25f + 2 * step);
-    EXPECT_EQ(findDepth(0.25, 0.25), 12.25f + 2 * step);
+    EXPECT_EQ(findDepth(0, 0), 12.25f + 2.0f * static_cast<float>(step));
+    EXPECT_EQ(findDepth(0.25, 0.25), 12.25f + 2.0f * static_cast<float>(step));
     // the nearest pixel has no rank
-    EXPECT_EQ(findDepth(0.25, 0.625), 12.25f + 2 * step);
+    EXPECT_EQ(findDepth(0.25, 0.625), 12.25f + 2.0f * static_cast<float>(step));
     EXPECT_EQ(findDepth(0.375, 0.75), 12.25f);
     EXPECT_EQ(findDepth(1, 1), 12.25f);
     EXPECT_TRUE(std::isnan(findDepth(1, 0)));
