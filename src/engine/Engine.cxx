@@ -356,7 +356,7 @@ std::vector<Pass>
 ShearWarpEngine<TPixel>::Implementation::PlanPasses() const
 {
   const bool isAlone = this->IsOrdered() || m_Rule.HasRegion() || m_Rule.hasDepth || m_Rule.depthAttenuation > 0.0;
-  const auto place = [this](const Factorization & view) { return PlaceSlices(view, 0, view.size[2]); };
+  const auto place = [](const Factorization & view) { return PlaceSlices(view, 0, view.size[2]); };
   std::vector<Projection>                           projections[3];
   std::size_t                                       mostBytes[3]{};
   std::unordered_multimap<std::size_t, std::size_t> candidates[3];

@@ -29,7 +29,6 @@ namespace
 using namespace itk::ShearWarp;
 using namespace itk::ShearWarpMIPTest;
 
-constexpr double            Infinity = std::numeric_limits<double>::infinity();
 constexpr Mode              AllModes[] = { Mode::Maximum, Mode::Minimum, Mode::AbsoluteMaximum };
 constexpr ReducedResampling AllReducedResamplings[] = { ReducedResampling::Off,
                                                         ReducedResampling::On,
