@@ -29,7 +29,7 @@ namespace
 {
 using namespace itk::ShearWarpMIPTest;
 using ModeEnum = itk::ShearWarpMIPImageFilterEnums::Mode;
-using Feature = itk::ShearWarp::Feature;
+using itk::ShearWarp::Feature;
 
 template <typename TPixel>
 using FilterType = itk::ShearWarpMIPImageFilter<itk::Image<TPixel, 3>>;

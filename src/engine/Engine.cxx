@@ -248,6 +248,9 @@ private:
   DecidePreparation(const VoxelsType & voxels);
 
   std::vector<SliceRange>
+  CutSlices(const SliceRange & slices, std::size_t count) const;
+
+  std::vector<SliceRange>
   CutIntoPieces(const SliceRange & slices, const VoxelBox & box) const;
 
   void
@@ -499,16 +502,7 @@ ShearWarpEngine<TPixel>::Implementation::BeginPass(std::size_t pass)
                     parameters,
                     m_Threads.count);
 
-  std::vector<SliceRange> slabs;
-  for (std::size_t n = 0; n < m_Scene.slabs; ++n)
-  {
-    slabs.push_back(GetSlab({ 0, m_Scene.volume.size[2] }, n, m_Scene.slabs));
-  }
-  if (!m_IsFirstSlabFirst)
-  {
-    std::reverse(slabs.begin(), slabs.end());
-  }
-  return slabs;
+  return this->CutSlices({ 0, m_Scene.volume.size[2] }, m_Scene.slabs);
 }
 
 /** Decides what is prepared for a pass: only what serves further views of the volume, too. */
@@ -573,6 +567,19 @@ ShearWarpEngine<TPixel>::Implementation::Add(const SliceRange & slab, const Voxe
                                                        static_cast<double>(m_Scene.views.size());
 }
 
+/** Cuts slices into ranges, in the order of projection. */
+template <typename TPixel>
+std::vector<SliceRange>
+ShearWarpEngine<TPixel>::Implementation::CutSlices(const SliceRange & slices, std::size_t count) const
+{
+  std::vector<SliceRange> ranges(count);
+  for (std::size_t n = 0; n < count; ++n)
+  {
+    ranges[n] = GetSlab(slices, m_IsFirstSlabFirst ? n : count - 1 - n, count);
+  }
+  return ranges;
+}
+
 /** Returns pieces of slices whose transposed copy stays in the cache. */
 template <typename TPixel>
 std::vector<SliceRange>
@@ -584,16 +591,7 @@ ShearWarpEngine<TPixel>::Implementation::CutIntoPieces(const SliceRange & slices
     std::max(pieceBytes / sliceBytes, 2 * BlockLength) * static_cast<std::ptrdiff_t>(m_Threads.count);
   const auto count =
     static_cast<std::size_t>(std::max<std::ptrdiff_t>(CountBlocks(slices.end - slices.begin, length), 1));
-  std::vector<SliceRange> pieces;
-  for (std::size_t n = 0; n < count; ++n)
-  {
-    pieces.push_back(GetSlab(slices, n, count));
-  }
-  if (!m_IsFirstSlabFirst)
-  {
-    std::reverse(pieces.begin(), pieces.end());
-  }
-  return pieces;
+  return this->CutSlices(slices, count);
 }
 
 /** Prepares and projects some slices of the voxels; all of them if \a isWhole. */

@@ -524,8 +524,8 @@ TEST(ShearWarpGeometry, FunctionsOfViewSpaceFollowTheShear)
     for (std::size_t phase = 0; phase < 4; ++phase)
     {
       // pixel (x, y) of the oversampled image lies at column (x + 1) / 2 - 1 and row (y + 1) / 2 - 1
-      const double x = 2 * 3.0 + static_cast<double>(phase % 2);
-      const double y = 2 * 5.0 + static_cast<double>(phase / 2);
+      const double x = phase % 2 == 0 ? 6.0 : 7.0;
+      const double y = phase < 2 ? 10.0 : 11.0;
       EXPECT_NEAR(GetFunctionOfPhase(function, 2, phase)(3, 5, voxel[2]),
                   function((x + 1) / 2 - 1, (y + 1) / 2 - 1, voxel[2]),
                   1e-9);

@@ -39,10 +39,10 @@ public:
     const Factorization        factorization = Factorize(view, MakeGrid(volume.box), oversampling);
     const auto                 phases = MakePhases(factorization, volume.box, oversampling);
     const unsigned int         axis = factorization.GetPrincipalAxis();
-    std::vector<ProjectedView> views;
-    for (const IntermediateGrid & phase : phases)
+    std::vector<ProjectedView> views(phases.size());
+    for (std::size_t n = 0; n < phases.size(); ++n)
     {
-      views.push_back({ &phase });
+      views[n].grid = &phases[n];
     }
     // two threads take turns
     const auto run = [](std::size_t count, std::size_t steps, const Task & task) {

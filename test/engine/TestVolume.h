@@ -163,6 +163,7 @@ MakeThreads(std::size_t workers)
     std::exception_ptr       exception;
     std::mutex               mutex;
     std::vector<std::thread> threads;
+    threads.reserve(workers);
     for (std::size_t worker = 0; worker < workers; ++worker)
     {
       threads.emplace_back([&, worker] {

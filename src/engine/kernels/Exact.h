@@ -237,7 +237,7 @@ private:
 
   /** Four voxels of at most two bytes. */
   using Four = std::conditional_t<sizeof(TPixel) == 1, std::uint32_t, std::uint64_t>;
-  static constexpr int WordsInFour = sizeof(Four) / sizeof(std::uint32_t);
+  static constexpr int WordsInFour = sizeof(TPixel) == 1 ? 1 : 2;
 
 #if defined(__BYTE_ORDER__) && __BYTE_ORDER__ == __ORDER_BIG_ENDIAN__
   static constexpr bool IsBigEndian = true;

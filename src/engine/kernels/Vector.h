@@ -47,7 +47,7 @@
 
 namespace itk::ShearWarp
 {
-namespace
+namespace // NOLINT(misc-anonymous-namespace-in-header)
 {
 #include SHEARWARP_LANES
 
@@ -134,7 +134,7 @@ constexpr Kernels<TPixel> KernelsOf{
 } // namespace
 
 const VectorKernels &
-SHEARWARP_GET_KERNELS()
+SHEARWARP_GET_KERNELS() // NOLINT(misc-definitions-in-headers)
 {
   static constexpr VectorKernels kernels{
     KernelsOf<unsigned char>, KernelsOf<signed char>, KernelsOf<unsigned short>, KernelsOf<short>, KernelsOf<float>
