@@ -161,9 +161,9 @@ struct ShearWarpMIP_EXPORT ProjectionRule
 /** What is projected: views of a volume, each onto the same grid of pixels. */
 struct Scene
 {
-  VolumeGrid               volume;
-  std::vector<AffineMap3D> views;
-  PictureGrid              picture;
+  VolumeGrid               volume{};
+  std::vector<AffineMap3D> views{};
+  PictureGrid              picture{};
   /** The number of slabs along z in which the volume comes into memory. With more than one, the engine keeps nothing.
    */
   std::size_t slabs{ 1 };

@@ -494,7 +494,7 @@ private:
   SizeValueType         m_IntermediateMemory{ SizeValueType{ 1 } << 30 };
 
   // of the update, from GenerateOutputInformation() on
-  ShearWarp::Scene m_Scene;
+  ShearWarp::Scene m_Scene{};
   RuleType         m_Rule;
   ImageRegion<3>   m_InputRegion;
   const void *     m_InputOfRule{ nullptr };

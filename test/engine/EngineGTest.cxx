@@ -339,12 +339,14 @@ TYPED_TEST(ShearWarpEngineTyped, EveryFeatureGivesTheSameBitsHoweverItIsProjecte
   auto       mask = MakeVolume<unsigned char>({ 30, 22, 33 });
   std::generate(mask.pixels.begin(), mask.pixels.end(), [&random] { return random.Integer(0, 2); });
   const auto views = MakeTestViews();
-  for (std::size_t feature = 0; feature < std::size(Features<TypeParam>); ++feature)
+  // cppcheck does not understand an element of a variable template
+  const auto & features = Features<TypeParam>;
+  for (std::size_t feature = 0; feature < std::size(features); ++feature)
   {
     for (const Mode mode : AllModes)
     {
       ProjectionRule<TypeParam> rule;
-      Features<TypeParam>[feature](rule);
+      features[feature](rule);
       rule.mode = mode;
       rule.background = TypeParam{ 7 };
       if (rule.localMaximumThreshold && !HasFeature(mode, Feature::LocalMaximum))

@@ -38,9 +38,12 @@ struct CountingRun
   mutable int calls{ 0 };
 };
 
-template <typename TPixel, typename TRun>
+template <typename TPixel, typename TRunner>
 SliceStack<TPixel>
-PrepareSlices(PreparedVolume<TPixel> & prepared, const TestVolume<TPixel> & volume, unsigned int axis, const TRun & run)
+PrepareSlices(PreparedVolume<TPixel> &   prepared,
+              const TestVolume<TPixel> & volume,
+              unsigned int               axis,
+              const TRunner &            run)
 {
   prepared.Prepare(volume.GetVoxels(), volume.box, axis, true, GetKernels<TPixel>(), std::cref(run));
   EXPECT_TRUE(prepared.IsPrepared(volume.GetVoxels(), axis));
