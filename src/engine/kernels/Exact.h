@@ -540,7 +540,8 @@ PatchSearch<TPixel, VIsMinimum>::FindLeast(Number best, bool hasDepth)
     constexpr TPixel highest = Limits::max();
     const auto       wide = static_cast<double>(value);
     double           rounded = hasDepth == VIsMinimum ? floor(wide) : ceil(wide);
-    if (sizeof(TPixel) == 8)
+    const bool       isFinite = rounded - rounded == 0;
+    if (sizeof(TPixel) == 8 && isFinite)
     {
       // a double does not distinguish all integers
       constexpr double epsilon = std::numeric_limits<double>::epsilon();
