@@ -373,7 +373,8 @@ ShearWarpEngine<TPixel>::Implementation::PlanPasses() const
       Projector<TPixel>::GetViewSizeInBytes(
         phases.front().columns, phases.front().rows, m_Rule.mode, m_Rule.HasRegion(), m_Rule.NeedsRanks());
     mostBytes[axis] = std::max(mostBytes[axis], bytes);
-    const auto        placements = place(factorization);
+    // the last phase is not shifted
+    const auto &      placements = phases.back().placements;
     const std::size_t hash = HashPlacements(placements);
     const auto [begin, end] = candidates[axis].equal_range(hash);
     const auto same = isAlone ? end : std::find_if(begin, end, [&, axisOfView = axis](const auto & candidate) {
@@ -453,24 +454,24 @@ ShearWarpEngine<TPixel>::Implementation::MakeProjectedViews(const Pass & pass, c
   m_Phases.clear();
   for (const Projection & projection : pass.projections)
   {
-    const AffineMap3D & view = m_Scene.views[projection.front()];
-    const Factorization factorization = this->FactorizeView(projection.front());
-    const auto          intervals = MakeIntervals(view, factorization, m_Rule);
+    const AffineMap3D &   view = m_Scene.views[projection.front()];
+    const Factorization   factorization = this->FactorizeView(projection.front());
+    const auto            intervals = MakeIntervals(view, factorization, m_Rule);
+    std::optional<Fading> fading;
+    if (m_Rule.depthAttenuation > 0.0)
+    {
+      fading = Fading{ m_Rule.depthAttenuation, std::max(FindSphereDepth(view, m_Scene.volume), m_Rule.slabNear) };
+    }
     m_Phases.push_back(MakePhases(factorization, box, m_Rule.oversampling));
     for (std::size_t n = 0; n < m_Phases.back().size(); ++n)
     {
       const auto toPhase = [&](const ShearedFunction & function) {
         return GetFunctionOfPhase(function, m_Rule.oversampling, n);
       };
-      ProjectedView projected{ &m_Phases.back()[n], toPhase(GetDepthFunction(factorization)), intervals, {} };
+      ProjectedView projected{ &m_Phases.back()[n], toPhase(GetDepthFunction(factorization)), intervals, fading };
       for (Interval & interval : projected.intervals)
       {
         interval.function = toPhase(interval.function);
-      }
-      if (m_Rule.depthAttenuation > 0.0)
-      {
-        projected.fading =
-          Fading{ m_Rule.depthAttenuation, std::max(FindSphereDepth(view, m_Scene.volume), m_Rule.slabNear) };
       }
       views.push_back(std::move(projected));
     }
@@ -664,8 +665,12 @@ template <typename TPixel>
 auto
 ShearWarpEngine<TPixel>::Implementation::FindImage(std::size_t view) -> const ImageType &
 {
-  const auto projections = m_Pass ? m_Pass->projections : std::vector<Projection>();
-  const auto found = std::find_if(projections.begin(), projections.end(), [view](const Projection & projection) {
+  if (!m_Pass)
+  {
+    Throw(std::logic_error("BeginPass() comes before a view's picture."));
+  }
+  const auto & projections = m_Pass->projections;
+  const auto   found = std::find_if(projections.begin(), projections.end(), [view](const Projection & projection) {
     return std::find(projection.begin(), projection.end(), view) != projection.end();
   });
   if (found == projections.end())

@@ -17,13 +17,14 @@
  *=========================================================================*/
 #include "itkShearWarpGeometry.h"
 
+#include "itkShearWarpMIPTestRule.h"
+
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
-#include <random>
 #include <set>
 
 /** The geometry of views without ITK. */
@@ -36,29 +37,7 @@ constexpr double Pi = 3.14159265358979323846;
 
 using Vector = std::array<double, 3>;
 
-class Random
-{
-public:
-  explicit Random(std::uint64_t seed)
-    : m_Engine(seed)
-  {}
-
-  double
-  Uniform(double low, double high)
-  {
-    return low + (high - low) * (static_cast<double>(m_Engine() >> 11) * 0x1.0p-53);
-  }
-
-  /** Of [low, high]. */
-  std::ptrdiff_t
-  Integer(std::ptrdiff_t low, std::ptrdiff_t high)
-  {
-    return low + static_cast<std::ptrdiff_t>(m_Engine() % static_cast<std::uint64_t>(high - low + 1));
-  }
-
-private:
-  std::mt19937_64 m_Engine;
-};
+using itk::ShearWarpMIPTest::Random;
 
 constexpr AffineMap3D Identity{ { { 1, 0, 0 }, { 0, 1, 0 }, { 0, 0, 1 } }, { 0, 0, 0 } };
 
