@@ -665,19 +665,15 @@ template <typename TPixel>
 auto
 ShearWarpEngine<TPixel>::Implementation::FindImage(std::size_t view) -> const ImageType &
 {
-  if (!m_Pass)
+  for (std::size_t n = 0; m_Pass && n < m_Pass->projections.size(); ++n)
   {
-    Throw(std::logic_error("BeginPass() comes before a view's picture."));
+    const Projection & projection = m_Pass->projections[n];
+    if (std::find(projection.begin(), projection.end(), view) != projection.end())
+    {
+      return this->FinishProjection(n);
+    }
   }
-  const auto & projections = m_Pass->projections;
-  const auto   found = std::find_if(projections.begin(), projections.end(), [view](const Projection & projection) {
-    return std::find(projection.begin(), projection.end(), view) != projection.end();
-  });
-  if (found == projections.end())
-  {
-    Throw(std::logic_error("A view's picture is made in the view's pass."));
-  }
-  return this->FinishProjection(static_cast<std::size_t>(found - projections.begin()));
+  Throw(std::logic_error("A view's picture is made in the view's pass."));
 }
 
 /** Merges the images of all threads, and joins the phases of an oversampled image. */

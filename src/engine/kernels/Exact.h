@@ -540,7 +540,8 @@ PatchSearch<TPixel, VIsMinimum>::FindLeast(Number best, bool hasDepth)
     constexpr TPixel highest = Limits::max();
     const auto       wide = static_cast<double>(value);
     double           rounded = hasDepth == VIsMinimum ? floor(wide) : ceil(wide);
-    const bool       isFinite = rounded - rounded == 0;
+    constexpr double most = std::numeric_limits<double>::max();
+    const bool       isFinite = rounded >= -most && rounded <= most;
     if (sizeof(TPixel) == 8 && isFinite)
     {
       // a double does not distinguish all integers
