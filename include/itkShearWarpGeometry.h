@@ -50,8 +50,8 @@ public:
 class ShearWarpMIP_EXPORT OutOfMemory : public std::bad_alloc
 {
 public:
-  explicit OutOfMemory(std::string message)
-    : m_Message(std::move(message))
+  explicit OutOfMemory(const std::string & message)
+    : m_Message(message)
   {}
   const char *
   what() const noexcept override
