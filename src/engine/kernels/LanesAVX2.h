@@ -73,8 +73,17 @@ inline std::uint32_t FindSet(const std::int16_t * p)
 template <std::ptrdiff_t VCount>
 std::uint32_t FindLabel(const std::uint8_t * p, std::uint8_t label)
 {
-  Quad bytes{};
-  __builtin_memcpy(&bytes, p, VCount);
+  Quad bytes;
+  if constexpr (VCount == sizeof(Quad))
+  {
+    bytes = LoadVector<Quad>(p);
+  }
+  else
+  {
+    long long low = 0;
+    __builtin_memcpy(&low, p, VCount);
+    bytes = As<Quad>(QuadLong{ low, 0 });
+  }
   const auto equal = static_cast<std::uint32_t>(_mm_movemask_epi8(As<__m128i>(bytes == label)));
   return (label == 0 ? ~equal : equal) & ((1U << VCount) - 1);
 }
