@@ -124,18 +124,18 @@ JoinReached(const std::vector<IntermediateGrid> & phases, unsigned int oversampl
 {
   const auto              steps = static_cast<std::int32_t>(oversampling);
   std::vector<ColumnSpan> reached(phases.front().rows * steps);
-  for (std::size_t n = 0; n < phases.size(); ++n)
+  for (std::int32_t n = 0; n < steps * steps; ++n)
   {
-    const auto column = static_cast<std::int32_t>(n) % steps;
-    for (std::ptrdiff_t row = 0; row < phases[n].rows; ++row)
+    const IntermediateGrid & phase = phases[n];
+    for (std::ptrdiff_t row = 0; row < phase.rows; ++row)
     {
-      const ColumnSpan & phase = phases[n].reached[row];
-      ColumnSpan &       span = reached[row * steps + static_cast<std::int32_t>(n) / steps];
-      if (phase.begin < phase.end)
+      const auto [first, end] = phase.reached[row];
+      ColumnSpan & span = reached[row * steps + n / steps];
+      if (first < end)
       {
-        const std::int32_t begin = phase.begin * steps + column;
+        const std::int32_t begin = first * steps + n % steps;
         span.begin = span.begin < span.end ? std::min(span.begin, begin) : begin;
-        span.end = std::max(span.end, (phase.end - 1) * steps + column + 1);
+        span.end = std::max(span.end, (end - 1) * steps + n % steps + 1);
       }
     }
   }
@@ -274,7 +274,7 @@ private:
   FindImage(std::size_t view);
 
   void
-  Join(const ImageType & phase, std::size_t projection, std::size_t n);
+  Join(const ImageType & phase, std::size_t projection, std::ptrdiff_t n);
 
   void
   WarpImage(const ImageType & image, const Factorization & factorization, const PictureType & picture);
@@ -691,7 +691,7 @@ ShearWarpEngine<TPixel>::Implementation::FinishProjection(std::size_t projection
       m_Image = m_Projector.Finish(projection * phases + n, m_Threads.run);
       if (phases > 1)
       {
-        this->Join(m_Image, projection, n);
+        this->Join(m_Image, projection, static_cast<std::ptrdiff_t>(n));
       }
     }
     m_Finished = projection;
@@ -703,7 +703,7 @@ ShearWarpEngine<TPixel>::Implementation::FinishProjection(std::size_t projection
 /** Copies phase \a n of a projection into the oversampled image. The last phase completes m_Image. */
 template <typename TPixel>
 void
-ShearWarpEngine<TPixel>::Implementation::Join(const ImageType & phase, std::size_t projection, std::size_t n)
+ShearWarpEngine<TPixel>::Implementation::Join(const ImageType & phase, std::size_t projection, std::ptrdiff_t n)
 {
   const std::ptrdiff_t steps = m_Rule.oversampling;
   ImageType            joined = phase;
@@ -718,11 +718,10 @@ ShearWarpEngine<TPixel>::Implementation::Join(const ImageType & phase, std::size
     m_JoinedRanks.Reserve(joined.rows * joined.rowStride * sizeof(std::int32_t), "the oversampled intermediate image");
     joined.ranks = ranks = m_JoinedRanks.GetPointer<std::int32_t>();
   }
-  const auto           number = static_cast<std::ptrdiff_t>(n);
-  const std::ptrdiff_t first = number / steps * joined.rowStride + number % steps;
-  m_Threads.run(static_cast<std::size_t>(phase.rows), 1, [&](std::size_t row, std::size_t, std::size_t) {
-    const std::ptrdiff_t from = static_cast<std::ptrdiff_t>(row) * phase.rowStride;
-    const std::ptrdiff_t to = first + static_cast<std::ptrdiff_t>(row) * steps * joined.rowStride;
+  m_Threads.run(static_cast<std::size_t>(phase.rows), 1, [&](std::size_t task, std::size_t, std::size_t) {
+    const auto           row = static_cast<std::ptrdiff_t>(task);
+    const std::ptrdiff_t from = row * phase.rowStride;
+    const std::ptrdiff_t to = (row * steps + n / steps) * joined.rowStride + n % steps;
     for (std::ptrdiff_t column = 0; column < phase.columns; ++column)
     {
       joined.pixels[to + column * steps] = phase.pixels[from + column];
@@ -732,7 +731,7 @@ ShearWarpEngine<TPixel>::Implementation::Join(const ImageType & phase, std::size
       }
     }
   });
-  if (number + 1 < steps * steps)
+  if (n + 1 < steps * steps)
   {
     return;
   }
