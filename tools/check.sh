@@ -70,7 +70,7 @@ check_compile() {
 check_libcxx() {
   need_packages clang libc++-dev libc++abi-dev
   configure
-  list_commands | grep -E "$root/(apps|src)/.*\.cxx$" |
+  list_commands | grep -E "$root/(apps|phantom|src)/.*\.cxx$" |
     sed "s|^.*/c++ |clang++ -stdlib=libc++ |; s|$| ${clang_flags[*]}|" | check_all
 }
 
@@ -92,7 +92,8 @@ check_cppcheck() {
   git ls-files --cached --others --exclude-standard -- '*.cxx' > "$build/files"
   cppcheck --quiet -j "$jobs" --std=c++17 --enable=warning,performance,portability --inline-suppr --error-exitcode=1 \
     --library=googletest --library=gnu '-DTYPED_TEST_SUITE(...)=' '-DitkOverrideGetNameOfClassMacro(x)=' -D__linux__ \
-    -DShearWarpMIP_HAS_X86_KERNELS -I include -I src -I apps -I benchmark --file-list="$build/files"
+    -DShearWarpMIP_HAS_X86_KERNELS -I include -I src -I apps -I apps/dicom -I apps/input -I apps/output -I apps/view -I phantom -I benchmark \
+    --file-list="$build/files"
 }
 
 for stage in "${stages[@]}"; do

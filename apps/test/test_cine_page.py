@@ -1,6 +1,6 @@
 """Uses the cine page in a headless Chromium as a viewer would, and compares its pixels to the series'.
 
-CINE_TEMPLATE     the page with @SERIES@ in it          [../../python/itk_shearwarpmip/cine.html]
+CINE_TEMPLATE     the page with @SERIES@ in it          [../../page/cine.html]
 CINE_PAGE         a finished page: checked as well, in what holds for every series
 CINE_SCREENSHOTS  folder that keeps what was seen
 
@@ -31,7 +31,7 @@ from selenium.webdriver.support.ui import Select, WebDriverWait
 sys.path.append(str(pathlib.Path(__file__).parents[2] / "wrapping" / "test"))
 import chromium
 
-SOURCE = pathlib.Path(__file__).parents[2] / "python" / "itk_shearwarpmip" / "cine.html"
+SOURCE = pathlib.Path(__file__).parents[2] / "page" / "cine.html"
 TEMPLATE = pathlib.Path(os.environ.get("CINE_TEMPLATE", SOURCE))
 MOST_PIXELS_PER_FRAME = 48
 MINUS = "\N{MINUS SIGN}"
