@@ -34,7 +34,7 @@ from PIL import Image
 from selenium.webdriver.common.actions.action_builder import ActionBuilder
 from selenium.webdriver.common.by import By
 
-sys.path.append(str(Path(__file__).parents[1] / "wrapping" / "test"))
+sys.path.append(str(Path(__file__).parents[1] / "python" / "test"))
 import chromium
 
 MOVE_MILLISECONDS = 16

@@ -205,7 +205,7 @@ test_python() (
     "$env/bin/shear-warp-mip" --version
     # without Python's cache each import of itk takes seconds; SWIG's types warn at import
     env -u PYTHONDONTWRITEBYTECODE "$env/bin/python" -m pytest --numprocesses "$jobs" --dist worksteal \
-      -W error -W 'ignore:builtin type' "$root/wrapping/test"
+      -W error -W 'ignore:builtin type' "$root/python/test" "$root/wrapping/test"
   done
   # the program itself, without the launcher that auditwheel made; a copy of it alone would not find its libraries
   SHEARWARPMIP_PROGRAM=$(echo "$dir"/env/lib/python3*/site-packages/itk_shearwarpmip.scripts/shear-warp-mip) \

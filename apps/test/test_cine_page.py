@@ -28,7 +28,7 @@ from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.remote.command import Command
 from selenium.webdriver.support.ui import Select, WebDriverWait
 
-sys.path.append(str(pathlib.Path(__file__).parents[2] / "wrapping" / "test"))
+sys.path.append(str(pathlib.Path(__file__).parents[2] / "python" / "test"))
 import chromium
 
 SOURCE = pathlib.Path(__file__).parents[2] / "page" / "cine.html"

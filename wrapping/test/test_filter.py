@@ -9,8 +9,8 @@ import numpy as np
 import oracle
 import pytest
 import xarray
-from conftest import make_like, make_rotation
 from numpy.testing import assert_array_equal
+from samples import make_like, make_rotation
 
 Enums = itk.ShearWarpMIPImageFilterEnums
 project = itk.shear_warp_mip_image_filter

@@ -4,9 +4,9 @@ import itk
 import numpy as np
 import oracle
 import pytest
-from conftest import make_like
 from numpy.testing import assert_array_equal
 from oracle import Rule
+from samples import make_like
 from test_oracle import DTYPES, random_image, random_view
 
 project = itk.shear_warp_mip_image_filter

@@ -4,8 +4,8 @@ import itk
 import numpy as np
 import oracle
 import pytest
-from conftest import make_like, make_rotation
 from numpy.testing import assert_array_equal
+from samples import make_like, make_rotation
 
 DTYPES = {"int16": itk.SS, "uint8": itk.UC, "uint16": itk.US, "float32": itk.F, "float64": itk.D}
 

@@ -3,7 +3,7 @@
 import itk
 import numpy as np
 import pytest
-from conftest import make_image
+from samples import make_image
 
 Enums = itk.ShearWarpMIPViewEnums
 

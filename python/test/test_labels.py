@@ -9,10 +9,11 @@ from pathlib import Path
 import itk
 import numpy as np
 import pytest
-from conftest import NO_LABELS, PROGRAM, make_rotation
 from itk_shearwarpmip import _labels, mip, open_image, save_png, turn
 from numpy.testing import assert_array_equal
 from PIL import Image, ImageDraw
+from program import NO_LABELS, PROGRAM
+from samples import make_rotation
 
 SIDES = "left", "right", "top", "bottom"
 

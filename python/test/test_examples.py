@@ -9,10 +9,10 @@ import nbclient
 import nbformat
 import numpy as np
 import pytest
-from conftest import make_image
 from itk_shearwarpmip import open_volume
 from numpy.testing import assert_array_equal
 from PIL import Image
+from samples import make_image
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PROGRAMS = ["channels_mip.py", "mip_pipeline.py"]

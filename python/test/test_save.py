@@ -16,10 +16,10 @@ import itk_shearwarpmip
 import numpy as np
 import pydicom
 import pytest
-from conftest import NO_LABELS, PROGRAM
 from itk_shearwarpmip import Turn, _save
 from numpy.testing import assert_array_equal
 from PIL import Image, ImageSequence
+from program import NO_LABELS, PROGRAM
 from pydicom.data import get_testdata_file
 
 FRAMES = 6

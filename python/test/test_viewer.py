@@ -12,11 +12,11 @@ import itk
 import numpy as np
 import pytest
 import xarray
-from conftest import make_image, make_like
 from itk_shearwarpmip import Point, Viewer, _scene, _server, _viewer, mip, show
 from numpy.testing import assert_array_equal
 from PIL import Image
 from rendercanvas.offscreen import RenderCanvas
+from samples import make_image, make_like
 
 SIZE = 120, 90
 

@@ -22,13 +22,13 @@ import numpy as np
 import pytest
 import xarray
 import zarr
-from conftest import make_image
 from dask.utils import key_split
 from distributed import Client, LocalCluster, get_task_stream, wait
 from itk_shearwarpmip import mip, open_image, open_volume, show, turn
 from itk_shearwarpmip.__main__ import main
 from numpy.testing import assert_array_equal
 from rendercanvas.offscreen import RenderCanvas
+from samples import make_image
 
 DTYPES = [np.uint8, np.int16, np.uint16, np.float32, np.float64]
 IDENTITY = itk.IdentityTransform[itk.D, 3].New()

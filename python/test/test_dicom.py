@@ -8,9 +8,9 @@ import itk
 import numpy as np
 import pydicom
 import pytest
-from conftest import NO_LABELS, PROGRAM
 from itk_shearwarpmip import mip, open_image, save_png, turn
 from numpy.testing import assert_array_equal
+from program import NO_LABELS, PROGRAM
 from pydicom.data import get_testdata_file
 from pydicom.dataset import Dataset
 from pydicom.sequence import Sequence

@@ -18,14 +18,16 @@ import itk_shearwarpmip
 import nibabel
 import numpy as np
 import pytest
+import samples
 import SimpleITK
 import xarray
-from conftest import NO_LABELS, PROGRAM, make_like
 from IPython.core.formatters import DisplayFormatter
 from itk_shearwarpmip import Turn, mip, open_image, save_png, turn
 from itk_shearwarpmip._front import _FILTERS
 from itk_shearwarpmip._save import find_window, find_window_of
 from numpy.testing import assert_array_equal
+from program import NO_LABELS, PROGRAM
+from samples import make_like
 
 Enums = itk.ShearWarpMIPImageFilterEnums
 
@@ -168,10 +170,10 @@ def test_without_dask(tmp_path):
     code = f"""
 import sys
 sys.modules["dask"] = sys.modules["zarr"] = None
-sys.path.insert(0, {os.path.dirname(__file__)!r})
+sys.path[:0] = [{os.path.dirname(__file__)!r}, {os.path.dirname(samples.__file__)!r}]
 import pathlib, numpy as np, itk_shearwarpmip
 assert hasattr(itk_shearwarpmip, "mip") and "dask.array" not in sys.modules
-from conftest import make_oblique
+from samples import make_oblique
 from test_front import KINDS, check_kind
 for kind in KINDS:
     check_kind(kind, make_oblique(np.random.default_rng(1)), pathlib.Path({str(tmp_path)!r}))

@@ -21,10 +21,10 @@ import httpx
 import itk
 import numpy as np
 import pytest
-from conftest import make_image
 from itk_shearwarpmip import _scene, show
 from itk_shearwarpmip.__main__ import main, view
 from PIL import Image
+from samples import make_image
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.actions.action_builder import ActionBuilder
 from selenium.webdriver.common.actions.mouse_button import MouseButton

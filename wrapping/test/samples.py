@@ -1,0 +1,107 @@
+"""Images, and what tests of the filters and of the package share."""
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from typing import NamedTuple
+
+import itk
+import numpy as np
+import pytest
+
+# Runs each snippet of code in a forked child: a crash ends only the child, and itk is imported once.
+_FORK_SERVER = """
+import json, os, sys, traceback
+import itk, numpy as np
+itk.ShearWarpMIPImageFilter
+itk.shear_warp_mip_image_filter
+for line in sys.stdin:
+    reader, writer = os.pipe()
+    child = os.fork()
+    if child == 0:
+        os.dup2(writer, 1)
+        os.dup2(writer, 2)
+        os.close(reader)
+        os.close(writer)
+        status = 0
+        try:
+            exec(json.loads(line), {"itk": itk, "np": np})
+        except BaseException:
+            traceback.print_exc()
+            status = 1
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(status)
+    os.close(writer)
+    with os.fdopen(reader, errors="replace") as stream:
+        text = stream.read()
+    code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    print(json.dumps([code, text]), flush=True)
+"""
+
+
+class Outcome(NamedTuple):
+    code: int
+    text: str
+
+
+@pytest.fixture(scope="session")
+def isolated() -> Callable[[str], Outcome]:
+    """Runs code in a process of its own; gives its exit code (negative: signal) and all that it printed."""
+    environment = dict(os.environ, OPENBLAS_NUM_THREADS="1")
+    server = subprocess.Popen(
+        [sys.executable, "-c", _FORK_SERVER], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment
+    )
+
+    def run(code: str) -> Outcome:
+        print(json.dumps(code), file=server.stdin, flush=True)
+        return Outcome(*json.loads(server.stdout.readline()))
+
+    yield run
+    server.communicate()
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(20021)
+
+
+def make_rotation(x=0.0, y=0.0, z=0.0):
+    transform = itk.Euler3DTransform[itk.D].New()
+    transform.SetRotation(x, y, z)
+    return transform
+
+
+def make_image(array, spacing=(1, 1, 1), origin=(0, 0, 0), direction=((1, 0, 0), (0, 1, 0), (0, 0, 1))):
+    image = itk.image_from_array(array)
+    image.SetSpacing(spacing)
+    image.SetOrigin(origin)
+    image.SetDirection(itk.matrix_from_array(np.array(direction, float)))
+    return image
+
+
+def make_like(array, image):
+    """An image of these voxels where the other one lies."""
+    result = itk.image_from_array(array)
+    result.CopyInformation(image)
+    result.SetRegions(image.GetLargestPossibleRegion())
+    return result
+
+
+def make_oblique(rng):
+    """A small anisotropic, oblique image of signed shorts: 14 x 11 x 9 voxels."""
+    direction = itk.array_from_matrix(make_rotation(0.2, -0.3, 0.4).GetMatrix())
+    return make_image(rng.integers(-1000, 1000, (9, 11, 14), np.int16), (0.7, 0.9, 2.1), (12.0, -30.0, 5.5), direction)
+
+
+@pytest.fixture
+def image(rng):
+    return make_oblique(rng)
+
+
+@pytest.fixture
+def oblique_view(image):
+    """A view of ``image`` along none of its axes."""
+    return itk.ShearWarpMIPView.MakeTransform(image, itk.ShearWarpMIPViewEnums.Direction_Anterior, 35.0, 20.0)
