@@ -17,9 +17,9 @@
  *=========================================================================*/
 #include "Options.h"
 
+#include "FileFormat.h"
 #include "Frames.h"
 #include "Help.h"
-#include "Output.h"
 #include "Overlay.h"
 #include "Text.h"
 

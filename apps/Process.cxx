@@ -16,7 +16,7 @@
  *
  *=========================================================================*/
 #include "Process.h"
-#include "Output.h"
+#include "HeldSignals.h"
 #include "Posix.h"
 
 #include <cerrno>

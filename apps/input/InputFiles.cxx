@@ -17,8 +17,8 @@
  *=========================================================================*/
 #include "InputFiles.h"
 
+#include "FileFormat.h"
 #include "FileStart.h"
-#include "Output.h"
 #include "Text.h"
 
 #include <algorithm>

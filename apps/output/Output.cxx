@@ -24,7 +24,6 @@
 #include "itkImageIOFactory.h"
 
 #include <algorithm>
-#include <csignal>
 #include <fstream>
 #include <iomanip>
 #include <iterator>
@@ -40,14 +39,6 @@
 namespace
 {
 namespace fs = std::filesystem;
-const std::vector<std::pair<std::string, FileFormat>> extensions = {
-  { ".mha", FileFormat::Values },    { ".nrrd", FileFormat::Values },    { ".nii", FileFormat::Values },
-  { ".nii.gz", FileFormat::Values }, { ".png", FileFormat::Picture },    { ".jpg", FileFormat::Picture },
-  { ".jpeg", FileFormat::Picture },  { ".tif", FileFormat::Picture },    { ".tiff", FileFormat::Picture },
-  { ".gif", FileFormat::Animation }, { ".apng", FileFormat::Animation }, { ".mp4", FileFormat::Animation },
-  { ".html", FileFormat::Page }
-};
-
 /** Names sort as frames do. */
 fs::path
 GetFrameName(const fs::path & path, std::size_t frame, std::size_t frames)
@@ -156,84 +147,7 @@ HasRoom(const std::string & fileName, std::size_t bytes)
   return file.good();
 }
 
-constexpr int endingSignals[] = { SIGINT,
-                                  SIGTERM,
-#ifdef SIGHUP
-                                  SIGHUP,
-                                  SIGPIPE
-#endif
-};
-
-volatile std::sig_atomic_t heldSignal = 0;
-
-extern "C" void
-HoldSignal(int signal)
-{
-  heldSignal = signal;
-}
-
-bool
-IsIgnored([[maybe_unused]] int signal)
-{
-#ifdef ShearWarpMIP_HAS_POSIX
-  struct sigaction action{};
-  return sigaction(signal, nullptr, &action) == 0 && action.sa_handler == SIG_IGN;
-#else
-  return false;
-#endif
-}
 } // namespace
-
-std::string
-GetExtension(const fs::path & path)
-{
-  const std::string last = ToLower(path.extension().string());
-  return (last == ".gz" ? ToLower(path.stem().extension().string()) : "") + last;
-}
-
-FileFormat
-FindFormat(const fs::path & path)
-{
-  const std::string name = GetExtension(path);
-  const auto        found =
-    std::find_if(extensions.begin(), extensions.end(), [&name](const auto & entry) { return entry.first == name; });
-  return found == extensions.end() ? FileFormat::None : found->second;
-}
-
-HeldSignals::HeldSignals()
-{
-  for (const int signal : endingSignals)
-  {
-    m_Previous.push_back(std::signal(signal, IsIgnored(signal) ? SIG_IGN : HoldSignal));
-  }
-}
-
-HeldSignals::~HeldSignals()
-{
-  for (std::size_t n = 0; n < m_Previous.size(); ++n)
-  {
-    std::signal(endingSignals[n], m_Previous[n]);
-  }
-  if (HaveCome())
-  {
-    std::raise(heldSignal);
-  }
-}
-
-bool
-HeldSignals::HaveCome()
-{
-  return heldSignal != 0;
-}
-
-void
-HeldSignals::RequireNone()
-{
-  if (HaveCome())
-  {
-    throw std::runtime_error("interrupted");
-  }
-}
 
 OutputFiles::OutputFiles()
   : m_Prefix(".shear-warp-mip-" + std::to_string(std::random_device()()) + '-')
@@ -268,12 +182,7 @@ OutputFiles::Reserve(const fs::path & path, const std::set<FileFormat> & formats
   const FileFormat  own = FindFormat(path);
   if (formats.count(own) == 0)
   {
-    std::string good;
-    for (const auto & [name, format] : extensions)
-    {
-      good += formats.count(format) > 0 ? ' ' + name : "";
-    }
-    throw std::runtime_error(option + ": '" + path.string() + "' must have one of the extensions" + good +
+    throw std::runtime_error(option + ": '" + path.string() + "' must have one of the extensions" + ListExtensions(formats) +
                              (formats.count(FileFormat::Page) == 0 ? ""
                               : extension == ".dcm"                ? "; --dicom-out writes DICOM"
                                                                    : ", or a / at its end for a DICOM series"));

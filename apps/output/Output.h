@@ -19,6 +19,8 @@
 #define Output_h
 
 #include "AnyImage.h"
+#include "FileFormat.h"
+#include "HeldSignals.h"
 
 #include <filesystem>
 #include <map>
@@ -26,46 +28,6 @@
 #include <set>
 #include <string>
 #include <vector>
-
-/** What the name of a file ends with, in small letters, with two parts where it is compressed: its format. */
-std::string
-GetExtension(const std::filesystem::path & path);
-
-enum class FileFormat
-{
-  None,
-  Values,
-  Picture,
-  Animation,
-  Page
-};
-
-/** That of a name, by its extension. */
-FileFormat
-FindFormat(const std::filesystem::path & path);
-
-/** Holds back the signals that end a program, SIGINT, SIGTERM, SIGHUP and SIGPIPE: the process gets them at the end of
- * this object's life. */
-class HeldSignals
-{
-public:
-  HeldSignals();
-  ~HeldSignals();
-  HeldSignals(const HeldSignals &) = delete;
-  HeldSignals &
-  operator=(const HeldSignals &) = delete;
-
-  /** Whether one came. */
-  static bool
-  HaveCome();
-
-  /** Throws if a signal came. */
-  static void
-  RequireNone();
-
-private:
-  std::vector<void (*)(int)> m_Previous;
-};
 
 /** Files beside their final names until Commit(): nothing is ever seen half written, and nothing remains if the program
  * fails or is interrupted. A symbolic link stays one, a file keeps its mode. */
