@@ -17,10 +17,11 @@
  *=========================================================================*/
 #include "Options.h"
 
+#include "ColourMaps.h"
 #include "FileFormat.h"
-#include "Frames.h"
 #include "Help.h"
-#include "Overlay.h"
+#include "Projection.h"
+#include "RotationAxis.h"
 #include "Text.h"
 
 #include "itkVersion.h"

@@ -17,11 +17,10 @@
  *=========================================================================*/
 #include "DicomFolder.h"
 #include "DicomAttribute.h"
+#include "DicomKind.h"
 #include "FileStart.h"
 #include "InputFiles.h"
 #include "Integrity.h"
-
-#include <gdcmUIDs.h>
 
 #include <algorithm>
 #include <cstdlib>
@@ -222,13 +221,6 @@ Describe(const Series & series, std::size_t number)
          (series.images == 1 ? "" : "s");
 }
 
-/** Whether Image Type (0008,0008) has a term. */
-bool
-HasType(const DataSet & header, const std::string & term)
-{
-  return ('\\' + GetText(header, { 0x0008, 0x0008 }) + '\\').find('\\' + term + '\\') != std::string::npos;
-}
-
 /** As FindSeries. */
 const Series &
 Choose(const std::vector<Series> & all, const fs::path & folder, const std::string & series, const std::string & option)
@@ -298,40 +290,4 @@ FindSeries(const fs::path &        folder,
   files.insert(files.end(), chosen.others.begin(), chosen.others.end());
   RequireIntactDICOM(files);
   return chosen.files;
-}
-
-bool
-IsImage(const DataSet & header)
-{
-  const std::string sopClass = GetText(header, { 0x0008, 0x0016 });
-  gdcm::UIDs        uids;
-  const char *      name = uids.SetFromUID(sopClass.c_str()) ? uids.GetName() : nullptr;
-  return header.FindDataElement(Tag(0x0028, 0x0100)) ||
-         (name && std::string(name).find(" Image Storage") != std::string::npos);
-}
-
-bool
-IsProjection(const DataSet & header)
-{
-  const auto terms = { "PROJECTION IMAGE", "MAX_IP", "MIN_IP" };
-  return std::any_of(terms.begin(), terms.end(), [&header](const char * term) { return HasType(header, term); }) ||
-         GetText(header, { 0x0054, 0x1000 }).find("REPROJECTION") != std::string::npos;
-}
-
-bool
-IsMosaic(const DataSet & header)
-{
-  const gdcm::ByteValue * const count =
-    header.GetDataElement(gdcm::PrivateTag(0x0019, 0x0a, "SIEMENS MR HEADER")).GetByteValue();
-  // anonymizers may change Image Type
-  const bool hasTiles =
-    count && count->GetLength() == 2 && (count->GetPointer()[0] & 0xfe || count->GetPointer()[1] != 0);
-  return hasTiles || HasType(header, "MOSAIC");
-}
-
-bool
-IsSegmentation(const DataSet & header)
-{
-  const std::string sopClass = GetText(header, { 0x0008, 0x0016 });
-  return sopClass == "1.2.840.10008.5.1.4.1.1.66.4" || sopClass == "1.2.840.10008.5.1.4.1.1.66.7";
 }

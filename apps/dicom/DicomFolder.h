@@ -18,9 +18,11 @@
 #ifndef DicomFolder_h
 #define DicomFolder_h
 
-#include "Input.h"
+#include "Warning.h"
 
-#include <gdcmDataSet.h>
+#include <filesystem>
+#include <string>
+#include <vector>
 
 /** The images of a DICOM series, in the order of their paths, of a folder and those in it. \a series is as in
  * ReadVolume, and so is \a option. What is no image is left out; a copy of an image is too. Throws if the series cannot
@@ -30,22 +32,5 @@ FindSeries(const std::filesystem::path & folder,
            const std::string &           series,
            const WarningFunction &       warn,
            const std::string &           option);
-
-/** Whether an object is an image, by its attributes of pixels or, where these are missing, by its class. */
-bool
-IsImage(const gdcm::DataSet & header);
-
-/** Whether an image is a projection of a volume, as those that this program writes (PS3.3 C.8.3.1.1.1, C.8.9.1 and
- * C.8.16.2.1). */
-bool
-IsProjection(const gdcm::DataSet & header);
-
-/** Whether an image has the slices of a volume as tiles, as Siemens stores functional and diffusion MR. */
-bool
-IsMosaic(const gdcm::DataSet & header);
-
-/** Whether an image is a segmentation (PS3.6 table A-1). */
-bool
-IsSegmentation(const gdcm::DataSet & header);
 
 #endif

@@ -18,6 +18,7 @@
 #include "DicomInput.h"
 #include "DicomAttribute.h"
 #include "DicomFolder.h"
+#include "DicomKind.h"
 #include "DicomSlices.h"
 #include "DicomVolumes.h"
 

@@ -18,7 +18,11 @@
 #ifndef DicomInput_h
 #define DicomInput_h
 
-#include "Input.h"
+#include "AnyImage.h"
+#include "Warning.h"
+
+#include <filesystem>
+#include <string>
 
 /** Reads a 3D image from a DICOM file, or a series of a folder as ReadVolume does. The file must be intact.
  *

@@ -18,6 +18,7 @@
 #include "DicomSegments.h"
 #include "DicomAttribute.h"
 #include "DicomFolder.h"
+#include "DicomKind.h"
 #include "DicomReader.h"
 #include "DicomSlices.h"
 #include "FileStart.h"

@@ -18,12 +18,26 @@
 #ifndef DicomSegments_h
 #define DicomSegments_h
 
-#include "Input.h"
-#include "Segments.h"
+#include "AnyImage.h"
+#include "Warning.h"
 
+#include "itkRGBPixel.h"
+
+#include <cstdint>
+#include <filesystem>
 #include <map>
 #include <optional>
+#include <string>
 #include <utility>
+
+/** Component and label. */
+using SegmentKey = std::pair<unsigned int, std::uint64_t>;
+
+struct Appearance
+{
+  std::string                                 name;
+  std::optional<itk::RGBPixel<unsigned char>> colour;
+};
 
 /** What a file of segments has of them. */
 struct SegmentFile

@@ -18,7 +18,8 @@
 #ifndef Suv_h
 #define Suv_h
 
-#include "Input.h"
+#include "AnyImage.h"
+#include "Warning.h"
 
 /** Converts a DICOM PET series to standardized uptake values by body weight, g/ml, of type float:
  *

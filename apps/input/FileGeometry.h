@@ -18,10 +18,15 @@
 #ifndef FileGeometry_h
 #define FileGeometry_h
 
-#include "Input.h"
+#include "AnyImage.h"
+#include "Warning.h"
 
 #include "itkImageIOBase.h"
 #include "itkMatrix.h"
+
+#include <filesystem>
+#include <optional>
+#include <string>
 
 /** Where the voxels of an image file lie: in mm, LPS where the file says how the image lies in the patient. */
 struct FileGeometry

@@ -19,15 +19,13 @@
 #define Input_h
 
 #include "AnyImage.h"
+#include "Warning.h"
 
 #include <cstdint>
 #include <filesystem>
-#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
-
-using WarningFunction = std::function<void(const std::string &)>;
 
 /** Reads a 3D image, or a series of them in time: a file, or a DICOM series of the folder \a path or of that of a
  * DICOMDIR, and of the folders in it. \a series is its number in the list that the error has if there are several, its

@@ -18,13 +18,13 @@
 #include "Integrity.h"
 
 #include "DicomAttribute.h"
-#include "DicomFolder.h"
+#include "DicomKind.h"
 #include "DicomReader.h"
 #include "FileStart.h"
 #include "Posix.h"
 #include "Process.h"
 #include "Text.h"
-#include "TransformFile.h"
+#include "TransformRecords.h"
 
 #include "itkMRCHeaderObject.h"
 #include "itkMacro.h"

@@ -18,7 +18,10 @@
 #ifndef TiffInput_h
 #define TiffInput_h
 
-#include "Input.h"
+#include "AnyImage.h"
+#include "Warning.h"
+
+#include <filesystem>
 
 /** Whether a file begins as TIFF or BigTIFF does. */
 bool

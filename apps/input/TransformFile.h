@@ -24,10 +24,6 @@
 #include <string>
 #include <vector>
 
-/** Whether ITK can read the file. With a damaged one, it can end the process. */
-bool
-IsReadableTransform(const std::string & path);
-
 /** Reads linear 3D transforms, at least one. Throws if the file is damaged or holds something else. */
 std::vector<itk::Transform<double, 3, 3>::Pointer>
 ReadLinearTransforms(const std::filesystem::path & path);

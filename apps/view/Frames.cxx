@@ -17,11 +17,9 @@
  *=========================================================================*/
 #include "Frames.h"
 
-#include "Text.h"
+#include "RotationAxis.h"
 
 #include "itkShearWarpFactorization.h"
-
-#include <CLI/CLI.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -32,67 +30,6 @@ namespace
 using TransformPointer = itk::Transform<double, 3, 3>::Pointer;
 // only for its geometry
 using TurnType = itk::ShearWarpMIPCineImageFilter<itk::Image<unsigned char, 3>>;
-
-// LPS: x to the left, y to posterior, z to superior
-const std::map<std::string, unsigned int> patientAxes = { { "left", 0 }, { "posterior", 1 }, { "superior", 2 } };
-const std::map<std::string, unsigned int> imageAxes = { { "i", 0 }, { "j", 1 }, { "k", 2 } };
-
-/** The name of an axis that \a axis means, empty if it means none. */
-std::string
-FindAxis(const std::vector<std::string> & axis)
-{
-  std::vector<std::string> names;
-  for (const auto & axes : { patientAxes, imageAxes })
-  {
-    for (const auto & [name, number] : axes)
-    {
-      names.push_back(name);
-    }
-  }
-  return axis.size() == 1 ? FindName(axis.front(), names) : "";
-}
-
-/** X,Y,Z, if it is three finite numbers. */
-std::optional<itk::Vector<double, 3>>
-ReadDirection(const std::vector<std::string> & axis)
-{
-  if (axis.size() != 3)
-  {
-    return std::nullopt;
-  }
-  itk::Vector<double, 3> direction;
-  for (unsigned int n = 0; n < 3; ++n)
-  {
-    if (!CLI::detail::lexical_cast(axis[n], direction[n]) || !std::isfinite(direction[n]))
-    {
-      return std::nullopt;
-    }
-  }
-  return direction;
-}
-
-itk::Vector<double, 3>
-MakeAxis(const std::vector<std::string> & axis, const itk::ImageBase<3> * grid)
-{
-  if (const auto given = ReadDirection(axis))
-  {
-    return *given;
-  }
-  itk::Vector<double, 3> direction(0.0);
-  const std::string      name = FindAxis(axis);
-  if (const auto found = imageAxes.find(name); found != imageAxes.end())
-  {
-    for (unsigned int row = 0; row < 3; ++row)
-    {
-      direction[row] = grid->GetDirection()(row, found->second);
-    }
-  }
-  else
-  {
-    direction[patientAxes.at(name)] = 1.0;
-  }
-  return direction;
-}
 
 std::vector<Frame>
 MakeTurn(const Options & options, const Frame & still, const itk::ImageBase<3> * grid)
@@ -169,12 +106,6 @@ SetSlidingSlabs(ProjectionOptions & projection, const Options & options, Frame f
   projection.frameOrigin = lower[2] + 0.5 * thickness;
 }
 } // namespace
-
-bool
-IsAxis(const std::vector<std::string> & axis)
-{
-  return !FindAxis(axis).empty() || ReadDirection(axis);
-}
 
 void
 SetFrames(ProjectionOptions &                   projection,

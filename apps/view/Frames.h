@@ -21,14 +21,6 @@
 #include "Options.h"
 #include "Projection.h"
 
-/** Most frames of a series. */
-constexpr unsigned int MostFrames =
-  itk::ShearWarpMIPCineImageFilter<itk::Image<unsigned char, 3>>::MaximumNumberOfFrames;
-
-/** Whether \a axis is a name or three finite numbers. */
-bool
-IsAxis(const std::vector<std::string> & axis);
-
 /** Sets the frames of \a projection: a turn, or slabs, or the views that are \a given, or one frame for each point in
  * time. */
 void

@@ -16,6 +16,7 @@
  *
  *=========================================================================*/
 #include "Overlay.h"
+#include "ColourMaps.h"
 
 #include "DicomAttribute.h"
 #include "TransformFile.h"

@@ -22,20 +22,7 @@
 #include "Options.h"
 #include "Picture.h"
 
-#include "itkScalarToRGBColormapImageFilter.h"
-
-#include <map>
 #include <string>
-
-using ColourMapEnum = itk::ScalarToRGBColormapImageFilterEnums::RGBColormapFilter;
-
-inline const std::map<std::string, ColourMapEnum> colourMaps = {
-  { "autumn", ColourMapEnum::Autumn }, { "blue", ColourMapEnum::Blue },     { "cool", ColourMapEnum::Cool },
-  { "copper", ColourMapEnum::Copper }, { "green", ColourMapEnum::Green },   { "grey", ColourMapEnum::Grey },
-  { "hot", ColourMapEnum::Hot },       { "hsv", ColourMapEnum::HSV },       { "jet", ColourMapEnum::Jet },
-  { "red", ColourMapEnum::Red },       { "spring", ColourMapEnum::Spring }, { "summer", ColourMapEnum::Summer },
-  { "winter", ColourMapEnum::Winter }
-};
 
 /** Reads the volume of --overlay, in INPUT's space: by the inverse of --overlay-transform, if there is one. Throws if
  * it is in colour or 4D, or if the file does not hold one invertible linear transform. */

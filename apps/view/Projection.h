@@ -26,6 +26,10 @@
 #include <optional>
 #include <vector>
 
+/** Most frames of a series. */
+constexpr unsigned int MostFrames =
+  itk::ShearWarpMIPCineImageFilter<itk::Image<unsigned char, 3>>::MaximumNumberOfFrames;
+
 /** One picture. */
 struct Frame
 {

@@ -16,7 +16,7 @@
  *
  *=========================================================================*/
 #include "Segments.h"
-#include "DicomSegments.h"
+#include "Input.h"
 
 #include "itkImageIOFactory.h"
 #include "itkMetaDataObject.h"

@@ -18,7 +18,7 @@
 #ifndef Segments_h
 #define Segments_h
 
-#include "Input.h"
+#include "DicomSegments.h"
 #include "Picture.h"
 
 #include "itkRGBPixel.h"
@@ -29,15 +29,6 @@
 #include <string>
 #include <utility>
 #include <vector>
-
-/** Component and label. */
-using SegmentKey = std::pair<unsigned int, std::uint64_t>;
-
-struct Appearance
-{
-  std::string                                 name;
-  std::optional<itk::RGBPixel<unsigned char>> colour;
-};
 
 /** A label, or one of one component where an image has layers. */
 struct Segment
