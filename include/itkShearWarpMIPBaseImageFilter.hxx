@@ -194,7 +194,7 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::VerifyVoxels(const std::
   {
     rest /= std::max<SizeValueType>(length, 1);
   }
-  if (!buffered.IsInside(wanted) || !image->GetLargestPossibleRegion().IsInside(buffered) || rest == 0)
+  if (!buffered.IsInside(wanted) || rest == 0)
   {
     itkExceptionMacro("The " << name << " must be buffered where it is requested, but there are " << available
                              << " voxels, its buffered region is " << buffered << " and the requested region is "
@@ -510,7 +510,8 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::CallWithThreads(const TF
 {
   if (m_IsUpdating)
   {
-    itkExceptionMacro("An observer must not make the filter project while it projects.");
+    itkExceptionMacro(
+      "The filter projects already, for an observer or in another thread: use one filter for each thread.");
   }
   m_NumberOfWorkers = std::min(this->GetNumberOfWorkUnits(), this->GetMultiThreader()->GetMaximumNumberOfThreads());
   // one that no observer has

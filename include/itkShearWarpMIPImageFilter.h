@@ -97,8 +97,8 @@ ShearWarpMIP_EXPORT Point<double, 3>
  * The filter always computes the whole output. It requests the whole input, or slab by slab with
  * NumberOfStreamDivisions from a source that streams, and the mask in the same way. So it can project an image larger
  * than memory. It then needs memory for a slab (twice for views along x) and for the intermediate images.
- * ShearWarpMIPPartImageFilter can also project parts of an image independently, on any computer, and
- * ShearWarpMIPMergePartsImageFilter makes the picture from them.
+ * ShearWarpMIPPartsImageFilter can also project parts of an image independently, on any computer, and make the picture
+ * from them.
  *
  * \tparam TInputImage An Image of dimension 3 of any arithmetic pixel type but bool and long double.
  * \tparam TOutputImage An Image of the same pixel type, of dimension 2 or 3. With dimension 3, the output is one slice

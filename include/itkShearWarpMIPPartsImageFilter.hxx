@@ -18,6 +18,11 @@
 #ifndef itkShearWarpMIPPartsImageFilter_hxx
 #define itkShearWarpMIPPartsImageFilter_hxx
 
+#include "itkMetaDataObject.h"
+
+#include <iomanip>
+#include <sstream>
+
 namespace itk
 {
 template <typename TInputImage>
@@ -42,6 +47,7 @@ ShearWarpMIPPartsImageFilter<TInputImage>::ProjectPart(const InputImageType * pa
     itkExceptionMacro("The part must not be null.");
   }
   this->VerifyPreconditions();
+  const_cast<InputImageType *>(this->GetInput())->UpdateOutputInformation();
   this->VerifyInputInformation();
   ShearWarp::Scene scene;
   scene.volume = ShearWarp::MakeVolumeGrid(this->GetInput());
@@ -56,8 +62,10 @@ ShearWarpMIPPartsImageFilter<TInputImage>::ProjectPart(const InputImageType * pa
       !isEqual(part->GetOrigin(), this->GetInput()->GetOrigin()) ||
       !part->GetDirection().GetVnlMatrix().is_equal(this->GetInput()->GetDirection().GetVnlMatrix(), 1e-6))
   {
-    itkExceptionMacro("A part must have the input's spacing, origin and direction, but its spacing is "
-                      << part->GetSpacing() << ", its origin " << part->GetOrigin() << " and its direction\n"
+    itkExceptionMacro("A part must have the input's spacing "
+                      << this->GetInput()->GetSpacing() << ", origin " << this->GetInput()->GetOrigin()
+                      << " and direction, and its place as index, but its spacing is " << part->GetSpacing()
+                      << ", its origin " << part->GetOrigin() << " and its direction\n"
                       << part->GetDirection());
   }
   const auto container = this->VerifyVoxels("part", part, part->GetBufferedRegion());
@@ -72,7 +80,40 @@ ShearWarpMIPPartsImageFilter<TInputImage>::ProjectPart(const InputImageType * pa
     projection->Allocate();
     this->m_Engine.ProjectPart(scene, rule, voxels, projection->GetBufferPointer(), threads);
   });
+  EncapsulateMetaData<std::string>(
+    projection->GetMetaDataDictionary(), "IntermediateImage", DescribeIntermediateImage(scene, rule.oversampling));
   return projection;
+}
+
+template <typename TInputImage>
+std::string
+ShearWarpMIPPartsImageFilter<TInputImage>::DescribeIntermediateImage(const ShearWarp::Scene & scene,
+                                                                     unsigned int             oversampling)
+{
+  const auto         factorization = ShearWarp::Factorize(scene.views.front(), scene.volume, oversampling);
+  std::ostringstream text;
+  text << std::setprecision(std::numeric_limits<double>::max_digits10) << "axes";
+  for (const unsigned int axis : factorization.permutation)
+  {
+    text << ' ' << axis;
+  }
+  text << ", size";
+  for (const std::ptrdiff_t length : factorization.size)
+  {
+    text << ' ' << length;
+  }
+  text << ", shear " << factorization.shear[0] << ' ' << factorization.shear[1] << ", oversampling " << oversampling;
+  return text.str();
+}
+
+template <typename TInputImage>
+ImageRegion<2>
+ShearWarpMIPPartsImageFilter<TInputImage>::FindPlace(const PartImageType * projection)
+{
+  const ImageRegion<2> &            region = projection->GetBufferedRegion();
+  typename PartImageType::PointType first;
+  projection->TransformIndexToPhysicalPoint(region.GetIndex(), first);
+  return { { { Math::Round<IndexValueType>(first[0]), Math::Round<IndexValueType>(first[1]) } }, region.GetSize() };
 }
 
 template <typename TInputImage>
@@ -97,6 +138,18 @@ ShearWarpMIPPartsImageFilter<TInputImage>::ClearParts()
     m_Parts.clear();
     this->Modified();
   }
+}
+
+template <typename TInputImage>
+ModifiedTimeType
+ShearWarpMIPPartsImageFilter<TInputImage>::GetMTime() const
+{
+  ModifiedTimeType latest = Superclass::GetMTime();
+  for (const auto & projection : m_Parts)
+  {
+    latest = std::max(latest, projection->GetMTime());
+  }
+  return latest;
 }
 
 template <typename TInputImage>
@@ -125,15 +178,28 @@ ShearWarpMIPPartsImageFilter<TInputImage>::GeneratePixels()
       { { 0, 0 } }, { { static_cast<SizeValueType>(whole.columns), static_cast<SizeValueType>(whole.rows) } });
     std::vector<typename PartImageType::PixelContainerConstPointer> containers;
     std::vector<ShearWarp::IntermediatePart<InputPixelType>>        parts;
+    const std::string intermediateImage = DescribeIntermediateImage(scene, rule.oversampling);
     for (const auto & projection : projections)
     {
-      const ImageRegion<2> & place = projection->GetBufferedRegion();
+      std::string own = intermediateImage;
+      ExposeMetaData<std::string>(projection->GetMetaDataDictionary(), "IntermediateImage", own);
+      if (own != intermediateImage)
+      {
+        itkExceptionMacro(
+          "The projection of part "
+          << parts.size() + 1
+          << " must be of the filter's Transform, Oversampling and input geometry; see ClearParts(). It "
+             "is of the intermediate image "
+          << own << " instead of " << intermediateImage);
+      }
+      const ImageRegion<2> place = FindPlace(projection);
       if (!region.IsInside(place))
       {
-        itkExceptionMacro("The projection of a part must lie within the intermediate image, "
-                          << region << ", but its region is " << place);
+        itkExceptionMacro("The projection of part " << parts.size() + 1 << " must lie within the intermediate image, "
+                                                    << region << ", but its region is " << place);
       }
-      containers.push_back(this->VerifyVoxels("projection of a part", projection.GetPointer(), place));
+      containers.push_back(
+        this->VerifyVoxels("projection of a part", projection.GetPointer(), projection->GetBufferedRegion()));
       parts.push_back({ projection->GetBufferPointer(),
                         { place.GetIndex(0),
                           place.GetIndex(1),

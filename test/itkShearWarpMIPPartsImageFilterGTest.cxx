@@ -305,12 +305,75 @@ TEST_F(ShearWarpMIPParts, BadInputIsNamed)
   const auto oversampled = filter->ProjectPart(m_Image);
   filter->AddPart(oversampled);
   filter->SetOversampling(1);
-  EXPECT_NAMES(filter->Update(), "The projection of a part must lie within the intermediate image");
+  EXPECT_NAMES(filter->Update(), "The projection of part 1 must be of the filter's Transform, Oversampling");
   filter->SetOversampling(2);
   EXPECT_NO_THROW(filter->Update());
+  oversampled->SetOrigin(itk::Point<double, 2>(1.0));
+  EXPECT_NAMES(filter->Update(), "The projection of part 1 must lie within the intermediate image");
+  oversampled->SetOrigin(itk::Point<double, 2>(0.0));
   Shorten(oversampled.GetPointer());
   filter->Modified();
   EXPECT_NAMES(filter->Update(), "The projection of a part must be buffered where it is requested");
+}
+
+TEST_F(ShearWarpMIPParts, ProjectionsKeepTheirPlaceInFiles)
+{
+  const auto filter = MakeFilter(m_Image, m_View);
+  filter->Update();
+  const auto whole = m_Image->GetLargestPossibleRegion();
+  for (const bool isOrigin : { false, true })
+  {
+    m_Filter->ClearParts();
+    for (const RegionType & region : MakeRandomParts(m_Random, whole, 5, 25))
+    {
+      const auto projection = m_Filter->ProjectPart(MakePart(m_Image.GetPointer(), region));
+      const auto place = projection->GetBufferedRegion();
+      if (isOrigin)
+      {
+        // as files store the place
+        itk::Point<double, 2> origin;
+        projection->TransformIndexToPhysicalPoint(place.GetIndex(), origin);
+        projection->SetOrigin(origin);
+        projection->SetRegions(place.GetSize());
+      }
+      else
+      {
+        // as Python's pickle of ITK leaves the regions
+        projection->SetLargestPossibleRegion({ { { 0, 0 } }, place.GetSize() });
+      }
+      m_Filter->AddPart(projection);
+    }
+    m_Filter->Update();
+    EXPECT_TRUE(HaveSamePixels(filter->GetOutput(), m_Filter->GetOutput()));
+  }
+}
+
+TEST_F(ShearWarpMIPParts, ProjectionsOfAnotherViewAreAnError)
+{
+  m_Filter->AddPart(m_Filter->ProjectPart(m_Image));
+  m_Filter->Update();
+  const auto turned = MakeRandomView(m_Random, ViewKind::Rigid, m_Image);
+  m_Filter->SetTransform(turned);
+  EXPECT_NAMES(m_Filter->Update(), "The projection of part 1 must be of the filter's Transform");
+  m_Filter->ClearParts();
+  m_Filter->AddPart(m_Filter->ProjectPart(m_Image));
+  EXPECT_NO_THROW(m_Filter->Update());
+}
+
+TEST_F(ShearWarpMIPParts, AChangedProjectionMakesTheFilterUpdate)
+{
+  const auto projection = m_Filter->ProjectPart(m_Image);
+  m_Filter->AddPart(projection);
+  m_Filter->Update();
+  const auto before = m_Filter->GetOutput()->GetTimeStamp();
+  m_Filter->Update();
+  EXPECT_EQ(m_Filter->GetOutput()->GetTimeStamp(), before);
+  projection->FillBuffer(999);
+  projection->Modified();
+  m_Filter->Update();
+  const auto center = m_Filter->GetOutput()->GetLargestPossibleRegion().GetSize();
+  EXPECT_EQ(m_Filter->GetOutput()->GetPixel({ { static_cast<long>(center[0] / 2), static_cast<long>(center[1] / 2) } }),
+            999);
 }
 
 TEST_F(ShearWarpMIPParts, OnlyPlainMaximaHaveParts)
