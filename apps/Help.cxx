@@ -20,8 +20,9 @@
 
 #include <algorithm>
 #include <cstdlib>
-#include <set>
 #include <sstream>
+#include <string>
+#include <vector>
 
 #ifdef ShearWarpMIP_HAS_POSIX
 #  include <sys/ioctl.h>
@@ -32,11 +33,20 @@ namespace
 {
 constexpr std::size_t column = 28;
 
-const std::set<std::string> common = { "series",  "view",         "azimuth",      "elevation",    "frames",
-                                       "rocking", "slab",         "sliding-slab", "window",       "wl",
-                                       "mode",    "mask",         "exact",        "dicom-out",    "spacing",
-                                       "overlay", "remove-label", "suv",          "no-labels",    "annotate",
-                                       "verbose", "help",         "help-all",     "write-phantom" };
+/** Ends the group of an option that --help lists. */
+const std::string usual = ", usual";
+
+bool
+IsUsual(const std::string & group)
+{
+  return group.size() > usual.size() && group.compare(group.size() - usual.size(), usual.size(), usual) == 0;
+}
+
+std::string
+GetTitle(const std::string & group)
+{
+  return IsUsual(group) ? group.substr(0, group.size() - usual.size()) : group;
+}
 
 std::size_t
 FindWidth()
@@ -125,16 +135,22 @@ HelpFormatter::make_help(const CLI::App * app, std::string name, CLI::AppFormatM
   {
     text << Wrap(paragraph, 0) << '\n';
   }
+  std::vector<std::string> titles;
   for (const std::string & group : app->get_groups())
   {
+    const std::string title = GetTitle(group);
+    if (std::find(titles.begin(), titles.end(), title) != titles.end())
+    {
+      continue;
+    }
+    titles.push_back(title);
     const auto options = app->get_options([&](const CLI::Option * option) {
-      return option->get_group() == group &&
-             (option->get_lnames().empty() || isAll || common.count(option->get_lnames().front()) > 0 ||
-              option->get_positional());
+      return GetTitle(option->get_group()) == title &&
+             (isAll || IsUsual(option->get_group()) || option->get_positional());
     });
     if (!options.empty())
     {
-      text << '\n' << group << ":\n";
+      text << '\n' << title << ":\n";
     }
     for (const CLI::Option * const option : options)
     {

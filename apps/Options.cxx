@@ -183,7 +183,8 @@ DefineOptions(CLI::App & app, Options & options)
                 options.series,
                 "DICOM series, if the folder has several: its number in the printed list, a part of its description, "
                 "or its instance UID")
-    ->type_name("SERIES");
+    ->type_name("SERIES")
+    ->group("Options, usual");
   app
     .add_option("--volume",
                 options.volume,
@@ -191,6 +192,7 @@ DefineOptions(CLI::App & app, Options & options)
                 "the printed list")
     ->type_name("NUMBER");
 
+  // --help lists what is in a group that ends with ", usual"; --help-all lists all
   const auto add = [&app](const std::string & group,
                           const std::string & names,
                           auto &              value,
@@ -199,16 +201,16 @@ DefineOptions(CLI::App & app, Options & options)
     CLI::Option * const option = app.add_option(names, value, text)->group(group);
     return type.empty() ? option : option->type_name(type);
   };
-  // of numbers or names, as many as are given
-  const auto addList = [&add](auto &&... arguments) {
-    return add(arguments...)->delimiter(',')->expected(1)->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+  // of numbers or names, one to so many
+  const auto addList = [&add](int most, auto &&... arguments) {
+    return add(arguments...)->delimiter(',')->expected(1, most)->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
   };
   const auto addFlag =
     [&app](const std::string & group, const std::string & names, bool & value, const std::string & text) {
       return app.add_flag(names, value, text)->group(group);
     };
 
-  const auto view = add("View",
+  const auto view = add("View, usual",
                         "--view",
                         options.view,
                         "",
@@ -216,14 +218,14 @@ DefineOptions(CLI::App & app, Options & options)
                         "left; inferior: from the feet, like axial slices")
                       ->transform(Choice(GetKeys(directions)))
                       ->capture_default_str();
-  const auto azimuth = add("View",
+  const auto azimuth = add("View, usual",
                            "--azimuth",
                            options.azimuth,
                            "DEGREES",
                            "Moves the viewer by this angle towards the right of the picture (LAO is positive)")
                          ->check(angle);
   const auto elevation =
-    add("View",
+    add("View, usual",
         "--elevation",
         options.elevation,
         "DEGREES",
@@ -240,9 +242,11 @@ DefineOptions(CLI::App & app, Options & options)
     ->excludes(azimuth)
     ->excludes(elevation);
 
-  const auto frames = add("Turning series", "--frames", options.frames, "N", "Makes a series of N frames: a turn")
-                        ->check(CLI::Range(1u, MostFrames));
-  addList("Turning series",
+  const auto frames =
+    add("Turning series, usual", "--frames", options.frames, "N", "Makes a series of N frames: a turn")
+      ->check(CLI::Range(1u, MostFrames));
+  addList(3,
+          "Turning series",
           "--axis",
           options.axis,
           "NAME or X Y Z",
@@ -265,7 +269,7 @@ DefineOptions(CLI::App & app, Options & options)
                          "Angle of the whole turn, negative to the other side; default: 360")
                        ->check(angle)
                        ->needs(frames);
-  add("Turning series",
+  add("Turning series, usual",
       "--rocking",
       options.rocking,
       "DEGREES",
@@ -274,7 +278,8 @@ DefineOptions(CLI::App & app, Options & options)
     ->check(angle)
     ->needs(frames)
     ->excludes(range);
-  addList("Turning series",
+  addList(MostFrames,
+          "Turning series",
           "--elevations",
           options.elevations,
           "DEGREES",
@@ -300,7 +305,8 @@ DefineOptions(CLI::App & app, Options & options)
     ->check(CLI::IsMember({ "8", "16" }))
     ->default_str("8");
 
-  addList("Picture",
+  addList(2,
+          "Picture, usual",
           "--spacing",
           options.spacing,
           "MM",
@@ -325,21 +331,22 @@ DefineOptions(CLI::App & app, Options & options)
         "slow")
       ->check(CLI::IsMember({ "1", "2" }))
       ->capture_default_str();
-  const auto exact = addFlag("Picture",
+  const auto exact = addFlag("Picture, usual",
                              "--exact",
                              options.isExact,
                              "Computes the maximum of the interpolated image along each pixel's ray in closed form, "
                              "instead of samples; 8 to 40 times as slow")
                        ->excludes(oversampling);
   const auto window =
-    addList("Picture",
+    addList(2,
+            "Picture, usual",
             "--window",
             options.window,
             "LOW HIGH or NAME",
             "Values that become black and white in pictures and animations, and in a page when it opens "
             "(white and black for DICOM MONOCHROME1), or the name of a usual window: " +
               DescribeWindows() + "; default: percentiles 1 and 99.8 of the pixels that are not background");
-  add("Picture",
+  add("Picture, usual",
       "--wl",
       options.levelAndWidth,
       "LEVEL WIDTH",
@@ -348,17 +355,17 @@ DefineOptions(CLI::App & app, Options & options)
     ->delimiter(',')
     ->expected(2)
     ->excludes(window);
-  addFlag("Picture",
+  addFlag("Picture, usual",
           "--no-labels",
           options.isUnlabelled,
           "Leaves out the letters of the patient's sides (L, R, A, P, H, F) at the edges of pictures and animations; a "
           "page hides them and the scale bar when it opens");
-  addFlag("Picture",
+  addFlag("Picture, usual",
           "--annotate",
           options.isAnnotated,
           "Adds a scale bar and the angles of each frame's view (LAO 30 CRA 15) to pictures and animations");
 
-  const auto slab = add("Projection",
+  const auto slab = add("Projection, usual",
                         "--slab",
                         options.slab,
                         "NEAR FAR",
@@ -367,7 +374,7 @@ DefineOptions(CLI::App & app, Options & options)
                       ->check(Bound())
                       ->delimiter(',')
                       ->expected(2);
-  const auto slidingSlab = add("Projection",
+  const auto slidingSlab = add("Projection, usual",
                                "--sliding-slab",
                                options.slidingSlab,
                                "THICKNESS STEP",
@@ -378,7 +385,7 @@ DefineOptions(CLI::App & app, Options & options)
                              ->expected(2)
                              ->excludes(slab)
                              ->excludes(frames);
-  add("Projection",
+  add("Projection, usual",
       "--mode",
       options.mode,
       "",
@@ -393,7 +400,7 @@ DefineOptions(CLI::App & app, Options & options)
       "brighter one behind it (first local minimum of at most this value with --mode minimum)")
     ->check(Value())
     ->excludes(exact);
-  const auto mask = add("Projection",
+  const auto mask = add("Projection, usual",
                         "--mask",
                         options.mask,
                         "FILE",
@@ -403,13 +410,13 @@ DefineOptions(CLI::App & app, Options & options)
     add("Projection", "--mask-label", options.maskLabel, "N", "Projects only voxels where the mask is N, at least 1")
       ->check(count)
       ->needs(mask);
-  add("Projection",
-      "--remove-label",
-      options.removedLabels,
-      "N",
-      "Leaves out voxels where the mask is one of these labels, each at least 1, such as bone or the table")
+  addList(MostFrames,
+          "Projection, usual",
+          "--remove-label",
+          options.removedLabels,
+          "N",
+          "Leaves out voxels where the mask is one of these labels, each at least 1, such as bone or the table")
     ->check(count)
-    ->delimiter(',')
     ->needs(mask)
     ->excludes(maskLabel);
   add("Projection",
@@ -443,7 +450,7 @@ DefineOptions(CLI::App & app, Options & options)
       "Also writes a picture coloured by depth: a .png, or for a series numbered ones or an animation. Of the bright "
       "pixels, the nearest are red and the farthest blue. The brightness is that of OUTPUT with --window; pixels "
       "without a value are black");
-  add("Turning series",
+  add("Turning series, usual",
       "--dicom-out",
       options.dicomOut,
       "DIR",
@@ -453,14 +460,14 @@ DefineOptions(CLI::App & app, Options & options)
           "--multi-frame",
           options.isMultiFrame,
           "Writes the DICOM series as one multi-frame file of Secondary Capture, which archives play at --rate");
-  addFlag("Picture",
+  addFlag("Picture, usual",
           "--suv",
           options.isSuv,
           "Converts the values of a DICOM PET series, INPUT or the overlay, to SUV by body weight (float), in all "
           "options and outputs");
 
   const auto overlay =
-    add("Overlay",
+    add("Overlay, usual",
         "--overlay",
         options.overlay,
         "FILE",
@@ -516,7 +523,7 @@ DefineOptions(CLI::App & app, Options & options)
     ->excludes(slidingSlab);
 
   add("Program", "--threads", options.threads, "N", "Threads to use; default: all processors")->check(count);
-  addFlag("Program", "-v,--verbose", options.verbose, "Prints what the program does and how long it takes");
+  addFlag("Program, usual", "-v,--verbose", options.verbose, "Prints what the program does and how long it takes");
 
   const auto phantom = app
                          .add_option_function<std::string>(
@@ -529,7 +536,7 @@ DefineOptions(CLI::App & app, Options & options)
                            "Writes a synthetic MR angiogram of a head, instead of INPUT and OUTPUT")
                          ->excludes(input)
                          ->type_name("FILE")
-                         ->group("Program");
+                         ->group("Program, usual");
   add(
     "Program", "--phantom-size", options.phantomSize, "X Y Z", "Size of the angiogram in voxels; default: 256 256 128")
     ->check(MakeCheck("a whole number from 1 to 4096",
@@ -538,8 +545,8 @@ DefineOptions(CLI::App & app, Options & options)
     ->delimiter(',')
     ->expected(3);
   app.set_version_flag("--version", GetVersionText(), "Prints the version")->group("Program");
-  app.set_help_flag("-h,--help", "Prints the usual options")->group("Program");
-  app.set_help_all_flag("--help-all", "Prints all options")->group("Program");
+  app.set_help_flag("-h,--help", "Prints the usual options")->group("Program, usual");
+  app.set_help_all_flag("--help-all", "Prints all options")->group("Program, usual");
   app.formatter(std::make_shared<HelpFormatter>());
 
   // what follows the values of an option is INPUT or OUTPUT
@@ -677,24 +684,8 @@ Verify(const Options & options)
 }
 
 std::vector<std::string>
-CollectArguments(const CLI::App & app, int argc, const char * const * argv)
+CollectArguments(CLI::App & app, int argc, const char * const * argv)
 {
-  // options that take so many numbers at most, with commas or spaces or both between them
-  const std::map<std::string, std::size_t> most = { { "--axis", 3 },
-                                                    { "--center", 3 },
-                                                    { "--centre", 3 },
-                                                    { "--crop", 6 },
-                                                    { "--elevations", MostFrames },
-                                                    { "--overlay-window", 2 },
-                                                    { "--remove-label", MostFrames },
-                                                    { "--phantom-size", 3 },
-                                                    { "--size", 2 },
-                                                    { "--slab", 2 },
-                                                    { "--sliding-slab", 2 },
-                                                    { "--spacing", 2 },
-                                                    { "--window", 2 },
-                                                    { "--wl", 2 } };
-
   const auto isNumber = [](const std::string & text) {
     double number = 0.0;
     return CLI::detail::lexical_cast(text, number);
@@ -727,16 +718,19 @@ CollectArguments(const CLI::App & app, int argc, const char * const * argv)
   {
     const std::string argument = complete(argv[n]);
     const std::size_t equals = argument.find('=');
-    const auto        option = most.find(argument.substr(0, equals));
-    if (option != most.end() && equals != std::string::npos)
+    const std::string name = argument.substr(0, equals);
+    const auto        option = name.compare(0, 2, "--") == 0 ? app.get_option_no_throw(name) : nullptr;
+    const bool        hasNumbers = option && option->get_delimiter() == ',';
+    if (hasNumbers && equals != std::string::npos)
     {
       const auto numbers = split(argument.substr(equals + 1));
-      arguments.push_back(numbers.empty() ? argument : option->first + '=' + CLI::detail::join(numbers, ","));
+      arguments.push_back(numbers.empty() ? argument : name + '=' + CLI::detail::join(numbers, ","));
     }
-    else if (option != most.end())
+    else if (hasNumbers)
     {
+      const auto               most = static_cast<std::size_t>(option->get_expected_max());
       std::vector<std::string> numbers;
-      for (; numbers.size() < option->second && n + 1 < argc; ++n)
+      for (; numbers.size() < most && n + 1 < argc; ++n)
       {
         const std::string text = argv[n + 1];
         const auto        more = split(text);
@@ -761,6 +755,14 @@ CollectArguments(const CLI::App & app, int argc, const char * const * argv)
     }
   }
   arguments.insert(arguments.end(), argv + std::min(n, argc), argv + argc);
+  // a list is one argument now; what follows is INPUT or OUTPUT
+  for (CLI::Option * const option : app.get_options([](const CLI::Option *) { return true; }))
+  {
+    if (option->get_multi_option_policy() == CLI::MultiOptionPolicy::TakeAll)
+    {
+      option->expected(1);
+    }
+  }
   std::reverse(arguments.begin(), arguments.end());
   return arguments;
 }

@@ -110,9 +110,10 @@ inline const std::map<std::string, itk::ShearWarpMIPImageFilterEnums::Mode> mode
 void
 DefineOptions(CLI::App & app, Options & options);
 
-/** The arguments, the last first, as CLI::App::parse() takes them. */
+/** The arguments, the last first, as CLI::App::parse() takes them: the values of a list are one argument. To be called
+ * once for \a app. */
 std::vector<std::string>
-CollectArguments(const CLI::App & app, int argc, const char * const * argv);
+CollectArguments(CLI::App & app, int argc, const char * const * argv);
 
 /** LOW and HIGH of --window or --wl, if one is given. Throws std::runtime_error if they are not numbers in order. */
 std::optional<std::array<double, 2>>
