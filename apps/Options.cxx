@@ -49,23 +49,24 @@ constexpr auto description =
   "Sizes and positions of the output are in mm in the view plane. Names of values may be in capitals, and may be "
   "shortened as long as they are unique. Separate several numbers by commas or spaces.";
 
-constexpr auto examples = "Examples:\n"
-                          "  shear-warp-mip tof.nii.gz mip.png --view inferior\n"
-                          "      a picture, seen from the feet as axial slices are\n"
-                          "  shear-warp-mip dicom-folder/ mip.nrrd --azimuth 30 --elevation 15\n"
-                          "      the image's values, left anterior oblique 30 degrees, cranial 15 degrees\n"
-                          "  shear-warp-mip tof.nrrd turn.html --frames 72\n"
-                          "      a page that turns, for any browser\n"
-                          "  shear-warp-mip tof.nrrd rocking.mp4 --frames 48 --rocking 60 --elevation 15\n"
-                          "      an animation, 30 degrees to either side and back, from somewhat above\n"
-                          "  shear-warp-mip dicom-folder/ turn/ --frames 72\n"
-                          "      a DICOM series for the archive; --dicom-out writes one beside another OUTPUT\n"
-                          "  shear-warp-mip ct.nrrd slabs.nrrd --view superior --sliding-slab 10 5\n"
-                          "      slabs of 10 mm from top to bottom, one every 5 mm\n"
-                          "  shear-warp-mip ct.nrrd bones.png --window bone\n"
-                          "      a CT in the usual window of bones\n"
-                          "  shear-warp-mip --write-phantom head.nrrd\n"
-                          "      an image to try";
+constexpr auto examples =
+  "Examples:\n"
+  "  shear-warp-mip tof.nii.gz mip.png --view inferior\n"
+  "      a picture, seen from the feet as axial slices are\n"
+  "  shear-warp-mip dicom-folder/ mip.nrrd --azimuth 30 --elevation 15\n"
+  "      the image's values, left anterior oblique 30 degrees, cranial 15 degrees\n"
+  "  shear-warp-mip tof.nrrd turn.html --frames 72\n"
+  "      a page that turns, for any browser\n"
+  "  shear-warp-mip tof.nrrd rocking.mp4 --frames 48 --rocking --angular-range 60 --elevation 15\n"
+  "      an animation, 30 degrees to either side and back, from somewhat above\n"
+  "  shear-warp-mip dicom-folder/ turn/ --frames 72\n"
+  "      a DICOM series for the archive; --dicom-out writes one beside another OUTPUT\n"
+  "  shear-warp-mip ct.nrrd slabs.nrrd --view superior --sliding-slab 10 5\n"
+  "      slabs of 10 mm from top to bottom, one every 5 mm\n"
+  "  shear-warp-mip ct.nrrd bones.png --window bone\n"
+  "      a CT in the usual window of bones\n"
+  "  shear-warp-mip --write-phantom head.nrrd\n"
+  "      an image to try";
 
 // in Hounsfield units, but the last in SUV
 const std::map<std::string, std::array<double, 2>> windows = { { "lung", { { -1350.0, 150.0 } } },
@@ -73,6 +74,11 @@ const std::map<std::string, std::array<double, 2>> windows = { { "lung", { { -13
                                                                { "angio", { { 0.0, 600.0 } } },
                                                                { "brain", { { 0.0, 80.0 } } },
                                                                { "pet", { { 0.0, 10.0 } } } };
+
+// accepted with a note until the next version; --rocking DEGREES is too
+const std::map<std::string, std::string> formerNames = { { "--axis", "--rotation-axis" },
+                                                         { "--range", "--angular-range" },
+                                                         { "--spacing", "--output-spacing" } };
 
 template <typename TValue>
 std::vector<std::string>
@@ -247,8 +253,8 @@ DefineOptions(CLI::App & app, Options & options)
       ->check(CLI::Range(1u, MostFrames));
   addList(3,
           "Turning series",
-          "--axis",
-          options.axis,
+          "--rotation-axis",
+          options.rotationAxis,
           "NAME or X Y Z",
           "Axis of the turn, right-handed: the patient's left, posterior or superior, the image's i, j or k, or a "
           "direction X Y Z (LPS); default: superior, from anterior towards the patient's left")
@@ -262,22 +268,20 @@ DefineOptions(CLI::App & app, Options & options)
     ->delimiter(',')
     ->expected(3)
     ->needs(frames);
-  const auto range = add("Turning series",
-                         "--range",
-                         options.range,
-                         "DEGREES",
-                         "Angle of the whole turn, negative to the other side; default: 360")
-                       ->check(angle)
-                       ->needs(frames);
   add("Turning series, usual",
-      "--rocking",
-      options.rocking,
+      "--angular-range",
+      options.angularRange,
       "DEGREES",
-      "Swings to and fro over this angle instead of a turn: half of the angle to one side of the view, then to the "
-      "other side, and back. The speed follows a sine, and both ends are frames. The series can repeat without a jump")
+      "Angle of the whole turn, negative to the other side; default: 360")
     ->check(angle)
-    ->needs(frames)
-    ->excludes(range);
+    ->needs(frames);
+  addFlag("Turning series, usual",
+          "--rocking",
+          options.isRocking,
+          "Swings to and fro over the angular range instead of a turn: half of it to one side of the view, then to the "
+          "other side, and back. The speed follows a sine, and both ends are frames. The series can repeat without a "
+          "jump")
+    ->needs(frames);
   addList(MostFrames,
           "Turning series",
           "--elevations",
@@ -307,8 +311,8 @@ DefineOptions(CLI::App & app, Options & options)
 
   addList(2,
           "Picture, usual",
-          "--spacing",
-          options.spacing,
+          "--output-spacing",
+          options.outputSpacing,
           "MM",
           "Distance of pixels: one value, or two for x and y; default: the image's smallest spacing")
     ->check(Number("a positive number; decimals have a point", tiny));
@@ -649,13 +653,13 @@ Verify(const Options & options)
       throw std::runtime_error("--multi-frame has no colours: it is not possible with " + name);
     }
   }
-  if (options.spacing.size() > 2)
+  if (options.outputSpacing.size() > 2)
   {
-    throw std::runtime_error("--spacing: one or two values are needed");
+    throw std::runtime_error("--output-spacing: one or two values are needed");
   }
-  if (!IsAxis(options.axis))
+  if (!IsAxis(options.rotationAxis))
   {
-    throw std::runtime_error("--axis: it must be left, posterior, superior, i, j, k or a direction X,Y,Z");
+    throw std::runtime_error("--rotation-axis: it must be left, posterior, superior, i, j, k or a direction X,Y,Z");
   }
   if (options.slab.size() == 2 && options.slab[0] > options.slab[1])
   {
@@ -684,7 +688,7 @@ Verify(const Options & options)
 }
 
 std::vector<std::string>
-CollectArguments(CLI::App & app, int argc, const char * const * argv)
+CollectArguments(CLI::App & app, int argc, const char * const * argv, const WarningFunction & note)
 {
   const auto isNumber = [](const std::string & text) {
     double number = 0.0;
@@ -716,14 +720,30 @@ CollectArguments(CLI::App & app, int argc, const char * const * argv)
   int                      n = 1;
   for (; n < argc && argv[n] != std::string("--"); ++n)
   {
-    const std::string argument = complete(argv[n]);
+    std::string       argument = complete(argv[n]);
+    const std::string given = argument.substr(0, argument.find('='));
+    if (const auto former = formerNames.find(given); former != formerNames.end())
+    {
+      note(given + " is " + former->second + " now");
+      argument.replace(0, given.size(), former->second);
+    }
     const std::size_t equals = argument.find('=');
     const std::string name = argument.substr(0, equals);
-    const auto        option = name.compare(0, 2, "--") == 0 ? app.get_option_no_throw(name) : nullptr;
-    const bool        hasNumbers = option && option->get_delimiter() == ',';
+    const std::string value = equals != std::string::npos ? argument.substr(equals + 1)
+                              : n + 1 < argc              ? argv[n + 1]
+                                                          : "";
+    if (name == "--rocking" && isNumber(value))
+    {
+      note("--rocking " + value + " is --rocking --angular-range " + value + " now");
+      arguments.insert(arguments.end(), { name, "--angular-range=" + value });
+      n += equals == std::string::npos ? 1 : 0;
+      continue;
+    }
+    const auto option = name.compare(0, 2, "--") == 0 ? app.get_option_no_throw(name) : nullptr;
+    const bool hasNumbers = option && option->get_delimiter() == ',';
     if (hasNumbers && equals != std::string::npos)
     {
-      const auto numbers = split(argument.substr(equals + 1));
+      const auto numbers = split(value);
       arguments.push_back(numbers.empty() ? argument : name + '=' + CLI::detail::join(numbers, ","));
     }
     else if (hasNumbers)

@@ -18,6 +18,8 @@
 #ifndef Options_h
 #define Options_h
 
+#include "Warning.h"
+
 #include "itkShearWarpEngine.h"
 #include "itkShearWarpMIPView.h"
 
@@ -47,7 +49,7 @@ struct Options
   double                      azimuth{ 0.0 };
   double                      elevation{ 0.0 };
   std::string                 transform;
-  std::vector<double>         spacing;
+  std::vector<double>         outputSpacing;
   std::vector<double>         size;
   std::vector<std::string>    window;
   std::vector<double>         levelAndWidth;
@@ -56,10 +58,10 @@ struct Options
   bool                        isExact{ false };
   unsigned int                frames{ 0 };
   std::optional<unsigned int> pageBits;
-  std::vector<std::string>    axis{ "superior" };
+  std::vector<std::string>    rotationAxis{ "superior" };
   std::vector<double>         center;
-  double                      range{ 360.0 };
-  std::optional<double>       rocking;
+  double                      angularRange{ 360.0 };
+  bool                        isRocking{ false };
   std::vector<double>         elevations;
   std::optional<double>       rate;
   std::string                 mode{ "maximum" };
@@ -111,9 +113,9 @@ void
 DefineOptions(CLI::App & app, Options & options);
 
 /** The arguments, the last first, as CLI::App::parse() takes them: the values of a list are one argument. To be called
- * once for \a app. */
+ * once for \a app. Former names of options are replaced, and \a note is told. */
 std::vector<std::string>
-CollectArguments(CLI::App & app, int argc, const char * const * argv);
+CollectArguments(CLI::App & app, int argc, const char * const * argv, const WarningFunction & note);
 
 /** LOW and HIGH of --window or --wl, if one is given. Throws std::runtime_error if they are not numbers in order. */
 std::optional<std::array<double, 2>>

@@ -253,9 +253,9 @@ Run(const Options & options, Messages & messages)
     throw std::runtime_error("--rate requires a series; see --frames");
   }
   projection.isInPlace = options.isInPlace;
-  if (!options.spacing.empty())
+  if (!options.outputSpacing.empty())
   {
-    const double spacing[] = { options.spacing.front(), options.spacing.back() };
+    const double spacing[] = { options.outputSpacing.front(), options.outputSpacing.back() };
     projection.spacing = itk::Vector<double, 2>(spacing);
   }
   if (!options.size.empty())
@@ -407,7 +407,8 @@ RunProgram(int argc, const char * const * argv, std::ostream & output, std::ostr
   };
   try
   {
-    app.parse(CollectArguments(app, argc, argv));
+    app.parse(CollectArguments(
+      app, argc, argv, [&messages](const std::string & text) { Messages(messages, false).Note(text); }));
     Messages steps(messages, options.verbose);
     if (app.count("--write-phantom") > 0)
     {

@@ -40,4 +40,4 @@ timed "built the program" build_release demo shear-warp-mip -DShearWarpMIP_BUILD
 image=$(find_itk_image "$root/test/Input/Philips_4D_DICOM.dcm.cid")
 cp "$image" "$work/phases.dcm"
 timed "took one phase" extract_phase "$work/phases.dcm" "$work/phase.nrrd"
-timed "turned" "$program" "$work/phase.nrrd" "$picture" --frames 36 --elevation 5 --spacing 1.2 --rate 10
+timed "turned" "$program" "$work/phase.nrrd" "$picture" --frames 36 --elevation 5 --output-spacing 1.2 --rate 10

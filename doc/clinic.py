@@ -86,7 +86,7 @@ with tempfile.TemporaryDirectory() as folder:
         pet += (uptake - 0.5) / (1 + np.exp(np.clip(-14 * ellipsoid(pet_grid, center, radii), None, 50)))
     write(pet.astype(np.float32), coarse, work / "pet.nrrd")
 
-    view = ["--azimuth", "25", "--spacing", "2", "--window", "-100", "900"]
+    view = ["--azimuth", "25", "--output-spacing", "2", "--window", "-100", "900"]
     removed = ["--mask", work / "parts.nrrd", "--remove-label", "2"]
     fused = ["--overlay", work / "pet.nrrd", "--overlay-window", "1.5", "9"]
     calls = [[], removed, [*removed, *fused], [*removed, "--segments", work / "organs.seg.nrrd"]]

@@ -51,8 +51,8 @@ project() {
 
 make_pictures_of_angiogram() {
   local image=angiogram.nrrd
-  local left=(--view left --spacing 0.25 --size "340,340" --window "40,800")
-  local above=(--azimuth 42 --elevation 35 --spacing 0.12 --size "340,340" --window "0,800")
+  local left=(--view left --output-spacing 0.25 --size "340,340" --window "40,800")
+  local above=(--azimuth 42 --elevation 35 --output-spacing 0.12 --size "340,340" --window "0,800")
   "$program" --write-phantom "$work/$image"
   project "$image" plain --azimuth 30
   project "$image" fading --azimuth 30 --slab "-80,inf" --attenuation 0.01

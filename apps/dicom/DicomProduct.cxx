@@ -46,7 +46,7 @@ FindNoReprojection(const Options & options)
 {
   const bool isSlabOff = !options.slab.empty() && !(options.slab[0] <= 0.0 && options.slab[1] >= 0.0);
   return options.frames == 0         ? "they are no turn, see --frames"
-         : options.rocking           ? "--rocking turns to and fro"
+         : options.isRocking         ? "--rocking turns to and fro"
          : options.mode != "maximum" ? "--mode is not maximum"
          : options.localMaximum      ? "--local-maximum shows other values"
          : options.attenuation > 0.0 ? "--attenuation changes values"

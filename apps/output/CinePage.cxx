@@ -164,7 +164,7 @@ WritePage(OutputFiles & files, const std::string & path, const Product & product
   if (options.frames > 0)
   {
     // how the series goes on behind its last frame
-    loop = options.rocking ? "swing" : std::abs(options.range) == 360.0 ? "turn" : loop;
+    loop = options.isRocking ? "swing" : std::abs(options.angularRange) == 360.0 ? "turn" : loop;
     std::transform(projected.begin(),
                    projected.begin() + options.frames,
                    std::back_inserter(angles),

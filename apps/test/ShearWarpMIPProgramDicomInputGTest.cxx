@@ -480,7 +480,7 @@ TEST_P(ShearWarpMIPProgramDicomInput, ProjectsTiltedGantry)
   }
   // from below: u is x, v is y
   this->WriteTransforms("view.tfm", { itk::AffineTransform<double, 3>::New() });
-  this->ExpectSuccess("dicom out.nrrd --transform view.tfm --spacing 0.25");
+  this->ExpectSuccess("dicom out.nrrd --transform view.tfm --output-spacing 0.25");
   const auto                                     picture = this->Read("out.nrrd");
   double                                         sum = 0.0;
   itk::ImageRegionIteratorWithIndex<PictureType> it(picture, picture->GetBufferedRegion());
@@ -1146,7 +1146,7 @@ TEST_P(ShearWarpMIPProgramDicomInput, ShowsLowValuesWhiteIfTheyAre)
     this->ExpectSuccess("dicom out.png" + view);
     this->ExpectSuccess("dicom out.html --frames 2" + view);
     // the stem of the letter R is white, its rim is black
-    this->ExpectSuccess("dicom labelled.png --size 64 64 --spacing 0.1" + view);
+    this->ExpectSuccess("dicom labelled.png --size 64 64 --output-spacing 0.1" + view);
     const auto labelled = this->ReadPixels("labelled.png");
     EXPECT_EQ(labelled[32 * 64 + 3], 255);
     EXPECT_EQ(labelled[32 * 64 + 2], 0);

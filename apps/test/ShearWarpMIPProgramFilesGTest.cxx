@@ -239,7 +239,7 @@ TEST_F(ShearWarpMIPProgramFiles, TakesLongNames)
 
 TEST_F(ShearWarpMIPProgramFiles, NumbersSortAsFrames)
 {
-  this->ExpectSuccess("in.nrrd cine.png --frames 1001 --size 2 2 --spacing 9");
+  this->ExpectSuccess("in.nrrd cine.png --frames 1001 --size 2 2 --output-spacing 9");
   EXPECT_TRUE(fs::exists(m_Folder / "cine-0000.png"));
   EXPECT_TRUE(fs::exists(m_Folder / "cine-1000.png"));
   EXPECT_EQ(this->GetContents().size(), 1002u);

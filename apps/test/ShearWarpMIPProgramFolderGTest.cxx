@@ -136,10 +136,10 @@ TEST_F(ShearWarpMIPProgramFolder, ListsItsSeries)
                       "--series hEAd fits several, choose one by its number: " + head + '\n');
   for (const std::string right : { "2", "1.2.3.6", "dwi", "'head dwi'", "DW" })
   {
-    this->ExpectSuccess("dicom out.nrrd --spacing 1 --series " + right);
+    this->ExpectSuccess("dicom out.nrrd --output-spacing 1 --series " + right);
     EXPECT_EQ(this->Read("out.nrrd")->GetBufferedRegion().GetSize(1), 4u);
   }
-  this->ExpectSuccess("dicom out.nrrd --spacing 1 --series Sch\xc3\xa4"
+  this->ExpectSuccess("dicom out.nrrd --output-spacing 1 --series Sch\xc3\xa4"
                       "d");
   EXPECT_EQ(this->Read("out.nrrd")->GetBufferedRegion().GetSize(1), 8u);
 }

@@ -94,12 +94,12 @@ TEST_F(ShearWarpMIPProgram, WindowsPictures)
 TEST_F(ShearWarpMIPProgram, TakesGrid)
 {
   const auto transform = this->MakeTransform(Direction::Anterior, 30.0);
-  this->ExpectSuccess("--azimuth 30 --spacing 0.5,0.8 in.nrrd out.nrrd");
+  this->ExpectSuccess("--azimuth 30 --output-spacing 0.5,0.8 in.nrrd out.nrrd");
   const double spacing[] = { 0.5, 0.8 };
   this->ExpectPicture("out.nrrd", this->Project(transform, [&](FilterType & filter) {
     filter.SetOutputSpacing(itk::Vector<double, 2>(spacing));
   }));
-  this->ExpectSuccess("--azimuth 30 --size 40 30 --spacing .5 --background -5 in.nrrd out.nrrd");
+  this->ExpectSuccess("--azimuth 30 --size 40 30 --output-spacing .5 --background -5 in.nrrd out.nrrd");
   this->ExpectPicture("out.nrrd", this->Project(transform, [](FilterType & filter) {
     filter.SetOutputSpacing(itk::Vector<double, 2>(0.5));
     filter.SetSize({ { 40, 30 } });
@@ -142,11 +142,11 @@ TEST_F(ShearWarpMIPProgram, ReadsDICOMSeries)
 {
   this->WriteDICOMSeries("1.2.3.4", "a", { 0, 2, 4 });
   std::ofstream(m_Folder / "dicom" / "readme.txt") << "no image\n";
-  this->ExpectSuccess("dicom out.nrrd --spacing 1");
+  this->ExpectSuccess("dicom out.nrrd --output-spacing 1");
   EXPECT_EQ(this->Read("out.nrrd")->GetBufferedRegion().GetSize(1), 6u);
 
   this->WriteDICOMSeries("1.2.3.5", "b", { 0, 2, 4, 6, 8, 10 });
-  this->ExpectSuccess("dicom out.nrrd --spacing 1 --series 1.2.3.5");
+  this->ExpectSuccess("dicom out.nrrd --output-spacing 1 --series 1.2.3.5");
   EXPECT_EQ(this->Read("out.nrrd")->GetBufferedRegion().GetSize(1), 12u);
   EXPECT_EQ(this->ReadPixels("out.nrrd").front(), 105);
 }
@@ -272,11 +272,11 @@ TEST_F(ShearWarpMIPProgram, TellsWhatItDoes)
     }
   }
   for (const std::string option :
-       { "--view",        "--azimuth",       "--elevation",     "--transform", "--spacing",    "--size",
-         "--background",  "--oversampling",  "--window",        "--frames",    "--axis",       "--mode",
-         "--slab",        "--sliding-slab",  "--local-maximum", "--mask",      "--mask-label", "--crop",
-         "--attenuation", "--depth",         "--depth-color",   "--in-place",  "--series",     "--threads",
-         "--verbose",     "--write-phantom", "--version",       "--exact",     "--no-labels",  "--annotate",
+       { "--view",        "--azimuth",       "--elevation",     "--transform", "--output-spacing", "--size",
+         "--background",  "--oversampling",  "--window",        "--frames",    "--rotation-axis",  "--mode",
+         "--slab",        "--sliding-slab",  "--local-maximum", "--mask",      "--mask-label",     "--crop",
+         "--attenuation", "--depth",         "--depth-color",   "--in-place",  "--series",         "--threads",
+         "--verbose",     "--write-phantom", "--version",       "--exact",     "--no-labels",      "--annotate",
          "Examples" })
   {
     EXPECT_NE(help.output.find(option), std::string::npos) << option;
@@ -324,7 +324,7 @@ TEST_F(ShearWarpMIPProgram, KnowsTheTerminal)
     EXPECT_NE(turn.find(clear + step + clear), std::string::npos) << step << " in " << turn;
   }
   EXPECT_EQ(turn.rfind(clear), turn.size() - clear.size());
-  const std::string slow = see("in.nrrd out.nrrd --frames 80 --exact --spacing 0.05 --threads 1");
+  const std::string slow = see("in.nrrd out.nrrd --frames 80 --exact --output-spacing 0.05 --threads 1");
   EXPECT_NE(slow.find(" of 80" + clear), std::string::npos);
   EXPECT_NE(see("none.nrrd out.nrrd").find(clear + "shear-warp-mip: 'none.nrrd' does not exist"), std::string::npos);
 }
@@ -365,7 +365,8 @@ TEST_F(ShearWarpMIPProgram, RefusesWrongOptions)
   // once they would fit
   const auto side = std::to_string(std::lround(std::sqrt(0.3 * itk::ShearWarp::GetPhysicalMemory())));
   this->ExpectFailure("in.nrrd out.png --size " + side + ' ' + side, "do not fit in memory");
-  this->ExpectFailures("in.nrrd out.png --spacing ", { "0", "-1", "nan", "inf", "wide", "1,2,3" }, "--spacing");
+  this->ExpectFailures(
+    "in.nrrd out.png --output-spacing ", { "0", "-1", "nan", "inf", "wide", "1,2,3" }, "--output-spacing");
   this->ExpectFailures("in.nrrd out.png --window ", { "7 7", "7 nan" }, "--window");
   this->ExpectFailures("in.nrrd out.png --background ", { "40000", "0.5", "nan" }, "--background");
   this->ExpectFailure("in.nrrd out.png --oversampling 3", "--oversampling");
@@ -381,33 +382,34 @@ TEST_F(ShearWarpMIPProgram, TakesWhatPeopleWrite)
     { "--view superior --mode absolute-maximum in.nrrd a.png", "--view s --mode abs in.nrrd b.png" },
     { "--mode maximum in.nrrd a.png", "--mode mip -o b.png in.nrrd" },
     { "in.nrrd a.png", "--output b.png in.nrrd" },
-    { "--spacing 0.5,0.8 in.nrrd a.png", "--spacing 0.5 0.8 in.nrrd b.png" },
-    { "--spacing 0.5,0.8 in.nrrd a.png", "--spacing 0.5, 0.8 in.nrrd b.png" },
-    { "--spacing 0.5,0.8 in.nrrd a.png", "'--spacing=0.5, 0.8' in.nrrd b.png" },
+    { "--output-spacing 0.5,0.8 in.nrrd a.png", "--output-spacing 0.5 0.8 in.nrrd b.png" },
+    { "--output-spacing 0.5,0.8 in.nrrd a.png", "--output-spacing 0.5, 0.8 in.nrrd b.png" },
+    { "--output-spacing 0.5,0.8 in.nrrd a.png", "'--output-spacing=0.5, 0.8' in.nrrd b.png" },
     { "--slab -1,3 in.nrrd a.png", "--slab -1 , 3 in.nrrd b.png" },
     { "--crop -90,90,-90,20,-90,90 in.nrrd a.png", "--crop '-90 90 -90 20 -90 90' in.nrrd b.png" },
     { "--crop -90,90,-90,20,-90,90 in.nrrd a.png", "--crop -90,90 -90,20 -90,90 in.nrrd b.png" },
     { "--crop -90,90,-90,20,-90,90 in.nrrd a.png", "--crop -90 , 90 , -90 , 20 , -90 , 90 in.nrrd b.png" },
     { "--crop -inf,inf,-.5,inf,-inf,inf in.nrrd a.png", "--crop -inf inf -.5, inf, -inf inf in.nrrd b.png" },
-    { "--spacing .5 in.nrrd a.png", "--spacing=.5 in.nrrd b.png" },
+    { "--output-spacing .5 in.nrrd a.png", "--output-spacing=.5 in.nrrd b.png" },
     { "--size 40,30 in.nrrd a.png", "in.nrrd b.png --size 40 30" },
     { "--window -20,100 in.nrrd a.png", "--window -20 100 in.nrrd b.png" },
     { "--window -2e1 1e2 in.nrrd a.png", "--wl 40 120 in.nrrd b.png" },
     { "--window -1350 150 in.nrrd a.png", "--window Lung in.nrrd b.png" },
     { "--window -450 1050 in.nrrd a.png", "in.nrrd b.png --window bone" },
     { "--window 0 600 in.nrrd a.png --azimuth 3", "--window=angio --azimuth 3 in.nrrd b.png" },
-    { "--window 0 600 --spacing 0.5 --slab 0 3 in.nrrd a.png --threads 1",
-      "--spacing 0.5 in.nrrd b.png --window 0 600 --slab 0 3" },
+    { "--window 0 600 --output-spacing 0.5 --slab 0 3 in.nrrd a.png --threads 1",
+      "--output-spacing 0.5 in.nrrd b.png --window 0 600 --slab 0 3" },
     { "--window 0 80 in.nrrd a.png", "--window Br in.nrrd b.png" },
-    { "--frames 3 --axis left in.nrrd a.nrrd", "--frames 3 --axis L in.nrrd b.nrrd" },
+    { "--frames 3 --rotation-axis left in.nrrd a.nrrd", "--frames 3 --rotation-axis L in.nrrd b.nrrd" },
     { "--window 0 80 in.nrrd a.png", "--window BRAIN in.nrrd b.png" },
     { "--window 0 10 in.nrrd a.png", "--window pet in.nrrd b.png" },
     { "--slab -inf,-.5 in.nrrd a.png", "--slab -inf -.5 in.nrrd b.png" },
     { "--depth-colour a.png in.nrrd c.png", "--depth-color b.png in.nrrd d.png" },
-    { "--frames 3 --centre 1,2,3 --axis left in.nrrd a.nrrd", "--frames 3 --center 1 2 3 --axis Left in.nrrd b.nrrd" },
+    { "--frames 3 --centre 1,2,3 --rotation-axis left in.nrrd a.nrrd",
+      "--frames 3 --center 1 2 3 --rotation-axis Left in.nrrd b.nrrd" },
     { "--window 0 80 --view left in.nrrd a.png", "-window 0 80 -view=left in.nrrd -output b.png" },
     { "--azimuth -30 in.nrrd a.png", "-azimuth -30 -ob.png -- in.nrrd" },
-    { "--frames 3 --axis 0,-.5,1 in.nrrd a.nrrd", "--frames 3 --axis 0 -.5 1 in.nrrd b.nrrd" },
+    { "--frames 3 --rotation-axis 0,-.5,1 in.nrrd a.nrrd", "--frames 3 --rotation-axis 0 -.5 1 in.nrrd b.nrrd" },
   };
   for (const auto & [plain, other] : calls)
   {
@@ -417,6 +419,27 @@ TEST_F(ShearWarpMIPProgram, TakesWhatPeopleWrite)
     EXPECT_TRUE(ReadText(m_Folder / ("a" + suffix)) == ReadText(m_Folder / ("b" + suffix))) << other;
     fs::remove(m_Folder / ("a" + suffix));
     fs::remove(m_Folder / ("b" + suffix));
+  }
+}
+
+TEST_F(ShearWarpMIPProgram, TakesFormerNamesWithANote)
+{
+  const std::array<std::string, 3> calls[] = {
+    { "--output-spacing 0.5 0.8", "--spacing 0.5 0.8", "--spacing is --output-spacing now" },
+    { "--frames 3 --rotation-axis 1 2 3", "--frames 3 -axis 1,2,3", "--axis is --rotation-axis now" },
+    { "--frames 3 --angular-range -90", "--frames 3 --range=-90", "--range is --angular-range now" },
+    { "--frames 3 --rocking --angular-range 60",
+      "--frames 3 --rocking 60",
+      "--rocking 60 is --rocking --angular-range 60 now" },
+    { "--frames 3 --rocking --angular-range -6e1",
+      "--frames 3 --rocking=-6e1",
+      "--rocking -6e1 is --rocking --angular-range -6e1 now" },
+  };
+  for (const auto & [name, former, note] : calls)
+  {
+    this->ExpectSuccess(name + " in.nrrd a.nrrd");
+    this->ExpectSuccess(former + " in.nrrd b.nrrd", "shear-warp-mip: note: " + note + '\n');
+    EXPECT_TRUE(ReadText(m_Folder / "a.nrrd") == ReadText(m_Folder / "b.nrrd")) << former;
   }
 }
 
@@ -547,8 +570,8 @@ TEST_F(ShearWarpMIPProgram, AnswersWrongCalls)
       "'anterior'?" },
     { "in.nrrd out.png --view ''", "--view: '' is not one of" },
     { "in.nrrd out.png --mode m", "--mode: 'm' is not one of absolute-maximum, maximum, minimum" },
-    { "in.nrrd out.png --axis upwards --frames 2", "--axis: it must be left, posterior" },
-    { "in.nrrd out.png --axis 0 0 0 --frames 2", "The axis must be finite and not zero" },
+    { "in.nrrd out.png --rotation-axis upwards --frames 2", "--rotation-axis: it must be left, posterior" },
+    { "in.nrrd out.png --rotation-axis 0 0 0 --frames 2", "The axis must be finite and not zero" },
     { "in.nrrd out.png --window 7", "--window: '7' is not two finite numbers LOW HIGH, nor one of angio, bone" },
     { "in.nrrd out.png --window 7 8 9", "9 is not expected; see --help" },
     { "in.nrrd out.png --window bones",
@@ -566,14 +589,14 @@ TEST_F(ShearWarpMIPProgram, AnswersWrongCalls)
     { "in.nrrd out.png --crop 0 10 0 10 0", "--crop: 6 values are needed, not 5" },
     { "in.nrrd out.png --oversampling 1e0", "--oversampling: 1e0 not in {1,2}" },
     { "in.nrrd out.png --size 512x512", "--size: '512x512' is not a whole number of at least 1" },
-    { "in.nrrd out.png --spacing 0,5", "--spacing: '0' is not a positive number; decimals have a point" },
+    { "in.nrrd out.png --output-spacing 0,5", "--output-spacing: '0' is not a positive number; decimals have a point" },
     { "in.nrrd out.png --window 800,100", "--window: LOW must be less than HIGH" },
     { "in.nrrd out.png --background black", "--background: 'black' is not a number" },
     { "in.nrrd out.png --local-maximum high", "--local-maximum: 'high' is not a number" },
     { "in.nrrd out.png --local-maximum 6 --mode absolute-maximum",
       "--local-maximum is not possible with --mode absolute-maximum" },
     { "in.nrrd out.png --background 70000", "--background 70000 is not a value of the image's pixel type, short" },
-    { "in.nrrd out.png --rocking 60", "--rocking requires --frames" },
+    { "in.nrrd out.png --rocking", "--rocking requires --frames" },
     { "in.nrrd out.png --frames 3 --sliding-slab 10 5", "--frames excludes --sliding-slab" },
     { "in.nrrd out.png --mask-label 2", "--mask-label requires --mask" },
     { "in.nrrd out.png --rate 5", "--rate requires a series; see --frames" },
@@ -695,10 +718,11 @@ TEST_F(ShearWarpMIPProgram, LeavesFilesAsTheyWereIfDiskIsFull)
   {
     std::ofstream(m_Folder / name) << "kept";
     // the first fails in a write, the second in a close
-    this->ExpectFailure("in.nrrd " + name + " --spacing 0.1", name, "trap '' XFSZ && ulimit -f 3 &&");
-    this->ExpectFailure("in.nrrd " + name + " --spacing 0.35", name, "trap '' XFSZ && ulimit -f 1 &&");
+    this->ExpectFailure("in.nrrd " + name + " --output-spacing 0.1", name, "trap '' XFSZ && ulimit -f 3 &&");
+    this->ExpectFailure("in.nrrd " + name + " --output-spacing 0.35", name, "trap '' XFSZ && ulimit -f 1 &&");
   }
-  this->ExpectFailure("in.nrrd out.png --spacing 0.1 --frames 3", "out-000.png", "trap '' XFSZ && ulimit -f 3 &&");
+  this->ExpectFailure(
+    "in.nrrd out.png --output-spacing 0.1 --frames 3", "out-000.png", "trap '' XFSZ && ulimit -f 3 &&");
 }
 
 TEST_F(ShearWarpMIPProgram, LeavesNothingOnAFullDisk)
@@ -712,9 +736,9 @@ TEST_F(ShearWarpMIPProgram, LeavesNothingOnAFullDisk)
   for (const std::string extension : { "mha", "nrrd", "nii", "nii.gz", "png", "jpg", "tif" })
   {
     const std::string name = "disk/out." + extension;
-    this->ExpectFailure("in.nrrd " + name + " --spacing 0.01", name);
+    this->ExpectFailure("in.nrrd " + name + " --output-spacing 0.01", name);
   }
-  this->ExpectFailure("in.nrrd disk/out.png --spacing 0.1 --frames 40", "disk/out-");
+  this->ExpectFailure("in.nrrd disk/out.png --output-spacing 0.1 --frames 40", "disk/out-");
   this->ExpectSuccess("in.nrrd disk/out.png");
   EXPECT_EQ(std::system(("umount '" + disk + "'").c_str()), 0);
 }

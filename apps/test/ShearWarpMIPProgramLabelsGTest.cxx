@@ -469,7 +469,7 @@ TEST_F(ShearWarpMIPProgram, LettersAreAtTheLandmarksSides)
   for (const std::string view : { "anterior", "posterior", "left", "right", "superior", "inferior" })
   {
     SCOPED_TRACE(view);
-    const std::string options = " --size 64 60 --spacing 0.25 --view " + view;
+    const std::string options = " --size 64 60 --output-spacing 0.25 --view " + view;
     this->ExpectSuccess("landmark.nrrd plain.png --no-labels" + options);
     this->ExpectSuccess("landmark.nrrd labelled.png --mode minimum" + options);
     const std::string landmark = FindLandmark(this->ReadPixels("plain.png"), 64);
@@ -491,7 +491,8 @@ TEST_F(ShearWarpMIPProgram, OnlyPicturesHaveLabels)
   for (const std::string labels : { "--annotate", "--no-labels" })
   {
     const Result result = this->Run(
-      "in.nrrd values.nrrd --depth depth.nrrd --dicom-out dicom --frames 4 --size 64 60 --spacing 0.3 " + labels);
+      "in.nrrd values.nrrd --depth depth.nrrd --dicom-out dicom --frames 4 --size 64 60 --output-spacing 0.3 " +
+      labels);
     EXPECT_EQ(result.status, 0);
     EXPECT_EQ(result.messages.find("shear-warp-mip: note: " + labels + " has no effect"), 0u) << result.messages;
     bytes.push_back(ReadText(m_Folder / "values.nrrd") + ReadText(m_Folder / "depth.nrrd"));
@@ -520,9 +521,9 @@ ReadPicture(const std::string & path, unsigned int components)
 
 TEST_F(ShearWarpMIPProgram, LabelsAreDrawnOverThePictures)
 {
-  const std::string input =
-    "in.nrrd out.png --size 196 100 --spacing 0.1 --window 0 100 --frames 4 --mode minimum --depth-colour z.png ";
-  const auto readAll = [this](const std::string & options) {
+  const std::string input = "in.nrrd out.png --size 196 100 --output-spacing 0.1 --window 0 100 --frames 4 --mode "
+                            "minimum --depth-colour z.png ";
+  const auto        readAll = [this](const std::string & options) {
     this->ExpectSuccess(options);
     std::vector<AnyImage> pictures;
     for (std::size_t n = 0; n < 4; ++n)
@@ -551,7 +552,7 @@ TEST_F(ShearWarpMIPProgram, LabelsAreDrawnOverThePictures)
 
 TEST_F(ShearWarpMIPProgram, WritesOtherPictures)
 {
-  const std::string options = " --size 196 100 --spacing 0.1 --window 0 100 --frames 2 --depth-colour ";
+  const std::string options = " --size 196 100 --output-spacing 0.1 --window 0 100 --frames 2 --depth-colour ";
   this->ExpectSuccess("in.nrrd out.png" + options + "z.png");
   for (const std::string extension : { ".jpg", ".jpeg", ".tif", ".tiff" })
   {

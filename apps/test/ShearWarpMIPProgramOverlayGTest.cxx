@@ -160,7 +160,7 @@ TEST_F(ShearWarpMIPProgramOverlay, BlendsOnThePicturesGrid)
   };
   const auto asIs = [](OverlayFilterType &) {};
   expectBlended("", "", 0.6, asIs);
-  expectBlended("--spacing 0.4,0.3 --size 50 70", " --opacity 0.35", 0.35, asIs);
+  expectBlended("--output-spacing 0.4,0.3 --size 50 70", " --opacity 0.35", 0.35, asIs);
   expectBlended("", " --opacity 1 --overlay-colour hot", 1.0, asIs);
   expectBlended("--exact", "", 0.6, [](OverlayFilterType & filter) { filter.ExactOn(); });
   expectBlended("--oversampling 2", "", 0.6, [](OverlayFilterType & filter) { filter.SetOversampling(2); });
@@ -229,7 +229,8 @@ TEST_F(ShearWarpMIPProgramOverlay, LiesWhereInputDoes)
   point->SetPixel(other, 200);
   this->WriteImage(point, "other.nrrd");
 
-  const std::string options = " --no-labels --frames 10 --axis 1,2,-1 --elevation 13 --spacing 0.4 --window 0 1000 ";
+  const std::string options =
+    " --no-labels --frames 10 --rotation-axis 1,2,-1 --elevation 13 --output-spacing 0.4 --window 0 1000 ";
   const std::string overlay = "--overlay other.nrrd --overlay-window 0 200 --opacity 1 --overlay-colour ";
   this->ExpectSuccess("point.nrrd base.png" + options);
   this->ExpectSuccess("point.nrrd out.png" + options + overlay + "green");
@@ -529,7 +530,7 @@ TEST_F(ShearWarpMIPProgramSegments, OutlinesBalls)
   {
     SCOPED_TRACE(azimuth);
     std::ostringstream view;
-    view << " --spacing 0.25 --elevation 20 --azimuth " << azimuth;
+    view << " --output-spacing 0.25 --elevation 20 --azimuth " << azimuth;
     this->ExpectSuccess("in.nrrd grid.nrrd" + view.str());
     this->ExpectSuccess("in.nrrd out.png --no-labels --segments balls.seg.nrrd" + view.str());
     const auto grid = this->Read("grid.nrrd");

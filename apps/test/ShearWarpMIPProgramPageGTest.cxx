@@ -196,13 +196,13 @@ TEST_F(ShearWarpMIPProgramPage, HoldsColours)
 
 TEST_F(ShearWarpMIPProgramPage, TellsHowTheSeriesGoesOn)
 {
-  this->ExpectSuccess("in.nrrd turn.html --frames 2 --range -360 --rate 7.5");
+  this->ExpectSuccess("in.nrrd turn.html --frames 2 --angular-range -360 --rate 7.5");
   const std::string turn = this->ReadSeries("turn.html");
   EXPECT_NE(turn.find("\"loop\": \"turn\", \"angles\": [0, -180]"), std::string::npos);
   EXPECT_EQ(GetNumber(turn, "rate"), 7.5);
-  this->ExpectSuccess("in.nrrd part.html --frames 3 --range 90");
+  this->ExpectSuccess("in.nrrd part.html --frames 3 --angular-range 90");
   EXPECT_NE(this->ReadSeries("part.html").find("\"loop\": \"none\", \"angles\": [0, 30, 60]"), std::string::npos);
-  this->ExpectSuccess("in.nrrd rocking.html --frames 4 --rocking 60");
+  this->ExpectSuccess("in.nrrd rocking.html --frames 4 --rocking --angular-range 60");
   EXPECT_NE(this->ReadSeries("rocking.html").find("\"loop\": \"swing\", \"angles\": [0, 30, "), std::string::npos);
 }
 
@@ -241,7 +241,7 @@ TEST_F(ShearWarpMIPProgramPage, HasARowOfFramesForEachElevation)
 
 TEST_F(ShearWarpMIPProgramPage, TurnsOfSeveralElevationsFollowOneAnother)
 {
-  const std::string grid = " --frames 3 --range 90 --view left --azimuth 10 --spacing 0.8 --size 50 40";
+  const std::string grid = " --frames 3 --angular-range 90 --view left --azimuth 10 --output-spacing 0.8 --size 50 40";
   this->ExpectSuccess("in.nrrd rows.nrrd --elevations 40,-25.5" + grid);
   std::vector<short> expected;
   for (const std::string elevation : { "40", "-25.5" })

@@ -473,9 +473,9 @@ TEST_F(ShearWarpMIPProgramProjection, WritesAllFilesOrNone)
   this->ExpectFailure("in.nrrd out.nrrd --frames 2 --depth depth.nrrd --depth-colour turn.png", "turn-001.png");
   // room for OUTPUT only
   std::ofstream(m_Folder / "depth.mha") << "kept";
-  this->ExpectSuccess("in.nrrd small.mha --spacing 0.35");
+  this->ExpectSuccess("in.nrrd small.mha --output-spacing 0.35");
   this->ExpectFailure(
-    "in.nrrd small.mha --spacing 0.35 --depth depth.mha", "'depth.mha'", "trap '' XFSZ && ulimit -f 10 &&");
+    "in.nrrd small.mha --output-spacing 0.35 --depth depth.mha", "'depth.mha'", "trap '' XFSZ && ulimit -f 10 &&");
 }
 
 TEST_F(ShearWarpMIPProgramProjection, WritesInPlace)

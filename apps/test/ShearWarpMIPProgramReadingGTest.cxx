@@ -380,7 +380,7 @@ TEST_F(ShearWarpMIPProgramDicomFiles, AreParsedHoweverMany)
   }
   const std::string prefix(220, 'x');
   this->WriteDICOMSeries("1.2.3.4", prefix, positions, 2);
-  this->ExpectSuccess("dicom out.nrrd --spacing 1");
+  this->ExpectSuccess("dicom out.nrrd --output-spacing 1");
   EXPECT_EQ(this->Read("out.nrrd")->GetBufferedRegion().GetSize(1), 600u);
   // wherever that is in the folder's order
   for (const std::string slice : { "0", "99", "128", "299" })

@@ -100,16 +100,16 @@ TEST_F(ShearWarpMIPProgramSeries, TurnsAsTheFilter)
 {
   const double oblique[] = { -1.0, 0.5, 2.0 };
   const double center[] = { -30.0, 15.0, 7.5 };
-  this->ExpectFrames("--frames 7 --axis -1,0.5,2 --center -30,15,7.5", [&](CineType & cine) {
+  this->ExpectFrames("--frames 7 --rotation-axis -1,0.5,2 --center -30,15,7.5", [&](CineType & cine) {
     cine.SetNumberOfFrames(7);
     cine.SetRotationAxis(oblique);
     cine.SetCenter(center);
   });
-  this->ExpectFrames("--frames 4 --range -90", [](CineType & cine) {
+  this->ExpectFrames("--frames 4 --angular-range -90", [](CineType & cine) {
     cine.SetNumberOfFrames(4);
     cine.SetAngularRange(-90.0);
   });
-  this->ExpectFrames("--frames 6 --rocking 50 --elevation 15", [this](CineType & cine) {
+  this->ExpectFrames("--frames 6 --rocking --angular-range 50 --elevation 15", [this](CineType & cine) {
     cine.SetNumberOfFrames(6);
     cine.SetTransform(this->MakeTransform(Direction::Anterior, 0.0, 15.0));
     cine.SetAngularRange(50.0);
@@ -126,7 +126,7 @@ TEST_F(ShearWarpMIPProgramSeries, TurnsAboutAxesOfTheImage)
   this->WriteImage(m_Volume, "in.nrrd");
   for (unsigned int column = 0; column < 3; ++column)
   {
-    this->ExpectFrames(std::string("--frames 3 --axis ") + "ijk"[column], [&](CineType & cine) {
+    this->ExpectFrames(std::string("--frames 3 --rotation-axis ") + "ijk"[column], [&](CineType & cine) {
       cine.SetNumberOfFrames(3);
       const double axis[] = { direction(0, column), direction(1, column), direction(2, column) };
       cine.SetRotationAxis(axis);
@@ -161,7 +161,7 @@ TEST_F(ShearWarpMIPProgramSeries, TurnsAboutEachAxis)
                                                         { "posterior", "top left" } };
   for (const auto & [axis, place] : expected)
   {
-    this->ExpectSuccess("landmark.nrrd out.nrrd --frames 4 --axis " + axis);
+    this->ExpectSuccess("landmark.nrrd out.nrrd --frames 4 --rotation-axis " + axis);
     const auto stack = this->Read<VolumeType>("out.nrrd");
     const auto size = stack->GetBufferedRegion().GetSize();
     ASSERT_EQ(size[2], 4u);
@@ -218,7 +218,7 @@ TEST_F(ShearWarpMIPProgramSeries, NumbersPictures)
 
 TEST_F(ShearWarpMIPProgramSeriesAnimated, ExactGreys)
 {
-  const std::string input = "--frames 5 --rocking 40 --window 0 100 in.nrrd ";
+  const std::string input = "--frames 5 --rocking --angular-range 40 --window 0 100 in.nrrd ";
   this->ExpectSuccess(input + "out.png");
   const std::string expected = this->ReadPictures<unsigned char>(5);
   for (const std::string name : { "turn.gif", "turn.apng" })
@@ -235,7 +235,7 @@ TEST_F(ShearWarpMIPProgramSeriesAnimated, ExactGreys)
 TEST_F(ShearWarpMIPProgramSeriesAnimated, Video)
 {
   // odd sizes get a margin
-  const std::string options = " --frames 5 --rocking 40 --window 0 100 --size 31 27";
+  const std::string options = " --frames 5 --rocking --angular-range 40 --window 0 100 --size 31 27";
   this->ExpectSuccess("in.nrrd out.png" + options);
   const std::string expected = this->ReadPictures<unsigned char>(5);
   this->ExpectSuccess("in.nrrd turn.mp4" + options);
@@ -293,7 +293,7 @@ TEST_F(ShearWarpMIPProgramSeries, LeavesNothingWhereAnimationsFail)
   expectFailure("case \"$*\" in *null*) echo no picture; exit 1 ;; esac", "ffmpeg failed: no picture");
   if (CanAnimate())
   {
-    this->ExpectFailure("in.nrrd out.gif --frames 1 --spacing 0.1", "out.gif", "trap '' XFSZ && ulimit -f 3 &&");
+    this->ExpectFailure("in.nrrd out.gif --frames 1 --output-spacing 0.1", "out.gif", "trap '' XFSZ && ulimit -f 3 &&");
   }
 }
 
@@ -308,7 +308,7 @@ TEST_F(ShearWarpMIPProgramSeries, LeavesNoAnimationOnAFullDisk)
   // there is room for the pictures, 150 kB, but not for the animation
   for (const std::string name : { "disk/out.gif", "disk/out.apng", "disk/out.mp4" })
   {
-    this->ExpectFailure("in.nrrd " + name + " --frames 60 --size 50 50 --spacing 0.3", name);
+    this->ExpectFailure("in.nrrd " + name + " --frames 60 --size 50 50 --output-spacing 0.3", name);
   }
   EXPECT_EQ(std::system(("umount '" + disk + "'").c_str()), 0);
 }
@@ -317,13 +317,13 @@ TEST_F(ShearWarpMIPProgramSeries, RefusesWrongOptions)
 {
   for (const std::string axis : { "up", "1,2", "1,2,3,4", "1,2,x", "nan,0,1", "left,posterior,superior" })
   {
-    this->ExpectFailure("in.nrrd out.png --frames 2 --axis " + axis, "--axis: it must be");
+    this->ExpectFailure("in.nrrd out.png --frames 2 --rotation-axis " + axis, "--rotation-axis: it must be");
   }
-  this->ExpectFailures(
-    "in.nrrd out.png ", { "--axis left", "--center 1,2,3", "--range 90", "--rocking 90" }, "requires --frames");
+  this->ExpectFailures("in.nrrd out.png ",
+                       { "--rotation-axis left", "--center 1,2,3", "--angular-range 90", "--rocking" },
+                       "requires --frames");
   this->ExpectFailures("in.nrrd out.png --frames 2 --center ", { "1,2", "1,2,inf" }, "--center");
-  this->ExpectFailure("in.nrrd out.png --frames 2 --range nan", "--range");
-  this->ExpectFailure("in.nrrd out.png --frames 2 --range 90 --rocking 90", "excludes");
+  this->ExpectFailure("in.nrrd out.png --frames 2 --angular-range nan", "--angular-range");
   this->ExpectFailure("in.nrrd out.png --rate 0", "--rate");
   for (const std::string output : { "out.gif", "out.png", "out.html" })
   {

@@ -114,7 +114,7 @@ def test_source_is_valid(tmp_path):
     read_dicom(write_pet(tmp_path / "pet"))
 
 
-@pytest.mark.parametrize("turn", [[], ["--range", "-180"], ["--axis", "left", "--view", "superior"]])
+@pytest.mark.parametrize("turn", [[], ["--angular-range", "-180"], ["--rotation-axis", "left", "--view", "superior"]])
 @pytest.mark.parametrize("kind", ["positive", "negative", "implicit"])
 def test_reprojection(tmp_path, kind, turn):
     volume = make_volume() - (2e6 if kind == "negative" else 0.0)
@@ -198,14 +198,14 @@ def test_whole_numbers_are_exact(tmp_path, lowest, highest):
         (["--sliding-slab", "20,10"], "no turn"),
         (["--frames", 6, "--mode", "minimum"], "minima"),
         (["--frames", 6, "--mode", "absolute-maximum"], "--mode"),
-        (["--frames", 6, "--rocking", 60], "--rocking"),
+        (["--frames", 6, "--rocking", "--angular-range", 60], "--rocking"),
         (["--frames", 6, "--attenuation", 0.01], "--attenuation"),
         (["--frames", 6, "--local-maximum", 1000], "--local-maximum"),
         (["--frames", 6, "--slab", "10,20"], "slab"),
         (["--frames", 6, "--elevation", 20], "right angles"),
-        (["--frames", 3, "--range", 90, "--centre", "20,30,100"], "middles"),
-        (["--frames", 6, "--range", 720], "one way, once at most"),
-        (["--frames", 6, "--range", 0], "one way, once at most"),
+        (["--frames", 3, "--angular-range", 90, "--centre", "20,30,100"], "middles"),
+        (["--frames", 6, "--angular-range", 720], "one way, once at most"),
+        (["--frames", 6, "--angular-range", 0], "one way, once at most"),
     ],
 )
 def test_no_reprojection(tmp_path, options, reason):

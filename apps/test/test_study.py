@@ -203,7 +203,7 @@ def test_segmentation_is_as_its_labels(study, tmp_path, fractional, overlapping)
         fields += [f"Segment{n}_{entry}" for entry in layer]
     layers = np.stack([3 * lesion, 7 * body], -1).astype(np.uint8)
     write_nrrd(tmp_path / "labels.seg.nrrd", layers.transpose(2, 0, 1, 3), *fields)
-    options = ["--series", 1, "--azimuth", 30, "--spacing", 1]
+    options = ["--series", 1, "--azimuth", 30, "--output-spacing", 1]
     pictures = []
     for segments in (tmp_path / "labels.seg.nrrd", tmp_path / "seg", tmp_path / "seg" / "segments.dcm"):
         assert ": lesion, whole body" in run(study, tmp_path / "mip.png", *options, "-v", "--segments", segments)
@@ -244,7 +244,7 @@ def test_outline_is_half_a_voxel_away(tmp_path):
     voxels = np.pad(np.ones((1, 1, 1), np.uint8), 1)
     grid = ["space: left-posterior-superior", "space directions: (9,0,0) (0,9,0) (0,0,9)"]
     write_nrrd(labels, voxels, *grid, "space origin: (-9,-9,-9)")
-    run(labels, tmp_path / "mip.png", "--segments", labels, "--spacing", 1)
+    run(labels, tmp_path / "mip.png", "--segments", labels, "--output-spacing", 1)
     picture = np.asarray(Image.open(tmp_path / "mip.png"))
     rows, columns = (picture == (230, 159, 0)).all(axis=-1).nonzero()
     assert np.ptp(rows) == 8 and np.ptp(columns) == 8

@@ -40,13 +40,13 @@ MakeTurn(const Options & options, const Frame & still, const itk::ImageBase<3> *
   turn->SetInput(image);
   turn->SetTransform(still.transform);
   turn->SetNumberOfFrames(options.frames);
-  turn->SetRotationAxis(MakeAxis(options.axis, grid));
+  turn->SetRotationAxis(MakeAxis(options.rotationAxis, grid));
   if (!options.center.empty())
   {
     turn->SetCenter(itk::Point<double, 3>(options.center.data()));
   }
-  turn->SetRocking(options.rocking.has_value());
-  turn->SetAngularRange(options.rocking.value_or(options.range));
+  turn->SetRocking(options.isRocking);
+  turn->SetAngularRange(options.angularRange);
 
   const auto         angles = turn->GetFrameAngles();
   std::vector<Frame> frames(options.frames, still);

@@ -223,7 +223,7 @@ class Viewer:
         if self._state.slab:
             words.append("--slab {!r} {!r}".format(*self._state.slab))
         words.append("--size {} {}".format(*grid.size))
-        words.append(f"--spacing {grid.spacing!r}")
+        words.append(f"--output-spacing {grid.spacing!r}")
         words.append("--window {!r} {!r}".format(*self.window))
         return " ".join(words)
 
