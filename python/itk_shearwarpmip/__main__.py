@@ -8,12 +8,22 @@ import os
 import stat
 import sys
 from contextlib import ExitStack
+from typing import Any
 
 import itk
 import numpy as np
 
 import itk_shearwarpmip
 from itk_shearwarpmip._inputs import describe
+
+
+class _Former(argparse.Action):
+    """A former name of an option, until the next version."""
+
+    def __call__(self, parser: Any, namespace: Any, values: Any, option_string: str | None = None) -> None:
+        name = "--" + self.dest.replace("_", "-")
+        print(f"itk_shearwarpmip: note: {option_string} is {name} now", file=sys.stderr)
+        setattr(namespace, self.dest, values)
 
 
 def _make_parser() -> argparse.ArgumentParser:
@@ -37,10 +47,13 @@ def _make_parser() -> argparse.ArgumentParser:
         help="turns the view about the volume's center and axes, in degrees; by default the view is along z",
     )
     parser.add_argument("--frames", metavar="N", type=int, help="makes a turn of N views about the y axis")
-    parser.add_argument("--spacing", metavar="S", type=float, help="spacing of the output, in the units of the file")
+    parser.add_argument(
+        "--output-spacing", metavar="S", type=float, help="spacing of the output, in the units of the file"
+    )
+    parser.add_argument("--spacing", dest="output_spacing", action=_Former, type=float, help=argparse.SUPPRESS)
     parser.add_argument("--oversampling", type=int, choices=(1, 2), default=1, help="intermediate pixels per voxel")
     parser.add_argument(
-        "--level", metavar="N", type=int, help="resolution; 0 is the finest; by default chosen for --spacing"
+        "--level", metavar="N", type=int, help="resolution; 0 is the finest; by default chosen for --output-spacing"
     )
     parser.add_argument("--time", metavar="N", type=int, default=0, help="number of the time point")
     parser.add_argument("--channel", metavar="N", type=int, default=0, help="number of the channel")
@@ -100,10 +113,14 @@ def _require_writable(path: str, has_frames: bool) -> None:
 
 def _project(options: argparse.Namespace) -> itk.Image:
     volume = itk_shearwarpmip.open_volume(
-        options.input, output_spacing=options.spacing, level=options.level, time=options.time, channel=options.channel
+        options.input,
+        output_spacing=options.output_spacing,
+        level=options.level,
+        time=options.time,
+        channel=options.channel,
     )
     outline = volume.make_image()
-    shared = {"output_spacing": options.spacing, "oversampling": options.oversampling}
+    shared = {"output_spacing": options.output_spacing, "oversampling": options.oversampling}
     with ExitStack() as stack:
         if options.scheduler:
             from distributed import Client
@@ -154,7 +171,7 @@ def _make_view_parser() -> argparse.ArgumentParser:
     parser.add_argument("--elevation", metavar="DEGREES", type=float, default=0.0)
     for name in ("window", "overlay-window"):
         parser.add_argument(f"--{name}", metavar=("LOW", "HIGH"), nargs=2, type=float, help="values of black and white")
-    parser.add_argument("--mode", default="maximum", help="maximum, minimum or absolute")
+    parser.add_argument("--mode", default="maximum", help="maximum, minimum or absolute-maximum")
     parser.add_argument("--slab", metavar=("NEAR", "FAR"), nargs=2, type=float, help="depths to project, in mm")
     parser.add_argument("--exact", action="store_true", help="exact maxima while the picture is at rest")
     parser.add_argument("--host", default="127.0.0.1", help="address to serve at; by default this computer only")
@@ -166,6 +183,7 @@ def _make_view_parser() -> argparse.ArgumentParser:
 def view(arguments: list[str] | None = None) -> int:
     """shear-warp-mip-view."""
     options = vars(_make_view_parser().parse_args(arguments))
+    options["mode"] = options["mode"].replace("-", "_")
     page = {name: options.pop(name) for name in ("host", "port", "no_browser")}
     try:
         itk_shearwarpmip.show(options.pop("input"), page=page, block=True, **options)

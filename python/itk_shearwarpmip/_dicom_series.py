@@ -185,7 +185,7 @@ def _make_header(turn: Any, rescale: _Rescale, window: tuple[float, float] | Non
         item.PurposeOfReferenceCodeSequence = [_make_code("109101", "Acquisition Equipment")]
         header.ContributingEquipmentSequence = [item]
     header.ImageType = ["DERIVED", "SECONDARY", "PROJECTION IMAGE", "MIN_IP" if is_minimum else "MAX_IP"]
-    header.DerivationDescription = what + (" of absolute values" if turn.mode == "absolute" else "")
+    header.DerivationDescription = what + (" of absolute values" if turn.mode == "absolute_maximum" else "")
     header.DerivationCodeSequence = [_make_code("113079" if is_minimum else "113078", what)]
     if sources:
         header.SourceImageSequence = [_make_reference(each) for each in sources]

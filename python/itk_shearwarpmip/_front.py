@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal, TypedDict, Unpack
+from typing import Any, Literal, TypedDict, Unpack, cast
 
 import itk
 import numpy as np
@@ -35,8 +35,8 @@ from itk_shearwarpmip._inputs import (
 from itk_shearwarpmip._labels import get_matrix
 from itk_shearwarpmip._views import make_transform
 
-Mode = Literal["maximum", "minimum", "absolute"]
-MODES = {"maximum": "Mode_Maximum", "minimum": "Mode_Minimum", "absolute": "Mode_AbsoluteMaximum"}
+Mode = Literal["maximum", "minimum", "absolute_maximum"]
+MODES = {"maximum": "Mode_Maximum", "minimum": "Mode_Minimum", "absolute_maximum": "Mode_AbsoluteMaximum"}
 
 
 class Place(TypedDict, total=False):
@@ -69,7 +69,7 @@ class Parameters:
     output_spacing: float | Sequence[float] | None = None
     size: Sequence[int] | None = None
     output_origin: Sequence[float] | None = None
-    number_of_threads: int | None = None
+    threads: int | None = None
 
 
 def mip(
@@ -92,7 +92,7 @@ def mip(
     output_spacing: float | Sequence[float] | None = None,
     size: Sequence[int] | None = None,
     output_origin: Sequence[float] | None = None,
-    number_of_threads: int | None = None,
+    threads: int | None = None,
     **where: Unpack[Place],
 ) -> Any:
     """The maximum intensity projection (MIP) of a volume from any direction.
@@ -104,7 +104,7 @@ def mip(
         "superior" is from above, with the patient's left at the left of the picture; "inferior" is the axial view of
         radiology, from the feet.
     azimuth, elevation: degrees that the viewer then moves towards the right and towards the top of the picture.
-    mode: "maximum", "minimum", or "absolute" for the value with the largest magnitude, with its sign.
+    mode: "maximum", "minimum", or "absolute_maximum" for the value with the largest magnitude, with its sign.
     slab: (near, far): only samples between these depths count. For a view by name, depths are mm behind the volume's
         center.
     crop: (lower, upper), two corners x, y, z: only samples in this box count, in mm (LPS); infinity is no limit.
@@ -119,7 +119,7 @@ def mip(
     output_spacing: spacing of the pixels, in mm: one number, or (u, v). By default the volume's smallest spacing.
     size: columns and rows; output_origin: (u, v) of the first pixel in the view plane, in mm. By default the picture
         shows the whole volume.
-    number_of_threads: by default ITK's.
+    threads: how many to use; by default ITK's number.
     where: spacing, origin, direction, series, level, time and channel of open_image().
 
     Volumes in chunks take only the view, background, oversampling and the parameters of the grid.
@@ -146,9 +146,11 @@ def mip(
     >>> list(picture.GetSpacing()), depths.shape == picture.shape
     ([0.5, 0.5], True)
     """
+    mode = check_mode(mode)
+    threads = take_former(where, "number_of_threads", "threads", threads)
     parameters = Parameters(
         mode, slab, crop, mask, mask_label, depth, attenuation, local_maximum, background, exact, oversampling,
-        output_spacing, size, output_origin, number_of_threads,
+        output_spacing, size, output_origin, threads,
     )  # fmt: skip
     _require_known(mip, where)
     if is_chunked(source):
@@ -255,7 +257,7 @@ def turn(
     output_spacing: float | Sequence[float] | None = None,
     size: Sequence[int] | None = None,
     output_origin: Sequence[float] | None = None,
-    number_of_threads: int | None = None,
+    threads: int | None = None,
     **where: Unpack[Place],
 ) -> Turn:
     """Projections of a volume from many directions, on one grid: a series that turns. The volume is read only once.
@@ -278,9 +280,11 @@ def turn(
     >>> series.frames.shape[0], len(series.transforms), series.frames["FrameAngles"][1]
     (8, 8, 45.0)
     """
+    mode = check_mode(mode)
+    threads = take_former(where, "number_of_threads", "threads", threads)
     parameters = Parameters(
         mode, slab, crop, mask, mask_label, depth, attenuation, local_maximum, background, exact, oversampling,
-        output_spacing, size, output_origin, number_of_threads,
+        output_spacing, size, output_origin, threads,
     )  # fmt: skip
 
     _require_known(turn, where)
@@ -368,9 +372,9 @@ class _Filters:
         background = parameters.background
         is_auto = isinstance(background, str) and background == "auto"
         set_parameters(made, parameters, self._find_lowest() if is_auto else background)
-        threads = parameters.number_of_threads
-        threads = self._threads if threads is None else make_count("number_of_threads", threads)
-        _set(made, "NumberOfWorkUnits", "number_of_threads", threads)
+        threads = parameters.threads
+        threads = self._threads if threads is None else make_count("threads", threads)
+        _set(made, "NumberOfWorkUnits", "threads", threads)
         # its voxels live while this does
         mask = None if parameters.mask is None else open_mask(parameters.mask, parameters.mask_label, image)
         made.SetMaskImage(mask)
@@ -449,10 +453,21 @@ def set_parameters(made: Any, parameters: Parameters, background: Any) -> None:
     set_grid(made, parameters)
 
 
-def check_mode(mode: Any) -> str:
+def take_former(place: Any, former: str, name: str, value: Any) -> Any:
+    """The value of a parameter, also by its former name, until the next version."""
+    if former not in place:
+        return value
+    warnings.warn(f"{former} is {name} now", FutureWarning, stacklevel=3)
+    return place.pop(former)
+
+
+def check_mode(mode: Any) -> Mode:
+    if isinstance(mode, str) and mode == "absolute":
+        warnings.warn("absolute is absolute_maximum now", FutureWarning, stacklevel=3)
+        return "absolute_maximum"
     if not isinstance(mode, str) or mode not in MODES:
         raise ValueError(f"mode must be one of {', '.join(MODES)}, but it is {mode!r}")
-    return mode
+    return cast(Mode, mode)
 
 
 def set_background(made: Any, background: Any) -> None:
@@ -520,7 +535,7 @@ def _reword(text: str) -> str:
         word = match[0]
         return _WORDS.get(word) or re.sub(r"(?<=.)([A-Z])", r"_\1", word).lower()
 
-    text = text.replace("AbsoluteMaximum", "absolute")
+    text = text.replace("AbsoluteMaximum", "absolute_maximum")
     names = "OutputSpacing|OutputOrigin|Size|Oversampling|RotationAxis|Center|StartAngle|AngularRange|Exact|LocalMaximum|Mode"
     return re.sub(rf"\b({'|'.join(_WORDS)}|{names})\b", name, text)
 

@@ -87,11 +87,11 @@ class Grid:
 class Layer:
     """A volume, its filter and its colours."""
 
-    def __init__(self, image: Any, *, colours: str = "grey", background: Any = "auto", **parameters: Any) -> None:
-        if not isinstance(colours, str) or colours not in COLOURS:
-            raise ValueError(f"colours must be one of {', '.join(COLOURS)}, but they are {colours!r}")
+    def __init__(self, image: Any, *, colour: str = "grey", background: Any = "auto", **parameters: Any) -> None:
+        if not isinstance(colour, str) or colour not in COLOURS:
+            raise ValueError(f"colour must be one of {', '.join(COLOURS)}, but it is {colour!r}")
         self.image = image
-        self.colours = _make_colours(colours)
+        self.colours = _make_colours(colour)
         self.filter = itk.ShearWarpMIPImageFilter.New(image)
         given = Parameters(**parameters)
         self._is_auto = isinstance(background, str) and background == "auto"
@@ -410,7 +410,7 @@ class Scene:
             ),
             "  ".join(part.replace(".0°", "°") for part in parts if part),
         )
-        mode = {"maximum": "", "minimum": "Minimum", "absolute": "Absolute maximum"}[state.mode]
+        mode = {"maximum": "", "minimum": "Minimum", "absolute_maximum": "Absolute maximum"}[state.mode]
         slab = ""
         if state.slab:
             near, far = (self._millimetres * depth for depth in state.slab)

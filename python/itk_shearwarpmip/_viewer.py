@@ -25,7 +25,7 @@ try:
 except ImportError as error:
     raise ImportError("the viewer needs rendercanvas and Pillow: pip install itk-shearwarpmip[viewer]") from error
 
-from itk_shearwarpmip._front import MODES, Place, _is_plain_array, check_mode
+from itk_shearwarpmip._front import MODES, Place, _is_plain_array, check_mode, take_former
 from itk_shearwarpmip._inputs import is_chunked, make_numbers, open_image
 from itk_shearwarpmip._save import check_window
 from itk_shearwarpmip._scene import Layer, Point, Scene, State, Window
@@ -139,12 +139,13 @@ class Viewer:
 
     @property
     def mode(self) -> str:
-        """Which of a ray's samples is its value: "maximum", "minimum" or "absolute"."""
+        """Which of a ray's samples is its value: "maximum", "minimum" or "absolute_maximum"."""
         return self._state.mode
 
     @mode.setter
     def mode(self, mode: str) -> None:
-        if check_mode(mode) not in self._find_modes():
+        mode = check_mode(mode)
+        if mode not in self._find_modes():
             raise ValueError(f"mode {mode!r} is not possible with the viewer's other parameters, such as local_maximum")
         self._change(mode=mode)
 
@@ -219,7 +220,7 @@ class Viewer:
         words = ["shear-warp-mip", shlex.quote(self._path), "mip.png"]
         words += [f"--{name} {each}" for name, each in view.items()]
         if self._state.mode != "maximum":
-            words.append(f"--mode {self._state.mode.replace('absolute', 'absolute-maximum')}")
+            words.append(f"--mode {self._state.mode.replace('_', '-')}")
         if self._state.slab:
             words.append("--slab {!r} {!r}".format(*self._state.slab))
         words.append("--size {} {}".format(*grid.size))
@@ -675,8 +676,8 @@ def show(
     elevation: float = 0.0,
     window: Sequence[float] | None = None,
     overlay_window: Sequence[float] | None = None,
-    colours: str = "grey",
-    overlay_colours: str = "hot",
+    colour: str = "grey",
+    overlay_colour: str = "hot",
     opacity: float = 1.0,
     mode: str = "maximum",
     slab: Sequence[float] | None = None,
@@ -698,9 +699,9 @@ def show(
         patient, or a 4 x 4 matrix.
     window, overlay_window: values that are black and white, (low, high); by default percentiles 1 and 99.8 of the first
         picture.
-    colours, overlay_colours: ITK's colour maps, such as "grey", "hot", "red", "jet".
+    colour, overlay_colour: ITK's colour maps, such as "grey", "hot", "red", "jet".
     opacity: opacity of the overlay's highest value, 0 to 1; lower values are less opaque in proportion.
-    mode: "maximum", "minimum" or "absolute".
+    mode: "maximum", "minimum" or "absolute_maximum".
     slab: the least and the greatest depth of the samples that count, in mm behind the middle of the image.
     exact: True to make the picture at rest by exact maxima.
     size: columns and rows of the widget in a notebook, in CSS pixels.
@@ -724,7 +725,9 @@ def show(
     >>> viewer.transform = "left"
     >>> viewer.close()
     """
-    check_mode(mode)
+    mode = check_mode(mode)
+    colour = take_former(parameters, "colours", "colour", colour)
+    overlay_colour = take_former(parameters, "overlay_colours", "overlay_colour", overlay_colour)
     if overlay is None and overlay_window is not None:
         raise ValueError("overlay_window is for an overlay")
     if not isinstance(opacity, Real) or not 0 <= opacity <= 1:
@@ -740,14 +743,14 @@ def show(
     if min(make_numbers("size", size, 2, is_whole=True)) < 1:
         raise ValueError(f"size must be positive, but it is {size!r}")
     image = open_image(source, **place)
-    layers = [Layer(image, colours=colours, **parameters)]
+    layers = [Layer(image, colour=colour, **parameters)]
     if overlay is not None:
         shared = {
             key: each
             for key, each in parameters.items()
             if key not in ("mask", "mask_label", "background", "local_maximum")
         }
-        layers.append(Layer(_open_overlay(overlay, image), colours=overlay_colours, **shared))
+        layers.append(Layer(_open_overlay(overlay, image), colour=overlay_colour, **shared))
     path = os.fspath(source) if isinstance(source, str | os.PathLike) else None
     windows = {(n, mode): check_window(each) for n, each in enumerate((window, overlay_window)) if each is not None}
     state = State(_scene.make_view(image, view, azimuth, elevation), mode=mode, slab=_make_slab(slab), windows=windows)

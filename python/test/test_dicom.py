@@ -50,7 +50,7 @@ def assert_as_the_program(folder, tmp_path, *options, **keywords):
     picture = mip(folder, azimuth=30, output_spacing=0.5, **keywords)
     if PROGRAM:
         output = tmp_path / "mip.mha"
-        command = [PROGRAM, folder, output, "--azimuth=30", "--spacing=0.5", *options]
+        command = [PROGRAM, folder, output, "--azimuth=30", "--output-spacing=0.5", *options]
         subprocess.run(command, check=True, capture_output=True)
         expected = itk.imread(str(output))
         assert np.asarray(picture).tobytes() == np.asarray(expected).tobytes()

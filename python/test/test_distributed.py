@@ -488,6 +488,9 @@ def test_program(ome_zarr, tmp_path, capsys):
     assert main([str(path), str(output), "--frames", "5", "--level", "1"]) == 0
     assert "100%" in capsys.readouterr().out
     assert itk.imread(output).shape[0] == 5
+    assert main([str(path), str(output), "--spacing", "3", "--quiet"]) == 0
+    assert list(itk.imread(output).GetSpacing()) == [3, 3]
+    assert capsys.readouterr().err == "itk_shearwarpmip: note: --spacing is --output-spacing now\n"
     check_error(capsys, "levels 0 to 2", path, output, "--level", 9)
     check_error(capsys, "none.zarr is no OME-Zarr", tmp_path / "none.zarr", output)
     with pytest.raises(SystemExit, match="2"):
@@ -505,7 +508,7 @@ def test_program(ome_zarr, tmp_path, capsys):
     [
         (["--frames", -1], "frames cannot be -1"),
         (["--frames", 0], "frames must be from 1 to 65535, but it is 0."),
-        (["--spacing", -1], "output_spacing must be positive and finite, but it is"),
+        (["--output-spacing", -1], "output_spacing must be positive and finite, but it is"),
         (["--time", 1], "has no axis t"),
         (["--scheduler", "nonsense:"], ""),
     ],

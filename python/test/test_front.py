@@ -203,7 +203,7 @@ print(sorted({name.partition(".")[0] for name in set(sys.modules) - before} - se
 
 # as of the program: shear-warp-mip --help
 DEFAULTS = dict.fromkeys(
-    "slab crop mask mask_label local_maximum output_spacing size output_origin number_of_threads".split()
+    "slab crop mask mask_label local_maximum output_spacing size output_origin threads".split()
 ) | {
     "view": "anterior", "azimuth": 0.0, "elevation": 0.0, "mode": "maximum", "depth": False, "attenuation": 0.0,
     "background": "auto", "exact": False, "oversampling": 1,
@@ -226,7 +226,7 @@ with_program = pytest.mark.skipif(not PROGRAM, reason="needs the program shear-w
 SAME = {
     "nothing": ({}, []),
     "view": ({"view": "left", "azimuth": -20, "elevation": 15}, ["--view=left", "--azimuth=-20", "--elevation=15"]),
-    "mode": ({"mode": "absolute"}, ["--mode=absolute-maximum"]),
+    "mode": ({"mode": "absolute_maximum"}, ["--mode=absolute-maximum"]),
     "slab": ({"slab": (-2, np.inf)}, ["--slab=-2,inf"]),
     "crop": ({"crop": ((12, -30, 5), (16, -26, np.inf))}, ["--crop=12,16,-30,-26,5,inf"]),
     "fading": ({"attenuation": 0.05}, ["--attenuation=0.05"]),
@@ -234,7 +234,7 @@ SAME = {
     "background": ({"background": 5}, ["--background=5"]),
     "exact": ({"exact": True}, ["--exact"]),
     "oversampling": ({"oversampling": 2}, ["--oversampling=2"]),
-    "grid": ({"output_spacing": (0.5, 0.8), "size": (20, 30)}, ["--spacing=0.5,0.8", "--size=20,30"]),
+    "grid": ({"output_spacing": (0.5, 0.8), "size": (20, 30)}, ["--output-spacing=0.5,0.8", "--size=20,30"]),
 }
 
 
@@ -260,9 +260,12 @@ def test_pictures_are_the_programs(parameters, options, image, tmp_path):
     "parameters, options",
     [
         ({}, ""),
-        ({"elevation": 20, "rotation_axis": "i", "center": (1, 2, 3)}, "--elevation=20 --axis=i --centre=1,2,3"),
-        ({"angular_range": 60, "rocking": True, "view": "right"}, "--rocking=60 --view=right"),
-        ({"angular_range": -90, "rotation_axis": (1, 2, 3)}, "--range=-90 --axis=1,2,3"),
+        (
+            {"elevation": 20, "rotation_axis": "i", "center": (1, 2, 3)},
+            "--elevation=20 --rotation-axis=i --centre=1,2,3",
+        ),
+        ({"angular_range": 60, "rocking": True, "view": "right"}, "--rocking --angular-range 60 --view=right"),
+        ({"angular_range": -90, "rotation_axis": (1, 2, 3)}, "--angular-range=-90 --rotation-axis=1,2,3"),
     ],
 )
 def test_turns_are_the_programs(parameters, options, image, tmp_path):
@@ -277,7 +280,7 @@ MASK = np.random.default_rng(3).integers(0, 3, (9, 11, 14))
 # keywords, parameters of the filter
 FILTERS = {
     "minimum": ({"mode": "minimum"}, {"mode": Enums.Mode_Minimum}),
-    "absolute": ({"mode": "absolute"}, {"mode": Enums.Mode_AbsoluteMaximum}),
+    "absolute": ({"mode": "absolute_maximum"}, {"mode": Enums.Mode_AbsoluteMaximum}),
     "slab": ({"slab": (-2, 3)}, {"slab_near": -2.0, "slab_far": 3.0}),
     "crop": (
         {"crop": ((12, -30, 5), (16, -26, np.inf))},
@@ -294,7 +297,7 @@ FILTERS = {
         {"output_spacing": (0.4, 0.5), "size": (20, 30), "output_origin": (-3, -4)},
         {"output_spacing": [0.4, 0.5], "size": [20, 30], "output_origin": [-3.0, -4.0]},
     ),
-    "threads": ({"number_of_threads": 1}, {}),
+    "threads": ({"threads": 1}, {}),
 }
 
 
@@ -668,7 +671,7 @@ BAD = {
     "angle": (call(IMAGE, azimuth=np.nan), ValueError, "azimuth and elevation must be finite"),
     "angles": (call(IMAGE, azimuth=np.array([30.0])), ValueError, "azimuth and elevation must be finite"),
     "angle of a matrix": (call(IMAGE, np.eye(4), azimuth=3), ValueError, "for a view that is a name"),
-    "mode": (call(IMAGE, mode="mean"), ValueError, "mode must be one of maximum, minimum, absolute"),
+    "mode": (call(IMAGE, mode="mean"), ValueError, "mode must be one of maximum, minimum, absolute_maximum"),
     "slab": (call(IMAGE, slab=5), ValueError, r"slab must be two numbers, \(near, far\)"),
     "slab's order": (call(IMAGE, slab=(5, 1)), ValueError, "slab's near must"),
     "crop": (call(IMAGE, crop=(1, 2, 3, 4, 5, 6)), ValueError, "crop must be two corners"),
@@ -685,9 +688,9 @@ BAD = {
     "fading": (call(IMAGE, attenuation=-1), ValueError, "attenuation must be finite and not negative"),
     "local maximum": (call(IMAGE, local_maximum=1.5), ValueError, "local_maximum must be whole"),
     "local maximum of magnitudes": (
-        call(IMAGE, local_maximum=1, mode="absolute"),
+        call(IMAGE, local_maximum=1, mode="absolute_maximum"),
         ValueError,
-        "local_maximum needs mode .* but mode is absolute",
+        "local_maximum needs mode .* but mode is absolute_maximum",
     ),
     "switched local maximum": (call(IMAGE, local_maximum=False), ValueError, "local_maximum must be whole"),
     "text as local maximum": (call(IMAGE, local_maximum="3"), ValueError, "local_maximum must be whole"),
@@ -699,8 +702,8 @@ BAD = {
     "size beyond integers": (call(IMAGE, size=(10**20, 1)), ValueError, "size must be positive and fit"),
     "huge size": (call(IMAGE, size=(10**7, 10**7)), ValueError, "size must fit in memory"),
     "output origin": (call(IMAGE, output_origin=(0, np.nan)), ValueError, "output_origin must be two finite"),
-    "many threads": (call(IMAGE, number_of_threads=2**40), ValueError, "number_of_threads cannot be"),
-    "threads": (call(IMAGE, number_of_threads=0), ValueError, "number_of_threads must be a whole"),
+    "many threads": (call(IMAGE, threads=2**40), ValueError, "threads cannot be"),
+    "threads": (call(IMAGE, threads=0), ValueError, "threads must be a whole"),
 }
 # of turn() alone
 BAD_TURN = {

@@ -101,7 +101,7 @@ def project(image, view="anterior", azimuth=0.0, elevation=0.0, mode="maximum", 
     else:
         side = getattr(itk.ShearWarpMIPViewEnums, f"Direction_{view.capitalize()}")
         transform = itk.ShearWarpMIPView.MakeTransform(image, side, azimuth, elevation)
-    mode = "AbsoluteMaximum" if mode == "absolute" else mode.capitalize()
+    mode = "AbsoluteMaximum" if mode == "absolute_maximum" else mode.capitalize()
     settings |= {"mode": getattr(itk.ShearWarpMIPImageFilterEnums, f"Mode_{mode}"), "transform": transform}
     settings |= {"slab_near": slab[0], "slab_far": slab[1]}
     lowest = min(0, itk.array_view_from_image(image).min().item())
@@ -226,7 +226,7 @@ def two(image, rng):
 
 def test_overlay_is_blended(two, open_viewer):
     viewer = open_viewer(
-        two[0], overlay=two[1], overlay_window=(0.5, 1.0), opacity=0.8, azimuth=25, elevation=5, overlay_colours="jet"
+        two[0], overlay=two[1], overlay_window=(0.5, 1.0), opacity=0.8, azimuth=25, elevation=5, overlay_colour="jet"
     )
     press(viewer, "v")
     assert viewer.overlay_window == (0.5, 1.0)
@@ -601,7 +601,7 @@ def test_slab(image, viewer):
 
 def test_modes(viewer):
     windows = {}
-    for mode in ("maximum", "minimum", "absolute"):
+    for mode in ("maximum", "minimum", "absolute_maximum"):
         assert viewer.mode == mode
         windows[mode] = viewer.window
         press(viewer, "m")
@@ -619,8 +619,8 @@ def test_modes_are_those_that_parameters_allow(image, open_viewer):
     assert viewer.mode == "minimum"
     press(viewer, "m")
     assert viewer.mode == "maximum"
-    with pytest.raises(ValueError, match=r"mode 'absolute' is not possible .* local_maximum"):
-        viewer.mode = "absolute"
+    with pytest.raises(ValueError, match=r"mode 'absolute_maximum' is not possible .* local_maximum"):
+        viewer.mode = "absolute_maximum"
 
 
 def test_double_click_resets(image, open_viewer, monkeypatch):
@@ -945,8 +945,8 @@ def test_parameters_of_the_filter(image, open_viewer):
         ({"canvas": 3}, TypeError, "canvas must be one of rendercanvas, but it is 3"),
         ({"page": {"hots": 1}}, TypeError, "page must be a dictionary of host, port and no_browser, but it is"),
         ({"size": "large"}, ValueError, "size must be two whole numbers"),
-        ({"colours": "grayish"}, ValueError, "colours must be one of"),
-        ({"colours": ["hot"]}, ValueError, "colours must be one of"),
+        ({"colour": "grayish"}, ValueError, "colour must be one of"),
+        ({"colour": ["hot"]}, ValueError, "colour must be one of"),
         ({"slab": (np.inf, np.inf)}, ValueError, "near <= far"),
         ({"opacity": 2}, ValueError, "opacity must be 0 to 1"),
         ({"opacity": "half"}, ValueError, "opacity must be 0 to 1, but it is 'half'"),
