@@ -395,16 +395,20 @@ MakeOneLine(const std::string & text)
 } // namespace
 
 int
+RefuseToRun(std::ostream & messages, const std::string & reason)
+{
+  messages << "shear-warp-mip: " << MakeOneLine(reason) << std::endl;
+  return EXIT_FAILURE;
+}
+
+int
 RunProgram(int argc, const char * const * argv, std::ostream & output, std::ostream & messages)
 {
   Options  options;
   CLI::App app("", "shear-warp-mip");
   DefineOptions(app, options);
 
-  const auto fail = [&messages](const std::string & text) {
-    messages << "shear-warp-mip: " << MakeOneLine(text) << std::endl;
-    return EXIT_FAILURE;
-  };
+  const auto fail = [&messages](const std::string & text) { return RefuseToRun(messages, text); };
   try
   {
     app.parse(CollectArguments(

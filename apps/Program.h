@@ -19,10 +19,15 @@
 #define Program_h
 
 #include <ostream>
+#include <string>
 
 /** The program shear-warp-mip with the arguments of main(), and what it prints: \a output is what was asked for,
  * \a messages are errors, warnings and progress. Returns the exit status, 0 or 1. */
 int
 RunProgram(int argc, const char * const * argv, std::ostream & output, std::ostream & messages);
+
+/** Prints why the program ends. Returns the exit status, 1. */
+int
+RefuseToRun(std::ostream & messages, const std::string & reason);
 
 #endif

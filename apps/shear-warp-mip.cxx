@@ -15,13 +15,12 @@
  *  limitations under the License.
  *
  *=========================================================================*/
-#include "Integrity.h"
+#include "Guard.h"
 #include "Program.h"
 
 #include "itkObject.h"
 
 #include <cstdio>
-#include <cstdlib>
 #include <iostream>
 
 int
@@ -36,9 +35,6 @@ main(int argc, char * argv[])
   stderr = std::fopen("/dev/null", "w");
 #endif
   itk::Object::SetGlobalWarningDisplay(false);
-  if (ParseIfAsked(argc, argv, output))
-  {
-    return EXIT_SUCCESS;
-  }
-  return RunProgram(argc, argv, output, messages);
+  return RunGuarded([&] { return RunProgram(argc, argv, output, messages); },
+                    [&](const std::string & refusal) { RefuseToRun(messages, refusal); });
 }

@@ -18,14 +18,12 @@
 #include "DicomFolder.h"
 #include "DicomAttribute.h"
 #include "DicomKind.h"
+#include "DicomReader.h"
 #include "FileStart.h"
 #include "InputFiles.h"
-#include "Integrity.h"
 
 #include <algorithm>
 #include <cstdlib>
-#include <fstream>
-#include <iterator>
 #include <map>
 #include <set>
 #include <stdexcept>
@@ -35,7 +33,6 @@ namespace
 {
 namespace fs = std::filesystem;
 using gdcm::DataSet;
-using gdcm::Tag;
 
 struct Series
 {
@@ -121,19 +118,16 @@ FindAllSeries(const fs::path & folder, const WarningFunction & warn)
       files.push_back(path.string());
     }
   }
-  const auto haveHeaders = HaveDicomHeaders(files);
 
   std::map<std::string, Series>           found;
   std::map<std::string, fs::path>         instances;
   std::vector<fs::path>                   others;
   std::set<std::pair<fs::path, fs::path>> extensions;
-  for (std::size_t n = 0; n < files.size(); ++n)
+  for (const std::string & file : files)
   {
-    const std::string & file = files[n];
-    const fs::path      path(file);
-    std::ifstream       stream(file, std::ios::binary);
-    const DataSet       header = haveHeaders[n] ? FindHeader(stream).value_or(DataSet()) : DataSet();
-    const std::string   uid = GetText(header, { 0x0020, 0x000e });
+    const fs::path    path(file);
+    const DataSet     header = ReadSoundHeader(file).value_or(DataSet());
+    const std::string uid = GetText(header, { 0x0020, 0x000e });
     if (!IsImage(header))
     {
       if (HasPreamble(path))
@@ -286,8 +280,9 @@ FindSeries(const fs::path &        folder,
     leftOut.Add(other, "no image");
   }
   leftOut.Warn(warn);
-  auto files = chosen.files;
-  files.insert(files.end(), chosen.others.begin(), chosen.others.end());
-  RequireIntactDICOM(files);
+  for (const std::string & other : chosen.others)
+  {
+    DicomReader().ReadWhole(other);
+  }
   return chosen.files;
 }

@@ -447,7 +447,7 @@ ReadDicom(const fs::path &        path,
         continue;
       }
       volume.dicomFiles.emplace_back(source->path);
-      const auto stored = ReadStored(*source);
+      const auto stored = TakeStored(*source);
       const auto bytes = stored.size() / source->size[2];
       for (std::size_t n = 0; n < slices.size(); ++n)
       {

@@ -20,6 +20,9 @@
 
 #include <gdcmImageReader.h>
 
+#include <optional>
+#include <string>
+
 /** GDCM's reader, which also reads label maps (PS3.3 C.8.20.2), whose SOP class GDCM does not know. They become other
  * segmentations. */
 class DicomReader : public gdcm::ImageReader
@@ -27,7 +30,21 @@ class DicomReader : public gdcm::ImageReader
 public:
   bool
   Read() override;
+
+  /** Reads a file once, with its pixels as they are stored. Returns whether the file is an image. Throws
+   * std::runtime_error if a DICOM file is cut short or damaged. */
+  bool
+  ReadWhole(const std::string & path);
 };
+
+/** The header of a DICOM file, none if the file is of another kind. Throws std::runtime_error if the file begins as
+ * DICOM does, but has no sound header. */
+std::optional<gdcm::DataSet>
+ReadSoundHeader(const std::string & path);
+
+/** What the program says if the pixels of a file cannot be read. */
+std::string
+DescribeDamage(const std::string & path, const std::string & reason);
 
 /** Whether the pixels of a segmentation are numbers of segments. */
 bool

@@ -23,7 +23,6 @@
 #include "DicomSlices.h"
 #include "FileStart.h"
 #include "InputFiles.h"
-#include "Integrity.h"
 
 #include <gdcmAttribute.h>
 #include <gdcmSequenceOfItems.h>
@@ -155,7 +154,7 @@ MakeLayers(const std::vector<Slice> &         frames,
            std::map<PixelType, std::size_t> & layerOf)
 {
   const Source & source = *frames.front().source;
-  const auto     stored = ReadStored(source);
+  const auto     stored = TakeStored(source);
   const auto     length = stored.size() / source.size[2];
   // fractions are of a highest value
   gdcm::Attribute<0x0062, 0x000e> highest;
@@ -203,7 +202,7 @@ std::vector<PixelType>
 ReadLabels(const std::vector<Slice> & frames, const std::vector<std::size_t> & indices, std::size_t count)
 {
   const Source & source = *frames.front().source;
-  const auto     stored = ReadStored(source);
+  const auto     stored = TakeStored(source);
   const auto     length = std::size_t{ source.size[0] } * source.size[1];
   PixelType      padding = 0;
   if (const auto * const bytes = source.header.GetDataElement(Tag(0x0028, 0x0120)).GetByteValue())
@@ -234,10 +233,6 @@ ReadDicomSegments(const std::filesystem::path & path, const WarningFunction & wa
   if (files.size() != 1 || !HasPreamble(files.front()))
   {
     return {};
-  }
-  if (folder.empty())
-  {
-    RequireIntactDICOM(files);
   }
   const auto source = ReadSource(files.front());
   if (!source || !IsSegmentation(source->header))

@@ -18,6 +18,7 @@
 #include "DicomSlices.h"
 #include "DicomAttribute.h"
 #include "DicomReader.h"
+#include "Guard.h"
 
 #include "itkGDCMImageIO.h"
 
@@ -45,6 +46,12 @@ using gdcm::DataSet;
 using gdcm::Tag;
 using VectorType = itk::Vector<double, 3>;
 using Component = itk::IOComponentEnum;
+
+std::string
+DescribeUndecoded(const Source & source)
+{
+  return "cannot decode the pixels of '" + source.path + "'; decompress the images first";
+}
 
 Component
 GetComponentType(gdcm::PixelFormat::ScalarType type)
@@ -164,7 +171,7 @@ ReadStreams(const Source & source, const gdcm::Image & image)
     codec.SetPixelFormat(image.GetPixelFormat());
     if (!codec.GetHeaderInfo(fragment, syntax))
     {
-      throw std::runtime_error("cannot decode the pixels of '" + source.path + "'; decompress the images first");
+      throw std::runtime_error(DescribeUndecoded(source));
     }
     gdcm::PixelFormat stream = codec.GetPixelFormat();
     if (&codec == &rle)
@@ -300,6 +307,49 @@ ChooseType(const Slice & slice)
   // GDCM asserts that it is
   return slice.slope > 0.0 ? GetComponentType(rescaler.ComputeInterceptSlopePixelType()) : Component::DOUBLE;
 }
+
+std::vector<char>
+Decode(const Source & source)
+{
+  gdcm::Image &     image = *source.image;
+  std::vector<char> bytes;
+  if (source.isConverted && source.format != gdcm::PixelFormat::SINGLEBIT)
+  {
+    const auto io = itk::GDCMImageIO::New();
+    io->SetFileName(source.path);
+    io->ReadImageInformation();
+    bytes.resize(static_cast<std::size_t>(io->GetImageSizeInBytes()));
+    io->Read(bytes.data());
+    return bytes;
+  }
+  if (source.format == gdcm::PixelFormat::SINGLEBIT && image.GetDataElement().GetByteValue())
+  {
+    // bits follow one another, also those of the next row; GDCM has each row begin with a byte
+    const gdcm::ByteValue & bits = *image.GetDataElement().GetByteValue();
+    bytes.resize(std::size_t{ source.size[0] } * source.size[1] * source.size[2]);
+    for (std::size_t n = 0; n < std::min<std::size_t>(bytes.size(), 8 * std::size_t{ bits.GetLength() }); ++n)
+    {
+      bytes[n] = static_cast<char>(bits.GetPointer()[n / 8] >> n % 8 & 1);
+    }
+    return bytes;
+  }
+  const unsigned short width = source.streams.empty() ? 0 : GetBytes(source.streams.front());
+  if (width > 0)
+  {
+    // all bits that the codec delivers
+    const auto bits = static_cast<unsigned short>(8 * width);
+    image.SetPixelFormat(gdcm::PixelFormat(1, bits, bits, static_cast<unsigned short>(bits - 1)));
+  }
+  bytes.resize(image.GetBufferLength());
+  if (!image.GetBuffer(bytes.data()))
+  {
+    throw std::runtime_error(DescribeUndecoded(source));
+  }
+  return width == 0   ? bytes
+         : width == 1 ? Interpret<std::uint8_t>(source, bytes)
+         : width == 2 ? Interpret<std::uint16_t>(source, bytes)
+                      : Interpret<std::uint32_t>(source, bytes);
+}
 } // namespace
 
 std::optional<Source>
@@ -308,15 +358,16 @@ ReadSource(const std::string & path)
   // as ITK has it
   gdcm::ImageHelper::SetForceRescaleInterceptSlope(true);
   DicomReader reader;
-  reader.SetFileName(path.c_str());
-  if (!reader.Read())
+  if (!reader.ReadWhole(path))
   {
     return {};
   }
+  Source source;
+  source.path = path;
+  source.image = &reader.GetImage();
+  const Parsing              parsing(path, DescribeUndecoded(source));
   const gdcm::Image &        image = reader.GetImage();
   const unsigned int * const dimensions = image.GetDimensions();
-  Source                     source;
-  source.path = path;
   source.header = reader.GetFile().GetDataSet();
   source.header.Remove(Tag(0x7fe0, 0x0010));
   source.size = { dimensions[0], dimensions[1], image.GetNumberOfDimensions() == 3 ? dimensions[2] : 1 };
@@ -517,47 +568,10 @@ RequireLikeness(const Slice & slice, const Slice & first)
 }
 
 std::vector<char>
-ReadStored(const Source & source)
+TakeStored(const Source & source)
 {
-  std::vector<char> bytes;
-  if (source.isConverted && source.format != gdcm::PixelFormat::SINGLEBIT)
-  {
-    const auto io = itk::GDCMImageIO::New();
-    io->SetFileName(source.path);
-    io->ReadImageInformation();
-    bytes.resize(static_cast<std::size_t>(io->GetImageSizeInBytes()));
-    io->Read(bytes.data());
-    return bytes;
-  }
-  DicomReader reader;
-  reader.SetFileName(source.path.c_str());
-  const bool          isRead = reader.Read();
-  const gdcm::Image & image = reader.GetImage();
-  if (source.format == gdcm::PixelFormat::SINGLEBIT && isRead && image.GetDataElement().GetByteValue())
-  {
-    // bits follow one another, also those of the next row; GDCM has each row begin with a byte
-    const gdcm::ByteValue & bits = *image.GetDataElement().GetByteValue();
-    bytes.resize(std::size_t{ source.size[0] } * source.size[1] * source.size[2]);
-    for (std::size_t n = 0; n < std::min<std::size_t>(bytes.size(), 8 * std::size_t{ bits.GetLength() }); ++n)
-    {
-      bytes[n] = static_cast<char>(bits.GetPointer()[n / 8] >> n % 8 & 1);
-    }
-    return bytes;
-  }
-  const unsigned short width = source.streams.empty() ? 0 : GetBytes(source.streams.front());
-  if (width > 0)
-  {
-    // all bits that the codec delivers
-    const auto bits = static_cast<unsigned short>(8 * width);
-    reader.GetImage().SetPixelFormat(gdcm::PixelFormat(1, bits, bits, static_cast<unsigned short>(bits - 1)));
-  }
-  bytes.resize(image.GetBufferLength());
-  if (!isRead || !image.GetBuffer(bytes.data()))
-  {
-    throw std::runtime_error("cannot decode the pixels of '" + source.path + "'; decompress the images first");
-  }
-  return width == 0   ? bytes
-         : width == 1 ? Interpret<std::uint8_t>(source, bytes)
-         : width == 2 ? Interpret<std::uint16_t>(source, bytes)
-                      : Interpret<std::uint32_t>(source, bytes);
+  const Parsing parsing(source.path, DescribeUndecoded(source));
+  auto          stored = Decode(source);
+  source.image->GetDataElement().Empty();
+  return stored;
 }

@@ -21,7 +21,8 @@
 #include "AnyImage.h"
 
 #include <gdcmDataSet.h>
-#include <gdcmPixelFormat.h>
+#include <gdcmImage.h>
+#include <gdcmSmartPointer.h>
 
 #include <array>
 #include <cstdint>
@@ -45,6 +46,8 @@ struct Source
   double intercept{ 0.0 };
   /** Whether ITK makes the pixels: colours and bits. */
   bool isConverted{ false };
+  /** The pixels as they are in the file, until TakeStored(). */
+  gdcm::SmartPointer<gdcm::Image> image{};
 };
 
 struct Slice
@@ -68,7 +71,8 @@ struct Slice
   std::uint16_t segment{ 0 };
 };
 
-/** A file with an image; none if it cannot be decoded. Throws if its attributes contradict its pixels. */
+/** A file with an image, which is read once; none if it is no image. Throws if the file is damaged, or if its
+ * attributes contradict its pixels. */
 std::optional<Source>
 ReadSource(const std::string & path);
 
@@ -89,10 +93,10 @@ GetName(const Slice & slice);
 void
 RequireLikeness(const Slice & slice, const Slice & first);
 
-/** The pixels of all frames as they are stored. Bits that a codec delivers are read as the attributes say. Throws if
- * the stream can mean other values. */
+/** The pixels of all frames as they are stored, for a single call: their memory in \a source is released. Bits that a
+ * codec delivers are read as the attributes say. Throws if the stream can mean other values. */
 std::vector<char>
-ReadStored(const Source & source);
+TakeStored(const Source & source);
 
 /** The data set in the first item of a sequence, empty if there is none. */
 gdcm::DataSet

@@ -45,6 +45,13 @@ HasPreamble(const std::filesystem::path & path)
   return start.size() == 132 && start.compare(128, 4, "DICM") == 0;
 }
 
+/** Whether a file is called DICOM, or begins as DICOM does. */
+inline bool
+LooksLikeDicom(const std::filesystem::path & path)
+{
+  return path.extension() == ".dcm" || HasPreamble(path);
+}
+
 /** The fields of the text that a file of NRRD or MetaImage begins with. \a end gets the place behind this text. */
 inline std::map<std::string, std::string>
 ReadFields(const std::filesystem::path & path, std::streamoff * end = nullptr)

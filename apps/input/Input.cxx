@@ -165,7 +165,7 @@ ReadVolume(const std::filesystem::path & path,
   Volume     volume;
   const auto read = [&] {
     const auto io = itk::ImageIOFactory::CreateImageIO(path.c_str(), itk::IOFileModeEnum::ReadMode);
-    if (HasPreamble(path) || (io && dynamic_cast<const itk::GDCMImageIO *>(io.GetPointer())))
+    if (LooksLikeDicom(path) || (io && dynamic_cast<const itk::GDCMImageIO *>(io.GetPointer())))
     {
       volume = ReadDicom(path, series, warn, option, volumeNumber);
       return;

@@ -16,14 +16,26 @@
  *
  *=========================================================================*/
 #include "TransformFile.h"
+#include "Guard.h"
 #include "InputFiles.h"
-#include "Integrity.h"
-#include "TransformRecords.h"
 
 #include "itkCompositeTransform.h"
+#include "itkIdentityTransform.h"
+#include "itkTransformFactoryBase.h"
+#include "itkTransformFileReader.h"
+#include "itkTransformIOFactory.h"
+#include "itkVersion.h"
 
 #include <algorithm>
+#include <array>
+#include <cstdint>
+#include <fstream>
+#include <list>
+#include <memory>
+#include <set>
 #include <stdexcept>
+#include <string>
+#include <typeinfo>
 
 namespace
 {
@@ -32,6 +44,136 @@ using TransformBase = itk::TransformBaseTemplate<double>;
 using TransformType = itk::Transform<double, 3, 3>;
 using Transforms = std::vector<TransformType::Pointer>;
 using CompositeType = itk::CompositeTransform<double, 3>;
+
+/** What a file says of a transform: its type and numbers, which need not go together. */
+class TransformRecord : public itk::IdentityTransform<double, 3>
+{
+public:
+  using Pointer = itk::SmartPointer<TransformRecord>;
+
+  static Pointer
+  New(const std::string & type)
+  {
+    const Pointer record = new TransformRecord(type);
+    record->UnRegister();
+    return record;
+  }
+
+  void
+  SetParameters(const ParametersType & parameters) override
+  {
+    this->m_Parameters = parameters;
+  }
+
+  void
+  SetFixedParameters(const FixedParametersType & parameters) override
+  {
+    this->m_FixedParameters = parameters;
+  }
+
+  std::string
+  GetTransformTypeAsString() const override
+  {
+    return m_Type;
+  }
+
+private:
+  explicit TransformRecord(const std::string & type)
+    : m_Type(type)
+  {}
+
+  std::string m_Type;
+};
+
+/** While it is registered, ITK's readers fill records. They check no numbers, and a transform that gets too few or too
+ * many reads and writes beyond its memory. */
+class RecordFactory : public itk::ObjectFactoryBase
+{
+public:
+  using Self = RecordFactory;
+  using Pointer = itk::SmartPointer<Self>;
+  itkFactorylessNewMacro(Self);
+
+  const char *
+  GetITKSourceVersion() const override
+  {
+    return ITK_SOURCE_VERSION;
+  }
+
+  const char *
+  GetDescription() const override
+  {
+    return "Records of transforms";
+  }
+
+protected:
+  itk::LightObject::Pointer
+  CreateObject(const char * name) override
+  {
+    const std::string type(name);
+    if (type == typeid(itk::TransformFileReaderTemplate<double>).name())
+    {
+      throw std::runtime_error("a file that names others, maybe itself");
+    }
+    return type.find("_double_") == std::string::npos ? nullptr : TransformRecord::New(type).GetPointer();
+  }
+};
+
+/** Whether the vectors of a MATLAB file are whole, and fill it. ITK's reader does not ask. */
+bool
+IsWholeMATLAB(const fs::path & path)
+{
+  // the types that need no swapping of bytes; others do
+  const std::set<std::int32_t> native = { 0, 10, 100, 110, 1000, 1100, 1110 };
+  const auto                   size = static_cast<std::int64_t>(fs::file_size(path));
+  std::int64_t                 end = 0;
+  std::ifstream                file(path, std::ios::binary);
+  while (end < size)
+  {
+    std::array<std::int32_t, 5> header{};
+    file.seekg(end);
+    file.read(reinterpret_cast<char *>(header.data()), sizeof(header));
+    if (native.count(header[0]) == 0)
+    {
+      for (std::int32_t & number : header)
+      {
+        auto * const bytes = reinterpret_cast<char *>(&number);
+        std::reverse(bytes, bytes + sizeof(number));
+      }
+    }
+    const auto [type, rows, columns, isComplex, nameLength] = header;
+    if (!file || rows < 0 || columns != 1 || isComplex != 0 || nameLength < 0)
+    {
+      return false;
+    }
+    const std::int64_t bytes = type % 100 < 10 ? sizeof(double) : sizeof(float);
+    end += static_cast<std::int64_t>(sizeof(header)) + nameLength + rows * bytes;
+  }
+  return end == size;
+}
+
+using Records = std::list<TransformBase::Pointer>;
+
+Records
+ReadRecords(const fs::path & path)
+{
+  const std::string name = path.string();
+  const auto        io =
+    itk::TransformIOFactoryTemplate<double>::CreateTransformIO(name.c_str(), itk::IOFileModeEnum::ReadMode);
+  if (!io || (path.extension() == ".mat" && !IsWholeMATLAB(path)))
+  {
+    return {};
+  }
+  // a type that has a factory is not registered later
+  itk::TransformFactoryBase::RegisterDefaultTransforms();
+  const auto factory = RecordFactory::New();
+  RecordFactory::RegisterFactory(factory, itk::ObjectFactoryEnums::InsertionPosition::INSERT_AT_FRONT);
+  const std::unique_ptr<RecordFactory, decltype(&RecordFactory::UnRegisterFactory)> registered(
+    factory, RecordFactory::UnRegisterFactory);
+  io->SetFileName(name);
+  io->Read();
+  return io->GetReadTransformList();
+}
 
 TransformBase::Pointer
 CreateTransform(const std::string & type)
@@ -75,7 +217,7 @@ MakeTransform(const TransformBase & record)
 
 /** A composite transform is the first in its file and consists of the others. */
 Transforms
-MakeTransforms(const TransformRecords & records)
+MakeTransforms(const Records & records)
 {
   Transforms transforms;
   for (const auto & record : records)
@@ -103,19 +245,22 @@ ReadLinearTransforms(const fs::path & path)
   const std::string name = "'" + path.string() + "' ";
   RequireReadable(path);
   const std::string unreadable = name + "is not a transform that ITK can read";
-  if (Check(FileKind::Transform, { path.string() }).front() != Soundness::Sound)
-  {
-    throw std::runtime_error(unreadable);
-  }
   try
   {
-    return MakeTransforms(ReadTransformRecords(path));
+    const Parsing parsing(path, unreadable);
+    const Records records = ReadRecords(path);
+    if (records.empty())
+    {
+      throw std::runtime_error(unreadable);
+    }
+    return MakeTransforms(records);
   }
   catch (const WrongTransform & error)
   {
     throw std::runtime_error(name + error.what());
   }
-  catch (const std::exception &)
+  // HDF5 throws what is no std::exception
+  catch (...)
   {
     throw std::runtime_error(unreadable);
   }

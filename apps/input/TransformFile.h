@@ -21,7 +21,6 @@
 #include "itkTransform.h"
 
 #include <filesystem>
-#include <string>
 #include <vector>
 
 /** Reads linear 3D transforms, at least one. Throws if the file is damaged or holds something else. */

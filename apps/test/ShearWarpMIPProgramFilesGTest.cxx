@@ -311,4 +311,19 @@ TEST_F(ShearWarpMIPProgramFiles, LeavesNothingWhenInterrupted)
     }
   }
 }
+
+TEST_F(ShearWarpMIPProgramFiles, LeavesNothingWhenKilled)
+{
+#ifdef __linux__
+  const auto before = this->GetContents();
+  // all of its processes end, and the last one cleans up
+  const std::string command = "cd '" + m_Folder.string() + "' || exit\n'" + GetProgram() +
+                              "' in.nrrd out.png --frames 400 --size 200 200 2>/dev/null &\n"
+                              "until [ -e .shear-warp-mip-*-9.png ] || ! kill -0 $!; do sleep 0.001; done\n"
+                              "kill -KILL $!; wait $!; for n in $(seq 200); do\n"
+                              "ls -A | grep -q shear-warp-mip- || exit 0; sleep 0.05; done; exit 1";
+  EXPECT_EQ(std::system(command.c_str()), 0);
+  EXPECT_TRUE(this->GetContents() == before);
+#endif
+}
 } // namespace

@@ -360,17 +360,6 @@ TEST_F(ShearWarpMIPProgramDicomFiles, AreParsedWhereStreamsAreClosed)
   }
 }
 
-TEST_F(ShearWarpMIPProgramDicomFiles, AreParsedThoughTheProgramIsRemoved)
-{
-  this->WriteDICOMSeries("1.2.3.4", "a", { 0, 2, 4 });
-  fs::copy_file(GetProgram(), m_Folder / "program");
-  // opened, removed and started
-  const std::string start = "exec 3<program; rm program; /proc/self/fd/3 dicom out.nrrd; exit $?;";
-  const auto        result = this->Run("", start);
-  EXPECT_EQ(result.status, 0) << result.messages;
-  EXPECT_TRUE(fs::exists(m_Folder / "out.nrrd"));
-}
-
 TEST_F(ShearWarpMIPProgramDicomFiles, AreParsedHoweverMany)
 {
   std::vector<double> positions(300);
