@@ -258,8 +258,11 @@ class Scene:
         self.extent = _find_corners(image) - self.center
         self._has_direction = getattr(image, "has_direction", True)
         self._millimetres = find_millimetres(getattr(image, "unit", None))
-        # a tenth of a voxel, but not less than 0.1 mm
-        self._decimals = max(1, int(np.ceil(-np.log10(self._millimetres * min(image.GetSpacing())))))
+        voxel = self._millimetres * min(image.GetSpacing())
+        self._unit, factor = ("mm", 1.0) if voxel >= 0.01 else ("µm", 1e3) if voxel >= 0.00001 else ("nm", 1e6)
+        self._factor = factor * self._millimetres
+        # a tenth of a voxel, but not less than 0.1
+        self._decimals = max(1, int(np.ceil(-np.log10(factor * voxel))))
 
     def refresh(self) -> None:
         """Takes the present values of the images."""
@@ -413,8 +416,9 @@ class Scene:
         mode = {"maximum": "", "minimum": "Minimum", "absolute_maximum": "Absolute maximum"}[state.mode]
         slab = ""
         if state.slab:
-            near, far = (self._millimetres * depth for depth in state.slab)
-            slab = f"Slab {far - near:.{self._decimals}f} mm at {(near + far) / 2:.{self._decimals}f} mm"
+            near, far = (self._factor * depth for depth in state.slab)
+            thickness, middle = (f"{each:.{self._decimals}f} {self._unit}" for each in (far - near, (near + far) / 2))
+            slab = f"Slab {thickness} at {middle}"
         return [(name, _TEXT), (mode, _QUIET), (slab, _QUIET)]
 
     def _describe_point(self, state: State) -> list[tuple[str, str]]:
@@ -424,12 +428,12 @@ class Scene:
             f"{letters[int(each < 0)]} {abs(each):.{self._decimals}f}"
             if self._has_direction
             else f"{name} {each:.{self._decimals}f}"
-            for name, letters, each in zip("xyz", LETTERS, self._millimetres * np.array(state.point.position))
+            for name, letters, each in zip("xyz", LETTERS, self._factor * np.array(state.point.position))
         )
         overlay = f"  overlay {state.point.overlay.value:.4g}" if state.point.overlay else ""
         return [
             (f"{state.point.value:g}{overlay}", _ACCENT),
-            (f"{position} mm", _ACCENT),
+            (f"{position} {self._unit}", _ACCENT),
             ("voxel {}, {}, {}".format(*state.point.index), _QUIET),
         ]
 

@@ -370,7 +370,7 @@ def test_texts_of_the_picture(image, tmp_path, open_viewer, monkeypatch):
     assert {"RAO 30.5°  CRA 10°", "Minimum"} <= set(record_stamps(viewer, monkeypatch))
 
 
-def test_an_array_has_no_letters_and_units_are_mm(rng, open_viewer, monkeypatch):
+def test_an_array_has_no_letters_and_micrometres_are_said(rng, open_viewer, monkeypatch):
     source = xarray.DataArray(
         rng.integers(0, 99, (9, 11, 14)), {axis: np.arange(n) for axis, n in zip("zyx", (9, 11, 14))}
     )
@@ -382,8 +382,8 @@ def test_an_array_has_no_letters_and_units_are_mm(rng, open_viewer, monkeypatch)
     x, y, z = viewer.pick(240, 180).position
     placed = record_stamps(viewer, monkeypatch)
     assert not {"R", "L", "H", "F"} & set(placed)
-    assert "Slab 0.009 mm at 0.000 mm" in placed or "Slab 0.009 mm at 0.001 mm" in placed
-    assert f"x {x / 1000:.3f}  y {y / 1000:.3f}  z {z / 1000:.3f} mm" in placed
+    assert "Slab 9.0 µm at 0.5 µm" in placed
+    assert f"x {x:.1f}  y {y:.1f}  z {z:.1f} µm" in placed
     assert {"2 µm", "5 µm"} & set(placed)
 
 
@@ -957,7 +957,7 @@ def test_parameters_of_the_filter(image, open_viewer):
         ({"attenuation": -1}, ValueError, "attenuation must be finite and not negative"),
         ({"crop": [(5, 5, 5), (1, 1, 1)]}, ValueError, "crop's lower must not be greater"),
         ({"view": np.diag([1e200, 1, 1, 1])}, ValueError, "view must be invertible"),
-        ({"colour": "hot"}, TypeError, "colour"),
+        ({"color": "hot"}, TypeError, "color"),
     ],
     ids=lambda value: str(value)[:20] if isinstance(value, dict) else "",
 )
