@@ -827,7 +827,7 @@ Reword(const CLI::App & app, const CLI::ParseError & error)
     text, std::regex("At [Mm]ost (\\d+) required but received (\\d+)"), "at most $1 can be given, not $2");
   text = std::regex_replace(text, std::regex("1 required (.*) missing"), "a value is needed, $1");
   text = std::regex_replace(text, std::regex("(, \\w+):\\w+ in \\[.*"), "$1");
-  text = std::regex_replace(text, std::regex("^--output"), "OUTPUT");
+  text = std::regex_replace(text, std::regex("^--output(?!-)"), "OUTPUT");
   text = std::regex_replace(text, std::regex("a value is needed, TEXT"), "a value is needed");
   return dynamic_cast<const CLI::RequiredError *>(&error) ? text + "; see --help" : text;
 }

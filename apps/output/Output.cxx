@@ -182,7 +182,8 @@ OutputFiles::Reserve(const fs::path & path, const std::set<FileFormat> & formats
   const FileFormat  own = FindFormat(path);
   if (formats.count(own) == 0)
   {
-    throw std::runtime_error(option + ": '" + path.string() + "' must have one of the extensions" + ListExtensions(formats) +
+    throw std::runtime_error(option + ": '" + path.string() + "' must have one of the extensions" +
+                             ListExtensions(formats) +
                              (formats.count(FileFormat::Page) == 0 ? ""
                               : extension == ".dcm"                ? "; --dicom-out writes DICOM"
                                                                    : ", or a / at its end for a DICOM series"));
