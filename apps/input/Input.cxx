@@ -183,8 +183,8 @@ ReadVolume(const std::filesystem::path & path,
     if (reader == "HDF5ImageIO" || reader == "MINCImageIO")
     {
       throw std::runtime_error("'" + path.string() +
-                               "' is HDF5 or MINC, which are not read because a damaged file can " +
-                               "end the program; convert it to NRRD, NIfTI or MetaImage");
+                               "' is HDF5 or MINC, which are not read because nothing in them tells of " +
+                               "damage; convert it to NRRD, NIfTI or MetaImage");
     }
     if (checkedReaders.count(reader) == 0)
     {
