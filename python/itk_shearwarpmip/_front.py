@@ -3,7 +3,6 @@
 import difflib
 import inspect
 import os
-import re
 import sys
 import threading
 import warnings
@@ -12,15 +11,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal, TypedDict, Unpack, cast
+from typing import Any, Literal, TypedDict, Unpack
 
 import itk
 import numpy as np
-from numpy.typing import NDArray
 
 from itk_shearwarpmip import _save
 from itk_shearwarpmip._inputs import (
-    describe,
     is_chunked,
     is_of,
     is_ome_zarr,
@@ -33,10 +30,17 @@ from itk_shearwarpmip._inputs import (
     take,
 )
 from itk_shearwarpmip._labels import get_matrix
+from itk_shearwarpmip._parameters import (
+    Mode,
+    Parameters,
+    check_mode,
+    find_lowest,
+    set_parameters,
+    set_value,
+    take_former,
+    update,
+)
 from itk_shearwarpmip._views import make_transform
-
-Mode = Literal["maximum", "minimum", "absolute_maximum"]
-MODES = {"maximum": "Mode_Maximum", "minimum": "Mode_Minimum", "absolute_maximum": "Mode_AbsoluteMaximum"}
 
 
 class Place(TypedDict, total=False):
@@ -49,27 +53,6 @@ class Place(TypedDict, total=False):
     level: int | None
     time: int
     channel: int
-
-
-@dataclass(frozen=True)
-class Parameters:
-    """The parameters of the filters, with the names of mip()'s keywords."""
-
-    mode: Mode = "maximum"
-    slab: Sequence[float] | None = None
-    crop: Sequence[Sequence[float]] | None = None
-    mask: Any = None
-    mask_label: int | None = None
-    depth: bool = False
-    attenuation: float = 0.0
-    local_maximum: float | None = None
-    background: float | Literal["auto"] = "auto"
-    exact: bool = False
-    oversampling: int = 1
-    output_spacing: float | Sequence[float] | None = None
-    size: Sequence[int] | None = None
-    output_origin: Sequence[float] | None = None
-    threads: int | None = None
 
 
 def mip(
@@ -297,13 +280,13 @@ def turn(
             raise ValueError(f"transforms must be a list of views, but it is {transforms!r}")
         for each in [] if transforms is None else transforms:
             made.AddTransform(make_transform(image, each))
-        _set(made, "NumberOfFrames", "frames", frames)
+        set_value(made, "NumberOfFrames", "frames", frames)
         made.SetRotationAxis(_find_axis(rotation_axis, image))
         made.UseImageCenter()
         if center is not None:
             made.SetCenter(make_numbers("center", center, 3))
-        _set(made, "StartAngle", "start_angle", start_angle)
-        _set(made, "AngularRange", "angular_range", angular_range)
+        set_value(made, "StartAngle", "start_angle", start_angle)
+        set_value(made, "AngularRange", "angular_range", angular_range)
         made.SetRocking(make_flag("rocking", rocking))
 
     if is_chunked(source):
@@ -374,7 +357,7 @@ class _Filters:
         set_parameters(made, parameters, self._find_lowest() if is_auto else background)
         threads = parameters.threads
         threads = self._threads if threads is None else make_count("threads", threads)
-        _set(made, "NumberOfWorkUnits", "threads", threads)
+        set_value(made, "NumberOfWorkUnits", "threads", threads)
         # its voxels live while this does
         mask = None if parameters.mask is None else open_mask(parameters.mask, parameters.mask_label, image)
         made.SetMaskImage(mask)
@@ -418,126 +401,6 @@ def _get_filters(image: Any) -> _Filters:
             _FILTERS[id(image)] = _Filters(image)
             weakref.finalize(image, _FILTERS.pop, id(image), None).atexit = False
         return _FILTERS[id(image)]
-
-
-def find_lowest(voxels: NDArray[Any]) -> Any:
-    """The least of these voxels, if it is negative, or 0."""
-    return 0 if voxels.dtype.kind == "u" else min(np.fmin.reduce(voxels, axis=None).item(), 0) or 0
-
-
-def set_parameters(made: Any, parameters: Parameters, background: Any) -> None:
-    """Sets all parameters of a filter, except its views and its mask."""
-    is_whole = isinstance(made.GetDefaultPixelValue(), int)
-    set_background(made, background)
-    made.SetMode(getattr(itk.ShearWarpMIPImageFilterEnums, MODES[check_mode(parameters.mode)]))
-    slab = (-np.inf, np.inf) if parameters.slab is None else parameters.slab
-    near, far = make_numbers("slab", slab, 2, is_finite=False, parts="(near, far)")
-    made.SetSlabNear(near)
-    made.SetSlabFar(far)
-    lower, upper = [-np.inf] * 3, [np.inf] * 3
-    if parameters.crop is not None:
-        try:
-            lower, upper = (make_numbers("crop", corner, 3, is_finite=False) for corner in parameters.crop)
-        except (TypeError, ValueError) as error:
-            raise ValueError(f"crop must be two corners, each x, y, z, but it is {parameters.crop!r}") from error
-    made.SetCropLower(lower)
-    made.SetCropUpper(upper)
-    if parameters.mask_label is not None and parameters.mask is None:
-        raise ValueError("mask_label is for a mask")
-    made.SetLocalMaximum(parameters.local_maximum is not None)
-    threshold = 0 if parameters.local_maximum is None else parameters.local_maximum
-    _set_pixel(made, "LocalMaximumThreshold", "local_maximum", threshold, is_whole)
-    _set(made, "DepthAttenuation", "attenuation", parameters.attenuation)
-    made.SetComputeDepth(make_flag("depth", parameters.depth))
-    made.SetExact(make_flag("exact", parameters.exact))
-    set_grid(made, parameters)
-
-
-def take_former(place: Any, former: str, name: str, value: Any) -> Any:
-    """The value of a parameter, also by its former name, until the next version."""
-    if former not in place:
-        return value
-    warnings.warn(f"{former} is {name} now", FutureWarning, stacklevel=3)
-    return place.pop(former)
-
-
-def check_mode(mode: Any) -> Mode:
-    if isinstance(mode, str) and mode == "absolute":
-        warnings.warn("absolute is absolute_maximum now", FutureWarning, stacklevel=3)
-        return "absolute_maximum"
-    if not isinstance(mode, str) or mode not in MODES:
-        raise ValueError(f"mode must be one of {', '.join(MODES)}, but it is {mode!r}")
-    return cast(Mode, mode)
-
-
-def set_background(made: Any, background: Any) -> None:
-    _set_pixel(made, "DefaultPixelValue", "background", background, isinstance(made.GetDefaultPixelValue(), int))
-
-
-def set_grid(made: Any, parameters: Parameters) -> None:
-    """Sets the parameters that the filters of chunks have too."""
-    _set(made, "Oversampling", "oversampling", parameters.oversampling)
-    made.FitOutputGrid()
-    spacing = parameters.output_spacing
-    if spacing is not None:
-        made.SetOutputSpacing(make_numbers("output_spacing", (spacing,) * 2 if np.ndim(spacing) == 0 else spacing, 2))
-    if parameters.size is not None:
-        size = make_numbers("size", parameters.size, 2, is_whole=True)
-        if min(size) < 1 or max(size) >= 1 << 31:
-            raise ValueError(f"size must be positive and fit in memory, but it is {size}")
-        made.SetSize(size)
-    if parameters.output_origin is not None:
-        made.SetOutputOrigin(make_numbers("output_origin", parameters.output_origin, 2))
-
-
-def _set(made: Any, name: str, keyword: str, value: Any) -> None:
-    """Sets a number, converted to the filter's type."""
-    kind = type(getattr(made, f"Get{name}")())
-    try:
-        if kind(value) != value and value == value:
-            raise ValueError
-        getattr(made, f"Set{name}")(kind(value))
-    except (OverflowError, TypeError, ValueError) as error:
-        raise ValueError(f"{keyword} cannot be {value!r}: give a {'whole ' if kind is int else ''}number") from error
-
-
-def _set_pixel(made: Any, name: str, keyword: str, value: Any, is_whole: bool) -> None:
-    try:
-        if isinstance(value, bool | str) or (is_whole and not float(value).is_integer()):
-            raise ValueError
-        getattr(made, f"Set{name}")(int(value) if is_whole else float(value))
-    except (OverflowError, TypeError, ValueError) as error:
-        of = "whole, and a value of the voxels' type" if is_whole else "a number"
-        raise ValueError(f"{keyword} must be {of}, but it is {value!r}") from error
-
-
-def update(made: Any, information: bool = False) -> None:
-    """Updates a filter, or only its output information. An exception of the filter becomes an error for the caller."""
-    try:
-        made.UpdateOutputInformation() if information else made.UpdateLargestPossibleRegion()
-    except RuntimeError as error:
-        if re.match(r"\S*itkShearWarp\w+\.\w+:\d+:", str(error)):
-            raise ValueError(_reword(describe(error))) from error
-        raise
-
-
-_WORDS = {
-    "DefaultPixelValue": "background", "DepthAttenuation": "attenuation", "NumberOfFrames": "frames",
-    "LocalMaximumThreshold": "local_maximum", "SlabNear": "slab's near", "SlabFar": "slab's far",
-    "CropLower": "crop's lower", "CropUpper": "crop's upper", "MaskImage": "mask", "Transform": "view",
-}  # fmt: skip
-
-
-def _reword(text: str) -> str:
-    """Replaces the filter's names by the names of keywords."""
-
-    def name(match: re.Match[str]) -> str:
-        word = match[0]
-        return _WORDS.get(word) or re.sub(r"(?<=.)([A-Z])", r"_\1", word).lower()
-
-    text = text.replace("AbsoluteMaximum", "absolute_maximum")
-    names = "OutputSpacing|OutputOrigin|Size|Oversampling|RotationAxis|Center|StartAngle|AngularRange|Exact|LocalMaximum|Mode"
-    return re.sub(rf"\b({'|'.join(_WORDS)}|{names})\b", name, text)
 
 
 def _find_axis(axis: str | Sequence[float], image: Any) -> list[float]:
@@ -632,14 +495,15 @@ def _project_chunks(
     from itk_shearwarpmip import _projection
 
     transform = make_transform(volume.make_image(), view, azimuth, elevation)
-    return _projection.project(volume, transform, parameters)
+    return show_itself(*_projection.project(volume, transform, parameters), volume, transform)
 
 
 def _project_chunks_turning(source: Any, set_turn: Any, parameters: Parameters, where: Any) -> tuple[Any, list[Any]]:
     volume = _open_chunks(source, parameters, where)
     from itk_shearwarpmip import _projection
 
-    return _projection.project_turn(volume, set_turn, parameters)
+    stack, background, views = _projection.project_turn(volume, set_turn, parameters)
+    return show_itself(stack, background, volume), views
 
 
 def show_itself(picture: Any, background: float, source: Any, view: Any = None) -> Any:

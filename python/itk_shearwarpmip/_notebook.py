@@ -8,7 +8,7 @@ try:
 except ImportError as error:
     raise ImportError("the viewer in a notebook needs anywidget: pip install itk-shearwarpmip[viewer]") from error
 
-from itk_shearwarpmip._viewer import AtOnce
+from itk_shearwarpmip._canvas import AtOnce
 
 
 class _Canvas(AtOnce, anywidget.RenderCanvas):  # type: ignore[misc]

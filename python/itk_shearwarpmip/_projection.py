@@ -14,7 +14,7 @@ import numpy as np
 from dask.delayed import Delayed
 from dask.highlevelgraph import HighLevelGraph, MaterializedLayer
 
-from itk_shearwarpmip._front import Parameters, find_lowest, set_background, set_grid, show_itself, update
+from itk_shearwarpmip._parameters import Parameters, find_lowest, set_background, set_grid, update
 from itk_shearwarpmip._volume import Volume
 
 _Place = tuple[int, ...]
@@ -52,8 +52,8 @@ class _Pieces(NamedTuple):
         return self.ends or {}
 
 
-def project(volume: Volume, view: Any, parameters: Parameters) -> Any:
-    """Makes the picture of a volume in chunks, by Dask's current scheduler. Each chunk is projected where it is, to
+def project(volume: Volume, view: Any, parameters: Parameters) -> tuple[Any, float]:
+    """Returns the picture of a volume in chunks, and its background, by Dask's current scheduler. Each chunk is projected where it is, to
     its piece of the intermediate image of the whole. Pieces are merged in a tree, and the last one is warped to the
     picture here. The picture has the bits that itk.ShearWarpMIPImageFilter gives for the whole volume. Its entry
     "BytesSent" is the number of bytes of all pieces. Pieces cannot have moved more bytes between workers; the faces of
@@ -65,11 +65,13 @@ def project(volume: Volume, view: Any, parameters: Parameters) -> Any:
     pieces = _project(volume, [view], parameters)
     image = _warp(picture, pieces.views[0], pieces.background)
     image["BytesSent"] = pieces.bytes_sent
-    return show_itself(image, pieces.background, volume, view)
+    return image, pieces.background
 
 
-def project_turn(volume: Volume, set_turn: Callable[[Any, Any], None], parameters: Parameters) -> tuple[Any, list[Any]]:
-    """Returns the frames of an itk.ShearWarpMIPCineImageFilter, and their views. `set_turn` sets the turn of the
+def project_turn(
+    volume: Volume, set_turn: Callable[[Any, Any], None], parameters: Parameters
+) -> tuple[Any, float, list[Any]]:
+    """Returns the frames of an itk.ShearWarpMIPCineImageFilter, their background and their views. `set_turn` sets the turn of the
     filter for an image of the volume's geometry. Each chunk is read once for all frames."""
     cine = _make_filter(itk.ShearWarpMIPCineImageFilter, volume, parameters)
     set_turn(cine, volume.make_image())
@@ -94,7 +96,7 @@ def project_turn(volume: Volume, set_turn: Callable[[Any, Any], None], parameter
     image.CopyInformation(stack)
     image.SetMetaDataDictionary(stack.GetMetaDataDictionary())
     image["BytesSent"] = pieces.bytes_sent
-    return show_itself(image, pieces.background, volume), views
+    return image, pieces.background, views
 
 
 def _make_filter(template: Any, volume: Volume, parameters: Parameters) -> Any:

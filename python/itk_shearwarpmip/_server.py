@@ -12,7 +12,7 @@ import webbrowser
 from collections.abc import Callable
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 try:
     import uvicorn
@@ -20,7 +20,10 @@ try:
 except ImportError as error:
     raise ImportError("the viewer's page needs uvicorn: pip install itk-shearwarpmip[viewer]") from error
 
-from itk_shearwarpmip._viewer import AtOnce, Viewer
+from itk_shearwarpmip._canvas import AtOnce
+
+if TYPE_CHECKING:
+    from itk_shearwarpmip._viewer import Viewer
 
 _PAGE = """<!DOCTYPE html>
 <html lang="en">
@@ -73,7 +76,7 @@ _HEADERS = [
     ),
 ]
 
-_shown: list[Viewer] = []
+_shown: "list[Viewer]" = []
 
 
 class _Canvas(AtOnce, http.RenderCanvas):  # type: ignore[misc]
@@ -131,13 +134,13 @@ class Gate:
 
 
 def serve(
-    make_viewer: Callable[[Any], Viewer],
+    make_viewer: "Callable[[Any], Viewer]",
     *,
     block: bool,
     host: str = "127.0.0.1",
     port: int = 0,
     no_browser: bool = False,
-) -> Viewer:
+) -> "Viewer":
     """Shows a viewer in the browser, one at a time in a process. Raises RuntimeError if there is one already, and
     OSError if the page cannot be served."""
     if _shown:

@@ -1,6 +1,5 @@
 """The viewer: show() in notebooks and browsers."""
 
-import contextlib
 import logging
 import os
 import shlex
@@ -25,8 +24,9 @@ try:
 except ImportError as error:
     raise ImportError("the viewer needs rendercanvas and Pillow: pip install itk-shearwarpmip[viewer]") from error
 
-from itk_shearwarpmip._front import MODES, Place, _is_plain_array, check_mode, take_former
+from itk_shearwarpmip._front import Place, _is_plain_array
 from itk_shearwarpmip._inputs import is_chunked, make_numbers, open_image
+from itk_shearwarpmip._parameters import MODES, check_mode, take_former
 from itk_shearwarpmip._save import check_window
 from itk_shearwarpmip._scene import Layer, Point, Scene, State, Window
 from itk_shearwarpmip._views import SIDES
@@ -645,23 +645,6 @@ def _make_slab(slab: Sequence[float] | None) -> tuple[float, float] | None:
     if not -np.inf < far >= near < np.inf:
         raise ValueError(f"slab must be (near, far) in mm with near <= far, but it is {slab!r}")
     return near, far
-
-
-class AtOnce:
-    """For a canvas of rendercanvas: handles events when they come, and draws pictures when they are made, not at the
-    next tick of the canvas's clock."""
-
-    _rc_canvas_group: Any
-
-    def submit_event(self, event: dict[str, Any]) -> None:
-        self._events.emit(event)  # type: ignore[attr-defined]
-
-    def request_draw(self, *function: Callable[[], None]) -> None:
-        super().request_draw(*function)  # type: ignore[misc]
-        call, draw = self._rc_canvas_group.get_loop().call_soon_threadsafe, self._rc_request_draw  # type: ignore[attr-defined]
-        # before the loop runs and after its end the clock does it
-        with contextlib.suppress(AttributeError, RuntimeError):
-            call(draw)
 
 
 # ---- show()
