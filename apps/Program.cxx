@@ -47,7 +47,7 @@ namespace
 {
 using TransformPointer = itk::Transform<double, 3, 3>::Pointer;
 
-// a new format is a line here and one for its extensions in Output.cxx
+// a new format is a line here and one for its extensions in FileFormat.cxx
 const std::map<FileFormat, WriteFunction *> writers = { { FileFormat::Values, WriteValues },
                                                         { FileFormat::Picture, WritePictures },
                                                         { FileFormat::Animation, WritePictures },
