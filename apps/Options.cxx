@@ -32,6 +32,7 @@
 #include <cmath>
 #include <functional>
 #include <regex>
+#include <set>
 #include <sstream>
 
 namespace
@@ -548,6 +549,24 @@ DefineOptions(CLI::App & app, Options & options)
     ->needs(phantom)
     ->delimiter(',')
     ->expected(3);
+  const auto volumeOut = app
+                           .add_option_function<std::string>(
+                             "--write-volume",
+                             [&options, output](const std::string & path) {
+                               options.volumeOut = path;
+                               output->required(false);
+                             },
+                             "Writes the volume that INPUT holds, as this program understands it, instead of a "
+                             "projection: .mha, .nrrd, .nii or .nii.gz. Points in time are the fourth axis. --series, "
+                             "--volume and --suv have their effect")
+                           ->type_name("FILE")
+                           ->group("Program, usual");
+  addFlag("Program",
+          "--with-attributes",
+          options.hasAttributes,
+          "Adds to the .nrrd of --write-volume the names of the files that were read, and the DICOM attributes of the "
+          "first slice, the patient's name too")
+    ->needs(volumeOut);
   app.set_version_flag("--version", GetVersionText(), "Prints the version")->group("Program");
   app.set_help_flag("-h,--help", "Prints the usual options")->group("Program, usual");
   app.set_help_all_flag("--help-all", "Prints all options")->group("Program, usual");
@@ -683,6 +702,21 @@ Verify(const Options & options)
     if (options.crop[n] > options.crop[n + 1])
     {
       throw std::runtime_error("--crop: X0, Y0 and Z0 must not be greater than X1, Y1 and Z1");
+    }
+  }
+}
+
+void
+VerifyVolumeOut(const CLI::App & app)
+{
+  const std::set<std::string> good = { "INPUT",     "--series",       "--volume",          "--suv",
+                                       "--verbose", "--write-volume", "--with-attributes", "--threads" };
+  for (const CLI::Option * const option : app.get_options())
+  {
+    const std::string name = option->get_name() == "--output" ? "OUTPUT" : option->get_name();
+    if (option->count() > 0 && good.count(name) == 0)
+    {
+      throw std::runtime_error(name + " is not possible with --write-volume: nothing is projected");
     }
   }
 }

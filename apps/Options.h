@@ -42,6 +42,8 @@ struct Options
   std::string                 input;
   std::string                 output;
   std::string                 phantom;
+  std::string                 volumeOut;
+  bool                        hasAttributes{ false };
   std::vector<unsigned int>   phantomSize{ 256, 256, 128 };
   std::string                 series;
   std::string                 volume;
@@ -128,6 +130,10 @@ UseOutputFolder(Options & options);
 /** Throws std::runtime_error if the options contradict each other. */
 void
 Verify(const Options & options);
+
+/** Throws std::runtime_error if the command line has options of projections beside --write-volume. */
+void
+VerifyVolumeOut(const CLI::App & app);
 
 /** What the parser says, in the words of the help. */
 std::string

@@ -17,6 +17,8 @@
  *=========================================================================*/
 #include "Program.h"
 
+#include "DicomInput.h"
+#include "FileGeometry.h"
 #include "Frames.h"
 #include "Input.h"
 #include "InputFiles.h"
@@ -33,6 +35,7 @@
 #include "Text.h"
 #include "TransformFile.h"
 
+#include "itkMetaDataObject.h"
 #include "itkMultiThreaderBase.h"
 #include "itkShearWarpMIPView.h"
 
@@ -40,6 +43,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iomanip>
 #include <map>
 #include <regex>
 
@@ -63,6 +67,94 @@ WritePhantom(const Options & options)
   files.Write(
     options.phantom, MakeAnyImage<unsigned short>(head, 1, head->GetPixelContainer()), OutputFiles::Layout::Volume);
   files.Commit();
+}
+
+/** What files say beside voxels and geometry, as entries of the dictionary of \a volume: see GetEntry(). With
+ * attributes, SourceFiles has the names of all files that were read, a line each, and Spacing and Direction, row by
+ * row, have all digits. */
+void
+AddEntries(Volume & volume, const Options & options)
+{
+  itk::MetaDataDictionary & entries = volume.times.front().image->GetMetaDataDictionary();
+  const auto                add = [&entries](const std::string & key, const std::string & value) {
+    itk::EncapsulateMetaData<std::string>(entries, key, value);
+  };
+  if (options.hasAttributes)
+  {
+    std::string names;
+    for (const auto & file :
+         volume.dicomFiles.empty() ? std::vector<std::filesystem::path>{ options.input } : volume.dicomFiles)
+    {
+      names += (names.empty() ? "" : "\n") + file.string();
+    }
+    if (!volume.dicomFiles.empty())
+    {
+      entries = ReadAttributes(volume.dicomFiles.front());
+    }
+    add("SourceFiles", names);
+    // NRRD has their product, rounded
+    std::ostringstream spacing;
+    std::ostringstream direction;
+    const auto &       grid = *volume.times.front().image;
+    for (unsigned int row = 0; row < 3; ++row)
+    {
+      spacing << std::setprecision(17) << grid.GetSpacing()[row] << ' ';
+      for (unsigned int axis = 0; axis < 3; ++axis)
+      {
+        direction << std::setprecision(17) << grid.GetDirection()(row, axis) << ' ';
+      }
+    }
+    add("Spacing", spacing.str());
+    add("Direction", direction.str());
+  }
+  if (!volume.hasOrientation)
+  {
+    add("HasOrientation", "0");
+  }
+  if (volume.isInverted)
+  {
+    add("IsInverted", "1");
+  }
+}
+
+[[noreturn]] void
+RefuseSuv()
+{
+  throw std::runtime_error("--suv is not possible: INPUT is no DICOM series of PET Image Storage");
+}
+
+void
+WriteVolume(const Options & options, Messages & messages)
+{
+  const std::string extension = GetExtension(options.volumeOut);
+  if (options.hasAttributes && extension != ".nrrd")
+  {
+    throw std::runtime_error("--with-attributes is not possible: '" + options.volumeOut + "' is no .nrrd");
+  }
+  OutputFiles files;
+  files.Protect(FindInputFiles(options.input));
+  files.Reserve(options.volumeOut, { FileFormat::Values }, "--write-volume");
+  messages.StepBegins("reading " + options.input);
+  const auto warn = [&](const std::string & text) { messages.Warn(text); };
+  Volume     volume = ReadVolume(options.input, options.series, warn, "--series", options.volume);
+  files.Protect(volume.dicomFiles);
+  if (options.isSuv && !ConvertToSuv(volume, warn))
+  {
+    RefuseSuv();
+  }
+  messages.StepDone("read " + options.input + ", " + Describe(volume.times.front()));
+  AddEntries(volume, options);
+  const bool isNIfTI = extension != ".nrrd" && extension != ".mha";
+  if (isNIfTI && (volume.isInverted || !volume.hasOrientation))
+  {
+    warn("'" + options.volumeOut + "' cannot say " +
+         (volume.isInverted ? "that low values are to be shown white" : "that nobody knows the patient's sides") +
+         "; .nrrd and .mha can");
+  }
+  messages.StepBegins("writing " + options.volumeOut);
+  files.WriteVolume(options.volumeOut, volume);
+  files.Commit();
+  messages.StepDone("wrote " + options.volumeOut);
 }
 
 /** Throws if several views are given but something else makes a series, or cannot be one. */
@@ -231,7 +323,7 @@ Run(const Options & options, Messages & messages)
   const bool isSuv = options.isSuv && ConvertToSuv(volume, warn);
   if (options.isSuv && !isSuv && options.overlay.empty())
   {
-    throw std::runtime_error("--suv is not possible: INPUT is no DICOM series of PET Image Storage");
+    RefuseSuv();
   }
   if (options.window.size() == 1 && FindName(options.window.front(), { "pet" }) == "pet" &&
       !volume.dicomFiles.empty() && !isSuv)
@@ -414,9 +506,14 @@ RunProgram(int argc, const char * const * argv, std::ostream & output, std::ostr
     app.parse(CollectArguments(
       app, argc, argv, [&messages](const std::string & text) { Messages(messages, false).Note(text); }));
     Messages steps(messages, options.verbose);
-    if (app.count("--write-phantom") > 0)
+    if (app.count("--write-phantom") > 0 && app.count("--write-volume") == 0)
     {
       WritePhantom(options);
+    }
+    else if (app.count("--write-volume") > 0)
+    {
+      VerifyVolumeOut(app);
+      WriteVolume(options, steps);
     }
     else
     {

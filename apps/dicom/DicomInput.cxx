@@ -16,11 +16,16 @@
  *
  *=========================================================================*/
 #include "DicomInput.h"
+#include "CharacterSet.h"
 #include "DicomAttribute.h"
 #include "DicomFolder.h"
 #include "DicomKind.h"
 #include "DicomSlices.h"
 #include "DicomVolumes.h"
+#include "FileGeometry.h"
+
+#include "itkGDCMImageIO.h"
+#include "itkMetaDataObject.h"
 
 #include <gdcmTrace.h>
 
@@ -463,4 +468,34 @@ ReadDicom(const fs::path &        path,
     }
   });
   return volume;
+}
+
+itk::MetaDataDictionary
+ReadAttributes(const fs::path & path)
+{
+  const auto io = itk::GDCMImageIO::New();
+  io->SetFileName(path.string());
+  try
+  {
+    io->ReadImageInformation();
+  }
+  catch (const itk::ExceptionObject &)
+  {
+    // pixels of floats are not ITK's
+  }
+  const itk::MetaDataDictionary & all = io->GetMetaDataDictionary();
+  const std::string               characterSet = GetEntry(all, "0008|0005");
+  itk::MetaDataDictionary         attributes;
+  for (const std::string & key : all.GetKeys())
+  {
+    if (key.find('|') != std::string::npos)
+    {
+      itk::EncapsulateMetaData(attributes, key, ConvertToUTF8(GetEntry(all, key), characterSet));
+    }
+  }
+  if (!characterSet.empty())
+  {
+    itk::EncapsulateMetaData<std::string>(attributes, "0008|0005", "ISO_IR 192");
+  }
+  return attributes;
 }

@@ -24,6 +24,8 @@
 #include <filesystem>
 #include <string>
 
+#include "itkMetaDataDictionary.h"
+
 /** Reads a 3D image from a DICOM file, or a series of a folder as ReadVolume does. The file must be intact.
  *
  * Its slices are the frames of the files. Each has a position, an orientation and pixel spacing of its own, which are
@@ -42,5 +44,9 @@ ReadDicom(const std::filesystem::path & path,
           const WarningFunction &       warn,
           const std::string &           option,
           const std::string &           volume);
+
+/** The texts of a DICOM file in UTF-8, as itk::GDCMImageIO names them, such as 0008|0060. */
+itk::MetaDataDictionary
+ReadAttributes(const std::filesystem::path & path);
 
 #endif

@@ -345,11 +345,23 @@ FileGeometry
 ReadGeometry(const itk::ImageIOBase & io, const fs::path & path, const WarningFunction & warn)
 {
   const std::string format = io.GetNameOfClass();
-  return format == "NrrdImageIO"    ? ReadNrrdGeometry(io, path, warn)
-         : format == "NiftiImageIO" ? ReadNIfTIGeometry(io, path, warn)
-         : format == "MetaImageIO"  ? ReadMetaGeometry(io, path, warn)
-         : format == "MRCImageIO"   ? ReadMRCGeometry(io, path)
-                                    : GetGeometryOfITK(io);
+  FileGeometry      geometry = format == "NrrdImageIO"    ? ReadNrrdGeometry(io, path, warn)
+                               : format == "NiftiImageIO" ? ReadNIfTIGeometry(io, path, warn)
+                               : format == "MetaImageIO"  ? ReadMetaGeometry(io, path, warn)
+                               : format == "MRCImageIO"   ? ReadMRCGeometry(io, path)
+                                                          : GetGeometryOfITK(io);
+  const auto &      entries = io.GetMetaDataDictionary();
+  Scale(geometry, GetMillimetres(GetEntry(entries, "Unit"), path, warn));
+  geometry.hasOrientation = geometry.hasOrientation && GetEntry(entries, "HasOrientation") != "0";
+  return geometry;
+}
+
+std::string
+GetEntry(const itk::MetaDataDictionary & dictionary, const std::string & key)
+{
+  std::string value;
+  itk::ExposeMetaData(dictionary, key, value);
+  return value;
 }
 
 itk::ImageBase<3>::Pointer

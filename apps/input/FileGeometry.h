@@ -45,6 +45,12 @@ struct FileGeometry
 FileGeometry
 ReadGeometry(const itk::ImageIOBase & io, const std::filesystem::path & path, const WarningFunction & warn);
 
+/** The text of an entry, empty if there is none. The entries that files of NRRD and MetaImage may have are
+ * HasOrientation, 0 if nobody stated how the image lies in the patient; IsInverted, 1 if low values are to be displayed
+ * white; and Unit, of lengths, by default mm. */
+std::string
+GetEntry(const itk::MetaDataDictionary & dictionary, const std::string & key);
+
 /** The grid of the first three axes of \a io at \a geometry. */
 itk::ImageBase<3>::Pointer
 MakeGrid(const FileGeometry & geometry, const itk::ImageIOBase & io);

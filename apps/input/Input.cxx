@@ -144,6 +144,7 @@ ReadImage(itk::ImageIOBase & io, const std::filesystem::path & path, const Warni
     volume.timeOrigin = io.GetOrigin(3);
   }
   volume.hasOrientation = geometry.hasOrientation;
+  volume.isInverted = GetEntry(io.GetMetaDataDictionary(), "IsInverted") == "1";
   return volume;
 }
 } // namespace

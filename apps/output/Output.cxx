@@ -17,11 +17,13 @@
  *=========================================================================*/
 #include "Output.h"
 #include "Animation.h"
+#include "FileStart.h"
 #include "Integrity.h"
 #include "Posix.h"
 #include "Text.h"
 
 #include "itkImageIOFactory.h"
+#include "itkMetaDataObject.h"
 
 #include <algorithm>
 #include <fstream>
@@ -114,10 +116,22 @@ ChoosePixelType(unsigned int components, itk::IOComponentEnum componentType)
   return !isColour ? itk::IOPixelEnum::VECTOR : components == 3 ? itk::IOPixelEnum::RGB : itk::IOPixelEnum::RGBA;
 }
 
-/** Not all of ITK's writers notice a full disk. */
+/** Throws if \a bytes of pixels are not all in a file: not all of ITK's writers notice a full disk. */
 void
-ReadBack(const std::string & fileName)
+ReadBack(const std::string & fileName, std::uintmax_t bytes)
 {
+  const std::string extension = GetExtension(fileName);
+  if (extension == ".nrrd" || extension == ".mha")
+  {
+    // they are stored as they are, and may be half of the memory
+    std::streamoff end = 0;
+    ReadFields(fileName, &end);
+    if (fs::file_size(fileName) != static_cast<std::uintmax_t>(end) + bytes)
+    {
+      throw std::runtime_error("not all");
+    }
+    return;
+  }
   ReadIntact(fileName, [&fileName] {
     const auto io = itk::ImageIOFactory::CreateImageIO(fileName.c_str(), itk::IOFileModeEnum::ReadMode);
     if (!io)
@@ -233,7 +247,7 @@ OutputFiles::Write(const fs::path & path, const AnyImage & image, Layout layout)
     const auto * const pixels = frames.GetBufferPointer();
     if (layout != Layout::Series || FindFormat(path) != FileFormat::Picture)
     {
-      this->WriteFile(path, this->BeginFile(path), image, layout == Layout::Still ? 2 : 3, pixels);
+      this->WriteFile(path, this->BeginFile(path), image, layout == Layout::Still ? 2 : 3, pixels, {});
       return;
     }
     const auto        size = frames.GetLargestPossibleRegion().GetSize();
@@ -241,9 +255,28 @@ OutputFiles::Write(const fs::path & path, const AnyImage & image, Layout layout)
     for (std::size_t frame = 0; frame < size[2]; ++frame)
     {
       const fs::path name = GetFrameName(path, frame, size[2]);
-      this->WriteFile(name, this->BeginFile(name), image, 2, pixels + frame * length);
+      this->WriteFile(name, this->BeginFile(name), image, 2, pixels + frame * length, {});
     }
   });
+}
+
+void
+OutputFiles::WriteVolume(const fs::path & path, const Volume & volume)
+{
+  const AnyImage & first = volume.times.front();
+  // the points in time lie one after the other: see MakeVolume()
+  const void * const pixels = DispatchPixelType(first.componentType, [&](auto tag) -> const void * {
+    return CastImage<typename decltype(tag)::Type>(first).GetBufferPointer();
+  });
+  const std::size_t  count = volume.times.size();
+  if (count > 1 && GetExtension(path) == ".nrrd")
+  {
+    // which ITK leaves out
+    const std::string space = "left-posterior-superior-time";
+    itk::EncapsulateMetaData<std::string>(first.image->GetMetaDataDictionary(), "NRRD_space", space);
+  }
+  const Times times{ count, volume.timeSpacing > 0.0 ? volume.timeSpacing : 1.0, volume.timeOrigin };
+  this->WriteFile(path, this->BeginFile(path), first, count > 1 ? 4 : 3, pixels, times);
 }
 
 void
@@ -285,7 +318,8 @@ OutputFiles::EncodePicture(const fs::path & path, const AnyImage & image, std::s
                     picture,
                     image,
                     2,
-                    frames.GetBufferPointer() + frame * size[0] * size[1] * frames.GetNumberOfComponentsPerPixel());
+                    frames.GetBufferPointer() + frame * size[0] * size[1] * frames.GetNumberOfComponentsPerPixel(),
+                    {});
   });
   std::ifstream      file(picture, std::ios::binary);
   std::ostringstream bytes;
@@ -505,7 +539,8 @@ OutputFiles::WriteFile(const fs::path &    path,
                        const std::string & temporaryName,
                        const AnyImage &    image,
                        unsigned int        dimension,
-                       const void *        buffer)
+                       const void *        buffer,
+                       const Times &       times)
 {
   const itk::ImageBase<3> * grid = image.image;
   const auto io = itk::ImageIOFactory::CreateImageIO(temporaryName.c_str(), itk::IOFileModeEnum::WriteMode);
@@ -517,16 +552,26 @@ OutputFiles::WriteFile(const fs::path &    path,
   io->SetNumberOfDimensions(dimension);
   for (unsigned int axis = 0; axis < dimension; ++axis)
   {
-    io->SetDimensions(axis, grid->GetLargestPossibleRegion().GetSize(axis));
-    io->SetSpacing(axis, grid->GetSpacing()[axis]);
-    io->SetOrigin(axis, grid->GetOrigin()[axis]);
     std::vector<double> direction(dimension);
-    for (unsigned int row = 0; row < dimension; ++row)
+    if (axis == 3)
     {
-      direction[row] = grid->GetDirection()(row, axis);
+      io->SetDimensions(axis, times.count);
+      io->SetSpacing(axis, times.spacing);
+      io->SetOrigin(axis, times.origin);
+      direction[axis] = 1.0;
+    }
+    else
+    {
+      io->SetDimensions(axis, grid->GetLargestPossibleRegion().GetSize(axis));
+      io->SetSpacing(axis, grid->GetSpacing()[axis]);
+      io->SetOrigin(axis, grid->GetOrigin()[axis]);
+      for (unsigned int row = 0; row < std::min(dimension, 3u); ++row)
+      {
+        direction[row] = grid->GetDirection()(row, axis);
+      }
     }
     io->SetDirection(axis, direction);
-    region.SetSize(axis, grid->GetLargestPossibleRegion().GetSize(axis));
+    region.SetSize(axis, io->GetDimensions(axis));
   }
   const unsigned int components = grid->GetNumberOfComponentsPerPixel();
   io->SetPixelType(ChoosePixelType(components, image.componentType));
@@ -534,6 +579,7 @@ OutputFiles::WriteFile(const fs::path &    path,
   io->SetComponentType(image.componentType);
   io->SetIORegion(region);
   io->SetFileName(temporaryName);
+  io->SetMetaDataDictionary(grid->GetMetaDataDictionary());
 
   // some of ITK's writers do not survive a full disk
   if (FindFormat(temporaryName) == FileFormat::Picture &&
@@ -551,7 +597,7 @@ OutputFiles::WriteFile(const fs::path &    path,
   }
   try
   {
-    ReadBack(temporaryName);
+    ReadBack(temporaryName, static_cast<std::uintmax_t>(io->GetImageSizeInBytes()));
   }
   catch (const std::exception &)
   {

@@ -64,6 +64,10 @@ public:
   void
   Write(const std::filesystem::path & path, const AnyImage & image, Layout layout);
 
+  /** Writes all points in time, with the entries that the dictionary of the first one has, if the format has any. */
+  void
+  WriteVolume(const std::filesystem::path & path, const Volume & volume);
+
   /** Writes pictures of 8 bits as an animation, \a rate of them per second. */
   void
   WriteAnimation(const std::filesystem::path & path, const AnyImage & pictures, double rate);
@@ -136,12 +140,21 @@ private:
   void
   KeepFormer(File & file);
 
+  /** The fourth axis of a file. */
+  struct Times
+  {
+    std::size_t count{ 1 };
+    double      spacing{ 1.0 };
+    double      origin{ 0.0 };
+  };
+
   void
   WriteFile(const Path &        path,
             const std::string & temporaryName,
             const AnyImage &    image,
             unsigned int        dimension,
-            const void *        buffer);
+            const void *        buffer,
+            const Times &       times);
 
   std::string                m_Prefix;
   unsigned int               m_Count{ 0 };
