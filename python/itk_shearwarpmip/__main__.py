@@ -149,11 +149,18 @@ def _make_view_parser() -> argparse.ArgumentParser:
         "With --host, everyone who has the address can see and turn the picture. There is no encryption, so others in "
         "the network can read it.",
     )
-    parser.add_argument("input", metavar="FILE", help="an image that ITK reads, a DICOM folder or an OME-Zarr image")
+    parser.add_argument("input", metavar="FILE", help="an image file, a DICOM folder or an OME-Zarr image")
     parser.add_argument(
         "--series",
-        metavar="UID",
+        metavar="SERIES",
         help="DICOM series, if the folder has several: its number, a part of its description, or its UID",
+    )
+    parser.add_argument("--volume", metavar="NUMBER", help="volume of a DICOM series or file that has several")
+    parser.add_argument(
+        "--suv",
+        action="store_true",
+        default=argparse.SUPPRESS,
+        help="values of a DICOM PET series as SUV by body weight",
     )
     parser.add_argument(
         "--level",
@@ -162,7 +169,8 @@ def _make_view_parser() -> argparse.ArgumentParser:
         help="resolution of an OME-Zarr image, needed if it has several; 0 is the finest",
     )
     for name in ("time", "channel"):
-        parser.add_argument(f"--{name}", metavar="N", type=int, default=argparse.SUPPRESS, help="of an OME-Zarr image")
+        of = "a 4D file or an OME-Zarr image" if name == "time" else "an OME-Zarr image"
+        parser.add_argument(f"--{name}", metavar="N", type=int, default=argparse.SUPPRESS, help=f"of {of}")
     parser.add_argument(
         "--overlay", metavar="FILE", help="a second image of the same patient, in colours over the first"
     )

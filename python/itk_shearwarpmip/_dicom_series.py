@@ -21,6 +21,8 @@ from pydicom.uid import (
 )
 from pydicom.valuerep import format_number_as_ds
 
+from itk_shearwarpmip import _entries
+
 
 def _tags(text: str) -> list[int]:
     return [int(tag, 16) for tag in text.split()]
@@ -204,7 +206,7 @@ def _make_header(turn: Any, rescale: _Rescale, window: tuple[float, float] | Non
         header.RescaleType = "HU" if unit == "US" and header.Modality == "CT" else unit
     _set_window(header, source, rescale, window)
 
-    is_inverted = getattr(turn.frames, "is_inverted", False)
+    is_inverted = _entries.is_inverted(turn.frames)
     header.PhotometricInterpretation = "MONOCHROME1" if is_inverted else "MONOCHROME2"
     header.Columns, header.Rows, _ = (int(length) for length in turn.frames.GetLargestPossibleRegion().GetSize())
     header.SamplesPerPixel = 1

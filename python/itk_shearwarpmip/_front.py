@@ -16,8 +16,9 @@ from typing import Any, Literal, TypedDict, Unpack
 import itk
 import numpy as np
 
-from itk_shearwarpmip import _save
+from itk_shearwarpmip import _entries, _save
 from itk_shearwarpmip._inputs import (
+    get_shape,
     is_chunked,
     is_of,
     is_ome_zarr,
@@ -50,8 +51,10 @@ class Place(TypedDict, total=False):
     origin: Sequence[float] | None
     direction: Any
     series: str | int | None
+    volume: str | int | None
+    suv: bool
     level: int | None
-    time: int
+    time: int | None
     channel: int
 
 
@@ -76,6 +79,7 @@ def mip(
     size: Sequence[int] | None = None,
     output_origin: Sequence[float] | None = None,
     threads: int | None = None,
+    geometry: bool = False,
     **where: Unpack[Place],
 ) -> Any:
     """The maximum intensity projection (MIP) of a volume from any direction.
@@ -103,14 +107,18 @@ def mip(
     size: columns and rows; output_origin: (u, v) of the first pixel in the view plane, in mm. By default the picture
         shows the whole volume.
     threads: how many to use; by default ITK's number.
-    where: spacing, origin, direction, series, level, time and channel of open_image().
+    geometry: True for an itk.Image, which has a geometry, whatever the kind of the source.
+    where: spacing, origin, direction, series, volume, suv, level, time and channel of open_image().
 
     Volumes in chunks take only the view, background, oversampling and the parameters of the grid.
 
-    Returns a 2D itk.Image with spacing and origin in the view plane, in mm, which a notebook shows. Its entry
-    "Background" is the value of pixels beside the volume, and its attribute `view` is the 4 x 4 matrix of the view. For
-    an array, returns an array of the same package; for a SimpleITK.Image or an xarray.DataArray, an object of the same
-    type. With `depth`, returns a tuple of the picture and its depths.
+    Returns a 2D itk.Image with spacing and origin in the view plane, in mm, which a notebook shows. For an array, returns
+    an array of the same package; for a SimpleITK.Image or an xarray.DataArray, an object of the same type. With `depth`,
+    returns a tuple of the picture and its depths.
+
+    The entry "Background" of an itk.Image is the value of pixels beside the volume. Its entry "FrameTransforms" has
+    twelve numbers, the first three rows of the view's matrix from view space to physical space: a pixel at (u, v) mm
+    with the depth w lies at np.reshape(picture["FrameTransforms"], (3, 4)) @ [u, v, w, 1].
 
     The preparation of an itk.Image is kept as long as the image object exists, so further views are faster. After you
     change its voxels in memory, as by image[...] = 0, call image.Modified(); otherwise the picture may show the old
@@ -136,16 +144,18 @@ def mip(
         output_spacing, size, output_origin, threads,
     )  # fmt: skip
     _require_known(mip, where)
+    make_flag("geometry", geometry)
     if is_chunked(source):
-        return give_back(source, _project_chunks(source, view, azimuth, elevation, parameters, where))
+        picture = _project_chunks(source, view, azimuth, elevation, parameters, where)
+        return picture if geometry else give_back(source, picture)
     image = open_image(source, **where)
     transform = make_transform(image, view, azimuth, elevation)
     with _get_filters(image) as filters:
         made = filters.get(itk.ShearWarpMIPImageFilter)
         made.SetTransform(transform)
-        picture, depths = filters.project(made, parameters)
-    picture = give_back(source, picture)
-    return (picture, give_back(source, depths)) if depth else picture
+        pictures = filters.project(made, parameters)
+    picture, depths = pictures if geometry else (each and give_back(source, each) for each in pictures)
+    return (picture, depths) if depth else picture
 
 
 @dataclass(eq=False, repr=False)
@@ -306,7 +316,7 @@ def turn(
         mode,
         slab,
         list(itk.ShearWarpMIPView.GetCenter(image)),
-        getattr(image, "source_files", ()),
+        _entries.get_source_files(image),
         [Path(mask)] if isinstance(mask, str | os.PathLike) else [],
     )
 
@@ -426,9 +436,9 @@ def open_mask(mask: Any, label: int | None, image: Any) -> Any:
     voxels = np.asarray(placed.array)
     if voxels.dtype.kind not in "biu":
         raise TypeError(f"a mask must have whole numbers, but its voxels are {voxels.dtype}: use astype(np.uint8)")
-    if voxels.shape != image.shape:
+    if voxels.shape != (shape := get_shape(image)):
         raise ValueError(
-            f"a mask must be on the volume's grid: it has the shape {voxels.shape} instead of {image.shape}. Resample an "
+            f"a mask must be on the volume's grid: it has the shape {voxels.shape} instead of {shape}. Resample an "
             "image with a place of its own, as by itk.resample_image_filter()"
         )
     chosen = voxels != 0 if label is None else voxels == make_count("mask_label", label)
@@ -471,8 +481,10 @@ def _get_start(image: Any) -> Any:
 def _open_chunks(source: Any, parameters: Parameters, where: Any) -> Any:
     from itk_shearwarpmip import open_volume
 
-    if where.pop("series", None) is not None:
-        raise ValueError("series is for a DICOM folder")
+    for name in ("series", "volume", "suv"):
+        if where.pop(name, None):
+            raise ValueError(f"{name} is for a DICOM folder or file")
+    where["time"] = where.get("time") or 0
     possible = {"background", "oversampling", "output_spacing", "size", "output_origin"}
     default = Parameters()
 
@@ -507,21 +519,20 @@ def _project_chunks_turning(source: Any, set_turn: Any, parameters: Parameters, 
 
 
 def show_itself(picture: Any, background: float, source: Any, view: Any = None) -> Any:
-    """Adds to an itk.Image, the projection of an image or a Volume, the attributes for its display, and returns it."""
-    # ITK would make a number of single precision
-    entry = itk.MetaDataObject[itk.D].New()
-    entry.SetMetaDataObjectValue(float(background))
-    picture.GetMetaDataDictionary().Set("Background", entry)
+    """Adds to an itk.Image, the projection of an image or a Volume, the entries for its display, and returns it."""
+    is_image = isinstance(source, itk.Object)
+    _entries.put(picture, "Background", float(background))
+    _entries.put(picture, "IsInverted", "1" if is_image and _entries.is_inverted(source) else None)
+    if is_image:
+        _entries.put_place(picture, _entries.has_direction(source), _entries.get_unit(source))
+    else:
+        _entries.put_place(picture, source.has_direction, source.unit)
+    if view is not None and picture.GetImageDimension() == 2:
+        _entries.put(picture, "FrameTransforms", get_matrix(view)[:3].ravel().tolist())
     shown = type(picture).New()
     # the method of a picture that nobody keeps has the pixels
     shown.Graft(picture)
     shown.SetMetaDataDictionary(picture.GetMetaDataDictionary())
-    for each in (picture, shown):
-        each.is_inverted = getattr(source, "is_inverted", False)
-        each.has_direction = getattr(source, "has_direction", True)
-        each.unit = getattr(source, "unit", None)
-        if view is not None:
-            each.view = get_matrix(view)
     if view is not None:
         picture._repr_png_ = lambda: _save.encode_png(_save.make_picture(shown), list(shown.GetSpacing()))
     return picture
@@ -533,6 +544,7 @@ def _is_plain_array(source: Any) -> bool:
         ("xarray", "DataArray"),
         ("SimpleITK", "Image"),
         ("nibabel", "SpatialImage"),
+        ("monai", "MetaTensor"),
         ("itk_shearwarpmip", "Volume"),
     )
     return not (
@@ -544,12 +556,14 @@ def _is_plain_array(source: Any) -> bool:
 
 def give_back(source: Any, picture: Any) -> Any:
     """Converts a picture to the type of the source."""
-    if isinstance(source, str | os.PathLike | itk.Object) or is_of(source, "nibabel", "SpatialImage"):
+    is_placed = is_of(source, "nibabel", "SpatialImage") or is_of(source, "monai", "MetaTensor")
+    if isinstance(source, str | os.PathLike | itk.Object) or is_placed:
         return picture
     if is_of(source, "xarray", "DataArray"):
         made = itk.xarray_from_image(picture)
-        for axis in made.dims if picture.unit else ():
-            made[axis].attrs["units"] = picture.unit
+        unit = _entries.get_unit(picture)
+        for axis in made.dims if unit else ():
+            made[axis].attrs["units"] = unit
         return made
     if is_chunked(source):
         return picture

@@ -1,7 +1,6 @@
 """Opens files, images of other packages and arrays as a 3D itk.Image, with their geometry."""
 
 import os
-import re
 import sys
 import threading
 from collections.abc import Sequence
@@ -15,6 +14,8 @@ from typing import Any
 import itk
 import numpy as np
 from numpy.typing import NDArray
+
+from itk_shearwarpmip import _entries
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,16 +54,18 @@ def open_image(
     origin: Sequence[float] | None = None,
     direction: Any = None,
     series: str | int | None = None,
+    volume: str | int | None = None,
+    suv: bool = False,
     level: int | None = None,
-    time: int = 0,
+    time: int | None = None,
     channel: int = 0,
 ) -> Any:
     """Opens a volume as a 3D itk.Image, with its geometry in physical space (LPS, mm).
 
     source: one of
-        - a path: an image file that ITK reads, or a DICOM folder or its DICOMDIR
+        - a path: an image file, a DICOM folder or its DICOMDIR, which the program shear-warp-mip reads
         - an itk.Image, which is returned itself if it needs no change
-        - a SimpleITK.Image, or an image of nibabel, whose space (RAS) is converted to LPS
+        - a SimpleITK.Image, or an image of nibabel or a MetaTensor of MONAI, whose space (RAS) is converted to LPS
         - an xarray.DataArray with the dimensions z, y, x, and coordinates in equal steps; if coordinates descend, the
           axis points against x, y or z
         - an array of NumPy, PyTorch or another package with `__array__` or `__dlpack__`, in the computer's memory, with
@@ -73,37 +76,52 @@ def open_image(
         for arrays is the identity.
     series: for a DICOM folder with several series: the number in the list of the error, a part of the description, or
         the Series Instance UID.
-    level, time, channel: for an OME-Zarr image. If it has several levels, level is required; 0 is the finest.
+    volume: for a DICOM series or file with several volumes, such as echoes: the number in the list of the error.
+    suv: True for the values of a DICOM PET series as SUV by body weight.
+    level, channel: for an OME-Zarr image. If it has several levels, level is required; 0 is the finest.
+    time: the number of the point in time; 0 is the first. If a file has several, it is required; the default of an
+        OME-Zarr image is 0.
 
-    The image has voxels of uint8, int16, uint16, float32 or float64. Voxels of bool, float16 and other integers are
-    converted if each value fits. If possible, the image shares its voxels with the source.
+    The image has voxels of uint8, int16, uint16, float32 or float64. Other voxels are converted by one rule: bool to
+    uint8, int8 to int16, float16 to float32; other integers to int16 or, without a sign, to uint16 if each value fits,
+    else to float64. If possible, the image shares its voxels with the source.
+
+    Entries of the image's dictionary are texts. HasOrientation is "0" if nobody stated how the image lies in the
+    patient, and pictures of it have no letters. IsInverted is "1" if low values are to be shown white (MONOCHROME1).
+    Unit is the unit of lengths if it is not mm. DICOM attributes of the first slice have ITK's names, as "0008|0060".
+    Pickles and copies keep the entries. ITK's filters and itk.image_duplicator() do not: what they return lies in LPS, in
+    mm, until its entries are set.
 
     Raises TypeError for objects and voxels of unsupported types, ValueError if the source does not define one volume,
-    and OSError for files that cannot be read.
+    and OSError for files that cannot be read. What the program refuses is both an OSError and a ValueError.
 
     >>> import numpy as np
     >>> image = open_image(np.zeros((3, 4, 5), np.int16), spacing=(0.4, 0.4, 0.8))
-    >>> image.shape, list(image.GetSpacing())
-    ((3, 4, 5), [0.4, 0.4, 0.8])
+    >>> image.shape, list(image.GetSpacing()), image["HasOrientation"]
+    ((3, 4, 5), [0.4, 0.4, 0.8], '0')
     """
-    if series is not None and not (isinstance(source, str | os.PathLike) and is_dicom_folder(Path(source))):
-        raise ValueError("series is for a DICOM folder")
+    entries: dict[str, str] = {}
+    is_file = isinstance(source, str | os.PathLike) and not is_ome_zarr(source)
+    make_flag("suv", suv)
+    if not is_file:
+        _require_none(series=series, volume=volume, suv=suv or None)
     if is_ome_zarr(source):
         # says what is missing
         from itk_shearwarpmip import open_volume  # noqa: F401
         from itk_shearwarpmip._volume import read_volume
 
-        source = read_volume(source, level, time, channel)
-    elif level is not None or time != 0 or channel != 0:
-        raise ValueError("only an OME-Zarr has levels, times and channels")
-    elif isinstance(source, str | os.PathLike):
-        if source == "":
-            raise ValueError("the path of a volume must not be empty")
-        source = _read(Path(source), series)
+        source = read_volume(source, level, time or 0, channel)
+    elif level is not None or channel != 0 or (not is_file and time):
+        raise ValueError("only an OME-Zarr has levels, times and channels, and a 4D file times")
     _bring_up_to_date(source)
-    if type(source) in _find_image_types() and spacing is None and origin is None and direction is None:
-        return source
-    placed = take(source)
+    if isinstance(source, itk.Object) and type(source) in _find_image_types():
+        _entries.keep(source)
+        if spacing is None and origin is None and direction is None:
+            return source
+    if is_file:
+        placed, entries = _read(os.fspath(source), series, volume, suv, time)
+    else:
+        placed, entries = take(source), _find_texts(source)
     array = np.asarray(placed.array)
     if array.ndim != 3:
         raise ValueError(
@@ -113,21 +131,57 @@ def open_image(
     if not array.size:
         raise ValueError(f"a volume must not be empty, but this one has the shape {array.shape}")
     image = make_view(np.ascontiguousarray(narrow(array)))
-    place(image, placed.replace(spacing, origin, direction))
     if isinstance(source, itk.Object):
         image.SetMetaDataDictionary(source.GetMetaDataDictionary())
-    image.source_files = _find_files(source)
-    image.is_inverted = getattr(source, "is_inverted", False)
+    for key, value in entries.items():
+        _entries.put(image, key, value)
+    place(image, placed.replace(spacing, origin, direction))
+    if is_of(source, "nibabel", "SpatialImage") and source.get_filename():
+        _entries.put_source_files(image, [source.get_filename()])
     return image
 
 
-def _find_files(source: Any) -> Sequence[Path]:
-    """The files that an image was read from, if they are known."""
-    if is_of(source, "nibabel", "SpatialImage"):
-        name = source.get_filename()
-        return [Path(name)] if name else []
-    files: Sequence[Path] = getattr(source, "source_files", ())
-    return files
+def _find_texts(source: Any) -> dict[str, str]:
+    """The entries that conversions from an itk.Image and readers of files keep in images of other packages."""
+    attributes: Any = {}
+    if is_of(source, "xarray", "DataArray"):
+        attributes = source.attrs
+    elif is_of(source, "SimpleITK", "Image"):
+        attributes = {key: source.GetMetaData(key) for key in source.GetMetaDataKeys()}
+    return {key: str(attributes[key]) for key in ("HasOrientation", "IsInverted", "Unit") if key in attributes}
+
+
+def _require_none(**keywords: Any) -> None:
+    for name, value in keywords.items():
+        if value is not None:
+            raise ValueError(f"{name} is for a DICOM folder or file")
+
+
+def _read(path: str, series: Any, volume: Any, suv: bool, time: int | None) -> tuple["Placed", dict[str, str]]:
+    """Reads a file or folder by the program."""
+    from itk_shearwarpmip import _files
+
+    if path == "":
+        raise ValueError("the path of a volume must not be empty")
+    options = ["--suv"] if suv else []
+    options += [f"--{name}={value}" for name, value in (("series", series), ("volume", volume)) if value is not None]
+    voxels, entries = _files.read(os.fsdecode(path), *options)
+    if voxels.ndim == 5:
+        raise ValueError(f"'{path}' has {voxels.shape[-1]} components{_ONE_COMPONENT}")
+    if len(voxels) == 1:
+        time = time or 0
+    if time is None:
+        raise ValueError(f"'{path}' has {len(voxels)} points in time: give the number of one, as time=0")
+    if not isinstance(time, int | np.integer) or not 0 <= time < len(voxels):
+        raise ValueError(f"time must be a whole number from 0 to {len(voxels) - 1} for '{path}', but it is {time!r}")
+    spacing, origin, direction = (
+        [float(number) for number in entries.pop(key).split()] for key in ("Spacing", "Origin", "Direction")
+    )
+    entries["SourceFiles"] = _entries.pack_files(entries["SourceFiles"].split("\n")) or ""
+    has_direction = entries.get("HasOrientation") != "0"
+    # a part of the mapping would keep it all
+    chosen = voxels[time].copy() if len(voxels) > 1 else voxels[time]
+    return Placed(chosen, spacing, origin, np.reshape(direction, (3, 3)), has_direction), entries
 
 
 def _bring_up_to_date(source: Any) -> None:
@@ -142,6 +196,11 @@ def _bring_up_to_date(source: Any) -> None:
 
 
 _UPDATES = threading.RLock()
+
+
+def get_shape(image: Any) -> tuple[int, ...]:
+    """The lengths along z, y, x, which ITK's own attribute has in another order where two are 1."""
+    return tuple(int(length) for length in reversed(list(image.GetLargestPossibleRegion().GetSize())))
 
 
 def make_view(array: NDArray[Any]) -> Any:
@@ -162,8 +221,7 @@ def place(image: Any, placed: Placed) -> None:
     except RuntimeError as error:
         raise ValueError(describe(error)) from error
     image.SetOrigin(placed.origin)
-    image.has_direction = placed.has_direction
-    image.unit = placed.unit
+    _entries.put_place(image, placed.has_direction, placed.unit)
 
 
 _METRIC = (
@@ -199,13 +257,15 @@ def take(source: Any) -> Placed:
         _bring_up_to_date(source)
         first = source.TransformIndexToPhysicalPoint(source.GetBufferedRegion().GetIndex())
         direction = itk.array_from_matrix(source.GetDirection())
-        has_direction, unit = getattr(source, "has_direction", True), getattr(source, "unit", None)
+        has_direction, unit = _entries.has_direction(source), _entries.get_unit(source)
         voxels = _share(source, _view_image(source))
         return Placed(voxels, source.GetSpacing(), first, direction, has_direction, unit)
     if is_of(source, "SimpleITK", "Image"):
         return _take_simple_itk(source)
     if is_of(source, "nibabel", "SpatialImage"):
         return _take_nibabel(source)
+    if is_of(source, "monai", "MetaTensor"):
+        return _take_meta_tensor(source)
     if is_of(source, "itk_shearwarpmip", "Volume"):
         placed: Placed = source.placed
         return placed
@@ -214,12 +274,17 @@ def take(source: Any) -> Placed:
             "a masked array loses its mask: fill it, with its method filled() or dask.array.ma.filled(), or give its "
             "data, and mask=~np.ma.getmaskarray(array)"
         )
-    if isinstance(source, np.ndarray) or is_of(source, "dask", "Array"):
+    if type(source) is np.ndarray or is_of(source, "dask", "Array"):
         return Placed(source)
     if isinstance(source, itk.DataObject) and hasattr(source, "GetImageDimension") and source.GetImageDimension() != 3:
         raise TypeError(
             f"a volume has 3 dimensions, but this itk.Image has {source.GetImageDimension()}: give a part of its array, "
             "with spacing, origin and direction"
+        )
+    if lost := [name for name in _GEOMETRY if not isinstance(source, type) and hasattr(source, name)]:
+        raise TypeError(
+            f"a {type(source).__module__}.{type(source).__qualname__} has a geometry of its own ({', '.join(lost)}), which "
+            "is not known here: give numpy.asarray() of it, with spacing, origin and direction"
         )
     # other objects of ITK may have an array too
     is_array = hasattr(source, "__array__") or hasattr(source, "__dlpack__")
@@ -236,6 +301,10 @@ def take(source: Any) -> Placed:
         return Placed(np.asarray(source) if hasattr(source, "__array__") else np.from_dlpack(source))
     except (TypeError, RuntimeError, BufferError, ValueError) as error:
         raise TypeError(f"NumPy cannot take this array, which must be in the computer's memory: {error}") from error
+
+
+_GEOMETRY = ("affine", "meta", "spacing")
+"""Names by which arrays of other packages have a geometry."""
 
 
 def is_ome_zarr(source: Any) -> bool:
@@ -269,8 +338,6 @@ def is_of(instance: Any, package: str, name: str) -> bool:
 def describe(error: Exception) -> str:
     """An error's message in one line, without the places in ITK's sources."""
     text = str(error).rpartition("ITK ERROR: ")[2]
-    # as of GDCM
-    text = re.sub(r"^\S+:\d+ \(\):\n", "", text)
     words = text.split()
     if words and words[0].endswith("):"):
         del words[0]
@@ -347,14 +414,14 @@ def narrow(array: NDArray[Any]) -> NDArray[Any]:
     if native == np.float16:
         return array.astype(np.float32)
     if native.kind in "biu":
+        small: Any = np.dtype({"b": np.uint8, "i": np.int16, "u": np.uint16}[native.kind])
         low, high = int(array.min()), int(array.max())
-        for dtype in (np.uint8, np.int16, np.uint16) if native.itemsize == 1 else (np.int16, np.uint16):
-            if np.iinfo(dtype).min <= low and high <= np.iinfo(dtype).max:
-                return array.astype(dtype)
+        if np.iinfo(small).min <= low and high <= np.iinfo(small).max:
+            return array.astype(small)
+        if max(-low, high) <= 1 << 53:
+            return array.astype(np.float64)
     names = ", ".join(sorted(map(str, find_pixel_types())))
-    raise TypeError(
-        f"voxels must be one of {names}, or have values of int16 or uint16, but they are {native}; use astype()"
-    )
+    raise TypeError(f"voxels must be one of {names}, or integers up to 2^53, but they are {native}; use astype()")
 
 
 class _Voxels:
@@ -415,7 +482,10 @@ def _take_data_array(source: Any) -> Placed:
                 "the coordinates of a DataArray with a direction must ascend, but some descend: see its method sortby()"
             )
         direction = np.diag(np.sign(steps))
-    return Placed(placed.array, spacing.tolist(), origin, direction, has_direction, "".join(units) or None)
+    texts = _find_texts(source)
+    has_direction = has_direction and texts.get("HasOrientation") != "0"
+    unit = "".join(units) or texts.get("Unit")
+    return Placed(placed.array, spacing.tolist(), origin, direction, has_direction, unit)
 
 
 def _take_simple_itk(source: Any) -> Placed:
@@ -430,13 +500,14 @@ def _take_simple_itk(source: Any) -> Placed:
     if source.GetPixelIDValue() >= simple.sitkLabelUInt8:
         raise TypeError("a SimpleITK.Image must have voxels of numbers, but this is a label map: convert it")
     array = simple.GetArrayViewFromImage(source)
-    return Placed(_share(source, array), source.GetSpacing(), source.GetOrigin(), source.GetDirection(), True)
+    texts = _find_texts(source)
+    has_direction, unit = texts.get("HasOrientation") != "0", texts.get("Unit")
+    return Placed(
+        _share(source, array), source.GetSpacing(), source.GetOrigin(), source.GetDirection(), has_direction, unit
+    )
 
 
 _ONE_COMPONENT = ", as a colour image has, but a volume has 1: give one of them, as by itk.vector_index_selection_cast_image_filter()"
-_ONE_OF_4D = (
-    ": give one of a 4D image, as SimpleITK.ReadImage(path)[..., 0] or, of NIfTI, nibabel.load(path).slicer[..., 0]"
-)
 
 
 def _take_nibabel(source: Any) -> Placed:
@@ -452,62 +523,31 @@ def _take_nibabel(source: Any) -> Placed:
         raise ValueError("this image of nibabel has no affine: give its array, with spacing, origin and direction")
     get_units = getattr(source.header, "get_xyzt_units", None)
     scale = find_millimetres(get_units()[0]) if get_units else 1.0
-    # RAS to LPS
-    affine = np.diag([-scale, -scale, scale, 1.0]) @ np.asarray(source.affine, dtype=float)
+    return _place_affine(
+        np.asanyarray(source.dataobj).reshape(shape).T, np.diag([-scale, -scale, scale, 1.0]), source.affine
+    )
+
+
+def _place_affine(array: Any, to_lps: NDArray[np.float64], affine: Any) -> Placed:
+    affine = to_lps @ np.asarray(affine, dtype=float)
     spacing = np.linalg.norm(affine[:3, :3], axis=0)
     with np.errstate(invalid="ignore"):
         # what is sheared remains so
         direction = affine[:3, :3] / spacing
-    array = np.asanyarray(source.dataobj).reshape(shape).T
     return Placed(array, spacing.tolist(), affine[:3, 3].tolist(), direction, True)
 
 
-def is_dicom_folder(path: Path) -> bool:
-    """Whether a path is a DICOM folder or its DICOMDIR."""
-    return path.is_dir() or (path.name.lower() == "dicomdir" and path.is_file())
-
-
-def _read(path: Path, series: str | int | None) -> Any:
-    """Reads an image file or a DICOM folder."""
-    if not path.exists():
-        raise FileNotFoundError(f"'{path}' does not exist")
-    if is_dicom_folder(path):
-        from itk_shearwarpmip import _dicom
-
-        return _dicom.read_folder(path if path.is_dir() else path.parent, series)
-    try:
-        # ITK would wait for a pipe
-        io = (
-            itk.ImageIOFactory.CreateImageIO(str(path), itk.CommonEnums.IOFileMode_ReadMode) if path.is_file() else None
+def _take_meta_tensor(source: Any) -> Placed:
+    """A tensor of MONAI has the axes x, y, z, perhaps behind one channel, and an affine into RAS or LPS."""
+    array = np.asarray(source.as_tensor())
+    if array.ndim == 4 and len(array) == 1:
+        array = array[0]
+    if array.ndim != 3:
+        raise ValueError(
+            "a MetaTensor must have the axes x, y, z, or one channel before them, but this one has the shape "
+            f"{array.shape}: give a part of it"
         )
-        if not io:
-            raise OSError(f"'{path}' is not an image that ITK can read")
-        io.SetFileName(str(path))
-        io.ReadImageInformation()
-        dimension = io.GetNumberOfDimensions()
-        lengths = [io.GetDimensions(axis) for axis in range(dimension)]
-        components = io.GetNumberOfComponents()
-        if len(lengths) < 3 or any(length != 1 for length in lengths[3:]):
-            raise ValueError(f"'{path}' has the size {lengths}, but a volume has 3 dimensions{_ONE_OF_4D}")
-        if components != 1 or io.GetPixelType() == itk.CommonEnums.IOPixel_COMPLEX:
-            raise ValueError(f"'{path}' has {components} components{_ONE_COMPONENT}")
-        if io.GetNameOfClass() == "GDCMImageIO":
-            from itk_shearwarpmip import _dicom
-
-            return _dicom.read_file(path)
-        # the reader drops axes of length 1
-        reader = itk.ImageFileReader[itk.Image[_find_type_in_memory(io), 3]].New(FileName=str(path), ImageIO=io)
-        reader.Update()
-    except RuntimeError as error:
-        raise OSError(f"'{path}' cannot be read: {describe(error)}") from error
-    image = reader.GetOutput()
-    image.DisconnectPipeline()
-    image.source_files = [path]
-    return image
-
-
-def _find_type_in_memory(io: Any) -> Any:
-    """The type of ITK's Python that can hold all values of a file for open_image()."""
-    name = io.GetComponentTypeAsString(io.GetComponentType())
-    types = {"char": itk.SS, "unsigned_char": itk.UC, "short": itk.SS, "unsigned_short": itk.US, "float": itk.F}
-    return (types | {"int": itk.SI, "unsigned_int": itk.UI}).get(name, itk.D)
+    space = str(getattr(source.meta.get("space", "RAS"), "value", source.meta.get("space", "RAS")))
+    if space not in ("RAS", "LPS"):
+        raise ValueError(f"a MetaTensor must be in the space RAS or LPS, but this one is in {space}")
+    return _place_affine(array.T, np.diag([-1.0, -1.0, 1.0, 1.0] if space == "RAS" else np.ones(4)), source.affine)

@@ -19,6 +19,7 @@ import itk
 import numpy as np
 from numpy.typing import NDArray
 
+from itk_shearwarpmip import _entries
 from itk_shearwarpmip._inputs import find_millimetres, make_flag, make_view
 from itk_shearwarpmip._labels import draw, find_sides, get_matrix
 
@@ -112,7 +113,7 @@ def make_page(turn: "Turn", *, rate: float | None = None, window: Window | None 
     slope = 1.0 if is_exact or least == most else (most - least) / 254.0
     intercept = least - slope
 
-    millimetres = find_millimetres(getattr(turn.frames, "unit", None))
+    millimetres = find_millimetres(_entries.get_unit(turn.frames))
     spacing, origin = (
         [millimetres * each for each in list(place)[:2]]
         for place in (turn.frames.GetSpacing(), turn.frames.GetOrigin())
@@ -128,7 +129,7 @@ def make_page(turn: "Turn", *, rate: float | None = None, window: Window | None 
         "slope": slope,
         "intercept": intercept,
         "background": 0,
-        "inverted": getattr(turn.frames, "is_inverted", False),
+        "inverted": _entries.is_inverted(turn.frames),
         "window": [low, high],
         "rate": rate,
         "loop": _find_loop(angles),
@@ -137,7 +138,7 @@ def make_page(turn: "Turn", *, rate: float | None = None, window: Window | None 
     }
     if angles:
         series["angles"] = angles
-    if getattr(turn.frames, "has_direction", True):
+    if _entries.has_direction(turn.frames):
         sides = [find_sides(get_matrix(transform)) for transform in turn.transforms]
         series["letters"] = [" ".join(each.values()) for each in sides]
     for frame in pixels:
@@ -193,7 +194,7 @@ def save_png(
             f"a picture has 2 dimensions, 1 component and pixels, but this one has {dimension}, {components} and the size "
             f"{list(itk.size(picture))}: see Turn.save()"
         )
-    if annotate and not hasattr(picture, "view"):
+    if annotate and _entries.get_view(picture) is None:
         raise ValueError("annotate is for a picture as mip() gives it: this one has no view")
     grey = make_picture(picture, window, make_flag("labels", labels), make_flag("annotate", annotate))
     target = _find_target(Path(path))
@@ -210,18 +211,18 @@ def make_picture(
     """Returns the grey pixels of a picture of mip()."""
     window = find_window(picture) if window is None else check_window(window)
     pixels = itk.array_view_from_image(picture)
-    return _make_labelled(pixels, window, picture, getattr(picture, "view", None), labels, annotate)
+    return _make_labelled(pixels, window, picture, _entries.get_view(picture), labels, annotate)
 
 
 def _make_labelled(
     pixels: NDArray[Any], window: Window, image: Any, view: NDArray[np.float64] | None, labels: bool, annotate: bool
 ) -> NDArray[np.uint8]:
     """Returns the grey pixels of an image of mip() or turn(), with letters and annotations."""
-    grey = make_grey(pixels, window, getattr(image, "is_inverted", False))
+    grey = make_grey(pixels, window, _entries.is_inverted(image))
     if view is None:
         return grey
-    has_sides = labels and getattr(image, "has_direction", True)
-    spacing = image.GetSpacing()[0] * find_millimetres(getattr(image, "unit", None))
+    has_sides = labels and _entries.has_direction(image)
+    spacing = image.GetSpacing()[0] * find_millimetres(_entries.get_unit(image))
     return draw(grey, view, spacing, has_sides=has_sides, has_scale=annotate)
 
 
@@ -444,7 +445,7 @@ def _write_animation(pictures: NDArray[np.uint8], rate: float, path: Path) -> No
 
 
 def _write_dicom(turn: "Turn", folder: Path, window: Window | None) -> None:
-    unit = getattr(turn.frames, "unit", None)
+    unit = _entries.get_unit(turn.frames)
     if find_millimetres(unit) != 1.0:
         raise ValueError(f"a DICOM series has mm, but this turn has {unit}: give spacing= and origin= in mm")
     try:

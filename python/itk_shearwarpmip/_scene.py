@@ -11,7 +11,7 @@ import itk
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from itk_shearwarpmip import _labels
+from itk_shearwarpmip import _entries, _labels
 from itk_shearwarpmip._front import open_mask
 from itk_shearwarpmip._inputs import find_millimetres
 from itk_shearwarpmip._labels import LETTERS, find_letters, format_length, normalize, round_length, widen
@@ -257,8 +257,8 @@ class Scene:
         image = self.layers[0].image
         self.center = np.array(list(itk.ShearWarpMIPView.GetCenter(image)))
         self.extent = _find_corners(image) - self.center
-        self._has_direction = getattr(image, "has_direction", True)
-        self._millimetres = find_millimetres(getattr(image, "unit", None))
+        self._has_direction = _entries.has_direction(image)
+        self._millimetres = find_millimetres(_entries.get_unit(image))
         voxel = self._millimetres * min(image.GetSpacing())
         self._unit, factor = ("mm", 1.0) if voxel >= 0.01 else ("µm", 1e3) if voxel >= 0.00001 else ("nm", 1e6)
         self._factor = factor * self._millimetres

@@ -25,7 +25,7 @@ except ImportError as error:
     raise ImportError("the viewer needs rendercanvas and Pillow: pip install itk-shearwarpmip[viewer]") from error
 
 from itk_shearwarpmip._front import Place, _is_plain_array
-from itk_shearwarpmip._inputs import is_chunked, make_numbers, open_image
+from itk_shearwarpmip._inputs import get_shape, is_chunked, make_flag, make_numbers, open_image
 from itk_shearwarpmip._parameters import MODES, check_mode, take_former
 from itk_shearwarpmip._save import check_window
 from itk_shearwarpmip._scene import Layer, Point, Scene, State, Window
@@ -693,7 +693,7 @@ def show(
         notebooks and interactive shells.
     page: host, port and no_browser of the page, as for the command shear-warp-mip-view.
     parameters: crop, mask, mask_label, attenuation, local_maximum, oversampling and background, as in mip(); spacing,
-        origin, direction, series, level, time and channel of the source, as in open_image().
+        origin, direction, series, volume, suv, level, time and channel of the source, as in open_image().
 
     Raises ImportError if rendercanvas or a part of it is missing, ValueError and TypeError for unsuitable parameters,
     and the exceptions of reading the source.
@@ -711,6 +711,8 @@ def show(
     mode = check_mode(mode)
     colour = take_former(parameters, "colours", "colour", colour)
     overlay_colour = take_former(parameters, "overlay_colours", "overlay_colour", overlay_colour)
+    if block is not None:
+        make_flag("block", block)
     if overlay is None and overlay_window is not None:
         raise ValueError("overlay_window is for an overlay")
     if not isinstance(opacity, Real) or not 0 <= opacity <= 1:
@@ -765,9 +767,10 @@ def _open_overlay(overlay: Any, image: Any) -> Any:
     opened = open_image(overlay)
     if not _is_plain_array(overlay):
         return opened
-    if opened.shape != image.shape:
+    if get_shape(opened) != get_shape(image):
         raise ValueError(
-            f"an overlay that is an array must have the shape of the volume, {image.shape}, but it has {opened.shape}: "
+            f"an overlay that is an array must have the shape of the volume, {get_shape(image)}, but it has "
+            f"{get_shape(opened)}: "
             "give overlay=open_image(array, spacing=..., origin=..., direction=...)"
         )
     opened.SetRegions(image.GetLargestPossibleRegion())

@@ -2,7 +2,6 @@
 
 import shutil
 import subprocess
-import sys
 
 import itk
 import numpy as np
@@ -71,6 +70,21 @@ def test_slices_lie_where_they_say(tmp_path):
     assert_as_the_program(folder, tmp_path)
 
 
+def test_attributes_of_any_character_set(tmp_path):
+    folder = write_series(tmp_path / "series")
+    for path in folder.iterdir():
+        dataset = pydicom.dcmread(path)
+        dataset.SpecificCharacterSet, dataset.PatientName = "ISO_IR 100", "Müller^Jürgen"
+        dataset.StudyDescription = "a:=b \\n"
+        dataset.save_as(path)
+    image = open_image(folder)
+    assert image["0010|0010"].rstrip() == "Müller^Jürgen"
+    assert image["0008|1030"].rstrip() == "a:=b \\n"
+    for path in folder.iterdir():
+        replace_bytes(path, b"ISO_IR 100", b"ISO_IR 999")
+    assert open_image(folder)["0010|0010"].startswith("M")
+
+
 def test_a_tilted_gantry_makes_a_sheared_image(tmp_path):
     step = NORMAL + 0.2 * COLUMN
     folder = write_series(tmp_path / "series", step=step)
@@ -86,17 +100,12 @@ def test_several_series_are_listed(tmp_path):
     write_series(
         folder / "disc" / "1", uid="1.2.3.3", positions=[0], t0008103e="Thorax", t00080021="20240201", t00180050="1"
     )
-    listed = (
-        r"1: CT, 2024-01-31, 6 images, 1.2.3.4; 2: CT, 2024-01-31, 3 images, 1.2.3.5; "
-        r"3: Thorax, CT, 2024-02-01, 1 image, 1.2.3.3$"
-    )
-    with pytest.raises(ValueError, match=r"several DICOM series, .* series=1 here or in open_image\(\): " + listed):
+    listed = r"1: CT, 2024-01-31, 6 images; 2: CT, 2024-01-31, 3 images; 3: Thorax, CT, 2024-02-01, 1 image$"
+    with pytest.raises(ValueError, match=r"has several DICOM series, choose one by series NUMBER: " + listed):
         mip(folder)
     for wrong in ("1.2", "abdomen", 4):
-        with pytest.raises(ValueError, match=rf"series {wrong} is not in .*, which has {listed}"):
+        with pytest.raises(ValueError, match=rf"{wrong}.*{listed}"):
             mip(folder, series=wrong)
-    with pytest.raises(ValueError, match=rf"series  fits several in .*, which has {listed}"):
-        mip(folder, series="")
     for chosen in ("THORAX", 3, "3"):
         with pytest.warns(UserWarning, match="has only one slice"):
             assert open_image(folder, series=chosen).shape == (1, 10, 12)
@@ -149,14 +158,14 @@ def test_uneven_slices_and_single_ones_are_said(tmp_path):
     folder = write_series(tmp_path / "series", [0, 2.5, 5.3, 7.5])
     with pytest.warns(UserWarning, match="the slices are not evenly spaced"):
         assert_as_the_program(folder, tmp_path)
-    (alone,) = write_series(tmp_path / "alone", [0]).iterdir()
+    (alone,) = write_series(tmp_path / "alone", [0], t00180050="2.5").iterdir()
     with pytest.warns(UserWarning, match="has only one slice; for a whole series give its folder"):
         assert open_image(alone).shape == (1, 10, 12)
 
 
 def test_dicomdir_stands_for_its_folder(tmp_path):
     folder = write_series(tmp_path / "disc" / "series").parent
-    (folder / "DICOMDIR").write_bytes(bytes(128) + b"DICM")
+    (folder / "DICOMDIR").touch()
     image = open_image(folder / "DICOMDIR", series=1)
     assert_array_equal(image, VOXELS)
 
@@ -184,9 +193,10 @@ def test_other_files_in_the_folder(tmp_path):
     write_slice(folder / "scout.dcm", VOXELS[0, :5], [0, 0, 0], t00080008="ORIGINAL\\PRIMARY\\LOCALIZER")
     with pytest.warns(UserWarning) as said:
         mip(folder)
+    said = [each for each in said if each.category is UserWarning]
     assert [str(each.message).replace(str(folder), "") for each in said] == [
-        "left out: '/disc/copy.dcm' (the same as another file)",
         "left out: '/thumbnail.db' and 1 more (not DICOM)",
+        "left out: '/disc/copy.dcm' (the same as another file)",
         "left out: '/scout.dcm' (localizer)",
     ]
     assert {each.filename for each in said} == {__file__}
@@ -197,7 +207,7 @@ def test_other_files_in_the_folder(tmp_path):
         mip(folder)
     (folder / "damaged.dcm").unlink()
     (folder / "link.dcm").symlink_to(folder / "nowhere")
-    with pytest.raises(OSError, match="is no file or a link to nothing"):
+    with pytest.raises(OSError, match="is a link to a file that is not there"):
         mip(folder)
 
 
@@ -207,12 +217,8 @@ def test_a_slice_that_is_cut_short(tmp_path):
     whole = path.read_bytes()
     for length in (len(whole) - 2, len(whole) - VOXELS[0].nbytes // 2):
         path.write_bytes(whole[:length])
-        with pytest.raises(OSError, match="cannot be read"):
+        with pytest.raises(OSError, match=r"4-\.dcm' is damaged or incomplete"):
             mip(folder)
-    # it might be another object
-    path.write_bytes(whole[:300])
-    with pytest.warns(UserWarning, match=r"left out: .*4-\.dcm' \(no image\)"):
-        mip(folder)
 
 
 @pytest.mark.parametrize("syntax", ["ImplicitVRLittleEndian", "ExplicitVRLittleEndian", "ExplicitVRBigEndian"])
@@ -235,7 +241,7 @@ def test_pixels_that_are_fewer_than_the_size_says(syntax, tmp_path):
     for missing in (2, len(pixels) - 2):
         write(missing)
         for source in (folder, path):
-            with pytest.raises(OSError, match=r"4-\.dcm' cannot be read: it has fewer pixels than its size says"):
+            with pytest.raises(OSError, match=r"4-\.dcm' is damaged or incomplete"):
                 mip(source)
 
 
@@ -360,11 +366,11 @@ def test_frames_without_functional_groups(values, axis, tmp_path):
 @pytest.mark.parametrize(
     "values, text",
     [
-        (PLAIN, "two slices lie at one position: frame 1 of '.*' and frame 2 of"),
+        (PLAIN, "two slices lie at one position: frame 1 of '.*' at 0 mm and frame 2 of"),
         ({"NumberOfFrames": 5}, "has 5 frames, but describes 6"),
         ({"SharedFunctionalGroupsSequence": None}, "frame 1 of '.*' has no valid orientation"),
         ({"order": [0, 1, 2, 4, 5, 6]}, "a slice is missing between frame 3 of '.*' at .* mm and frame 4 of"),
-        ({"rescales": [(1, None)]}, "frame 1 of '.*' has no valid rescale slope and intercept"),
+        ({"rescales": [(1, None)]}, "frame 1 of '.*' has no valid rescale intercept"),
         (
             PLAIN | {"FrameIncrementPointer": 0x00540080, "SpacingBetweenSlices": 2, "SliceVector": [2, 1, 3]},
             "in the order",
@@ -377,25 +383,16 @@ def test_frames_that_make_no_volume(values, text, tmp_path):
         mip(write_frames(tmp_path / "frames.dcm", **values))
 
 
-def test_frames_need_pydicom(tmp_path, monkeypatch):
-    path = write_frames(tmp_path / "frames.dcm")
-    monkeypatch.setitem(sys.modules, "pydicom", None)
-    monkeypatch.delitem(sys.modules, "itk_shearwarpmip._dicom_frames", raising=False)
-    monkeypatch.delattr("itk_shearwarpmip._dicom_frames", raising=False)
-    with pytest.raises(ImportError, match=r"multi-frame or MONOCHROME1, which needs pydicom: pip install itk-shear"):
-        mip(path)
-
-
 def test_files_that_others_wrote(tmp_path):
     for name in ("rtdose.dcm", "rtdose_rle.dcm"):
         path = get_testdata_file(name)
         assert open_image(path).shape == (15, 10, 10)
         assert_as_the_program(path, tmp_path)
     for name, text in (
-        ("rtdose_1frame.dcm", "cannot be read"),
+        ("rtdose_1frame.dcm", "is damaged or incomplete"),
         ("badVR.dcm", "has no valid slice thickness"),
-        ("MR_truncated.dcm", "is not an image"),
-        ("test-SR.dcm", "is not an image"),
+        ("MR_truncated.dcm", "is damaged or incomplete"),
+        ("test-SR.dcm", "is not a DICOM image"),
     ):
         with pytest.raises((OSError, ValueError), match=text) as caught:
             mip(get_testdata_file(name))
@@ -404,14 +401,15 @@ def test_files_that_others_wrote(tmp_path):
 
 
 def test_colours_are_refused(tmp_path):
-    path = get_testdata_file("SC_rgb_dcmtk_+eb+cr.dcm")
-    with pytest.raises(
-        ValueError, match="has 3 components, as a colour image has, but a volume has 1: give one of them"
-    ):
-        mip(path)
-    shutil.copy(path, tmp_path)
-    with pytest.raises(ValueError, match="has colours, but a volume has one value for each voxel"):
-        mip(tmp_path)
+    pixels = np.zeros((6, 10, 12, 3), np.uint8)
+    values = {"SamplesPerPixel": 3, "PlanarConfiguration": 0, "PixelRepresentation": 0, "PixelData": pixels.tobytes()}
+    bits = {"BitsAllocated": 8, "BitsStored": 8, "HighBit": 7}
+    path = write_frames(tmp_path / "colours.dcm", photometric="RGB", **values, **bits)
+    for source in (path, tmp_path):
+        with pytest.raises(
+            ValueError, match="has 3 components, as a colour image has, but a volume has 1: give one of them"
+        ):
+            mip(source)
 
 
 def test_inverted_values_are_kept_and_shown_inverted(tmp_path):

@@ -319,7 +319,7 @@ def test_ome_zarr_in_memory(ome_zarr):
     for source in (path, zarr.open_group(path, mode="r"), open_volume(path, channel=1)):
         image = open_image(source, **({} if source.__class__.__name__ == "Volume" else {"level": 0, "channel": 1}))
         assert_same(image, whole)
-        assert image.unit == "micrometer" and image.has_direction is False
+        assert image["Unit"] == "micrometer" and image["HasOrientation"] == "0"
     masked = (mip(image, mask=each) for each in (open_volume(path, channel=0), array[0]))
     assert_array_equal(*map(np.asarray, masked))
     with pytest.raises(ValueError, match="a mask must be on the volume's grid: a corner is"):

@@ -215,7 +215,7 @@ DEFAULTS_OF_TURN = {
 
 
 def test_defaults_are_the_programs():
-    for function, expected in ((mip, DEFAULTS), (turn, DEFAULTS | DEFAULTS_OF_TURN)):
+    for function, expected in ((mip, DEFAULTS | {"geometry": False}), (turn, DEFAULTS | DEFAULTS_OF_TURN)):
         parameters = inspect.signature(function).parameters.values()
         assert {each.name: each.default for each in parameters if each.default is not each.empty} == expected
 
@@ -391,9 +391,10 @@ def test_regions_that_do_not_begin_at_0(image):
     "dtype, kept",
     [
         (bool, np.uint8),
-        (np.int8, np.uint8),
-        (np.uint32, np.int16),
-        (np.uint64, np.int16),
+        (np.int8, np.int16),
+        (np.int64, np.int16),
+        (np.uint32, np.uint16),
+        (np.uint64, np.uint16),
         (np.float16, np.float32),
         (">f8", np.float64),
     ],
@@ -404,6 +405,17 @@ def test_types_of_voxels(dtype, kept):
     voxels.setflags(write=False)
     picture = mip(voxels, "superior")
     assert picture.dtype == kept
+    assert_array_equal(picture[:, ::-1], voxels.max(axis=0))
+
+
+@pytest.mark.parametrize(
+    "dtype, least, most", [(np.int64, -(2**53), 32768), (np.int32, 0, 40000), (np.uint32, 0, 70000)]
+)
+def test_integers_that_16_bits_do_not_hold(dtype, least, most):
+    voxels = np.full((3, 4, 5), least, dtype)
+    voxels[1, 2, 3] = most
+    picture = mip(voxels, "superior")
+    assert picture.dtype == np.float64
     assert_array_equal(picture[:, ::-1], voxels.max(axis=0))
 
 
@@ -458,8 +470,8 @@ def test_units_of_coordinates_are_kept(image):
         source[axis].attrs["units"] = "micrometer"
     picture, depths = mip(source, depth=True)
     assert [each[axis].attrs["units"] for each in (picture, depths) for axis in "xy"] == ["micrometer"] * 4
-    assert open_image(source).unit == open_image(open_image(source), origin=(0, 0, 0)).unit == "micrometer"
-    assert open_image(source, spacing=(1, 2, 3)).unit is None
+    assert open_image(source)["Unit"] == open_image(open_image(source), origin=(0, 0, 0))["Unit"] == "micrometer"
+    assert not open_image(source, spacing=(1, 2, 3)).GetMetaDataDictionary().HasKey("Unit")
     with pytest.raises(ValueError, match=r"a DICOM series has mm, but this turn has micrometer: give spacing="):
         turn(source, frames=1).save("turn")
 
@@ -602,6 +614,18 @@ def label(**coordinates):
     return xarray.DataArray(SHORTS, dims=list("zyx"), coords=coordinates)
 
 
+def make_placed(**attributes):
+    """An array of a package that knows where it lies."""
+
+    class Placed(np.ndarray):
+        pass
+
+    array = SHORTS.view(Placed)
+    for name, value in attributes.items():
+        setattr(array, name, value)
+    return array
+
+
 # of mip() and turn(): FUNCTION is its name
 BAD = {
     "2D array": (call(SHORTS[0]), ValueError, r"the axes z, y, x, but this one has the shape \(4, 5\)"),
@@ -613,7 +637,7 @@ BAD = {
     "masked array": (call(np.ma.masked_less(SHORTS, 3)), TypeError, "loses its mask: fill it"),
     "empty array": (call(SHORTS[:0]), ValueError, "must not be empty"),
     "empty image": (call(itk.Image[itk.SS, 3].New()), ValueError, "must not be empty"),
-    "large integers": (call(SHORTS.astype(int) * 10**6), TypeError, r"they are int64; use astype\(\)"),
+    "large integers": (call(SHORTS.astype(int) * (2**53 + 1)), TypeError, r"they are int64; use astype\(\)"),
     "complex": (call(SHORTS.astype(complex)), TypeError, "they are complex128"),
     "None": (call(None), TypeError, "but this is a builtins.NoneType"),
     "list": (call(SHORTS.tolist()), TypeError, "this is a builtins.list: give an array .* with spacing"),
@@ -649,10 +673,16 @@ BAD = {
     ),
     "empty path": (call(""), ValueError, "the path of a volume must not be empty"),
     "no such file": (call("nowhere.nrrd"), FileNotFoundError, "'nowhere.nrrd' does not exist"),
-    "no image": (call(__file__), OSError, "is not an image that ITK can read"),
+    "no image": (call(__file__), OSError, "test_front.py' is no image of DICOM, NIfTI-1"),
     "no DICOM": (call(Path(__file__).parent), ValueError, "no DICOM series"),
     "no OME-Zarr": (call("nowhere.zarr"), ValueError, "nowhere.zarr is no OME-Zarr"),
     "series": (call(IMAGE, series="1.2"), ValueError, "series is for a DICOM folder"),
+    "volume": (call(IMAGE, volume=2), ValueError, "volume is for a DICOM folder or file"),
+    "SUV": (call(IMAGE, suv=True), ValueError, "suv is for a DICOM folder or file"),
+    "SUV as a word": (call(IMAGE, suv="yes"), ValueError, "suv must be True or False"),
+    "time": (call(IMAGE, time=1), ValueError, "only an OME-Zarr has levels, times and channels, and a 4D file times"),
+    "geometry of an array": (call(make_placed(affine=np.eye(4))), TypeError, r"geometry of its own \(affine\)"),
+    "spacing of an array": (call(make_placed(spacing=(1, 2, 3), meta={})), TypeError, r"own \(meta, spacing\)"),
     "level": (call(IMAGE, level=1), ValueError, "only an OME-Zarr has levels"),
     "unknown keyword": (call(IMAGE, angle=3), TypeError, r"^FUNCTION\(\) has no parameter angle$"),
     "misspelt keyword": (call(IMAGE, azimut=1), TypeError, "no parameter azimut: did you mean azimuth[?]"),
@@ -736,7 +766,11 @@ def test_bad_input_is_one_clear_error(function, bad, kind, text):
 
 @pytest.mark.parametrize(
     "shape, text",
-    [((3, 4), "has the size"), ((2, 3, 4, 5), "has the size"), ((3, 4, 5, 2), "has 2 components")],
+    [
+        ((3, 4), "has 2 dimensions; 3 are needed, or 4 with time"),
+        ((2, 3, 4, 5), "has 2 points in time: give the number of one, as time=0"),
+        ((3, 4, 5, 2), "has 2 components"),
+    ],
     ids=["2D", "4D", "vectors"],
 )
 def test_files_that_are_no_volume(shape, text, tmp_path):
@@ -749,7 +783,7 @@ def test_files_that_are_no_volume(shape, text, tmp_path):
 def test_files_of_other_types(tmp_path):
     path = tmp_path / "image.mha"
     itk.imwrite(itk.image_from_array(SHORTS.astype(np.int32) * 40000), str(path))
-    assert np.asarray(open_image(path)).dtype == np.uint16
+    assert np.asarray(open_image(path)).dtype == np.float64
     # of one point in time
     itk.imwrite(itk.image_from_array(SHORTS[np.newaxis]), str(path))
     assert mip(path).shape == (3, 5)
@@ -862,8 +896,8 @@ def test_window_of_large_constants():
 def test_metadata_lives_without_the_source(tmp_path):
     image = itk.image_from_array(np.ones((3, 4, 5), np.int16))
     image["name"] = "head"
-    itk.imwrite(image, tmp_path / "volume.nrrd")
-    series = turn(tmp_path / "volume.nrrd", frames=2)
+    series = turn(image, frames=2)
+    del image
     assert series.source_metadata["name"] == "head"
     assert all(isinstance(value, str | int | float) for value in series.source_metadata.values())
     assert repr(series) == "<Turn of 2 frames, 5 x 3 pixels>"

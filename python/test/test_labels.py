@@ -9,7 +9,7 @@ from pathlib import Path
 import itk
 import numpy as np
 import pytest
-from itk_shearwarpmip import _labels, mip, open_image, save_png, turn
+from itk_shearwarpmip import _entries, _labels, mip, open_image, save_png, turn
 from numpy.testing import assert_array_equal
 from PIL import Image, ImageDraw
 from program import NO_LABELS, PROGRAM
@@ -72,7 +72,7 @@ def test_letters_of_directions(direction, letters):
 def test_letters_of_views(view, azimuth, elevation, expected, image):
     image.SetDirection(itk.matrix_from_array(np.eye(3)))
     picture = mip(image, view, azimuth=azimuth, elevation=elevation)
-    assert list(_labels.find_sides(picture.view).values()) == expected.split()
+    assert list(_labels.find_sides(_entries.get_view(picture)).values()) == expected.split()
 
 
 # all signed permutations of axes, and one that is none
@@ -100,7 +100,7 @@ def test_the_letter_is_where_the_side_is(direction):
             row, column = (np.array(found).mean() for found in np.nonzero(np.asarray(picture) > 20))
             rows, columns = picture.shape
             beyond = {"right": column - (columns - 1) / 2, "bottom": row - (rows - 1) / 2}
-            sides = _labels.find_sides(picture.view)
+            sides = _labels.find_sides(_entries.get_view(picture))
             for side, distance in beyond.items():
                 if letter in sides[side]:
                     assert distance > 1
@@ -229,7 +229,7 @@ def test_small_pictures_have_no_room(head, written):
     ],
 )
 def test_angles(view, azimuth, elevation, expected, head):
-    matrix = mip(head, view, azimuth=azimuth, elevation=elevation).view
+    matrix = _entries.get_view(mip(head, view, azimuth=azimuth, elevation=elevation))
     assert _labels.describe_angles(matrix) == expected
 
 

@@ -168,7 +168,7 @@ def test_page_names_the_sides_of_the_patient(labels):
 
 def test_page_is_in_mm(image):
     turn = make_turn(image)
-    turn.frames.unit = "micrometer"
+    turn.frames["Unit"] = "micrometer"
     series = read_series(_save.make_page(turn))
     assert series["spacing"] == pytest.approx([each / 1000 for each in list(turn.frames.GetSpacing())[:2]])
     assert series["origin"] == pytest.approx([each / 1000 for each in list(turn.frames.GetOrigin())[:2]])

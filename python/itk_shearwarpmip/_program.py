@@ -1,0 +1,101 @@
+"""Runs the program shear-warp-mip, which reads and writes files, in a process of its own."""
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import sysconfig
+import warnings
+from collections.abc import Sequence
+
+_NAME = "shear-warp-mip"
+_VARIABLE = "SHEARWARPMIP_PROGRAM"
+_SECONDS_TO_END = 10
+"""In which the program removes what it has begun to write."""
+
+
+class ProgramError(OSError, ValueError):
+    """What the program refuses: a file, or what was asked of it."""
+
+
+def find() -> str:
+    """The path of the program: the environment variable SHEARWARPMIP_PROGRAM, or the wheel's, or one on the PATH.
+
+    Raises FileNotFoundError.
+    """
+    named = os.environ.get(_VARIABLE)
+    if named:
+        if found := shutil.which(named):
+            return found
+        raise FileNotFoundError(f"{_VARIABLE} names '{named}', which is no program")
+    for folder in (sysconfig.get_path("scripts"), None):
+        if found := shutil.which(_NAME, path=folder):
+            return found
+    raise FileNotFoundError(
+        f"the program {_NAME}, which reads and writes files, is missing: install the wheel again, as by "
+        "pip install --force-reinstall --no-deps itk-shearwarpmip"
+    )
+
+
+def run(arguments: Sequence[str]) -> str:
+    """Runs the program, and returns what it prints as its output. The program ends before this function does.
+
+    Its warnings become warnings at the line that called the package.
+
+    Raises FileNotFoundError without the program; ProgramError, an OSError and a ValueError, with the program's sentence,
+    in which options are keywords; and RuntimeError if the program was ended.
+    """
+    try:
+        child = subprocess.Popen(
+            [find(), *arguments], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        )
+    except PermissionError as error:
+        raise OSError(f"the program {_NAME} cannot be started: {error}") from error
+    with child:
+        try:
+            output, messages = (os.fsdecode(text) for text in child.communicate())
+        except BaseException:
+            _end(child)
+            raise
+    said = [line.removeprefix(f"{_NAME}: ") for line in messages.splitlines() if line.startswith(f"{_NAME}: ")]
+    errors = [line for line in said if not re.match("(warning|note): ", line)]
+    for line in said:
+        if line.startswith("warning: "):
+            warnings.warn(reword(line.removeprefix("warning: ")), stacklevel=_count_own_frames())
+    if child.returncode < 0:
+        name = signal.Signals(-child.returncode).name
+        raise RuntimeError(f"the program {_NAME} was ended by {name}; is there too little memory?")
+    if child.returncode != 0:
+        if not errors:
+            raise RuntimeError(f"the program {_NAME} ended with {child.returncode}: {messages.strip()}")
+        raise ProgramError(reword(errors[-1]))
+    return output
+
+
+def reword(text: str) -> str:
+    """Turns options into keywords, but not in names of files."""
+
+    def name(match: re.Match[str]) -> str:
+        return match[1].replace("-", "_") if match[1] else "the source" if match[0] == "INPUT" else match[0]
+
+    return re.sub(r"'[^']*'|(?<![\w-])--([a-z][a-z-]*)|\bINPUT\b", name, text).removesuffix("; see help")
+
+
+def _end(child: subprocess.Popen[bytes]) -> None:
+    child.terminate()
+    try:
+        child.wait(_SECONDS_TO_END)
+    except BaseException:
+        child.kill()
+        child.wait()
+
+
+def _count_own_frames() -> int:
+    """The stack level of the first caller outside this package, for the caller of this function."""
+    folder = os.path.dirname(__file__)
+    frame, level = sys._getframe(1), 1
+    while frame.f_back and os.path.dirname(frame.f_code.co_filename) == folder:
+        frame, level = frame.f_back, level + 1
+    return level
