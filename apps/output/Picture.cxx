@@ -22,6 +22,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace
 {
@@ -38,7 +39,7 @@ ComputeRobustWindow(const TPixel * pixels, std::size_t count, TPixel background)
   {
     // the background is black
     window[0] = std::isfinite(static_cast<double>(background)) ? static_cast<double>(background) : 0.0;
-    window[1] = window[0] + 1.0;
+    window[1] = std::max(window[0] + 1.0, std::nextafter(window[0], std::numeric_limits<double>::max()));
     return window;
   }
   const auto percentile = [&values](double fraction) {
@@ -50,7 +51,8 @@ ComputeRobustWindow(const TPixel * pixels, std::size_t count, TPixel background)
   window[1] = percentile(0.998);
   if (!(window[0] < window[1]))
   {
-    window[0] = window[1] - 1.0;
+    // beyond 2^53 one less is the same
+    window[0] = std::min(window[1] - 1.0, std::nextafter(window[1], std::numeric_limits<double>::lowest()));
   }
   return window;
 }
