@@ -47,6 +47,8 @@ constexpr auto description =
   "Animations .gif, .apng and .mp4 are made by the program ffmpeg. A page .html turns and plays a series in any "
   "browser. If OUTPUT is an empty folder, or a new one with a / at its end, the program writes a DICOM series into "
   "it.\n"
+  "If INPUT is a .nrrd or .mha that the program wrote, its pictures are written as any of these, without a new "
+  "projection: project once, write many.\n"
   "Sizes and positions of the output are in mm in the view plane. Names of values may be in capitals, and may be "
   "shortened as long as they are unique. Separate several numbers by commas or spaces.";
 
@@ -62,6 +64,8 @@ constexpr auto examples =
   "      an animation, 30 degrees to either side and back, from somewhat above\n"
   "  shear-warp-mip dicom-folder/ turn/ --frames 72\n"
   "      a DICOM series for the archive; --dicom-out writes one beside another OUTPUT\n"
+  "  shear-warp-mip turn.nrrd turn.gif\n"
+  "      an animation of pictures that were projected before\n"
   "  shear-warp-mip ct.nrrd slabs.nrrd --view superior --sliding-slab 10 5\n"
   "      slabs of 10 mm from top to bottom, one every 5 mm\n"
   "  shear-warp-mip ct.nrrd bones.png --window bone\n"
@@ -719,6 +723,30 @@ VerifyVolumeOut(const CLI::App & app)
       throw std::runtime_error(name + " is not possible with --write-volume: nothing is projected");
     }
   }
+}
+
+std::vector<std::string>
+FindGiven(const CLI::App & app)
+{
+  std::vector<std::string> given;
+  for (const CLI::Option * const option : app.get_options())
+  {
+    if (option->count() > 0 && !option->get_positional())
+    {
+      given.push_back("--" + option->get_lnames().front());
+    }
+  }
+  return given;
+}
+
+bool
+IsOfOutputs(const std::string & name)
+{
+  static const std::set<std::string> names = {
+    "--window",    "--wl",        "--no-labels",   "--annotate", "--rate",
+    "--page-bits", "--dicom-out", "--multi-frame", "--threads",  "--verbose"
+  };
+  return names.count(name) > 0;
 }
 
 std::vector<std::string>

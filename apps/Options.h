@@ -93,6 +93,8 @@ struct Options
   bool                        isAnnotated{ false };
   unsigned int                threads{ 0 };
   bool                        verbose{ false };
+  /** The names of all options that are given, as --view. */
+  std::vector<std::string> given;
 };
 
 inline const std::map<std::string, itk::ShearWarpMIPViewEnums::Direction> directions = {
@@ -113,6 +115,15 @@ inline const std::map<std::string, itk::ShearWarpMIPImageFilterEnums::Mode> mode
 /** Sets up \a app so that it fills \a options, which must live as long. */
 void
 DefineOptions(CLI::App & app, Options & options);
+
+/** The names of the options that the parsed command line has, without INPUT and OUTPUT. */
+std::vector<std::string>
+FindGiven(const CLI::App & app);
+
+/** Whether the option \a name is one of outputs, and goes with frames that are projected already; all others are of
+ * the projection. */
+bool
+IsOfOutputs(const std::string & name);
 
 /** The arguments, the last first, as CLI::App::parse() takes them: the values of a list are one argument. To be called
  * once for \a app. Former names of options are replaced, and \a note is told. */

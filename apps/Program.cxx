@@ -31,6 +31,7 @@
 #include "Picture.h"
 #include "Product.h"
 #include "Segments.h"
+#include "Stack.h"
 #include "Suv.h"
 #include "Text.h"
 #include "TransformFile.h"
@@ -43,7 +44,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <iomanip>
+#include <limits>
 #include <map>
 #include <regex>
 
@@ -173,43 +176,37 @@ VerifyViews(const Options & options, std::size_t views, std::size_t times)
   }
 }
 
-/** Throws if not all of the options go with an image of several components or points in time. */
+/** Throws if not all of the options go with so many points in time. */
 void
-VerifyVolume(const Options & options, const Volume & volume)
+VerifyTimes(const Options & options, std::size_t times)
 {
-  const auto         times = volume.times.size();
-  const unsigned int components = volume.times.front().image->GetNumberOfComponentsPerPixel();
-  const auto         refuse = [&](const std::string & option, std::size_t count, const std::string & what) {
-    throw std::runtime_error(option + " is not possible: '" + options.input + "' has " + std::to_string(count) + ' ' +
-                             what);
-  };
-  if (times > 1 && (options.frames > 0 || !options.slidingSlab.empty() || options.isInPlace))
+  const std::string refused = options.frames > 0             ? "--frames"
+                              : options.isInPlace            ? "--in-place"
+                              : !options.slidingSlab.empty() ? "--sliding-slab"
+                              : !options.dicomOut.empty()    ? "A DICOM series"
+                                                             : "";
+  if (times > 1 && !refused.empty())
   {
-    refuse(options.frames > 0  ? "--frames"
-           : options.isInPlace ? "--in-place"
-                               : "--sliding-slab",
-           times,
-           "points in time");
+    throw std::runtime_error(refused + " is not possible: '" + options.input + "' has " + std::to_string(times) +
+                             " points in time");
   }
-  if (components > 1 && !(options.depth.empty() && options.depthColour.empty()))
+}
+
+/** Throws if not all of the options go with so many components. */
+void
+VerifyComponents(const Options & options, unsigned int components)
+{
+  const bool        isShown = !options.output.empty() && FindFormat(options.output) != FileFormat::Values;
+  const std::string refused = !options.depth.empty()         ? "--depth"
+                              : !options.depthColour.empty() ? "--depth-colour"
+                              : !options.dicomOut.empty()    ? "A DICOM series"
+                              : options.pageBits == 16u      ? "--page-bits 16"
+                              : components != 3 && isShown   ? "A picture of other than 1 or 3 components"
+                                                             : "";
+  if (components > 1 && !refused.empty())
   {
-    refuse(options.depth.empty() ? "--depth-colour" : "--depth", components, "components");
-  }
-  if (!options.dicomOut.empty() && times > 1)
-  {
-    refuse("A DICOM series", times, "points in time");
-  }
-  if (!options.dicomOut.empty() && components > 1)
-  {
-    refuse("A DICOM series", components, "components");
-  }
-  if (components > 1 && options.pageBits == 16u)
-  {
-    refuse("--page-bits 16", components, "components");
-  }
-  if (components != 1 && components != 3 && !options.output.empty() && FindFormat(options.output) != FileFormat::Values)
-  {
-    refuse("A picture of other than 1 or 3 components", components, "components");
+    throw std::runtime_error(refused + " is not possible: '" + options.input + "' has " + std::to_string(components) +
+                             " components");
   }
 }
 
@@ -230,7 +227,7 @@ IsBlank(const Projections & projections)
 
 /** Says which options change nothing of what is written, and why pictures have no letters. */
 void
-NoteUnused(const Options & options, const itk::ImageBase<3> * stack, bool hasOrientation, const Messages & messages)
+NoteUnused(const Options & options, const Stack & stack, const Messages & messages)
 {
   const std::string & output = options.output;
   const FileFormat    format = FindFormat(output);
@@ -255,8 +252,8 @@ NoteUnused(const Options & options, const itk::ImageBase<3> * stack, bool hasOri
        "--annotate",
        name + " has scale bar and angles anyway");
   note(!isPage && !isAnimated && !options.isMultiFrame && options.rate.has_value(), "--rate", name + " does not play");
-  const auto size = stack->GetLargestPossibleRegion().GetSize();
-  if (isAnimated && size[2] == 1 && options.frames == 0)
+  const auto size = stack.projections.stack.image->GetLargestPossibleRegion().GetSize();
+  if (isAnimated && size[2] == 1 && GetAngles(stack).empty())
   {
     messages.Note("one view does not move; see --frames");
   }
@@ -268,23 +265,17 @@ NoteUnused(const Options & options, const itk::ImageBase<3> * stack, bool hasOri
   const std::string small =
     '\'' + picture + "' has less than " + std::to_string(SmallestLabelled) + " pixels along one side";
   note(isSmall && options.isAnnotated, "--annotate", small);
-  if (!options.isUnlabelled && (isSmall || !hasOrientation))
+  if (!options.isUnlabelled && (isSmall || !stack.hasOrientation))
   {
     messages.Note("there are no letters: " +
                   (isSmall ? small : '\'' + options.input + "' does not say how it lies in the patient"));
   }
 }
 
+/** Reserves the names of all outputs, none of which may be an input. */
 void
-Run(const Options & options, Messages & messages)
+ReserveOutputs(const Options & options, OutputFiles & files)
 {
-  Verify(options);
-  if (options.threads > 0)
-  {
-    itk::MultiThreaderBase::SetGlobalMaximumNumberOfThreads(options.threads);
-    itk::MultiThreaderBase::SetGlobalDefaultNumberOfThreads(options.threads);
-  }
-  OutputFiles files;
   for (const std::string & path :
        { options.input, options.mask, options.transform, options.overlay, options.overlayTransform, options.segments })
   {
@@ -310,40 +301,13 @@ Run(const Options & options, Messages & messages)
       RequireOutside(options.dicomOut, path);
     }
   }
-  std::vector<TransformPointer> given;
-  if (!options.transform.empty())
-  {
-    given = ReadLinearTransforms(options.transform);
-  }
+}
 
-  messages.StepBegins("reading " + options.input);
-  const auto warn = [&](const std::string & text) { messages.Warn(text); };
-  Volume     volume = ReadVolume(options.input, options.series, warn, "--series", options.volume);
-  files.Protect(volume.dicomFiles);
-  const bool isSuv = options.isSuv && ConvertToSuv(volume, warn);
-  if (options.isSuv && !isSuv && options.overlay.empty())
-  {
-    RefuseSuv();
-  }
-  if (options.window.size() == 1 && FindName(options.window.front(), { "pet" }) == "pet" &&
-      !volume.dicomFiles.empty() && !isSuv)
-  {
-    warn("--window pet is in SUV, but INPUT's values are not; see --suv");
-  }
-  const AnyImage &  first = volume.times.front();
-  const std::string times = volume.times.size() > 1 ? std::to_string(volume.times.size()) + " x " : "";
-  messages.StepDone("read " + options.input + ", " + times + Describe(first));
-  VerifyVolume(options, volume);
-  VerifyViews(options, given.size(), volume.times.size());
-
+/** Everything but the volume, its frames and its mask. */
+ProjectionOptions
+MakeProjectionOptions(const Options & options)
+{
   ProjectionOptions projection;
-  SetFrames(projection, options, given, volume);
-  const std::size_t frames = projection.frames.size();
-  const bool        isSeries = options.frames > 0 || !options.slidingSlab.empty() || frames > 1;
-  if (options.rate && !isSeries)
-  {
-    throw std::runtime_error("--rate requires a series; see --frames");
-  }
   projection.isInPlace = options.isInPlace;
   if (!options.outputSpacing.empty())
   {
@@ -360,32 +324,6 @@ Run(const Options & options, Messages & messages)
   projection.background = options.background;
   projection.mode = modes.at(options.mode);
   projection.localMaximum = options.localMaximum;
-  if (!options.mask.empty())
-  {
-    projection.mask = ReadMask(options.mask, options.maskLabel, options.removedLabels, first.image, warn);
-    messages.StepDone("read " + options.mask);
-  }
-  Volume overlay;
-  bool   isOverlaySuv = false;
-  if (!options.overlay.empty())
-  {
-    overlay = ReadOverlay(options, warn);
-    files.Protect(overlay.dicomFiles);
-    isOverlaySuv = options.isSuv && ConvertToSuv(overlay, warn);
-    if (options.isSuv && !isSuv && !isOverlaySuv)
-    {
-      throw std::runtime_error(
-        "--suv is not possible: neither INPUT nor the overlay is a DICOM series of PET Image Storage");
-    }
-    messages.StepDone("read " + options.overlay + ", " + Describe(overlay.times.front()));
-  }
-  Segments segments;
-  if (!options.segments.empty())
-  {
-    segments = ReadSegments(options.segments, warn);
-    files.Protect(segments.labels.dicomFiles);
-    messages.StepDone("read " + options.segments + ", " + Describe(segments));
-  }
   for (std::size_t axis = 0; axis < 3 && !options.crop.empty(); ++axis)
   {
     projection.cropLower[axis] = options.crop[2 * axis];
@@ -393,6 +331,182 @@ Run(const Options & options, Messages & messages)
   }
   projection.attenuation = options.attenuation;
   projection.computeDepth = !options.depth.empty() || !options.depthColour.empty();
+  return projection;
+}
+
+/** What is known of the projections of \a volume. */
+Stack
+MakeStack(const Options & options, const Volume & volume, const std::vector<Frame> & frames)
+{
+  Stack stack{ {} };
+  stack.frames = frames;
+  stack.mode = modes.at(options.mode);
+  stack.center = itk::ShearWarpMIPView::GetCenter(volume.times.front().image);
+  if (options.frames > 0)
+  {
+    stack.loop = options.isRocking ? "swing" : std::abs(options.angularRange) == 360.0 ? "turn" : "none";
+  }
+  stack.elevations = options.elevations;
+  stack.isSeries = options.frames > 0 || !options.slidingSlab.empty() || frames.size() > 1;
+  stack.hasOrientation = volume.hasOrientation;
+  // the name of a DICOM folder or file is often a patient's
+  const std::string name = volume.dicomFiles.empty() ? std::filesystem::path(options.input).filename().string() : "";
+  stack.title = volume.title.value_or(name);
+  stack.dicomFiles = volume.dicomFiles;
+  return stack;
+}
+
+/** Why pictures of PET are no reprojection by maximum, empty if they may be one. */
+std::string
+FindNoReprojection(const Options & options)
+{
+  const bool isSlabOff = !options.slab.empty() && !(options.slab[0] <= 0.0 && options.slab[1] >= 0.0);
+  return options.frames == 0         ? "they are no turn, see --frames"
+         : options.isRocking         ? "--rocking turns to and fro"
+         : options.mode != "maximum" ? "--mode is not maximum"
+         : options.localMaximum      ? "--local-maximum shows other values"
+         : options.attenuation > 0.0 ? "--attenuation changes values"
+         : isSlabOff                 ? "the slab is beside the axis"
+                                     : "";
+}
+
+/** Throws if \a stack does not go with --rate; otherwise sets rate and window. */
+void
+SetDisplay(Product & product)
+{
+  const Options & options = product.options;
+  if (options.rate && !product.stack.isSeries)
+  {
+    throw std::runtime_error("--rate requires a series; see --frames");
+  }
+  const auto turn = static_cast<double>(CountFramesOfTurn(product.stack));
+  product.rate = options.rate.value_or(std::clamp(std::round(turn / 4.0), 5.0, 25.0));
+  if (const auto bounds = GetWindow(options))
+  {
+    product.window = WindowType(bounds->data());
+  }
+}
+
+/** What is shown over INPUT. */
+struct Layers
+{
+  Volume   overlay{};
+  Segments segments{};
+};
+
+Layers
+ReadLayers(Product & product, OutputFiles & files, Messages & messages)
+{
+  const Options & options = product.options;
+  Layers          layers;
+  if (!options.overlay.empty())
+  {
+    layers.overlay = ReadOverlay(options, product.warn);
+    files.Protect(layers.overlay.dicomFiles);
+    product.isOverlaySuv = options.isSuv && ConvertToSuv(layers.overlay, product.warn);
+    if (options.isSuv && !product.isSuv && !product.isOverlaySuv)
+    {
+      throw std::runtime_error(
+        "--suv is not possible: neither INPUT nor the overlay is a DICOM series of PET Image Storage");
+    }
+    messages.StepDone("read " + options.overlay + ", " + Describe(layers.overlay.times.front()));
+  }
+  if (!options.segments.empty())
+  {
+    layers.segments = ReadSegments(options.segments, product.warn);
+    files.Protect(layers.segments.labels.dicomFiles);
+    messages.StepDone("read " + options.segments + ", " + Describe(layers.segments));
+  }
+  return layers;
+}
+
+/** Shows \a layers over the projections of \a volume. */
+void
+DrawLayers(Product &                                                                     product,
+           const Layers &                                                                layers,
+           const Volume &                                                                volume,
+           const ProjectionOptions &                                                     projection,
+           const std::function<Projections(const Volume &, const ProjectionOptions &)> & project,
+           Messages &                                                                    messages)
+{
+  const Options &     options = product.options;
+  const Projections & projections = product.stack.projections;
+  const auto          projectLayer = [&](const Volume & layer) {
+    return project(layer, MakeLayerOptions(projection, projections.stack.image));
+  };
+  const auto verifySpace = [&](const Volume & layer, const std::string & path) {
+    const bool isRegistered = path == options.overlay && !options.overlayTransform.empty();
+    WarnOfOtherSpace(volume, layer, path, projection.frames.front().transform, isRegistered, product.warn);
+  };
+  product.pictures = MakePictures(projections, product.window);
+  if (!options.overlay.empty())
+  {
+    verifySpace(layers.overlay, options.overlay);
+    product.pictures = BlendOverlay(product.pictures, projectLayer(layers.overlay), options, product.warn);
+    messages.StepDone("blended " + options.overlay);
+  }
+  if (!options.segments.empty())
+  {
+    verifySpace(layers.segments.labels, options.segments);
+    product.segments = layers.segments.list;
+    product.pictures = DrawSegments(product.pictures, layers.segments, projectLayer);
+    messages.StepDone("drew " + options.segments);
+  }
+}
+
+/** The volume of INPUT, in SUV if that is asked for and possible. */
+Volume
+ReadInput(Product & product, OutputFiles & files, Messages & messages)
+{
+  const Options & options = product.options;
+  Volume          volume = ReadVolume(options.input, options.series, product.warn, "--series", options.volume);
+  files.Protect(volume.dicomFiles);
+  files.Protect(volume.sourceFiles);
+  product.isSuv = options.isSuv && ConvertToSuv(volume, product.warn);
+  if (options.isSuv && !product.isSuv && options.overlay.empty())
+  {
+    RefuseSuv();
+  }
+  if (options.window.size() == 1 && FindName(options.window.front(), { "pet" }) == "pet" &&
+      !volume.dicomFiles.empty() && !product.isSuv)
+  {
+    product.warn("--window pet is in SUV, but INPUT's values are not; see --suv");
+  }
+  const AnyImage &  first = volume.times.front();
+  const std::string times = volume.times.size() > 1 ? std::to_string(volume.times.size()) + " x " : "";
+  messages.StepDone("read " + options.input + ", " + times + Describe(first));
+  VerifyTimes(options, volume.times.size());
+  VerifyComponents(options, first.image->GetNumberOfComponentsPerPixel());
+  return volume;
+}
+
+/** Projects the volume of INPUT. */
+void
+Project(Product & product, OutputFiles & files, Messages & messages)
+{
+  const Options &               options = product.options;
+  std::vector<TransformPointer> given;
+  if (!options.transform.empty())
+  {
+    given = ReadLinearTransforms(options.transform);
+  }
+  messages.StepBegins("reading " + options.input);
+  const Volume volume = ReadInput(product, files, messages);
+  VerifyViews(options, given.size(), volume.times.size());
+
+  ProjectionOptions projection = MakeProjectionOptions(options);
+  SetFrames(projection, options, given, volume);
+  product.stack = MakeStack(options, volume, projection.frames);
+  product.noReprojection = FindNoReprojection(options);
+  SetDisplay(product);
+  if (!options.mask.empty())
+  {
+    projection.mask =
+      ReadMask(options.mask, options.maskLabel, options.removedLabels, volume.times.front().image, product.warn);
+    messages.StepDone("read " + options.mask);
+  }
+  const Layers layers = ReadLayers(product, files, messages);
+
   const auto project = [&](const Volume & projected, const ProjectionOptions & how) {
     return ProjectFrames(
       projected,
@@ -401,50 +515,48 @@ Run(const Options & options, Messages & messages)
       [&](std::size_t done, std::size_t all) { messages.Progress(done, all); });
   };
   messages.StepBegins("projecting");
-  const Projections projections = project(volume, projection);
+  Projections & projections = product.stack.projections;
+  projections = project(volume, projection);
   messages.StepDone("projected, " + Describe(projections.stack));
   if (!(options.slab.empty() && options.crop.empty()) && IsBlank(projections))
   {
-    warn("there is only background in the picture: is the image within " +
-         std::string(options.slab.empty() ? "--crop?" : "--slab?"));
-  }
-
-  NoteUnused(options, projections.stack.image, volume.hasOrientation, messages);
-  messages.StepBegins("writing " + options.output);
-  const auto turn = static_cast<double>(options.frames > 0 ? options.frames : frames);
-  Product    product{ options, projection, volume, warn, projections };
-  product.rate = options.rate.value_or(std::clamp(std::round(turn / 4.0), 5.0, 25.0));
-  product.isSeries = isSeries;
-  product.isSuv = isSuv;
-  product.isOverlaySuv = isOverlaySuv;
-  if (const auto bounds = GetWindow(options))
-  {
-    product.window = WindowType(bounds->data());
+    product.warn("there is only background in the picture: is the image within " +
+                 std::string(options.slab.empty() ? "--crop?" : "--slab?"));
   }
   if (!(options.overlay.empty() && options.segments.empty()))
   {
-    const auto projectLayer = [&](const Volume & layer) {
-      return project(layer, MakeLayerOptions(projection, projections.stack.image));
-    };
-    const auto verifySpace = [&](const Volume & layer, const std::string & path) {
-      const bool isRegistered = path == options.overlay && !options.overlayTransform.empty();
-      WarnOfOtherSpace(volume, layer, path, projection.frames.front().transform, isRegistered, warn);
-    };
-    product.pictures = MakePictures(projections, product.window);
-    if (!options.overlay.empty())
+    DrawLayers(product, layers, volume, projection, project, messages);
+  }
+}
+
+/** Takes the frames of INPUT, which is a file of frames. */
+void
+Take(Product & product, Stack && stack, OutputFiles & files, Messages & messages)
+{
+  const Options & options = product.options;
+  for (const std::string & name : options.given)
+  {
+    if (!IsOfOutputs(name))
     {
-      verifySpace(overlay, options.overlay);
-      product.pictures = BlendOverlay(product.pictures, projectLayer(overlay), options, warn);
-      messages.StepDone("blended " + options.overlay);
-    }
-    if (!options.segments.empty())
-    {
-      verifySpace(segments.labels, options.segments);
-      product.segments = segments.list;
-      product.pictures = DrawSegments(product.pictures, segments, projectLayer);
-      messages.StepDone("drew " + options.segments);
+      throw std::runtime_error(name + " is not possible: '" + options.input +
+                               "' has frames, which are not projected again");
     }
   }
+  product.stack = std::move(stack);
+  files.Protect(product.stack.sourceFiles);
+  product.noReprojection = "they are of a file of frames";
+  const AnyImage & frames = product.stack.projections.stack;
+  VerifyComponents(options, frames.image->GetNumberOfComponentsPerPixel());
+  SetDisplay(product);
+  messages.StepDone("read " + options.input + ", " + Describe(frames));
+}
+
+void
+Write(const Product & product, OutputFiles & files, Messages & messages)
+{
+  const Options & options = product.options;
+  NoteUnused(options, product.stack, messages);
+  messages.StepBegins("writing " + options.output);
   // before letters are drawn into the pictures
   if (!options.dicomOut.empty())
   {
@@ -458,15 +570,40 @@ Run(const Options & options, Messages & messages)
   if (!options.depth.empty())
   {
     Product depths = product;
-    depths.projections.stack = projections.depths;
+    depths.stack.projections.stack = product.stack.projections.depths;
+    depths.stack.projections.background = std::numeric_limits<double>::quiet_NaN();
+    depths.stack.projections.isInverted = false;
     WriteValues(files, options.depth, depths);
   }
   if (!options.depthColour.empty())
   {
     Product depths = product;
-    depths.pictures = MakeDepthPictures(projections, product.window);
+    depths.pictures = MakeDepthPictures(product.stack.projections, product.window);
     WritePictures(files, options.depthColour, depths);
   }
+}
+
+void
+Run(const Options & options, Messages & messages)
+{
+  Verify(options);
+  if (options.threads > 0)
+  {
+    itk::MultiThreaderBase::SetGlobalMaximumNumberOfThreads(options.threads);
+    itk::MultiThreaderBase::SetGlobalDefaultNumberOfThreads(options.threads);
+  }
+  OutputFiles files;
+  ReserveOutputs(options, files);
+  Product product{ options, [&messages](const std::string & text) { messages.Warn(text); }, { {} } };
+  if (auto stack = ReadStack(options.input, product.warn))
+  {
+    Take(product, std::move(*stack), files, messages);
+  }
+  else
+  {
+    Project(product, files, messages);
+  }
+  Write(product, files, messages);
   files.Commit();
   messages.StepDone("wrote " + (options.output.empty() ? options.dicomOut : options.output));
 }
@@ -505,6 +642,7 @@ RunProgram(int argc, const char * const * argv, std::ostream & output, std::ostr
   {
     app.parse(CollectArguments(
       app, argc, argv, [&messages](const std::string & text) { Messages(messages, false).Note(text); }));
+    options.given = FindGiven(app);
     Messages steps(messages, options.verbose);
     if (app.count("--write-phantom") > 0 && app.count("--write-volume") == 0)
     {

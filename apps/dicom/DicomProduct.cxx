@@ -22,36 +22,23 @@
 
 namespace
 {
-/** Of a frame without a slab the plane through the image's center. */
+/** Of a frame without a slab the plane through the image's center, or through the origin of view space. */
 std::vector<DicomView>
-MakeViews(const ProjectionOptions & projection, const itk::ImageBase<3> * grid)
+MakeViews(const Stack & stack)
 {
   std::vector<DicomView> views;
-  for (const Frame & frame : projection.frames)
+  for (const Frame & frame : stack.frames)
   {
     DicomView view;
     view.transform = frame.transform;
     view.thickness = frame.slabFar - frame.slabNear;
     view.depth = std::isfinite(view.thickness) ? 0.5 * (frame.slabNear + frame.slabFar)
-                                               : ComputeDepthOfCenter(frame.transform, grid);
+                 : stack.center                ? ComputeDepth(frame.transform, *stack.center)
+                                               : 0.0;
     view.angle = frame.angle;
     views.push_back(view);
   }
   return views;
-}
-
-/** Why pictures of PET are no reprojection by maximum, empty if they may be one. */
-std::string
-FindNoReprojection(const Options & options)
-{
-  const bool isSlabOff = !options.slab.empty() && !(options.slab[0] <= 0.0 && options.slab[1] >= 0.0);
-  return options.frames == 0         ? "they are no turn, see --frames"
-         : options.isRocking         ? "--rocking turns to and fro"
-         : options.mode != "maximum" ? "--mode is not maximum"
-         : options.localMaximum      ? "--local-maximum shows other values"
-         : options.attenuation > 0.0 ? "--attenuation changes values"
-         : isSlabOff                 ? "the slab is beside the axis"
-                                     : "";
 }
 } // namespace
 
@@ -60,8 +47,10 @@ WriteDicom(OutputFiles & files, const std::string & path, const Product & produc
 {
   const Options &    options = product.options;
   DicomSeriesOptions dicom;
-  dicom.mode = product.projection.mode;
-  dicom.noReprojection = FindNoReprojection(options);
+  dicom.mode = product.stack.mode;
+  dicom.noReprojection = product.noReprojection;
+  dicom.attributes = product.stack.attributes;
+  dicom.isInverted = product.stack.projections.isInverted;
   dicom.warn = product.warn;
   dicom.isSuv = product.isSuv;
   dicom.derivation += product.isSuv ? " of SUV by body weight" : "";
@@ -78,9 +67,9 @@ WriteDicom(OutputFiles & files, const std::string & path, const Product & produc
     dicom.window = std::make_pair((*product.window)[0], (*product.window)[1]);
   }
   WriteDicomSeries(files,
-                   product.pictures.image ? product.pictures : product.projections.stack,
-                   MakeViews(product.projection, product.volume.times.front().image),
-                   product.volume.dicomFiles,
+                   product.pictures.image ? product.pictures : product.stack.projections.stack,
+                   MakeViews(product.stack),
+                   product.stack.dicomFiles,
                    path,
                    dicom);
 }

@@ -25,7 +25,6 @@
 #include "itkGDCMImageIO.h"
 #include "itkMatrix.h"
 #include "itkShearWarpFactorization.h"
-#include "itkShearWarpMIPView.h"
 
 #include <gdcmAttribute.h>
 #include <gdcmSystem.h>
@@ -365,6 +364,29 @@ SetMultiFrame(DataSet & header, std::size_t frames, double frameTime)
   header.Remove(Tag(0x0020, 0x1040));
 }
 
+bool
+IsInverted(const DataSet & source, const DicomSeriesOptions & options)
+{
+  return options.isInverted || GetText(source, { 0x0028, 0x0004 }) == "MONOCHROME1";
+}
+
+/** A source of the attributes that are texts. */
+DataSet
+MakeSource(const std::map<std::string, std::string> & attributes)
+{
+  DataSet source;
+  for (const auto & [key, text] : attributes)
+  {
+    const Tag             tag(static_cast<std::uint32_t>(std::stoul(key.substr(0, 4) + key.substr(5, 4), nullptr, 16)));
+    constexpr std::size_t longest = 10240; // PS3.5 6.2
+    if ((GetVR(gdcm::DataElement(tag)) & gdcm::VR::VRASCII) && text.size() <= longest)
+    {
+      SetText(source, tag, Trim(text));
+    }
+  }
+  return source;
+}
+
 /** What all frames have. */
 DataSet
 MakeHeader(const AnyImage &           frames,
@@ -492,7 +514,7 @@ MakeHeader(const AnyImage &           frames,
     SetWindow(header, source, options, rescale);
   }
 
-  const bool isInverted = sopClass != petImageStorage && GetText(source, { 0x0028, 0x0004 }) == "MONOCHROME1";
+  const bool isInverted = sopClass != petImageStorage && IsInverted(source, options);
   SetText(header, { 0x0028, 0x0004 }, isColoured ? "RGB" : isInverted ? "MONOCHROME1" : "MONOCHROME2");
   SetPixelAttribute<0x0002>(header, isColoured ? 3 : 1);
   SetPixelAttribute<0x0010>(header, size[1]);
@@ -606,11 +628,11 @@ RequireFrames(const AnyImage & frames, const std::vector<DicomView> & views, con
   RequireText(options.version, 64);
 }
 
-/** Throws if a source, or frames of \a size, are impossible in a multi-frame Secondary Capture. */
+/** Throws if frames of \a size, or inverted ones, are impossible in a multi-frame Secondary Capture. */
 void
-RequireMultiFrame(const DataSet & source, const itk::Size<3> & size)
+RequireMultiFrame(bool isInverted, const itk::Size<3> & size)
 {
-  if (GetText(source, { 0x0028, 0x0004 }) == "MONOCHROME1")
+  if (isInverted)
   {
     throw std::runtime_error("low values of the source are white (MONOCHROME1), which a multi-frame DICOM file cannot "
                              "say; single frames can");
@@ -656,11 +678,11 @@ DescribeMode(itk::ShearWarpMIPImageFilterEnums::Mode mode)
 }
 
 double
-ComputeDepthOfCenter(const itk::Transform<double, 3, 3> * transform, const itk::ImageBase<3> * grid)
+ComputeDepth(const itk::Transform<double, 3, 3> * transform, const PointType & point)
 {
   const auto      axes = itk::ShearWarpFactorization::GetLinearPart(transform);
   const PointType origin = transform->TransformPoint(PointType(0.0));
-  return (itk::Matrix<double, 3, 3>(axes.GetInverse()) * (itk::ShearWarpMIPView::GetCenter(grid) - origin))[2];
+  return (itk::Matrix<double, 3, 3>(axes.GetInverse()) * (point - origin))[2];
 }
 
 void
@@ -699,7 +721,7 @@ WriteDicomSeries(OutputFiles &                              files,
     const PixelType * const begin = CastImage<PixelType>(frames).GetBufferPointer();
     const std::size_t       length = size[0] * size[1] * frames.image->GetNumberOfComponentsPerPixel();
     Rescale                 rescale = ChooseRescale(begin, begin + length * size[2], !options.frameTime);
-    DataSet                 header = source.empty() ? DataSet() : ReadHeader(source.front());
+    DataSet                 header = source.empty() ? MakeSource(options.attributes) : ReadHeader(source.front());
     std::string             sopClass = ChooseClass(header, rescale);
     const bool              isColoured = AreColoured(frames);
     if (isColoured)
@@ -709,9 +731,9 @@ WriteDicomSeries(OutputFiles &                              files,
     else if (options.frameTime)
     {
       sopClass = frames.componentType == itk::IOComponentEnum::UCHAR ? multiFrameByteStorage : multiFrameWordStorage;
-      RequireMultiFrame(header, size);
+      RequireMultiFrame(IsInverted(header, options), size);
     }
-    else if (GetText(header, { 0x0008, 0x0016 }) == petImageStorage)
+    else if (!source.empty() && GetText(header, { 0x0008, 0x0016 }) == petImageStorage)
     {
       const DataSet     first = ReadFirstAcquired(source);
       const std::string obstacle = FindPetObstacle(*frames.image, first, geometries, views, options);

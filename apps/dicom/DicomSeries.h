@@ -26,6 +26,7 @@
 
 #include <functional>
 #include <limits>
+#include <map>
 #include <optional>
 #include <string>
 #include <utility>
@@ -79,14 +80,18 @@ struct DicomSeriesOptions
   std::optional<int> number;
   /** The lowest and the highest value to tell apart. If not given the source's window, or else all values. */
   std::optional<std::pair<double, double>> window;
+  /** Whether low values are to be displayed white, though no source says so. */
+  bool isInverted{ false };
+  /** Attributes of text as "gggg|eeee" of an image that was projected, if there is no source. */
+  std::map<std::string, std::string> attributes;
   /** ManufacturerModelName and SoftwareVersions. */
   std::string program{ "shear-warp-mip" };
   std::string version;
 };
 
-/** The w in view space, in mm, of the center of \a grid. \a transform is as in DicomView. */
+/** The w in view space, in mm, of a \a point of the patient's space. \a transform is as in DicomView. */
 double
-ComputeDepthOfCenter(const itk::Transform<double, 3, 3> * transform, const itk::ImageBase<3> * grid);
+ComputeDepth(const itk::Transform<double, 3, 3> * transform, const itk::Point<double, 3> & point);
 
 /** Writes each frame of \a frames as a DICOM file of one new series into \a directory, which must be empty or not exist
  * (its parent must). Names sort as the frames do. Files appear when all are complete.
@@ -96,7 +101,8 @@ ComputeDepthOfCenter(const itk::Transform<double, 3, 3> * transform, const itk::
  *
  * \a source are the DICOM files of the series that was projected, all of which are referenced. From the first come
  * patient, study, frame of reference, character set, lossy compression and acquisition; its equipment is the one that
- * contributed. If \a source is empty, study and frame of reference are new and the patient is unknown.
+ * contributed. If \a source is empty, the same comes from DicomSeriesOptions::attributes; without these, study and
+ * frame of reference are new and the patient is unknown.
  *
  * The SOP class, by DICOM PS3.3 (2024):
  * - CT and MR Image Storage for such sources: in these, values, position and orientation are understood everywhere.

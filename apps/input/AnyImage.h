@@ -23,6 +23,8 @@
 #include "itkVectorImage.h"
 
 #include <filesystem>
+#include <optional>
+#include <string>
 #include <vector>
 
 /** A 3D image of one of ITK's component types, an itk::VectorImage. */
@@ -46,6 +48,10 @@ struct Volume
   bool isInverted{ false };
   /** Whether the file says how the image lies in the patient. */
   bool hasOrientation{ true };
+  /** Files from which the file was made, if it says so. */
+  std::vector<std::filesystem::path> sourceFiles{};
+  /** What pages are named, if the file says so. */
+  std::optional<std::string> title{};
 };
 
 template <typename TPixel>

@@ -37,6 +37,9 @@ ReadStart(const std::filesystem::path & path, std::size_t count)
   return start;
 }
 
+/** Characters of a field of MetaImage: MetaIO takes less than 32768. */
+constexpr std::size_t LongestMetaText = 32000;
+
 /** Whether a file begins as DICOM does. */
 inline bool
 HasPreamble(const std::filesystem::path & path)

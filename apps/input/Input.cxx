@@ -16,6 +16,7 @@
  *
  *=========================================================================*/
 #include "Input.h"
+#include "DicomAttribute.h"
 #include "DicomInput.h"
 #include "FileGeometry.h"
 #include "FileStart.h"
@@ -30,6 +31,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <iterator>
 #include <map>
 #include <new>
 #include <set>
@@ -143,11 +145,39 @@ ReadImage(itk::ImageIOBase & io, const std::filesystem::path & path, const Warni
     volume.timeSpacing = io.GetSpacing(3);
     volume.timeOrigin = io.GetOrigin(3);
   }
+  const auto & entries = io.GetMetaDataDictionary();
   volume.hasOrientation = geometry.hasOrientation;
-  volume.isInverted = GetEntry(io.GetMetaDataDictionary(), "IsInverted") == "1";
+  volume.isInverted = GetEntry(entries, "IsInverted") == "1";
+  volume.title = entries.HasKey("Title") ? std::optional(Trim(GetEntry(entries, "Title"))) : std::nullopt;
+  volume.sourceFiles = SplitPaths(GetEntry(entries, "SourceFiles"));
+  volume.dicomFiles = FindDicomFiles(volume.sourceFiles);
   return volume;
 }
 } // namespace
+
+std::vector<std::filesystem::path>
+SplitPaths(const std::string & text)
+{
+  std::vector<std::filesystem::path> paths;
+  std::istringstream                 lines(text);
+  for (std::string line; std::getline(lines, line);)
+  {
+    paths.emplace_back(line);
+  }
+  return paths;
+}
+
+std::vector<std::filesystem::path>
+FindDicomFiles(const std::vector<std::filesystem::path> & files)
+{
+  std::vector<std::filesystem::path> found;
+  std::copy_if(files.begin(), files.end(), std::back_inserter(found), [](const std::filesystem::path & file) {
+    std::error_code ignored;
+    std::ifstream   stream(file, std::ios::binary);
+    return std::filesystem::is_regular_file(file, ignored) && HasPreamble(file) && FindHeader(stream);
+  });
+  return found;
+}
 
 Volume
 ReadVolume(const std::filesystem::path & path,

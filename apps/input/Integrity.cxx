@@ -103,6 +103,13 @@ RequireIntactCompression(const fs::path & path)
   auto           fields = ReadFields(path, &end);
 
   const bool isMeta = fields.count("ElementDataFile") > 0;
+  for (const auto & [key, text] : fields)
+  {
+    if (isMeta && text.size() > LongestMetaText)
+    {
+      Refuse(path, '\'' + key.substr(0, 40) + "' has " + std::to_string(text.size()) + " characters");
+    }
+  }
   const bool isCompressed = isMeta ? fields["CompressedData"].find_first_of("Tt1") == 0
                                    : fields["encoding"] == "gzip" || fields["encoding"] == "gz";
   if (isCompressed && fields.count("line skip") == 0)

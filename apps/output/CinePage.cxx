@@ -136,8 +136,8 @@ void
 WritePage(OutputFiles & files, const std::string & path, const Product & product)
 {
   const Options &     options = product.options;
-  const Projections & projections = product.projections;
-  const auto &        projected = product.projection.frames;
+  const Stack &       stack = product.stack;
+  const Projections & projections = stack.projections;
   const unsigned int  bits = options.pageBits.value_or(8);
   AnyImage            colours = product.pictures;
   if (!colours.image && projections.stack.image->GetNumberOfComponentsPerPixel() == 3)
@@ -158,28 +158,15 @@ WritePage(OutputFiles & files, const std::string & path, const Product & product
   const itk::ImageBase<3> & grid = *stored.image.image;
   const auto                size = grid.GetLargestPossibleRegion().GetSize();
 
-  std::string              loop = "none";
-  std::vector<double>      angles;
   std::vector<EdgeLetters> sides;
-  if (options.frames > 0)
+  if (stack.hasOrientation)
   {
-    // how the series goes on behind its last frame
-    loop = options.isRocking ? "swing" : std::abs(options.angularRange) == 360.0 ? "turn" : loop;
-    std::transform(projected.begin(),
-                   projected.begin() + options.frames,
-                   std::back_inserter(angles),
-                   [](const Frame & frame) { return frame.angle; });
-  }
-  if (product.volume.hasOrientation)
-  {
-    std::transform(projected.begin(), projected.end(), std::back_inserter(sides), [](const Frame & frame) {
+    std::transform(stack.frames.begin(), stack.frames.end(), std::back_inserter(sides), [](const Frame & frame) {
       return ComputeEdgeLetters(frame.transform);
     });
   }
 
-  // the name of a DICOM folder or file is often a patient's
-  const std::string title = product.volume.dicomFiles.empty() ? std::filesystem::path(options.input).filename().string()
-                                                              : "Maximum intensity projection";
+  const std::string  title = stack.title.empty() ? "Maximum intensity projection" : stack.title;
   std::ostringstream series;
   series << std::setprecision(std::numeric_limits<double>::max_digits10);
   series << "{\"title\": " << Quote(title) << ", \"width\": " << size[0] << ", \"height\": " << size[1]
@@ -187,7 +174,7 @@ WritePage(OutputFiles & files, const std::string & path, const Product & product
          << grid.GetOrigin()[0] << ", " << grid.GetOrigin()[1] << "], \"bits\": " << (isColoured ? 24 : bits)
          << ", \"slope\": " << stored.slope << ", \"intercept\": " << stored.intercept << ", \"background\": 0"
          << ", \"inverted\": " << (projections.isInverted && !isColoured ? "true" : "false") << ", \"window\": ["
-         << window[0] << ", " << window[1] << "], \"rate\": " << product.rate << ", \"loop\": " << Quote(loop);
+         << window[0] << ", " << window[1] << "], \"rate\": " << product.rate << ", \"loop\": " << Quote(stack.loop);
   const auto writeList = [&series](const std::string & name, const auto & values, const auto & print) {
     std::string separator = ", \"" + name + "\": [";
     for (const auto & value : values)
@@ -198,8 +185,8 @@ WritePage(OutputFiles & files, const std::string & path, const Product & product
     series << (values.empty() ? "" : "]");
   };
   const auto printNumber = [](double number) { return number; };
-  writeList("angles", angles, printNumber);
-  writeList("elevations", options.elevations, printNumber);
+  writeList("angles", GetAngles(stack), printNumber);
+  writeList("elevations", stack.elevations, printNumber);
   writeList("segments", product.segments, [](const Segment & segment) {
     std::ostringstream colour;
     colour << '#' << std::hex << std::setfill('0');

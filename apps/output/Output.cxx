@@ -116,6 +116,36 @@ ChoosePixelType(unsigned int components, itk::IOComponentEnum componentType)
   return !isColour ? itk::IOPixelEnum::VECTOR : components == 3 ? itk::IOPixelEnum::RGB : itk::IOPixelEnum::RGBA;
 }
 
+/** Gives the writers of NRRD and MetaImage the \a texts of a file. */
+void
+SetTexts(itk::ImageIOBase & io, const OutputFiles::Texts & texts)
+{
+  const std::string format = io.GetNameOfClass();
+  if (format == "NrrdImageIO")
+  {
+    for (const auto & [key, text] : texts)
+    {
+      itk::EncapsulateMetaData<std::string>(io.GetMetaDataDictionary(), key, text);
+    }
+  }
+  else if (format == "MetaImageIO")
+  {
+    for (const auto & [key, whole] : texts)
+    {
+      std::string name = key;
+      // a line holds what follows
+      std::string text = whole.substr(0, whole.find_first_of("\r\n"));
+      for (int part = 2; !text.empty(); ++part)
+      {
+        const std::size_t length = text.size() < LongestMetaText ? text.size() : text.rfind(' ', LongestMetaText);
+        itk::EncapsulateMetaData<std::string>(io.GetMetaDataDictionary(), name, text.substr(0, length));
+        text.erase(0, length);
+        name = key + '.' + std::to_string(part);
+      }
+    }
+  }
+}
+
 /** Throws if \a bytes of pixels are not all in a file: not all of ITK's writers notice a full disk. */
 void
 ReadBack(const std::string & fileName, std::uintmax_t bytes)
@@ -240,14 +270,14 @@ OutputFiles::ReserveFolder(const fs::path & path)
 }
 
 void
-OutputFiles::Write(const fs::path & path, const AnyImage & image, Layout layout)
+OutputFiles::Write(const fs::path & path, const AnyImage & image, Layout layout, const Texts & texts)
 {
   DispatchPixelType(image.componentType, [&](auto tag) {
     auto &             frames = CastImage<typename decltype(tag)::Type>(image);
     const auto * const pixels = frames.GetBufferPointer();
     if (layout != Layout::Series || FindFormat(path) != FileFormat::Picture)
     {
-      this->WriteFile(path, this->BeginFile(path), image, layout == Layout::Still ? 2 : 3, pixels, {});
+      this->WriteFile(path, this->BeginFile(path), image, layout == Layout::Still ? 2 : 3, pixels, {}, texts);
       return;
     }
     const auto        size = frames.GetLargestPossibleRegion().GetSize();
@@ -540,7 +570,8 @@ OutputFiles::WriteFile(const fs::path &    path,
                        const AnyImage &    image,
                        unsigned int        dimension,
                        const void *        buffer,
-                       const Times &       times)
+                       const Times &       times,
+                       const Texts &       texts)
 {
   const itk::ImageBase<3> * grid = image.image;
   const auto io = itk::ImageIOFactory::CreateImageIO(temporaryName.c_str(), itk::IOFileModeEnum::WriteMode);
@@ -580,6 +611,7 @@ OutputFiles::WriteFile(const fs::path &    path,
   io->SetIORegion(region);
   io->SetFileName(temporaryName);
   io->SetMetaDataDictionary(grid->GetMetaDataDictionary());
+  SetTexts(*io, texts);
 
   // some of ITK's writers do not survive a full disk
   if (FindFormat(temporaryName) == FileFormat::Picture &&

@@ -41,6 +41,9 @@ public:
     Volume
   };
 
+  /** Texts by key. */
+  using Texts = std::map<std::string, std::string>;
+
   OutputFiles();
   ~OutputFiles();
   OutputFiles(const OutputFiles &) = delete;
@@ -60,9 +63,10 @@ public:
   void
   ReserveFolder(const std::filesystem::path & path);
 
-  /** Writes a still without its third axis, and a series of pictures as one file for each frame, numbered. */
+  /** Writes a still without its third axis, and a series of pictures as one file for each frame, numbered. NRRD and
+   * MetaImage also hold \a texts, by key; what is too long for MetaImage goes on in KEY.2, KEY.3 and so on. */
   void
-  Write(const std::filesystem::path & path, const AnyImage & image, Layout layout);
+  Write(const std::filesystem::path & path, const AnyImage & image, Layout layout, const Texts & texts = {});
 
   /** Writes all points in time, with the entries that the dictionary of the first one has, if the format has any. */
   void
@@ -154,7 +158,8 @@ private:
             const AnyImage &    image,
             unsigned int        dimension,
             const void *        buffer,
-            const Times &       times);
+            const Times &       times,
+            const Texts &       texts = {});
 
   std::string                m_Prefix;
   unsigned int               m_Count{ 0 };

@@ -18,30 +18,46 @@
 #include "Product.h"
 #include "Labels.h"
 
+namespace
+{
+OutputFiles::Layout
+GetLayout(const Stack & stack)
+{
+  return stack.isSeries ? OutputFiles::Layout::Series : OutputFiles::Layout::Still;
+}
+} // namespace
+
 void
 WriteValues(OutputFiles & files, const std::string & path, const Product & product)
 {
-  files.Write(path,
-              product.projections.stack,
-              product.options.isInPlace ? OutputFiles::Layout::Volume
-              : product.isSeries        ? OutputFiles::Layout::Series
-                                        : OutputFiles::Layout::Still);
+  const AnyImage & values = product.stack.projections.stack;
+  auto             texts = DescribeStack(product.stack);
+  if (!product.options.isInPlace)
+  {
+    files.Write(path, values, GetLayout(product.stack), texts);
+    return;
+  }
+  OutputFiles::Texts ofVolumes;
+  for (const std::string key : { "HasOrientation", "IsInverted" })
+  {
+    ofVolumes.insert(texts.extract(key));
+  }
+  files.Write(path, values, OutputFiles::Layout::Volume, ofVolumes);
 }
 
 void
 WritePictures(OutputFiles & files, const std::string & path, const Product & product)
 {
   const Options & options = product.options;
-  const AnyImage  pictures =
-    product.pictures.image ? product.pictures : MakePictures(product.projections, product.window);
-  DrawLabels(
-    pictures, product.projection.frames, { !options.isUnlabelled, options.isAnnotated, product.volume.hasOrientation });
+  const Stack &   stack = product.stack;
+  const AnyImage pictures = product.pictures.image ? product.pictures : MakePictures(stack.projections, product.window);
+  DrawLabels(pictures, stack.frames, { !options.isUnlabelled, options.isAnnotated, stack.hasOrientation });
   if (FindFormat(path) == FileFormat::Animation)
   {
     files.WriteAnimation(path, pictures, product.rate);
   }
   else
   {
-    files.Write(path, pictures, product.isSeries ? OutputFiles::Layout::Series : OutputFiles::Layout::Still);
+    files.Write(path, pictures, GetLayout(stack));
   }
 }

@@ -18,10 +18,10 @@
 #ifndef Product_h
 #define Product_h
 
-#include "Input.h"
 #include "Options.h"
 #include "Output.h"
 #include "Segments.h"
+#include "Stack.h"
 
 #include <optional>
 #include <string>
@@ -31,10 +31,8 @@
 struct Product
 {
   const Options &           options;
-  const ProjectionOptions & projection;
-  const Volume &            volume;
   WarningFunction           warn;
-  Projections               projections;
+  Stack                     stack;
   std::optional<WindowType> window{};
   /** Pictures to show instead of the projections, as those with an overlay; or none. */
   AnyImage pictures{};
@@ -42,9 +40,10 @@ struct Product
   std::vector<Segment> segments{};
   /** Pictures per second. */
   double rate{ 10.0 };
-  bool   isSeries{ false };
   bool   isSuv{ false };
   bool   isOverlaySuv{ false };
+  /** Why pictures of PET are no reprojection by maximum, empty if they may be one. */
+  std::string noReprojection{};
 };
 
 /** Writes an output, each format in a file of its own. Pictures and animations draw letters into Product::pictures. */

@@ -341,18 +341,13 @@ TEST_F(ShearWarpMIPProgramDicom, ScalesSpacing)
   EXPECT_EQ(this->ReadSeries()[0].tags.at("0018|0050"), "5");
 }
 
-TEST_F(ShearWarpMIPProgramDicom, FindsDepthOfCenter)
+TEST_F(ShearWarpMIPProgramDicom, FindsDepthOfAPoint)
 {
-  const auto   grid = itk::ImageBase<3>::New();
-  const double spacing[] = { 1.0, 2.0, 3.0 };
-  const double origin[] = { 5.0, 6.0, 7.0 };
-  grid->SetRegions(itk::ImageRegion<3>({ { 1, 2, 3 } }, { { 5, 6, 7 } }));
-  grid->SetSpacing(spacing);
-  grid->SetOrigin(origin);
-  // from anterior, w is posterior: 6 + 2 * (2 + 2.5) is 20 mm away
-  EXPECT_NEAR(ComputeDepthOfCenter(MakeViews(1)[0].transform, grid), 15.0 - 20.0, 1e-12);
+  const double center[] = { 11.0, 15.0, 31.0 };
+  // from anterior, w is posterior, and the views are 20 mm away
+  EXPECT_NEAR(ComputeDepth(MakeViews(1)[0].transform, center), 15.0 - 20.0, 1e-12);
   // turned to the half, the other way
-  EXPECT_NEAR(ComputeDepthOfCenter(MakeViews(2)[1].transform, grid), -15.0 - 20.0, 1e-12);
+  EXPECT_NEAR(ComputeDepth(MakeViews(2)[1].transform, center), -15.0 - 20.0, 1e-12);
 }
 
 TEST_F(ShearWarpMIPProgramDicom, WritesMRWithoutRescale)

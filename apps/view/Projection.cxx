@@ -27,10 +27,9 @@
 
 namespace
 {
-/** Throws if \a value, that of the option \a name, is not one of the pixel type. */
 template <typename TPixel>
-TPixel
-ToPixel(double value, const std::string & name)
+bool
+IsPixel(double value)
 {
   // the limits of 64-bit integers are not doubles: the upper one is rounded up
   const double lowest = static_cast<double>(std::numeric_limits<TPixel>::lowest());
@@ -44,7 +43,15 @@ ToPixel(double value, const std::string & name)
   {
     fits = fits && value < std::ldexp(1.0, std::numeric_limits<TPixel>::digits) && value == std::trunc(value);
   }
-  if (!fits)
+  return fits;
+}
+
+/** Throws if \a value, that of the option \a name, is not one of the pixel type. */
+template <typename TPixel>
+TPixel
+ToPixel(double value, const std::string & name)
+{
+  if (!IsPixel<TPixel>(value))
   {
     std::ostringstream message;
     message << name << ' ' << value << " is not a value of the image's pixel type, "
@@ -56,14 +63,14 @@ ToPixel(double value, const std::string & name)
 
 template <typename TPixel>
 TPixel
-GetMinimumBelowZero(const Volume & volume)
+GetMinimumBelowZero(const std::vector<AnyImage> & images)
 {
   TPixel minimum = 0;
   if constexpr (std::is_signed_v<TPixel>)
   {
-    for (const AnyImage & time : volume.times)
+    for (const AnyImage & image : images)
     {
-      auto &               pixels = *CastImage<TPixel>(time).GetPixelContainer();
+      auto &               pixels = *CastImage<TPixel>(image).GetPixelContainer();
       const TPixel * const begin = pixels.GetBufferPointer();
       std::for_each(
         begin, begin + pixels.Size(), [&minimum](TPixel value) { minimum = value < minimum ? value : minimum; });
@@ -186,8 +193,8 @@ ProjectVolume(const Volume &                                   volume,
               const ProgressFunction &                         progress)
 {
   const auto   filter = itk::ShearWarpMIPCineImageFilter<itk::Image<TPixel, 3>>::New();
-  const TPixel background =
-    options.background ? ToPixel<TPixel>(*options.background, "--background") : GetMinimumBelowZero<TPixel>(volume);
+  const TPixel background = options.background ? ToPixel<TPixel>(*options.background, "--background")
+                                               : GetMinimumBelowZero<TPixel>(volume.times);
   filter->SetDefaultPixelValue(background);
   filter->SetOversampling(options.oversampling);
   filter->SetExact(options.isExact);
@@ -272,6 +279,20 @@ ProjectVolume(const Volume &                                   volume,
   return projections;
 }
 } // namespace
+
+bool
+IsPixelValue(itk::IOComponentEnum componentType, double value)
+{
+  return DispatchPixelType(componentType, [value](auto tag) { return IsPixel<typename decltype(tag)::Type>(value); });
+}
+
+double
+FindBackground(const std::vector<AnyImage> & images)
+{
+  return DispatchPixelType(images.front().componentType, [&](auto tag) {
+    return static_cast<double>(GetMinimumBelowZero<typename decltype(tag)::Type>(images));
+  });
+}
 
 Projections
 ProjectFrames(const Volume &                                   volume,

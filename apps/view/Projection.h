@@ -94,6 +94,14 @@ struct Projections
   bool isInverted{ false };
 };
 
+/** Whether \a value is one of that pixel type. */
+bool
+IsPixelValue(itk::IOComponentEnum componentType, double value);
+
+/** The background of images of one pixel type, if none is given: 0, or their least pixel where that is less. */
+double
+FindBackground(const std::vector<AnyImage> & images);
+
 /** Projects each component of \a volume for each frame, all on one grid that holds every projection: the frames of one
  * point in time and one slab together. */
 Projections
