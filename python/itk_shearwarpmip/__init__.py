@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from itk_shearwarpmip._front import Turn, mip, turn
 from itk_shearwarpmip._inputs import open_image
-from itk_shearwarpmip._save import save_png
+from itk_shearwarpmip._write import save_png, write
 
 if TYPE_CHECKING:
     from itk_shearwarpmip._scene import Point as Point
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from itk_shearwarpmip._volume import Volume as Volume
     from itk_shearwarpmip._volume import open_volume as open_volume
 
-__all__ = ["Turn", "mip", "open_image", "save_png", "turn"]
+__all__ = ["Turn", "mip", "open_image", "save_png", "turn", "write"]
 
 _WITH_MORE_PACKAGES = ("Point", "Viewer", "Volume", "open_volume", "show")
 

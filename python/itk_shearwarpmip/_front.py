@@ -9,19 +9,19 @@ import warnings
 import weakref
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields
-from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, TypedDict, Unpack
 
 import itk
 import numpy as np
 
-from itk_shearwarpmip import _entries, _save
+from itk_shearwarpmip import _entries, _write
 from itk_shearwarpmip._inputs import (
     get_shape,
     is_chunked,
     is_of,
     is_ome_zarr,
+    is_plain_array,
     make_count,
     make_flag,
     make_numbers,
@@ -42,6 +42,8 @@ from itk_shearwarpmip._parameters import (
     update,
 )
 from itk_shearwarpmip._views import make_transform
+from itk_shearwarpmip._window import find_window, is_background
+from itk_shearwarpmip._write import OutputOptions
 
 
 class Place(TypedDict, total=False):
@@ -180,47 +182,48 @@ class Turn:
     mask_files: Sequence[Path] = ()
     """The file of the mask. None of these is ever written."""
 
-    @cached_property
-    def window(self) -> tuple[float, float]:
-        """The values that become black and white. It can be set."""
-        return _save.find_window(self.frames)
+    _window: tuple[float, float] | None = None
 
-    def save(
-        self,
-        path: str | os.PathLike[str],
-        *,
-        rate: float | None = None,
-        window: tuple[float, float] | None = None,
-        labels: bool = True,
-        annotate: bool = False,
-    ) -> None:
-        """Writes the frames as the program shear-warp-mip does.
+    @property
+    def window(self) -> tuple[float, float]:
+        """The values that become black and white. It can be set; by default the program chooses it."""
+        return find_window(self.frames) if self._window is None else self._window
+
+    @window.setter
+    def window(self, window: tuple[float, float] | None) -> None:
+        self._window = window
+
+    def save(self, path: str | os.PathLike[str], **options: Unpack[OutputOptions]) -> None:
+        """Writes the frames, by the program shear-warp-mip.
 
         path: its extension selects the format. A file appears only when it is complete; after an error, an older file
-            is unchanged.
+            is unchanged. Files that the turn was made from are never written.
             .html: a page that turns, in one file.
             .gif, .apng, .mp4: an animation, by the program ffmpeg.
-            .png: a picture of 8 bits for each frame: turn-000.png, turn-001.png and so on.
+            .png, .jpg, .tif: a picture of 8 bits for each frame: turn-000.png, turn-001.png and so on.
             .nrrd, .nii, .nii.gz, .mha: the values, a stack of the frames with spacing and origin in mm.
-            none: a DICOM series, one file for each frame, in a folder that is new or empty; needs pydicom.
-        rate: frames per second of pages and animations, from 0.1 to 100; by default the turn takes four seconds.
-        window: values that become black and white, (low, high); by default the attribute `window`, and for DICOM the
-            source's window.
+            none: a DICOM series in a folder that is new or empty.
+        window: values that become black and white, (low, high), or the name of a usual window, such as "bone"; by default
+            the attribute `window` if it was set, otherwise the program's or, for DICOM, the source's window.
+        wl: the middle and the width of the window, instead of `window`.
         labels: False for pictures and animations without letters; a page then hides them when it opens. See save_png().
         annotate: True for pictures and animations with a scale bar and the angles of each view.
+        rate: frames per second of pages and animations, from 0.1 to 100; by default the turn takes four seconds.
+        page_bits: 16 for a page that stores the whole range of the values; 8 by default.
+        dicom_out: a folder for a DICOM series beside `path`.
+        multi_frame: True for a DICOM series in one file.
 
-        Raises ValueError for another extension, an unsuitable rate or window, and a path that must not be written;
-        OSError for a folder that does not exist or cannot be written; RuntimeError without ffmpeg; ImportError without
-        pydicom.
+        Raises ValueError for unknown or unsuitable options, OSError for files that cannot be written, and RuntimeError
+        without the program or ffmpeg, with the program's sentence.
         """
-        _save.save_turn(self, path, rate=rate, window=window, labels=labels, annotate=annotate)
+        _write.save_turn(self, path, options)
 
     def __repr__(self) -> str:
         frames, rows, columns = self.frames.shape
         return f"<Turn of {frames} frames, {columns} x {rows} pixels>"
 
     def _repr_html_(self) -> str:
-        return _save.make_frame(self)
+        return _write.make_frame(self)
 
 
 def turn(
@@ -308,6 +311,8 @@ def turn(
         set_turn(made, image)
         stack, depths = filters.project(made, parameters)
         views = [made.GetFrameTransform(frame) for frame in range(stack.shape[0])]
+    if transforms is None:
+        stack["Loop"] = "swing" if rocking else "turn" if abs(angular_range) == 360.0 else "none"
     return Turn(
         stack,
         views,
@@ -383,7 +388,7 @@ class _Filters:
                 each.DisconnectPipeline()
                 show_itself(each, beside, image, made.GetTransform())
         limits = [name for name in ("slab", "crop") if getattr(parameters, name) is not None]
-        if limits and _save.is_background(itk.array_view_from_image(picture), background).all():
+        if limits and is_background(itk.array_view_from_image(picture), background).all():
             question = f"is the image within {' and '.join(limits)}?"
             hint = " A slab must be at least as thick as the voxels." if "slab" in limits else ""
             warnings.warn(f"there is only background in the picture: {question}{hint}", stacklevel=3)
@@ -448,7 +453,7 @@ def open_mask(mask: Any, label: int | None, image: Any) -> Any:
         what = "no voxel is in the mask: all are 0" if label is None else f"the mask has no label {label}: {present}"
         warnings.warn(what, stacklevel=4)
     binary = make_view(chosen.astype(np.uint8))
-    if not _is_plain_array(mask):
+    if not is_plain_array(mask):
         place(binary, placed.replace(None, None, None))
         _require_grid(binary, image)
     binary.SetRegions(image.GetLargestPossibleRegion())
@@ -534,24 +539,8 @@ def show_itself(picture: Any, background: float, source: Any, view: Any = None) 
     shown.Graft(picture)
     shown.SetMetaDataDictionary(picture.GetMetaDataDictionary())
     if view is not None:
-        picture._repr_png_ = lambda: _save.encode_png(_save.make_picture(shown), list(shown.GetSpacing()))
+        picture._repr_png_ = lambda: _write.make_png(shown)
     return picture
-
-
-def _is_plain_array(source: Any) -> bool:
-    """Whether an array has no geometry."""
-    placed = (
-        ("xarray", "DataArray"),
-        ("SimpleITK", "Image"),
-        ("nibabel", "SpatialImage"),
-        ("monai", "MetaTensor"),
-        ("itk_shearwarpmip", "Volume"),
-    )
-    return not (
-        isinstance(source, str | os.PathLike | itk.Object)
-        or is_ome_zarr(source)
-        or any(is_of(source, *each) for each in placed)
-    )
 
 
 def give_back(source: Any, picture: Any) -> Any:

@@ -335,6 +335,22 @@ def is_of(instance: Any, package: str, name: str) -> bool:
     )
 
 
+def is_plain_array(source: Any) -> bool:
+    """Whether an array has no geometry."""
+    placed = (
+        ("xarray", "DataArray"),
+        ("SimpleITK", "Image"),
+        ("nibabel", "SpatialImage"),
+        ("monai", "MetaTensor"),
+        ("itk_shearwarpmip", "Volume"),
+    )
+    return not (
+        isinstance(source, str | os.PathLike | itk.Object)
+        or is_ome_zarr(source)
+        or any(is_of(source, *each) for each in placed)
+    )
+
+
 def describe(error: Exception) -> str:
     """An error's message in one line, without the places in ITK's sources."""
     text = str(error).rpartition("ITK ERROR: ")[2]

@@ -1,5 +1,6 @@
-"""Text in pictures: letters of the patient's sides, angles of the view, and a scale bar."""
+"""Texts of the viewer: letters of the patient's sides, angles of the view, and lengths."""
 
+from contextlib import suppress
 from typing import Any
 
 import itk
@@ -9,12 +10,13 @@ from numpy.typing import NDArray
 LETTERS = ("LR", "PA", "HF")
 """For the directions x, y and z in the patient, and the directions against them (PS3.3 C.7.6.1.1.1)."""
 
-_SMALLEST = 48
-"""The fewest columns and rows of a picture with letters."""
-
 
 def get_matrix(transform: Any) -> NDArray[np.float64]:
     """The 4 x 4 matrix of a linear transform."""
+    if not hasattr(transform, "GetMatrix"):
+        # not rounded; some have no type of their own
+        with suppress(RuntimeError):
+            transform = itk.down_cast(transform)
     matrix = np.eye(4)
     start = np.array(list(transform.TransformPoint([0.0] * 3)))
     matrix[:3, 3] = start
@@ -51,12 +53,6 @@ def find_letters(direction: Any) -> str:
     return "".join(LETTERS[axis][int(direction[axis] < 0)] for axis in nearest if lengths[axis] >= 0.382683)
 
 
-def find_sides(matrix: NDArray[np.float64]) -> dict[str, str]:
-    """The letters at the edges of a picture."""
-    u, v, _ = normalize(matrix).T
-    return {name: find_letters(side) for name, side in (("left", -u), ("right", u), ("top", -v), ("bottom", v))}
-
-
 def round_length(most: float) -> float:
     """Rounds a length down to 1, 2, 5, 10, 20, 50 and so on."""
     # not 4.999... for 5
@@ -74,62 +70,3 @@ def format_length(length: float) -> str:
 def widen(text: str) -> str:
     """Widens spaces, because Pillow's space is narrow."""
     return text.replace(" ", "  ")
-
-
-def draw(
-    grey: NDArray[np.uint8], matrix: NDArray[np.float64], spacing: float, *, has_sides: bool, has_scale: bool
-) -> NDArray[np.uint8]:
-    """Returns a picture with letters at its edges, a scale bar at the bottom left and the angles at the top left, in
-    white with a black rim. Leaves out what does not fit.
-
-    matrix: from view space to the patient (LPS), 4 x 4.
-    spacing: of columns, in mm of view space.
-    """
-    height, width = grey.shape
-    if min(grey.shape) < _SMALLEST or not (has_sides or has_scale):
-        return grey
-    from PIL import Image, ImageDraw, ImageFont
-
-    image = Image.fromarray(grey)
-    canvas = ImageDraw.Draw(image)
-    size = max(10.0, min(grey.shape) / 22)
-    font, margin, rim = ImageFont.load_default(size), size / 2, max(1, round(size / 10))
-
-    def write(text: str, x: float, y: float, anchor: str) -> None:
-        canvas.text((x, y), text, 255, font, anchor, stroke_width=rim, stroke_fill=0)
-
-    if has_sides:
-        sides = find_sides(matrix)
-        write(sides["left"], margin, height / 2, "lm")
-        write(sides["right"], width - margin, height / 2, "rm")
-        write(sides["top"], width / 2, margin, "mt")
-        write(sides["bottom"], width / 2, height - margin, "mb")
-    if has_scale:
-        room = width / 2 - margin - 1.5 * size
-        lines = [widen(line) for line in describe_angles(matrix)]
-        if max(map(font.getlength, lines)) <= room:
-            for n, line in enumerate(lines):
-                write(line, margin, margin + 1.2 * size * n, "lt")
-        step = spacing * float(np.linalg.norm(matrix[:3, 0]))
-        length = round_length(width / 4 * step)
-        text, bar = format_length(length), length / step
-        if max(bar, font.getlength(text)) <= room:
-            bottom, tick = height - margin, size / 4
-            write(text, margin, bottom - tick - rim, "ls")
-            corners = [(margin, bottom - tick), (margin, bottom), (margin + bar, bottom), (margin + bar, bottom - tick)]
-            for thickness, colour in ((3 * rim, 0), (rim, 255)):
-                canvas.line(corners, colour, thickness)
-    return np.asarray(image)
-
-
-def describe_angles(matrix: NDArray[np.float64]) -> list[str]:
-    """The angles of a view: LAO or RAO, or degrees for a view from behind, and CRA or CAU (PS3.3 C.8.7.5.1.2)."""
-
-    def describe(angle: float, positive: str, negative: str) -> str:
-        shown = round(angle, 1) + 0.0
-        return f"{positive if shown >= 0 else negative} {abs(shown):g}" if abs(shown) <= 90 else f"{shown:g}°"
-
-    azimuth, elevation, _ = find_angles(matrix)
-    # from above and below there is none
-    azimuth = 0.0 if abs(elevation) > 89.999 else azimuth
-    return [describe(azimuth, "LAO", "RAO"), describe(elevation, "CRA", "CAU")]

@@ -17,8 +17,8 @@ from itk_shearwarpmip._inputs import find_millimetres
 from itk_shearwarpmip._labels import LETTERS, find_letters, format_length, normalize, round_length, widen
 from itk_shearwarpmip._labels import get_matrix as get_matrix
 from itk_shearwarpmip._parameters import MODES, Parameters, find_lowest, set_parameters, update
-from itk_shearwarpmip._save import find_window_of, make_grey
 from itk_shearwarpmip._views import SIDES, make_transform
+from itk_shearwarpmip._window import find_window_of, make_grey
 
 COLOURS = {
     name.partition("_")[2].lower(): getattr(itk.ScalarToRGBColormapImageFilterEnums, name)

@@ -24,12 +24,12 @@ try:
 except ImportError as error:
     raise ImportError("the viewer needs rendercanvas and Pillow: pip install itk-shearwarpmip[viewer]") from error
 
-from itk_shearwarpmip._front import Place, _is_plain_array
-from itk_shearwarpmip._inputs import get_shape, is_chunked, make_flag, make_numbers, open_image
+from itk_shearwarpmip._front import Place
+from itk_shearwarpmip._inputs import get_shape, is_chunked, is_plain_array, make_flag, make_numbers, open_image
 from itk_shearwarpmip._parameters import MODES, check_mode, take_former
-from itk_shearwarpmip._save import check_window
 from itk_shearwarpmip._scene import Layer, Point, Scene, State, Window
 from itk_shearwarpmip._views import SIDES
+from itk_shearwarpmip._window import check_window
 
 _LOGGER = logging.getLogger(__name__)
 
@@ -765,7 +765,7 @@ def show(
 
 def _open_overlay(overlay: Any, image: Any) -> Any:
     opened = open_image(overlay)
-    if not _is_plain_array(overlay):
+    if not is_plain_array(overlay):
         return opened
     if get_shape(opened) != get_shape(image):
         raise ValueError(
