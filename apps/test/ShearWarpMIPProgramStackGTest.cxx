@@ -333,8 +333,8 @@ TEST_F(ShearWarpMIPProgramStack, TakesOptionsOfOutputsOnly)
     { "--overlay-color", "--overlay" },  { "--overlay-window", "--overlay" },
     { "--opacity", "--overlay" },        { "--multi-frame", "--dicom-out" }
   };
-  const std::set<std::string> program{ "--help",          "--help-all",     "--version",
-                                       "--write-phantom", "--phantom-size", "--write-volume" };
+  const std::set<std::string> program{ "--help",         "--help-all",     "--version",        "--write-phantom",
+                                       "--phantom-size", "--write-volume", "--with-attributes" };
   const std::string           help = this->Run("--help-all").output;
   const std::regex            pattern("\n  (?:-\\w, ?)?(--[a-z-]+)(?:, --[a-z-]+)*( [A-Z{])?");
   std::size_t                 ofOutputs = 0;
