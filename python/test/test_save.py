@@ -195,7 +195,7 @@ def test_flags_that_say_nothing():
 @pytest.mark.parametrize(
     "options, message",
     [
-        ({"anotate": True}, "there is no option 'anotate': did you mean 'annotate'"),
+        ({"annotated": True}, "there is no option 'annotated': did you mean 'annotate'"),
         ({"azimuth": 3}, "there is no option 'azimuth'"),
         ({"labels": "no"}, "labels must be True or False"),
         ({"rate": True}, "rate must be a number, a text or a sequence"),
