@@ -477,7 +477,7 @@ TYPED_TEST(ShearWarpExact, LimitsOnPlanesOfVoxelsIncludeNothingBeyondThem)
     const auto lastPlace = image->template TransformIndexToPhysicalPoint<double>(index);
     if (repeat % 2 == 0)
     {
-      const auto depths = std::minmax(toView->TransformPoint(firstPlace)[2], toView->TransformPoint(lastPlace)[2]);
+      const auto depths = std::minmax({ toView->TransformPoint(firstPlace)[2], toView->TransformPoint(lastPlace)[2] });
       filter->SetSlabNear(depths.first);
       filter->SetSlabFar(depths.second);
     }
