@@ -414,7 +414,8 @@ TEST_F(ShearWarpMIPProgramStack, IsRefusedWithWrongKeys)
   this->WithChangedFile(
     "turn.mha",
     [&megabytes](const std::string & text) {
-      return std::string(text).insert(text.find("Loop"), "Odd = " + megabytes + '\n');
+      const auto loop = text.find("Loop");
+      return text.substr(0, loop) + "Odd = " + megabytes + '\n' + text.substr(loop);
     },
     [this] { this->ExpectFailure("turn.mha out.png", "'turn.mha' is damaged or incomplete"); });
   this->ExpectCutFileRefused("turn.mha", "turn.mha", 3000);

@@ -2,6 +2,7 @@
 
 import os
 import shutil
+import signal
 import sys
 from pathlib import Path
 
@@ -11,3 +12,8 @@ PROGRAM = os.environ.get("SHEARWARPMIP_PROGRAM") or shutil.which(
 )
 # of a program that draws labels
 NO_LABELS = ["--no-labels"]
+
+
+def heed_interrupts():
+    """For a process that starts: shells have programs in the background ignore SIGINT."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)

@@ -163,6 +163,7 @@ def test_uneven_slices_and_single_ones_are_said(tmp_path):
         assert open_image(alone).shape == (1, 10, 12)
 
 
+@pytest.mark.filterwarnings("ignore:left out")
 def test_dicomdir_stands_for_its_folder(tmp_path):
     folder = write_series(tmp_path / "disc" / "series").parent
     (folder / "DICOMDIR").touch()

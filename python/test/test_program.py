@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from itk_shearwarpmip import _files, _program, mip, open_image
 from numpy.testing import assert_array_equal
-from program import PROGRAM
+from program import PROGRAM, heed_interrupts
 from samples import make_oblique
 
 pytestmark = pytest.mark.skipif(not PROGRAM, reason="needs the program shear-warp-mip: SHEARWARPMIP_PROGRAM=path")
@@ -63,6 +63,7 @@ def test_names(name, volume, tmp_path, monkeypatch):
     assert f"'{name}'" in str(caught.value)
 
 
+@pytest.mark.filterwarnings("ignore:.*how large its voxels are along z")
 @pytest.mark.parametrize("dtype", [np.uint8, np.int16, np.uint16, np.float32, np.float64])
 @pytest.mark.parametrize("suffix", [".nrrd", ".mha", ".nii.gz", ".tif"])
 def test_each_format_has_the_same_voxels(dtype, suffix, tmp_path, rng):
@@ -108,6 +109,7 @@ def test_neighbours_are_not_read_instead(tmp_path):
         open_image(tmp_path / "x.nii.gz")
 
 
+@pytest.mark.filterwarnings("ignore:.*how large its voxels are along z")
 @pytest.mark.parametrize("suffix", [".nii", ".nii.gz", ".mha", ".nrrd", ".vtk", ".gipl", ".tif", ".mrc"])
 def test_cut_files_are_refused(suffix, tmp_path, rng):
     path = tmp_path / f"x{suffix}"
@@ -208,7 +210,9 @@ def test_interrupt_ends_the_program(volume, tmp_path, use_script, is_deaf):
         except KeyboardInterrupt:
             print("interrupted")
         """
-    child = subprocess.Popen([sys.executable, "-c", textwrap.dedent(code)], stdout=subprocess.PIPE, text=True)
+    child = subprocess.Popen(
+        [sys.executable, "-c", textwrap.dedent(code)], stdout=subprocess.PIPE, text=True, preexec_fn=heed_interrupts
+    )
     while not (tmp_path / "pid").exists():
         assert child.poll() is None
         time.sleep(0.05)

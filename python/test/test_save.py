@@ -21,6 +21,7 @@ import pytest
 from itk_shearwarpmip import Turn, _entries, _program, _window, _write, mip, open_image, save_png, write
 from numpy.testing import assert_array_equal
 from PIL import Image
+from program import heed_interrupts
 from pydicom.data import get_testdata_file
 from samples import make_like
 
@@ -626,7 +627,9 @@ import itk, numpy as np
 from itk_shearwarpmip import write
 write(np.ones((200, 200, 200), np.int16), {str(tmp_path / "x.nrrd")!r}, exact=True, frames=500)
 """
-    child = subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE, text=True)
+    child = subprocess.Popen(
+        [sys.executable, "-c", code], stderr=subprocess.PIPE, text=True, preexec_fn=heed_interrupts
+    )
     children = Path(f"/proc/{child.pid}/task/{child.pid}/children")
     if not children.exists():
         pytest.skip("the system does not list processes")
