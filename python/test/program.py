@@ -2,7 +2,6 @@
 
 import os
 import shutil
-import signal
 import sys
 from pathlib import Path
 
@@ -13,7 +12,5 @@ PROGRAM = os.environ.get("SHEARWARPMIP_PROGRAM") or shutil.which(
 # of a program that draws labels
 NO_LABELS = ["--no-labels"]
 
-
-def heed_interrupts():
-    """For a process that starts: shells have programs in the background ignore SIGINT."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
+# for a script: shells have programs in the background ignore SIGINT
+HEED_INTERRUPTS = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"

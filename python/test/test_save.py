@@ -21,7 +21,7 @@ import pytest
 from itk_shearwarpmip import Turn, _entries, _program, _window, _write, mip, open_image, save_png, write
 from numpy.testing import assert_array_equal
 from PIL import Image
-from program import heed_interrupts
+from program import HEED_INTERRUPTS
 from pydicom.data import get_testdata_file
 from samples import make_like
 
@@ -623,13 +623,12 @@ def test_nothing_is_left(head, tmp_path, monkeypatch):
 def test_interrupt_ends_the_program(tmp_path):
     """By the signal that Ctrl-C sends, to Python alone."""
     code = f"""
+{HEED_INTERRUPTS}
 import itk, numpy as np
 from itk_shearwarpmip import write
 write(np.ones((200, 200, 200), np.int16), {str(tmp_path / "x.nrrd")!r}, exact=True, frames=500)
 """
-    child = subprocess.Popen(
-        [sys.executable, "-c", code], stderr=subprocess.PIPE, text=True, preexec_fn=heed_interrupts
-    )
+    child = subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE, text=True)
     children = Path(f"/proc/{child.pid}/task/{child.pid}/children")
     if not children.exists():
         pytest.skip("the system does not list processes")
