@@ -479,10 +479,9 @@ ReadAttributes(const fs::path & path)
   {
     io->ReadImageInformation();
   }
-  catch (const itk::ExceptionObject &)
-  {
-    // pixels of floats are not ITK's
-  }
+  // pixels of floats are not ITK's, but the attributes are there
+  catch (const itk::ExceptionObject &) // NOLINT(bugprone-empty-catch)
+  {}
   const itk::MetaDataDictionary & all = io->GetMetaDataDictionary();
   const std::string               characterSet = GetEntry(all, "0008|0005");
   itk::MetaDataDictionary         attributes;
