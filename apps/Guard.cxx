@@ -20,6 +20,7 @@
 
 #ifdef ShearWarpMIP_HAS_POSIX
 #  include <sys/mman.h>
+#  include <sys/time.h>
 #  include <sys/wait.h>
 #  include <unistd.h>
 #  ifdef __linux__
@@ -131,7 +132,7 @@ Wait(pid_t process)
 bool
 IsCrash(int status)
 {
-  const auto crashes = { SIGABRT, SIGALRM, SIGBUS, SIGFPE, SIGILL, SIGSEGV };
+  const auto crashes = { SIGABRT, SIGPROF, SIGBUS, SIGFPE, SIGILL, SIGSEGV };
   return WIFSIGNALED(status) ? std::find(crashes.begin(), crashes.end(), WTERMSIG(status)) != crashes.end()
                              : WEXITSTATUS(status) == abortStatus;
 }
@@ -149,14 +150,16 @@ EndLike(int status)
 }
 #endif
 
-/** Has the process end if a file is parsed for longer than any disk takes to read it. */
+/** Has the process end if a library computes for more than a minute, and a second for each MB of the file. */
 void
 LimitTime([[maybe_unused]] const std::string & path)
 {
 #ifdef ShearWarpMIP_HAS_POSIX
   std::error_code error;
   const auto      size = path.empty() ? 0 : std::filesystem::file_size(path, error);
-  alarm(path.empty() ? 0 : 60 + (error ? 0 : static_cast<unsigned int>(size >> 20)));
+  itimerval       limit{};
+  limit.it_value.tv_sec = path.empty() ? 0 : 60 + (error ? 0 : static_cast<time_t>(size >> 20));
+  setitimer(ITIMER_PROF, &limit, nullptr);
 #endif
 }
 } // namespace

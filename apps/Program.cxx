@@ -88,7 +88,7 @@ AddEntries(Volume & volume, const Options & options)
     for (const auto & file :
          volume.dicomFiles.empty() ? std::vector<std::filesystem::path>{ options.input } : volume.dicomFiles)
     {
-      names += (names.empty() ? "" : "\n") + file.string();
+      names += (names.empty() ? "" : "\n") + std::filesystem::absolute(file).string();
     }
     if (!volume.dicomFiles.empty())
     {
@@ -120,6 +120,14 @@ AddEntries(Volume & volume, const Options & options)
   }
 }
 
+/** Has the files of a volume never written. */
+void
+Protect(OutputFiles & files, const Volume & volume)
+{
+  files.Protect(volume.dicomFiles);
+  files.Protect(volume.sourceFiles);
+}
+
 [[noreturn]] void
 RefuseSuv()
 {
@@ -140,7 +148,7 @@ WriteVolume(const Options & options, Messages & messages)
   messages.StepBegins("reading " + options.input);
   const auto warn = [&](const std::string & text) { messages.Warn(text); };
   Volume     volume = ReadVolume(options.input, options.series, warn, "--series", options.volume);
-  files.Protect(volume.dicomFiles);
+  Protect(files, volume);
   if (options.isSuv && !ConvertToSuv(volume, warn))
   {
     RefuseSuv();
@@ -402,7 +410,7 @@ ReadLayers(Product & product, OutputFiles & files, Messages & messages)
   if (!options.overlay.empty())
   {
     layers.overlay = ReadOverlay(options, product.warn);
-    files.Protect(layers.overlay.dicomFiles);
+    Protect(files, layers.overlay);
     product.isOverlaySuv = options.isSuv && ConvertToSuv(layers.overlay, product.warn);
     if (options.isSuv && !product.isSuv && !product.isOverlaySuv)
     {
@@ -414,7 +422,7 @@ ReadLayers(Product & product, OutputFiles & files, Messages & messages)
   if (!options.segments.empty())
   {
     layers.segments = ReadSegments(options.segments, product.warn);
-    files.Protect(layers.segments.labels.dicomFiles);
+    Protect(files, layers.segments.labels);
     messages.StepDone("read " + options.segments + ", " + Describe(layers.segments));
   }
   return layers;
@@ -460,15 +468,14 @@ ReadInput(Product & product, OutputFiles & files, Messages & messages)
 {
   const Options & options = product.options;
   Volume          volume = ReadVolume(options.input, options.series, product.warn, "--series", options.volume);
-  files.Protect(volume.dicomFiles);
-  files.Protect(volume.sourceFiles);
+  Protect(files, volume);
   product.isSuv = options.isSuv && ConvertToSuv(volume, product.warn);
   if (options.isSuv && !product.isSuv && options.overlay.empty())
   {
     RefuseSuv();
   }
-  if (options.window.size() == 1 && FindName(options.window.front(), { "pet" }) == "pet" &&
-      !volume.dicomFiles.empty() && !product.isSuv)
+  if (options.window.size() == 1 && FindName(options.window.front(), { "pet" }) == "pet" && IsDicom(volume) &&
+      !product.isSuv)
   {
     product.warn("--window pet is in SUV, but INPUT's values are not; see --suv");
   }
@@ -497,12 +504,15 @@ Project(Product & product, OutputFiles & files, Messages & messages)
   ProjectionOptions projection = MakeProjectionOptions(options);
   SetFrames(projection, options, given, volume);
   product.stack = MakeStack(options, volume, projection.frames);
-  product.noReprojection = FindNoReprojection(options);
+  product.noReprojection =
+    volume.sourceFiles.empty() ? FindNoReprojection(options) : "they are of a file that is not DICOM";
   SetDisplay(product);
   if (!options.mask.empty())
   {
-    projection.mask =
-      ReadMask(options.mask, options.maskLabel, options.removedLabels, volume.times.front().image, product.warn);
+    std::vector<std::filesystem::path> sources;
+    projection.mask = ReadMask(
+      options.mask, options.maskLabel, options.removedLabels, volume.times.front().image, product.warn, sources);
+    files.Protect(sources);
     messages.StepDone("read " + options.mask);
   }
   const Layers layers = ReadLayers(product, files, messages);

@@ -54,6 +54,13 @@ struct Volume
   std::optional<std::string> title{};
 };
 
+/** Whether the voxels are those of DICOM files, and were not handed over by another file. */
+inline bool
+IsDicom(const Volume & volume)
+{
+  return !volume.dicomFiles.empty() && volume.sourceFiles.empty();
+}
+
 template <typename TPixel>
 struct PixelTag
 {

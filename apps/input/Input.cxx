@@ -18,6 +18,7 @@
 #include "Input.h"
 #include "DicomAttribute.h"
 #include "DicomInput.h"
+#include "DicomReader.h"
 #include "FileGeometry.h"
 #include "FileStart.h"
 #include "InputFiles.h"
@@ -107,6 +108,10 @@ ReadImage(itk::ImageIOBase & io, const std::filesystem::path & path, const Warni
 {
   io.SetFileName(path.string());
   ReadInformation(io);
+  if (io.GetMetaDataDictionary().HasKey("FrameTransforms"))
+  {
+    throw std::runtime_error("'" + path.string() + "' has frames of projections, and is no volume");
+  }
   RequireVolume(io, path.string());
   RequireAllVoxels(io, path);
   const FileGeometry geometry = ReadGeometry(io, path, warn);
@@ -173,8 +178,7 @@ FindDicomFiles(const std::vector<std::filesystem::path> & files)
   std::vector<std::filesystem::path> found;
   std::copy_if(files.begin(), files.end(), std::back_inserter(found), [](const std::filesystem::path & file) {
     std::error_code ignored;
-    std::ifstream   stream(file, std::ios::binary);
-    return std::filesystem::is_regular_file(file, ignored) && HasPreamble(file) && FindHeader(stream);
+    return std::filesystem::is_regular_file(file, ignored) && HasPreamble(file) && ReadSoundHeader(file.string());
   });
   return found;
 }
@@ -247,13 +251,15 @@ ReadVolume(const std::filesystem::path & path,
 }
 
 itk::Image<unsigned char, 3>::Pointer
-ReadMask(const std::filesystem::path &       path,
-         const std::optional<std::int64_t> & label,
-         const std::vector<std::int64_t> &   removed,
-         const itk::ImageBase<3> *           grid,
-         const WarningFunction &             warn)
+ReadMask(const std::filesystem::path &        path,
+         const std::optional<std::int64_t> &  label,
+         const std::vector<std::int64_t> &    removed,
+         const itk::ImageBase<3> *            grid,
+         const WarningFunction &              warn,
+         std::vector<std::filesystem::path> & sourceFiles)
 {
-  const Volume     volume = ReadVolume(path, "", warn, "");
+  const Volume volume = ReadVolume(path, "", warn, "");
+  sourceFiles = volume.sourceFiles;
   const AnyImage & labels = volume.times.front();
   if (volume.times.size() > 1 || labels.image->GetNumberOfComponentsPerPixel() > 1)
   {

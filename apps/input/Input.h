@@ -48,12 +48,14 @@ std::vector<std::filesystem::path>
 FindDicomFiles(const std::vector<std::filesystem::path> & files);
 
 /** Reads an image of whole numbers that must lie on \a grid. The mask is 1 where that is \a label or, without one, not
- * 0; or, if there are \a removed labels, where it is none of these. */
+ * 0; or, if there are \a removed labels, where it is none of these. \a sourceFiles gets the files that the mask was
+ * made from, if its file names them. */
 itk::Image<unsigned char, 3>::Pointer
-ReadMask(const std::filesystem::path &       path,
-         const std::optional<std::int64_t> & label,
-         const std::vector<std::int64_t> &   removed,
-         const itk::ImageBase<3> *           grid,
-         const WarningFunction &             warn);
+ReadMask(const std::filesystem::path &        path,
+         const std::optional<std::int64_t> &  label,
+         const std::vector<std::int64_t> &    removed,
+         const itk::ImageBase<3> *            grid,
+         const WarningFunction &              warn,
+         std::vector<std::filesystem::path> & sourceFiles);
 
 #endif

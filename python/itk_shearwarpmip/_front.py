@@ -322,8 +322,15 @@ def turn(
         slab,
         list(itk.ShearWarpMIPView.GetCenter(image)),
         _entries.get_source_files(image),
-        [Path(mask)] if isinstance(mask, str | os.PathLike) else [],
+        _find_files(mask),
     )
+
+
+def _find_files(mask: Any) -> list[Path]:
+    """The files of a mask, never to be written."""
+    if isinstance(mask, str | os.PathLike):
+        return [Path(mask).absolute()]
+    return _entries.get_source_files(mask) if isinstance(mask, itk.ImageBase[3]) else []
 
 
 def _copy_metadata(image: Any) -> dict[str, Any]:

@@ -137,7 +137,7 @@ def open_image(
         _entries.put(image, key, value)
     place(image, placed.replace(spacing, origin, direction))
     if is_of(source, "nibabel", "SpatialImage") and source.get_filename():
-        _entries.put_source_files(image, [source.get_filename()])
+        _entries.put_source_files(image, [os.path.abspath(source.get_filename())])
     return image
 
 

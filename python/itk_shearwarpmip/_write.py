@@ -3,6 +3,7 @@
 import difflib
 import html
 import os
+import re
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -80,7 +81,23 @@ def make_arguments(options: Mapping[str, Any], known: frozenset[str] = OPTIONS) 
     return arguments
 
 
+_LENGTHS = ("center", "crop", "output_spacing", "slab", "sliding_slab")
+
+
+def _scale(options: Mapping[str, Any], factor: float) -> dict[str, Any]:
+    """Options in mm, of options in a unit of so many mm, which is the image's."""
+    scaled = {name: np.multiply(options[name], factor) for name in _LENGTHS if options.get(name) is not None}
+    if options.get("attenuation") is not None:
+        scaled["attenuation"] = options["attenuation"] / factor
+    return dict(options) | scaled if factor != 1.0 else dict(options)
+
+
 def _format(name: str, value: Any) -> str:
+    if name == "mode":
+        return str(value).replace("_", "-")
+    if name == "crop" and np.shape(value) == (2, 3):
+        # corners, as mip() takes them
+        value = np.transpose(value).ravel()
     if isinstance(value, str | os.PathLike):
         return os.fspath(value)
     if isinstance(value, Integral) and not isinstance(value, bool):
@@ -98,7 +115,8 @@ def write(source: Any, output: str | os.PathLike[str], **options: Any) -> None:
     source: the path of an image file, or of a DICOM folder; or another volume: see open_image().
     output: the file to write; its extension selects the format. Without an extension, it is a folder for a DICOM series,
         which is new or empty.
-    options: the program's long options, with underscores instead of hyphens: see `shear-warp-mip --help-all`. Values are
+    options: the program's long options, with underscores instead of hyphens: see `shear-warp-mip --help-all`. Lengths
+        are in the unit of the source, which is mm for paths. Values are
         numbers, texts, paths, or sequences of numbers. Flags are True or False; labels=False is --no-labels. mask,
         overlay and segments may be volumes too. An array as mask, overlay or segments lies where the source does.
 
@@ -114,6 +132,8 @@ def write(source: Any, output: str | os.PathLike[str], **options: Any) -> None:
     arguments = make_arguments(options)
     with _temporary_folder() as folder:
         opened = None if _is_path(source) else open_image(source)
+        if opened is not None:
+            arguments = make_arguments(_scale(options, find_millimetres(_entries.get_unit(opened))))
         for name, volume in volumes.items():
             if _is_path(volume):
                 path = os.fspath(volume)
@@ -283,7 +303,7 @@ def _write_frames(path: Path, frames: Any, views: Sequence[NDArray[np.float64]],
 
 
 def _is_dicom(key: str) -> bool:
-    return len(key) == 9 and key[4] == "|"
+    return re.fullmatch(r"[0-9a-fA-F]{4}\|[0-9a-fA-F]{4}", key) is not None
 
 
 def _find_title(texts: Mapping[str, str]) -> str:

@@ -620,6 +620,50 @@ def test_nothing_is_left(head, tmp_path, monkeypatch):
     assert os.listdir(tmp_path) == ["a.png"]
 
 
+def test_no_source_is_overwritten(head, tmp_path, monkeypatch):
+    """Also from another folder, and through images of a mask and an overlay."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("a.nrrd", "b.nrrd", "c.nrrd"):
+        itk.imwrite(head, name)
+    image, mask, overlay = (open_image(name) for name in ("a.nrrd", "b.nrrd", "c.nrrd"))
+    before = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    (tmp_path / "sub").mkdir()
+    monkeypatch.chdir(tmp_path / "sub")
+    with pytest.raises(OSError, match="cannot write"):
+        write(image, "../a.nrrd")
+    with pytest.raises(OSError, match="cannot write"):
+        write(image, "../b.nrrd", mask=mask)
+    with pytest.raises(OSError, match="cannot write"):
+        write(image, "x.png", overlay=overlay, depth="../c.nrrd")
+    with pytest.raises(OSError, match="cannot write"):
+        itk_shearwarpmip.turn(image, frames=2, mask=mask).save("../b.nrrd")
+    assert all(path.read_bytes() == voxels for path, voxels in before.items())
+
+
+def test_frames_are_no_volume(head, tmp_path):
+    write(head, tmp_path / "turn.nrrd", frames=3)
+    with pytest.raises(ValueError, match="has frames of projections, and is no volume"):
+        open_image(tmp_path / "turn.nrrd")
+    with pytest.raises(ValueError, match="has frames of projections, and is no volume"):
+        write(head, tmp_path / "x.png", overlay=tmp_path / "turn.nrrd")
+
+
+def test_write_has_the_values_of_mip(head, tmp_path):
+    center = np.array(list(itk.ShearWarpMIPView.GetCenter(head)))
+    options = {"mode": "absolute_maximum", "crop": (center - [9, 8, 7], center + [9, 6, 5])}
+    write(head, tmp_path / "x.nrrd", **options)
+    assert_array_equal(itk.array_from_image(itk.imread(tmp_path / "x.nrrd")), mip(head, **options))
+
+
+def test_lengths_are_in_the_unit_of_the_source(tmp_path, rng):
+    voxels = rng.integers(0, 999, (10, 20, 30)).astype(np.uint16)
+    image = open_image(voxels, spacing=(1.0, 1.0, 2.0))
+    _entries.put(image, "Unit", "um")
+    options = {"slab": (-5, 5), "output_spacing": 1.0}
+    write(image, tmp_path / "x.nrrd", **options)
+    assert_array_equal(itk.array_from_image(itk.imread(tmp_path / "x.nrrd")), mip(image, **options))
+
+
 def test_interrupt_ends_the_program(tmp_path):
     """By the signal that Ctrl-C sends, to Python alone."""
     code = f"""
