@@ -180,7 +180,7 @@ TEST_F(ShearWarpMIPProgramStack, KeepsColours)
 {
   using ColourType = itk::VectorImage<unsigned char, 3>;
   const auto colours = MakeImage<ColourType>({ { 50, 50, 50 } }, 3);
-  for (itk::SizeValueType n = 0; n < 3 * 125000; ++n)
+  for (itk::SizeValueType n = 0; n < 375000; ++n)
   {
     colours->GetBufferPointer()[n] = static_cast<unsigned char>(n % 253);
   }
@@ -222,7 +222,7 @@ TEST_F(ShearWarpMIPProgramStack, HasNothingOfThePatient)
   this->ExpectSuccess("dicom turn.nrrd --frames 3");
   const std::string text = ReadText(m_Folder / "turn.nrrd");
   EXPECT_EQ(text.find("Doe"), std::string::npos);
-  EXPECT_EQ(text.find("|"), std::string::npos);
+  EXPECT_EQ(text.find('|'), std::string::npos);
   EXPECT_EQ(text.find("dicom"), std::string::npos);
   this->ExpectSuccess("turn.nrrd a.html");
   EXPECT_NE(ReadText(m_Folder / "a.html").find("\"Maximum intensity projection\""), std::string::npos);

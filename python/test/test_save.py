@@ -650,7 +650,7 @@ def test_frames_are_no_volume(head, tmp_path):
 
 def test_write_has_the_values_of_mip(head, tmp_path):
     center = np.array(list(itk.ShearWarpMIPView.GetCenter(head)))
-    options = {"mode": "absolute_maximum", "crop": (center - [9, 8, 7], center + [9, 6, 5])}
+    options = {"mode": "absolute_maximum", "crop": (center - np.array([9, 8, 7]), center + np.array([9, 6, 5]))}
     write(head, tmp_path / "x.nrrd", **options)
     assert_array_equal(itk.array_from_image(itk.imread(tmp_path / "x.nrrd")), mip(head, **options))
 
