@@ -480,7 +480,7 @@ TEST(ShearWarpEngine, ViewsFromOppositeSidesShareAnIntermediateImage)
     ProjectionRule<short>       rule;
     rule.reducedResampling = ReducedResampling::Off;
     rule.hasDepth = hasDepth;
-    Project(engine, MakeScene(volume, views), rule, MakeThreads(2), volume);
+    Project(engine, MakeScene(volume, views), rule, MakeThreads(1), volume);
     return engine.GetSizeInBytes() - engine.GetPreparedSizeInBytes();
   };
   EXPECT_EQ(measure({ view, opposite }, false), measure({ view }, false));
