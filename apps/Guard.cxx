@@ -16,6 +16,7 @@
  *
  *=========================================================================*/
 #include "Guard.h"
+#include "HeldSignals.h"
 #include "Posix.h"
 
 #ifdef ShearWarpMIP_HAS_POSIX
@@ -68,7 +69,6 @@ SetParsed(const std::string & path, const std::string & refusal)
 #ifdef ShearWarpMIP_HAS_POSIX
 constexpr int abortStatus = 134; // as a shell has it
 
-constexpr int              passedSignals[] = { SIGINT, SIGTERM, SIGHUP, SIGPIPE };
 volatile std::sig_atomic_t child = 0;
 volatile std::sig_atomic_t lastSignal = 0;
 
@@ -89,7 +89,7 @@ std::vector<Handler>
 HandleSignals()
 {
   std::vector<Handler> previous;
-  for (const int signal : passedSignals)
+  for (const int signal : endingSignals)
   {
     previous.push_back(std::signal(signal, PassSignal));
     if (previous.back() == SIG_IGN)
@@ -105,7 +105,7 @@ PrepareChild(const std::vector<Handler> & handlers, [[maybe_unused]] pid_t paren
 {
   for (std::size_t n = 0; n < handlers.size(); ++n)
   {
-    std::signal(passedSignals[n], handlers[n]);
+    std::signal(endingSignals[n], handlers[n]);
   }
   // no core is dumped
   std::signal(SIGABRT, [](int) { std::_Exit(abortStatus); });

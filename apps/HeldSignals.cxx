@@ -24,14 +24,6 @@
 
 namespace
 {
-constexpr int endingSignals[] = { SIGINT,
-                                  SIGTERM,
-#ifdef SIGHUP
-                                  SIGHUP,
-                                  SIGPIPE
-#endif
-};
-
 volatile std::sig_atomic_t heldSignal = 0;
 
 extern "C" void

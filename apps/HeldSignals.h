@@ -18,9 +18,19 @@
 #ifndef HeldSignals_h
 #define HeldSignals_h
 
+#include <csignal>
 #include <vector>
 
-/** Holds back the signals that end a program, SIGINT, SIGTERM, SIGHUP and SIGPIPE: the process gets them at the end of
+/** The signals that end a program from outside. */
+constexpr int endingSignals[] = { SIGINT,
+                                  SIGTERM,
+#ifdef SIGHUP
+                                  SIGHUP,
+                                  SIGPIPE
+#endif
+};
+
+/** Holds back the signals that end a program: the process gets them at the end of
  * this object's life. */
 class HeldSignals
 {

@@ -129,11 +129,10 @@ def write(source: Any, output: str | os.PathLike[str], **options: Any) -> None:
     ['turn.html']
     """
     volumes = {name: options.pop(name) for name in VOLUMES & options.keys() if options[name] is not None}
-    arguments = make_arguments(options)
     with _temporary_folder() as folder:
         opened = None if _is_path(source) else open_image(source)
-        if opened is not None:
-            arguments = make_arguments(_scale(options, find_millimetres(_entries.get_unit(opened))))
+        factor = 1.0 if opened is None else find_millimetres(_entries.get_unit(opened))
+        arguments = make_arguments(_scale(options, factor))
         for name, volume in volumes.items():
             if _is_path(volume):
                 path = os.fspath(volume)
