@@ -45,12 +45,13 @@ public:
     Auto
   };
 
-  /** Which of a ray's samples is its value. */
+  /** What the value of a ray is: one of its samples, or their mean. */
   enum class Mode : std::uint8_t
   {
     Maximum,
     Minimum,
-    AbsoluteMaximum
+    AbsoluteMaximum,
+    Mean
   };
 };
 

@@ -355,10 +355,49 @@ enum class RayMode
 {
   Maximum,
   Minimum,
-  AbsoluteMaximum
+  AbsoluteMaximum,
+  Mean
 };
 
-/** Which sample of a ray is its value. */
+/** The mean of samples from front to back, rounded half upward: exact for integers, in doubles for floats. */
+template <typename TPixel>
+TPixel
+MeanOf(const std::vector<TPixel> & samples)
+{
+  const auto count = static_cast<std::int64_t>(samples.size());
+  if constexpr (std::is_floating_point_v<TPixel>)
+  {
+    constexpr double part = std::is_same_v<TPixel, double> ? 0x1p-32 : 1.0;
+    double           sum = 0.0;
+    for (const TPixel sample : samples)
+    {
+      sum += part * static_cast<double>(sample);
+    }
+    const double mean = sum / static_cast<double>(count) / part;
+    const auto [lowest, highest] = std::minmax_element(samples.begin(), samples.end());
+    return std::isnan(mean) ? static_cast<TPixel>(mean)
+                            : std::min(std::max(static_cast<TPixel>(mean), *lowest), *highest);
+  }
+  else
+  {
+    // digits to the base of 2^32 of the sum of distances from the lowest integer
+    const auto    lowest = static_cast<std::uint64_t>(std::numeric_limits<TPixel>::lowest());
+    std::uint64_t high = 0;
+    std::uint64_t low = 0;
+    for (const TPixel sample : samples)
+    {
+      const std::uint64_t distance = static_cast<std::uint64_t>(sample) - lowest;
+      high += distance >> 32;
+      low += distance & 0xffffffffU;
+    }
+    const auto          divisor = static_cast<std::uint64_t>(count);
+    const std::uint64_t rest = (high % divisor << 32) + low;
+    const std::uint64_t rounded = rest / divisor + (rest % divisor * 2 >= divisor ? 1 : 0);
+    return static_cast<TPixel>(lowest + (high / divisor << 32) + rounded);
+  }
+}
+
+/** Which sample of a ray is its value, or whether the mean is. */
 template <typename TPixel>
 struct SampleRule
 {
@@ -380,7 +419,7 @@ long double
 GetRank(RayMode mode, TPixel value)
 {
   const auto exact = static_cast<long double>(value);
-  return mode == RayMode::Maximum ? exact : mode == RayMode::Minimum ? -exact : std::abs(exact);
+  return mode == RayMode::Minimum ? -exact : mode == RayMode::AbsoluteMaximum ? std::abs(exact) : exact;
 }
 
 /** The value of a ray with \a samples, one or more, from front to back. */
@@ -388,6 +427,15 @@ template <typename TPixel>
 RaySample<TPixel>
 ChooseSample(const SampleRule<TPixel> & rule, const std::vector<RaySample<TPixel>> & samples)
 {
+  if (rule.mode == RayMode::Mean)
+  {
+    std::vector<TPixel> values;
+    for (const RaySample<TPixel> & sample : samples)
+    {
+      values.push_back(sample.value);
+    }
+    return { MeanOf(values), samples.front().slice };
+  }
   const auto rank = [&](std::size_t n) { return GetRank(rule.mode, samples[n].value); };
   if (rule.isLocal)
   {

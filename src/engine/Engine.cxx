@@ -339,17 +339,27 @@ void
 ShearWarpEngine<TPixel>::Implementation::Begin(const Scene & scene, const RuleType & rule, const Threads & threads)
 {
   this->SetUp(scene, rule, threads);
+  const auto & size = scene.volume.size;
+  if (rule.mode == Mode::Mean && std::max({ size[0], size[1], size[2] }) > MostSummedSlices<TPixel>)
+  {
+    const auto most = std::to_string(MostSummedSlices<TPixel>);
+    Throw(InvalidParameter("Mode Mean needs at most " + most + " voxels of this type along each axis."));
+  }
   m_Passes = this->PlanPasses();
   this->PlanSteps();
 }
 
-/** Returns whether the order of samples matters: to the first local maximum, and where ranks cannot count all slices.
- */
+/** Returns whether the order of samples matters: to the first local maximum, to sums of floats, and where ranks cannot
+ * count all slices. */
 template <typename TPixel>
 bool
 ShearWarpEngine<TPixel>::Implementation::IsOrdered() const
 {
   const auto & size = m_Scene.volume.size;
+  if (m_Rule.mode == Mode::Mean)
+  {
+    return std::is_floating_point_v<TPixel>;
+  }
   return m_Rule.localMaximumThreshold ||
          (m_Rule.NeedsRanks() && std::max({ size[0], size[1], size[2] }) > Projector<TPixel>::MostRankedSlices);
 }

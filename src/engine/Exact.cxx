@@ -405,6 +405,7 @@ RaySearch<TPixel>::IsMinimum(std::size_t ray) const
   switch (m_Mode)
   {
     case Mode::Maximum:
+    case Mode::Mean:
       return false;
     case Mode::Minimum:
       return true;
@@ -449,6 +450,8 @@ RaySearch<TPixel>::SetPixels()
       this->FindExtrema(Extremum::Maximum, m_Maxima);
       this->FindExtrema(Extremum::Minimum, m_Minima);
       break;
+    case Mode::Mean:
+      break; // a rule refuses exact means
   }
   for (std::size_t ray = 0; ray < m_Rays.size(); ++ray)
   {

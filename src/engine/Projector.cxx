@@ -33,6 +33,7 @@ Projector<TPixel>::HasTwoImages(Mode mode)
   {
     case Mode::Maximum:
     case Mode::Minimum:
+    case Mode::Mean:
       return false;
     case Mode::AbsoluteMaximum:
       return std::is_signed_v<TPixel>;
@@ -47,6 +48,7 @@ Projector<TPixel>::GetExtremum(std::size_t image) const
   switch (m_Parameters.mode)
   {
     case Mode::Maximum:
+    case Mode::Mean:
       return Extremum::Maximum;
     case Mode::Minimum:
       return Extremum::Minimum;
@@ -100,6 +102,11 @@ Projector<TPixel>::Begin(std::vector<ProjectedView> views,
     m_Views.push_back(std::move(placed));
   }
   m_RowStride = GetRowStride(m_TileColumns);
+  m_HasSums = parameters.mode == Mode::Mean;
+  // of two extrema, the better one does not tell whether a float has met a sample
+  m_MayHaveGaps =
+    m_HasRegion || parameters.hasRanks || (std::is_floating_point_v<TPixel> && (m_ImagesOfView == 2 || m_HasSums));
+  m_Parameters.hasRanks = parameters.hasRanks && !m_HasSums;
   if (parameters.mode != Mode::Maximum || m_HasRegion || parameters.hasRanks)
   {
     m_Parameters.reducedResampling = ReducedResampling::Off;
@@ -158,7 +165,7 @@ Projector<TPixel>::Project(const PreparedVolume<TPixel> &        volume,
           this->FillRows(rows.imageBegin, shared[rows.imageBegin], rows.begin, rows.end);
         }
         this->ProjectRows(m_Workers[worker], rows, first, last);
-        if (isOrdered && (last == cubes || last % m_RankedCubes == 0))
+        if (isOrdered && m_Parameters.hasRanks && (last == cubes || last % m_RankedCubes == 0))
         {
           this->SettleRanks(rows, first);
         }
@@ -302,7 +309,8 @@ Projector<TPixel>::ProjectRows(Worker & worker, const Rows & rows, std::ptrdiff_
     }
     if (!worker.views.empty())
     {
-      m_Kernels->projectBlock(m_Slices, block, worker.views.data(), worker.views.size());
+      const auto project = m_HasSums ? m_Kernels->addBlock : m_Kernels->projectBlock;
+      project(m_Slices, block, worker.views.data(), worker.views.size());
     }
     if (!isTested)
     {
@@ -366,13 +374,14 @@ Projector<TPixel>::MakeShearedView(Worker & worker, std::size_t image, bool areS
   view.active = areSelected ? worker.active[image].data() : nullptr;
   view.activeStride = m_TileColumns;
   view.extremum = this->GetExtremum(image);
-  if (m_HasRegion)
+  view.coverage.region = m_HasRegion ? &placed.region : nullptr;
+  if (m_HasRegion && !m_HasSums)
   {
-    view.coverage.region = &placed.region;
     view.coverage.marks = target.marks.template GetPointer<std::uint8_t>();
     view.coverage.rowStride = m_RowStride;
     view.coverage.known = target.known.data();
   }
+  view.summed = this->GetSummed(target);
   view.ranked.ranks = this->GetRanks(target, 0);
   view.ranked.first = ranking.GetRank(static_cast<std::int32_t>(m_FirstSlice));
   view.ranked.step = ranking.step;
@@ -432,6 +441,12 @@ Projector<TPixel>::ReserveRows(ThreadImage & image) const
 {
   const std::ptrdiff_t rows = m_TileRows * BlockLength;
   const std::ptrdiff_t pixels = rows * m_RowStride;
+  if (m_HasSums)
+  {
+    image.sums.Reserve(pixels * sizeof(SampleSum<TPixel>), "the sums of an intermediate image");
+    image.countSteps.Reserve((pixels + rows) * sizeof(std::uint32_t), "the counts of an intermediate image");
+    return;
+  }
   image.pixels.Reserve(pixels * sizeof(TPixel), "an intermediate image");
   image.lowerBounds.assign(m_TileRows * m_TileColumns, NoSample<TPixel>);
   if (m_HasRegion)
@@ -442,7 +457,7 @@ Projector<TPixel>::ReserveRows(ThreadImage & image) const
   {
     image.ranks.Reserve(pixels * sizeof(RankType), "the ranks of an intermediate image");
   }
-  if (m_Parameters.isOrdered)
+  if (m_Parameters.hasRanks && m_Parameters.isOrdered)
   {
     image.settledRanks.Reserve(pixels * sizeof(std::int32_t), "the ranks of an intermediate image");
   }
@@ -479,6 +494,13 @@ template <typename TPixel>
 void
 Projector<TPixel>::FillRows(std::size_t n, ThreadImage & image, std::ptrdiff_t begin, std::ptrdiff_t end) const
 {
+  if (m_HasSums)
+  {
+    const auto [sums, countSteps] = this->GetSummed(image);
+    std::fill(sums + begin * m_RowStride, sums + end * m_RowStride, SampleSum<TPixel>{});
+    std::fill(countSteps + begin * (m_RowStride + 1), countSteps + end * (m_RowStride + 1), std::uint32_t{ 0 });
+    return;
+  }
   const IntermediateGrid & grid = this->GetGrid(n);
   const bool               isTested = m_Parameters.reducedResampling != ReducedResampling::Off;
   const TPixel             start = this->GetStart(n);
@@ -519,7 +541,8 @@ template <typename TPixel>
 std::size_t
 Projector<TPixel>::GetSizeInBytes() const
 {
-  std::size_t bytes = m_Ranks.GetSizeInBytes() + CountBytes(m_Reached) + CountBytes(m_Cubes) + CountBytes(m_Views);
+  std::size_t bytes = m_Ranks.GetSizeInBytes() + m_Means.GetSizeInBytes() + CountBytes(m_Reached) +
+                      CountBytes(m_Cubes) + CountBytes(m_Views);
   for (const auto & [view, region, fading, placements] : m_Views)
   {
     bytes +=
@@ -532,7 +555,8 @@ Projector<TPixel>::GetSizeInBytes() const
     for (const ThreadImage & image : worker.images)
     {
       bytes += image.pixels.GetSizeInBytes() + image.marks.GetSizeInBytes() + image.ranks.GetSizeInBytes() +
-               image.settledRanks.GetSizeInBytes() + CountBytes(image.known) + CountBytes(image.lowerBounds);
+               image.settledRanks.GetSizeInBytes() + image.sums.GetSizeInBytes() + image.countSteps.GetSizeInBytes() +
+               CountBytes(image.known) + CountBytes(image.lowerBounds);
     }
     for (const auto & active : worker.active)
     {
@@ -552,6 +576,10 @@ Projector<TPixel>::GetViewSizeInBytes(std::ptrdiff_t columns,
 {
   const std::ptrdiff_t pixels =
     GetRowStride(CountBlocks(columns, TileColumns)) * BlockLength * CountBlocks(rows, BlockLength);
+  if (mode == Mode::Mean)
+  {
+    return static_cast<std::size_t>(pixels) * (sizeof(SampleSum<TPixel>) + sizeof(std::uint32_t));
+  }
   return static_cast<std::size_t>(pixels) * (HasTwoImages(mode) ? 2 : 1) *
          (sizeof(TPixel) + (hasRegion ? 1 : 0) + (hasRanks ? sizeof(RankType) : 0));
 }

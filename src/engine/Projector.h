@@ -76,8 +76,8 @@ public:
   {
     Mode mode{ Mode::Maximum };
     bool hasRanks{ false };
-    /** Whether samples come from the viewer on. Then all views have one direction, images have ranks, and slabs come
-     * from the viewer on too. */
+    /** Whether samples come from the viewer on. Then all views have one direction, images have ranks or sums, and slabs
+     * come from the viewer on too. */
     bool              isOrdered{ false };
     TPixel            background{};
     unsigned char     maskLabel{ 0 };
@@ -100,8 +100,8 @@ public:
   void
   Project(const PreparedVolume<TPixel> & volume, const PreparedVolume<unsigned char> * mask, const RunTasks & run);
 
-  /** Returns the intermediate image of a view, of all that was projected since Begin(). Its pixels belong to this
-   * object and are valid until the next Begin(), its other memory until the next call. Throws OutOfMemory. */
+  /** Returns the intermediate image of a view, of all that was projected since Begin(). Its memory belongs to this
+   * object and is valid until the next call. Throws OutOfMemory. */
   IntermediateImage<TPixel>
   Finish(std::size_t view, const RunTasks & run);
 
@@ -143,6 +143,7 @@ private:
     std::vector<ColumnSpan> known;
     Buffer                  ranks;
     Buffer                  settledRanks; // if samples come in order
+    Buffer                  sums, countSteps;
     std::ptrdiff_t          rowBegin{ 0 }, rowEnd{ 0 };
     std::vector<TPixel>     lowerBounds; // of the pixels of each tile
   };
@@ -182,9 +183,16 @@ private:
   static bool
   HasTwoImages(Mode mode);
 
-  /** Returns what an image of a view collects. */
+  /** Returns what an image of a view collects, unless it collects sums. */
   Extremum
   GetExtremum(std::size_t image) const;
+
+  SummedImage<TPixel>
+  GetSummed(const ThreadImage & image) const
+  {
+    return { image.sums.template GetPointer<SampleSum<TPixel>>(),
+             image.countSteps.template GetPointer<std::uint32_t>() };
+  }
 
   TPixel
   GetStart(std::size_t image) const;
@@ -309,6 +317,9 @@ private:
   const std::uint8_t *
   MergeMarks(std::size_t n, std::ptrdiff_t row);
 
+  void
+  FindMeans(std::size_t image, std::ptrdiff_t row, std::int32_t * ranks);
+
   /** A row of a view, merged from all threads. Without a second image, there are no minima. */
   struct MergedRow
   {
@@ -323,6 +334,7 @@ private:
   std::vector<Worker>         m_Workers;
   std::size_t                 m_NumberOfWorkers{ 1 };
   Buffer                      m_Ranks;            // of a view's pixels that may have no value
+  Buffer                      m_Means;            // of a view's pixels
   std::vector<ColumnSpan>     m_Reached;          // of a view's rows
   std::vector<std::ptrdiff_t> m_Cubes;            // the first slice of each cube, in the order of projection
   std::ptrdiff_t              m_RankedCubes{ 1 }; // ranks begin anew after so many cubes
@@ -332,6 +344,8 @@ private:
   std::vector<PlacedView>     m_Views;
   std::size_t                 m_ImagesOfView{ 1 };
   bool                        m_HasRegion{ false };
+  bool                        m_HasSums{ false };
+  bool                        m_MayHaveGaps{ false };
   Parameters                  m_Parameters;
   SliceStack<TPixel>          m_Slices{};
   BlockExtrema<TPixel>        m_BlockExtrema{};

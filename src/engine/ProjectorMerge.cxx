@@ -43,6 +43,77 @@ IsMagnitudeLarger(TPixel minimum, TPixel maximum)
   }
   return false;
 }
+/** Adds a sum of other samples. */
+template <typename TSum>
+void
+Merge(TSum & sum, const TSum & other)
+{
+  if constexpr (std::is_same_v<TSum, SumOfDoubles>)
+  {
+    sum.scaled += other.scaled;
+    sum.lowest = std::min(sum.lowest, other.lowest);
+    sum.highest = std::max(sum.highest, other.highest);
+  }
+  else if constexpr (std::is_class_v<TSum>)
+  {
+    sum.upper += other.upper;
+    sum.lower += other.lower;
+  }
+  else
+  {
+    sum += other;
+  }
+}
+
+/** Returns the quotient, rounded half upward. The divisor is less than 2^31. */
+template <typename TInteger>
+TInteger
+DivideRounded(TInteger dividend, std::uint32_t divisor)
+{
+  const auto     by = static_cast<TInteger>(divisor);
+  const TInteger quotient = dividend / by;
+  const TInteger rest = dividend % by;
+  // the rest has the sign of the dividend
+  return quotient + (2 * rest >= by ? 1 : 0) - (rest < 0 && -2 * rest > by ? 1 : 0);
+}
+
+/** Returns the mean of \a count samples, rounded half upward to the pixel type. A mean of zero is +0. */
+template <typename TPixel>
+TPixel
+GetMean(const SampleSum<TPixel> & sum, std::uint32_t count)
+{
+  if constexpr (std::is_same_v<TPixel, double>)
+  {
+    const double mean = sum.scaled / count * 0x1p32;
+    // not-a-number is neither below nor above the range
+    return (mean < sum.lowest ? sum.lowest : mean > sum.highest ? sum.highest : mean) + 0.0;
+  }
+  else if constexpr (std::is_same_v<TPixel, float>)
+  {
+    return static_cast<float>(sum / count) + 0.0F;
+  }
+  else if constexpr (sizeof(TPixel) == 8)
+  {
+    const auto   divisor = static_cast<TPixel>(count);
+    const TPixel toZero = sum.upper / divisor;
+    const TPixel quotient = toZero - (sum.upper < toZero * divisor ? 1 : 0);
+    const auto   rest = static_cast<std::uint64_t>(sum.upper - quotient * divisor);
+    const auto   lower = DivideRounded<std::uint64_t>((rest << 32) + sum.lower, count);
+    return static_cast<TPixel>((static_cast<std::uint64_t>(quotient) << 32) + lower);
+  }
+  else if constexpr (sizeof(TPixel) <= 2)
+  {
+    // the distance from the lowest number is not negative; doubles hold it exactly, and the quotient's integer part
+    constexpr std::int32_t lowest = std::numeric_limits<TPixel>::lowest();
+    const double           distance = static_cast<double>(sum) - static_cast<double>(lowest) * count;
+    return static_cast<TPixel>(lowest + static_cast<std::int32_t>((distance + 0.5 * count) / count));
+  }
+  else
+  {
+    using Wide = std::conditional_t<std::is_signed_v<TPixel>, std::int64_t, std::uint64_t>;
+    return static_cast<TPixel>(DivideRounded<Wide>(sum, count));
+  }
+}
 } // namespace
 
 template <typename TPixel>
@@ -56,22 +127,24 @@ Projector<TPixel>::Finish(std::size_t view, const RunTasks & run)
   {
     this->ExtendRows(n, merged[n], 0, m_TileRows * BlockLength);
   }
-  // of two extrema, the better one does not tell whether a float has met a sample
-  const bool mayHaveGaps =
-    m_HasRegion || m_Parameters.hasRanks || (m_ImagesOfView == 2 && std::is_floating_point_v<TPixel>);
+  if (m_HasSums)
+  {
+    m_Means.Reserve(m_TileRows * BlockLength * m_RowStride * sizeof(TPixel), "an intermediate image");
+  }
   IntermediateImage<TPixel> image;
-  image.pixels = merged[firstImage].pixels.template GetPointer<TPixel>();
+  image.pixels = (m_HasSums ? m_Means : merged[firstImage].pixels).template GetPointer<TPixel>();
   image.columns = projected.grid->columns;
   image.rows = projected.grid->rows;
   image.rowStride = m_RowStride;
   image.reached = projected.grid->reached.data();
   image.ranking = this->GetRanking(projected);
   image.none = this->GetStart(firstImage);
-  if (mayHaveGaps)
+  std::int32_t * ranks = nullptr;
+  if (m_MayHaveGaps)
   {
     m_Reached.resize(image.rows);
     m_Ranks.Reserve(image.rows * m_RowStride * sizeof(std::int32_t), "the ranks of an intermediate image");
-    image.ranks = m_Ranks.template GetPointer<std::int32_t>();
+    image.ranks = ranks = m_Ranks.template GetPointer<std::int32_t>();
     image.reached = m_Reached.data();
   }
 
@@ -82,7 +155,14 @@ Projector<TPixel>::Finish(std::size_t view, const RunTasks & run)
     const std::ptrdiff_t begin = static_cast<std::ptrdiff_t>(n) * bandRows;
     for (std::ptrdiff_t row = begin; row < std::min(begin + bandRows, image.rows); ++row)
     {
-      this->MergeView(firstImage, row, image.ranks != nullptr);
+      if (m_HasSums)
+      {
+        this->FindMeans(firstImage, row, image.ranks ? ranks + row * m_RowStride : nullptr);
+      }
+      else
+      {
+        this->MergeView(firstImage, row, image.ranks != nullptr);
+      }
       if (image.ranks)
       {
         const ReachedRow reached = FindReached(image.ranks + row * m_RowStride, image.columns);
@@ -96,6 +176,44 @@ Projector<TPixel>::Finish(std::size_t view, const RunTasks & run)
   });
   image.hasGaps = hasGaps;
   return image;
+}
+
+/** Merges a row of all threads' sums, and finds its means. Without a number as its mean, a pixel has rank 0, others
+ * have 1. */
+template <typename TPixel>
+void
+Projector<TPixel>::FindMeans(std::size_t n, std::ptrdiff_t row, std::int32_t * ranks)
+{
+  const auto getRow = [&](const ThreadImage & image) {
+    const auto [sums, countSteps] = this->GetSummed(image);
+    return SummedImage<TPixel>{ sums + row * m_RowStride, countSteps + row * (m_RowStride + 1) };
+  };
+  const std::ptrdiff_t columns = this->GetGrid(n).columns;
+  const auto [sums, countSteps] = getRow(m_Workers.front().images[n]);
+  for (std::size_t worker = 1; worker < m_Workers.size(); ++worker)
+  {
+    const ThreadImage & image = m_Workers[worker].images[n];
+    if (row >= image.rowBegin && row < image.rowEnd)
+    {
+      const auto [others, otherSteps] = getRow(image);
+      for (std::ptrdiff_t p = 0; p < columns; ++p)
+      {
+        Merge(sums[p], others[p]);
+        countSteps[p] += otherSteps[p];
+      }
+    }
+  }
+  TPixel * const means = m_Means.template GetPointer<TPixel>() + row * m_RowStride;
+  std::uint32_t  count = 0;
+  for (std::ptrdiff_t p = 0; p < columns; ++p)
+  {
+    count += countSteps[p];
+    means[p] = count > 0 ? GetMean<TPixel>(sums[p], count) : TPixel{};
+    if (ranks)
+    {
+      ranks[p] = count > 0 && means[p] == means[p] ? 1 : 0;
+    }
+  }
 }
 
 /** Merges a row of all threads' images of a view into the first thread's first image. */

@@ -40,6 +40,8 @@ GetName(ShearWarp::Mode value)
       return "Minimum";
     case Mode::AbsoluteMaximum:
       return "AbsoluteMaximum";
+    case Mode::Mean:
+      return "Mean";
   }
   return nullptr;
 }
@@ -110,6 +112,8 @@ HasFeature(Mode mode, Feature feature)
       return true;
     case Mode::AbsoluteMaximum:
       return feature != Feature::LocalMaximum;
+    case Mode::Mean:
+      return false;
   }
   return false;
 }

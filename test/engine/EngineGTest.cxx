@@ -29,7 +29,7 @@ namespace
 using namespace itk::ShearWarp;
 using namespace itk::ShearWarpMIPTest;
 
-constexpr Mode              AllModes[] = { Mode::Maximum, Mode::Minimum, Mode::AbsoluteMaximum };
+constexpr Mode              AllModes[] = { Mode::Maximum, Mode::Minimum, Mode::AbsoluteMaximum, Mode::Mean };
 constexpr ReducedResampling AllReducedResamplings[] = { ReducedResampling::Off,
                                                         ReducedResampling::On,
                                                         ReducedResampling::Auto };
@@ -289,8 +289,8 @@ TYPED_TEST(ShearWarpEngineTyped, FollowsTheRuleOfSampling)
     ProjectionRule<TypeParam> rule;
     SampleRule<TypeParam>     sampleRule;
     scene.picture = { { 20, 18 }, { 1 + part(40), 1 + part(40) }, { part(400), part(400) } };
-    rule.mode = AllModes[repeat % 3];
-    rule.oversampling = repeat % 4 < 2 ? 1 : 2;
+    rule.mode = AllModes[repeat % std::size(AllModes)];
+    rule.oversampling = repeat % 3 == 0 ? 2 : 1;
     rule.background = MakeRandomPixel<TypeParam>(random);
     sampleRule.mode = static_cast<RayMode>(rule.mode);
     if (HasFeature(rule.mode, Feature::LocalMaximum) && repeat % 5 < 2)
@@ -349,7 +349,13 @@ TYPED_TEST(ShearWarpEngineTyped, EveryFeatureGivesTheSameBitsHoweverItIsProjecte
       features[feature](rule);
       rule.mode = mode;
       rule.background = TypeParam{ 7 };
-      if (rule.localMaximumThreshold && !HasFeature(mode, Feature::LocalMaximum))
+      if (rule.hasDepth && !HasFeature(mode, Feature::Depth))
+      {
+        EXPECT_THROW(rule.Verify(), InvalidParameter);
+        rule.hasDepth = false;
+      }
+      if ((rule.localMaximumThreshold && !HasFeature(mode, Feature::LocalMaximum)) ||
+          (rule.isExact && !HasFeature(mode, Feature::Exact)))
       {
         EXPECT_THROW(rule.Verify(), InvalidParameter);
         continue;

@@ -187,6 +187,39 @@ WarpAt(const std::vector<TPixel> & pixels, double x, double y)
   return Warp<TPixel>(pixels, { { 0, 2 }, { 0, 2 } }, { 0, 0, x, 0, 0, y }, 1, 1, 7, 0).front();
 }
 
+/** The sum of numbers, in their order. */
+template <typename TPixel>
+Kernels::SampleSum<TPixel>
+SumOf(const std::vector<RaySample<TPixel>> & samples)
+{
+  Kernels::SampleSum<TPixel> sum{};
+  for (const RaySample<TPixel> & sample : samples)
+  {
+    const TPixel value = sample.value;
+    if constexpr (std::is_same_v<TPixel, double>)
+    {
+      sum.scaled += value / 4294967296.0;
+      sum.lowest = std::min(sum.lowest, value);
+      sum.highest = std::max(sum.highest, value);
+    }
+    else if constexpr (std::is_same_v<TPixel, float>)
+    {
+      sum += static_cast<double>(value);
+    }
+    else if constexpr (sizeof(TPixel) == 8)
+    {
+      const auto lower = static_cast<TPixel>(static_cast<std::uint64_t>(value) % 4294967296U);
+      sum.lower += static_cast<std::uint64_t>(lower);
+      sum.upper += (value - lower) / static_cast<TPixel>(4294967296);
+    }
+    else
+    {
+      sum = static_cast<Kernels::SampleSum<TPixel>>(sum + value);
+    }
+  }
+  return sum;
+}
+
 /** \class SlicesFixture
  * A stack with padded rows and slices, but for the last, and random placements. The padding would win.
  */
@@ -391,9 +424,9 @@ public:
     return pixels;
   }
 
-  /** False where no slice has a sample in the region; \a rank is that of the slice whose sample is \a chosen. */
-  bool
-  Evaluate(std::ptrdiff_t p, std::ptrdiff_t q, TPixel & chosen, std::int64_t * rank = nullptr) const
+  /** The samples of a pixel in the region, by their ranks. */
+  std::vector<RaySample<TPixel>>
+  FindSamples(std::ptrdiff_t p, std::ptrdiff_t q) const
   {
     std::vector<RaySample<TPixel>> samples;
     for (std::ptrdiff_t n = 0; n < m_Stack.slices; ++n)
@@ -418,6 +451,14 @@ public:
         samples.push_back({ sample, n });
       }
     }
+    return samples;
+  }
+
+  /** False where no slice has a sample in the region; \a rank is that of the slice whose sample is \a chosen. */
+  bool
+  Evaluate(std::ptrdiff_t p, std::ptrdiff_t q, TPixel & chosen, std::int64_t * rank = nullptr) const
+  {
+    const auto samples = this->FindSamples(p, q);
     if (samples.empty())
     {
       return false;
@@ -492,11 +533,87 @@ public:
         }
       });
     }
+    for (const bool fromBehind : { false, true })
+    {
+      isBackward = fromBehind;
+      rankStep = fromBehind ? -1 : 1;
+      // sums of floats are in the order of the samples
+      rowsOf = fromBehind || std::is_floating_point_v<TPixel> ? Kernels::BlockRows::OfImage : rowsWithoutOrder;
+      this->ExpectSumsFollowRule();
+    }
     rankStep = 0;
     extremum = Extremum::Maximum;
     rowsOf = rowsWithoutOrder;
     isBackward = false;
     localThreshold.reset();
+  }
+
+  /** Adds with the chosen instruction set; returns the sums and the counts of the pixels. */
+  std::pair<std::vector<Kernels::SampleSum<TPixel>>, std::vector<std::uint32_t>>
+  Add(bool atEnd)
+  {
+    using Sum = Kernels::SampleSum<TPixel>;
+    const std::ptrdiff_t       stride = columns + 5;
+    std::vector<Sum>           sums(Guard + stride * rows + Guard);
+    std::vector<std::uint32_t> steps(Guard + (stride + 1) * rows + Guard);
+    std::memset(static_cast<void *>(sums.data()), 0x55, sums.size() * sizeof(Sum));
+    const auto untouched = sums;
+    for (std::ptrdiff_t row = 0; row < rows; ++row)
+    {
+      std::fill_n(sums.begin() + Guard + row * stride, columns, Sum{});
+    }
+    m_Stack.voxels = m_Memory->Place(m_Voxels, atEnd);
+    Kernels::ShearedView<TPixel> view;
+    view.placements = m_Placements.data();
+    view.intermediate = MakeImage<TPixel>(nullptr, columns, rows, stride);
+    view.coverage.region = region.intervals.empty() ? nullptr : &region;
+    view.summed = { sums.data() + Guard, steps.data() + Guard };
+    Kernels::Block block{};
+    block.rows = m_Stack.rows;
+    block.rowsOf = rowsOf;
+    block.isBackward = isBackward;
+    block.sliceEnd = m_Stack.slices;
+    const std::ptrdiff_t lastRow = rowsOf == Kernels::BlockRows::OfImage ? rows : m_Stack.rows;
+    for (; block.rowEnd < lastRow; block.rowBegin = block.rowEnd)
+    {
+      block.rowEnd = std::min<std::ptrdiff_t>(block.rowBegin + 16, lastRow);
+      Kernels::GetKernels<TPixel>().addBlock(m_Stack, block, &view, 1);
+    }
+    std::vector<Sum>           ofPixels;
+    std::vector<std::uint32_t> counts;
+    for (std::ptrdiff_t row = 0; row < rows; ++row)
+    {
+      std::uint32_t count = 0;
+      for (std::ptrdiff_t column = 0; column < columns; ++column)
+      {
+        count += steps[Guard + row * (stride + 1) + column];
+        counts.push_back(count);
+        Sum & sum = sums[Guard + row * stride + column];
+        ofPixels.push_back(sum);
+        std::memset(static_cast<void *>(&sum), 0x55, sizeof(Sum));
+      }
+    }
+    EXPECT_EQ(std::memcmp(sums.data(), untouched.data(), sums.size() * sizeof(Sum)), 0);
+    ExpectGuards(steps, std::uint32_t{ 0 });
+    return { ofPixels, counts };
+  }
+
+  /** Compares the sums and counts of all pixels, for each instruction set. */
+  void
+  ExpectSumsFollowRule()
+  {
+    bool atEnd = false;
+    ForEachInstructionSet([&](const std::string &) {
+      atEnd = !atEnd;
+      const auto [sums, counts] = this->Add(atEnd);
+      for (std::ptrdiff_t n = 0; n < columns * rows; ++n)
+      {
+        const auto samples = this->FindSamples(n % columns, n / columns);
+        ASSERT_EQ(counts[n], samples.size()) << n;
+        const auto expected = SumOf(samples);
+        ASSERT_EQ(std::memcmp(&sums[n], &expected, sizeof(expected)), 0) << n;
+      }
+    });
   }
 
   std::ptrdiff_t        columns{ 0 }, rows{ 0 };
@@ -1466,6 +1583,44 @@ TYPED_TEST(ShearWarpKernelsTyped, ProjectBlockHasTheBitsOfThePortableKernelsAtSp
           });
         }
       }
+    }
+  }
+}
+
+TYPED_TEST(ShearWarpKernelsTyped, AddBlockHasTheSumsOfThePortableKernelsAtSpecialNumbers)
+{
+  const auto specials = MakeSpecialPixels<TypeParam>();
+  Random     random(45);
+  for (const std::int32_t x : RimFractions)
+  {
+    for (const std::int32_t y : RimFractions)
+    {
+      SlicesFixture<TypeParam> slices(random, 40, 9, 7);
+      slices.Fill([&](std::ptrdiff_t) { return specials[random.Integer(0, specials.size() - 1)]; });
+      slices.rowsOf = Kernels::BlockRows::OfImage;
+      for (std::ptrdiff_t k = 0; k < 7; ++k)
+      {
+        slices.Place(k, x, y);
+      }
+      slices.Project();
+      const auto portable = [&] {
+        SetEnvironment("SHEARWARPMIP_INSTRUCTION_SET", "portable");
+        return slices.Add(true);
+      }();
+      ForEachInstructionSet([&](const std::string & name) {
+        const auto [sums, counts] = slices.Add(false);
+        EXPECT_EQ(counts, portable.second) << name << ", fractions " << x << ' ' << y;
+        if constexpr (std::is_same_v<TypeParam, float>)
+        {
+          EXPECT_TRUE(HaveSameValues(sums, portable.first)) << name << ", fractions " << x << ' ' << y;
+          // a sample that is not a number does not count
+          EXPECT_TRUE(std::any_of(counts.begin(), counts.end(), [](std::uint32_t count) { return count < 7; }));
+        }
+        else if constexpr (std::is_integral_v<TypeParam>)
+        {
+          EXPECT_EQ(std::memcmp(sums.data(), portable.first.data(), sums.size() * sizeof(sums[0])), 0) << name;
+        }
+      });
     }
   }
 }

@@ -211,7 +211,7 @@ struct Coverage
   std::ptrdiff_t rowStride{ 0 };
   ColumnSpan *   known{ nullptr }; // for each row, some columns that are marked
 
-  /** Marks and returns the columns of a row where a sample of the slice is in the region. */
+  /** Returns the columns of a row where a sample of the slice is in the region, and marks them if there are marks. */
   ShearWarpMIP_EXPORT ColumnSpan
   Add(ColumnSpan columns, std::ptrdiff_t row, std::ptrdiff_t slice) const;
 };
@@ -231,6 +231,49 @@ struct RankedImage
 {
   SliceRank<TPixel> * ranks{ nullptr };
   std::int32_t        first{ 1 }, step{ 1 };
+};
+
+/** The sum of samples of 64 bits: the sums of their upper and of their lower halves. */
+template <typename TPixel>
+struct SumOfHalves
+{
+  TPixel        upper{ 0 };
+  std::uint64_t lower{ 0 };
+};
+
+/** The sum of doubles, divided by 2^32 so that it does not overflow, and the range of the doubles. */
+struct SumOfDoubles
+{
+  double scaled{ 0 };
+  double lowest{ std::numeric_limits<double>::infinity() };
+  double highest{ -std::numeric_limits<double>::infinity() };
+};
+
+/** The sum of a pixel's samples. Sums of integers are exact for MostSummedSlices samples. Sums of floats are doubles,
+ * so their bits depend on the order of the samples. */
+template <typename TPixel>
+using SampleSum = std::conditional_t<
+  std::is_same_v<TPixel, float>,
+  double,
+  std::conditional_t<
+    std::is_same_v<TPixel, double>,
+    SumOfDoubles,
+    std::conditional_t<sizeof(TPixel) == 8,
+                       SumOfHalves<TPixel>,
+                       std::conditional_t<sizeof(TPixel) == 4,
+                                          std::conditional_t<std::is_signed_v<TPixel>, std::int64_t, std::uint64_t>,
+                                          std::conditional_t<std::is_signed_v<TPixel>, std::int32_t, std::uint32_t>>>>>;
+template <typename TPixel>
+constexpr std::ptrdiff_t MostSummedSlices = sizeof(TPixel) <= 2 ? 1 << 16 : std::numeric_limits<std::int32_t>::max();
+
+/** What an image collects for means: the sums of its pixels, laid out as the pixels, and how many samples they have.
+ * `countSteps` has the difference to the pixel before in the row, and to zero at the end of the row; its rows are one
+ * element longer than those of pixels. */
+template <typename TPixel>
+struct SummedImage
+{
+  SampleSum<TPixel> * sums{ nullptr };
+  std::uint32_t *     countSteps{ nullptr };
 };
 
 /** A mask of a volume, laid out as its slices, with its own strides. Voxels are in the mask where the mask is `label`
@@ -301,10 +344,10 @@ struct ViewFading
                       GetRow(std::ptrdiff_t row, std::ptrdiff_t slice, ColumnSpan reached) const;
 };
 
-/** A view along the axis of the slices: the place of each slice, and the image that collects the extremum of samples.
- * If there is a `coverage`, only samples in its region count. If `ranked.ranks` is not null, ranks tell which slices
- * gave the pixels their values. The views of one call all have a coverage or none, and all have ranks or none. Views
- * with a mask, fading or a local threshold have ranks.
+/** A view along the axis of the slices: the place of each slice, and the image that collects the extremum of samples,
+ * or the sums of samples in `summed`. If there is a `coverage`, only samples in its region count. If `ranked.ranks` is
+ * not null, ranks tell which slices gave the pixels their values. The views of one call all have a coverage or none,
+ * and all have ranks or none. Views with a mask, fading or a local threshold have ranks.
  *
  * `localThreshold`, if not null, is for local maximum intensity projection (Sato et al. 1998). A ray whose pixel has
  * reached `*localThreshold` ends at the first sample that is worse, and so keeps its first local maximum. Blocks must
@@ -323,6 +366,7 @@ struct ShearedView
   Extremum                   extremum{ Extremum::Maximum };
   Coverage                   coverage{};
   RankedImage<TPixel>        ranked{};
+  SummedImage<TPixel>        summed{};
   const Mask *               mask{ nullptr };
   const ViewFading<TPixel> * fading{ nullptr };
   const TPixel *             localThreshold{ nullptr };
@@ -400,6 +444,13 @@ struct Kernels
                        const Block &               block,
                        const ShearedView<TPixel> * views,
                        std::size_t                 count);
+
+  /** Adds the samples of a block to the sums of \a count views: each sample once, slice by slice for floats. A sample
+   * that is not a number does not count. */
+  void (*addBlock)(const SliceStack<TPixel> &  slices,
+                   const Block &               block,
+                   const ShearedView<TPixel> * views,
+                   std::size_t                 count);
 
   /** Whether one of `rows` x `columns` pixels is below \a value; `columns` is a multiple of TileColumns. */
   bool (*isAnyBelow)(const TPixel * pixels,

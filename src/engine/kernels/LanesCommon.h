@@ -53,6 +53,11 @@ using QuadShort [[gnu::vector_size(16)]] = short;
 using QuadInt [[gnu::vector_size(16)]] = int;
 using QuadLong [[gnu::vector_size(16)]] = long long;
 
+using HalfShort [[gnu::vector_size(SHEARWARP_VECTOR_BYTES / 2)]] = short;
+using HalfUnsignedShort [[gnu::vector_size(SHEARWARP_VECTOR_BYTES / 2)]] = unsigned short;
+using HalfFloat [[gnu::vector_size(SHEARWARP_VECTOR_BYTES / 2)]] = float;
+using FullDouble [[gnu::vector_size(SHEARWARP_VECTOR_BYTES)]] = double;
+
 /** Weighted sums of the lanes of a Short, in two halves. */
 struct Sums { Int low, high; };
 
@@ -121,6 +126,38 @@ Float Fade(Float v, const float * factors, float factor, float to)
   const Float faded = Add(SetFloat(to), Multiply(Subtract(v, SetFloat(to)), product));
   return v > SetFloat(to) ? Minimum(v, faded) : Maximum(v, faded);
 }
+
+/** The sums of pixels, in the order of memory. */
+template <bool VIsUnsigned>
+Sums Widen(Short v)
+{
+  using Half = std::conditional_t<VIsUnsigned, HalfUnsignedShort, HalfShort>;
+  Half halves[2];
+  __builtin_memcpy(halves, &v, sizeof(v));
+  return { __builtin_convertvector(halves[0], Int), __builtin_convertvector(halves[1], Int) };
+}
+inline Sums AddSums(Sums a, Sums b) { return { a.low + b.low, a.high + b.high }; }
+inline Sums LoadSums(const void * p)
+{
+  return { LoadVector<Int>(p), LoadVector<Int>(static_cast<const char *>(p) + sizeof(Int)) };
+}
+inline void StoreSums(void * p, Sums v)
+{
+  StoreVector(p, v.low);
+  StoreVector(static_cast<char *>(p) + sizeof(Int), v.high);
+}
+/** Adds floats to doubles. */
+inline void AddFloats(double * p, Float v)
+{
+  HalfFloat halves[2];
+  __builtin_memcpy(halves, &v, sizeof(v));
+  for (std::ptrdiff_t half = 0; half < 2; ++half)
+  {
+    double * const sums = p + half * FloatCount / 2;
+    StoreVector(sums, LoadVector<FullDouble>(sums) + __builtin_convertvector(halves[half], FullDouble));
+  }
+}
+inline Float Number(Float v) { return v == v ? v : Float{}; }
 
 inline Double SetDouble(double v) { return v - Double{}; }
 /** \a first, \a first + 1, and so on. */

@@ -241,8 +241,60 @@ struct SliceRow
   std::int32_t         y;      // 0 in the outer half voxels
 };
 
-/** Takes the samples of a row of a slice for a view. They fade if \a fading is not null. */
+/** \class ExtremumRow
+ * The pixels of a row, which take the extremum of their samples. */
 template <Extremum VExtremum, typename TPixel>
+class ExtremumRow
+{
+public:
+  ExtremumRow(const ShearedView<TPixel> & view, std::ptrdiff_t row, SliceRank<TPixel> rank)
+    : m_Rank(rank)
+    , m_Threshold(view.localThreshold)
+    , m_Pixels(view.intermediate.pixels + row * view.intermediate.rowStride)
+    , m_Ranks(view.ranked.ranks ? view.ranked.ranks + row * view.intermediate.rowStride : nullptr)
+  {}
+
+  void
+  Take(std::ptrdiff_t p, TPixel sample) const
+  {
+    TakeSample<VExtremum>(sample, m_Rank, m_Threshold, m_Pixels[p], m_Ranks ? m_Ranks + p : nullptr);
+  }
+
+private:
+  SliceRank<TPixel>   m_Rank;
+  const TPixel *      m_Threshold;
+  TPixel *            m_Pixels;
+  SliceRank<TPixel> * m_Ranks;
+};
+
+/** \class SumRow
+ * The pixels of a row, which take the sum of their samples. */
+template <typename TPixel>
+class SumRow
+{
+public:
+  SumRow(const ShearedView<TPixel> & view, std::ptrdiff_t row, SliceRank<TPixel>)
+    : m_Sums(GetSums(view, row))
+    , m_CountSteps(GetCountSteps(view, row))
+  {}
+
+  void
+  Take(std::ptrdiff_t p, TPixel sample) const
+  {
+    if (sample == sample)
+    {
+      AddToSum(sample, m_Sums[p]);
+      CountSamples(m_CountSteps, p, p + 1);
+    }
+  }
+
+private:
+  SampleSum<TPixel> * m_Sums;
+  std::uint32_t *     m_CountSteps;
+};
+
+/** Takes the samples of a row of a slice for a view. They fade if \a fading is not null. */
+template <typename TPixelRow, typename TPixel>
 class RowProjector
 {
 public:
@@ -255,11 +307,8 @@ public:
     : m_Row(row)
     , m_View(view)
     , m_Active(active)
-    , m_Rank(rank)
     , m_Fading(fading)
-    , m_Threshold(view.localThreshold)
-    , m_Pixels(view.intermediate.pixels + pixelRow * view.intermediate.rowStride)
-    , m_Ranks(view.ranked.ranks ? view.ranked.ranks + pixelRow * view.intermediate.rowStride : nullptr)
+    , m_Pixels(view, pixelRow, rank)
   {}
 
   /** Takes the samples in \a span that lie between two columns. */
@@ -315,7 +364,7 @@ private:
   Take(std::ptrdiff_t p, TPixel value) const
   {
     const TPixel taken = m_Fading ? FadeInRow(*m_Fading, value, p) : value;
-    TakeSample<VExtremum>(taken, m_Rank, m_Threshold, m_Pixels[p], m_Ranks ? m_Ranks + p : nullptr);
+    m_Pixels.Take(p, taken);
   }
 
   /** Takes the sample between voxels \a before and \a i of both rows if the sample counts by the mask. */
@@ -332,15 +381,12 @@ private:
   SliceRow<TPixel>            m_Row;
   const ShearedView<TPixel> & m_View;
   const TileState *           m_Active; // the states of the row's tiles, or null
-  SliceRank<TPixel>           m_Rank;
   const FadingRow<TPixel> *   m_Fading;
-  const TPixel *              m_Threshold;
-  TPixel *                    m_Pixels;
-  SliceRank<TPixel> *         m_Ranks;
+  TPixelRow                   m_Pixels;
 };
 
 /** Takes the block's samples of one slice. */
-template <Extremum VExtremum, typename TPixel>
+template <typename TPixelRow, typename TPixel>
 void
 ProjectSlice(const SliceStack<TPixel> &  stack,
              const Block &               block,
@@ -374,7 +420,7 @@ ProjectSlice(const SliceStack<TPixel> &  stack,
     {
       reached = view.coverage.Add(reached, row.whole + j, slice);
     }
-    const RowProjector<VExtremum, TPixel> projector({ getRow(stack, a),
+    const RowProjector<TPixelRow, TPixel> projector({ getRow(stack, a),
                                                       getRow(stack, b),
                                                       getRow(mask, a),
                                                       getRow(mask, b),
@@ -391,6 +437,21 @@ ProjectSlice(const SliceStack<TPixel> &  stack,
   }
 }
 
+/** Calls \a function(view, slice) for the slices of a block, and for each slice for all views. */
+template <typename TPixel, typename TFunction>
+void
+ForEachSlice(const Block & block, const ShearedView<TPixel> * views, std::size_t count, const TFunction & function)
+{
+  for (std::ptrdiff_t n = block.sliceBegin; n < block.sliceEnd; ++n)
+  {
+    const std::ptrdiff_t slice = block.isBackward ? block.sliceBegin + block.sliceEnd - 1 - n : n;
+    for (const ShearedView<TPixel> * view = views; view != views + count; ++view)
+    {
+      function(*view, slice);
+    }
+  }
+}
+
 template <typename TPixel>
 void
 ProjectBlock(const SliceStack<TPixel> &  slices,
@@ -398,15 +459,20 @@ ProjectBlock(const SliceStack<TPixel> &  slices,
              const ShearedView<TPixel> * views,
              std::size_t                 count)
 {
-  for (std::ptrdiff_t n = block.sliceBegin; n < block.sliceEnd; ++n)
-  {
-    const std::ptrdiff_t slice = block.isBackward ? block.sliceBegin + block.sliceEnd - 1 - n : n;
-    for (const ShearedView<TPixel> * view = views; view != views + count; ++view)
-    {
-      CallWithExtremum(view->extremum,
-                       [&](auto extremum) { ProjectSlice<decltype(extremum)::value>(slices, block, *view, slice); });
-    }
-  }
+  ForEachSlice(block, views, count, [&](const ShearedView<TPixel> & view, std::ptrdiff_t slice) {
+    CallWithExtremum(view.extremum, [&](auto extremum) {
+      ProjectSlice<ExtremumRow<decltype(extremum)::value, TPixel>>(slices, block, view, slice);
+    });
+  });
+}
+
+template <typename TPixel>
+void
+AddBlock(const SliceStack<TPixel> & slices, const Block & block, const ShearedView<TPixel> * views, std::size_t count)
+{
+  ForEachSlice(block, views, count, [&](const ShearedView<TPixel> & view, std::ptrdiff_t slice) {
+    ProjectSlice<SumRow<TPixel>>(slices, block, view, slice);
+  });
 }
 
 template <typename TPixel>
@@ -554,7 +620,7 @@ const Kernels<TPixel> &
 GetPortableKernels()
 {
   static constexpr Kernels<TPixel> kernels{
-    "portable",      ProjectBlock<TPixel>,   IsAnyBelow<TPixel>,       FindBlockExtrema<TPixel>,
+    "portable",      ProjectBlock<TPixel>,   AddBlock<TPixel>,         IsAnyBelow<TPixel>, FindBlockExtrema<TPixel>,
     WarpRow<TPixel>, TransposeSlice<TPixel>, EvaluateSegments<TPixel>, SearchLayer<TPixel>
   };
   return kernels;

@@ -127,6 +127,50 @@ TakeSample(TPixel              sample,
   pixel = isBetter ? sample : pixel;
 }
 
+template <typename TPixel>
+SampleSum<TPixel> *
+GetSums(const ShearedView<TPixel> & view, std::ptrdiff_t row)
+{
+  return view.summed.sums + row * view.intermediate.rowStride;
+}
+
+template <typename TPixel>
+std::uint32_t *
+GetCountSteps(const ShearedView<TPixel> & view, std::ptrdiff_t row)
+{
+  return view.summed.countSteps + row * (view.intermediate.rowStride + 1);
+}
+
+/** Counts a sample of each pixel in columns [begin, end). */
+inline void
+CountSamples(std::uint32_t * countSteps, std::ptrdiff_t begin, std::ptrdiff_t end)
+{
+  countSteps[begin] += 1;
+  countSteps[end] -= 1;
+}
+
+/** Adds a sample, which is a number, to a sum. */
+template <typename TPixel>
+void
+AddToSum(TPixel sample, SampleSum<TPixel> & sum)
+{
+  if constexpr (!IsFloat<TPixel> && sizeof(TPixel) == 8)
+  {
+    sum.upper += sample >> 32;
+    sum.lower += static_cast<std::uint64_t>(sample) & 0xffffffffU;
+  }
+  else if constexpr (IsFloat<TPixel> && sizeof(TPixel) == 8)
+  {
+    sum.scaled += 0x1p-32 * sample;
+    sum.lowest = Smaller<double>(sum.lowest, sample);
+    sum.highest = Larger<double>(sum.highest, sample);
+  }
+  else
+  {
+    sum += static_cast<SampleSum<TPixel>>(sample);
+  }
+}
+
 /** Returns a sample that fades by \a product, from 0 to 1, to a finite background: `background + (sample - background)
  * * product`, limited to the range between sample and background, and rounded half upward to the pixel type. A sample
  * infinitely far from the background does not fade. */

@@ -121,6 +121,8 @@ PrefetchVoxel(const void * p)
 
 #include "VectorTiles.h"
 
+#include "VectorSums.h"
+
 #include "VectorProjection.h"
 
 #include "VectorPreparation.h"
@@ -128,7 +130,7 @@ PrefetchVoxel(const void * p)
 
 template <typename TPixel>
 constexpr Kernels<TPixel> KernelsOf{
-  Lanes::Name,     ProjectBlock<TPixel>,   IsAnyBelow<TPixel>,       FindBlockExtrema<TPixel>,
+  Lanes::Name,     ProjectBlock<TPixel>,   AddBlock<TPixel>,         IsAnyBelow<TPixel>, FindBlockExtrema<TPixel>,
   WarpRow<TPixel>, TransposeSlice<TPixel>, EvaluateSegments<TPixel>, SearchLayer<TPixel>
 };
 } // namespace

@@ -22,7 +22,7 @@
 
 /** \class BlockProjector
  * Projects a few slices of a block into one view. */
-template <Extremum VExtremum, typename TPixel>
+template <typename TCollector, typename TPixel>
 class BlockProjector
 {
 public:
@@ -184,11 +184,10 @@ private:
         return;
       }
     }
-    const std::ptrdiff_t place = row * m_View.intermediate.rowStride + column;
     const TPixel * const voxel = m_Stack.voxels + (slice.offset + row * m_Stack.rowStride + voxelColumn);
-    if (m_View.ranked.ranks)
+    if (m_View.ranked.ranks || m_View.mask || m_View.fading)
     {
-      return this->TakeRankedEdgeSample(slice, row, column, voxelColumn, voxel, y);
+      return this->TakeCountedEdgeSample(slice, row, column, voxelColumn, voxel, y);
     }
     const TPixel b = *voxel;
     TPixel       sample = b;
@@ -204,17 +203,16 @@ private:
         sample = static_cast<TPixel>((y * a + (32768 - y) * b + (1 << 14)) >> 15);
       }
     }
-    TPixel & pixel = m_View.intermediate.pixels[place];
-    pixel = IsBetter<VExtremum>(sample, pixel) ? sample : pixel;
+    TCollector::Take(m_View, row, column, sample, SliceRank<TPixel>{});
   }
 
   __attribute__((noinline)) void
-  TakeRankedEdgeSample(const PlacedSlice & slice,
-                       std::ptrdiff_t      row,
-                       std::ptrdiff_t      column,
-                       std::ptrdiff_t      voxelColumn,
-                       const TPixel *      voxel,
-                       std::int32_t        y) const
+  TakeCountedEdgeSample(const PlacedSlice & slice,
+                        std::ptrdiff_t      row,
+                        std::ptrdiff_t      column,
+                        std::ptrdiff_t      voxelColumn,
+                        const TPixel *      voxel,
+                        std::int32_t        y) const
   {
     unsigned int counted = 0b1111U;
     if (m_View.mask)
@@ -226,13 +224,9 @@ private:
     if (counted != 0)
     {
       const TPixel * const above = voxel - (y != 0 ? m_Stack.rowStride : 0);
-      const std::ptrdiff_t place = row * m_View.intermediate.rowStride + column;
       const TPixel         sample = SampleCounted(above, voxel, 0, 0, 0, y, counted);
-      TakeSample<VExtremum>(m_View.fading ? FadeInRow(this->FindFading(slice, row), sample, column) : sample,
-                            GetRank(m_View.ranked, m_Slice),
-                            m_View.localThreshold,
-                            m_View.intermediate.pixels[place],
-                            m_View.ranked.ranks + place);
+      const TPixel         faded = m_View.fading ? FadeInRow(this->FindFading(slice, row), sample, column) : sample;
+      TCollector::Take(m_View, row, column, faded, GetRank(m_View.ranked, m_Slice));
     }
   }
 
@@ -318,7 +312,16 @@ private:
       for (std::ptrdiff_t tile = firstTile + n; tile < lastTile; tile += length)
       {
         const std::ptrdiff_t row = m_Grid + tile * BlockLength;
-        this->ProjectTilesAt(tiles, row, Smaller(Larger(row, rowBegin), rowEnd - BlockLength));
+        if constexpr (TCollector::MayRepeat)
+        {
+          this->ProjectTilesAt(tiles, row, Smaller(Larger(row, rowBegin), rowEnd - BlockLength));
+        }
+        else
+        {
+          const std::ptrdiff_t first = Larger(row, rowBegin);
+          tiles.rows = static_cast<int>(Smaller(row + BlockLength, rowEnd) - first);
+          this->ProjectTilesAt(tiles, row, first);
+        }
       }
     }
   }
@@ -364,6 +367,11 @@ private:
     tiles.row = row;
     tiles.pixels = m_View.intermediate.pixels + row * m_View.intermediate.rowStride;
     tiles.ranks = m_View.ranked.ranks ? m_View.ranked.ranks + row * m_View.intermediate.rowStride : nullptr;
+    if constexpr (!TCollector::MayRepeat)
+    {
+      tiles.sums = GetSums(m_View, row);
+      tiles.countSteps = GetCountSteps(m_View, row);
+    }
     return m_View.fading ? this->ProjectFadingTiles(tiles) : this->ProjectTilesInRegion(tiles);
   }
 
@@ -414,7 +422,7 @@ private:
   ProjectTiles(const TileRow<TPixel> & tiles) const
   {
     constexpr bool mayBeWide = sizeof(TPixel) == 2;
-    return m_IsWide ? ProjectTileRow<VExtremum, mayBeWide>(tiles) : ProjectTileRow<VExtremum, false>(tiles);
+    return m_IsWide ? ProjectTileRow<TCollector, mayBeWide>(tiles) : ProjectTileRow<TCollector, false>(tiles);
   }
 
   /** Whether samples of the slice in \a samples may be in the region. */
@@ -441,6 +449,27 @@ private:
   bool                        m_IsWide{ false };
 };
 
+/** Calls \a project(view, index, begin, length) for the slices of a block, at most \a most at once. All views take the
+ * rows of one slice, or of a few slices, while the rows are in the cache. */
+template <typename TPixel, typename TFunction>
+void
+ForEachSlice(const Block &               block,
+             const ShearedView<TPixel> * views,
+             std::size_t                 count,
+             std::ptrdiff_t              most,
+             const TFunction &           project)
+{
+  for (std::ptrdiff_t done = 0, length = 0; done < block.sliceEnd - block.sliceBegin; done += length)
+  {
+    length = Smaller(most, block.sliceEnd - block.sliceBegin - done);
+    const std::ptrdiff_t begin = block.isBackward ? block.sliceEnd - done - length : block.sliceBegin + done;
+    for (std::size_t n = 0; n < count; ++n)
+    {
+      project(views[n], static_cast<std::ptrdiff_t>(n), begin, length);
+    }
+  }
+}
+
 template <typename TPixel>
 void
 ProjectBlock(const SliceStack<TPixel> &  slices,
@@ -452,23 +481,31 @@ ProjectBlock(const SliceStack<TPixel> &  slices,
   {
     return GetPortableKernels<TPixel>().projectBlock(slices, block, views, count);
   }
-  // all views take the rows of one slice, or of a few slices, while the rows are in the cache
+  using AnyProjector = BlockProjector<ExtremumTiles<Extremum::Maximum>, TPixel>;
   const bool areTogether =
     block.rowsOf == BlockRows::OfMiddleSlices && !views->active && !views->coverage.region && !views->ranked.ranks;
-  const std::ptrdiff_t most = areTogether ? BlockProjector<Extremum::Maximum, TPixel>::MaximumSlices : 1;
-  for (std::ptrdiff_t done = 0, length = 0; done < block.sliceEnd - block.sliceBegin; done += length)
+  const std::ptrdiff_t most = areTogether ? AnyProjector::MaximumSlices : 1;
+  const auto           total = static_cast<std::ptrdiff_t>(count);
+  ForEachSlice(block, views, count, most, [&](const auto & view, auto index, auto begin, auto length) {
+    CallWithExtremum(view.extremum, [&](auto extremum) {
+      using Collector = ExtremumTiles<decltype(extremum)::value>;
+      BlockProjector<Collector, TPixel>(slices, block, view, index, total).Project(begin, length);
+    });
+  });
+}
+
+template <typename TPixel>
+void
+AddBlock(const SliceStack<TPixel> & slices, const Block & block, const ShearedView<TPixel> * views, std::size_t count)
+{
+  if (slices.columns <= LaneCount<TPixel>)
   {
-    length = Smaller(most, block.sliceEnd - block.sliceBegin - done);
-    const std::ptrdiff_t begin = block.isBackward ? block.sliceEnd - done - length : block.sliceBegin + done;
-    for (std::size_t n = 0; n < count; ++n)
-    {
-      const auto index = static_cast<std::ptrdiff_t>(n);
-      const auto total = static_cast<std::ptrdiff_t>(count);
-      CallWithExtremum(views[n].extremum, [&](auto extremum) {
-        BlockProjector<decltype(extremum)::value, TPixel>(slices, block, views[n], index, total).Project(begin, length);
-      });
-    }
+    return GetPortableKernels<TPixel>().addBlock(slices, block, views, count);
   }
+  const auto total = static_cast<std::ptrdiff_t>(count);
+  ForEachSlice(block, views, count, 1, [&](const auto & view, auto index, auto begin, auto length) {
+    BlockProjector<SumTiles, TPixel>(slices, block, view, index, total).Project(begin, length);
+  });
 }
 
 template <typename TPixel>

@@ -119,12 +119,14 @@ struct TileRow
   Prefetcher *        prefetcher{ nullptr }; // if null, each tile fetches its voxels of the next slice
 
   std::ptrdiff_t row{ 0 }, begin{ 0 }, end{ 0 };
-  int            rows{ BlockLength }; // 1 or BlockLength
+  int            rows{ BlockLength }; // 1 or BlockLength; for sums, any number between
 
   TPixel *            pixels{ nullptr };
   SliceRank<TPixel> * ranks{ nullptr };
   std::ptrdiff_t      pixelStride{ 0 };
   SliceRank<TPixel>   rank{ 0 }; // of the slice, if there is only one
+  SampleSum<TPixel> * sums{ nullptr };
+  std::uint32_t *     countSteps{ nullptr };
 
   const TileState *         active{ nullptr };
   bool                      isMoved{ false }; // `active` does not tell the states of all rows

@@ -240,10 +240,13 @@ TakeRanked(TVector             sample,
   }
 }
 
-/** Gives the pixels of a tile the samples at the rim of the mask: samples that count but have a voxel outside. */
-template <Extremum VExtremum, typename TPixel>
-__attribute__((noinline)) void
-TakeRim(const TileRow<TPixel> & row, std::ptrdiff_t column, const CountedSamples<TPixel> & samples)
+/** Calls \a take(r, column, sample) for the samples at the rim of the mask, which count but have a voxel outside. */
+template <typename TPixel, typename TTake>
+void
+ForEachRimSample(const TileRow<TPixel> &        row,
+                 std::ptrdiff_t                 column,
+                 const CountedSamples<TPixel> & samples,
+                 const TTake &                  take)
 {
   const PlacedSlice & slice = *row.slices;
   const int           above = slice.y != 0 ? 1 : 0;
@@ -252,15 +255,24 @@ TakeRim(const TileRow<TPixel> & row, std::ptrdiff_t column, const CountedSamples
   {
     for (std::uint32_t rest = samples.counted[r] & ~samples.whole[r]; rest != 0; rest &= rest - 1)
     {
-      const int            lane = __builtin_ctz(rest);
-      const TPixel *       b = row.voxels + (slice.offset + (row.row + r) * row.rowStride + column + lane);
-      const std::ptrdiff_t place = r * row.pixelStride + column + lane;
-      const TPixel *       a = b - above * row.rowStride;
-      const TPixel         mean = SampleCounted(a, b, 0, -before, slice.x, slice.y, samples.GetVoxels(r, above, lane));
-      const TPixel         faded = row.fades ? FadeInRow(row.fades[r], mean, column + lane) : mean;
-      TakeSample<VExtremum>(faded, row.rank, row.localThreshold, row.pixels[place], row.ranks + place);
+      const int      lane = __builtin_ctz(rest);
+      const TPixel * b = row.voxels + (slice.offset + (row.row + r) * row.rowStride + column + lane);
+      const TPixel * a = b - above * row.rowStride;
+      const TPixel   mean = SampleCounted(a, b, 0, -before, slice.x, slice.y, samples.GetVoxels(r, above, lane));
+      take(r, column + lane, row.fades ? FadeInRow(row.fades[r], mean, column + lane) : mean);
     }
   }
+}
+
+/** Gives the pixels of a tile the samples at the rim of the mask. */
+template <Extremum VExtremum, typename TPixel>
+__attribute__((noinline)) void
+TakeRim(const TileRow<TPixel> & row, std::ptrdiff_t column, const CountedSamples<TPixel> & samples)
+{
+  ForEachRimSample(row, column, samples, [&row](int r, std::ptrdiff_t p, TPixel sample) {
+    const std::ptrdiff_t place = r * row.pixelStride + p;
+    TakeSample<VExtremum>(sample, row.rank, row.localThreshold, row.pixels[place], row.ranks + place);
+  });
 }
 
 /** \class Extras
@@ -477,21 +489,52 @@ ProjectTilesWithSampler(const TileRow<TPixel> & row)
                        : ProjectUnrankedTiles<VExtremum, TSampler, BlockLength>(row);
 }
 
+/** \class ExtremumTiles
+ * Images collect the extremum of samples. */
+template <Extremum VExtremum>
+struct ExtremumTiles
+{
+  static constexpr bool MayRepeat = true;
+
+  template <typename TSampler, typename TPixel>
+  static void
+  Project(const TileRow<TPixel> & row)
+  {
+    ProjectTilesWithSampler<VExtremum, TSampler>(row);
+  }
+
+  template <typename TPixel>
+  static void
+  Take(const ShearedView<TPixel> & view,
+       std::ptrdiff_t              row,
+       std::ptrdiff_t              column,
+       TPixel                      sample,
+       SliceRank<TPixel>           rank)
+  {
+    const std::ptrdiff_t place = row * view.intermediate.rowStride + column;
+    TakeSample<VExtremum>(sample,
+                          rank,
+                          view.localThreshold,
+                          view.intermediate.pixels[place],
+                          view.ranked.ranks ? view.ranked.ranks + place : nullptr);
+  }
+};
+
 /** Gives the pixels of a row of tiles the samples of its slices, whose fractions are zero along the same axes. */
-template <Extremum VExtremum, bool VWide, typename TPixel>
+template <typename TCollector, bool VWide, typename TPixel>
 void
 ProjectTileRow(const TileRow<TPixel> & row)
 {
   switch (row.slices->GetFractions())
   {
     case Fractions::None:
-      return ProjectTilesWithSampler<VExtremum, Sampler<TPixel, Fractions::None, VWide>>(row);
+      return TCollector::template Project<Sampler<TPixel, Fractions::None, VWide>>(row);
     case Fractions::Column:
-      return ProjectTilesWithSampler<VExtremum, Sampler<TPixel, Fractions::Column, VWide>>(row);
+      return TCollector::template Project<Sampler<TPixel, Fractions::Column, VWide>>(row);
     case Fractions::Row:
-      return ProjectTilesWithSampler<VExtremum, Sampler<TPixel, Fractions::Row, VWide>>(row);
+      return TCollector::template Project<Sampler<TPixel, Fractions::Row, VWide>>(row);
     case Fractions::Both:
-      return ProjectTilesWithSampler<VExtremum, Sampler<TPixel, Fractions::Both, VWide>>(row);
+      return TCollector::template Project<Sampler<TPixel, Fractions::Both, VWide>>(row);
   }
 }
 

@@ -163,7 +163,11 @@ ColumnSpan
 Coverage::Add(ColumnSpan columns, std::ptrdiff_t row, std::ptrdiff_t slice) const
 {
   const ColumnSpan span = region->Clip(columns, row, slice);
-  ColumnSpan &     marked = known[row];
+  if (!marks)
+  {
+    return span;
+  }
+  ColumnSpan & marked = known[row];
   if (span.begin < span.end && (span.begin < marked.begin || span.end > marked.end))
   {
     std::memset(marks + row * rowStride + span.begin, 1, static_cast<std::size_t>(span.end - span.begin));
