@@ -539,13 +539,12 @@ def _take_nibabel(source: Any) -> Placed:
         raise ValueError("this image of nibabel has no affine: give its array, with spacing, origin and direction")
     get_units = getattr(source.header, "get_xyzt_units", None)
     scale = find_millimetres(get_units()[0]) if get_units else 1.0
-    return _place_affine(
-        np.asanyarray(source.dataobj).reshape(shape).T, np.diag([-scale, -scale, scale, 1.0]), source.affine
-    )
+    to_lps = np.diag([-scale, -scale, scale, 1.0])
+    return place_affine(np.asanyarray(source.dataobj).reshape(shape).T, to_lps @ source.affine)
 
 
-def _place_affine(array: Any, to_lps: NDArray[np.float64], affine: Any) -> Placed:
-    affine = to_lps @ np.asarray(affine, dtype=float)
+def place_affine(array: Any, affine: NDArray[np.float64]) -> Placed:
+    """An array with the 4 x 4 matrix from its indices x, y, z to places."""
     spacing = np.linalg.norm(affine[:3, :3], axis=0)
     with np.errstate(invalid="ignore"):
         # what is sheared remains so
@@ -566,4 +565,5 @@ def _take_meta_tensor(source: Any) -> Placed:
     space = str(getattr(source.meta.get("space", "RAS"), "value", source.meta.get("space", "RAS")))
     if space not in ("RAS", "LPS"):
         raise ValueError(f"a MetaTensor must be in the space RAS or LPS, but this one is in {space}")
-    return _place_affine(array.T, np.diag([-1.0, -1.0, 1.0, 1.0] if space == "RAS" else np.ones(4)), source.affine)
+    to_lps = np.diag([-1.0, -1.0, 1.0, 1.0] if space == "RAS" else np.ones(4))
+    return place_affine(array.T, to_lps @ np.asarray(source.affine, dtype=float))

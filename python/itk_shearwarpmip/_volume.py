@@ -10,7 +10,7 @@ import dask.array
 import itk
 import numpy as np
 
-from itk_shearwarpmip._inputs import UNITS, Placed, find_pixel_types, is_of, place, take
+from itk_shearwarpmip._inputs import UNITS, Placed, find_pixel_types, is_of, place, place_affine, take
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +77,7 @@ def open_volume(
     volume: a dask.array.Array with the axes z, y, x; an OME-Zarr image of version 0.4 or 0.5 by its path, its URL or
         as a zarr.Group; a Volume; or an array or image in memory. For other files, see open_image().
     spacing, origin: x, y, z, instead of the volume's own; the defaults for arrays are 1 and 0.
-    direction: 3 x 3, instead of the volume's own; the default for arrays and OME-Zarr is the identity.
+    direction: 3 x 3, its columns of length 1, instead of the volume's own; the default for arrays is the identity.
     level: the resolution of an OME-Zarr image; 0 is the finest. By default the coarsest level that is at least as fine
         as output_spacing, or the finest level without output_spacing.
     time, channel: the time point and the channel, for an OME-Zarr image with several.
@@ -172,16 +172,15 @@ class _OmeZarr:
             raise ValueError(f"{self._name} is no OME-Zarr 0.4 or 0.5 image with the axes z, y, x")
         self._space = [self._axes.index(name) for name in "xyz"]
         with self._parsing():
-            self.levels = [
-                (dataset["path"], *self._find_place(dataset, images[0])) for dataset in images[0]["datasets"]
-            ]
-            if not self.levels:
+            places = [(dataset["path"], self._find_place(dataset, images[0])) for dataset in images[0]["datasets"]]
+            if not places:
                 raise ValueError("there are no datasets")
         units = [axes[axis].get("unit") for axis in self._space]
         if any(unit != units[0] for unit in units) and not set(units) <= set(UNITS):
             raise ValueError(f"{self._name} has axes x, y, z with the units {units}, which cannot be compared")
         self._unit = units[0]
-        self._factors = [1.0 if unit == units[0] else float(UNITS[unit] / UNITS[units[0]]) for unit in units]
+        factors = [1.0 if unit == units[0] else float(UNITS[unit] / UNITS[units[0]]) for unit in units]
+        self.levels = [(path, np.diag([*factors, 1.0]) @ matrix) for path, matrix in places]
 
     @contextmanager
     def _parsing(self) -> Iterator[None]:
@@ -190,22 +189,44 @@ class _OmeZarr:
         except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
             raise ValueError(f"{self._name} has broken metadata: {type(error).__name__}: {error}") from error
 
-    def _find_place(self, dataset: dict[str, Any], image: dict[str, Any]) -> tuple[np.ndarray, np.ndarray]:
-        """Scale and offset of a level, along x, y, z."""
-        scale, offset = np.ones(len(self._axes)), np.zeros(len(self._axes))
+    def _find_place(self, dataset: dict[str, Any], image: dict[str, Any]) -> np.ndarray:
+        """The 4 x 4 matrix from indices of a level to places, along x, y, z."""
+        matrix = np.eye(len(self._axes) + 1)
         for owner in (dataset, image):
             for step in owner.get("coordinateTransformations", []):
-                if step["type"] == "scale":
-                    scale, offset = scale * step["scale"], offset * step["scale"]
-                elif step["type"] == "translation":
-                    offset = offset + step["translation"]
-        return scale[self._space], offset[self._space]
+                matrix = self._make_matrix(step) @ matrix
+        chosen = [*self._space, -1]
+        others = [axis for axis, name in enumerate(self._axes) if name not in "xyz"]
+        if matrix[np.ix_(self._space, others)].any():
+            raise OSError(f"{self._name} has other places for other points in time or channels, which cannot be read")
+        return matrix[np.ix_(chosen, chosen)]
+
+    def _make_matrix(self, step: dict[str, Any]) -> np.ndarray:
+        """What a transformation of all axes does, in homogeneous coordinates."""
+        matrix = np.eye(len(self._axes) + 1)
+        kind = step["type"]
+        if kind == "sequence":
+            for part in step["transformations"]:
+                matrix = self._make_matrix(part) @ matrix
+        elif kind == "scale":
+            matrix[:-1, :-1] = np.diag(step["scale"])
+        elif kind == "translation":
+            matrix[:-1, -1] = step["translation"]
+        elif kind == "rotation":
+            matrix[:-1, :-1] = step["rotation"]
+        elif kind == "affine":
+            matrix[:-1] = step["affine"]
+        elif kind != "identity":
+            raise OSError(f"{self._name} has a transformation of type {kind!r}, which cannot be read")
+        return matrix
 
     def choose_level(self, output_spacing: Any) -> int:
         if output_spacing is None:
             return 0
         wanted = float(np.min(output_spacing)) * (1 + 1e-6)
-        fine = [n for n, (_, scale, _) in enumerate(self.levels) if min(scale * self._factors) <= wanted]
+        fine = [
+            n for n, (_, matrix) in enumerate(self.levels) if np.linalg.norm(matrix[:3, :3], axis=0).min() <= wanted
+        ]
         return max(fine, default=0)
 
     def read_level(self, level: int, time: int, channel: int) -> Volume:
@@ -217,7 +238,7 @@ class _OmeZarr:
         for name, number in others.items():
             if number != 0 and name not in self._axes:
                 raise ValueError(f"{self._name} has no axis {name}, and number {number} of it was asked for")
-        path, scale, offset = self.levels[level]
+        path, matrix = self.levels[level]
         with self._parsing():
             array = self._group[path]
             lengths = dict(zip(self._axes, array.shape, strict=True))
@@ -232,14 +253,8 @@ class _OmeZarr:
             _Reader(array, tuple(index)), chunks="auto", meta=np.empty((0,) * 3, array.dtype)
         )
         space = [name for name in self._axes if name in "xyz"]
-        return Volume(
-            voxels.transpose([space.index(name) for name in "zyx"]),
-            tuple(scale * self._factors),
-            tuple(offset * self._factors),
-            np.eye(3),
-            self._unit,
-            has_direction=False,
-        )
+        placed = place_affine(voxels.transpose([space.index(name) for name in "zyx"]), matrix)
+        return replace(_chunk(placed), unit=self._unit, has_direction=False)
 
 
 class _Reader:

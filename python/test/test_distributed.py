@@ -418,6 +418,7 @@ BROKEN = {
     "no type": lambda image: image["datasets"][0]["coordinateTransformations"][0].pop("type"),
     "no scale": lambda image: image["datasets"][0]["coordinateTransformations"][0].pop("scale"),
     "a short scale": lambda image: image["datasets"][0]["coordinateTransformations"][0].update(scale=[1, 1, 1]),
+    "a small affine": lambda image: image.update(coordinateTransformations=[{"type": "affine", "affine": TURN}]),
     "words as scale": lambda image: image["datasets"][0]["coordinateTransformations"][0].update(scale=["a"] * 4),
     "a number as transformations": lambda image: image["datasets"][0].update(coordinateTransformations=3),
     "too many axes": lambda image: image["axes"].insert(0, {"name": "t"}),
@@ -446,6 +447,66 @@ def test_transformations_of_all_levels_come_after_those_of_each(ome_zarr):
     factors, offsets = np.array([4, 3, 2]), np.array([30, 20, 10])
     assert np.allclose(after.spacing, factors * before.spacing)
     assert np.allclose(after.origin, factors * before.origin + offsets)
+
+
+# of the axes c, z, y, x: slices move along y, as of a tilted light sheet
+SHEAR = [[1.0, 0, 0, 0, 0], [0, 0.5, 0, 0, 3], [0, 0.75, 1, 0, -7], [0, 0, 0, 1, 11]]
+TURN = [[1.0, 0, 0, 0], [0, 0.8, 0.6, 0], [0, -0.6, 0.8, 0], [0, 0, 0, 1]]
+MATRICES = {
+    "affine": ([{"type": "affine", "affine": SHEAR}], SHEAR),
+    "rotation": ([{"type": "rotation", "rotation": TURN}], np.column_stack([TURN, np.zeros(4)])),
+    "sequence": (
+        [{"type": "sequence", "transformations": [{"type": "affine", "affine": SHEAR}, {"type": "identity"}]}],
+        SHEAR,
+    ),
+    "mirror": ([{"type": "scale", "scale": [1, 1, -1, 1]}], np.diag([1.0, 1, -1, 1, 0])[:4]),
+}
+
+
+@pytest.mark.parametrize("steps, matrix", MATRICES.values(), ids=MATRICES)
+def test_a_file_states_how_its_volume_is_sheared(ome_zarr, steps, matrix):
+    path, array = ome_zarr
+    levels = [open_volume(path, level=level) for level in range(3)]
+    with edit(path) as image:
+        image["coordinateTransformations"] = steps
+    for level, before in enumerate(levels):
+        volume = open_volume(path, level=level, channel=1)
+        outlines = [each.make_image() for each in (before, volume)]
+        for index in ([0, 0, 0], [5, 0, 0], [0, 7, 0], [0, 0, 3], [4, 5, 6]):
+            x, y, z = outlines[0].TransformIndexToPhysicalPoint(index)
+            expected = (np.asarray(matrix) @ [0, z, y, x, 1])[:0:-1]
+            assert list(outlines[1].TransformIndexToPhysicalPoint(index)) == pytest.approx(expected)
+    view = make_view(np.random.default_rng(8))
+    finest = open_volume(path, channel=1)
+    place = {"spacing": finest.spacing, "origin": finest.origin, "direction": finest.direction}
+    assert_same(project(path, view, channel=1), project_whole(array[1], view, **place))
+    assert_same(open_image(path, level=0, channel=1), make_image(array[1], **place))
+
+
+def test_the_level_of_a_sheared_volume_is_chosen_by_its_voxels(ome_zarr):
+    path, _ = ome_zarr
+    with edit(path) as image:
+        image["coordinateTransformations"] = MATRICES["affine"][0]
+    # along z 4 * |(0.5, 0.75)|; x and y stay 2
+    assert open_volume(path).spacing == pytest.approx((2, 2, 4 * np.hypot(0.5, 0.75)))
+    for output_spacing, columns in ((1, 64), (3.9, 64), (4, 32), (8, 16)):
+        assert open_volume(path, output_spacing=output_spacing).array.shape[2] == columns
+
+
+@pytest.mark.parametrize(
+    "step, text",
+    [
+        ({"type": "mapAxis", "mapAxis": [0, 1, 3, 2]}, "has a transformation of type 'mapAxis', which cannot be read"),
+        ({"type": "affine", "affine": SHEAR[1:] + SHEAR[:1]}, "other places for other points in time or channels"),
+    ],
+)
+def test_places_that_cannot_be_read_are_refused(ome_zarr, step, text, tmp_path, capsys):
+    path, _ = ome_zarr
+    with edit(path) as image:
+        image["coordinateTransformations"] = [step]
+    with pytest.raises(OSError, match=text):
+        open_volume(path)
+    check_error(capsys, text, path, tmp_path / "mip.mha")
 
 
 def find_chunks(path):
