@@ -437,6 +437,27 @@ def test_a_sheared_affine_stays_sheared():
     assert mip(image).shape
 
 
+@pytest.mark.parametrize("name", ["sheared.nii.gz", "sheared.nrrd", "sheared.mha"])
+def test_files_keep_their_shear(name, tmp_path):
+    direction = np.array([[1, 0, 0.3], [0, 0.8, 0.1], [0, 0.6, 0.9]])
+    direction /= np.linalg.norm(direction, axis=0)
+    voxels = np.random.default_rng(5).integers(0, 999, (9, 11, 14), np.int16)
+    image = samples.make_image(voxels, (0.5, 0.75, 2), (3, -4, 5), direction)
+    path = tmp_path / name
+    if ".nii" in name:
+        # ITK cannot write it
+        nibabel.save(make_nibabel(image), path)
+    else:
+        itk.imwrite(image, path)
+    found, expected = (get_geometry(each) for each in (open_image(path), image))
+    for key, values in expected.items():
+        assert np.allclose(found[key], values, atol=1e-6), key
+    by_program = tmp_path / "by-program.nrrd"
+    subprocess.run([PROGRAM, path, by_program, "--azimuth", "30"], check=True)
+    for picture in (mip(path, azimuth=30), itk.imread(by_program)):
+        assert_array_equal(np.asarray(picture), np.asarray(project(image)))
+
+
 @pytest.mark.parametrize("axes", ["z", "y", "x", "zx", "zyx"])
 @pytest.mark.parametrize("attributes", [True, False])
 def test_descending_coordinates_are_negative_directions(axes, attributes):
