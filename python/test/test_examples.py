@@ -133,7 +133,28 @@ def test_light_sheet_refuses_bad_arguments(tmp_path):
         assert outcome.stderr.count("\n") == 1
 
 
-@pytest.mark.parametrize("program", [*PROGRAMS, "light_sheet.py"])
+def test_skewed_stack(tmp_path):
+    outcome = run("skewed_stack.py", tmp_path, "--size", 90, 50, 70)
+    assert outcome.returncode == 0, outcome.stderr
+    assert "pixels of 0.4 micrometres" in outcome.stdout
+    difference = float(outcome.stdout.split("mean difference of the pictures: ")[1].split()[0])
+    assert 0 < difference < 1
+    with Image.open(tmp_path / "pictures.png") as picture:
+        grey = np.asarray(picture).astype(int)
+    rows = (len(grey) - 6) // 2
+    above, below = grey[:rows], grey[-rows:]
+    assert ((above > 64).mean() > 0.02) and (np.abs(above - below) > 32).mean() < 0.01
+
+
+@pytest.mark.parametrize("arguments", [("--angle", 0), ("--size", 1, 4, 4)])
+def test_skewed_stack_refuses_bad_arguments(arguments, tmp_path):
+    outcome = run("skewed_stack.py", tmp_path, *arguments)
+    assert outcome.returncode == 1
+    assert outcome.stderr.startswith("error: ")
+    assert outcome.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("program", [*PROGRAMS, "light_sheet.py", "skewed_stack.py"])
 def test_help(program):
     outcome = run(program, "--help")
     assert outcome.returncode == 0

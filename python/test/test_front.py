@@ -458,6 +458,42 @@ def test_files_keep_their_shear(name, tmp_path):
         assert_array_equal(np.asarray(picture), np.asarray(project(image)))
 
 
+@pytest.mark.parametrize("view", ["left", "superior", "anterior"])
+def test_a_skewed_stack_is_projected_as_if_deskewed(view):
+    """Gaussian spots, whose projection is known."""
+    angle, spacing, sigma = np.radians(30), np.array([0.5, 0.5, 0.8]), 2.5
+    direction = np.array([[1, 0, 0], [0, np.cos(angle), 1], [0, -np.sin(angle), 0]])
+    generator = np.random.default_rng(6)
+    image = samples.make_image(np.zeros((70, 100, 60), np.float32), spacing, (3, -4, 5), direction)
+    indices = np.moveaxis(np.indices((70, 100, 60)), 0, -1)[..., ::-1]
+    points = indices @ (direction * spacing).T + (3, -4, 5)
+    # away from the faces
+    centers = generator.uniform(0.4, 0.6, (8, 3)) * (60, 100, 70) @ (direction * spacing).T + (3, -4, 5)
+    heights = generator.uniform(1000, 5000, 8)
+    array = itk.array_view_from_image(image)
+    for center, height in zip(centers, heights):
+        spot = height * np.exp(-np.square(points - center).sum(axis=-1) / (2 * sigma**2))
+        np.maximum(array, spot, out=array)
+    transform = itk.ShearWarpMIPView.MakeTransform(
+        image, getattr(itk.ShearWarpMIPViewEnums, f"Direction_{view.title()}"), 20.0, 15.0
+    )
+    picture = mip(image, transform, exact=True)
+    rows, columns = np.asarray(picture).shape
+    straight = itk.resample_image_filter(
+        image, size=[70, 210, 64], output_origin=[1, -6, -23], output_spacing=[0.5, 0.5, 0.5]
+    )
+    grid = {"size": (columns, rows), "output_origin": picture.GetOrigin(), "output_spacing": picture.GetSpacing()}
+    u = picture.GetOrigin()[0] + picture.GetSpacing()[0] * np.arange(columns)
+    v = picture.GetOrigin()[1] + picture.GetSpacing()[1] * np.arange(rows)[:, None]
+    expected = np.zeros((rows, columns))
+    for center, height in zip(centers, heights):
+        at = transform.GetInverseTransform().TransformPoint(center.tolist())
+        away = np.square(u - at[0]) + np.square(v - at[1])
+        np.maximum(expected, height * np.exp(-away / (2 * sigma**2)), out=expected)
+    for found in (picture, mip(straight, transform, exact=True, **grid)):
+        assert np.abs(np.asarray(found) - expected).max() < 0.06 * heights.max()
+
+
 @pytest.mark.parametrize("axes", ["z", "y", "x", "zx", "zyx"])
 @pytest.mark.parametrize("attributes", [True, False])
 def test_descending_coordinates_are_negative_directions(axes, attributes):
