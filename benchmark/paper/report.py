@@ -50,7 +50,7 @@ PAPER_TIMES = pd.DataFrame(
 INTRODUCTION = """\
 # Fang et al. 2002 again
 
-Z. Fang, Y. Wang, B. Qiu, L. Li, J. Xu. Fast Maximum Intensity Projection Algorithm Using Shear Warp Factorization and
+L. Fang, Y. Wang, B. Qiu, Y. Qian. Fast Maximum Intensity Projection Algorithm Using Shear Warp Factorization and
 Reduced Resampling. Magn Reson Med 47:696-700, 2002.
 This page has the paper's table and figures, measured with its methods and with the filter of this module.
 `benchmark/paper/run.sh` measures everything again in some minutes, and writes this page.
