@@ -103,6 +103,12 @@ MakeVariants(const Subject<TPixel> & subject)
     { "first_x_ratio", release, true, { 0 } },
     { "minimum_ratio", setMode(Mode::Minimum) },
     { "absolute_ratio", setMode(Mode::AbsoluteMaximum) },
+    { "mean_ratio", setMode(Mode::Mean) },
+    { "nearest_ratio",
+      [](FilterType & filter, bool isOn) {
+        using Interpolation = ShearWarpMIPImageFilterEnums::Interpolation;
+        filter.SetInterpolation(isOn ? Interpolation::Nearest : Interpolation::Linear);
+      } },
     { "depth_ratio", [](FilterType & filter, bool isOn) { filter.SetComputeDepth(isOn); } },
     { "slab_ratio",
       [depth](FilterType & filter, bool isOn) {

@@ -53,6 +53,13 @@ public:
     AbsoluteMaximum,
     Mean
   };
+
+  /** Whether samples and pixels are interpolated, or have the value of the nearest voxel. */
+  enum class Interpolation : std::uint8_t
+  {
+    Linear,
+    Nearest
+  };
 };
 
 /** Writes the enumerator's name. */
@@ -63,8 +70,13 @@ ShearWarpMIP_EXPORT std::ostream &
 ShearWarpMIP_EXPORT std::ostream &
                     operator<<(std::ostream & out, ShearWarpMIPImageFilterEnums::ReducedResampling value);
 
+/** Writes the enumerator's name. */
+ShearWarpMIP_EXPORT std::ostream &
+                    operator<<(std::ostream & out, ShearWarpMIPImageFilterEnums::Interpolation value);
+
 namespace ShearWarp
 {
+using Interpolation = ShearWarpMIPImageFilterEnums::Interpolation;
 using Mode = ShearWarpMIPImageFilterEnums::Mode;
 using ReducedResampling = ShearWarpMIPImageFilterEnums::ReducedResampling;
 
@@ -73,7 +85,8 @@ enum class Feature : std::uint8_t
 {
   Depth,
   Exact,
-  LocalMaximum
+  LocalMaximum,
+  Nearest
 };
 
 /** Returns whether pictures of a mode can have a feature. */
@@ -126,6 +139,7 @@ struct ShearWarpMIP_EXPORT ProjectionRule
   static constexpr double Infinity = std::numeric_limits<double>::infinity();
 
   Mode                  mode{ Mode::Maximum };
+  Interpolation         interpolation{ Interpolation::Linear };
   ReducedResampling     reducedResampling{ ReducedResampling::Auto };
   unsigned int          oversampling{ 1 };
   double                slabNear{ -Infinity };

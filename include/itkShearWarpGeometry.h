@@ -126,6 +126,8 @@ struct Factorization
   double         translation[2];
   /** (i, j, k) to view space. */
   AffineMap3D indexToView;
+  /** Whether slices lie at whole columns and rows, so that a sample is the nearest voxel. */
+  bool isNearest{ false };
 
   unsigned int
   GetPrincipalAxis() const
@@ -165,7 +167,8 @@ VerifyView(const AffineMap3D & view);
 ShearWarpMIP_EXPORT Factorization
 Factorize(const AffineMap3D & view, const VolumeGrid & volume, unsigned int oversampling = 1);
 
-/** Returns the places of \a count slices from \a first on. */
+/** Returns the places of \a count slices from \a first on. If a sample is the
+ * nearest voxel, a place in the middle between two whole ones is rounded up. */
 ShearWarpMIP_EXPORT std::vector<SlicePlacement>
                     PlaceSlices(const Factorization & factorization, std::ptrdiff_t first, std::ptrdiff_t count);
 

@@ -110,6 +110,7 @@ public:
   using MaskImageType = Image<unsigned char, 3>;
   using DepthImageType = Image<float, OutputImageDimension>;
   using ModeEnum = ShearWarpMIPImageFilterEnums::Mode;
+  using InterpolationEnum = ShearWarpMIPImageFilterEnums::Interpolation;
   using ReducedResamplingEnum = ShearWarpMIPImageFilterEnums::ReducedResampling;
 
   static_assert(InputImageDimension == 3, "the input of a projection must have dimension 3");
@@ -154,10 +155,23 @@ public:
   itkShearWarpSetMacro(DefaultPixelValue, OutputPixelType);
   itkGetConstReferenceMacro(DefaultPixelValue, OutputPixelType);
 
-  /** Which of a ray's samples is its value: Maximum (the default), Minimum or AbsoluteMaximum. The absolute maximum is
-   * the sample with the largest magnitude, with its sign; of two opposite samples, the positive one. */
+  /** The value of a ray: the Maximum (the default) or the Minimum of its samples, their AbsoluteMaximum or their Mean.
+   * The absolute maximum is the sample with the largest magnitude, with its sign; of two opposite samples, the positive
+   * one. For the mean (average intensity projection), a pixel of the intermediate image is the mean of its samples,
+   * rounded half upward to the pixel type, and the output is interpolated between these means. Sums of integers are
+   * exact. Samples of floating-point voxels are added in double precision, from the viewer on; the sum is never beyond
+   * the range of doubles, and the mean never beyond the range of its samples. With Mean, ComputeDepth, LocalMaximum and
+   * Exact must be off, and an image of pixels of 8 or 16 bits has at most 65536 voxels along each axis. */
   itkSetEnumMacro(Mode, ModeEnum);
   itkGetEnumMacro(Mode, ModeEnum);
+
+  /** Whether samples and pixels are interpolated: Linear (the default) or Nearest, which is for labels. With Nearest, a
+   * sample has the value of the nearest voxel in its slice, and a pixel of the output the value of the nearest pixel of
+   * the intermediate image, so that no value appears that no voxel has. Of two equally near voxels, the one with the
+   * lower index wins along each axis; of two equally near pixels, the one with the higher index. With Nearest, Mode
+   * must not be Mean, and Exact, DepthAttenuation and Oversampling must have their default values. */
+  itkSetEnumMacro(Interpolation, InterpolationEnum);
+  itkGetEnumMacro(Interpolation, InterpolationEnum);
 
   /** Only samples with SlabNear <= w <= SlabFar count, where w is the depth in view space. The default is from minus to
    * plus infinity. In the views of ShearWarpMIPView, the depth is the distance in mm behind the image's center.
@@ -185,9 +199,8 @@ public:
 
   /** Whether rays end behind their first local maximum of at least LocalMaximumThreshold; off by default. A near vessel
    * then hides a brighter vessel behind it. With Minimum, rays end behind their first local minimum of at most the
-   * threshold; with AbsoluteMaximum, behind the first local maximum of the magnitude. Rays without such a sample have
-   * their maximum. The method is local maximum intensity projection: Sato et al., J Comput Assist Tomogr 22:912-917,
-   * 1998. */
+   * threshold. Other modes have no local maximum. Rays without such a sample have their maximum. The method is local
+   * maximum intensity projection: Sato et al., J Comput Assist Tomogr 22:912-917, 1998. */
   itkSetMacro(LocalMaximum, bool);
   itkGetConstMacro(LocalMaximum, bool);
   itkBooleanMacro(LocalMaximum);
@@ -477,6 +490,7 @@ private:
   OutputPixelType m_DefaultPixelValue{};
 
   ModeEnum          m_Mode{ ModeEnum::Maximum };
+  InterpolationEnum m_Interpolation{ InterpolationEnum::Linear };
   double            m_SlabNear{ -std::numeric_limits<double>::infinity() };
   double            m_SlabFar{ std::numeric_limits<double>::infinity() };
   PhysicalPointType m_CropLower{ -std::numeric_limits<double>::infinity() };

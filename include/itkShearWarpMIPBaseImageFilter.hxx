@@ -225,6 +225,7 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::MakeRule() const -> Rule
 {
   RuleType rule;
   rule.mode = m_Mode;
+  rule.interpolation = m_Interpolation;
   rule.reducedResampling = m_ReducedResampling;
   rule.oversampling = m_Oversampling;
   rule.slabNear = m_SlabNear;
@@ -633,6 +634,7 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::PrintSelf(std::ostream &
      << "DefaultPixelValue: " << static_cast<typename NumericTraits<OutputPixelType>::PrintType>(m_DefaultPixelValue)
      << std::endl;
   os << indent << "Mode: " << m_Mode << std::endl;
+  os << indent << "Interpolation: " << m_Interpolation << std::endl;
   os << indent << "SlabNear: " << m_SlabNear << std::endl;
   os << indent << "SlabFar: " << m_SlabFar << std::endl;
   os << indent << "CropLower: " << m_CropLower << std::endl;

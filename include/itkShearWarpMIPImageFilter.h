@@ -53,12 +53,13 @@ ShearWarpMIP_EXPORT Point<double, 3>
  * both until the input changes or ReleasePreparedVolume() is called, so later views prepare nothing. It also keeps the
  * memory of an intermediate image for each thread, until ReleasePreparedVolume().
  *
- * Mode and LocalMaximum select another sample of a ray than the maximum. SlabNear, SlabFar, CropLower, CropUpper and
+ * Mode and LocalMaximum select another sample of a ray than the maximum, or the mean of all. Interpolation Nearest is
+ * for labels. SlabNear, SlabFar, CropLower, CropUpper and
  * MaskImage leave out samples, and DepthAttenuation fades samples. ComputeDepth adds a second output with depths. All
- * these parameters can be combined, except LocalMaximum with AbsoluteMaximum. Reduced resampling then skips no part of
- * the volume. With LocalMaximum, the
- * filter follows rays from front to back, and all threads share one intermediate image. It does the same for MaskImage,
- * ComputeDepth and DepthAttenuation if an axis has more than 32766 voxels of 8 or 16 bits.
+ * these parameters can be combined, except for what Update() refuses, see below. Reduced resampling then skips no part
+ * of the volume. With LocalMaximum, the filter follows rays from front to back, and all threads share one intermediate
+ * image. It does the same for MaskImage, ComputeDepth and DepthAttenuation if an axis has more than 32766 voxels of 8
+ * or 16 bits.
  *
  * By default the output's grid is fitted to the view. Its extent is the projected bounding box of the whole image. Its
  * spacing is the image's smallest spacing, scaled as the transform scales the view plane's axes. If an axis of the
@@ -69,7 +70,8 @@ ShearWarpMIP_EXPORT Point<double, 3>
  *
  * Infinite voxels make the samples around them infinite or not-a-number. The filter ignores samples that are
  * not-a-number. If Mode is Maximum, it also ignores minus infinity; if Mode is Minimum, plus infinity. A pixel without
- * any other sample has DefaultPixelValue.
+ * any other sample has DefaultPixelValue. A mean with an infinite sample is infinite, and a pixel whose samples have
+ * both infinities has DefaultPixelValue.
  *
  * Update() throws ExceptionObject for
  * - a transform that is missing, not linear, not finite or not invertible
@@ -78,7 +80,9 @@ ShearWarpMIP_EXPORT Point<double, 3>
  * - a SlabNear greater than SlabFar, a CropLower greater than CropUpper, or one of these that is not a number
  * - a SlabNear of infinity or a SlabFar of minus infinity
  * - a LocalMaximumThreshold that is not a number, with LocalMaximum
- * - LocalMaximum with the Mode AbsoluteMaximum
+ * - LocalMaximum with the Mode AbsoluteMaximum or Mean; ComputeDepth or Exact with the Mode Mean
+ * - the Interpolation Nearest with the Mode Mean, DepthAttenuation or Oversampling
+ * - the Mode Mean for pixels of 8 or 16 bits if an axis has more than 65536 voxels
  * - a DepthAttenuation that is negative or not finite, or not zero while DefaultPixelValue is not finite
  * - Exact together with a parameter that it excludes
  * - a MaskImage that is not on the input's grid

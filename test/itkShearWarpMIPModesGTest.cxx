@@ -29,6 +29,7 @@ namespace
 {
 using namespace itk::ShearWarpMIPTest;
 using ModeEnum = itk::ShearWarpMIPImageFilterEnums::Mode;
+using InterpolationEnum = itk::ShearWarpMIPImageFilterEnums::Interpolation;
 using itk::ShearWarp::Feature;
 
 template <typename TPixel>
@@ -83,7 +84,7 @@ TYPED_TEST(ShearWarpMIPModes, FollowTheRuleOnEveryInstructionSet)
     const auto view = MakeRandomView(random, AllViewKinds[repeat % 3], image);
     const auto filter = MakeFilter(image, view);
     const auto rule = DrawRule(random, filter.GetPointer(), view.GetPointer(), image.GetPointer());
-    const auto oversampling = static_cast<int>(random.Integer(1, 2));
+    const int  oversampling = rule.isNearest ? 1 : static_cast<int>(random.Integer(1, 2));
     filter->SetOversampling(oversampling);
     filter->SetNumberOfWorkUnits(static_cast<itk::ThreadIdType>(random.Integer(1, 8)));
     filter->SetDefaultPixelValue(MakeRandomPixel<TypeParam>(random));
@@ -133,7 +134,7 @@ TYPED_TEST(ShearWarpMIPModes, ValuesAndDepthHaveTheBitsOfSamplesInTheirOrder)
       filter->SetMaskLabel(static_cast<unsigned char>(random.Integer(0, 2)));
     }
     filter->SetDepthAttenuation(repeat % 7 < 3 ? std::pow(10.0, random.Uniform(-4.0, 2.0)) : 0.0);
-    filter->SetMode(AllModes[random.Integer(0, 2)]);
+    filter->SetMode(AllModes[random.Integer(0, CountOfExtrema - 1)]);
     // beyond the type's end nothing is better
     const TypeParam unmet = filter->GetMode() == ModeEnum::Maximum ? last : first;
     const bool      mayBeLocal = itk::ShearWarp::HasFeature(filter->GetMode(), Feature::LocalMaximum);
@@ -357,6 +358,122 @@ TEST(ShearWarpMIPModesClosedForms, ChooseMinimumAndAbsoluteMaximum)
   image->SetPixel({ { 0, 1, 4 } }, std::numeric_limits<short>::max());
   image->Modified();
   EXPECT_EQ(getRow()[0], std::numeric_limits<short>::lowest());
+}
+
+/** The mean of voxels along z, as one pixel. */
+template <typename TPixel>
+TPixel
+ProjectMean(const std::vector<TPixel> & voxels)
+{
+  const auto image = MakePlainImage<TPixel>({ { 1, 1, voxels.size() } });
+  std::copy(voxels.begin(), voxels.end(), image->GetBufferPointer());
+  const auto filter = MakeFilter(image);
+  filter->SetMode(ModeEnum::Mean);
+  filter->SetDefaultPixelValue(TPixel{ 77 });
+  filter->Update();
+  return filter->GetOutput()->GetPixel({ { 0, 0 } });
+}
+
+TEST(ShearWarpMIPModesClosedForms, MeansAreRoundedHalfUpwardAndWithinTheRangeOfTheirSamples)
+{
+  ForEachInstructionSet([](const std::string &) {
+    EXPECT_EQ(ProjectMean<short>({ 1, 2 }), 2);
+    EXPECT_EQ(ProjectMean<short>({ -1, -2 }), -1);
+    EXPECT_EQ(ProjectMean<short>({ -1, -1, -2 }), -1);
+    EXPECT_EQ(ProjectMean<short>({ -2, -2, -1 }), -2);
+    EXPECT_EQ(ProjectMean<unsigned char>({ 255, 255, 254 }), 255);
+    EXPECT_EQ(ProjectMean<int>({ -7, -8 }), -7);
+    EXPECT_EQ(ProjectMean<float>({ 1, 2, 4 }), 7.0F / 3);
+    const auto expectConstant = [](auto value) {
+      using PixelType = decltype(value);
+      for (const std::size_t count : { 1, 3, 7, 200 })
+      {
+        EXPECT_TRUE(HaveSameBits(ProjectMean(std::vector<PixelType>(count, value)), value)) << +value << ' ' << count;
+      }
+    };
+    const auto expectLimits = [&](auto type) {
+      using Limits = std::numeric_limits<decltype(type)>;
+      expectConstant(Limits::max());
+      expectConstant(Limits::lowest());
+      // of two extremes, an integer's mean is between 0 and -1 or 1
+      const auto mean = ProjectMean<decltype(type)>({ Limits::lowest(), Limits::max() });
+      EXPECT_EQ(mean, Limits::is_integer ? Limits::max() / 2 + (Limits::is_signed ? -Limits::max() / 2 : 1) : 0);
+    };
+    expectLimits(std::uint8_t{});
+    expectLimits(std::int8_t{});
+    expectLimits(std::uint16_t{});
+    expectLimits(std::int16_t{});
+    expectLimits(std::uint32_t{});
+    expectLimits(std::int32_t{});
+    expectLimits(std::uint64_t{});
+    expectLimits(std::int64_t{});
+    expectLimits(float{});
+    expectLimits(double{});
+    expectConstant(std::numeric_limits<float>::denorm_min());
+    expectConstant(std::numeric_limits<double>::denorm_min());
+    expectConstant(0.1);
+    EXPECT_TRUE(HaveSameBits(ProjectMean<float>({ -0.0F, -0.0F }), 0.0F));
+    constexpr float infinity = std::numeric_limits<float>::infinity();
+    constexpr float nothing = std::numeric_limits<float>::quiet_NaN();
+    EXPECT_EQ(ProjectMean<float>({ nothing, 3, nothing, 5 }), 4.0F);
+    EXPECT_EQ(ProjectMean<float>({ nothing, nothing }), 77.0F);
+    EXPECT_EQ(ProjectMean<float>({ 1, infinity, nothing }), infinity);
+    EXPECT_EQ(ProjectMean<float>({ 1, -infinity }), -infinity);
+    EXPECT_EQ(ProjectMean<float>({ infinity, -infinity }), 77.0F);
+    EXPECT_EQ(ProjectMean<double>({ infinity, -infinity, 1 }), 77.0);
+    EXPECT_EQ(ProjectMean<double>({ infinity, 1 }), infinity);
+  });
+}
+
+TEST(ShearWarpMIPModesClosedForms, MeansOfTheLongestImagesAreExact)
+{
+  constexpr std::size_t most = 65536;
+  EXPECT_EQ(ProjectMean(std::vector<unsigned short>(most, 65535)), 65535);
+  EXPECT_EQ(ProjectMean(std::vector<short>(most, -32768)), -32768);
+  EXPECT_EQ(ProjectMean(std::vector<unsigned char>(most, 255)), 255);
+  EXPECT_NAMES(ProjectMean(std::vector<short>(most + 1, 1)), "Mode Mean", "65536");
+  EXPECT_EQ(ProjectMean(std::vector<int>(most + 1, -2147483647 - 1)), -2147483647 - 1);
+}
+
+TEST(ShearWarpMIPModesClosedForms, NearestHasOnlyValuesOfVoxels)
+{
+  Random random(906);
+  for (int repeat = 0; repeat < 40; ++repeat)
+  {
+    const auto image = MakeRandomImage<short>(random, MakeRandomSize(random, 1, 40));
+    std::generate_n(image->GetBufferPointer(), image->GetPixelContainer()->Size(), [&random] {
+      return static_cast<short>(random.Integer(0, 1) == 0 ? -300 : 20000);
+    });
+    const auto filter = MakeFilter(image, MakeRandomView(random, AllViewKinds[repeat % 3], image));
+    filter->SetMode(AllModes[random.Integer(0, CountOfExtrema - 1)]);
+    filter->SetInterpolation(InterpolationEnum::Nearest);
+    filter->SetDefaultPixelValue(7);
+    filter->Update();
+    const auto * pixels = filter->GetOutput()->GetBufferPointer();
+    EXPECT_TRUE(std::all_of(pixels, pixels + filter->GetOutput()->GetPixelContainer()->Size(), [](short pixel) {
+      return pixel == -300 || pixel == 20000 || pixel == 7;
+    }));
+  }
+}
+
+TEST(ShearWarpMIPModesClosedForms, NearestTakesTheLowerOfTwoEquallyNearVoxels)
+{
+  // slice 1 is sheared by half a voxel: its samples lie between two voxels
+  const auto  image = MakePlainImage<short>({ { 4, 1, 2 } });
+  const short voxels[] = { 0, 0, 0, 0, 10, 20, 30, 40 };
+  std::copy(std::begin(voxels), std::end(voxels), image->GetBufferPointer());
+  auto view = itk::AffineTransform<double, 3>::New();
+  auto matrix = view->GetMatrix();
+  matrix(0, 2) = 0.5;
+  view->SetMatrix(matrix);
+  const auto filter = MakeFilter(image, view);
+  filter->SetInterpolation(InterpolationEnum::Nearest);
+  filter->SetSize({ { 4, 1 } });
+  filter->SetOutputSpacing(itk::ShearWarpMIPImageFilter<itk::Image<short, 3>>::SpacingType(1.0));
+  filter->SetOutputOrigin(MakePoint2(0, 0));
+  filter->Update();
+  const short * pixels = filter->GetOutput()->GetBufferPointer();
+  EXPECT_EQ(std::vector<short>(pixels, pixels + 4), (std::vector<short>{ 10, 20, 30, 40 }));
 }
 
 TEST(ShearWarpMIPModesClosedForms, LocalMaximumHidesABrighterVesselBehind)
@@ -683,7 +800,7 @@ TEST(ShearWarpMIPModesOutput, EveryZeroIsPositiveWithEveryInstructionSet)
       const bool isAlongGrid = repeat < 42;
       const auto view = isAlongGrid ? ViewType::New() : MakeRandomView(random, ViewKind::Rigid, image);
       const auto filter = MakeFilter(image, view);
-      filter->SetMode(AllModes[repeat / 7 % 3]);
+      filter->SetMode(AllModes[repeat / 7 % CountOfExtrema]);
       filter->ComputeDepthOn();
       SetGrid(filter, { { width, 8 } }, MakeVector2(1, 1), isAlongGrid ? MakePoint2(2.25, 2.25) : MakePoint2(-3, -3));
       options[repeat % 7](filter);
@@ -737,7 +854,7 @@ TEST(ShearWarpMIPModesOutput, IsScaledAsItsVoxelsAreOfAnyMagnitude)
     SCOPED_TRACE(repeat);
     const auto image = MakeRandomImage<double>(random, MakeRandomSize(random, 1, 12));
     const auto filter = MakeFilter(image, MakeRandomView(random, AllViewKinds[repeat % 3], image));
-    filter->SetMode(AllModes[repeat / 4 % 3]);
+    filter->SetMode(AllModes[repeat / 4 % CountOfExtrema]);
     filter->ComputeDepthOn();
     options[repeat % 4](filter);
     filter->Update();
@@ -857,6 +974,15 @@ TEST(ShearWarpMIPModesParameters, ErrorsNameParameterAndValue)
   expectError("SlabNear", "inf", [=](auto & filter) { filter.SetSlabNear(infinity); });
   expectError("SlabFar", "-inf", [=](auto & filter) { filter.SetSlabFar(-infinity); });
   expectError("Mode", "99", [](auto & filter) { filter.SetMode(static_cast<ModeEnum>(99)); });
+  expectError("Interpolation", "5", [](auto & filter) { filter.SetInterpolation(static_cast<InterpolationEnum>(5)); });
+  expectError("Interpolation", "Oversampling", [](auto & filter) {
+    filter.SetInterpolation(InterpolationEnum::Nearest);
+    filter.SetOversampling(2);
+  });
+  expectError("Interpolation", "DepthAttenuation", [](auto & filter) {
+    filter.SetInterpolation(InterpolationEnum::Nearest);
+    filter.SetDepthAttenuation(0.1);
+  });
   expectError("ReducedResampling", "7", [](auto & filter) {
     filter.SetReducedResampling(static_cast<itk::ShearWarpMIPImageFilterEnums::ReducedResampling>(7));
   });
@@ -894,6 +1020,8 @@ TEST(ShearWarpMIPModesParameters, FeaturesThatAModeHasNotAreRefused)
     filter->SetLocalMaximum(isOn && feature == Feature::LocalMaximum);
     filter->SetComputeDepth(isOn && feature == Feature::Depth);
     filter->SetExact(isOn && feature == Feature::Exact);
+    filter->SetInterpolation(isOn && feature == Feature::Nearest ? InterpolationEnum::Nearest
+                                                                 : InterpolationEnum::Linear);
     for (const ModeEnum mode : AllModes)
     {
       SCOPED_TRACE(mode);
@@ -902,7 +1030,7 @@ TEST(ShearWarpMIPModesParameters, FeaturesThatAModeHasNotAreRefused)
       EXPECT_EQ(text == "no exception", !isOn || itk::ShearWarp::HasFeature(mode, feature)) << text;
     }
   };
-  for (const Feature feature : { Feature::Depth, Feature::Exact, Feature::LocalMaximum })
+  for (const Feature feature : { Feature::Depth, Feature::Exact, Feature::LocalMaximum, Feature::Nearest })
   {
     for (const bool isOn : { false, true, false })
     {
@@ -940,6 +1068,8 @@ TEST(ShearWarpMIPModesParameters, EachIsPrintedAndMakesTheFilterModified)
     ExpectPrinted(filter, { text });
   };
   expectModified("Mode: itk::ShearWarpMIPImageFilterEnums::Mode::Minimum", [&] { filter->SetMode(ModeEnum::Minimum); });
+  expectModified("Interpolation: itk::ShearWarpMIPImageFilterEnums::Interpolation::Nearest",
+                 [&] { filter->SetInterpolation(InterpolationEnum::Nearest); });
   expectModified("SlabNear: -2.5", [&] { filter->SetSlabNear(-2.5); });
   expectModified("SlabFar: 2.5", [&] { filter->SetSlabFar(2.5); });
   expectModified("CropLower: [1, 1, 1]", [&] { filter->SetCropLower(PointType(1.0)); });

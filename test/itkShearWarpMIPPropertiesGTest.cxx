@@ -200,16 +200,17 @@ CheckCase(Random & random, Tally & tally)
   image->UpdateOutputInformation();
   const auto view = DrawView(random, image);
   const auto background = MakeRandomPixel<TPixel>(random);
-  const auto oversampling = static_cast<unsigned int>(random.Integer(1, 2));
+  auto       oversampling = static_cast<unsigned int>(random.Integer(1, 2));
   filter->SetTransform(view);
   filter->SetDefaultPixelValue(background);
-  filter->SetOversampling(oversampling);
   DrawGrid(random, filter.GetPointer(), view, image);
   RayRule<TPixel> rule;
   if (random.Integer(0, 1) == 0)
   {
     rule = DrawRule(random, filter.GetPointer(), view.GetPointer(), image.GetPointer());
+    oversampling = rule.isNearest ? 1 : oversampling;
   }
+  filter->SetOversampling(oversampling);
 
   typename itk::Image<TPixel, 2>::Pointer first;
   ForEachInstructionSet([&](const std::string & name) {

@@ -153,7 +153,10 @@ DrawSlabAndBox(Random &             random,
 
 constexpr ShearWarp::Mode AllModes[] = { ShearWarp::Mode::Maximum,
                                          ShearWarp::Mode::Minimum,
-                                         ShearWarp::Mode::AbsoluteMaximum };
+                                         ShearWarp::Mode::AbsoluteMaximum,
+                                         ShearWarp::Mode::Mean };
+/** The first ones, which take one sample of a ray. */
+constexpr int CountOfExtrema = 3;
 
 /** Chooses parameters, for the filter and for the rule that its result must follow. */
 template <typename TFilter, typename TPixel>
@@ -161,8 +164,13 @@ RayRule<TPixel>
 DrawRule(Random & random, TFilter * filter, const ViewBaseType * view, const Image<TPixel, 3> * image)
 {
   RayRule<TPixel> rule;
-  filter->SetMode(AllModes[random.Integer(0, 2)]);
+  filter->SetMode(AllModes[random.Integer(0, std::size(AllModes) - 1)]);
   rule.mode = static_cast<RayMode>(filter->GetMode());
+  const auto hasFeature = [filter](ShearWarp::Feature feature) {
+    return ShearWarp::HasFeature(filter->GetMode(), feature);
+  };
+  rule.isNearest = hasFeature(ShearWarp::Feature::Nearest) && random.Integer(0, 3) == 0;
+  filter->SetInterpolation(rule.isNearest ? ShearWarp::Interpolation::Nearest : ShearWarp::Interpolation::Linear);
   DrawSlabAndBox(random, filter, view, image, true, rule);
   if (random.Integer(0, 1) == 0)
   {
@@ -172,14 +180,14 @@ DrawRule(Random & random, TFilter * filter, const ViewBaseType * view, const Ima
     filter->SetMaskImage(mask);
     filter->SetMaskLabel(rule.maskLabel);
   }
-  if (ShearWarp::HasFeature(filter->GetMode(), ShearWarp::Feature::LocalMaximum) && random.Integer(0, 1) == 0)
+  if (hasFeature(ShearWarp::Feature::LocalMaximum) && random.Integer(0, 1) == 0)
   {
     rule.isLocal = true;
     rule.threshold = MakeRandomPixel<TPixel>(random);
     filter->LocalMaximumOn();
     filter->SetLocalMaximumThreshold(rule.threshold);
   }
-  filter->SetComputeDepth(random.Integer(0, 1) == 0);
+  filter->SetComputeDepth(hasFeature(ShearWarp::Feature::Depth) && random.Integer(0, 1) == 0);
   return rule;
 }
 
@@ -486,7 +494,12 @@ private:
     const long double steps = position * WholePixel;
     const long double beyondHalf = std::abs(std::abs(steps - std::round(steps)) - 0.5L);
     m_Margin = std::min(m_Margin, beyondHalf / WholePixel);
-    return Quantize(position);
+    if (!m_Rule.isNearest)
+    {
+      return Quantize(position);
+    }
+    // a half, which is rounded after the quantization, is beside a quantized number by half a unit
+    return RoundToWhole(Quantize(position));
   }
 
   bool

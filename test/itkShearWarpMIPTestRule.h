@@ -208,6 +208,13 @@ DivideDown(std::int64_t dividend, std::int64_t divisor)
   return dividend / divisor - (dividend % divisor < 0 ? 1 : 0);
 }
 
+/** In 1/2^15, to the nearest whole pixel, half upward. */
+inline std::int64_t
+RoundToWhole(std::int64_t position)
+{
+  return DivideDown(position + WholePixel / 2, WholePixel) * WholePixel;
+}
+
 /** Products of two fractions in 1/2^15, in 1/2^15: {{a a, a b}, {b a, b b}}. */
 struct CornerWeights
 {
@@ -404,6 +411,7 @@ struct SampleRule
   RayMode mode{ RayMode::Maximum };
   bool    isLocal{ false };
   TPixel  threshold{};
+  bool    isNearest{ false };
 };
 
 /** A sample of a ray. */

@@ -81,6 +81,15 @@ AreEqual(const std::vector<SlicePlacement> & a, const std::vector<SlicePlacement
   });
 }
 
+template <typename TPixel>
+Factorization
+FactorizeForRule(const Scene & scene, const ProjectionRule<TPixel> & rule, std::size_t view)
+{
+  Factorization factorization = Factorize(scene.views[view], scene.volume, rule.oversampling);
+  factorization.isNearest = rule.interpolation == Interpolation::Nearest;
+  return factorization;
+}
+
 /** Returns whether the first slab along z is nearer to the viewer than the last one. */
 bool
 IsFirstSlabFront(const Factorization & factorization)
@@ -238,7 +247,7 @@ private:
   Factorization
   FactorizeView(std::size_t view) const
   {
-    return Factorize(m_Scene.views[view], m_Scene.volume, m_Rule.oversampling);
+    return FactorizeForRule(m_Scene, m_Rule, view);
   }
 
   std::vector<ProjectedView>
@@ -704,6 +713,7 @@ ShearWarpEngine<TPixel>::Implementation::FinishProjection(std::size_t projection
         this->Join(m_Image, projection, static_cast<std::ptrdiff_t>(n));
       }
     }
+    m_Image.isNearest = m_Rule.interpolation == Interpolation::Nearest;
     m_Finished = projection;
     m_Measurements.projectionSeconds += SecondsSince(start);
   }
@@ -899,6 +909,7 @@ ShearWarpEngine<TPixel>::Implementation::WarpParts(const Scene &                
   image.columns = image.rowStride = region.columns;
   image.rows = region.rows;
   image.reached = reached.data();
+  image.isNearest = rule.interpolation == Interpolation::Nearest;
   m_PlannedSteps = static_cast<std::size_t>(scene.picture.size[0] * scene.picture.size[1]);
   m_Threads.run(static_cast<std::size_t>(image.rows), 1, [&](std::size_t n, std::size_t, std::size_t) {
     const auto row = static_cast<std::ptrdiff_t>(n);
@@ -1012,8 +1023,7 @@ ShearWarpEngine<TPixel>::FindPart(const Scene & scene, const RuleType & rule, co
       Throw(InvalidParameter(text + " voxels of " + std::to_string(whole[axis]) + '.'));
     }
   }
-  const auto phases =
-    MakePhases(Factorize(scene.views.front(), scene.volume, rule.oversampling), box, rule.oversampling);
+  const auto               phases = MakePhases(FactorizeForRule(scene, rule, 0), box, rule.oversampling);
   const IntermediateGrid & grid = phases.front();
   const std::ptrdiff_t     steps = rule.oversampling;
   return { steps * grid.begin.column, steps * grid.begin.row, steps * grid.columns, steps * grid.rows };

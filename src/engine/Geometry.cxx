@@ -407,7 +407,9 @@ PlaceSlices(const Factorization & factorization, std::ptrdiff_t first, std::ptrd
   for (std::ptrdiff_t k = first; k < first + count; ++k)
   {
     const auto place = [&factorization, k](unsigned int axis) {
-      return QuantizePosition(factorization.shear[axis] * static_cast<double>(k) + factorization.translation[axis]);
+      const SamplingPosition position =
+        QuantizePosition(factorization.shear[axis] * static_cast<double>(k) + factorization.translation[axis]);
+      return factorization.isNearest ? RoundPosition(position) : position;
     };
     placements.push_back({ place(0), place(1) });
   }

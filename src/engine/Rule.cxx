@@ -62,6 +62,20 @@ GetName(ShearWarp::ReducedResampling value)
   return nullptr;
 }
 
+const char *
+GetName(ShearWarp::Interpolation value)
+{
+  using ShearWarp::Interpolation;
+  switch (value)
+  {
+    case Interpolation::Linear:
+      return "Linear";
+    case Interpolation::Nearest:
+      return "Nearest";
+  }
+  return nullptr;
+}
+
 template <typename TEnum>
 std::ostream &
 WriteName(std::ostream & out, const char * type, TEnum value)
@@ -98,6 +112,12 @@ std::ostream &
 operator<<(std::ostream & out, ShearWarpMIPImageFilterEnums::ReducedResampling value)
 {
   return WriteName(out, "ReducedResampling", value);
+}
+
+std::ostream &
+operator<<(std::ostream & out, ShearWarpMIPImageFilterEnums::Interpolation value)
+{
+  return WriteName(out, "Interpolation", value);
 }
 
 namespace ShearWarp
@@ -174,6 +194,11 @@ ProjectionRule<TPixel>::Verify() const
     const auto value = static_cast<unsigned int>(reducedResampling);
     Refuse("ReducedResampling must be one of its enumerators, but it is ", value, '.');
   }
+  if (!GetName(interpolation))
+  {
+    const auto value = static_cast<unsigned int>(interpolation);
+    Refuse("Interpolation must be one of its enumerators, but it is ", value, '.');
+  }
   if (oversampling != 1 && oversampling != 2)
   {
     Refuse("Oversampling must be 1 or 2, but it is ", oversampling, '.');
@@ -214,6 +239,15 @@ ProjectionRule<TPixel>::Verify() const
   if (isExact && !HasFeature(mode, Feature::Exact))
   {
     Refuse("Exact needs another Mode: Mode is ", GetName(mode), '.');
+  }
+  if (interpolation == Interpolation::Nearest && !HasFeature(mode, Feature::Nearest))
+  {
+    Refuse("Interpolation Nearest needs another Mode: Mode is ", GetName(mode), '.');
+  }
+  if (interpolation == Interpolation::Nearest && (isExact || depthAttenuation > 0.0 || oversampling != 1))
+  {
+    Refuse("Interpolation Nearest keeps the values of voxels: Exact, DepthAttenuation and Oversampling must be as by "
+           "default.");
   }
   if (isExact && (hasMask || localMaximumThreshold || depthAttenuation > 0.0 || oversampling != 1))
   {

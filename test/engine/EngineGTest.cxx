@@ -201,6 +201,15 @@ const Change<TPixel> Features[] = { [](ProjectionRule<TPixel> &) {},
                                       rule.isExact = true;
                                       rule.hasDepth = true;
                                       rule.slabFar = 30.7;
+                                    },
+                                    [](ProjectionRule<TPixel> & rule) {
+                                      rule.interpolation = Interpolation::Nearest;
+                                      rule.hasDepth = true;
+                                    },
+                                    [](ProjectionRule<TPixel> & rule) {
+                                      rule.interpolation = Interpolation::Nearest;
+                                      rule.hasMask = true;
+                                      rule.slabNear = 5.3;
                                     } };
 
 /** A view along z of a volume whose grid is view space: a ray goes through voxel (u + slope[0] z, v + slope[1] z, z),
@@ -234,6 +243,7 @@ Evaluate(const TestVolume<TPixel> & volume,
   {
     translation[n] = std::max(0.0, view.slope[n] * static_cast<double>(size[2] - 1));
   }
+  const auto round = [&rule](std::int64_t position) { return rule.isNearest ? RoundToWhole(position) : position; };
   const auto intermediate = [&](std::int64_t p, std::int64_t q, TPixel & value) {
     std::vector<RaySample<TPixel>> samples;
     for (std::int64_t n = 0; n < size[2]; ++n)
@@ -242,7 +252,7 @@ Evaluate(const TestVolume<TPixel> & volume,
       const auto         voxel = [&](std::int64_t i, std::int64_t j) { return volume.At(i, j, k); };
       const auto         place = [&](std::int64_t pixel, int axis) {
         const double offset = translation[axis] - view.slope[axis] * static_cast<double>(k);
-        return ((pixel + 1) * WholePixel / oversampling - WholePixel) - Quantize(offset);
+        return ((pixel + 1) * WholePixel / oversampling - WholePixel) - round(Quantize(offset));
       };
       TPixel sample{};
       if (SampleSlice(voxel, size[0], size[1], place(p, 0), place(q, 1), sample))
@@ -260,7 +270,7 @@ Evaluate(const TestVolume<TPixel> & volume,
     {
       const auto place = [&](double pixel, int axis) {
         const double sheared = grid.origin[axis] + pixel * grid.spacing[axis] + translation[axis];
-        return Quantize(static_cast<double>(oversampling) * (sheared + 1) - 1);
+        return round(Quantize(static_cast<double>(oversampling) * (sheared + 1) - 1));
       };
       pixels.push_back(InterpolateReached(intermediate, place(column, 0), place(row, 1), background));
     }
@@ -298,6 +308,11 @@ TYPED_TEST(ShearWarpEngineTyped, FollowsTheRuleOfSampling)
       sampleRule.isLocal = true;
       sampleRule.threshold = MakeRandomPixel<TypeParam>(random);
       rule.localMaximumThreshold = sampleRule.threshold;
+    }
+    if (rule.oversampling == 1 && HasFeature(rule.mode, Feature::Nearest) && repeat % 7 < 3)
+    {
+      sampleRule.isNearest = true;
+      rule.interpolation = Interpolation::Nearest;
     }
     itk::ShearWarpEngine<TypeParam> engine;
     const auto                      pictures = Project(engine, scene, rule, MakeThreads(1 + repeat % 3), volume);
@@ -354,13 +369,14 @@ TYPED_TEST(ShearWarpEngineTyped, EveryFeatureGivesTheSameBitsHoweverItIsProjecte
         EXPECT_THROW(rule.Verify(), InvalidParameter);
         rule.hasDepth = false;
       }
+      const bool isNearest = rule.interpolation == Interpolation::Nearest;
       if ((rule.localMaximumThreshold && !HasFeature(mode, Feature::LocalMaximum)) ||
-          (rule.isExact && !HasFeature(mode, Feature::Exact)))
+          (rule.isExact && !HasFeature(mode, Feature::Exact)) || (isNearest && !HasFeature(mode, Feature::Nearest)))
       {
         EXPECT_THROW(rule.Verify(), InvalidParameter);
         continue;
       }
-      rule.oversampling = rule.isExact || feature % 2 == 0 ? 1 : 2;
+      rule.oversampling = rule.isExact || isNearest || feature % 2 == 0 ? 1 : 2;
       EXPECT_NO_THROW(rule.Verify());
       SCOPED_TRACE(testing::Message() << "feature " << feature << ", " << mode);
       // each view alone, by one thread

@@ -163,7 +163,8 @@ struct Ranking
  * `reached[r]` of row r may have values; the other pixels are not defined.
  *
  * `ranks`, if not null, has the rank of each pixel's value, laid out as `pixels`; a rank of 0 or less is a pixel
- * without a value. If `hasGaps`, a reached pixel may have no value. Without `ranks`, floating-point pixels that are
+ * without a value. If `hasGaps`, a reached pixel may have no value. If `isNearest`, an output pixel takes the nearest
+ * pixel; of two equally near ones, that of the higher column or row. Without `ranks`, floating-point pixels that are
  * `none` have no value. */
 template <typename TPixel>
 struct IntermediateImage
@@ -174,6 +175,7 @@ struct IntermediateImage
   const std::int32_t * ranks{ nullptr };
   Ranking              ranking{};
   bool                 hasGaps{ false };
+  bool                 isNearest{ false };
   TPixel               none{ NoSample<TPixel> };
 };
 

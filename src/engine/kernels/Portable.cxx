@@ -536,8 +536,12 @@ struct WarpCell
     {
       return;
     }
-    const SamplingPosition p = QuantizePosition(column);
-    const SamplingPosition q = QuantizePosition(row);
+    const auto place = [&image](double position) {
+      const SamplingPosition quantized = QuantizePosition(position);
+      return image.isNearest ? RoundPosition(quantized) : quantized;
+    };
+    const SamplingPosition p = place(column);
+    const SamplingPosition q = place(row);
     const BilinearWeights  cell(p.fraction, q.fraction);
     const std::int32_t     corners[4] = { cell.bb, cell.ba, cell.ab, cell.aa };
     for (int corner = 0; corner < 4; ++corner)
@@ -546,12 +550,12 @@ struct WarpCell
       const std::ptrdiff_t j = q.whole + (corner >> 1);
       if (corners[corner] != 0 && j >= 0 && j < image.rows && i >= image.reached[j].begin && i < image.reached[j].end)
       {
-        const std::ptrdiff_t place = j * image.rowStride + i;
-        const bool           hasValue = image.ranks                        ? image.ranks[place] > 0
-                                        : std::is_floating_point_v<TPixel> ? image.pixels[place] != image.none
+        const std::ptrdiff_t pixel = j * image.rowStride + i;
+        const bool           hasValue = image.ranks                        ? image.ranks[pixel] > 0
+                                        : std::is_floating_point_v<TPixel> ? image.pixels[pixel] != image.none
                                                                            : true;
         weights[corner] = hasValue ? corners[corner] : 0;
-        places[corner] = place;
+        places[corner] = pixel;
         sum += weights[corner];
       }
     }

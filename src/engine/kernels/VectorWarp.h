@@ -42,6 +42,13 @@ QuantizePositions(Lanes::Double positions)
     Lanes::AddDouble(Lanes::MultiplyDouble(positions, Lanes::SetDouble(32768.0)), Lanes::SetDouble(0.5)));
 }
 
+/** Rounds quantized positions to the nearest whole pixel, half upward. */
+SHEARWARP_INLINE inline Lanes::Index
+RoundPositions(Lanes::Index positions)
+{
+  return Lanes::AndIndex(Lanes::AddIndex(positions, Lanes::SetIndex(1 << 14)), Lanes::SetIndex(-32768));
+}
+
 /** Returns the pixels of the cells at quantized positions along one axis. */
 SHEARWARP_INLINE inline PixelSpan
 GetPixels(Lanes::Index positions)
@@ -221,10 +228,14 @@ WarpVector(const IntermediateImage<TPixel> & image,
   }
   // a gather reads 32 bits: for small pixels, more than a cell has
   constexpr std::ptrdiff_t more = IsFloat<TPixel> ? 0 : 4 / sizeof(TPixel) - 2;
-  const Lanes::Index       p = QuantizePositions(columns);
-  const Lanes::Index       q = QuantizePositions(rows);
-  const PixelSpan          pixelColumns = GetPixels(p);
-  const PixelSpan          pixelRows = GetPixels(q);
+  const auto               place = [&image](Lanes::Double positions) SHEARWARP_INLINE {
+    const Lanes::Index quantized = QuantizePositions(positions);
+    return image.isNearest ? RoundPositions(quantized) : quantized;
+  };
+  const Lanes::Index p = place(columns);
+  const Lanes::Index q = place(rows);
+  const PixelSpan    pixelColumns = GetPixels(p);
+  const PixelSpan    pixelRows = GetPixels(q);
   if (pixelRows.end > image.rows)
   {
     return false;
