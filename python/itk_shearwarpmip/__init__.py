@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from itk_shearwarpmip._front import Turn, mip, turn
 from itk_shearwarpmip._inputs import open_image
+from itk_shearwarpmip._places import sample
 from itk_shearwarpmip._write import save_png, write
 
 if TYPE_CHECKING:
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from itk_shearwarpmip._volume import Volume as Volume
     from itk_shearwarpmip._volume import open_volume as open_volume
 
-__all__ = ["Turn", "mip", "open_image", "save_png", "turn", "write"]
+__all__ = ["Turn", "mip", "open_image", "sample", "save_png", "turn", "write"]
 
 _WITH_MORE_PACKAGES = ("Point", "Viewer", "Volume", "open_volume", "show")
 

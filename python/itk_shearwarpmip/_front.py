@@ -41,6 +41,7 @@ from itk_shearwarpmip._parameters import (
     take_former,
     update,
 )
+from itk_shearwarpmip._places import find_places
 from itk_shearwarpmip._views import make_transform
 from itk_shearwarpmip._window import find_window, is_background
 from itk_shearwarpmip._write import OutputOptions
@@ -72,6 +73,7 @@ def mip(
     mask: Any = None,
     mask_label: int | None = None,
     depth: bool = False,
+    places: bool = False,
     attenuation: float = 0.0,
     local_maximum: float | None = None,
     background: float | Literal["auto"] = "auto",
@@ -100,6 +102,8 @@ def mip(
     mask: a volume of whole numbers on the source's grid, of any kind that source can be. An array takes the source's
         geometry. Only voxels where the mask is `mask_label` count; without `mask_label`, where the mask is not 0.
     depth: True to return the depths too, in mm, as float32; pixels without a value are not-a-number.
+    places: True to return also where each value comes from: an array of NumPy (rows, columns, 3) of points x, y, z, in mm
+        (LPS), as float64; pixels without a value are not-a-number. sample() has the values of another volume there.
     attenuation: how fast values fade to the background with depth, per mm.
     local_maximum: rays end behind their first local maximum of at least this value.
     background: the value of pixels beside the volume; "auto" is 0, or the volume's least value if it is negative.
@@ -115,8 +119,8 @@ def mip(
     Volumes in chunks take only the view, background, oversampling and the parameters of the grid.
 
     Returns a 2D itk.Image with spacing and origin in the view plane, in mm, which a notebook shows. For an array, returns
-    an array of the same package; for a SimpleITK.Image or an xarray.DataArray, an object of the same type. With `depth`,
-    returns a tuple of the picture and its depths.
+    an array of the same package; for a SimpleITK.Image or an xarray.DataArray, an object of the same type. With `depth` or
+    `places`, returns a tuple: the picture, its depths, its places.
 
     The entry "Background" of an itk.Image is the value of pixels beside the volume. Its entry "FrameTransforms" has
     twelve numbers, the first three rows of the view's matrix from view space to physical space: a pixel at (u, v) mm
@@ -143,7 +147,7 @@ def mip(
     threads = take_former(where, "number_of_threads", "threads", threads)
     parameters = Parameters(
         mode, slab, crop, mask, mask_label, depth, attenuation, local_maximum, background, exact, oversampling,
-        output_spacing, size, output_origin, threads,
+        output_spacing, size, output_origin, threads, places,
     )  # fmt: skip
     _require_known(mip, where)
     make_flag("geometry", geometry)
@@ -157,7 +161,8 @@ def mip(
         made.SetTransform(transform)
         pictures = filters.project(made, parameters)
     picture, depths = pictures if geometry else (each and give_back(source, each) for each in pictures)
-    return (picture, depths) if depth else picture
+    found = [picture, *([depths] if depth else []), *([find_places(*pictures)] if places else [])]
+    return tuple(found) if len(found) > 1 else picture
 
 
 @dataclass(eq=False, repr=False)
@@ -173,6 +178,8 @@ class Turn:
     """Texts and numbers of the source's meta data dictionary, such as DICOM attributes."""
     depths: Any = None
     """3D itk.Image of float32, in mm, if depths were asked for."""
+    places: Any = None
+    """Array (frames, rows, columns, 3) of points x, y, z, in mm (LPS), if places were asked for."""
     mode: Mode = "maximum"
     slab: Sequence[float] | None = None
     center: Sequence[float] | None = None
@@ -245,6 +252,7 @@ def turn(
     mask: Any = None,
     mask_label: int | None = None,
     depth: bool = False,
+    places: bool = False,
     attenuation: float = 0.0,
     local_maximum: float | None = None,
     background: float | Literal["auto"] = "auto",
@@ -280,7 +288,7 @@ def turn(
     threads = take_former(where, "number_of_threads", "threads", threads)
     parameters = Parameters(
         mode, slab, crop, mask, mask_label, depth, attenuation, local_maximum, background, exact, oversampling,
-        output_spacing, size, output_origin, threads,
+        output_spacing, size, output_origin, threads, places,
     )  # fmt: skip
 
     _require_known(turn, where)
@@ -317,7 +325,8 @@ def turn(
         stack,
         views,
         _copy_metadata(image),
-        depths,
+        depths if depth else None,
+        find_places(stack, depths) if places else None,
         mode,
         slab,
         list(itk.ShearWarpMIPView.GetCenter(image)),
@@ -388,7 +397,7 @@ class _Filters:
         finally:
             made.SetMaskImage(None)
         picture = made.GetOutput()
-        depths = made.GetDepthOutput() if parameters.depth else None
+        depths = made.GetDepthOutput() if parameters.depth or parameters.places else None
         background = made.GetDefaultPixelValue()
         for each, beside in ((picture, background), (depths, np.nan)):
             if each is not None:

@@ -35,6 +35,7 @@ class Parameters:
     size: Sequence[int] | None = None
     output_origin: Sequence[float] | None = None
     threads: int | None = None
+    places: bool = False
 
 
 def find_lowest(voxels: NDArray[Any]) -> Any:
@@ -65,7 +66,7 @@ def set_parameters(made: Any, parameters: Parameters, background: Any) -> None:
     threshold = 0 if parameters.local_maximum is None else parameters.local_maximum
     _set_pixel(made, "LocalMaximumThreshold", "local_maximum", threshold, is_whole)
     set_value(made, "DepthAttenuation", "attenuation", parameters.attenuation)
-    made.SetComputeDepth(make_flag("depth", parameters.depth))
+    made.SetComputeDepth(any([make_flag("depth", parameters.depth), make_flag("places", parameters.places)]))
     made.SetExact(make_flag("exact", parameters.exact))
     set_grid(made, parameters)
 

@@ -206,8 +206,8 @@ print(sorted({name.partition(".")[0] for name in set(sys.modules) - before} - se
 DEFAULTS = dict.fromkeys(
     "slab crop mask mask_label local_maximum output_spacing size output_origin threads".split()
 ) | {
-    "view": "anterior", "azimuth": 0.0, "elevation": 0.0, "mode": "maximum", "depth": False, "attenuation": 0.0,
-    "background": "auto", "exact": False, "oversampling": 1,
+    "view": "anterior", "azimuth": 0.0, "elevation": 0.0, "mode": "maximum", "depth": False, "places": False,
+    "attenuation": 0.0, "background": "auto", "exact": False, "oversampling": 1,
 }  # fmt: skip
 DEFAULTS_OF_TURN = {
     "frames": 36, "rotation_axis": "superior", "center": None, "start_angle": 0.0, "angular_range": 360.0,
@@ -850,11 +850,12 @@ def test_files_of_other_types(tmp_path):
 
 
 def test_docstrings():
-    for name in ("_front", "_inputs", "_viewer", "_views", "_volume", "_window", "_write"):
+    for name in ("_front", "_inputs", "_places", "_viewer", "_views", "_volume", "_window", "_write"):
         module = importlib.import_module(f"itk_shearwarpmip.{name}")
         result = doctest.testmod(module, verbose=False)
         assert result.attempted and not result.failed
-    for function in (mip, turn, open_image, save_png, itk_shearwarpmip.open_volume, itk_shearwarpmip.show):
+    more = itk_shearwarpmip.sample, itk_shearwarpmip.open_volume, itk_shearwarpmip.show
+    for function in (mip, turn, open_image, save_png, *more):
         assert "Raises" in function.__doc__ and ">>>" in function.__doc__
 
 
