@@ -1,4 +1,4 @@
-"""The Python of README.md, doc/python.md and doc/viewer.md, as it is printed."""
+"""The Python of README.md and pages of doc/, as it is printed."""
 
 import re
 import shutil
@@ -18,8 +18,10 @@ ROOT = Path(__file__).parents[2]
 
 
 @pytest.mark.skipif(not shutil.which("ffmpeg"), reason="ffmpeg is not installed")
-@pytest.mark.parametrize("document", ["README.md", "doc/python.md", "doc/viewer.md"])
+@pytest.mark.parametrize("document", ["README.md", "doc/learning.md", "doc/python.md", "doc/viewer.md"])
 def test_python_of(document, tmp_path, monkeypatch):
+    if document == "doc/learning.md":
+        pytest.importorskip("torch")
     monkeypatch.chdir(tmp_path)
     array = np.random.default_rng(8).integers(0, 900, (20, 30, 40), np.int16)
     for name in ("angiogram", "ct", "pet"):
