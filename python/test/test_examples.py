@@ -12,6 +12,7 @@ import pytest
 from itk_shearwarpmip import open_volume
 from numpy.testing import assert_array_equal
 from PIL import Image
+from program import PROGRAM
 from samples import make_image
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -152,6 +153,25 @@ def test_skewed_stack_refuses_bad_arguments(arguments, tmp_path):
     assert outcome.returncode == 1
     assert outcome.stderr.startswith("error: ")
     assert outcome.stderr.count("\n") == 1
+
+
+def test_vessel_tree(tmp_path):
+    pytest.importorskip("torch")
+    angiogram, tree = tmp_path / "angiogram.nrrd", tmp_path / "tree.png"
+    subprocess.run([PROGRAM, "--write-phantom", angiogram, "--phantom-size", "64", "64", "32"], check=True)
+    outcome = run("vessel_tree.py", angiogram, tree, "--steps", 30, "--views", 8)
+    assert outcome.returncode == 0, outcome.stderr
+    assert outcome.stdout.startswith("30 steps with 8 MIPs of ")
+    assert float(outcome.stdout.split()[-1]) > 0.5
+    with Image.open(tree) as picture:
+        grey = np.asarray(picture.convert("L")).astype(float)
+    expected, before, after = np.array_split(grey[20 : grey.shape[0] // 2], 3, axis=1)
+    errors = [np.abs(each[:, :280] - expected[:, :280]).mean() for each in (before, after)]
+    assert errors[1] < errors[0] / 2
+
+    outcome = run("vessel_tree.py", tmp_path / "missing.nrrd", tree)
+    assert outcome.returncode == 1
+    assert outcome.stderr.startswith("error: ") and outcome.stderr.count("\n") == 1
 
 
 @pytest.mark.parametrize("program", [*PROGRAMS, "light_sheet.py", "skewed_stack.py"])
