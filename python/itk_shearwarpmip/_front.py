@@ -374,6 +374,13 @@ class _Filters:
     def __exit__(self, *error: object) -> None:
         self._lock.release()
 
+    def is_free(self) -> bool:
+        """Whether no other thread projects."""
+        free = self._lock.acquire(blocking=False)
+        if free:
+            self._lock.release()
+        return free
+
     def get(self, template: Any) -> Any:
         if template not in self._made:
             self._made[template] = template.New(self._image())
@@ -424,6 +431,19 @@ class _Filters:
 _FILTERS: dict[int, _Filters] = {}
 """By the id of an itk.Image, which lives."""
 _FILTERS_LOCK = threading.Lock()
+
+
+def _renew_locks() -> None:
+    """In a forked process, which has the locks of its parent's threads, but not these threads."""
+    global _FILTERS_LOCK  # noqa: PLW0603
+    _FILTERS_LOCK = threading.Lock()
+    for key, filters in [*_FILTERS.items()]:
+        if not filters.is_free():
+            del _FILTERS[key]
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_renew_locks)
 
 
 def _get_filters(image: Any) -> _Filters:
