@@ -174,6 +174,39 @@ def test_vessel_tree(tmp_path):
     assert outcome.stderr.startswith("error: ") and outcome.stderr.count("\n") == 1
 
 
+def test_study_views(tmp_path):
+    """A hot organ; the volumes of a study have different grids."""
+    organ = np.array([22.0, -8.0, 31.0])
+    for number in range(2):
+        study = tmp_path / "studies" / f"patient{number}"
+        study.mkdir(parents=True)
+        for name, length, dtype in (("pet", 4.0, np.float32), ("ct", 2.0, np.int16), ("labels", 3.0, np.uint8)):
+            shape = np.array([80, 100, 120]) // int(length)
+            axes = (np.arange(n) * length - 40 for n in shape)
+            z, y, x = np.meshgrid(*axes, indexing="ij")
+            distance = np.sqrt((x - organ[0]) ** 2 + (y - organ[1]) ** 2 + (z - organ[2]) ** 2)
+            values = {"pet": 20 * np.exp(-(distance**2) / 100), "ct": 3 * x, "labels": 1 + (distance < 12)}[name]
+            image = make_image(values.astype(dtype), (length,) * 3, (-40.0,) * 3)
+            itk.imwrite(image, study / f"{name}.nii.gz")
+
+    outcome = run("study_views.py", tmp_path / "studies", tmp_path / "arrays")
+    assert outcome.returncode == 0, outcome.stderr
+    assert {each.name for each in (tmp_path / "arrays").iterdir()} == {"patient0.npz", "patient1.npz"}
+    found = np.load(tmp_path / "arrays" / "patient1.npz")
+    suv, ct, labels = found["suv"], found["ct"], found["labels"]
+    assert len(suv) == 48 and suv.shape == ct.shape == labels.shape
+    assert {*np.unique(labels)} == {0, 1, 2}
+    for frame in range(48):
+        brightest = np.unravel_index(np.argmax(suv[frame]), suv[frame].shape)
+        assert labels[frame][brightest] == 2
+        assert abs(ct[frame][brightest] - 3 * organ[0]) < 10
+    lines = (EXAMPLES / "study_views.py").read_text().splitlines()
+    assert len([line for line in lines if line.strip()]) < 20
+
+    outcome = run("study_views.py")
+    assert outcome.returncode == 1 and "study_views.py studies arrays" in outcome.stderr
+
+
 @pytest.mark.parametrize("program", [*PROGRAMS, "light_sheet.py", "skewed_stack.py"])
 def test_help(program):
     outcome = run(program, "--help")
