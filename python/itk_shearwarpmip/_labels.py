@@ -14,9 +14,12 @@ LETTERS = ("LR", "PA", "HF")
 def get_matrix(transform: Any) -> NDArray[np.float64]:
     """The 4 x 4 matrix of a linear transform."""
     if not hasattr(transform, "GetMatrix"):
-        # not rounded; some have no type of their own
+        # the name in itk would load all of ITKTransform
+        from itk.itkMatrixOffsetTransformBasePython import itkMatrixOffsetTransformBaseD33
+
+        # not rounded; some have no matrix
         with suppress(RuntimeError):
-            transform = itk.down_cast(transform)
+            transform = itkMatrixOffsetTransformBaseD33.cast(transform)
     matrix = np.eye(4)
     start = np.array(list(transform.TransformPoint([0.0] * 3)))
     matrix[:3, 3] = start

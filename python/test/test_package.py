@@ -9,6 +9,7 @@ from pathlib import Path
 
 import itk
 import pytest
+from program import PROGRAM
 
 
 @pytest.fixture(scope="module")
@@ -45,6 +46,18 @@ def test_program(files, tmp_path):
     assert version.startswith(f"shear-warp-mip {metadata.version('itk-shearwarpmip')}, ITK 5.4.")
     subprocess.run([program, "--write-phantom", tmp_path / "head.nrrd"], check=True)
     assert itk.imread(tmp_path / "head.nrrd").GetImageDimension() == 3
+
+
+def test_first_picture_loads_few_modules(tmp_path):
+    """ITKTransform with what it needs takes half a second."""
+    subprocess.run([PROGRAM, "--write-phantom", tmp_path / "head.nrrd", "--phantom-size", "8", "8", "8"], check=True)
+    code = (
+        "import sys; from itk_shearwarpmip import mip, save_png; import itk; "
+        "save_png(mip(sys.argv[1]), sys.argv[2]); print(*sorted(itk.loaded_lazy_modules))"
+    )
+    command = [sys.executable, "-c", code, tmp_path / "head.nrrd", tmp_path / "mip.png"]
+    modules = subprocess.run(command, check=True, capture_output=True, text=True).stdout.split()
+    assert modules == ["ITKBridgeNumPy", "ITKCommon", "ShearWarpMIP"]
 
 
 MAIN = "from itk_shearwarpmip.__main__ import main; main"
