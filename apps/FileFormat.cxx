@@ -37,6 +37,10 @@ const std::vector<std::pair<std::string, FileFormat>> extensions = {
 std::string
 GetExtension(const std::filesystem::path & path)
 {
+  if (path == StandardOutput)
+  {
+    return ".nrrd";
+  }
   const std::string last = ToLower(path.extension().string());
   return (last == ".gz" ? ToLower(path.stem().extension().string()) : "") + last;
 }

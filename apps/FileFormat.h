@@ -22,6 +22,9 @@
 #include <set>
 #include <string>
 
+/** Stands for the standard output, which gets a NRRD. */
+constexpr const char * StandardOutput = "-";
+
 /** What the name of a file ends with, in small letters, with two parts where it is compressed: its format. */
 std::string
 GetExtension(const std::filesystem::path & path);

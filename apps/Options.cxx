@@ -561,8 +561,8 @@ DefineOptions(CLI::App & app, Options & options)
                                output->required(false);
                              },
                              "Writes the volume that INPUT holds, as this program understands it, instead of a "
-                             "projection: .mha, .nrrd, .nii or .nii.gz. Points in time are the fourth axis. --series, "
-                             "--volume and --suv have their effect")
+                             "projection: .mha, .nrrd, .nii or .nii.gz, or - for a NRRD as standard output. Points in "
+                             "time are the fourth axis. --series, --volume and --suv have their effect")
                            ->type_name("FILE")
                            ->group("Program, usual");
   addFlag("Program",

@@ -41,6 +41,10 @@
 namespace
 {
 namespace fs = std::filesystem;
+
+/** The name of the standard output as a file. */
+const std::string streamName = "/dev/stdout";
+
 /** Names sort as frames do. */
 fs::path
 GetFrameName(const fs::path & path, std::size_t frame, std::size_t frames)
@@ -146,12 +150,27 @@ SetTexts(itk::ImageIOBase & io, const OutputFiles::Texts & texts)
   }
 }
 
+/** Whether \a stream is a file, and opens anew: other systems give the stream itself. */
+bool
+IsFileOfLinux([[maybe_unused]] const std::string & stream)
+{
+#ifdef __linux__
+  return fs::is_regular_file(stream);
+#else
+  return false;
+#endif
+}
+
 /** Throws if \a bytes of pixels are not all in a file: not all of ITK's writers notice a full disk. */
 void
 ReadBack(const std::string & fileName, std::uintmax_t bytes)
 {
   const std::string extension = GetExtension(fileName);
-  if (extension == ".nrrd" || extension == ".mha")
+  if (fileName == streamName && !IsFileOfLinux(fileName))
+  {
+    return;
+  }
+  if (fileName == streamName || extension == ".nrrd" || extension == ".mha")
   {
     // they are stored as they are, and may be half of the memory
     std::streamoff end = 0;
@@ -223,7 +242,8 @@ OutputFiles::Reserve(const fs::path & path, const std::set<FileFormat> & formats
 {
   const fs::path    target = this->Claim(path, false, m_Reserved);
   const std::string extension = GetExtension(path);
-  const FileFormat  own = FindFormat(path);
+  const bool        isRefused = path == StandardOutput && option != "--write-volume";
+  const FileFormat  own = isRefused ? FileFormat::None : FindFormat(path);
   if (formats.count(own) == 0)
   {
     throw std::runtime_error(option + ": '" + path.string() + "' must have one of the extensions" +
@@ -247,7 +267,10 @@ OutputFiles::Reserve(const fs::path & path, const std::set<FileFormat> & formats
   {
     RequireAnimationEncoder();
   }
-  this->RequireWritable(target.parent_path(), path);
+  if (path != StandardOutput)
+  {
+    this->RequireWritable(target.parent_path(), path);
+  }
   if (own == FileFormat::Picture)
   {
     const fs::path  folder = path.parent_path();
@@ -490,7 +513,7 @@ OutputFiles::Claim(const fs::path & path, bool isFolder, Names & taken) const
     {
       throw std::runtime_error(name + " is a device or a pipe: only files can be written");
     }
-    this->RequireNoInput(path);
+    this->RequireNoInput(path == StandardOutput ? fs::path(streamName) : path);
     target = FollowLinks(isFolder ? (path / "").parent_path() : path);
     if (fs::is_regular_file(status) && !std::ofstream(target, std::ios::app))
     {
@@ -535,7 +558,8 @@ std::string
 OutputFiles::BeginFile(const fs::path & path)
 {
   this->HoldSignals();
-  return this->AddFile(this->Claim(path, false, m_Begun), GetExtension(path));
+  const fs::path target = this->Claim(path, false, m_Begun);
+  return path == StandardOutput ? streamName : this->AddFile(target, GetExtension(path));
 }
 
 std::string
@@ -574,7 +598,8 @@ OutputFiles::WriteFile(const fs::path &    path,
                        const Texts &       texts)
 {
   const itk::ImageBase<3> * grid = image.image;
-  const auto io = itk::ImageIOFactory::CreateImageIO(temporaryName.c_str(), itk::IOFileModeEnum::WriteMode);
+  const std::string         name = temporaryName == streamName ? streamName + ".nrrd" : temporaryName;
+  const auto                io = itk::ImageIOFactory::CreateImageIO(name.c_str(), itk::IOFileModeEnum::WriteMode);
   if (!io)
   {
     throw std::runtime_error("this build of ITK cannot write '" + path.string() + "'");

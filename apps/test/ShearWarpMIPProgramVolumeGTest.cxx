@@ -97,6 +97,19 @@ TEST_F(ShearWarpMIPProgramVolume, IsTheSameInEachFormat)
   this->ExpectSamePictures("in.nrrd", "out.nrrd", "--azimuth 30");
 }
 
+TEST_F(ShearWarpMIPProgramVolume, IsStandardOutput)
+{
+  this->ExpectSuccess("in.nrrd --write-volume out.nrrd");
+  EXPECT_TRUE(this->Run("in.nrrd --write-volume=-").output == ReadText(m_Folder / "out.nrrd"));
+  const std::string call = "cd '" + m_Folder.string() + "' && '" + GetProgram() + "' in.nrrd --write-volume - ";
+  EXPECT_EQ(std::system((call + "| cmp - out.nrrd").c_str()), 0);
+  EXPECT_NE(std::system((call + "2>/dev/null 1<>in.nrrd").c_str()), 0);
+  this->ExpectSamePictures("in.nrrd", "out.nrrd");
+#ifdef __linux__
+  EXPECT_NE(std::system((call + "2>/dev/null >/dev/full").c_str()), 0);
+#endif
+}
+
 TEST_F(ShearWarpMIPProgramVolume, KeepsItsTypeAndComponents)
 {
   const auto doubles = MakeVolume<double>(-0.5);
