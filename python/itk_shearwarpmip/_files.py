@@ -4,15 +4,13 @@ import os
 import re
 import tempfile
 from collections.abc import Iterator
-from pathlib import Path
-from typing import Any
+from contextlib import contextmanager
+from typing import IO, Any
 
 import numpy as np
 
 from itk_shearwarpmip import _program
 
-_MEMORY = Path("/dev/shm")
-"""A folder in memory, if there is one."""
 _TYPES = {
     "signed char": "i1", "unsigned char": "u1", "short": "i2", "unsigned short": "u2", "int": "i4",
     "unsigned int": "u4", "long long int": "i8", "unsigned long long int": "u8", "float": "f4", "double": "f8",
@@ -30,37 +28,39 @@ def read(path: str, *options: str) -> tuple[Any, dict[str, str]]:
     """
     if not os.path.exists(path):
         raise FileNotFoundError(f"'{path}' does not exist")
-    for folder in _find_folders():
-        # on some systems, a mapped file cannot be removed
-        with tempfile.TemporaryDirectory(prefix="shear-warp-mip-", dir=folder, ignore_cleanup_errors=True) as temporary:
-            volume = os.path.join(temporary, "volume.nrrd")
-            try:
-                _program.run([*options, "--with-attributes", f"--write-volume={volume}", "--", path])
-            except _program.ProgramError as error:
-                if "cannot write" not in str(error):
-                    raise
-                if folder is None:
-                    message = (
-                        f"'{path}' needs more room than '{tempfile.gettempdir()}' has: set TMPDIR to another folder"
-                    )
-                    raise OSError(message) from error
-                continue
-            return _load(volume, is_in_memory=folder is not None)
-    raise AssertionError
+
+    def write(name: str, file: IO[bytes] | None = None) -> None:
+        _program.run([*options, "--with-attributes", f"--write-volume={name}", "--", path], file)
+
+    if hasattr(os, "memfd_create"):
+        # this memory ends with the processes that have it, even if they are killed
+        with open(os.memfd_create("shear-warp-mip"), "w+b") as file, _if_full():
+            write("-", file)
+            return _load(file, is_in_memory=True)
+    with tempfile.TemporaryDirectory(prefix="shear-warp-mip-") as folder:
+        with _if_full(f"'{path}' needs more room than '{tempfile.gettempdir()}' has: set TMPDIR to another folder"):
+            write(volume := os.path.join(folder, "volume.nrrd"))
+        with open(volume, "rb") as written:
+            return _load(written, is_in_memory=False)
 
 
-def _find_folders() -> Iterator[Path | None]:
-    """Where the program writes to: in memory, or the usual place."""
-    if os.access(_MEMORY, os.W_OK):
-        yield _MEMORY
-    yield None
+@contextmanager
+def _if_full(message: str = "") -> Iterator[None]:
+    """Goes on if there is no room to write, or raises an OSError with a message."""
+    try:
+        yield
+    except _program.ProgramError as error:
+        if "cannot write" not in str(error):
+            raise
+        if message:
+            raise OSError(message) from error
 
 
-def _load(path: str, is_in_memory: bool) -> tuple[Any, dict[str, str]]:
+def _load(file: IO[bytes], is_in_memory: bool) -> tuple[Any, dict[str, str]]:
     """Loads what the program has written: NRRD without compression."""
-    with open(path, "rb") as file:
-        lines = [os.fsdecode(line).rstrip("\n") for line in iter(file.readline, b"\n")]
-        begin = file.tell()
+    file.seek(0)
+    lines = [os.fsdecode(line).rstrip("\n") for line in iter(file.readline, b"\n")]
+    begin = file.tell()
     fields, entries = {}, {}
     for line in lines[1:]:
         if ":=" in line and not line.startswith("#"):
@@ -75,9 +75,8 @@ def _load(path: str, is_in_memory: bool) -> tuple[Any, dict[str, str]]:
     shape = (times, *reversed(sizes), *([components] if components > 1 else []))
     dtype = np.dtype((">" if fields.get("endian") == "big" else "<") + _TYPES[fields["type"]])
     if is_in_memory:
-        # of the mapping, the file's name can go
-        voxels = np.memmap(path, dtype, "c", begin, shape).view(np.ndarray)
+        voxels = np.memmap(file, dtype, "c", begin, shape).view(np.ndarray)
     else:
-        voxels = np.fromfile(path, dtype, offset=begin).reshape(shape)
+        voxels = np.fromfile(file, dtype).reshape(shape)
     entries["Origin"] = " ".join(fields["space origin"].strip("()").split(",")[:3])
     return voxels, entries

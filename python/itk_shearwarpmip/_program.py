@@ -9,6 +9,7 @@ import sys
 import sysconfig
 import warnings
 from collections.abc import Sequence
+from typing import IO
 
 _NAME = "shear-warp-mip"
 _VARIABLE = "SHEARWARPMIP_PROGRAM"
@@ -39,8 +40,8 @@ def find() -> str:
     )
 
 
-def run(arguments: Sequence[str]) -> str:
-    """Runs the program, and returns what it prints as its output. The program ends before this function does.
+def run(arguments: Sequence[str], output: IO[bytes] | None = None) -> None:
+    """Runs the program, whose standard output goes to a file. The program ends before this function does.
 
     Its warnings become warnings at the line that called the package.
 
@@ -49,13 +50,16 @@ def run(arguments: Sequence[str]) -> str:
     """
     try:
         child = subprocess.Popen(
-            [find(), *arguments], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+            [find(), *arguments],
+            stdin=subprocess.DEVNULL,
+            stdout=output or subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
         )
     except PermissionError as error:
         raise OSError(f"the program {_NAME} cannot be started: {error}") from error
     with child:
         try:
-            output, messages = (os.fsdecode(text) for text in child.communicate())
+            messages = os.fsdecode(child.communicate()[1])
         except BaseException:
             _end(child)
             raise
@@ -71,7 +75,6 @@ def run(arguments: Sequence[str]) -> str:
         if not errors:
             raise RuntimeError(f"the program {_NAME} ended with {child.returncode}: {messages.strip()}")
         raise ProgramError(reword(errors[-1]))
-    return output
 
 
 def reword(text: str) -> str:

@@ -9,11 +9,12 @@ import sys
 import tempfile
 import textwrap
 import time
+from pathlib import Path
 
 import itk
 import numpy as np
 import pytest
-from itk_shearwarpmip import _files, _program, mip, open_image
+from itk_shearwarpmip import _program, mip, open_image
 from numpy.testing import assert_array_equal
 from program import HEED_INTERRUPTS, PROGRAM
 from samples import make_oblique
@@ -43,9 +44,8 @@ def use_script(tmp_path, monkeypatch):
 
 @pytest.fixture(autouse=True)
 def nothing_is_left(monkeypatch, tmp_path_factory):
-    # those of other tests come and go
-    folder = tmp_path_factory.mktemp("memory")
-    monkeypatch.setattr(_files, "_MEMORY", folder)
+    folder = tmp_path_factory.mktemp("temporary")
+    monkeypatch.setattr(tempfile, "tempdir", str(folder))
     yield
     assert not any(folder.iterdir())
 
@@ -160,7 +160,7 @@ def test_words_of_the_program_have_names_of_keywords(volume, use_script):
 def test_full_disk(volume, use_script, monkeypatch, tmp_path):
     # the memory is full, the disk is not
     use_script(
-        f'case "$*" in *{_files._MEMORY.name}*) '
+        'case "$*" in *write-volume=-\\ *) '
         "echo \"shear-warp-mip: cannot write all of 'x.nrrd'; is the disk full?\" >&2; exit 1;; esac\n"
         f'exec "{PROGRAM}" "$@"'
     )
@@ -170,12 +170,10 @@ def test_full_disk(volume, use_script, monkeypatch, tmp_path):
         open_image(volume)
 
 
-def test_without_a_folder_in_memory(volume, monkeypatch, tmp_path):
-    monkeypatch.setattr(_files, "_MEMORY", tmp_path / "none")
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    image = open_image(volume)
-    assert [path.name for path in tmp_path.iterdir()] == ["volume.nrrd"]
-    assert image.shape == (9, 11, 14)
+def test_without_files_in_memory(volume, monkeypatch):
+    expected = np.asarray(open_image(volume))
+    monkeypatch.delattr(os, "memfd_create")
+    assert_array_equal(open_image(volume), expected)
 
 
 def test_sources_are_known(volume):
@@ -191,36 +189,39 @@ def is_running(pid):
 
 
 @pytest.mark.skipif(os.name != "posix", reason="has signals")
+@pytest.mark.parametrize("name", ["SIGINT", "SIGKILL"] if hasattr(os, "memfd_create") else ["SIGINT"])
 @pytest.mark.parametrize("is_deaf", [False, True])
-def test_interrupt_ends_the_program(volume, tmp_path, use_script, is_deaf):
-    """Ctrl-C for Python only: the program is ended, and nothing is left behind."""
-    memory = tmp_path / "memory"
-    memory.mkdir()
+def test_end_of_python_ends_the_reading(name, volume, tmp_path, use_script, is_deaf):
+    """A signal for Python only: Ctrl-C ends the program too, and nothing is left behind."""
+    folder = tmp_path / "temporary"
+    folder.mkdir()
     trap = "trap '' TERM\n" if is_deaf else ""
     use_script(
-        f'{trap}echo $$ > "{tmp_path}/pid.new"; mv "{tmp_path}/pid.new" "{tmp_path}/pid"\nwhile :; do sleep 0.1; done'
+        f'{trap}echo "$@" > "{tmp_path}/arguments"; echo $$ > "{tmp_path}/pid.new"; mv "{tmp_path}/pid.new" "{tmp_path}/pid"\n'
+        f"while kill -0 $PPID; do sleep 0.1; done"
     )
     code = f"""
         {HEED_INTERRUPTS}
-        from pathlib import Path
-        from itk_shearwarpmip import _files, _program, open_image
-        _files._MEMORY = Path({str(memory)!r})
+        from itk_shearwarpmip import _program, open_image
         _program._SECONDS_TO_END = 0.5
         try:
             open_image({str(volume)!r})
         except KeyboardInterrupt:
             print("interrupted")
         """
-    child = subprocess.Popen([sys.executable, "-c", textwrap.dedent(code)], stdout=subprocess.PIPE, text=True)
+    command = [sys.executable, "-c", textwrap.dedent(code)]
+    environment = os.environ | {"TMPDIR": str(folder)}
+    child = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
     while not (tmp_path / "pid").exists():
         assert child.poll() is None
         time.sleep(0.05)
-    assert len(list(memory.iterdir())) == 1
-    child.send_signal(signal.SIGINT)
-    assert child.communicate(timeout=60)[0] == "interrupted\n"
+    child.send_signal(getattr(signal, name))
+    assert child.communicate(timeout=60)[0] == ("interrupted\n" if name == "SIGINT" else "")
     pid = int((tmp_path / "pid").read_text())
     assert any(not is_running(pid) or time.sleep(0.1) for _ in range(100))
-    assert not any(memory.iterdir())
+    assert not any(folder.iterdir())
+    written = Path((tmp_path / "arguments").read_text().partition("--write-volume=")[2].split()[0])
+    assert written == Path("-") or not written.parent.exists()
 
 
 def test_folder_that_is_not_readable(volume, tmp_path):
