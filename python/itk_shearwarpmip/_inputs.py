@@ -9,7 +9,7 @@ from fractions import Fraction
 from functools import cache
 from math import isfinite
 from pathlib import Path
-from typing import Any
+from typing import Any, SupportsFloat
 
 import itk
 import numpy as np
@@ -103,6 +103,8 @@ def open_image(
     entries: dict[str, str] = {}
     is_file = isinstance(source, str | os.PathLike) and not is_ome_zarr(source)
     make_flag("suv", suv)
+    time, channel = None if time is None else make_count("time", time, 0), make_count("channel", channel, 0)
+    level = None if level is None else make_count("level", level, 0)
     if not is_file:
         _require_none(series=series, volume=volume, suv=suv or None)
     if is_ome_zarr(source):
@@ -172,7 +174,7 @@ def _read(path: str, series: Any, volume: Any, suv: bool, time: int | None) -> t
         time = time or 0
     if time is None:
         raise ValueError(f"'{path}' has {len(voxels)} points in time: give the number of one, as time=0")
-    if not isinstance(time, int | np.integer) or not 0 <= time < len(voxels):
+    if time >= len(voxels):
         raise ValueError(f"time must be a whole number from 0 to {len(voxels) - 1} for '{path}', but it is {time!r}")
     spacing, origin, direction = (
         [float(number) for number in entries.pop(key).split()] for key in ("Spacing", "Origin", "Direction")
@@ -365,7 +367,7 @@ def make_numbers(
 ) -> list[Any]:
     """Converts a keyword's value to a list of `count` numbers, two `parts` or three of "x, y, z"."""
     try:
-        numbers = [] if isinstance(values, str) else [float(value) for value in values]
+        numbers = [] if isinstance(values, str) else [float(value) for value in values if is_number(value)]
     except (TypeError, ValueError):
         numbers = []
     is_right = all(number.is_integer() if is_whole else not is_finite or isfinite(number) for number in numbers)
@@ -378,11 +380,16 @@ def make_numbers(
     return [int(number) for number in numbers] if is_whole else numbers
 
 
-def make_count(name: str, value: Any) -> int:
+def make_count(name: str, value: Any, least: int = 1) -> int:
     count = np.asarray(value).tolist()
-    if not isinstance(count, int) or count < 1:
-        raise ValueError(f"{name} must be a whole number of at least 1, but it is {value!r}")
+    if not isinstance(count, int) or isinstance(count, bool) or count < least:
+        raise ValueError(f"{name} must be a whole number of at least {least}, but it is {value!r}")
     return count
+
+
+def is_number(value: Any) -> bool:
+    """True and False are none."""
+    return np.ndim(value) == 0 and isinstance(value, SupportsFloat) and not isinstance(value, bool | np.bool_)
 
 
 def make_flag(name: str, value: Any) -> bool:

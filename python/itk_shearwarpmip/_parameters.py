@@ -10,7 +10,7 @@ import itk
 import numpy as np
 from numpy.typing import NDArray
 
-from itk_shearwarpmip._inputs import describe, make_flag, make_numbers
+from itk_shearwarpmip._inputs import describe, is_number, make_flag, make_numbers
 
 Mode = Literal["maximum", "minimum", "absolute_maximum"]
 MODES = {"maximum": "Mode_Maximum", "minimum": "Mode_Minimum", "absolute_maximum": "Mode_AbsoluteMaximum"}
@@ -112,7 +112,7 @@ def set_value(made: Any, name: str, keyword: str, value: Any) -> None:
     """Sets a number, converted to the filter's type."""
     kind = type(getattr(made, f"Get{name}")())
     try:
-        if kind(value) != value and value == value:
+        if not is_number(value) or (kind(value) != value and value == value):
             raise ValueError
         getattr(made, f"Set{name}")(kind(value))
     except (OverflowError, TypeError, ValueError) as error:
@@ -121,7 +121,7 @@ def set_value(made: Any, name: str, keyword: str, value: Any) -> None:
 
 def _set_pixel(made: Any, name: str, keyword: str, value: Any, is_whole: bool) -> None:
     try:
-        if isinstance(value, bool | str) or (is_whole and not float(value).is_integer()):
+        if not is_number(value) or (is_whole and not float(value).is_integer()):
             raise ValueError
         getattr(made, f"Set{name}")(int(value) if is_whole else float(value))
     except (OverflowError, TypeError, ValueError) as error:

@@ -1,10 +1,12 @@
 """Views by name, transform or matrix."""
 
 import math
-from typing import Any, SupportsFloat
+from typing import Any
 
 import itk
 import numpy as np
+
+from itk_shearwarpmip._inputs import is_number
 
 SIDES = ("anterior", "posterior", "left", "right", "superior", "inferior")
 
@@ -30,7 +32,7 @@ def make_transform(image: Any, view: Any = "anterior", azimuth: float = 0.0, ele
         if view not in SIDES:
             raise ValueError(choices)
         angles = azimuth, elevation
-        if not all(isinstance(each, SupportsFloat) and np.ndim(each) == 0 and math.isfinite(each) for each in angles):
+        if not all(is_number(each) and math.isfinite(each) for each in angles):
             raise ValueError(
                 f"azimuth and elevation must be finite numbers, but they are {azimuth!r} and {elevation!r}"
             )

@@ -10,7 +10,7 @@ import dask.array
 import itk
 import numpy as np
 
-from itk_shearwarpmip._inputs import UNITS, Placed, find_pixel_types, is_of, place, place_affine, take
+from itk_shearwarpmip._inputs import UNITS, Placed, find_pixel_types, is_of, make_count, place, place_affine, take
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +89,8 @@ def open_volume(
     >>> volume.array.numblocks, volume.spacing
     ((2, 3, 3), (0.4, 0.4, 0.8))
     """
+    level = None if level is None else make_count("level", level, 0)
+    time, channel = make_count("time", time, 0), make_count("channel", channel, 0)
     if isinstance(volume, str | os.PathLike) or is_of(volume, "zarr", "Group"):
         image = _OmeZarr(volume)
         own = image.read_level(image.choose_level(output_spacing) if level is None else level, time, channel)

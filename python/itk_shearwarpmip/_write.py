@@ -359,7 +359,11 @@ def _write_nrrd(path: Path, pixels: NDArray[Any], axes: NDArray[Any], origin: An
     for key, text in texts.items():
         escaped = text.replace("\\", "\\\\").replace("\r", " ").replace("\n", "\\n")
         lines.append(f"{key}:={escaped}")
-    with open(path, "wb") as file:
-        file.write(("\n".join(lines) + "\n\n").encode("utf-8", "surrogateescape"))
-        np.ascontiguousarray(pixels, pixels.dtype.newbyteorder("<")).tofile(file)
+    try:
+        with open(path, "wb") as file:
+            file.write(("\n".join(lines) + "\n\n").encode("utf-8", "surrogateescape"))
+            np.ascontiguousarray(pixels, pixels.dtype.newbyteorder("<")).tofile(file)
+    except OSError as error:
+        message = f"the {path.stem} needs more room than '{tempfile.gettempdir()}' has: set TMPDIR to another folder"
+        raise OSError(message) from error
     return str(path)

@@ -2,6 +2,7 @@
 
 import base64
 import copy
+import functools
 import io
 import json
 import os
@@ -608,6 +609,23 @@ def test_write_refuses(head, tmp_path, options, message):
     with pytest.raises((OSError, ValueError), match=message) as caught:
         write(head, tmp_path / "x.png", **options)
     assert "/shear-warp-mip-" not in str(caught.value)
+    assert not os.listdir(tmp_path)
+
+
+@pytest.mark.parametrize("length", [1000, 100_000])
+def test_full_folder_of_temporary_files(head, tmp_path, monkeypatch, length):
+    resource = pytest.importorskip("resource")
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    series = itk_shearwarpmip.turn(head, frames=20)
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (length, limits[1]))
+    try:
+        for save, what in ((series.save, "frames"), (functools.partial(write, head), "source")):
+            with pytest.raises(OSError) as caught:
+                save(tmp_path / "x.html")
+            assert str(caught.value) == f"the {what} needs more room than '{tmp_path}' has: set TMPDIR to another folder"
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     assert not os.listdir(tmp_path)
 
 
