@@ -311,8 +311,8 @@ def turn(
         made.SetRocking(make_flag("rocking", rocking))
 
     if is_chunked(source):
-        stack, views = _project_chunks_turning(source, set_turn, parameters, where)
-        return Turn(stack, views, mode=mode)
+        stack, views, middle = _project_chunks_turning(source, set_turn, parameters, where)
+        return Turn(stack, views, mode=mode, center=middle)
     image = open_image(source, **where)
     with _get_filters(image) as filters:
         made = filters.get(itk.ShearWarpMIPCineImageFilter)
@@ -551,12 +551,15 @@ def _project_chunks(
     return show_itself(*_projection.project(volume, transform, parameters), volume, transform)
 
 
-def _project_chunks_turning(source: Any, set_turn: Any, parameters: Parameters, where: Any) -> tuple[Any, list[Any]]:
+def _project_chunks_turning(
+    source: Any, set_turn: Any, parameters: Parameters, where: Any
+) -> tuple[Any, list[Any], Any]:
+    """The frames, their views and the center of the volume."""
     volume = _open_chunks(source, parameters, where)
     from itk_shearwarpmip import _projection
 
     stack, background, views = _projection.project_turn(volume, set_turn, parameters)
-    return show_itself(stack, background, volume), views
+    return show_itself(stack, background, volume), views, list(itk.ShearWarpMIPView.GetCenter(volume.make_image()))
 
 
 def show_itself(picture: Any, background: float, source: Any, view: Any = None) -> Any:

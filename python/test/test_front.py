@@ -22,20 +22,16 @@ import pytest
 import samples
 import SimpleITK
 import xarray
+from forms import ArrayLike, get_geometry, make_form, make_nibabel, make_simple_itk
 from IPython.core.formatters import DisplayFormatter
 from itk_shearwarpmip import Turn, mip, open_image, save_png, turn
 from itk_shearwarpmip._front import _FILTERS
 from itk_shearwarpmip._window import find_window, find_window_of
 from numpy.testing import assert_array_equal
-from program import NO_LABELS, PROGRAM
+from program import PROGRAM
 from samples import make_like
 
 Enums = itk.ShearWarpMIPImageFilterEnums
-
-
-def get_geometry(image):
-    direction = itk.array_from_matrix(image.GetDirection())
-    return {"spacing": list(image.GetSpacing()), "origin": list(image.GetOrigin()), "direction": direction}
 
 
 def make_view(image, azimuth=30.0, elevation=0.0):
@@ -50,33 +46,6 @@ def project(image, **parameters):
     )
 
 
-def make_nibabel(image):
-    geometry = get_geometry(image)
-    affine = np.eye(4)
-    affine[:3, :3] = geometry["direction"] * geometry["spacing"]
-    affine[:3, 3] = geometry["origin"]
-    return nibabel.Nifti1Image(itk.array_from_image(image).T, np.diag([-1, -1, 1, 1]) @ affine)
-
-
-def make_simple_itk(image):
-    simple = SimpleITK.GetImageFromArray(itk.array_from_image(image))
-    geometry = get_geometry(image)
-    simple.SetSpacing(geometry["spacing"])
-    simple.SetOrigin(geometry["origin"])
-    simple.SetDirection(geometry["direction"].ravel().tolist())
-    return simple
-
-
-class ArrayLike:
-    """Of a package that NumPy does not know."""
-
-    def __init__(self, array):
-        self._array = array
-
-    def __array__(self, dtype=None, copy=None):
-        return np.asarray(self._array, dtype)
-
-
 class OfItsOwn(ArrayLike):
     """Of a package with the functions of the array API."""
 
@@ -84,77 +53,19 @@ class OfItsOwn(ArrayLike):
         return SimpleNamespace(asarray=OfItsOwn)
 
 
-class Exchanged:
-    """Has DLPack only."""
-
-    def __init__(self, array):
-        self._array = array
-
-    def __dlpack__(self, **options):
-        return self._array.__dlpack__(**options)
-
-    def __dlpack_device__(self):
-        return self._array.__dlpack_device__()
-
-
-def write(image, path):
-    itk.imwrite(image, str(path))
-    return path
-
-
-# each gives a source and keywords
-KINDS = {
-    "itk": lambda image, folder: (image, {}),
-    "file": lambda image, folder: (str(write(image, folder / "image.nrrd")), {}),
-    "path": lambda image, folder: (write(image, folder / "image.mha"), {}),
-    "xarray": lambda image, folder: (itk.xarray_from_image(image), {}),
-    "SimpleITK": lambda image, folder: (make_simple_itk(image), {}),
-    "nibabel": lambda image, folder: (make_nibabel(image), {}),
-    "NumPy": lambda image, folder: (itk.array_from_image(image), get_geometry(image)),
-    "Fortran": lambda image, folder: (np.asfortranarray(itk.array_from_image(image)), get_geometry(image)),
-    "swapped": lambda image, folder: (itk.array_from_image(image).astype(">i2"), get_geometry(image)),
-    "strided": lambda image, folder: (np.repeat(itk.array_from_image(image), 2, axis=2)[..., ::2], get_geometry(image)),
-    "int64": lambda image, folder: (itk.array_from_image(image).astype(np.int64), get_geometry(image)),
-    "__array__": lambda image, folder: (ArrayLike(itk.array_from_image(image)), get_geometry(image)),
-    "DLPack": lambda image, folder: (Exchanged(itk.array_from_image(image)), get_geometry(image)),
-}
-
-
 def get_pixels(picture):
     return SimpleITK.GetArrayFromImage(picture) if isinstance(picture, SimpleITK.Image) else np.asarray(picture)
 
 
-def check_kind(kind, image, folder):
-    source, where = KINDS[kind](image, folder)
-    expected = project(image)
-    picture = mip(source, view="anterior", azimuth=30, **where)
-    assert get_pixels(picture).dtype == np.int16
-    assert get_pixels(picture).tobytes() == itk.array_from_image(expected).tobytes()
-    if isinstance(picture, SimpleITK.Image | itk.Image[itk.SS, 2]):
-        assert list(picture.GetSpacing()) == pytest.approx(list(expected.GetSpacing()), rel=1e-14)
-        assert list(picture.GetOrigin()) == pytest.approx(list(expected.GetOrigin()), rel=1e-12)
-    frames = turn(source, azimuth=30, frames=1, **where).frames
-    assert_array_equal(np.asarray(frames)[0], expected)
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_each_kind_gives_the_same_bits(kind, image, tmp_path):
-    check_kind(kind, image, tmp_path)
-
-
-def test_chunks_give_the_same_bits(image):
+def test_chunks(image):
     dask_array = pytest.importorskip("dask.array")
     chunked = dask_array.from_array(itk.array_from_image(image), 5)
-    expected = project(image)
-    for source, where in ((chunked, get_geometry(image)), (itk.xarray_from_image(image).chunk(5), {})):
-        picture = mip(source, azimuth=30, **where)
-        assert_array_equal(picture, expected)
-    assert picture.dims == ("y", "x")
     series = turn(chunked, azimuth=30, elevation=10, frames=5, **get_geometry(image))
     assert_array_equal(series.frames, turn(image, azimuth=30, elevation=10, frames=5).frames)
     assert len(series.transforms) == 5
-    # of signed voxels each chunk may have the least
+    # each chunk may have the least
     assert series.frames["Background"] == itk.array_view_from_image(image).min()
+    assert mip(itk.xarray_from_image(image).chunk(5)).dims == ("y", "x")
 
 
 def test_tensors(image):
@@ -175,9 +86,10 @@ sys.path[:0] = [{os.path.dirname(__file__)!r}, {os.path.dirname(samples.__file__
 import pathlib, numpy as np, itk_shearwarpmip
 assert hasattr(itk_shearwarpmip, "mip") and "dask.array" not in sys.modules
 from samples import make_oblique
-from test_front import KINDS, check_kind
-for kind in KINDS:
-    check_kind(kind, make_oblique(np.random.default_rng(1)), pathlib.Path({str(tmp_path)!r}))
+from forms import IN_MEMORY, make_form
+for form in IN_MEMORY:
+    source, where = make_form(form, make_oblique(np.random.default_rng(1)), pathlib.Path({str(tmp_path)!r}))
+    itk_shearwarpmip.mip(source, **where)
 try:
     itk_shearwarpmip.mip("light-sheet.ome.zarr")
 except ImportError as error:
@@ -223,38 +135,6 @@ def test_defaults_are_the_programs():
 
 with_program = pytest.mark.skipif(not PROGRAM, reason="needs the program shear-warp-mip: SHEARWARPMIP_PROGRAM=path")
 
-# keywords, the program's options
-SAME = {
-    "nothing": ({}, []),
-    "view": ({"view": "left", "azimuth": -20, "elevation": 15}, ["--view=left", "--azimuth=-20", "--elevation=15"]),
-    "mode": ({"mode": "absolute_maximum"}, ["--mode=absolute-maximum"]),
-    "slab": ({"slab": (-2, np.inf)}, ["--slab=-2,inf"]),
-    "crop": ({"crop": ((12, -30, 5), (16, -26, np.inf))}, ["--crop=12,16,-30,-26,5,inf"]),
-    "fading": ({"attenuation": 0.05}, ["--attenuation=0.05"]),
-    "local maximum": ({"local_maximum": 300}, ["--local-maximum=300"]),
-    "background": ({"background": 5}, ["--background=5"]),
-    "exact": ({"exact": True}, ["--exact"]),
-    "oversampling": ({"oversampling": 2}, ["--oversampling=2"]),
-    "grid": ({"output_spacing": (0.5, 0.8), "size": (20, 30)}, ["--output-spacing=0.5,0.8", "--size=20,30"]),
-}
-
-
-@with_program
-@pytest.mark.parametrize("parameters, options", SAME.values(), ids=SAME)
-def test_pictures_are_the_programs(parameters, options, image, tmp_path):
-    path = write(image, tmp_path / "image.nrrd")
-    done = subprocess.run([PROGRAM, path, tmp_path / "mip.mha", *options], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    expected = itk.imread(str(tmp_path / "mip.mha"))
-    picture = mip(path, **parameters)
-    assert np.asarray(picture).tobytes() == np.asarray(expected).tobytes()
-    assert list(picture.GetSpacing()) == pytest.approx(list(expected.GetSpacing())[:2])
-    assert list(picture.GetOrigin()) == pytest.approx(list(expected.GetOrigin())[:2])
-    subprocess.run([PROGRAM, path, tmp_path / "mip.png", *options, *NO_LABELS], check=True)
-    save_png(picture, tmp_path / "shown.png", labels=False)
-    shown, expected = (np.asarray(itk.imread(str(tmp_path / f"{name}.png"))) for name in ("shown", "mip"))
-    assert_array_equal(shown, expected)
-
 
 @with_program
 @pytest.mark.parametrize(
@@ -270,7 +150,8 @@ def test_pictures_are_the_programs(parameters, options, image, tmp_path):
     ],
 )
 def test_turns_are_the_programs(parameters, options, image, tmp_path):
-    path = write(image, tmp_path / "image.nrrd")
+    path = tmp_path / "image.nrrd"
+    itk.imwrite(image, path)
     subprocess.run([PROGRAM, path, tmp_path / "turn.nrrd", "--frames=7", *options.split()], check=True)
     series = turn(path, frames=7, **parameters)
     assert np.asarray(series.frames).tobytes() == np.asarray(itk.imread(str(tmp_path / "turn.nrrd"))).tobytes()
@@ -337,13 +218,13 @@ def test_views(image):
 @pytest.mark.parametrize("kind", ["itk", "xarray", "SimpleITK", "nibabel", "path", "bool"])
 def test_masks_with_a_place_of_their_own(kind, image, tmp_path):
     mask = make_like(MASK.astype(np.uint8), image)
-    source = MASK != 0 if kind == "bool" else KINDS[kind](mask, tmp_path)[0]
+    source = MASK != 0 if kind == "bool" else make_form(kind, mask, tmp_path)[0]
     expected = mip(image, mask=MASK)
     assert_array_equal(mip(image, mask=source), expected)
     if kind != "bool":
         mask.SetOrigin([12.0, -30.0, 5.6])
         with pytest.raises(ValueError, match=r"a corner is 0\.1 mm away"):
-            mip(image, mask=KINDS[kind](mask, tmp_path)[0])
+            mip(image, mask=make_form(kind, mask, tmp_path)[0])
 
 
 @pytest.mark.parametrize(
@@ -631,7 +512,7 @@ def test_a_picture_is_an_image(image, tmp_path):
 def test_results_are_of_the_kind_that_came_in(image, tmp_path):
     expected = {"NumPy": np.ndarray, "xarray": xarray.DataArray, "SimpleITK": SimpleITK.Image}
     for kind in ("NumPy", "xarray", "SimpleITK", "nibabel", "itk", "path"):
-        source, where = KINDS[kind](image, tmp_path)
+        source, where = make_form(kind, image, tmp_path)
         picture, depths = mip(source, depth=True, **where)
         assert type(picture) is expected.get(kind, itk.Image[itk.SS, 2])
         assert type(depths) is expected.get(kind, itk.Image[itk.F, 2])

@@ -97,7 +97,7 @@ def test_points_in_time(rng, tmp_path):
     for time_, expected in enumerate(voxels):
         assert_array_equal(open_image(tmp_path / "x.nii", time=time_), expected)
     for wrong in (3, -1, 1.5, "a", True):
-        with pytest.raises(ValueError, match="time must be a whole number (from 0 to 2|of at least 0)"):
+        with pytest.raises(ValueError, match=r"time must be a whole number (from 0 to 2|of at least 0)"):
             mip(tmp_path / "x.nii", time=wrong)
 
 

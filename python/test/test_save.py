@@ -1,7 +1,6 @@
 """Files and pages of pictures, turns and volumes, by the program, read back by others."""
 
 import base64
-import copy
 import functools
 import io
 import json
@@ -19,6 +18,7 @@ import itk_shearwarpmip
 import numpy as np
 import pydicom
 import pytest
+from forms import compare_datasets
 from itk_shearwarpmip import Turn, _entries, _program, _window, _write, mip, open_image, save_png, write
 from numpy.testing import assert_array_equal
 from PIL import Image
@@ -221,22 +221,6 @@ def test_bad_options(turn, tmp_path, options, message):
 # ---- Turns
 
 
-@pytest.mark.parametrize("suffix", [".html", ".png", ".tif", *ANIMATIONS, ".nrrd", ".mha", ".nii.gz"])
-@pytest.mark.parametrize("options", [{}, {"window": (-300, 700.5), "labels": False}, {"annotate": True}])
-def test_turn_is_the_program_s(head, tmp_path, suffix, options):
-    need_ffmpeg(suffix)
-    source = save_head(head, tmp_path)
-    folders = tmp_path / "program", tmp_path / "package"
-    for folder in folders:
-        folder.mkdir()
-    run_program(source, folders[0] / f"turn{suffix}", "--frames", FRAMES, *_write.make_arguments(options))
-    itk_shearwarpmip.turn(source, frames=FRAMES).save(folders[1] / f"turn{suffix}", **options)
-    files = [sorted(folder.iterdir()) for folder in folders]
-    assert [path.name for path in files[0]] == [path.name for path in files[1]]
-    for one, other in zip(*files, strict=True):
-        assert one.read_bytes() == other.read_bytes()
-
-
 def test_all_outputs_at_once(head, tmp_path):
     turn = itk_shearwarpmip.turn(head, frames=3)
     turn.save(tmp_path / "a.html", page_bits=16, dicom_out=tmp_path / "dicom", multi_frame=True, rate=7)
@@ -389,25 +373,6 @@ def read_dicom(folder, count=FRAMES):
     return [pydicom.dcmread(file) for file in files]
 
 
-def compare_datasets(one, other):
-    assert one.keys() == other.keys()
-    for element in one:
-        if not element.keyword.endswith(("UID", "Time")):
-            assert other[element.tag].value == element.value, element.keyword
-
-
-@pytest.mark.parametrize("options", [{}, {"window": (-300, 700.5)}, {"multi_frame": True}])
-def test_dicom_is_the_program_s(head, tmp_path, options):
-    source = save_head(head, tmp_path)
-    parameters = {"mode": "minimum", "slab": (-3, 20), "elevation": 20}
-    arguments = "--mode minimum --slab -3 20 --elevation 20 --frames 6".split()
-    run_program(source, f"{tmp_path}/one/", *arguments, *_write.make_arguments(options))
-    itk_shearwarpmip.turn(source, frames=FRAMES, **parameters).save(tmp_path / "other", **options)
-    files = [sorted((tmp_path / name).iterdir()) for name in ("one", "other")]
-    for one, other in zip(*files, strict=True):
-        compare_datasets(pydicom.dcmread(one), pydicom.dcmread(other))
-
-
 def make_sources(name, folder):
     files = []
     for n in range(3):
@@ -464,17 +429,6 @@ def test_dicom_of_what_it_cannot_hold(turn, tmp_path):
 # ---- Pictures
 
 
-@pytest.mark.parametrize("options", [{}, {"labels": False}, {"annotate": True}, {"window": (0, 500)}])
-def test_picture_is_the_program_s(head, tmp_path, options):
-    source = save_head(head, tmp_path)
-    run_program(source, tmp_path / "one.png", "--azimuth", 33, *_write.make_arguments(options))
-    picture = mip(source, azimuth=33)
-    save_png(picture, tmp_path / "other.png", **options)
-    assert (tmp_path / "one.png").read_bytes() == (tmp_path / "other.png").read_bytes()
-    if not options:
-        assert picture._repr_png_() == (tmp_path / "one.png").read_bytes()
-
-
 def test_picture_without_a_view(tmp_path):
     image = itk.image_from_array(np.arange(3600, dtype=np.int16).reshape(60, 60))
     save_png(image, tmp_path / "x.png", window=(0, 3599))
@@ -482,47 +436,6 @@ def test_picture_without_a_view(tmp_path):
 
 
 # ---- write()
-
-
-def test_write_of_every_kind(image, tmp_path):
-    simple, nibabel, _ = (pytest.importorskip(name) for name in ("SimpleITK", "nibabel", "xarray"))
-    path = tmp_path / "volume.nrrd"
-    itk.imwrite(image, path)
-    place = {
-        "origin": image.GetOrigin(),
-        "spacing": image.GetSpacing(),
-        "direction": itk.array_from_matrix(image.GetDirection()),
-    }
-    sources = {
-        "path": path,
-        "text": str(path),
-        "file": open_image(path),
-        "itk": image,
-        "copy": copy.copy(image),
-        "SimpleITK": simple.ReadImage(str(path)),
-        "xarray": itk.xarray_from_image(image),
-        "array": open_image(np.asarray(image), **place),
-    }
-    options = {"frames": 4, "elevations": (-20, 20), "slab": (-5, 5), "local_maximum": 700, "window": (0, 900)}
-    for name, source in sources.items():
-        write(source, tmp_path / f"{name}.nrrd", **options)
-    expected = np.asarray(itk.imread(tmp_path / "path.nrrd"))
-    for name in sources:
-        assert_array_equal(itk.imread(tmp_path / f"{name}.nrrd"), expected)
-    affine = np.eye(4)
-    affine[:3, :3] = place["direction"] * np.array(place["spacing"])
-    affine[:3, 3] = list(place["origin"])
-    ras = np.diag([-1.0, -1.0, 1.0, 1.0]) @ affine
-    write(nibabel.Nifti1Image(np.asarray(image).T, ras), tmp_path / "nibabel.nrrd", **options)
-    np.testing.assert_allclose(itk.imread(tmp_path / "nibabel.nrrd"), expected, atol=1)
-
-
-def test_write_is_the_program(head, tmp_path):
-    source = save_head(head, tmp_path)
-    options = {"azimuth": 30, "mode": "minimum", "exact": True, "crop": (-np.inf, 50, 0, 80, -np.inf, np.inf)}
-    write(open_image(source), tmp_path / "one.html", **options)
-    run_program(source, tmp_path / "other.html", *_write.make_arguments(options))
-    assert (tmp_path / "one.html").read_bytes() == (tmp_path / "other.html").read_bytes()
 
 
 def test_write_of_frames(head, tmp_path):
@@ -623,7 +536,9 @@ def test_full_folder_of_temporary_files(head, tmp_path, monkeypatch, length):
         for save, what in ((series.save, "frames"), (functools.partial(write, head), "source")):
             with pytest.raises(OSError) as caught:
                 save(tmp_path / "x.html")
-            assert str(caught.value) == f"the {what} needs more room than '{tmp_path}' has: set TMPDIR to another folder"
+            assert (
+                str(caught.value) == f"the {what} needs more room than '{tmp_path}' has: set TMPDIR to another folder"
+            )
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     assert not os.listdir(tmp_path)
