@@ -6,7 +6,7 @@ from pathlib import Path
 import itk
 import numpy as np
 import pytest
-from itk_shearwarpmip import _labels, mip, open_image, save_png, turn
+from itk_shearwarpmip import _labels, mip, open_image, save_png
 from numpy.testing import assert_array_equal
 from PIL import Image
 
@@ -86,20 +86,6 @@ def has_letters(picture, tmp_path):
     return (tmp_path / "plain.png").read_bytes() != picture._repr_png_()
 
 
-def test_letters_are_drawn_at_the_edges(head, tmp_path):
-    picture = mip(head, azimuth=30)
-    save_png(picture, tmp_path / "plain.png", labels=False)
-    save_png(picture, tmp_path / "labels.png")
-    plain, labels = (read(tmp_path / f"{name}.png") for name in ("plain", "labels"))
-    rows, columns = np.nonzero(plain != labels)
-    height, width = plain.shape
-    margin = 32
-    assert rows.size and plain.dtype == labels.dtype == np.uint8
-    is_inside = (rows > margin) & (rows < height - margin) & (columns > margin) & (columns < width - margin)
-    assert not is_inside.any()
-    assert read(picture._repr_png_()).tolist() == labels.tolist()
-
-
 def test_no_letters_without_a_direction(tmp_path):
     voxels = np.random.default_rng(3).integers(0, 1000, (60, 60, 60), np.int16)
     for image in (open_image(voxels), open_image(voxels, spacing=(1, 1, 2), origin=(3, 4, 5))):
@@ -115,22 +101,6 @@ def test_letters_of_chunks(tmp_path):
     chunked = dask_array.ones((60, 60, 60), dtype=np.uint8, chunks=30)
     assert not has_letters(mip(chunked), tmp_path)
     assert has_letters(mip(chunked, "inferior", direction=np.eye(3)), tmp_path)
-
-
-def test_small_pictures_have_no_room(head, tmp_path):
-    for size, has in (((47, 90), False), ((90, 47), False), ((48, 48), True)):
-        assert has_letters(mip(head, size=size), tmp_path) == has
-
-
-@pytest.mark.parametrize("spacing, scale, length", [(0.5, 1.0, 50), (0.11, 1.0, 10), (0.5, 2.0, 100)])
-def test_scale_bar_is_as_long_as_it_says(spacing, scale, length, head, tmp_path):
-    """`scale` is mm in the patient for one in the view."""
-    matrix = np.diag([scale, scale, scale, 1.0])
-    picture = mip(head, matrix, size=(400, 300), output_spacing=spacing, slab=(-1e4, 1e4))
-    save_png(picture, tmp_path / "mip.png", window=(1e5, 2e5), labels=False, annotate=True)
-    rows = read(tmp_path / "mip.png")[280:, :200]
-    longest = max(len(run) for row in rows for run in "".join("#" if n > 100 else " " for n in row).split())
-    assert longest == pytest.approx(length / spacing / scale, abs=2)
 
 
 def test_scale_bar_is_in_mm(head, tmp_path):
@@ -151,13 +121,3 @@ def test_annotations_of_what_is_no_projection(tmp_path):
     with pytest.raises(ValueError, match="annotate is for a picture as mip"):
         save_png(itk.image_from_array(np.zeros((60, 60), np.uint8)), tmp_path / "x.png", annotate=True)
     assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.parametrize("options", [{}, {"labels": False}, {"annotate": True}])
-def test_each_frame_has_its_letters(head, tmp_path, options):
-    series = turn(head, frames=4)
-    series.save(tmp_path / "turn.png", **options)
-    grid = {"size": series.frames.shape[:0:-1], "output_origin": list(series.frames.GetOrigin())[:2]}
-    for n, transform in enumerate(series.transforms):
-        save_png(mip(head, transform, **grid), tmp_path / "mip.png", window=series.window, **options)
-        assert_array_equal(read(tmp_path / f"turn-00{n}.png"), read(tmp_path / "mip.png"))

@@ -6,7 +6,6 @@ import io
 import json
 import os
 import re
-import shutil
 import signal
 import subprocess
 import sys
@@ -27,7 +26,6 @@ from pydicom.data import get_testdata_file
 from samples import make_like
 
 FRAMES = 6
-ANIMATIONS = (".gif", ".apng", ".mp4")
 
 
 def make_turn(image, **parameters):
@@ -68,11 +66,6 @@ def read_series(page):
 
 def read_png(path):
     return np.asarray(Image.open(path if not isinstance(path, bytes) else io.BytesIO(path)))
-
-
-def need_ffmpeg(suffix):
-    if suffix in ANIMATIONS and not shutil.which("ffmpeg"):
-        pytest.skip("ffmpeg is not installed")
 
 
 # ---- Windows, as the viewer finds them
@@ -331,12 +324,11 @@ def test_source_is_not_written(turn, tmp_path):
     assert len(os.listdir(tmp_path)) == 3
 
 
-@pytest.mark.parametrize("suffix", [".png", ".html", ".nrrd", ".mha", ".nii.gz", ".mp4", ".gif", ""])
+@pytest.mark.parametrize("suffix", [".html", ""])
 def test_full_disk(turn, tmp_path, suffix, monkeypatch):
     """Of the program: a file of 1500 bytes is the largest."""
-    need_ffmpeg(suffix)
     path = tmp_path / f"turn{suffix}"
-    if suffix not in ("", ".png"):
+    if suffix:
         path.write_text("before")
     before = sorted(os.listdir(tmp_path))
     script = tmp_path.parent / f"{tmp_path.name}-limited"
