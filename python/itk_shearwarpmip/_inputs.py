@@ -205,14 +205,20 @@ def get_shape(image: Any) -> tuple[int, ...]:
     return tuple(int(length) for length in reversed(list(image.GetLargestPossibleRegion().GetSize())))
 
 
-def make_view(array: NDArray[Any]) -> Any:
-    """Returns an itk.Image that shares the memory of an array, and keeps the array."""
+def make_view(array: NDArray[Any], first: Sequence[int] = (0, 0, 0)) -> Any:
+    """Returns an itk.Image that shares the memory of an array, and keeps the array. It begins at the pixel `first`, in
+    the order of the array's axes."""
     image = itk.image_view_from_array(array)
     # ITK takes one column for one row
-    region = itk.ImageRegion[array.ndim]()
-    region.SetSize([int(length) for length in reversed(array.shape)])
-    image.SetRegions(region)
+    image.SetRegions(make_region(first, array.shape))
     return image
+
+
+def make_region(first: Sequence[int], shape: Sequence[int]) -> Any:
+    region = itk.ImageRegion[len(shape)]()
+    region.SetIndex([int(index) for index in reversed(first[: len(shape)])])
+    region.SetSize([int(length) for length in reversed(shape)])
+    return region
 
 
 def place(image: Any, placed: Placed) -> None:

@@ -14,6 +14,7 @@ import numpy as np
 from dask.delayed import Delayed
 from dask.highlevelgraph import HighLevelGraph, MaterializedLayer
 
+from itk_shearwarpmip._inputs import make_view
 from itk_shearwarpmip._parameters import Parameters, find_lowest, set_background, set_grid, update
 from itk_shearwarpmip._volume import Volume
 
@@ -108,14 +109,8 @@ def _make_filter(template: Any, volume: Volume, parameters: Parameters) -> Any:
 
 
 def _warp(picture: Any, piece: _Piece, background: Any) -> Any:
-    part = itk.image_view_from_array(piece.pixels)
-    # ITK takes one column for one row
-    region = itk.ImageRegion[2]()
-    region.SetIndex([piece.column, piece.row])
-    region.SetSize(list(piece.pixels.shape[::-1]))
-    part.SetRegions(region)
     picture.ClearParts()
-    picture.AddPart(part)
+    picture.AddPart(make_view(piece.pixels, (piece.row, piece.column)))
     set_background(picture, background)
     picture.Update()
     image = picture.GetOutput()

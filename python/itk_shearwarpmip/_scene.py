@@ -201,16 +201,10 @@ def make_view(image: Any, view: Any = "anterior", azimuth: float = 0.0, elevatio
     found = make_transform(image, view, azimuth, elevation)
     if not found.IsLinear():
         raise ValueError(f"view must be a linear transform, but it is a {found.GetNameOfClass()}")
-    start = np.array(found.TransformPoint([0.0] * 3))
-    # exact, where the transform has one
-    axes = [np.array(found.TransformPoint(axis.tolist())) - start for axis in np.eye(3)]
-    matrix = found.GetMatrix() if hasattr(found, "GetMatrix") else itk.matrix_from_array(np.column_stack(axes))
-    if not abs(np.linalg.det(itk.array_from_matrix(matrix))) > 0:
+    matrix = get_matrix(found)
+    if not abs(np.linalg.det(matrix)) > 0:
         raise ValueError("view must be a transform that can be inverted")
-    made = itk.AffineTransform[itk.D, 3].New()
-    made.SetMatrix(matrix)
-    made.SetOffset(start.tolist())
-    return made
+    return make_transform(image, matrix)
 
 
 def get_axes(transform: Any) -> Array:

@@ -10,7 +10,18 @@ import dask.array
 import itk
 import numpy as np
 
-from itk_shearwarpmip._inputs import UNITS, Placed, find_pixel_types, is_of, make_count, place, place_affine, take
+from itk_shearwarpmip._inputs import (
+    UNITS,
+    Placed,
+    find_pixel_types,
+    is_of,
+    make_count,
+    make_region,
+    make_view,
+    place,
+    place_affine,
+    take,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +53,7 @@ class Volume:
     @property
     def region(self) -> Any:
         """The itk.ImageRegion of all voxels."""
-        return _make_region((0, 0, 0), self.array.shape)
+        return make_region((0, 0, 0), self.array.shape)
 
     def make_image(self) -> itk.Image:
         """Returns an itk.Image with this geometry and without voxels."""
@@ -52,9 +63,7 @@ class Volume:
 
     def make_part(self, voxels: np.ndarray, first: Sequence[int]) -> itk.Image:
         """Returns the part `voxels`, which begins at voxel `first` (z, y, x), as an itk.Image that shares its memory."""
-        image = itk.image_view_from_array(voxels)
-        image.SetRegions(_make_region(first, voxels.shape))
-        return self._place(image)
+        return self._place(make_view(voxels, first))
 
     def _place(self, image: itk.Image) -> itk.Image:
         place(image, self.placed)
@@ -130,13 +139,6 @@ def _chunk(placed: Placed) -> Volume:
     direction = np.eye(3) if placed.direction is None else placed.direction
     array = dask.array.asarray(placed.array)
     return Volume(array, tuple(placed.spacing), tuple(placed.origin), direction, placed.unit, placed.has_direction)
-
-
-def _make_region(first: Sequence[int], shape: Sequence[int]) -> Any:
-    region = itk.ImageRegion[3]()
-    region.SetIndex([int(index) for index in reversed(first)])
-    region.SetSize([int(length) for length in reversed(shape)])
-    return region
 
 
 def _find_pixel_type(dtype: np.dtype) -> Any:
