@@ -571,6 +571,14 @@ DefineOptions(CLI::App & app, Options & options)
           "Adds to the .nrrd of --write-volume the names of the files that were read, and the DICOM attributes of the "
           "first slice, the patient's name too")
     ->needs(volumeOut);
+  add("Program",
+      "--trust",
+      options.trusted,
+      "FILE",
+      "Believes what FILE, which is INPUT or another .nrrd or .mha that is read, says of its source: DICOM attributes, "
+      "such as the patient's name, and names of files, which DICOM outputs take theirs from")
+    ->expected(1)
+    ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
   app.set_version_flag("--version", GetVersionText(), "Prints the version")->group("Program");
   app.set_help_flag("-h,--help", "Prints the usual options")->group("Program, usual");
   app.set_help_all_flag("--help-all", "Prints all options")->group("Program, usual");
@@ -742,10 +750,9 @@ FindGiven(const CLI::App & app)
 bool
 IsOfOutputs(const std::string & name)
 {
-  static const std::set<std::string> names = {
-    "--window",    "--wl",        "--no-labels",   "--annotate", "--rate",
-    "--page-bits", "--dicom-out", "--multi-frame", "--threads",  "--verbose"
-  };
+  static const std::set<std::string> names = { "--window",  "--wl",        "--no-labels", "--annotate",
+                                               "--rate",    "--page-bits", "--dicom-out", "--multi-frame",
+                                               "--threads", "--verbose",   "--trust" };
   return names.count(name) > 0;
 }
 

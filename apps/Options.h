@@ -93,6 +93,7 @@ struct Options
   bool                        isAnnotated{ false };
   unsigned int                threads{ 0 };
   bool                        verbose{ false };
+  std::vector<std::string>    trusted;
   /** The names of all options that are given, as --view. */
   std::vector<std::string> given;
 };

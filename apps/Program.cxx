@@ -73,8 +73,8 @@ WritePhantom(const Options & options)
 }
 
 /** What files say beside voxels and geometry, as entries of the dictionary of \a volume: see GetEntry(). With
- * attributes, SourceFiles has the names of all files that were read, a line each, and Spacing and Direction, row by
- * row, have all digits. */
+ * attributes, SourceFiles has the names of all files that were read, and Spacing and Direction, row by row, have all
+ * digits. */
 void
 AddEntries(Volume & volume, const Options & options)
 {
@@ -84,17 +84,16 @@ AddEntries(Volume & volume, const Options & options)
   };
   if (options.hasAttributes)
   {
-    std::string names;
-    for (const auto & file :
-         volume.dicomFiles.empty() ? std::vector<std::filesystem::path>{ options.input } : volume.dicomFiles)
+    auto names = volume.dicomFiles.empty() ? std::vector<std::filesystem::path>{ options.input } : volume.dicomFiles;
+    for (auto & name : names)
     {
-      names += (names.empty() ? "" : "\n") + std::filesystem::absolute(file).string();
+      name = std::filesystem::absolute(name);
     }
     if (!volume.dicomFiles.empty())
     {
       entries = ReadAttributes(volume.dicomFiles.front());
     }
-    add("SourceFiles", names);
+    add("SourceFiles", JoinPaths(names));
     // NRRD has their product, rounded
     std::ostringstream spacing;
     std::ostringstream direction;
@@ -120,10 +119,21 @@ AddEntries(Volume & volume, const Options & options)
   }
 }
 
-/** Has the files of a volume never written. */
-void
-Protect(OutputFiles & files, const Volume & volume)
+/** Whether \a path is a file whose words about its source are believed. */
+bool
+IsTrusted(const Options & options, const std::string & path)
 {
+  return std::find(options.trusted.begin(), options.trusted.end(), path) != options.trusted.end();
+}
+
+/** Has the files of the volume of \a path never written, nor those that it was made from, if \a path is trusted. */
+void
+Protect(OutputFiles & files, Volume & volume, const Options & options, const std::string & path)
+{
+  if (!IsTrusted(options, path))
+  {
+    volume.sourceFiles.clear();
+  }
   files.Protect(volume.dicomFiles);
   files.Protect(volume.sourceFiles);
 }
@@ -148,7 +158,7 @@ WriteVolume(const Options & options, Messages & messages)
   messages.StepBegins("reading " + options.input);
   const auto warn = [&](const std::string & text) { messages.Warn(text); };
   Volume     volume = ReadVolume(options.input, options.series, warn, "--series", options.volume);
-  Protect(files, volume);
+  Protect(files, volume, options, options.input);
   if (options.isSuv && !ConvertToSuv(volume, warn))
   {
     RefuseSuv();
@@ -361,6 +371,7 @@ MakeStack(const Options & options, const Volume & volume, const std::vector<Fram
   const std::string name = volume.dicomFiles.empty() ? std::filesystem::path(options.input).filename().string() : "";
   stack.title = volume.title.value_or(name);
   stack.dicomFiles = volume.dicomFiles;
+  stack.sourceFiles = volume.sourceFiles;
   return stack;
 }
 
@@ -410,7 +421,7 @@ ReadLayers(Product & product, OutputFiles & files, Messages & messages)
   if (!options.overlay.empty())
   {
     layers.overlay = ReadOverlay(options, product.warn);
-    Protect(files, layers.overlay);
+    Protect(files, layers.overlay, options, options.overlay);
     product.isOverlaySuv = options.isSuv && ConvertToSuv(layers.overlay, product.warn);
     if (options.isSuv && !product.isSuv && !product.isOverlaySuv)
     {
@@ -422,7 +433,7 @@ ReadLayers(Product & product, OutputFiles & files, Messages & messages)
   if (!options.segments.empty())
   {
     layers.segments = ReadSegments(options.segments, product.warn);
-    Protect(files, layers.segments.labels);
+    Protect(files, layers.segments.labels, options, options.segments);
     messages.StepDone("read " + options.segments + ", " + Describe(layers.segments));
   }
   return layers;
@@ -468,14 +479,14 @@ ReadInput(Product & product, OutputFiles & files, Messages & messages)
 {
   const Options & options = product.options;
   Volume          volume = ReadVolume(options.input, options.series, product.warn, "--series", options.volume);
-  Protect(files, volume);
+  Protect(files, volume, options, options.input);
   product.isSuv = options.isSuv && ConvertToSuv(volume, product.warn);
   if (options.isSuv && !product.isSuv && options.overlay.empty())
   {
     RefuseSuv();
   }
-  if (options.window.size() == 1 && FindName(options.window.front(), { "pet" }) == "pet" && IsDicom(volume) &&
-      !product.isSuv)
+  if (options.window.size() == 1 && FindName(options.window.front(), { "pet" }) == "pet" &&
+      !volume.dicomFiles.empty() && !product.isSuv)
   {
     product.warn("--window pet is in SUV, but INPUT's values are not; see --suv");
   }
@@ -512,7 +523,7 @@ Project(Product & product, OutputFiles & files, Messages & messages)
     std::vector<std::filesystem::path> sources;
     projection.mask = ReadMask(
       options.mask, options.maskLabel, options.removedLabels, volume.times.front().image, product.warn, sources);
-    files.Protect(sources);
+    files.Protect(IsTrusted(options, options.mask) ? sources : std::vector<std::filesystem::path>());
     messages.StepDone("read " + options.mask);
   }
   const Layers layers = ReadLayers(product, files, messages);
@@ -554,6 +565,7 @@ Take(Product & product, Stack && stack, OutputFiles & files, Messages & messages
   }
   product.stack = std::move(stack);
   files.Protect(product.stack.sourceFiles);
+  files.Protect(product.stack.maskFiles);
   product.noReprojection = "they are of a file of frames";
   const AnyImage & frames = product.stack.projections.stack;
   VerifyComponents(options, frames.image->GetNumberOfComponentsPerPixel());
@@ -605,7 +617,7 @@ Run(const Options & options, Messages & messages)
   OutputFiles files;
   ReserveOutputs(options, files);
   Product product{ options, [&messages](const std::string & text) { messages.Warn(text); }, { {} } };
-  if (auto stack = ReadStack(options.input, product.warn))
+  if (auto stack = ReadStack(options.input, IsTrusted(options, options.input), product.warn))
   {
     Take(product, std::move(*stack), files, messages);
   }

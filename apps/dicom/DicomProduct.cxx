@@ -18,7 +18,9 @@
 #include "DicomSeries.h"
 #include "Product.h"
 
+#include <algorithm>
 #include <cmath>
+#include <iterator>
 
 namespace
 {
@@ -66,10 +68,13 @@ WriteDicom(OutputFiles & files, const std::string & path, const Product & produc
   {
     dicom.window = std::make_pair((*product.window)[0], (*product.window)[1]);
   }
+  auto         sources = product.stack.dicomFiles;
+  const auto & named = product.stack.sourceFiles;
+  std::copy_if(named.begin(), named.end(), std::back_inserter(sources), IsDicomFile);
   WriteDicomSeries(files,
                    product.pictures.image ? product.pictures : product.stack.projections.stack,
                    MakeViews(product.stack),
-                   product.stack.dicomFiles,
+                   sources,
                    path,
                    dicom);
 }

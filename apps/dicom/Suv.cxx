@@ -241,7 +241,7 @@ ComputeFactor(const DataSet & image, const WarningFunction & warn)
 bool
 ConvertToSuv(Volume & volume, const WarningFunction & warn)
 {
-  const DataSet image = IsDicom(volume) ? ReadFirstAcquired(volume.dicomFiles) : DataSet();
+  const DataSet image = volume.dicomFiles.empty() ? DataSet() : ReadFirstAcquired(volume.dicomFiles);
   if (GetText(image, { 0x0008, 0x0016 }) != petImageStorage)
   {
     return false;

@@ -48,18 +48,11 @@ struct Volume
   bool isInverted{ false };
   /** Whether the file says how the image lies in the patient. */
   bool hasOrientation{ true };
-  /** Files from which the file was made, if it says so. */
+  /** Files from which the file was made, if it says so; not for files that nobody trusts. */
   std::vector<std::filesystem::path> sourceFiles{};
   /** What pages are named, if the file says so. */
   std::optional<std::string> title{};
 };
-
-/** Whether the voxels are those of DICOM files, and were not handed over by another file. */
-inline bool
-IsDicom(const Volume & volume)
-{
-  return !volume.dicomFiles.empty() && volume.sourceFiles.empty();
-}
 
 template <typename TPixel>
 struct PixelTag

@@ -32,7 +32,6 @@
 
 #include <algorithm>
 #include <cstdint>
-#include <iterator>
 #include <map>
 #include <new>
 #include <set>
@@ -155,32 +154,15 @@ ReadImage(itk::ImageIOBase & io, const std::filesystem::path & path, const Warni
   volume.isInverted = GetEntry(entries, "IsInverted") == "1";
   volume.title = entries.HasKey("Title") ? std::optional(Trim(GetEntry(entries, "Title"))) : std::nullopt;
   volume.sourceFiles = SplitPaths(GetEntry(entries, "SourceFiles"));
-  volume.dicomFiles = FindDicomFiles(volume.sourceFiles);
   return volume;
 }
 } // namespace
 
-std::vector<std::filesystem::path>
-SplitPaths(const std::string & text)
+bool
+IsDicomFile(const std::filesystem::path & path)
 {
-  std::vector<std::filesystem::path> paths;
-  std::istringstream                 lines(text);
-  for (std::string line; std::getline(lines, line);)
-  {
-    paths.emplace_back(line);
-  }
-  return paths;
-}
-
-std::vector<std::filesystem::path>
-FindDicomFiles(const std::vector<std::filesystem::path> & files)
-{
-  std::vector<std::filesystem::path> found;
-  std::copy_if(files.begin(), files.end(), std::back_inserter(found), [](const std::filesystem::path & file) {
-    std::error_code ignored;
-    return std::filesystem::is_regular_file(file, ignored) && HasPreamble(file) && ReadSoundHeader(file.string());
-  });
-  return found;
+  std::error_code ignored;
+  return std::filesystem::is_regular_file(path, ignored) && HasPreamble(path) && ReadSoundHeader(path.string());
 }
 
 Volume

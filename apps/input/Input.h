@@ -39,13 +39,9 @@ ReadVolume(const std::filesystem::path & path,
            const std::string &           option = "--series",
            const std::string &           volume = "");
 
-/** The paths of \a text, one a line. */
-std::vector<std::filesystem::path>
-SplitPaths(const std::string & text);
-
-/** Those of \a files that are there and are DICOM. */
-std::vector<std::filesystem::path>
-FindDicomFiles(const std::vector<std::filesystem::path> & files);
+/** Whether a file is there and is sound DICOM. */
+bool
+IsDicomFile(const std::filesystem::path & path);
 
 /** Reads an image of whole numbers that must lie on \a grid. The mask is 1 where that is \a label or, without one, not
  * 0; or, if there are \a removed labels, where it is none of these. \a sourceFiles gets the files that the mask was

@@ -22,7 +22,11 @@
 #include "Text.h"
 
 #include <algorithm>
+#include <cctype>
+#include <cstdlib>
+#include <cstring>
 #include <fstream>
+#include <iomanip>
 #include <set>
 #include <sstream>
 #include <stdexcept>
@@ -141,6 +145,47 @@ AddFiles(const fs::path & folder, std::set<fs::path> & known, Paths & files)
   }
 }
 } // namespace
+
+std::string
+JoinPaths(const Paths & paths)
+{
+  std::ostringstream text;
+  text << std::hex << std::uppercase << std::setfill('0');
+  for (const fs::path & path : paths)
+  {
+    text << (&path == &paths.front() ? "" : " ");
+    for (const char byte : path.string())
+    {
+      const auto value = static_cast<unsigned char>(byte);
+      if (value < 0x80 && (std::isalnum(value) != 0 || std::strchr("-._~/", byte)))
+      {
+        text << byte;
+      }
+      else
+      {
+        text << '%' << std::setw(2) << static_cast<int>(value);
+      }
+    }
+  }
+  return text.str();
+}
+
+Paths
+SplitPaths(const std::string & text)
+{
+  Paths              paths;
+  std::istringstream words(text);
+  for (std::string word; words >> word;)
+  {
+    for (auto at = word.find('%'); at != std::string::npos; at = word.find('%', at + 1))
+    {
+      const long value = std::strtol(word.substr(at + 1, 2).c_str(), nullptr, 16);
+      word.replace(at, 3, 1, static_cast<char>(value));
+    }
+    paths.emplace_back(word);
+  }
+  return paths;
+}
 
 Paths
 FindFiles(const fs::path & folder)

@@ -26,6 +26,14 @@
 std::vector<std::filesystem::path>
 FindFiles(const std::filesystem::path & folder);
 
+/** Names of files as one text: a word each, in which bytes other than letters, digits and -._~/ are %XX (RFC 3986). */
+std::string
+JoinPaths(const std::vector<std::filesystem::path> & paths);
+
+/** The names that JoinPaths() made a text of. */
+std::vector<std::filesystem::path>
+SplitPaths(const std::string & text);
+
 /** Throws if \a path is no file or folder, or no file that can be read. */
 void
 RequireReadable(const std::filesystem::path & path);

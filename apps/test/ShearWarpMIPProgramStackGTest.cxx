@@ -228,24 +228,29 @@ TEST_F(ShearWarpMIPProgramStack, HasNothingOfThePatient)
   EXPECT_NE(ReadText(m_Folder / "a.html").find("\"Maximum intensity projection\""), std::string::npos);
 }
 
-TEST_F(ShearWarpMIPProgramStack, TakesWhatItsSourcesSay)
+TEST_F(ShearWarpMIPProgramStack, TakesWhatItsSourcesSayOnlyIfTrusted)
 {
   const Tags tags{ { "0010|0010", "Doe^Jane" }, { "0008|0016", "1.2.840.10008.5.1.4.1.1.4" } };
   this->WriteDICOMSeries("1.2.3.4", "", { 0.0, 2.0, 4.0 }, 8, false, tags);
   this->ExpectSuccess("dicom turn.nrrd --frames 3");
   this->ExpectSuccess("dicom one/ --frames 3");
-  std::string files;
-  for (const fs::path & file : ListFiles(m_Folder / "dicom"))
-  {
-    files += (files.empty() ? "" : "\\n") + file.string();
-  }
-  this->WriteChanged("from.nrrd", "SourceFiles", files);
-  this->ExpectSuccess("from.nrrd other/");
+  // a name with a newline, a percent sign and a byte that is no UTF-8
+  fs::rename(m_Folder / "dicom/1.dcm", m_Folder / "dicom/1\n%41\xff.dcm");
+  const std::string folder = this->GetPath("dicom/");
+  this->WriteChanged(
+    "from.nrrd", "SourceFiles", folder + "0.dcm " + folder + "1%0A%2541%FF.dcm " + folder + "2.dcm gone");
+  this->ExpectSuccess("from.nrrd other/ --trust from.nrrd");
   this->ExpectSameDicom("one", "other");
   this->WriteChanged("turn.nrrd", "0010|0010", "Doe^Jane");
-  this->ExpectSuccess("turn.nrrd third/");
-  const Tags found = this->ReadTags(m_Folder / "third/frame-001.dcm");
-  EXPECT_EQ(found.at("0010|0010").substr(0, 8), "Doe^Jane");
+  this->ExpectSuccess("turn.nrrd third/ --trust=turn.nrrd");
+  EXPECT_EQ(this->ReadTags(m_Folder / "third/frame-001.dcm").at("0010|0010").substr(0, 8), "Doe^Jane");
+
+  for (const std::string input : { "from.nrrd", "turn.nrrd" })
+  {
+    this->ExpectSuccess(input + " of-nobody/ --trust large.nrrd");
+    EXPECT_EQ(ReadText(m_Folder / "of-nobody/frame-001.dcm").find("Doe"), std::string::npos) << input;
+    fs::remove_all(m_Folder / "of-nobody");
+  }
 }
 
 TEST_F(ShearWarpMIPProgramStack, IsInvertedAndHasUnitsAsItsKeysSay)
@@ -368,7 +373,7 @@ TEST_F(ShearWarpMIPProgramStack, TakesOptionsOfOutputsOnly)
               std::string::npos)
       << result.messages;
   }
-  EXPECT_EQ(ofOutputs, 10u);
+  EXPECT_EQ(ofOutputs, 11u);
 }
 
 TEST_F(ShearWarpMIPProgramStack, IsRefusedWithWrongKeys)
@@ -441,8 +446,11 @@ TEST_F(ShearWarpMIPProgramStack, IsNotOverwritten)
 {
   this->ExpectSuccess("large.nrrd turn.nrrd --frames 3");
   this->ExpectFailure("turn.nrrd turn.nrrd", "this call reads it");
-  this->WriteChanged("from.nrrd", "SourceFiles", this->GetPath("large.nrrd"));
-  this->ExpectFailure("from.nrrd large.nrrd", "cannot write 'large.nrrd': this call reads it");
+  for (const std::string key : { "SourceFiles", "MaskFiles" })
+  {
+    this->WriteChanged("from.nrrd", key, this->GetPath("large.nrrd"));
+    this->ExpectFailure("from.nrrd large.nrrd --trust from.nrrd", "cannot write 'large.nrrd': this call reads it");
+  }
 }
 
 /** Letters of the page and Patient Orientation are those of one function, also at 22.5 and 45 degrees. */

@@ -203,8 +203,7 @@ TEST_F(ShearWarpMIPProgramVolume, OfDicomHasItsInversionAndAttributesIfAsked)
   EXPECT_TRUE(this->HasLine("out.nrrd", "0010|0010:=Roe^Jane"));
   EXPECT_TRUE(this->HasLine("out.nrrd", "0008|0060:=MR"));
   const std::string folder = fs::canonical(m_Folder).string() + "/dicom/";
-  EXPECT_TRUE(
-    this->HasLine("out.nrrd", "SourceFiles:=" + folder + "a0.dcm\\n" + folder + "a1.dcm\\n" + folder + "a2.dcm"));
+  EXPECT_TRUE(this->HasLine("out.nrrd", "SourceFiles:=" + folder + "a0.dcm " + folder + "a1.dcm " + folder + "a2.dcm"));
   this->ExpectSuccess("out.nrrd --write-volume other.nrrd");
   EXPECT_EQ(ReadText(m_Folder / "other.nrrd").find("Roe"), std::string::npos);
   EXPECT_EQ(GetPixels(this->Read<VolumeType>("other.nrrd")), GetPixels(this->Read<VolumeType>("out.nrrd")));

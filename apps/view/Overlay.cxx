@@ -80,12 +80,14 @@ ReadInverse(const std::string & path)
 std::string
 ReadText(const Volume & volume, const gdcm::Tag & tag)
 {
-  gdcm::Reader reader;
-  if (volume.dicomFiles.empty())
+  const auto & files = volume.dicomFiles.empty() ? volume.sourceFiles : volume.dicomFiles;
+  const auto   first = std::find_if(files.begin(), files.end(), IsDicomFile);
+  if (first == files.end())
   {
     return "";
   }
-  reader.SetFileName(volume.dicomFiles.front().string().c_str());
+  gdcm::Reader reader;
+  reader.SetFileName(first->string().c_str());
   return reader.ReadUpToTag(tag) ? GetText(reader.GetFile().GetDataSet(), tag) : "";
 }
 } // namespace

@@ -400,11 +400,8 @@ ReadFrames(itk::ImageIOBase & io, const fs::path & path, double millimetres)
 void
 SetSources(Stack & stack, const Keys & keys)
 {
-  stack.title = keys.GetText("Title");
   stack.sourceFiles = SplitPaths(keys.GetText("SourceFiles"));
-  stack.dicomFiles = FindDicomFiles(stack.sourceFiles);
-  const auto masks = SplitPaths(keys.GetText("MaskFiles"));
-  stack.sourceFiles.insert(stack.sourceFiles.end(), masks.begin(), masks.end());
+  stack.maskFiles = SplitPaths(keys.GetText("MaskFiles"));
   for (const auto & [key, text] : keys.GetTexts())
   {
     if (std::regex_match(key.substr(0, 10), std::regex("[0-9a-f]{4}\\|[0-9a-f]{4}")))
@@ -475,7 +472,7 @@ DescribeStack(const Stack & stack)
 }
 
 std::optional<Stack>
-ReadStack(const fs::path & path, const WarningFunction & warn)
+ReadStack(const fs::path & path, bool isTrusted, const WarningFunction & warn)
 {
   const std::string extension = GetExtension(path);
   std::error_code   ignored;
@@ -525,7 +522,11 @@ ReadStack(const fs::path & path, const WarningFunction & warn)
     }
     stack.hasOrientation = keys.GetName("HasOrientation", { "1", "0" }) == "1";
     stack.projections.isInverted = keys.GetName("IsInverted", { "0", "1" }) == "1";
-    SetSources(stack, keys);
+    stack.title = keys.GetText("Title");
+    if (isTrusted)
+    {
+      SetSources(stack, keys);
+    }
     made = std::move(stack);
   };
   try

@@ -45,8 +45,9 @@ struct Stack
   std::string title{};
   /** The files of the volume, if they are DICOM. */
   std::vector<std::filesystem::path> dicomFiles{};
-  /** All files that were read for the frames. */
+  /** The files of the volume, and of the mask, as the file of frames or of the volume says. */
   std::vector<std::filesystem::path> sourceFiles{};
+  std::vector<std::filesystem::path> maskFiles{};
   /** Attributes of DICOM as "gggg|eeee", if there are no such files. */
   std::map<std::string, std::string> attributes{};
 };
@@ -79,11 +80,13 @@ DescribeStack(const Stack & stack);
 /** Reads a file of frames: NRRD or MetaImage, of two or three dimensions, with the key FrameTransforms and others of
  * DescribeStack(). Keys may also be
  * - Unit: of spacing, origin, transforms, slab and center; mm if there is none
- * - SourceFiles: the files of the volume, one a line; and MaskFiles, likewise
+ *
+ * and, if the file is trusted,
+ * - SourceFiles and MaskFiles: the files of the volume and of the mask, see JoinPaths()
  * - gggg|eeee: attributes of DICOM of the volume
  *
  * Returns nothing for other files. Throws if the file is damaged, or keys are wrong or contradict each other. */
 std::optional<Stack>
-ReadStack(const std::filesystem::path & path, const WarningFunction & warn);
+ReadStack(const std::filesystem::path & path, bool isTrusted, const WarningFunction & warn);
 
 #endif

@@ -2,7 +2,7 @@
 
 HasOrientation is "0" if nobody stated how the image lies in the patient; by default it lies in LPS. IsInverted is "1" if
 low values are to be shown white. Unit is the unit of lengths, by default mm. SourceFiles are the paths of the files that
-the image was read from, a list in JSON. Of a projection, Background is the value of pixels beside the volume, and
+the image was read from, with spaces between them and percent-encoded. Of a projection, Background is the value of pixels beside the volume, and
 FrameTransforms are the first three rows of each frame's matrix from view space to physical space.
 
 ITK writes entries to NRRD and MetaImage and reads them again. Its filters, its pickles and itk.image_duplicator() leave
@@ -10,10 +10,11 @@ them out. This module keeps them in pickles and copies of images that it knows.
 """
 
 import copyreg
-import json
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote, unquote_to_bytes
 
 import itk
 import numpy as np
@@ -37,8 +38,7 @@ def get_unit(image: Any) -> str | None:
 
 def get_source_files(image: Any) -> list[Path]:
     """The files that the image was read from, if they are known."""
-    text = get(image, "SourceFiles") or "[]"
-    return [Path(name) for name in (json.loads(text) if text.startswith("[") else text.split("\n"))]
+    return unpack_files(get(image, "SourceFiles") or "")
 
 
 def get_view(image: Any) -> NDArray[np.float64] | None:
@@ -85,9 +85,14 @@ def put_source_files(image: Any, paths: Sequence[Any]) -> None:
     put(image, "SourceFiles", pack_files(paths))
 
 
-def pack_files(paths: Sequence[Any]) -> str | None:
-    """One line: ITK's MetaImage cannot hold more."""
-    return json.dumps([str(path) for path in paths]) if paths else None
+def pack_files(paths: Sequence[Any]) -> str:
+    """One word each, safe for names of any bytes."""
+    return " ".join(quote(os.fsencode(path)) for path in paths)
+
+
+def unpack_files(text: str) -> list[Path]:
+    """The names that pack_files() made a text of."""
+    return [Path(os.fsdecode(unquote_to_bytes(word))) for word in text.split()]
 
 
 def _reduce(image: Any) -> tuple[Any, ...]:

@@ -179,7 +179,6 @@ def _read(path: str, series: Any, volume: Any, suv: bool, time: int | None) -> t
     spacing, origin, direction = (
         [float(number) for number in entries.pop(key).split()] for key in ("Spacing", "Origin", "Direction")
     )
-    entries["SourceFiles"] = _entries.pack_files(entries["SourceFiles"].split("\n")) or ""
     has_direction = entries.get("HasOrientation") != "0"
     # a part of the mapping would keep it all
     chosen = voxels[time].copy() if len(voxels) > 1 else voxels[time]

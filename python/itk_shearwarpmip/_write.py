@@ -227,8 +227,9 @@ def _run(folder: Path, source: str, output: str | os.PathLike[str], arguments: l
     name = Path(path).name
     if name and not Path(name).suffix and not name.startswith("."):
         path = os.path.join(path, "")
+    trust = [f"--trust={file}" for file in folder.iterdir()]
     try:
-        _program.run([*arguments, "--", source, path])
+        _program.run([*arguments, *trust, "--", source, path])
     except (OSError, ValueError, RuntimeError) as error:
         if str(folder) not in str(error):
             raise
@@ -307,8 +308,8 @@ def _is_dicom(key: str) -> bool:
 
 def _find_title(texts: Mapping[str, str]) -> str:
     """The name of the source's file; the name of what is DICOM is often a patient's."""
-    files = texts.get("SourceFiles", "").split("\n")
-    return Path(files[0]).name if len(files) == 1 and not any(map(_is_dicom, texts)) else ""
+    files = _entries.unpack_files(texts.get("SourceFiles", ""))
+    return files[0].name if len(files) == 1 and not any(map(_is_dicom, texts)) else ""
 
 
 _CARRIED = "Background FrameAngles Loop HasOrientation IsInverted Unit".split()
@@ -323,7 +324,7 @@ def _describe(image: Any) -> dict[str, str]:
 
 
 def _name_files(key: str, files: Sequence[Any]) -> dict[str, str]:
-    return {key: "\n".join(os.path.abspath(each) for each in files)} if files else {}
+    return {key: _entries.pack_files([os.path.abspath(each) for each in files])} if files else {}
 
 
 def _join(value: Any) -> str:

@@ -132,6 +132,7 @@ def test_options_are_the_program_s(tmp_path, head):
         "phantom-size",
         "write-volume",
         "with-attributes",
+        "trust",
     }
     named = {"labels" if name == "no-labels" else name.replace("-", "_"): value for name, value in options.items()}
     assert named.keys() - {name.replace("-", "_") for name in others} == _write.OPTIONS
