@@ -34,6 +34,7 @@
 #include <csignal>
 #include <cstdlib>
 #include <set>
+#include <sstream>
 #include <vector>
 
 namespace
@@ -43,6 +44,8 @@ struct Parsed
 {
   char path[1 << 14];
   char refusal[1 << 15];
+  /** Of RemoveIfKilled(), a line each. */
+  char begins[1 << 16];
 };
 
 Parsed *              parsed = nullptr; // none without a process of its own
@@ -137,6 +140,27 @@ IsCrash(int status)
                              : WEXITSTATUS(status) == abortStatus;
 }
 
+/** Removes what a process has not finished: see RemoveIfKilled(). */
+void
+RemoveUnfinished()
+{
+  std::istringstream begins(parsed->begins);
+  for (std::string name; std::getline(begins, name, '\n');)
+  {
+    const std::filesystem::path begin(name);
+    const auto                  folder = begin.parent_path();
+    std::error_code             ignored;
+    for (const auto & entry : std::filesystem::directory_iterator(folder.empty() ? "." : folder, ignored))
+    {
+      if (entry.path().filename().string().find(begin.filename().string()) == 0)
+      {
+        std::filesystem::remove_all(entry.path(), ignored);
+      }
+    }
+  }
+  Copy("", parsed->begins);
+}
+
 /** Ends this process as the other one was ended. */
 int
 EndLike(int status)
@@ -197,6 +221,15 @@ RunGuarded(const std::function<int()> & run, [[maybe_unused]] const std::functio
     }
     const int status = Wait(process);
     child = 0;
+    if (WIFSIGNALED(status) || IsCrash(status))
+    {
+      RemoveUnfinished();
+    }
+    if (WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL)
+    {
+      refuse("the program was killed; is there too little memory?");
+      return EXIT_FAILURE;
+    }
     if (!IsCrash(status))
     {
       return EndLike(status);
@@ -212,6 +245,21 @@ RunGuarded(const std::function<int()> & run, [[maybe_unused]] const std::functio
 #else
   return run();
 #endif
+}
+
+void
+RemoveIfKilled(const std::filesystem::path & begin)
+{
+  const std::string line = begin.string() + '\n';
+  if (!parsed)
+  {
+    return;
+  }
+  const std::string begins = parsed->begins;
+  if (begins.find(line) == std::string::npos && begins.size() + line.size() < sizeof(parsed->begins))
+  {
+    Copy(begins + line, parsed->begins);
+  }
 }
 
 Parsing::Parsing(const std::filesystem::path & path, const std::string & refusal)

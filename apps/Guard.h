@@ -28,6 +28,10 @@
 int
 RunGuarded(const std::function<int()> & run, const std::function<void(const std::string &)> & refuse);
 
+/** Files and folders whose paths begin with \a begin are removed if the process of RunGuarded() is killed. */
+void
+RemoveIfKilled(const std::filesystem::path & begin);
+
 /** A library parses a file during this object's life. If that ends the process, \a refusal is what the program says. If
  * \a refusal is empty, all begins anew, and HasEndedParsing() tells of the file. */
 class Parsing

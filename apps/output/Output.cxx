@@ -18,6 +18,7 @@
 #include "Output.h"
 #include "Animation.h"
 #include "FileStart.h"
+#include "Guard.h"
 #include "Integrity.h"
 #include "Posix.h"
 #include "Text.h"
@@ -459,7 +460,8 @@ OutputFiles::Commit()
 void
 OutputFiles::KeepFormer(File & file)
 {
-  file.former = this->MakeTemporaryName(file.target.parent_path(), "");
+  // not removed if the process is killed: it may be the only copy
+  file.former = file.target.parent_path() / (".former" + m_Prefix + std::to_string(m_Count++));
   m_Files.push_back({ file.former, {}, {} });
   std::error_code noLinks;
   fs::create_hard_link(file.target, file.former, noLinks);
@@ -482,6 +484,7 @@ OutputFiles::HoldSignals()
 fs::path
 OutputFiles::MakeTemporaryName(const fs::path & folder, const std::string & extension)
 {
+  RemoveIfKilled(folder / m_Prefix);
   return folder / (m_Prefix + std::to_string(m_Count++) + extension);
 }
 

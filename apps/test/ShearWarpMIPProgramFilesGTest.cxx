@@ -316,14 +316,24 @@ TEST_F(ShearWarpMIPProgramFiles, LeavesNothingWhenKilled)
 {
 #ifdef __linux__
   const auto before = this->GetContents();
-  // all of its processes end, and the last one cleans up
-  const std::string command = "cd '" + m_Folder.string() + "' || exit\n'" + GetProgram() +
-                              "' in.nrrd out.png --frames 400 --size 200 200 2>/dev/null &\n"
-                              "until [ -e .shear-warp-mip-*-9.png ] || ! kill -0 $!; do sleep 0.001; done\n"
-                              "kill -KILL $!; wait $!; for n in $(seq 200); do\n"
-                              "ls -A | grep -q shear-warp-mip- || exit 0; sleep 0.05; done; exit 1";
-  EXPECT_EQ(std::system(command.c_str()), 0);
-  EXPECT_TRUE(this->GetContents() == before);
+  // the process that is started, and the one that it started
+  for (const auto & [killed, said] :
+       { std::pair("$!", ""),
+         std::pair("$(cat /proc/$!/task/$!/children)",
+                   "shear-warp-mip: the program was killed; is there too little memory?\n") })
+  {
+    const std::string command = "cd '" + m_Folder.string() + "' || exit\n'" + GetProgram() +
+                                "' in.nrrd out.png --frames 400 --size 200 200 --no-labels 2>said.txt &\n"
+                                "until [ -e .shear-warp-mip-*-9.png ] || ! kill -0 $!; do sleep 0.001; done\n"
+                                "kill -KILL " +
+                                killed +
+                                "; wait $!; for n in $(seq 200); do\n"
+                                "ls -A | grep -q shear-warp-mip- || exit 0; sleep 0.05; done; exit 1";
+    EXPECT_EQ(std::system(command.c_str()), 0);
+    EXPECT_EQ(ReadText(m_Folder / "said.txt"), said);
+    fs::remove(m_Folder / "said.txt");
+    EXPECT_TRUE(this->GetContents() == before) << killed;
+  }
 #endif
 }
 } // namespace
