@@ -46,6 +46,8 @@ struct Parsed
   char refusal[1 << 15];
   /** Of RemoveIfKilled(), a line each. */
   char begins[1 << 16];
+  /** Number of messages. */
+  unsigned int said;
 };
 
 Parsed *              parsed = nullptr; // none without a process of its own
@@ -260,6 +262,20 @@ RemoveIfKilled(const std::filesystem::path & begin)
   {
     Copy(begins + line, parsed->begins);
   }
+}
+
+bool
+IsNewMessage()
+{
+  static unsigned int count = 0;
+  ++count;
+  if (parsed)
+  {
+    const bool isNew = count > parsed->said;
+    parsed->said = std::max(count, parsed->said);
+    return isNew;
+  }
+  return true;
 }
 
 Parsing::Parsing(const std::filesystem::path & path, const std::string & refusal)

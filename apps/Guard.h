@@ -32,6 +32,10 @@ RunGuarded(const std::function<int()> & run, const std::function<void(const std:
 void
 RemoveIfKilled(const std::filesystem::path & begin);
 
+/** Whether the message that comes now is new: if all begins anew, the first ones were said before. */
+bool
+IsNewMessage();
+
 /** A library parses a file during this object's life. If that ends the process, \a refusal is what the program says. If
  * \a refusal is empty, all begins anew, and HasEndedParsing() tells of the file. */
 class Parsing

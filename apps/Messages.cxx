@@ -16,8 +16,8 @@
  *
  *=========================================================================*/
 #include "Messages.h"
+#include "Guard.h"
 #include "Posix.h"
-
 
 #include <iomanip>
 #include <sstream>
@@ -63,15 +63,24 @@ Messages::~Messages()
 }
 
 void
+Messages::Say(const std::string & text) const
+{
+  if (IsNewMessage())
+  {
+    m_Stream << (IsTerminal() ? clearLine : "") << text << std::endl;
+  }
+}
+
+void
 Messages::Warn(const std::string & text) const
 {
-  m_Stream << (IsTerminal() ? clearLine : "") << "shear-warp-mip: warning: " << text << std::endl;
+  this->Say("shear-warp-mip: warning: " + text);
 }
 
 void
 Messages::Note(const std::string & text) const
 {
-  m_Stream << (IsTerminal() ? clearLine : "") << "shear-warp-mip: note: " << text << std::endl;
+  this->Say("shear-warp-mip: note: " + text);
 }
 
 void
@@ -89,7 +98,7 @@ Messages::StepDone(const std::string & text)
   const auto now = Clock::now();
   if (m_IsVerbose)
   {
-    m_Stream << text << ": " << Milliseconds(std::chrono::duration<double>(now - m_Start).count()) << std::endl;
+    this->Say(text + ": " + Milliseconds(std::chrono::duration<double>(now - m_Start).count()));
   }
   StepBegins("");
   m_Start = now;

@@ -59,6 +59,10 @@ public:
   Progress(std::size_t done, std::size_t all);
 
 private:
+  /** Writes a line, unless an earlier process did so: see IsNewMessage(). */
+  void
+  Say(const std::string & text) const;
+
   using Clock = std::chrono::steady_clock;
 
   std::ostream &    m_Stream;

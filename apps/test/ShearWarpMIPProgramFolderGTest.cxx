@@ -332,6 +332,27 @@ TEST_F(ShearWarpMIPProgramFolder, IsReadThoughObjectsOfOtherSeriesCannotBe)
                         "'dicom/b0.dcm' is damaged or incomplete: its header cannot be parsed, so it may be a slice");
   });
 
+  // sequences in sequences, which take all of the stack: the messages before are said once
+  this->WithChangedFile(
+    name,
+    [](const std::string & bytes) {
+      const std::string sequence("\x40\0\0\1SQ\0\0\xff\xff\xff\xff\xfe\xff\0\xe0\xff\xff\xff\xff", 20);
+      std::string       changed = bytes.substr(0, 132 + 12 + static_cast<unsigned char>(bytes[140]));
+      for (int n = 0; n < 200000; ++n)
+      {
+        changed += sequence;
+      }
+      return changed;
+    },
+    [&] {
+      const Result result = this->Run("dicom out.png --frames 3 --range 30 --series 1.2.3.4");
+      EXPECT_EQ(result.messages.find("shear-warp-mip: note: --range is --angular-range now\nshear-warp-mip: '"), 0u)
+        << result.messages;
+      EXPECT_NE(result.messages.find("b0.dcm' is damaged or incomplete: its header cannot be parsed"),
+                std::string::npos)
+        << result.messages;
+    });
+
   // objects of the series itself
   this->WriteSeries("1.2.3.4", "b", 1);
   this->Rewrite("dicom/b0.dcm", registration, all);
