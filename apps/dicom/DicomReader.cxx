@@ -102,7 +102,7 @@ ReadTransferSyntax(const fs::path & path)
 bool
 HasAllPixels(const gdcm::Image & image)
 {
-  // colours may be stored with fewer samples, and what is compressed has no length of its own
+  // what is compressed has no length of its own
   const gdcm::ByteValue * const bytes = image.GetDataElement().GetByteValue();
   if (bytes && image.GetPixelFormat() == gdcm::PixelFormat::SINGLEBIT)
   {
@@ -110,7 +110,8 @@ HasAllPixels(const gdcm::Image & image)
                         (image.GetNumberOfDimensions() > 2 ? image.GetDimension(2) : 1);
     return 8.0 * bytes->GetLength() >= pixels;
   }
-  return image.GetPixelFormat().GetSamplesPerPixel() != 1 || !bytes || bytes->GetLength() >= image.GetBufferLength();
+  const bool isReduced = image.GetPhotometricInterpretation() == gdcm::PhotometricInterpretation::YBR_FULL_422;
+  return !bytes || (isReduced ? 3.0 : 2.0) * bytes->GetLength() >= 2.0 * static_cast<double>(image.GetBufferLength());
 }
 
 /** The header, as far as it is parsed to its end. */

@@ -50,7 +50,9 @@ using Component = itk::IOComponentEnum;
 std::string
 DescribeUndecoded(const Source & source)
 {
-  return "cannot decode the pixels of '" + source.path + "'; decompress the images first";
+  return source.image->GetTransferSyntax().IsEncapsulated()
+           ? "cannot decode the pixels of '" + source.path + "'; decompress the images first"
+           : DescribeDamage(source.path, "its pixels are not what its attributes say");
 }
 
 Component

@@ -201,6 +201,12 @@ ReadBack(const std::string & fileName, std::uintmax_t bytes)
   });
 }
 
+std::string
+DescribeFullDisk(const fs::path & path)
+{
+  return "cannot write all of '" + path.string() + "'; is the disk full?";
+}
+
 bool
 HasRoom(const std::string & fileName, std::size_t bytes)
 {
@@ -357,7 +363,7 @@ OutputFiles::WriteText(const fs::path & path, const std::string & text)
   file.close();
   if (!file)
   {
-    throw std::runtime_error("cannot write all of '" + path.string() + "'; is the disk full?");
+    throw std::runtime_error(DescribeFullDisk(path));
   }
 }
 
@@ -641,26 +647,29 @@ OutputFiles::WriteFile(const fs::path &    path,
   io->SetMetaDataDictionary(grid->GetMetaDataDictionary());
   SetTexts(*io, texts);
 
+  const std::string full = DescribeFullDisk(path);
   // some of ITK's writers do not survive a full disk
   if (FindFormat(temporaryName) == FileFormat::Picture &&
       !HasRoom(temporaryName, 2 * static_cast<std::size_t>(io->GetImageSizeInBytes()) + 4096))
   {
-    throw std::runtime_error("cannot write '" + path.string() + "'; is the disk full?");
+    throw std::runtime_error(full);
   }
+  const auto bytes = static_cast<std::size_t>(io->GetImageSizeInBytes());
   try
   {
     io->Write(buffer);
   }
   catch (const itk::ExceptionObject & error)
   {
-    throw std::runtime_error("cannot write '" + path.string() + "': " + error.GetDescription());
+    throw std::runtime_error(
+      HasRoom(temporaryName, bytes) ? "cannot write '" + path.string() + "': " + error.GetDescription() : full);
   }
   try
   {
-    ReadBack(temporaryName, static_cast<std::uintmax_t>(io->GetImageSizeInBytes()));
+    ReadBack(temporaryName, bytes);
   }
   catch (const std::exception &)
   {
-    throw std::runtime_error("cannot write all of '" + path.string() + "'; is the disk full?");
+    throw std::runtime_error(full);
   }
 }

@@ -726,6 +726,11 @@ TEST_P(ShearWarpMIPProgramDicomInput, ReadsBitsOfStreamsAsAttributesSay)
     });
   }
   this->ExpectSuccess("dicom out.nrrd");
+  this->ChangeFile(ListFiles(m_Folder / "dicom").front(),
+                   [](DataSet & dataSet) { SetNumber<0x0028, 0x0010>(dataSet, manyRows / 3 + 1); });
+  this->ExpectFailure("dicom out.png", "is damaged or incomplete");
+  this->ChangeFile(ListFiles(m_Folder / "dicom").front(),
+                   [](DataSet & dataSet) { SetNumber<0x0028, 0x0010>(dataSet, manyRows / 3); });
   this->Compress(gdcm::TransferSyntax::RLELossless);
   this->ExpectFailure("dicom out.png", "has colours of more than 8 bits, compressed by RLE, which GDCM mixes up");
 }

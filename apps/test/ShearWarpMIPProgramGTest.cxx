@@ -718,8 +718,9 @@ TEST_F(ShearWarpMIPProgram, LeavesFilesAsTheyWereIfDiskIsFull)
   {
     std::ofstream(m_Folder / name) << "kept";
     // the first fails in a write, the second in a close
-    this->ExpectFailure("in.nrrd " + name + " --output-spacing 0.1", name, "trap '' XFSZ && ulimit -f 3 &&");
-    this->ExpectFailure("in.nrrd " + name + " --output-spacing 0.35", name, "trap '' XFSZ && ulimit -f 1 &&");
+    const std::string full = "cannot write all of '" + name + "'; is the disk full?\n";
+    this->ExpectFailure("in.nrrd " + name + " --output-spacing 0.1", full, "trap '' XFSZ && ulimit -f 3 &&");
+    this->ExpectFailure("in.nrrd " + name + " --output-spacing 0.35", full, "trap '' XFSZ && ulimit -f 1 &&");
   }
   this->ExpectFailure(
     "in.nrrd out.png --output-spacing 0.1 --frames 3", "out-000.png", "trap '' XFSZ && ulimit -f 3 &&");
