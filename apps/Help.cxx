@@ -33,19 +33,10 @@ namespace
 {
 constexpr std::size_t column = 28;
 
-/** Ends the group of an option that --help lists. */
-const std::string usual = ", usual";
-
-bool
-IsUsual(const std::string & group)
-{
-  return group.size() > usual.size() && group.compare(group.size() - usual.size(), usual.size(), usual) == 0;
-}
-
 std::string
 GetTitle(const std::string & group)
 {
-  return IsUsual(group) ? group.substr(0, group.size() - usual.size()) : group;
+  return group.substr(0, group.find(','));
 }
 
 std::size_t
@@ -115,6 +106,12 @@ List(const TOptions & options)
 }
 } // namespace
 
+bool
+HasTrait(const CLI::Option & option, const std::string & trait)
+{
+  return (option.get_group() + ',').find(", " + trait + ',') != std::string::npos;
+}
+
 std::string
 HelpFormatter::make_help(const CLI::App * app, std::string name, CLI::AppFormatMode mode) const
 {
@@ -146,7 +143,7 @@ HelpFormatter::make_help(const CLI::App * app, std::string name, CLI::AppFormatM
     titles.push_back(title);
     const auto options = app->get_options([&](const CLI::Option * option) {
       return GetTitle(option->get_group()) == title &&
-             (isAll || IsUsual(option->get_group()) || option->get_positional());
+             (isAll || HasTrait(*option, "usual") || option->get_positional());
     });
     if (!options.empty())
     {

@@ -22,6 +22,10 @@
 
 #include <string>
 
+/** Whether an option's group has a \a trait behind its title, as "Picture, usual". */
+bool
+HasTrait(const CLI::Option & option, const std::string & trait);
+
 /** Examples first, then the options that most people use, or all of them, as wide as the terminal. */
 class HelpFormatter : public CLI::Formatter
 {

@@ -32,7 +32,6 @@
 #include <cmath>
 #include <functional>
 #include <regex>
-#include <set>
 #include <sstream>
 
 namespace
@@ -185,25 +184,30 @@ DefineOptions(CLI::App & app, Options & options)
   const auto       angle = Number("a finite angle", std::numeric_limits<double>::lowest());
   const auto       count = Number("a whole number of at least 1", 1.0, true);
 
-  const auto input =
-    app.add_option("INPUT", options.input, "Image file, or DICOM folder (or its DICOMDIR)")->required();
+  const auto input = app.add_option("INPUT", options.input, "Image file, or DICOM folder (or its DICOMDIR)")
+                       ->required()
+                       ->group("Options, outputs, volumes");
   const auto output =
-    app.add_option("OUTPUT,-o,--output", options.output, "File to write, or FOLDER/ for a DICOM series")->required();
+    app.add_option("OUTPUT,-o,--output", options.output, "File to write, or FOLDER/ for a DICOM series")
+      ->required()
+      ->group("Options, outputs");
   app
     .add_option("--series",
                 options.series,
                 "DICOM series, if the folder has several: its number in the printed list, a part of its description, "
                 "or its instance UID")
     ->type_name("SERIES")
-    ->group("Options, usual");
+    ->group("Options, usual, volumes");
   app
     .add_option("--volume",
                 options.volume,
                 "Volume of a DICOM series or file that has several, such as echoes or points in time: its number in "
                 "the printed list")
-    ->type_name("NUMBER");
+    ->type_name("NUMBER")
+    ->group("Options, volumes");
 
-  // --help lists what is in a group that ends with ", usual"; --help-all lists all
+  // behind the title of a group: usual ones are listed by --help, those of outputs go with frames that are projected
+  // already, and those of volumes with --write-volume
   const auto add = [&app](const std::string & group,
                           const std::string & names,
                           auto &              value,
@@ -298,14 +302,14 @@ DefineOptions(CLI::App & app, Options & options)
     ->needs(frames)
     ->excludes(elevation)
     ->excludes(app.get_option("--transform"));
-  add("Turning series",
+  add("Turning series, outputs",
       "--rate",
       options.rate,
       "FPS",
       "Frames per second of an animation or page; by default the series, or one turn, takes four seconds, with 5 to "
       "25 frames per second")
     ->check(CLI::Range(0.1, 100.0));
-  add("Turning series",
+  add("Turning series, outputs",
       "--page-bits",
       options.pageBits,
       "",
@@ -348,14 +352,14 @@ DefineOptions(CLI::App & app, Options & options)
                        ->excludes(oversampling);
   const auto window =
     addList(2,
-            "Picture, usual",
+            "Picture, usual, outputs",
             "--window",
             options.window,
             "LOW HIGH or NAME",
             "Values that become black and white in pictures and animations, and in a page when it opens "
             "(white and black for DICOM MONOCHROME1), or the name of a usual window: " +
               DescribeWindows() + "; default: percentiles 1 and 99.8 of the pixels that are not background");
-  add("Picture, usual",
+  add("Picture, usual, outputs",
       "--wl",
       options.levelAndWidth,
       "LEVEL WIDTH",
@@ -364,12 +368,12 @@ DefineOptions(CLI::App & app, Options & options)
     ->delimiter(',')
     ->expected(2)
     ->excludes(window);
-  addFlag("Picture, usual",
+  addFlag("Picture, usual, outputs",
           "--no-labels",
           options.isUnlabelled,
           "Leaves out the letters of the patient's sides (L, R, A, P, H, F) at the edges of pictures and animations; a "
           "page hides them and the scale bar when it opens");
-  addFlag("Picture, usual",
+  addFlag("Picture, usual, outputs",
           "--annotate",
           options.isAnnotated,
           "Adds a scale bar and the angles of each frame's view (LAO 30 CRA 15) to pictures and animations");
@@ -459,17 +463,17 @@ DefineOptions(CLI::App & app, Options & options)
       "Also writes a picture coloured by depth: a .png, or for a series numbered ones or an animation. Of the bright "
       "pixels, the nearest are red and the farthest blue. The brightness is that of OUTPUT with --window; pixels "
       "without a value are black");
-  add("Turning series, usual",
+  add("Turning series, usual, outputs",
       "--dicom-out",
       options.dicomOut,
       "DIR",
       "Also writes a DICOM series, one file for each picture, into this folder, which must be new or empty. "
       "Patient, study and frame of reference are those of a DICOM INPUT");
-  addFlag("Turning series",
+  addFlag("Turning series, outputs",
           "--multi-frame",
           options.isMultiFrame,
           "Writes the DICOM series as one multi-frame file of Secondary Capture, which archives play at --rate");
-  addFlag("Picture, usual",
+  addFlag("Picture, usual, volumes",
           "--suv",
           options.isSuv,
           "Converts the values of a DICOM PET series, INPUT or the overlay, to SUV by body weight (float), in all "
@@ -531,8 +535,12 @@ DefineOptions(CLI::App & app, Options & options)
     ->excludes(frames)
     ->excludes(slidingSlab);
 
-  add("Program", "--threads", options.threads, "N", "Threads to use; default: all processors")->check(count);
-  addFlag("Program, usual", "-v,--verbose", options.verbose, "Prints what the program does and how long it takes");
+  add("Program, outputs, volumes", "--threads", options.threads, "N", "Threads to use; default: all processors")
+    ->check(count);
+  addFlag("Program, usual, outputs, volumes",
+          "-v,--verbose",
+          options.verbose,
+          "Prints what the program does and how long it takes");
 
   const auto phantom = app
                          .add_option_function<std::string>(
@@ -564,14 +572,14 @@ DefineOptions(CLI::App & app, Options & options)
                              "projection: .mha, .nrrd, .nii or .nii.gz, or - for a NRRD as standard output. Points in "
                              "time are the fourth axis. --series, --volume and --suv have their effect")
                            ->type_name("FILE")
-                           ->group("Program, usual");
-  addFlag("Program",
+                           ->group("Program, usual, volumes");
+  addFlag("Program, volumes",
           "--with-attributes",
           options.hasAttributes,
           "Adds to the .nrrd of --write-volume the names of the files that were read, and the DICOM attributes of the "
           "first slice, the patient's name too")
     ->needs(volumeOut);
-  add("Program",
+  add("Program, outputs",
       "--trust",
       options.trusted,
       "FILE",
@@ -718,42 +726,18 @@ Verify(const Options & options)
   }
 }
 
-void
-VerifyVolumeOut(const CLI::App & app)
-{
-  const std::set<std::string> good = { "INPUT",     "--series",       "--volume",          "--suv",
-                                       "--verbose", "--write-volume", "--with-attributes", "--threads" };
-  for (const CLI::Option * const option : app.get_options())
-  {
-    const std::string name = option->get_name() == "--output" ? "OUTPUT" : option->get_name();
-    if (option->count() > 0 && good.count(name) == 0)
-    {
-      throw std::runtime_error(name + " is not possible with --write-volume: nothing is projected");
-    }
-  }
-}
-
 std::vector<std::string>
-FindGiven(const CLI::App & app)
+FindGivenWithout(const CLI::App & app, const std::string & trait)
 {
   std::vector<std::string> given;
   for (const CLI::Option * const option : app.get_options())
   {
-    if (option->count() > 0 && !option->get_positional())
+    if (option->count() > 0 && !HasTrait(*option, trait))
     {
-      given.push_back("--" + option->get_lnames().front());
+      given.push_back(option->get_name() == "--output" ? "OUTPUT" : option->get_name());
     }
   }
   return given;
-}
-
-bool
-IsOfOutputs(const std::string & name)
-{
-  static const std::set<std::string> names = { "--window",  "--wl",        "--no-labels", "--annotate",
-                                               "--rate",    "--page-bits", "--dicom-out", "--multi-frame",
-                                               "--threads", "--verbose",   "--trust" };
-  return names.count(name) > 0;
 }
 
 std::vector<std::string>
@@ -870,6 +854,7 @@ Reword(const CLI::App & app, const CLI::ParseError & error)
       }
     }
     auto                        extra = app.remaining();
+    extra.erase(std::remove(extra.begin(), extra.end(), "--"), extra.end());
     const std::string           first = extra.front().substr(0, extra.front().find('='));
     const std::string           hint = first[0] == '-' ? Suggest(first, names) : "";
     const std::filesystem::path input = app.get_option("INPUT")->as<std::string>();

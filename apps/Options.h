@@ -94,8 +94,8 @@ struct Options
   unsigned int                threads{ 0 };
   bool                        verbose{ false };
   std::vector<std::string>    trusted;
-  /** The names of all options that are given, as --view. */
-  std::vector<std::string> given;
+  /** The names of the given options that are not of outputs, as --view. */
+  std::vector<std::string> ofProjection;
 };
 
 inline const std::map<std::string, itk::ShearWarpMIPViewEnums::Direction> directions = {
@@ -117,14 +117,10 @@ inline const std::map<std::string, itk::ShearWarpMIPImageFilterEnums::Mode> mode
 void
 DefineOptions(CLI::App & app, Options & options);
 
-/** The names of the options that the parsed command line has, without INPUT and OUTPUT. */
+/** The names of the options on the parsed command line whose definition does not have the \a trait: outputs, which go
+ * with frames that are projected already, or volumes, which go with --write-volume. */
 std::vector<std::string>
-FindGiven(const CLI::App & app);
-
-/** Whether the option \a name is one of outputs, and goes with frames that are projected already; all others are of
- * the projection. */
-bool
-IsOfOutputs(const std::string & name);
+FindGivenWithout(const CLI::App & app, const std::string & trait);
 
 /** The arguments, the last first, as CLI::App::parse() takes them: the values of a list are one argument. To be called
  * once for \a app. Former names of options are replaced, and \a note is told. */
@@ -142,10 +138,6 @@ UseOutputFolder(Options & options);
 /** Throws std::runtime_error if the options contradict each other. */
 void
 Verify(const Options & options);
-
-/** Throws std::runtime_error if the command line has options of projections beside --write-volume. */
-void
-VerifyVolumeOut(const CLI::App & app);
 
 /** What the parser says, in the words of the help. */
 std::string

@@ -555,13 +555,10 @@ void
 Take(Product & product, Stack && stack, OutputFiles & files, Messages & messages)
 {
   const Options & options = product.options;
-  for (const std::string & name : options.given)
+  if (!options.ofProjection.empty())
   {
-    if (!IsOfOutputs(name))
-    {
-      throw std::runtime_error(name + " is not possible: '" + options.input +
-                               "' has frames, which are not projected again");
-    }
+    throw std::runtime_error(options.ofProjection.front() + " is not possible: '" + options.input +
+                             "' has frames, which are not projected again");
   }
   product.stack = std::move(stack);
   files.Protect(product.stack.sourceFiles);
@@ -664,7 +661,7 @@ RunProgram(int argc, const char * const * argv, std::ostream & output, std::ostr
   {
     app.parse(CollectArguments(
       app, argc, argv, [&messages](const std::string & text) { Messages(messages, false).Note(text); }));
-    options.given = FindGiven(app);
+    options.ofProjection = FindGivenWithout(app, "outputs");
     Messages steps(messages, options.verbose);
     if (app.count("--write-phantom") > 0 && app.count("--write-volume") == 0)
     {
@@ -672,7 +669,10 @@ RunProgram(int argc, const char * const * argv, std::ostream & output, std::ostr
     }
     else if (app.count("--write-volume") > 0)
     {
-      VerifyVolumeOut(app);
+      if (const auto others = FindGivenWithout(app, "volumes"); !others.empty())
+      {
+        throw std::runtime_error(others.front() + " is not possible with --write-volume: nothing is projected");
+      }
       WriteVolume(options, steps);
     }
     else

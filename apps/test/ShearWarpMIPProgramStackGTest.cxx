@@ -17,6 +17,7 @@
  *=========================================================================*/
 #include "ShearWarpMIPProgramTestHelper.h"
 
+#include "Help.h"
 #include "Options.h"
 #include "Picture.h"
 
@@ -343,6 +344,9 @@ TEST_F(ShearWarpMIPProgramStack, TakesOptionsOfOutputsOnly)
   const std::string           help = this->Run("--help-all").output;
   const std::regex            pattern("\n  (?:-\\w, ?)?(--[a-z-]+)(?:, --[a-z-]+)*( [A-Z{])?");
   std::size_t                 ofOutputs = 0;
+  Options                     options;
+  CLI::App                    app;
+  DefineOptions(app, options);
   for (std::sregex_iterator it(help.begin(), help.end(), pattern), end; it != end; ++it)
   {
     const std::string name = (*it)[1];
@@ -360,7 +364,7 @@ TEST_F(ShearWarpMIPProgramStack, TakesOptionsOfOutputsOnly)
     {
       arguments += write(other->second, true);
     }
-    if (IsOfOutputs(name))
+    if (HasTrait(*app.get_option(name), "outputs"))
     {
       ++ofOutputs;
       EXPECT_EQ(this->Run("turn.nrrd a.html" + arguments).status, 0);

@@ -86,6 +86,7 @@ def reword(text: str) -> str:
     def name(match: re.Match[str]) -> str:
         return match[1].replace("-", "_") if match[1] else "the source" if match[0] == "INPUT" else match[0]
 
+    text = re.sub(r"(did you mean ')--([a-z-]+)", lambda match: match[1] + match[2].replace("-", "_"), text)
     return re.sub(r"'[^']*'|(?<![\w-])--([a-z][a-z-]*)|\bINPUT\b", name, text).removesuffix("; see help")
 
 

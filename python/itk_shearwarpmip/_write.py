@@ -1,6 +1,5 @@
 """Writes pictures, pages, animations, values and DICOM series, by the program shear-warp-mip."""
 
-import difflib
 import html
 import os
 import re
@@ -46,38 +45,22 @@ class OutputOptions(TypedDict, total=False):
     verbose: bool
 
 
-OF_OUTPUTS = frozenset(OutputOptions.__annotations__)
-FLAGS = frozenset("annotate exact in_place labels multi_frame rocking suv verbose".split())
-VOLUMES = frozenset("mask overlay segments".split())
-OPTIONS = (
-    OF_OUTPUTS
-    | FLAGS
-    | VOLUMES
-    | frozenset(
-        """series volume view azimuth elevation transform frames rotation_axis center centre angular_range elevations
-        output_spacing size background oversampling slab sliding_slab mode local_maximum mask_label remove_label crop
-        attenuation depth depth_color depth_colour overlay_series overlay_volume overlay_transform overlay_color
-        overlay_colour overlay_window opacity""".split()
-    )
-)
-"""All options of the program for an image, with underscores instead of hyphens; labels=False is --no-labels."""
+_VOLUMES = ("mask", "overlay", "segments")
+_NOT_OF_IMAGES = ("help", "help_all", "version")
 
 
-def make_arguments(options: Mapping[str, Any], known: frozenset[str] = OPTIONS) -> list[str]:
-    """Arguments of the program. Options that are None are left out. Raises ValueError for others than the known ones."""
+def make_arguments(options: Mapping[str, Any]) -> list[str]:
+    """Arguments of the program, which refuses unknown ones. Options that are None are left out."""
     arguments = []
     for name, value in options.items():
-        if name not in known:
-            near = difflib.get_close_matches(name, known, 1)
-            hint = f": did you mean {near[0]!r}?" if near else f": there are {', '.join(sorted(known))}"
-            raise ValueError(f"there is no option {name!r}{hint}")
-        option = name.replace("_", "-")
-        if value is None:
-            continue
-        if name not in FLAGS:
-            arguments.append(f"--{option}={_format(name, value)}")
-        elif make_flag(name, value) != (name == "labels"):
-            arguments.append("--no-labels" if name == "labels" else f"--{option}")
+        if name in _NOT_OF_IMAGES:
+            raise ValueError(f"{name} is no option for an image")
+        if name == "labels":
+            arguments += [] if value is None or make_flag(name, value) else ["--no-labels"]
+        elif isinstance(value, bool | np.bool_):
+            arguments += [f"--{name.replace('_', '-')}=true"] if value else []
+        elif value is not None:
+            arguments.append(f"--{name.replace('_', '-')}={_format(name, value)}")
     return arguments
 
 
@@ -128,7 +111,7 @@ def write(source: Any, output: str | os.PathLike[str], **options: Any) -> None:
     ...     os.listdir(folder)
     ['turn.html']
     """
-    volumes = {name: options.pop(name) for name in VOLUMES & options.keys() if options[name] is not None}
+    volumes = {name: options.pop(name) for name in _VOLUMES if options.get(name) is not None}
     with _temporary_folder() as folder:
         opened = None if _is_path(source) else open_image(source)
         factor = 1.0 if opened is None else find_millimetres(_entries.get_unit(opened))
@@ -149,9 +132,9 @@ def write(source: Any, output: str | os.PathLike[str], **options: Any) -> None:
 def save_turn(turn: "Turn", path: str | os.PathLike[str], options: OutputOptions) -> None:
     """See Turn.save()."""
     window = {} if turn._window is None or "wl" in options else {"window": turn._window}
-    arguments = make_arguments(window | dict(options), OF_OUTPUTS)
+    arguments = make_arguments(window | dict(options))
     with _temporary_folder() as folder:
-        _run(folder, _write_turn(folder / "frames.nrrd", turn), path, arguments)
+        _run(folder, _write_turn(folder / "turn.nrrd", turn), path, arguments)
 
 
 def make_page(turn: "Turn", options: OutputOptions | None = None) -> str:
@@ -196,7 +179,7 @@ def save_png(picture: Any, path: str | os.PathLike[str], **options: Unpack[Outpu
         raise ValueError(
             f"a picture has 2 dimensions and pixels, but this one has the size {list(itk.size(picture))}: see Turn.save()"
         )
-    arguments = make_arguments(options, OF_OUTPUTS)
+    arguments = make_arguments(options)
     view = _entries.get_view(picture)
     if view is None:
         if options.get("annotate"):
