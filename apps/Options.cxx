@@ -769,6 +769,9 @@ CollectArguments(CLI::App & app, int argc, const char * const * argv, const Warn
     const bool areShort = std::regex_match(argument.substr(0, 5), std::regex("-[hv]*(o.*)?"));
     return isWord && !isNumber(argument) && (isLong || !areShort) ? '-' + argument : argument;
   };
+  const bool hasRange = std::any_of(argv + std::min(argc, 1), argv + argc, [](const std::string & argument) {
+    return std::regex_search(argument.substr(0, 20), std::regex("^--?(angular-)?range(=|$)"));
+  });
   std::vector<std::string> arguments;
   int                      n = 1;
   for (; n < argc && argv[n] != std::string("--"); ++n)
@@ -787,6 +790,10 @@ CollectArguments(CLI::App & app, int argc, const char * const * argv, const Warn
                                                           : "";
     if (name == "--rocking" && isNumber(value))
     {
+      if (hasRange)
+      {
+        throw std::runtime_error("--rocking " + value + " has the angle that --angular-range has: give one of them");
+      }
       note("--rocking " + value + " is --rocking --angular-range " + value + " now");
       arguments.insert(arguments.end(), { name, "--angular-range=" + value });
       n += equals == std::string::npos ? 1 : 0;
@@ -853,7 +860,7 @@ Reword(const CLI::App & app, const CLI::ParseError & error)
         names.push_back("--" + name);
       }
     }
-    auto                        extra = app.remaining();
+    auto extra = app.remaining();
     extra.erase(std::remove(extra.begin(), extra.end(), "--"), extra.end());
     const std::string           first = extra.front().substr(0, extra.front().find('='));
     const std::string           hint = first[0] == '-' ? Suggest(first, names) : "";

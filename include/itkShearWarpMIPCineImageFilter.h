@@ -35,8 +35,8 @@ namespace itk
  * All frames have one grid, in view space. By default the grid clips no frame: its extent is the bounding box of all
  * frames' projections, and its spacing is the finest of all frames' own spacings. The output's third axis counts the
  * frames. The output's MetaDataDictionary has two entries of type `std::vector<double>`. "FrameAngles" has the angles
- * in degrees (not for a list of transforms). "FrameTransforms" has twelve numbers per frame: the first three rows of
- * the matrix from view space to physical space.
+ * in degrees (not for a list of transforms). "FrameTransforms" has 16 numbers per frame: the matrix from view space to
+ * physical space, row by row.
  *
  * The filter projects frames with the same principal axis together. A block of the volume serves all of them while it
  * is in the cache, so a series takes far less time than single views. This needs memory for an intermediate image for

@@ -233,6 +233,7 @@ ShearWarpMIPCineImageFilter<TInputImage, TOutputImage>::GenerateOutputInformatio
       matrices.insert(matrices.end(), view.matrix[row], view.matrix[row] + 3);
       matrices.push_back(view.offset[row]);
     }
+    matrices.insert(matrices.end(), { 0.0, 0.0, 0.0, 1.0 });
   }
   MetaDataDictionary dictionary;
   EncapsulateMetaData(dictionary, "FrameTransforms", matrices);

@@ -357,15 +357,15 @@ TEST(ShearWarpMIPCine, AnglesAndTransformsAreInTheMetaDataDictionary)
   ASSERT_TRUE(itk::ExposeMetaData(dictionary, "FrameAngles", angles));
   ASSERT_TRUE(itk::ExposeMetaData(dictionary, "FrameTransforms", matrices));
   EXPECT_EQ(angles, cine->GetFrameAngles());
-  ASSERT_EQ(matrices.size(), 60u);
+  ASSERT_EQ(matrices.size(), 80u);
   const auto view = MakePoint3(2.0, -3.0, 5.0);
   for (unsigned int n = 0; n < 5; ++n)
   {
     const auto point = cine->GetFrameTransform(n)->TransformPoint(view);
-    for (unsigned int row = 0; row < 3; ++row)
+    for (unsigned int row = 0; row < 4; ++row)
     {
-      const double * m = &matrices[12 * n + 4 * row];
-      EXPECT_NEAR(m[0] * view[0] + m[1] * view[1] + m[2] * view[2] + m[3], point[row], 1e-9);
+      const double * m = &matrices[16 * n + 4 * row];
+      EXPECT_NEAR(m[0] * view[0] + m[1] * view[1] + m[2] * view[2] + m[3], row < 3 ? point[row] : 1.0, 1e-9);
     }
   }
 }

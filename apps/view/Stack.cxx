@@ -215,20 +215,13 @@ private:
 std::vector<Frame>
 MakeFrames(const Keys & keys, std::size_t count, double millimetres)
 {
-  const std::string key = "FrameTransforms";
-  const auto        numbers = keys.GetNumbers(key, numbersOfTransform * count);
-  const std::size_t length = numbers.size() == 12 * count ? 12 : numbersOfTransform;
-  if (numbers.size() != length * count)
-  {
-    keys.Refuse(key,
-                "has " + std::to_string(numbers.size()) + " numbers; " + std::to_string(numbersOfTransform * count) +
-                  " are needed");
-  }
+  const std::string         key = "FrameTransforms";
+  const auto                numbers = keys.GetAll(key, numbersOfTransform * count);
   std::vector<Frame>        frames(count);
   const std::vector<double> lastRow{ 0.0, 0.0, 0.0, 1.0 };
   for (std::size_t n = 0; n < count; ++n)
   {
-    const auto                      matrix = numbers.begin() + static_cast<std::ptrdiff_t>(length * n);
+    const auto                      matrix = numbers.begin() + static_cast<std::ptrdiff_t>(numbersOfTransform * n);
     TransformType::MatrixType       linear;
     TransformType::OutputVectorType offset;
     for (unsigned int row = 0; row < 3; ++row)
@@ -241,7 +234,7 @@ MakeFrames(const Keys & keys, std::size_t count, double millimetres)
     }
     const auto        transform = TransformType::New();
     const std::string name = "has a matrix of frame " + std::to_string(n + 1) + " that ";
-    if (length > 12 && !std::equal(lastRow.begin(), lastRow.end(), matrix + 12))
+    if (!std::equal(lastRow.begin(), lastRow.end(), matrix + 12))
     {
       keys.Refuse(key, name + "does not end with 0 0 0 1");
     }
@@ -289,7 +282,7 @@ SetTurn(Stack & stack, const Keys & keys)
     stack.frames[n].angle = angles[n];
   }
   stack.elevations = keys.GetNumbers("Elevations", count);
-  if (!stack.elevations.empty() && (angles.empty() || count % stack.elevations.size() != 0))
+  if (keys.Has("Elevations") && (stack.elevations.empty() || angles.empty() || count % stack.elevations.size() != 0))
   {
     keys.Refuse("Elevations",
                 "has " + std::to_string(stack.elevations.size()) + " turns, which " + std::to_string(count) +
@@ -508,12 +501,7 @@ ReadStack(const fs::path & path, bool isTrusted, const WarningFunction & warn)
     SetTurn(stack, keys);
     SetSlabs(stack, keys, millimetres);
     SetBackground(stack.projections, keys);
-    std::vector<std::string> names{ "maximum" };
-    for (const auto & [name, mode] : modes)
-    {
-      names.push_back(name);
-    }
-    stack.mode = modes.at(keys.GetName("Mode", names));
+    stack.mode = modes.at(keys.GetName("Mode", { "maximum", "minimum", "absolute-maximum" }));
     const auto center = keys.GetAll("Center", 3);
     if (!center.empty())
     {

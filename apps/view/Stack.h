@@ -62,8 +62,7 @@ CountFramesOfTurn(const Stack & stack);
 
 /** What a file of values has beside the frames' values, as pairs of key and text, from which ReadStack() makes the same
  * stack:
- * - FrameTransforms: 16 numbers for each frame, row by row, from view space to physical space; 12 are read too, the
- *   first three rows
+ * - FrameTransforms: 16 numbers for each frame, row by row, from view space to physical space
  * - FrameAngles: a number for each frame, in degrees, if the series turns
  * - Elevations: a number for each turn, in degrees
  * - Loop: turn, swing or none

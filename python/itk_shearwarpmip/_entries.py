@@ -3,7 +3,7 @@
 HasOrientation is "0" if nobody stated how the image lies in the patient; by default it lies in LPS. IsInverted is "1" if
 low values are to be shown white. Unit is the unit of lengths, by default mm. SourceFiles are the paths of the files that
 the image was read from, with spaces between them and percent-encoded. Of a projection, Background is the value of pixels beside the volume, and
-FrameTransforms are the first three rows of each frame's matrix from view space to physical space.
+FrameTransforms are each frame's matrix from view space to physical space, row by row.
 
 ITK writes entries to NRRD and MetaImage and reads them again. Its filters, its pickles and itk.image_duplicator() leave
 them out. This module keeps them in pickles and copies of images that it knows.
@@ -45,7 +45,7 @@ def get_view(image: Any) -> NDArray[np.float64] | None:
     """The 4 x 4 matrix of a picture's view, from view space to physical space, if the image is one picture."""
     numbers = get(image, "FrameTransforms")
     numbers = [float(each) for each in numbers.split()] if isinstance(numbers, str) else list(numbers or ())
-    return np.vstack([np.reshape(numbers, (3, 4)), [0.0, 0.0, 0.0, 1.0]]) if len(numbers) == 12 else None
+    return np.reshape(numbers, (4, 4)) if len(numbers) == 16 else None
 
 
 def get(image: Any, key: str) -> Any:

@@ -123,8 +123,8 @@ def mip(
     `places`, returns a tuple: the picture, its depths, its places.
 
     The entry "Background" of an itk.Image is the value of pixels beside the volume. Its entry "FrameTransforms" has
-    twelve numbers, the first three rows of the view's matrix from view space to physical space: a pixel at (u, v) mm
-    with the depth w lies at np.reshape(picture["FrameTransforms"], (3, 4)) @ [u, v, w, 1].
+    16 numbers, the view's matrix from view space to physical space, row by row: a pixel at (u, v) mm with the depth w
+    lies at np.reshape(picture["FrameTransforms"], (4, 4)) @ [u, v, w, 1].
 
     The preparation of an itk.Image is kept as long as the image object exists, so further views are faster. After you
     change its voxels in memory, as by image[...] = 0, call image.Modified(); otherwise the picture may show the old
@@ -572,7 +572,7 @@ def show_itself(picture: Any, background: float, source: Any, view: Any = None) 
     else:
         _entries.put_place(picture, source.has_direction, source.unit)
     if view is not None and picture.GetImageDimension() == 2:
-        _entries.put(picture, "FrameTransforms", get_matrix(view)[:3].ravel().tolist())
+        _entries.put(picture, "FrameTransforms", get_matrix(view).ravel().tolist())
     shown = type(picture).New()
     # the method of a picture that nobody keeps has the pixels
     shown.Graft(picture)

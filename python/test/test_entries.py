@@ -113,9 +113,9 @@ def test_depths_can_be_turned_into_points(rng):
     row, column = np.unravel_index(np.argmax(picture), np.asarray(picture).shape)
     u, v = picture.TransformIndexToPhysicalPoint([int(column), int(row)])
     center = itk.ShearWarpMIPView.GetCenter(open_image(voxels, spacing=(0.5, 0.6, 0.7)))
-    matrix = np.reshape(picture["FrameTransforms"], (3, 4))
+    matrix = np.reshape(picture["FrameTransforms"], (4, 4))
     depth = np.asarray(depths)[row, column]
-    point = matrix @ [u, v, depth, 1]
+    point = (matrix @ [u, v, depth, 1])[:3]
     assert np.linalg.norm(point - np.array([2.0, 1.8, 1.4])) < 0.6, (point, list(center))
 
 

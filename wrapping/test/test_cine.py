@@ -65,9 +65,9 @@ def test_angles_and_transforms_are_in_the_meta_data(image):
     dictionary = dict(cine.GetOutput())
     assert list(dictionary["FrameAngles"]) == [-90.0, 0.0, 90.0, 180.0]
     assert list(cine.GetFrameAngles()) == [-90.0, 0.0, 90.0, 180.0]
-    matrices = np.reshape(list(dictionary["FrameTransforms"]), (4, 3, 4))
+    matrices = np.reshape(list(dictionary["FrameTransforms"]), (4, 4, 4))
     point = cine.GetFrameTransform(2).TransformPoint([1.0, 2.0, 3.0])
-    np.testing.assert_allclose(matrices[2] @ [1.0, 2.0, 3.0, 1.0], list(point))
+    np.testing.assert_allclose(matrices[2] @ [1.0, 2.0, 3.0, 1.0], [*point, 1.0])
 
 
 def test_modes_and_depth(image):
