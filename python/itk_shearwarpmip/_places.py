@@ -21,7 +21,7 @@ def find_places(picture: Any, depths: Any) -> NDArray[np.float64]:
     depths = np.asarray(depths)
     (u0, v0), (du, dv) = ([*each][:2] for each in (picture.GetOrigin(), picture.GetSpacing()))
     frames = depths.reshape(-1, *depths.shape[-2:])
-    matrices = np.reshape(picture["FrameTransforms"], (-1, 4, 4))
+    matrices = np.reshape(picture["FrameTransforms"], (-1, 4, 4))[:, :3]
     places = np.empty((*frames.shape, 3))
     for of_frame, w, matrix in zip(places, frames, matrices, strict=True):
         columns, rows = (u0 + du * np.arange(w.shape[1]))[:, None], (v0 + dv * np.arange(w.shape[0]))[:, None, None]
