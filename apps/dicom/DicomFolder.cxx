@@ -21,6 +21,7 @@
 #include "DicomReader.h"
 #include "FileStart.h"
 #include "InputFiles.h"
+#include "Integrity.h"
 
 #include <algorithm>
 #include <cstdlib>
@@ -169,7 +170,7 @@ FindAllSeries(const fs::path & folder, const WarningFunction & warn)
   {
     if (isLikeSlice(other))
     {
-      throw std::runtime_error("'" + other.string() + "' is damaged or incomplete: it does not begin as DICOM does");
+      Refuse(other, "it does not begin as DICOM does");
     }
     leftOut.Add(other, "not DICOM");
   }

@@ -136,7 +136,7 @@ catch (const std::exception &)
 } // namespace
 
 std::string
-DescribeDamage(const std::string & path, const std::string & reason)
+DescribeDicomDamage(const std::string & path, const std::string & reason)
 {
   const std::string syntax = ReadTransferSyntax(path);
   if (!syntax.empty() && gdcm::TransferSyntax::GetTSType(syntax.c_str()) == gdcm::TransferSyntax::TS_END)
@@ -144,7 +144,7 @@ DescribeDamage(const std::string & path, const std::string & reason)
     return "'" + path + "' has a compression that GDCM does not read, transfer syntax " + syntax +
            "; decompress the images first";
   }
-  return "'" + path + "' is damaged or incomplete: " + reason;
+  return DescribeDamage(path, reason);
 }
 
 std::optional<gdcm::DataSet>
@@ -158,7 +158,7 @@ ReadSoundHeader(const std::string & path)
   }
   if (!header && HasPreamble(path))
   {
-    throw std::runtime_error(DescribeDamage(
+    throw std::runtime_error(DescribeDicomDamage(
       path, "its header cannot be parsed, so it may be a slice of any series; copy it again or remove it"));
   }
   return header;
@@ -187,7 +187,7 @@ DicomReader::Read()
 bool
 DicomReader::ReadWhole(const std::string & path)
 {
-  const std::string refusal = DescribeDamage(path, "its DICOM data cannot be parsed to the end");
+  const std::string refusal = DescribeDicomDamage(path, "its DICOM data cannot be parsed to the end");
   const Parsing     parsing(path, refusal);
   bool              isImage = false;
   bool              isSound = false;

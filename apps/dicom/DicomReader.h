@@ -44,7 +44,7 @@ ReadSoundHeader(const std::string & path);
 
 /** What the program says if the pixels of a file cannot be read. */
 std::string
-DescribeDamage(const std::string & path, const std::string & reason);
+DescribeDicomDamage(const std::string & path, const std::string & reason);
 
 /** Whether the pixels of a segmentation are numbers of segments. */
 bool

@@ -52,7 +52,7 @@ DescribeUndecoded(const Source & source)
 {
   return source.image->GetTransferSyntax().IsEncapsulated()
            ? "cannot decode the pixels of '" + source.path + "'; decompress the images first"
-           : DescribeDamage(source.path, "its pixels are not what its attributes say");
+           : DescribeDicomDamage(source.path, "its pixels are not what its attributes say");
 }
 
 Component

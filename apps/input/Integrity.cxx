@@ -42,10 +42,16 @@
 
 namespace fs = std::filesystem;
 
+std::string
+DescribeDamage(const fs::path & path, const std::string & reason)
+{
+  return "'" + path.string() + "' is damaged or incomplete: " + reason;
+}
+
 void
 Refuse(const fs::path & path, const std::string & reason)
 {
-  throw std::runtime_error("'" + path.string() + "' is damaged or incomplete: " + reason);
+  throw std::runtime_error(DescribeDamage(path, reason));
 }
 
 std::uintmax_t
@@ -269,7 +275,7 @@ ReadIntact(const fs::path & path, const std::function<void()> & read)
 {
   const std::string start = ReadStart(path, 64);
   const bool        isMeta = path.extension() == ".mha" || path.extension() == ".mhd";
-  const Parsing parsing(path, "'" + path.string() + "' is damaged or incomplete: it ended the library that reads it");
+  const Parsing     parsing(path, DescribeDamage(path, "it ended the library that reads it"));
   nifti_set_debug_level(0);
   if (isMeta || start.substr(0, 4) == "NRRD")
   {
@@ -295,11 +301,11 @@ ReadIntact(const fs::path & path, const std::function<void()> & read)
   {
     read();
   }
-  catch (const itk::ExceptionObject &)
+  catch (const itk::ExceptionObject & error)
   {
     // MetaIO says more than ITK
     requireNoErrors();
-    throw;
+    throw std::runtime_error("cannot read '" + path.string() + "': " + error.GetDescription());
   }
   requireNoErrors();
 }

@@ -38,8 +38,9 @@ GetInflatedSize(const std::filesystem::path & path,
                 std::streamoff                offset = 0,
                 DeflateFormat                 format = DeflateFormat::GzipOrZlib);
 
-/** Calls \a read, which reads the image file \a path by ITK. Throws if the file is cut short or damaged, as far as its
- * format tells: NRRD, MetaImage and NIfTI. Several of ITK's readers take such files for whole. */
+/** Calls \a read, which reads the image file \a path by ITK. Throws if ITK cannot, or if the file is cut short or
+ * damaged, as far as its format tells: NRRD, MetaImage and NIfTI. Several of ITK's readers take such files for whole.
+ */
 void
 ReadIntact(const std::filesystem::path & path, const std::function<void()> & read);
 
@@ -47,6 +48,10 @@ ReadIntact(const std::filesystem::path & path, const std::function<void()> & rea
  * The readers of VTK, GIPL and MRC do not notice. */
 void
 RequireAllVoxels(const itk::ImageIOBase & io, const std::filesystem::path & path);
+
+/** What is said of a damaged file. */
+std::string
+DescribeDamage(const std::filesystem::path & path, const std::string & reason);
 
 /** Throws the error for a damaged file. */
 [[noreturn]] void

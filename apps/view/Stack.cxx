@@ -477,7 +477,7 @@ ReadStack(const fs::path & path, bool isTrusted, const WarningFunction & warn)
   }
   RequireReadable(path);
   std::optional<Stack> made;
-  const auto           read = [&] {
+  ReadIntact(path, [&] {
     const auto io = itk::ImageIOFactory::CreateImageIO(path.c_str(), itk::IOFileModeEnum::ReadMode);
     if (!io)
     {
@@ -516,14 +516,6 @@ ReadStack(const fs::path & path, bool isTrusted, const WarningFunction & warn)
       SetSources(stack, keys);
     }
     made = std::move(stack);
-  };
-  try
-  {
-    ReadIntact(path, read);
-  }
-  catch (const itk::ExceptionObject & error)
-  {
-    throw std::runtime_error("cannot read '" + path.string() + "': " + error.GetDescription());
-  }
+  });
   return made;
 }
