@@ -456,24 +456,29 @@ TEST(ShearWarpMIPModesClosedForms, NearestHasOnlyValuesOfVoxels)
   }
 }
 
-TEST(ShearWarpMIPModesClosedForms, NearestTakesTheLowerOfTwoEquallyNearVoxels)
+TEST(ShearWarpMIPModesClosedForms, NearestTakesTheLowerVoxelAndTheHigherPixelOfTwo)
 {
-  // slice 1 is sheared by half a voxel: its samples lie between two voxels
   const auto  image = MakePlainImage<short>({ { 4, 1, 2 } });
-  const short voxels[] = { 0, 0, 0, 0, 10, 20, 30, 40 };
+  const short voxels[] = { 10, 20, 30, 40, 0, 0, 0, 0 };
   std::copy(std::begin(voxels), std::end(voxels), image->GetBufferPointer());
-  auto view = itk::AffineTransform<double, 3>::New();
-  auto matrix = view->GetMatrix();
-  matrix(0, 2) = 0.5;
-  view->SetMatrix(matrix);
-  const auto filter = MakeFilter(image, view);
-  filter->SetInterpolation(InterpolationEnum::Nearest);
-  filter->SetSize({ { 4, 1 } });
-  filter->SetOutputSpacing(itk::ShearWarpMIPImageFilter<itk::Image<short, 3>>::SpacingType(1.0));
-  filter->SetOutputOrigin(MakePoint2(0, 0));
-  filter->Update();
-  const short * pixels = filter->GetOutput()->GetBufferPointer();
-  EXPECT_EQ(std::vector<short>(pixels, pixels + 4), (std::vector<short>{ 10, 20, 30, 40 }));
+  const auto project = [&image](double shear) {
+    const auto view = itk::AffineTransform<double, 3>::New();
+    auto       matrix = view->GetMatrix();
+    matrix(0, 2) = shear;
+    view->SetMatrix(matrix);
+    const auto filter = MakeFilter(image, view);
+    filter->SetInterpolation(InterpolationEnum::Nearest);
+    filter->SetSize({ { 4, 1 } });
+    filter->SetOutputSpacing(MakeVector2(1.0, 1.0));
+    filter->SetOutputOrigin(MakePoint2(0.5, 0));
+    filter->Update();
+    const short * pixels = filter->GetOutput()->GetBufferPointer();
+    return std::vector<short>(pixels, pixels + 4);
+  };
+  // the first slice is half a voxel beside the pixels of the intermediate image, which are at the output's pixels
+  EXPECT_EQ(project(0.5), (std::vector<short>{ 10, 20, 30, 40 }));
+  // the output's pixels lie in the middle between pixels of the intermediate image
+  EXPECT_EQ(project(0.0), (std::vector<short>{ 20, 30, 40, 0 }));
 }
 
 TEST(ShearWarpMIPModesClosedForms, LocalMaximumHidesABrighterVesselBehind)

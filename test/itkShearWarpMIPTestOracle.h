@@ -546,7 +546,8 @@ private:
     const RaySample<TPixel> chosen = ChooseSample(m_Rule, samples);
     value = WithoutSignOfZero(chosen.value);
     slice = chosen.slice;
-    return true;
+    // a mean of both infinities is none
+    return value == value;
   }
 
   bool
