@@ -402,8 +402,16 @@ DefineOptions(CLI::App & app, Options & options)
       "--mode",
       options.mode,
       "",
-      "Which of the values along a ray the picture shows; the absolute maximum keeps its sign")
-    ->transform(Choice(GetKeys(modes), { { "mip", "maximum" }, { "minip", "minimum" } }))
+      "What of the values along a ray the picture shows; the absolute maximum keeps its sign")
+    ->transform(Choice(GetKeys(modes),
+                       { { "mip", "maximum" }, { "minip", "minimum" }, { "aip", "mean" }, { "average", "mean" } }))
+    ->capture_default_str();
+  add("Projection",
+      "--interpolation",
+      options.interpolation,
+      "",
+      "nearest is for labels: the picture then has only values of voxels")
+    ->transform(Choice(GetKeys(interpolations)))
     ->capture_default_str();
   add("Projection",
       "--local-maximum",
@@ -666,6 +674,44 @@ UseOutputFolder(Options & options)
   options.dicomOut.swap(options.output);
 }
 
+namespace
+{
+/** Throws std::runtime_error if the mode or the interpolation does not go with another option. */
+void
+VerifyMode(const Options & options)
+{
+  using itk::ShearWarp::Feature;
+  const bool        isNearest = options.interpolation == "nearest";
+  const std::string nearest = "--interpolation nearest";
+  struct Given
+  {
+    bool        isGiven;
+    Feature     feature;
+    std::string name;
+  };
+  const std::vector<Given> features = { { options.localMaximum.has_value(), Feature::LocalMaximum, "--local-maximum" },
+                                        { !options.depth.empty(), Feature::Depth, "--depth" },
+                                        { !options.depthColour.empty(), Feature::Depth, "--depth-colour" },
+                                        { options.isExact, Feature::Exact, "--exact" },
+                                        { isNearest, Feature::Nearest, nearest } };
+  for (const auto & [isGiven, feature, name] : features)
+  {
+    if (isGiven && !itk::ShearWarp::HasFeature(modes.at(options.mode), feature))
+    {
+      throw std::runtime_error(name + " is not possible with --mode " + options.mode);
+    }
+  }
+  const std::string other = options.isExact             ? "--exact"
+                            : options.attenuation > 0.0 ? "--attenuation"
+                            : options.oversampling != 1 ? "--oversampling"
+                                                        : "";
+  if (isNearest && !other.empty())
+  {
+    throw std::runtime_error(nearest + " is not possible with " + other + ": the picture has only values of voxels");
+  }
+}
+} // namespace
+
 void
 Verify(const Options & options)
 {
@@ -704,11 +750,7 @@ Verify(const Options & options)
   {
     throw std::runtime_error("--slab: NEAR must not be greater than FAR");
   }
-  if (options.localMaximum &&
-      !itk::ShearWarp::HasFeature(modes.at(options.mode), itk::ShearWarp::Feature::LocalMaximum))
-  {
-    throw std::runtime_error("--local-maximum is not possible with --mode " + options.mode);
-  }
+  VerifyMode(options);
   if (options.pageBits && FindFormat(options.output) != FileFormat::Page)
   {
     throw std::runtime_error("--page-bits requires a page: .html");

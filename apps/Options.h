@@ -67,6 +67,7 @@ struct Options
   std::vector<double>         elevations;
   std::optional<double>       rate;
   std::string                 mode{ "maximum" };
+  std::string                 interpolation{ "linear" };
   std::vector<double>         slab;
   std::vector<double>         slidingSlab;
   std::vector<double>         crop;
@@ -110,7 +111,13 @@ inline const std::map<std::string, itk::ShearWarpMIPViewEnums::Direction> direct
 inline const std::map<std::string, itk::ShearWarpMIPImageFilterEnums::Mode> modes = {
   { "maximum", itk::ShearWarpMIPImageFilterEnums::Mode::Maximum },
   { "minimum", itk::ShearWarpMIPImageFilterEnums::Mode::Minimum },
-  { "absolute-maximum", itk::ShearWarpMIPImageFilterEnums::Mode::AbsoluteMaximum }
+  { "absolute-maximum", itk::ShearWarpMIPImageFilterEnums::Mode::AbsoluteMaximum },
+  { "mean", itk::ShearWarpMIPImageFilterEnums::Mode::Mean }
+};
+
+inline const std::map<std::string, itk::ShearWarpMIPImageFilterEnums::Interpolation> interpolations = {
+  { "linear", itk::ShearWarpMIPImageFilterEnums::Interpolation::Linear },
+  { "nearest", itk::ShearWarpMIPImageFilterEnums::Interpolation::Nearest }
 };
 
 /** Sets up \a app so that it fills \a options, which must live as long. */

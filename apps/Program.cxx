@@ -341,6 +341,7 @@ MakeProjectionOptions(const Options & options)
   projection.isExact = options.isExact;
   projection.background = options.background;
   projection.mode = modes.at(options.mode);
+  projection.interpolation = interpolations.at(options.interpolation);
   projection.localMaximum = options.localMaximum;
   for (std::size_t axis = 0; axis < 3 && !options.crop.empty(); ++axis)
   {
@@ -494,7 +495,12 @@ ReadInput(Product & product, OutputFiles & files, Messages & messages)
   const std::string times = volume.times.size() > 1 ? std::to_string(volume.times.size()) + " x " : "";
   messages.StepDone("read " + options.input + ", " + times + Describe(first));
   VerifyTimes(options, volume.times.size());
-  VerifyComponents(options, first.image->GetNumberOfComponentsPerPixel());
+  const unsigned int components = first.image->GetNumberOfComponentsPerPixel();
+  VerifyComponents(options, components);
+  if (options.interpolation != "nearest" && components == 1 && LooksLikeLabels(first))
+  {
+    messages.Note("'" + options.input + "' looks like labels: --interpolation nearest shows only these values");
+  }
   return volume;
 }
 

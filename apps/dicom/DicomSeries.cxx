@@ -665,6 +665,8 @@ DescribeMode(itk::ShearWarpMIPImageFilterEnums::Mode mode)
   static constexpr ModeInDicom absoluteMaximum{
     "Maximum intensity projection of absolute values", "MIP", "MAX_IP", "113078", "Maximum intensity projection", ""
   };
+  static constexpr ModeInDicom mean{ "Mean intensity projection", "AIP",           "MEAN", "113049",
+                                     "Pixel by pixel mean",       "they are means" };
   switch (mode)
   {
     case Mode::Maximum:
@@ -673,6 +675,8 @@ DescribeMode(itk::ShearWarpMIPImageFilterEnums::Mode mode)
       return minimum;
     case Mode::AbsoluteMaximum:
       return absoluteMaximum;
+    case Mode::Mean:
+      return mean;
   }
   throw std::logic_error("the mode has no description in DICOM");
 }

@@ -434,6 +434,17 @@ TEST_F(ShearWarpMIPProgramDicom, KeepsCharacterSetAndCompression)
   }
 }
 
+TEST_F(ShearWarpMIPProgramDicom, SaysThatValuesAreMeans)
+{
+  DicomSeriesOptions options;
+  options.mode = itk::ShearWarpMIPImageFilterEnums::Mode::Mean;
+  WriteDicomSeries(MakeFrames<short>(2), MakeViews(2), this->WriteSource(GetCT()), m_Series, options);
+  const auto tags = this->ReadSeries()[0].tags;
+  EXPECT_EQ(tags.at("0008|0008"), "DERIVED\\SECONDARY\\PROJECTION IMAGE\\MEAN");
+  EXPECT_EQ(tags.at("0008|2111"), "Mean intensity projection");
+  EXPECT_EQ(tags.at("0008|103e").substr(0, 3), "AIP");
+}
+
 TEST_F(ShearWarpMIPProgramDicom, TakesOptions)
 {
   DicomSeriesOptions options;

@@ -23,6 +23,7 @@
 
 #include <cmath>
 #include <cstring>
+#include <set>
 
 namespace
 {
@@ -159,7 +160,38 @@ TEST_F(ShearWarpMIPProgramProjection, TakesMode)
   const auto pixels = GetPixels(expected);
   EXPECT_LT(*std::min_element(pixels.begin(), pixels.end()), 0);
 
-  this->ExpectFailure("in.nrrd out.png --mode mean", "--mode");
+  this->ExpectFailure("in.nrrd out.png --mode median", "--mode");
+  this->ExpectSame("--mode mean", [](FilterType & filter) { filter.SetMode(ModeEnum::Mean); });
+  this->ExpectSame("--mode average", [](FilterType & filter) { filter.SetMode(ModeEnum::Mean); });
+}
+
+TEST_F(ShearWarpMIPProgramProjection, TakesInterpolation)
+{
+  using InterpolationEnum = FilterType::InterpolationEnum;
+  this->ExpectSame("--interpolation nearest",
+                   [](FilterType & filter) { filter.SetInterpolation(InterpolationEnum::Nearest); });
+  this->ExpectSame("--interpolation linear", [](FilterType &) {});
+  // labels 1 and 3, and what is beside them
+  const auto volume = itk::Image<unsigned char, 3>::New();
+  volume->SetRegions(itk::Size<3>{ { 20, 16, 16 } });
+  volume->Allocate(true);
+  std::fill_n(volume->GetBufferPointer() + 1600, 1000, static_cast<unsigned char>(1));
+  std::fill_n(volume->GetBufferPointer() + 3000, 1000, static_cast<unsigned char>(3));
+  this->WriteImage(volume, "labels.nrrd");
+  const std::string view = "labels.nrrd out.nrrd --azimuth 33 --elevation 21";
+  const std::string note = "'labels.nrrd' looks like labels: --interpolation nearest shows only these values";
+  const auto        getValues = [this] {
+    const auto pixels = this->ReadPixels<itk::Image<unsigned char, 2>>("out.nrrd");
+    return std::set<unsigned char>(pixels.begin(), pixels.end());
+  };
+  EXPECT_NE(this->Run(view).messages.find(note), std::string::npos);
+  EXPECT_EQ(getValues(), (std::set<unsigned char>{ 0, 1, 2, 3 }));
+  EXPECT_EQ(this->Run(view + " --interpolation nearest").messages.find("labels"), std::string::npos);
+  EXPECT_EQ(getValues(), (std::set<unsigned char>{ 0, 1, 3 }));
+  // two labels one after the other have nothing between them
+  std::replace(volume->GetBufferPointer(), volume->GetBufferPointer() + 20 * 16 * 16, 3, 0);
+  this->WriteImage(volume, "labels.nrrd");
+  EXPECT_EQ(this->Run(view).messages.find("labels"), std::string::npos);
 }
 
 TEST_F(ShearWarpMIPProgramProjection, TakesSlab)

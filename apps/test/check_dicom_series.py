@@ -57,7 +57,7 @@ def check_folder(folder, name=None):
         image_type = list(dataset.ImageType)
         made = "PRIMARY" if dataset.SOPClassUID == PET else "SECONDARY"
         require(image_type[:3] == ["DERIVED", made, "PROJECTION IMAGE"], f"{folder}: ImageType {image_type}")
-        require(image_type[3] in ("MAX_IP", "MIN_IP"), f"{folder}: ImageType {image_type}")
+        require(image_type[3] in ("MAX_IP", "MIN_IP", "MEAN"), f"{folder}: ImageType {image_type}")
         axes = numpy.array(dataset.ImageOrientationPatient, float).reshape(2, 3)
         require(numpy.allclose(axes @ axes.T, numpy.eye(2), atol=1e-9), f"{folder}: axes are not orthonormal")
         require(len(dataset.ImagePositionPatient) == 3 and min(dataset.PixelSpacing) > 0.0, f"{folder}: no geometry")

@@ -22,6 +22,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 #include <sstream>
 #include <stdexcept>
 
@@ -199,6 +200,7 @@ ProjectVolume(const Volume &                                   volume,
   filter->SetOversampling(options.oversampling);
   filter->SetExact(options.isExact);
   filter->SetMode(options.mode);
+  filter->SetInterpolation(options.interpolation);
   if (options.localMaximum)
   {
     filter->LocalMaximumOn();
@@ -279,6 +281,35 @@ ProjectVolume(const Volume &                                   volume,
   return projections;
 }
 } // namespace
+
+bool
+LooksLikeLabels(const AnyImage & image)
+{
+  constexpr std::size_t fewestVoxels = 4096;
+  constexpr std::size_t mostLabels = 32;
+  return DispatchPixelType(image.componentType, [&](auto tag) {
+    using PixelType = typename decltype(tag)::Type;
+    const auto &        container = *CastImage<PixelType>(image).GetPixelContainer();
+    const PixelType *   voxels = container.GetBufferPointer();
+    std::set<PixelType> found;
+    for (std::size_t n = 0; n < container.Size() && found.size() <= mostLabels; ++n)
+    {
+      const PixelType voxel = voxels[n];
+      if (!(std::abs(static_cast<double>(voxel)) < 0x1p53) || static_cast<PixelType>(std::trunc(voxel)) != voxel)
+      {
+        return false;
+      }
+      // most neighbours are equal
+      if (n == 0 || voxel != voxels[n - 1])
+      {
+        found.insert(voxel);
+      }
+    }
+    const bool hasGap =
+      !found.empty() && static_cast<double>(*found.rbegin()) - static_cast<double>(*found.begin()) > 1.0;
+    return container.Size() >= fewestVoxels && found.size() <= mostLabels && hasGap;
+  });
+}
 
 bool
 IsPixelValue(itk::IOComponentEnum componentType, double value)

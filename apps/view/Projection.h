@@ -45,6 +45,7 @@ struct Frame
 struct ProjectionOptions
 {
   using ModeEnum = itk::ShearWarpMIPImageFilterEnums::Mode;
+  using InterpolationEnum = itk::ShearWarpMIPImageFilterEnums::Interpolation;
   using PointType = itk::Point<double, 3>;
 
   std::vector<Frame> frames;
@@ -61,6 +62,7 @@ struct ProjectionOptions
   unsigned int                          oversampling{ 1 };
   bool                                  isExact{ false };
   ModeEnum                              mode{ ModeEnum::Maximum };
+  InterpolationEnum                     interpolation{ InterpolationEnum::Linear };
   std::optional<double>                 localMaximum;
   itk::Image<unsigned char, 3>::Pointer mask;
   PointType                             cropLower{ -std::numeric_limits<double>::infinity() };
@@ -93,6 +95,11 @@ struct Projections
   /** As of the volume. */
   bool isInverted{ false };
 };
+
+/** Whether an image of at least 4096 voxels has at most 32 values, all whole, between which interpolation would find
+ * others. */
+bool
+LooksLikeLabels(const AnyImage & image);
 
 /** Whether \a value is one of that pixel type. */
 bool

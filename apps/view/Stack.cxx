@@ -501,7 +501,7 @@ ReadStack(const fs::path & path, bool isTrusted, const WarningFunction & warn)
     SetTurn(stack, keys);
     SetSlabs(stack, keys, millimetres);
     SetBackground(stack.projections, keys);
-    stack.mode = modes.at(keys.GetName("Mode", { "maximum", "minimum", "absolute-maximum" }));
+    stack.mode = modes.at(keys.GetName("Mode", { "maximum", "minimum", "absolute-maximum", "mean" }));
     const auto center = keys.GetAll("Center", 3);
     if (!center.empty())
     {

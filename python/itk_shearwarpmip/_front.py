@@ -32,6 +32,7 @@ from itk_shearwarpmip._inputs import (
 )
 from itk_shearwarpmip._labels import get_matrix
 from itk_shearwarpmip._parameters import (
+    Interpolation,
     Mode,
     Parameters,
     check_mode,
@@ -68,6 +69,7 @@ def mip(
     azimuth: float = 0.0,
     elevation: float = 0.0,
     mode: Mode = "maximum",
+    interpolation: Interpolation = "linear",
     slab: Sequence[float] | None = None,
     crop: Sequence[Sequence[float]] | None = None,
     mask: Any = None,
@@ -95,7 +97,8 @@ def mip(
         "superior" is from above, with the patient's left at the left of the picture; "inferior" is the axial view of
         radiology, from the feet.
     azimuth, elevation: degrees that the viewer then moves towards the right and towards the top of the picture.
-    mode: "maximum", "minimum", or "absolute_maximum" for the value with the largest magnitude, with its sign.
+    mode: "maximum", "minimum", "absolute_maximum" for the value with the largest magnitude, with its sign, or "mean".
+    interpolation: "linear", or "nearest" for labels: the picture then has only values of voxels.
     slab: (near, far): only samples between these depths count. For a view by name, depths are mm behind the volume's
         center.
     crop: (lower, upper), two corners x, y, z: only samples in this box count, in mm (LPS); infinity is no limit.
@@ -147,7 +150,7 @@ def mip(
     threads = take_former(where, "number_of_threads", "threads", threads)
     parameters = Parameters(
         mode, slab, crop, mask, mask_label, depth, attenuation, local_maximum, background, exact, oversampling,
-        output_spacing, size, output_origin, threads, places,
+        output_spacing, size, output_origin, threads, places, interpolation,
     )  # fmt: skip
     _require_known(mip, where)
     make_flag("geometry", geometry)
@@ -247,6 +250,7 @@ def turn(
     rocking: bool = False,
     transforms: Sequence[Any] | None = None,
     mode: Mode = "maximum",
+    interpolation: Interpolation = "linear",
     slab: Sequence[float] | None = None,
     crop: Sequence[Sequence[float]] | None = None,
     mask: Any = None,
@@ -288,7 +292,7 @@ def turn(
     threads = take_former(where, "number_of_threads", "threads", threads)
     parameters = Parameters(
         mode, slab, crop, mask, mask_label, depth, attenuation, local_maximum, background, exact, oversampling,
-        output_spacing, size, output_origin, threads, places,
+        output_spacing, size, output_origin, threads, places, interpolation,
     )  # fmt: skip
 
     _require_known(turn, where)

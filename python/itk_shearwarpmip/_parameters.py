@@ -12,8 +12,13 @@ from numpy.typing import NDArray
 
 from itk_shearwarpmip._inputs import describe, is_number, make_flag, make_numbers
 
-Mode = Literal["maximum", "minimum", "absolute_maximum"]
-MODES = {"maximum": "Mode_Maximum", "minimum": "Mode_Minimum", "absolute_maximum": "Mode_AbsoluteMaximum"}
+Mode = Literal["maximum", "minimum", "absolute_maximum", "mean"]
+MODES = {
+    "maximum": "Mode_Maximum", "minimum": "Mode_Minimum", "absolute_maximum": "Mode_AbsoluteMaximum",
+    "mean": "Mode_Mean",
+}  # fmt: skip
+Interpolation = Literal["linear", "nearest"]
+_INTERPOLATIONS = {"linear": "Interpolation_Linear", "nearest": "Interpolation_Nearest"}
 
 
 @dataclass(frozen=True)
@@ -36,6 +41,7 @@ class Parameters:
     output_origin: Sequence[float] | None = None
     threads: int | None = None
     places: bool = False
+    interpolation: Interpolation = "linear"
 
 
 def find_lowest(voxels: NDArray[Any]) -> Any:
@@ -48,6 +54,8 @@ def set_parameters(made: Any, parameters: Parameters, background: Any) -> None:
     is_whole = isinstance(made.GetDefaultPixelValue(), int)
     set_background(made, background)
     made.SetMode(getattr(itk.ShearWarpMIPImageFilterEnums, MODES[check_mode(parameters.mode)]))
+    interpolation = find_interpolation(parameters.interpolation)
+    made.SetInterpolation(getattr(itk.ShearWarpMIPImageFilterEnums, _INTERPOLATIONS[interpolation]))
     slab = (-np.inf, np.inf) if parameters.slab is None else parameters.slab
     near, far = make_numbers("slab", slab, 2, is_finite=False, parts="(near, far)")
     made.SetSlabNear(near)
@@ -86,6 +94,12 @@ def check_mode(mode: Any) -> Mode:
     if not isinstance(mode, str) or mode not in MODES:
         raise ValueError(f"mode must be one of {', '.join(MODES)}, but it is {mode!r}")
     return cast(Mode, mode)
+
+
+def find_interpolation(given: Any) -> Interpolation:
+    if not isinstance(given, str) or given not in _INTERPOLATIONS:
+        raise ValueError(f"interpolation must be one of {', '.join(_INTERPOLATIONS)}, but it is {given!r}")
+    return cast(Interpolation, given)
 
 
 def set_background(made: Any, background: Any) -> None:
@@ -141,7 +155,7 @@ def update(made: Any, information: bool = False) -> None:
 
 _WORDS = {
     "DefaultPixelValue": "background", "DepthAttenuation": "attenuation", "NumberOfFrames": "frames",
-    "LocalMaximumThreshold": "local_maximum", "SlabNear": "slab's near", "SlabFar": "slab's far",
+    "ComputeDepth": "depth or places", "LocalMaximumThreshold": "local_maximum", "SlabNear": "slab's near", "SlabFar": "slab's far",
     "CropLower": "crop's lower", "CropUpper": "crop's upper", "MaskImage": "mask", "Transform": "view",
 }  # fmt: skip
 
@@ -154,5 +168,8 @@ def _reword(text: str) -> str:
         return _WORDS.get(word) or re.sub(r"(?<=.)([A-Z])", r"_\1", word).lower()
 
     text = text.replace("AbsoluteMaximum", "absolute_maximum")
-    names = "OutputSpacing|OutputOrigin|Size|Oversampling|RotationAxis|Center|StartAngle|AngularRange|Exact|LocalMaximum|Mode"
+    names = (
+        "OutputSpacing|OutputOrigin|Size|Oversampling|RotationAxis|Center|StartAngle|AngularRange|Exact|LocalMaximum|"
+        "Mode|Interpolation"
+    )
     return re.sub(rf"\b({'|'.join(_WORDS)}|{names})\b", name, text)

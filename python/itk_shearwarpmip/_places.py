@@ -1,11 +1,12 @@
 """Where the pixels of a projection come from, and what other volumes have there."""
 
-from typing import TYPE_CHECKING, Any, Literal, Unpack
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
 from itk_shearwarpmip._inputs import Placed, open_image, take
+from itk_shearwarpmip._parameters import Interpolation, find_interpolation
 
 if TYPE_CHECKING:
     from itk_shearwarpmip._front import Place
@@ -49,7 +50,7 @@ def find_corners(coordinates: NDArray[np.float64], shape: tuple[int, ...]) -> tu
 def sample(
     source: Any,
     places: Any,
-    interpolation: Literal["linear", "nearest"] = "linear",
+    interpolation: Interpolation = "linear",
     outside: float = np.nan,
     **where: Unpack["Place"],
 ) -> NDArray[Any]:
@@ -76,8 +77,7 @@ def sample(
     >>> sample(ramp.astype(np.uint8), [[1.5, 1, 2], [-1, 0, 0]], "nearest", outside=0)
     array([2, 0], dtype=uint8)
     """
-    if interpolation not in ("linear", "nearest"):
-        raise ValueError(f"interpolation must be linear or nearest, but it is {interpolation!r}")
+    find_interpolation(interpolation)
     try:
         points = np.asarray(places, float)
         other = float(outside)

@@ -175,7 +175,9 @@ class Layer:
         return grey
 
     def find_point(self, state: State, u: float, v: float, exact: bool) -> Point | None:
-        """Returns the point that gives the ray at u, v its value, or None if the ray meets nothing."""
+        """Returns the point that gives the ray at u, v its value, or None if the ray meets nothing, or has a mean."""
+        if state.mode == "mean":
+            return None
         value = self.project(state, Grid((1, 1), 1.0, (u, v)), exact, depth=True)[0, 0]
         if np.isnan(itk.array_view_from_image(self.filter.GetDepthOutput())[0, 0]):
             return None
@@ -408,7 +410,7 @@ class Scene:
             ),
             "  ".join(part.replace(".0°", "°") for part in parts if part),
         )
-        mode = {"maximum": "", "minimum": "Minimum", "absolute_maximum": "Absolute maximum"}[state.mode]
+        mode = {"maximum": "", "minimum": "Minimum", "absolute_maximum": "Absolute maximum", "mean": "Mean"}[state.mode]
         slab = ""
         if state.slab:
             near, far = (self._factor * depth for depth in state.slab)
@@ -537,7 +539,7 @@ HELP = (
     ("Arrow keys", "turn by 5 degrees"),
     ("Space", "play a turn"),
     ("T", "trackball, or about the long axis"),
-    ("M", "maximum, minimum, absolute maximum"),
+    ("M", "maximum, minimum, absolute maximum, mean"),
     ("+  -", "thickness of the slab"),
     ("[  ]", "slab nearer, farther"),
     ("O", "window of the overlay, or of the volume"),

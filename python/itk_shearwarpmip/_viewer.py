@@ -139,7 +139,7 @@ class Viewer:
 
     @property
     def mode(self) -> str:
-        """Which of a ray's samples is its value: "maximum", "minimum" or "absolute_maximum"."""
+        """The value of a ray: "maximum", "minimum", "absolute_maximum" or "mean"."""
         return self._state.mode
 
     @mode.setter
@@ -463,7 +463,8 @@ class Viewer:
         self._change(zoom=zoom, pan=(pan[0], pan[1]))
 
     def _find_modes(self) -> list[str]:
-        return [mode for mode in MODES if all(mode in layer.modes for layer in self._scene.layers)]
+        possible = [mode for mode in MODES if all(mode in layer.modes for layer in self._scene.layers)]
+        return [mode for mode in possible if not (mode == "mean" and self._scene.exact)]
 
     def _change_mode(self) -> None:
         modes = self._find_modes()
@@ -684,7 +685,7 @@ def show(
         picture.
     colour, overlay_colour: ITK's colour maps, such as "grey", "hot", "red", "jet".
     opacity: opacity of the overlay's highest value, 0 to 1; lower values are less opaque in proportion.
-    mode: "maximum", "minimum" or "absolute_maximum".
+    mode: "maximum", "minimum", "absolute_maximum" or "mean".
     slab: the least and the greatest depth of the samples that count, in mm behind the middle of the image.
     exact: True to make the picture at rest by exact maxima.
     size: columns and rows of the widget in a notebook, in CSS pixels.
@@ -692,8 +693,8 @@ def show(
     block: whether to return only when the viewer is closed or interrupted; by default only in scripts, not in
         notebooks and interactive shells.
     page: host, port and no_browser of the page, as for the command shear-warp-mip-view.
-    parameters: crop, mask, mask_label, attenuation, local_maximum, oversampling and background, as in mip(); spacing,
-        origin, direction, series, volume, suv, level, time and channel of the source, as in open_image().
+    parameters: interpolation, crop, mask, mask_label, attenuation, local_maximum, oversampling and background, as in
+        mip(); spacing, origin, direction, series, volume, suv, level, time and channel of the source, as in open_image().
 
     Raises ImportError if rendercanvas or a part of it is missing, ValueError and TypeError for unsuitable parameters,
     and the exceptions of reading the source.
@@ -718,7 +719,9 @@ def show(
     if not isinstance(opacity, Real) or not 0 <= opacity <= 1:
         raise ValueError(f"opacity must be 0 to 1, but it is {opacity!r}")
     place: dict[str, Any] = {key: parameters.pop(key) for key in Place.__annotations__ if key in parameters}
-    known = {"crop", "mask", "mask_label", "attenuation", "local_maximum", "oversampling", "background"}
+    known = {
+        "interpolation", "crop", "mask", "mask_label", "attenuation", "local_maximum", "oversampling", "background",
+    }  # fmt: skip
     if unknown := parameters.keys() - known:
         raise TypeError(f"show() has no parameter {', '.join(sorted(unknown))}")
     if canvas is not None and not hasattr(canvas, "get_bitmap_context"):
@@ -733,7 +736,7 @@ def show(
         shared = {
             key: each
             for key, each in parameters.items()
-            if key not in ("mask", "mask_label", "background", "local_maximum")
+            if key not in ("interpolation", "mask", "mask_label", "background", "local_maximum")
         }
         layers.append(Layer(_open_overlay(overlay, image), colour=overlay_colour, **shared))
     path = os.fspath(source) if isinstance(source, str | os.PathLike) else None

@@ -47,6 +47,8 @@ VIEWS = {
     # of volumes in memory
     "minimum": {"elevation": 40, "mode": "minimum", "slab": (-20, 30)},
     "absolute": {"azimuth": 50, "mode": "absolute_maximum", "crop": ((-50, -50, 100), (60, 60, 190))},
+    "mean": {"azimuth": 110, "mode": "mean", "slab": (-20, 30)},
+    "nearest": {"azimuth": 250, "interpolation": "nearest"},
     "exact": {"azimuth": 210, "exact": True, **GRID},
     "attenuation": {"azimuth": 300, "attenuation": 0.01, "background": 0},
     "local maximum": {"view": "inferior", "local_maximum": 900},

@@ -163,6 +163,8 @@ MASK = np.random.default_rng(3).integers(0, 3, (9, 11, 14))
 FILTERS = {
     "minimum": ({"mode": "minimum"}, {"mode": Enums.Mode_Minimum}),
     "absolute": ({"mode": "absolute_maximum"}, {"mode": Enums.Mode_AbsoluteMaximum}),
+    "mean": ({"mode": "mean", "slab": (-2, 3)}, {"mode": Enums.Mode_Mean, "slab_near": -2.0, "slab_far": 3.0}),
+    "nearest": ({"interpolation": "nearest"}, {"interpolation": Enums.Interpolation_Nearest}),
     "slab": ({"slab": (-2, 3)}, {"slab_near": -2.0, "slab_far": 3.0}),
     "crop": (
         {"crop": ((12, -30, 5), (16, -26, np.inf))},
@@ -193,10 +195,12 @@ def test_parameters_are_the_filters(keywords, parameters, image):
     kept = np.array(before)
     threads = get_filter(image).GetNumberOfWorkUnits()
     for source, where in ((image, {}), (itk.array_from_image(image), get_geometry(image))):
-        picture, depths = mip(source, azimuth=30, depth=True, **where, **keywords)
+        picture = mip(source, azimuth=30, **where, **keywords)
         assert_array_equal(picture, expected)
-        assert np.asarray(depths).dtype == np.float32 and np.isfinite(depths).any()
-        assert_array_equal(mip(source, azimuth=30, **where, **keywords), picture)
+        if keywords.get("mode") != "mean":
+            same, depths = mip(source, azimuth=30, depth=True, **where, **keywords)
+            assert_array_equal(same, expected)
+            assert np.asarray(depths).dtype == np.float32 and np.isfinite(depths).any()
     # nothing of it stays
     for each in (before, mip(image, azimuth=30)):
         assert_array_equal(each, kept)
@@ -646,7 +650,17 @@ BAD = {
     "angle": (call(IMAGE, azimuth=np.nan), ValueError, "azimuth and elevation must be finite"),
     "angles": (call(IMAGE, azimuth=np.array([30.0])), ValueError, "azimuth and elevation must be finite"),
     "angle of a matrix": (call(IMAGE, np.eye(4), azimuth=3), ValueError, "for a view that is a name"),
-    "mode": (call(IMAGE, mode="mean"), ValueError, "mode must be one of maximum, minimum, absolute_maximum"),
+    "mode": (call(IMAGE, mode="median"), ValueError, "mode must be one of maximum, minimum, absolute_maximum, mean"),
+    "depth of a mean": (call(IMAGE, mode="mean", depth=True), ValueError, "depth or places needs another mode"),
+    "places of a mean": (call(IMAGE, mode="mean", places=True), ValueError, "depth or places needs another mode"),
+    "exact mean": (call(IMAGE, mode="mean", exact=True), ValueError, "exact needs another mode: mode is mean"),
+    "interpolation": (call(IMAGE, interpolation="cubic"), ValueError, "must be one of linear, nearest, but"),
+    "nearest mean": (call(IMAGE, mode="mean", interpolation="nearest"), ValueError, "needs another mode"),
+    "nearest and fading": (
+        call(IMAGE, attenuation=0.1, interpolation="nearest"),
+        ValueError,
+        "exact, attenuation and oversampling must be as by default",
+    ),
     "slab": (call(IMAGE, slab=5), ValueError, r"slab must be two numbers, \(near, far\)"),
     "slab's order": (call(IMAGE, slab=(5, 1)), ValueError, "slab's near must"),
     "crop": (call(IMAGE, crop=(1, 2, 3, 4, 5, 6)), ValueError, "crop must be two corners"),

@@ -601,16 +601,27 @@ def test_slab(image, viewer):
 
 def test_modes(viewer):
     windows = {}
-    for mode in ("maximum", "minimum", "absolute_maximum"):
+    for mode in ("maximum", "minimum", "absolute_maximum", "mean"):
         assert viewer.mode == mode
         windows[mode] = viewer.window
         press(viewer, "m")
-    assert viewer.mode == "maximum" and len(set(windows.values())) == 3
+    assert viewer.mode == "maximum" and len(set(windows.values())) == 4
     viewer.window = 0, 1
     press(viewer, "m")
     assert viewer.window == windows["minimum"]
-    press(viewer, "m", "m")
+    press(viewer, "m", "m", "m")
     assert viewer.window == (0, 1)
+
+
+def test_a_mean_has_no_point_and_is_not_exact(image, open_viewer):
+    viewer = open_viewer(image, mode="mean")
+    assert viewer.pick(SIZE[0] // 2, SIZE[1] // 2) is None
+    check_at_rest(viewer, image)
+    exact = open_viewer(image, exact=True)
+    press(exact, "m", "m", "m")
+    assert exact.mode == "maximum"
+    with pytest.raises(ValueError, match="mode 'mean' is not possible"):
+        exact.mode = "mean"
 
 
 def test_modes_are_those_that_parameters_allow(image, open_viewer):

@@ -203,6 +203,17 @@ def ranks(values: np.ndarray, mode: str) -> np.ndarray:
     return {"maximum": values, "minimum": -values, "absolute": abs(values)}[mode]
 
 
+def find_mean(values: np.ndarray) -> float | int:
+    """The mean of a ray's samples, rounded half upward to their type."""
+    if values.dtype.kind != "f":
+        return (2 * sum(values.tolist()) + len(values)) // (2 * len(values))
+    total = np.float64(0)
+    for value in values:
+        total += np.float64(value) * (2.0**-32 if values.dtype == np.float64 else 1)
+    mean = total / len(values) / (2.0**-32 if values.dtype == np.float64 else 1)
+    return np.clip(values.dtype.type(mean), values.min(), values.max())
+
+
 def choose(values: np.ndarray, rule: Rule) -> int:
     """Which of a ray's samples, from front to back, is its value."""
     rank = ranks(values, rule.mode)
@@ -310,8 +321,11 @@ def collect_rays(view: View, transform, rule: Rule, default, oversampling: int):
     shape = np.max([*rays, (0, 0)], axis=0) + 1
     values, slices = np.zeros(shape, view.voxels.dtype), np.full(shape, -1)
     for place, collected in rays.items():
-        best = choose(np.array([value for value, _ in collected]), rule)
-        values[place], slices[place] = collected[best]
+        samples = np.array([value for value, _ in collected])
+        if rule.mode == "mean":
+            values[place], slices[place] = find_mean(samples), 0
+        else:
+            values[place], slices[place] = collected[choose(samples, rule)]
     return values, slices, slices >= 0
 
 

@@ -11,7 +11,10 @@ from test_oracle import DTYPES, random_image, random_view
 
 project = itk.shear_warp_mip_image_filter
 Enums = itk.ShearWarpMIPImageFilterEnums
-MODES = {"maximum": Enums.Mode_Maximum, "minimum": Enums.Mode_Minimum, "absolute": Enums.Mode_AbsoluteMaximum}
+MODES = {
+    "maximum": Enums.Mode_Maximum, "minimum": Enums.Mode_Minimum, "absolute": Enums.Mode_AbsoluteMaximum,
+    "mean": Enums.Mode_Mean,
+}  # fmt: skip
 SLICE = itk.Image[itk.SS, 3], itk.Image[itk.SS, 3]
 
 
@@ -57,7 +60,7 @@ def random_rule(rng: np.random.Generator, image, view) -> Rule:
     if rng.random() < 0.5:
         mask = make_like(rng.integers(0, 3, voxels.shape).astype(np.uint8), image)
         rule = rule._replace(mask_image=mask, mask_label=int(rng.integers(3)))
-    if rule.mode != "absolute" and rng.random() < 0.5:
+    if rule.mode in ("maximum", "minimum") and rng.random() < 0.5:
         threshold = rng.choice(voxels.ravel()).item()
         rule = rule._replace(local_maximum=True, local_maximum_threshold=threshold)
     return rule
@@ -72,14 +75,17 @@ def test_random_rules_of_random_views(dtype):
         view = random_view(rng, image)
         rule = random_rule(rng, image, view)
         oversampling = int(rng.integers(1, 3))
+        has_depth = rule.mode != "mean"
         mip = itk.ShearWarpMIPImageFilter.New(
-            image, Transform=view, Oversampling=oversampling, DefaultPixelValue=7, ComputeDepth=True
+            image, Transform=view, Oversampling=oversampling, DefaultPixelValue=7, ComputeDepth=has_depth
         )
         set_rule(mip, rule)
         mip.Update()
         output = mip.GetOutput()
         values, depths = oracle.project_rays(image, view, output, rule, 7, oversampling)
         assert_array_equal(output, values)
+        if not has_depth:
+            continue
         np.testing.assert_allclose(mip.GetDepthOutput(), depths, rtol=1e-6, atol=1e-5)
         hits += np.isfinite(depths).sum()
         misses += np.isnan(depths).sum()
@@ -89,6 +95,7 @@ def test_random_rules_of_random_views(dtype):
 RULES = {
     "minimum": Rule(mode="minimum"),
     "absolute maximum": Rule(mode="absolute"),
+    "mean": Rule(mode="mean", slab_near=-3.0),
     "slab": Rule(slab_near=-3.0, slab_far=2.0),
     "near end": Rule(slab_near=1.0),
     "far end": Rule(slab_far=-2.5),
@@ -161,6 +168,15 @@ def test_depth_leads_to_the_bright_voxel(azimuth, elevation, image):
     depth = mip.GetDepthOutput()
     in_view = [*depth.TransformIndexToPhysicalPoint([column, row]), depth.GetPixel([column, row])]
     assert place == pytest.approx(list(view.TransformPoint(in_view)))
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+def test_nearest_has_only_values_of_voxels(dtype, oblique_view, image, rng):
+    labels = make_like(rng.choice(np.array([3, 90], dtype), itk.array_view_from_image(image).shape), image)
+    nearest = Enums.Interpolation_Nearest
+    picture = project(labels, transform=oblique_view, default_pixel_value=7, interpolation=nearest)
+    assert set(np.unique(picture)) == {3, 7, 90}
+    assert len(np.unique(project(labels, transform=oblique_view, default_pixel_value=7))) > 3
 
 
 def test_depth_is_an_image_of_the_same_grid(image, oblique_view):
