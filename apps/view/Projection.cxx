@@ -289,8 +289,8 @@ LooksLikeLabels(const AnyImage & image)
   constexpr std::size_t mostLabels = 32;
   return DispatchPixelType(image.componentType, [&](auto tag) {
     using PixelType = typename decltype(tag)::Type;
-    const auto &        container = *CastImage<PixelType>(image).GetPixelContainer();
-    const PixelType *   voxels = container.GetBufferPointer();
+    auto &              container = *CastImage<PixelType>(image).GetPixelContainer();
+    const auto *        voxels = container.GetBufferPointer();
     std::set<PixelType> found;
     for (std::size_t n = 0; n < container.Size() && found.size() <= mostLabels; ++n)
     {
