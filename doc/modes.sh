@@ -18,8 +18,9 @@ program=$root/build/demo/apps/shear-warp-mip
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
-# make_inputs IMAGE MASK DIFFERENCE COLOURS: an ellipsoid within the skull; the difference of left and right; the image
-# where the ellipsoid is not, where it is, and its differences from slice to slice, as three channels.
+# make_inputs IMAGE MASK DIFFERENCE COLOURS LABELS: an ellipsoid within the skull; the difference of left and right; the
+# image where the ellipsoid is not, where it is, and its differences from slice to slice, as three channels; labels of two
+# ellipsoids, in voxels of four times the spacing.
 make_inputs() {
   run_itk_python - "$@" << 'PYTHON'
 import sys
@@ -32,10 +33,13 @@ ellipsoid = (x / 0.62) ** 2 + ((y + 0.22) / 0.5) ** 2 + (z / 0.55) ** 2 < 1
 voxels = itk.array_view_from_image(image)
 edges = np.abs(np.gradient(voxels, axis=0))
 colours = np.clip(np.stack((voxels * ~ellipsoid, voxels * ellipsoid, edges), -1), 0, 32767).astype(np.int16)
-for array, path in zip((ellipsoid.astype(np.uint8), voxels - voxels[::-1], colours), sys.argv[2:]):
+inner = (x / 0.3) ** 2 + ((y + 0.3) / 0.25) ** 2 + (z / 0.3) ** 2 < 1
+labels = np.where(inner, 3, ellipsoid).astype(np.uint8)[::4, ::4, ::4]
+for array, path in zip((ellipsoid.astype(np.uint8), voxels - voxels[::-1], colours, labels), sys.argv[2:]):
     result = itk.image_from_array(array, is_vector=array.ndim == 4)
     # CopyInformation() would copy the number of components too
-    result.SetSpacing(image.GetSpacing())
+    step = 4 if array is labels else 1
+    result.SetSpacing([step * each for each in image.GetSpacing()])
     result.SetOrigin(image.GetOrigin())
     result.SetDirection(image.GetDirection())
     itk.imwrite(result, path)
@@ -71,6 +75,9 @@ make_pictures_of_head() {
   project head.dcm maximum "${oblique[@]}"
   project head.dcm minimum --view left --mode minimum --slab "-5,5"
   project difference.nrrd absolute --view anterior --mode absolute-maximum --slab "-5,5" --window "-400,400"
+  project head.dcm mean "${oblique[@]}" --mode mean --slab "-10,10"
+  project labels.nrrd labels-linear "${oblique[@]}" --output-spacing 0.75 --window "0,3"
+  project labels.nrrd labels "${oblique[@]}" --output-spacing 0.75 --window "0,3" --interpolation nearest
   project head.dcm slab "${oblique[@]}" --slab "-10,10"
   project head.dcm crop "${oblique[@]}" --crop "-40,40,-inf,inf,-inf,inf"
   project head.dcm mask "${oblique[@]}" --mask "$work/mask.nrrd"
@@ -83,7 +90,7 @@ timed "built the program" build_release demo shear-warp-mip -DShearWarpMIP_BUILD
 head=$(find_head)
 cp "$head" "$work/head.dcm"
 mkdir -p "$folder"
-timed "made a mask, a difference and colours" make_inputs "$work/head.dcm" "$work/mask.nrrd" "$work/difference.nrrd" \
-  "$work/colours.nrrd"
+timed "made a mask, a difference, colours and labels" make_inputs "$work/head.dcm" "$work/mask.nrrd" \
+  "$work/difference.nrrd" "$work/colours.nrrd" "$work/labels.nrrd"
 timed "made the pictures of the angiogram" make_pictures_of_angiogram
 timed "made the pictures of the head" make_pictures_of_head
