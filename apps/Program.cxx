@@ -569,7 +569,7 @@ Take(Product & product, Stack && stack, OutputFiles & files, Messages & messages
   product.stack = std::move(stack);
   files.Protect(product.stack.sourceFiles);
   files.Protect(product.stack.maskFiles);
-  product.noReprojection = "they are of a file of frames";
+  product.noReprojection = "they are frames of a file; PET images are projected and written at once";
   const AnyImage & frames = product.stack.projections.stack;
   VerifyComponents(options, frames.image->GetNumberOfComponentsPerPixel());
   SetDisplay(product);

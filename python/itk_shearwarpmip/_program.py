@@ -84,10 +84,12 @@ def reword(text: str) -> str:
     """Turns options into keywords, but not in names of files."""
 
     def name(match: re.Match[str]) -> str:
-        return match[1].replace("-", "_") if match[1] else "the source" if match[0] == "INPUT" else match[0]
+        if not match[1]:
+            return "the source" if match[0] == "INPUT" else match[0]
+        return match[1].replace("-", "_") + ("=NUMBER" if match[2] else "")
 
     text = re.sub(r"(did you mean ')--([a-z-]+)", lambda match: match[1] + match[2].replace("-", "_"), text)
-    return re.sub(r"'[^']*'|(?<![\w-])--([a-z][a-z-]*)|\bINPUT\b", name, text).removesuffix("; see help")
+    return re.sub(r"'[^']*'|(?<![\w-])--([a-z][a-z-]*)( NUMBER)?|\bINPUT\b", name, text).removesuffix("; see help")
 
 
 def _end(child: subprocess.Popen[bytes]) -> None:

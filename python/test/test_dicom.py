@@ -99,7 +99,7 @@ def test_several_series_are_listed(tmp_path):
         folder / "disc" / "1", uid="1.2.3.3", positions=[0], t0008103e="Thorax", t00080021="20240201", t00180050="1"
     )
     listed = r"1: CT, 2024-01-31, 6 images; 2: CT, 2024-01-31, 3 images; 3: Thorax, CT, 2024-02-01, 1 image$"
-    with pytest.raises(ValueError, match=r"has several DICOM series, choose one by series NUMBER: " + listed):
+    with pytest.raises(ValueError, match=r"has several DICOM series, choose one by series=NUMBER: " + listed):
         mip(folder)
     for wrong in ("1.2", "abdomen", 4):
         with pytest.raises(ValueError, match=rf"{wrong}.*{listed}"):
