@@ -168,6 +168,7 @@ def _reword(text: str) -> str:
         return _WORDS.get(word) or re.sub(r"(?<=.)([A-Z])", r"_\1", word).lower()
 
     text = text.replace("AbsoluteMaximum", "absolute_maximum")
+    text = re.sub(r"\b(Maximum|Minimum|Mean|Nearest)\b", lambda match: match[0].lower(), text)
     names = (
         "OutputSpacing|OutputOrigin|Size|Oversampling|RotationAxis|Center|StartAngle|AngularRange|Exact|LocalMaximum|"
         "Mode|Interpolation"

@@ -198,7 +198,7 @@ def test_labels_under_a_maximum():
 
 
 def test_errors(image):
-    with pytest.raises(ValueError, match="interpolation must be linear or nearest, but it is 'cubic'"):
+    with pytest.raises(ValueError, match="interpolation must be one of linear, nearest, but it is 'cubic'"):
         sample(image, [0, 0, 0], "cubic")
     for places in ([0, 0], 5.0):
         with pytest.raises(ValueError, match=r"places must be an array \(\.\.\., 3\), but its shape is"):

@@ -509,7 +509,7 @@ def test_full_folder_of_temporary_files(head, tmp_path, monkeypatch, length):
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (length, limits[1]))
     try:
-        for save, what in ((series.save, "frames"), (functools.partial(write, head), "source")):
+        for save, what in ((series.save, "turn"), (functools.partial(write, head), "source")):
             with pytest.raises(OSError) as caught:
                 save(tmp_path / "x.html")
             assert (

@@ -947,7 +947,7 @@ def test_parameters_of_the_filter(image, open_viewer):
         ({"view": np.eye(3)}, ValueError, "must be 4 x 4"),
         ({"view": np.eye(4), "azimuth": 3}, ValueError, "are for a view that is a name"),
         ({"view": itk.BSplineTransform[itk.D, 3, 3].New()}, ValueError, "must be a linear transform"),
-        ({"mode": "mean"}, ValueError, "mode must be one of maximum, minimum"),
+        ({"mode": "median"}, ValueError, "mode must be one of maximum, minimum"),
         ({"mode": ["maximum"]}, ValueError, "mode must be one of maximum, minimum"),
         ({"window": (3, 3)}, ValueError, "the lower one first"),
         ({"window": (3, np.inf)}, ValueError, "the lower one first"),
@@ -981,7 +981,7 @@ def test_bad_parameters(parameters, error, text, image):
 @pytest.mark.parametrize(
     "name, values",
     [
-        ("mode", ["mean"]),
+        ("mode", ["median"]),
         ("window", [(2, 1), (-1.7e308, 1.7e308), 5, (1, 2, 3), "ab"]),
         ("slab", [(2, 1)]),
         ("transform", ["front", np.diag([1, 1, 0, 1.0]), np.zeros((4, 4))]),
