@@ -583,15 +583,16 @@ private:
     };
     const std::int64_t inColumn = clampTo(column, m_Length[m_I]);
     const std::int64_t inRow = clampTo(row, m_Length[m_J]);
-    bool               isWhole = true;
     const auto         pixel = [&](std::int64_t i, std::int64_t j, TPixel & value) {
       const bool counts = isIn(i, j);
-      isWhole = isWhole && counts;
       value = counts ? voxel(i, j) : TPixel{};
       return counts;
     };
-    const TPixel masked = this->InterpolateBehind(pixel, inColumn, inRow);
-    sample = isWhole ? sample : masked;
+    const std::int64_t columns[] = { DivideDown(inColumn, WholePixel), -DivideDown(-inColumn, WholePixel) };
+    const std::int64_t rows[] = { DivideDown(inRow, WholePixel), -DivideDown(-inRow, WholePixel) };
+    const bool         isWhole =
+      isIn(columns[0], rows[0]) && isIn(columns[1], rows[0]) && isIn(columns[0], rows[1]) && isIn(columns[1], rows[1]);
+    sample = isWhole ? sample : this->InterpolateBehind(pixel, inColumn, inRow);
     return true;
   }
 

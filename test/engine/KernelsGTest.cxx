@@ -1694,6 +1694,14 @@ TYPED_TEST(ShearWarpKernelsFloating, NotANumberNeverWins)
   EXPECT_EQ(slices.Project(), (std::vector<TypeParam>{ 1, 1, none, none, 1 }));
 }
 
+TYPED_TEST(ShearWarpKernelsFloating, AVoxelOutsideOfTheMaskHasNoWeight)
+{
+  // its weight, 100 / 2^15 * 100 / 2^15, is rounded to zero
+  const TypeParam above[] = { std::numeric_limits<TypeParam>::quiet_NaN(), 1 };
+  const TypeParam below[] = { 1, 1 };
+  EXPECT_EQ(Kernels::SampleCounted(above + 1, below + 1, 0, -1, 100, 100, 0b0111), 1);
+}
+
 TYPED_TEST(ShearWarpKernelsFloating, MinusInfinityCountsAsNoSample)
 {
   constexpr TypeParam    infinity = std::numeric_limits<TypeParam>::infinity();

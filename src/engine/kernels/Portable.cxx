@@ -649,8 +649,11 @@ SampleCounted(const TPixel * a,
     weights[corner] = (counted >> corner & 1U) != 0 ? weights[corner] : 0;
     sum += weights[corner];
   }
-  return sum < One ? WeightedMean(values, weights, sum)
-                   : CellSampler<TPixel>(x, y)(values[3], values[2], values[1], values[0]);
+  // floats use all four voxels, also if a weight is rounded to zero
+  const unsigned int used =
+    0b0001U | (x != 0 ? 0b0010U : 0U) | (y != 0 ? 0b0100U : 0U) | (x != 0 && y != 0 ? 0b1000U : 0U);
+  return (counted & used) == used ? CellSampler<TPixel>(x, y)(values[3], values[2], values[1], values[0])
+                                  : WeightedMean(values, weights, sum);
 }
 
 /** Returns the rank of the intermediate pixel with the largest weight, or 0 if the place has no value. */
