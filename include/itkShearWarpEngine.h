@@ -261,8 +261,9 @@ public:
   using PartType = ShearWarp::IntermediatePart<TPixel>;
 
   /** Plans the passes: views with the same principal axis are projected together, at most 256, and as many as fit into
-   * the scene's memory. The engine keeps copies of all arguments. Throws InvalidParameter as Factorize(), and if the
-   * environment variable SHEARWARPMIP_INSTRUCTION_SET names an instruction set that this computer does not have. */
+   * the scene's memory. The engine keeps copies of all arguments. Throws InvalidParameter as Factorize(), if the
+   * environment variable SHEARWARPMIP_INSTRUCTION_SET names an instruction set that this computer does not have, and
+   * for the mean of pixels of 8 or 16 bits if an axis has more than 65536 voxels. */
   void
   Begin(const ShearWarp::Scene & scene, const RuleType & rule, const ShearWarp::Threads & threads);
 
@@ -283,7 +284,7 @@ public:
   std::vector<std::size_t>
   GetViews(std::size_t pass) const;
 
-  /** Makes the picture of a view from the view's intermediate image. */
+  /** Makes the picture of a view from the view's intermediate image: once, in the order of GetViews(). */
   void
   Warp(std::size_t view, const PictureType & picture);
 

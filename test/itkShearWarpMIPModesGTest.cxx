@@ -431,7 +431,7 @@ TEST(ShearWarpMIPModesClosedForms, MeansOfTheLongestImagesAreExact)
   EXPECT_EQ(ProjectMean(std::vector<unsigned short>(most, 65535)), 65535);
   EXPECT_EQ(ProjectMean(std::vector<short>(most, -32768)), -32768);
   EXPECT_EQ(ProjectMean(std::vector<unsigned char>(most, 255)), 255);
-  EXPECT_NAMES(ProjectMean(std::vector<short>(most + 1, 1)), "Mode Mean", "65536");
+  EXPECT_NAMES(ProjectMean(std::vector<short>(most + 1, 1)), "Mode Mean", "65536", "65537");
   EXPECT_EQ(ProjectMean(std::vector<int>(most + 1, -2147483647 - 1)), -2147483647 - 1);
 }
 

@@ -349,10 +349,11 @@ ShearWarpEngine<TPixel>::Implementation::Begin(const Scene & scene, const RuleTy
 {
   this->SetUp(scene, rule, threads);
   const auto & size = scene.volume.size;
-  if (rule.mode == Mode::Mean && std::max({ size[0], size[1], size[2] }) > MostSummedSlices<TPixel>)
+  const auto   longest = std::max({ size[0], size[1], size[2] });
+  if (rule.mode == Mode::Mean && longest > MostSummedSlices<TPixel>)
   {
-    const auto most = std::to_string(MostSummedSlices<TPixel>);
-    Throw(InvalidParameter("Mode Mean needs at most " + most + " voxels of this type along each axis."));
+    Throw(InvalidParameter("Mode Mean needs at most " + std::to_string(MostSummedSlices<TPixel>) +
+                           " voxels of this type along each axis, but an axis has " + std::to_string(longest) + '.'));
   }
   m_Passes = this->PlanPasses();
   this->PlanSteps();

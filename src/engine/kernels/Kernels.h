@@ -268,9 +268,9 @@ using SampleSum = std::conditional_t<
 template <typename TPixel>
 constexpr std::ptrdiff_t MostSummedSlices = sizeof(TPixel) <= 2 ? 1 << 16 : std::numeric_limits<std::int32_t>::max();
 
-/** What an image collects for means: the sums of its pixels, laid out as the pixels, and how many samples they have.
- * `countSteps` has the difference to the pixel before in the row, and to zero at the end of the row; its rows are one
- * element longer than those of pixels. */
+/** What an image collects for means: the sums of its pixels, laid out as the pixels, and the counts of their samples.
+ * A pixel's count is the sum, modulo 2^32, of its row's `countSteps` up to the pixel. Rows of `countSteps` are one
+ * element longer than rows of pixels. */
 template <typename TPixel>
 struct SummedImage
 {
@@ -349,7 +349,7 @@ struct ViewFading
 /** A view along the axis of the slices: the place of each slice, and the image that collects the extremum of samples,
  * or the sums of samples in `summed`. If there is a `coverage`, only samples in its region count. If `ranked.ranks` is
  * not null, ranks tell which slices gave the pixels their values. The views of one call all have a coverage or none,
- * and all have ranks or none. Views with a mask, fading or a local threshold have ranks.
+ * and all have ranks or none. Extrema with a mask, fading or a local threshold have ranks.
  *
  * `localThreshold`, if not null, is for local maximum intensity projection (Sato et al. 1998). A ray whose pixel has
  * reached `*localThreshold` ends at the first sample that is worse, and so keeps its first local maximum. Blocks must

@@ -281,11 +281,7 @@ public:
   void
   Take(std::ptrdiff_t p, TPixel sample) const
   {
-    if (sample == sample)
-    {
-      AddToSum(sample, m_Sums[p]);
-      CountSamples(m_CountSteps, p, p + 1);
-    }
+    AddSample(sample, m_Sums[p], m_CountSteps + p);
   }
 
 private:

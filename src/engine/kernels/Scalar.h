@@ -171,6 +171,18 @@ AddToSum(TPixel sample, SampleSum<TPixel> & sum)
   }
 }
 
+/** Adds a sample to a pixel's sum and counts it, unless it is not a number. */
+template <typename TPixel>
+void
+AddSample(TPixel sample, SampleSum<TPixel> & sum, std::uint32_t * countStep)
+{
+  if (sample == sample)
+  {
+    AddToSum(sample, sum);
+    CountSamples(countStep, 0, 1);
+  }
+}
+
 /** Returns a sample that fades by \a product, from 0 to 1, to a finite background: `background + (sample - background)
  * * product`, limited to the range between sample and background, and rounded half upward to the pixel type. A sample
  * infinitely far from the background does not fade. */

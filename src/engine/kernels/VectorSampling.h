@@ -119,7 +119,7 @@ struct TileRow
   Prefetcher *        prefetcher{ nullptr }; // if null, each tile fetches its voxels of the next slice
 
   std::ptrdiff_t row{ 0 }, begin{ 0 }, end{ 0 };
-  int            rows{ BlockLength }; // 1 or BlockLength; for sums, any number between
+  int            rows{ BlockLength }; // 1 or BlockLength; for sums, any number up to it
 
   TPixel *            pixels{ nullptr };
   SliceRank<TPixel> * ranks{ nullptr };

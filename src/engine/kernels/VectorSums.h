@@ -20,7 +20,7 @@
 
 /* From slices to tiles of sums. A pixel takes each sample once. Vector.h includes this header. */
 
-/** Counts a sample less of pixel \a column of row \a r of a tile. */
+/** Takes back the count of a sample of pixel \a column of row \a r of a tile. */
 template <typename TPixel>
 void
 Uncount(const TileRow<TPixel> & row, std::ptrdiff_t r, std::ptrdiff_t column)
@@ -197,11 +197,7 @@ struct SumTiles
   static void
   Take(const ShearedView<TPixel> & view, std::ptrdiff_t row, std::ptrdiff_t column, TPixel sample, SliceRank<TPixel>)
   {
-    if (sample == sample)
-    {
-      AddToSum(sample, GetSums(view, row)[column]);
-      CountSamples(GetCountSteps(view, row), column, column + 1);
-    }
+    AddSample(sample, GetSums(view, row)[column], GetCountSteps(view, row) + column);
   }
 };
 
