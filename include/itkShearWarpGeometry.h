@@ -167,8 +167,8 @@ VerifyView(const AffineMap3D & view);
 ShearWarpMIP_EXPORT Factorization
 Factorize(const AffineMap3D & view, const VolumeGrid & volume, unsigned int oversampling = 1);
 
-/** Returns the places of \a count slices from \a first on. If a sample is the
- * nearest voxel, a place in the middle between two whole ones is rounded up. */
+/** Returns the places of \a count slices from \a first on. If a sample is the nearest voxel, places are whole: the
+ * first column and the first row that the slice reaches. */
 ShearWarpMIP_EXPORT std::vector<SlicePlacement>
                     PlaceSlices(const Factorization & factorization, std::ptrdiff_t first, std::ptrdiff_t count);
 

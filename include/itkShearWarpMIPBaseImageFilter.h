@@ -167,9 +167,9 @@ public:
 
   /** Whether samples and pixels are interpolated: Linear (the default) or Nearest, which is for labels. With Nearest, a
    * sample has the value of the nearest voxel in its slice, and a pixel of the output the value of the nearest pixel of
-   * the intermediate image, so that no value appears that no voxel has. Of two equally near voxels, the one with the
-   * lower index wins along each axis; of two equally near pixels, the one with the higher index. With Nearest, Mode
-   * must not be Mean, and Exact, DepthAttenuation and Oversampling must have their default values. */
+   * the intermediate image, so that no value appears that no voxel has. Of two equally near voxels or pixels, the one
+   * with the higher index wins along each axis. With Nearest, Mode must not be Mean, and Exact, DepthAttenuation and
+   * Oversampling must have their default values. */
   itkSetEnumMacro(Interpolation, InterpolationEnum);
   itkGetEnumMacro(Interpolation, InterpolationEnum);
 

@@ -456,7 +456,7 @@ TEST(ShearWarpMIPModesClosedForms, NearestHasOnlyValuesOfVoxels)
   }
 }
 
-TEST(ShearWarpMIPModesClosedForms, NearestTakesTheLowerVoxelAndTheHigherPixelOfTwo)
+TEST(ShearWarpMIPModesClosedForms, NearestTakesTheHigherVoxelAndTheHigherPixelOfTwo)
 {
   const auto  image = MakePlainImage<short>({ { 4, 1, 2 } });
   const short voxels[] = { 10, 20, 30, 40, 0, 0, 0, 0 };
@@ -476,7 +476,7 @@ TEST(ShearWarpMIPModesClosedForms, NearestTakesTheLowerVoxelAndTheHigherPixelOfT
     return std::vector<short>(pixels, pixels + 4);
   };
   // the first slice is half a voxel beside the pixels of the intermediate image, which are at the output's pixels
-  EXPECT_EQ(project(0.5), (std::vector<short>{ 10, 20, 30, 40 }));
+  EXPECT_EQ(project(0.5), (std::vector<short>{ 20, 30, 40, 0 }));
   // the output's pixels lie in the middle between pixels of the intermediate image
   EXPECT_EQ(project(0.0), (std::vector<short>{ 20, 30, 40, 0 }));
 }

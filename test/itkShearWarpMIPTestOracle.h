@@ -488,8 +488,9 @@ private:
     return true;
   }
 
+  /** In 1/2^15. Whole numbers are rounded half upward, or half downward for the place of a slice. */
   std::int64_t
-  Round(long double position)
+  Round(long double position, bool isOfSlice = false)
   {
     const long double steps = position * WholePixel;
     const long double beyondHalf = std::abs(std::abs(steps - std::round(steps)) - 0.5L);
@@ -499,7 +500,7 @@ private:
       return Quantize(position);
     }
     // a half, which is rounded after the quantization, is beside a quantized number by half a unit
-    return RoundToWhole(Quantize(position));
+    return isOfSlice ? -RoundToWhole(-Quantize(position)) : RoundToWhole(Quantize(position));
   }
 
   bool
@@ -530,7 +531,8 @@ private:
       const std::int64_t k = this->LooksAlongAxis() ? n : m_Length[m_K] - 1 - n;
       const long double  offset[2] = { m_Shear[0] * k + m_Translation[0], m_Shear[1] * k + m_Translation[1] };
       TPixel             sample{};
-      if (this->Sample(k, column - this->Round(offset[0]), row - this->Round(offset[1]), sample) && IsNumber(sample) &&
+      if (this->Sample(k, column - this->Round(offset[0], true), row - this->Round(offset[1], true), sample) &&
+          IsNumber(sample) &&
           this->IsIncluded(k,
                            static_cast<long double>(column) / WholePixel - offset[0],
                            static_cast<long double>(row) / WholePixel - offset[1],

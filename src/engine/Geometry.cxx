@@ -407,11 +407,11 @@ PlaceSlices(const Factorization & factorization, std::ptrdiff_t first, std::ptrd
   for (std::ptrdiff_t k = first; k < first + count; ++k)
   {
     const auto place = [&factorization, k](unsigned int axis) {
-      const SamplingPosition position =
-        QuantizePosition(factorization.shear[axis] * static_cast<double>(k) + factorization.translation[axis]);
-      return factorization.isNearest ? RoundPosition(position) : position;
+      return QuantizePosition(factorization.shear[axis] * static_cast<double>(k) + factorization.translation[axis]);
     };
-    placements.push_back({ place(0), place(1) });
+    const SlicePlacement placement{ place(0), place(1) };
+    const SlicePlacement nearest{ { placement.FirstColumn(), 0 }, { placement.FirstRow(), 0 } };
+    placements.push_back(factorization.isNearest ? nearest : placement);
   }
   return placements;
 }

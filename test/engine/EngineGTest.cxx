@@ -252,7 +252,7 @@ Evaluate(const TestVolume<TPixel> & volume,
       const auto         voxel = [&](std::int64_t i, std::int64_t j) { return volume.At(i, j, k); };
       const auto         place = [&](std::int64_t pixel, int axis) {
         const double offset = translation[axis] - view.slope[axis] * static_cast<double>(k);
-        return ((pixel + 1) * WholePixel / oversampling - WholePixel) - round(Quantize(offset));
+        return ((pixel + 1) * WholePixel / oversampling - WholePixel) + round(-Quantize(offset));
       };
       TPixel sample{};
       if (SampleSlice(voxel, size[0], size[1], place(p, 0), place(q, 1), sample))
