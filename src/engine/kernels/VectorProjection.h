@@ -365,9 +365,12 @@ private:
     tiles.active = this->GetActiveTiles(gridRow);
     tiles.isMoved = row != gridRow;
     tiles.row = row;
-    tiles.pixels = m_View.intermediate.pixels + row * m_View.intermediate.rowStride;
-    tiles.ranks = m_View.ranked.ranks ? m_View.ranked.ranks + row * m_View.intermediate.rowStride : nullptr;
-    if constexpr (!TCollector::MayRepeat)
+    if constexpr (TCollector::MayRepeat)
+    {
+      tiles.pixels = m_View.intermediate.pixels + row * m_View.intermediate.rowStride;
+      tiles.ranks = m_View.ranked.ranks ? m_View.ranked.ranks + row * m_View.intermediate.rowStride : nullptr;
+    }
+    else
     {
       tiles.sums = GetSums(m_View, row);
       tiles.countSteps = GetCountSteps(m_View, row);
