@@ -284,7 +284,7 @@ public:
   std::vector<std::size_t>
   GetViews(std::size_t pass) const;
 
-  /** Makes the picture of a view from the view's intermediate image: once, in the order of GetViews(). */
+  /** Makes the picture of a view from the view's intermediate image. */
   void
   Warp(std::size_t view, const PictureType & picture);
 

@@ -118,8 +118,8 @@ print(sorted({name.partition(".")[0] for name in set(sys.modules) - before} - se
 DEFAULTS = dict.fromkeys(
     "slab crop mask mask_label local_maximum output_spacing size output_origin threads".split()
 ) | {
-    "view": "anterior", "azimuth": 0.0, "elevation": 0.0, "mode": "maximum", "interpolation": "linear", "depth": False, "places": False,
-    "attenuation": 0.0, "background": "auto", "exact": False, "oversampling": 1,
+    "view": "anterior", "azimuth": 0.0, "elevation": 0.0, "mode": "maximum", "interpolation": "linear", "depth": False,
+    "places": False, "attenuation": 0.0, "background": "auto", "exact": False, "oversampling": 1,
 }  # fmt: skip
 DEFAULTS_OF_TURN = {
     "frames": 36, "rotation_axis": "superior", "center": None, "start_angle": 0.0, "angular_range": 360.0,

@@ -174,6 +174,11 @@ Projector<TPixel>::Finish(std::size_t view, const RunTasks & run)
       }
     }
   });
+  // sums that are merged do not count again
+  for (std::size_t worker = 1; m_HasSums && worker < m_Workers.size(); ++worker)
+  {
+    m_Workers[worker].images[firstImage].rowEnd = m_Workers[worker].images[firstImage].rowBegin;
+  }
   image.hasGaps = hasGaps;
   return image;
 }

@@ -510,6 +510,31 @@ TEST(ShearWarpEngine, ViewsFromOppositeSidesShareAnIntermediateImage)
   EXPECT_GT(measure({ view, MakeTurn(0.3, 0.5, 0.2) }, false), measure({ view }, false));
 }
 
+TEST(ShearWarpEngine, AViewCanBeWarpedAgain)
+{
+  Random      random(612);
+  const auto  volume = MakeRandomVolume<short>(random, { 40, 41, 42 });
+  const Scene scene = MakeScene(volume, { MakeTurn(0.1, 0.2, 0), MakeTurn(-0.2, 0.1, 0) });
+  const auto  count = static_cast<std::size_t>(scene.picture.size[0] * scene.picture.size[1]);
+  for (const Mode mode : AllModes)
+  {
+    itk::ShearWarpEngine<short> engine;
+    ProjectionRule<short>       rule;
+    rule.mode = mode;
+    engine.Begin(scene, rule, MakeThreads(3));
+    ASSERT_EQ(engine.GetNumberOfPasses(), 1u);
+    engine.Add(engine.BeginPass(0).front(), volume.GetVoxels(), {});
+    std::vector<std::vector<short>> pictures;
+    for (const std::size_t view : { 0, 1, 0 })
+    {
+      pictures.emplace_back(count);
+      engine.Warp(view, { pictures.back().data(), nullptr });
+    }
+    EXPECT_EQ(pictures[0], pictures[2]) << mode;
+    EXPECT_NE(pictures[0], pictures[1]) << mode;
+  }
+}
+
 TEST(ShearWarpEngine, SecondViewsPrepareTheVolume)
 {
   Random                      random(611);
