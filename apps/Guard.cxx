@@ -44,8 +44,9 @@ struct Parsed
 {
   char path[1 << 14];
   char refusal[1 << 15];
-  /** Of RemoveIfKilled(), a line each. */
-  char begins[1 << 16];
+  /** Of RemoveIfKilled(), each between two null characters, which no path has. */
+  char        begins[1 << 16];
+  std::size_t length;
   /** Number of messages. */
   unsigned int said;
 };
@@ -146,9 +147,13 @@ IsCrash(int status)
 void
 RemoveUnfinished()
 {
-  std::istringstream begins(parsed->begins);
-  for (std::string name; std::getline(begins, name, '\n');)
+  std::istringstream begins(std::string(parsed->begins, parsed->length));
+  for (std::string name; std::getline(begins, name, '\0');)
   {
+    if (name.empty())
+    {
+      continue;
+    }
     const std::filesystem::path begin(name);
     const auto                  folder = begin.parent_path();
     std::error_code             ignored;
@@ -160,7 +165,7 @@ RemoveUnfinished()
       }
     }
   }
-  Copy("", parsed->begins);
+  parsed->length = 0;
 }
 
 /** Ends this process as the other one was ended. */
@@ -252,15 +257,16 @@ RunGuarded(const std::function<int()> & run, [[maybe_unused]] const std::functio
 void
 RemoveIfKilled(const std::filesystem::path & begin)
 {
-  const std::string line = begin.string() + '\n';
   if (!parsed)
   {
     return;
   }
-  const std::string begins = parsed->begins;
-  if (begins.find(line) == std::string::npos && begins.size() + line.size() < sizeof(parsed->begins))
+  const std::string name = '\0' + begin.string() + '\0';
+  const std::string begins(parsed->begins, parsed->length);
+  if (begins.find(name) == std::string::npos && begins.size() + name.size() <= sizeof(parsed->begins))
   {
-    Copy(begins + line, parsed->begins);
+    std::copy(name.begin(), name.end(), parsed->begins + parsed->length);
+    parsed->length += name.size();
   }
 }
 

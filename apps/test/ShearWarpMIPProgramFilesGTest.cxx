@@ -336,4 +336,21 @@ TEST_F(ShearWarpMIPProgramFiles, LeavesNothingWhenKilled)
   }
 #endif
 }
+
+TEST_F(ShearWarpMIPProgramFiles, RemovesOnlyItsOwnWhenKilled)
+{
+#ifdef __linux__
+  fs::create_directory(m_Folder / "one\nfolder");
+  this->WriteText("one", "another's");
+  this->WriteText("one-more", "another's");
+  const auto before = this->GetContents();
+  // a name may be the end of another one
+  const std::string command = "cd '" + m_Folder.string() + "' || exit\n'" + GetProgram() +
+                              "' in.nrrd 'one\nfolder/out.nrrd' --depth depth.nrrd --frames 400 --size 200 200 &\n"
+                              "until [ -e .shear-warp-mip-*.nrrd ] || ! kill -0 $!; do sleep 0.001; done\n"
+                              "kill -KILL $(cat /proc/$!/task/$!/children); ! wait $!";
+  EXPECT_EQ(std::system(command.c_str()), 0);
+  EXPECT_TRUE(this->GetContents() == before);
+#endif
+}
 } // namespace
