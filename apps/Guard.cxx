@@ -113,6 +113,11 @@ PrepareChild(const std::vector<Handler> & handlers, [[maybe_unused]] pid_t paren
   {
     std::signal(endingSignals[n], handlers[n]);
   }
+  if (lastSignal != 0)
+  {
+    // it came before
+    std::raise(lastSignal);
+  }
   // no core is dumped
   std::signal(SIGABRT, [](int) { std::_Exit(abortStatus); });
 #  ifdef __linux__

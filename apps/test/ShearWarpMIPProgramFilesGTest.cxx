@@ -15,9 +15,11 @@
  *  limitations under the License.
  *
  *=========================================================================*/
+#include "Guard.h"
 #include "Output.h"
 #include "ShearWarpMIPProgramTestHelper.h"
 
+#include <pthread.h>
 #include <sys/stat.h>
 
 #include <csignal>
@@ -310,6 +312,15 @@ TEST_F(ShearWarpMIPProgramFiles, LeavesNothingWhenInterrupted)
       EXPECT_TRUE(this->GetContents() == before) << arguments << ' ' << name;
     }
   }
+}
+
+TEST_F(ShearWarpMIPProgramFiles, EndsAtASignalThatComesWhenItsProcessBegins)
+{
+  const auto run = [] {
+    pthread_atfork(nullptr, nullptr, [] { std::raise(SIGTERM); });
+    std::exit(RunGuarded([] { return EXIT_SUCCESS; }, [](const std::string &) {}));
+  };
+  EXPECT_EXIT(run(), testing::KilledBySignal(SIGTERM), "");
 }
 
 TEST_F(ShearWarpMIPProgramFiles, LeavesNothingWhenKilled)
