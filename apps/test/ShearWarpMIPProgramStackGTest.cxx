@@ -416,6 +416,10 @@ TEST_F(ShearWarpMIPProgramStack, IsRefusedWithWrongKeys)
     this->ExpectFailure("wrong.nrrd out.png", mention);
     EXPECT_LT(this->Run("wrong.nrrd out.png").messages.size(), 500u);
   }
+  this->WithChangedFile(
+    "turn.nrrd",
+    [](std::string text) { return text.insert(text.find("FrameTransforms"), 1, ' '); },
+    [this] { this->ExpectFailure("turn.nrrd out.png", "FrameTransforms has blanks beside its name"); });
   this->WriteChanged("wrong.nrrd", "FrameAngles", "");
   fs::rename(m_Folder / "wrong.nrrd", m_Folder / "turn.nrrd");
   this->ExpectFailure("turn.nrrd out.png", "Loop is turn without FrameAngles");

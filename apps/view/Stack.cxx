@@ -215,8 +215,12 @@ private:
 std::vector<Frame>
 MakeFrames(const Keys & keys, std::size_t count, double millimetres)
 {
-  const std::string         key = "FrameTransforms";
-  const auto                numbers = keys.GetAll(key, numbersOfTransform * count);
+  const std::string key = "FrameTransforms";
+  const auto        numbers = keys.GetAll(key, numbersOfTransform * count);
+  if (!keys.Has(key))
+  {
+    keys.Refuse(key, "has blanks beside its name");
+  }
   std::vector<Frame>        frames(count);
   const std::vector<double> lastRow{ 0.0, 0.0, 0.0, 1.0 };
   for (std::size_t n = 0; n < count; ++n)
