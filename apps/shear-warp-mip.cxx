@@ -16,9 +16,15 @@
  *
  *=========================================================================*/
 #include "Guard.h"
+#include "Posix.h"
 #include "Program.h"
 
 #include "itkObject.h"
+
+#ifdef ShearWarpMIP_HAS_POSIX
+#  include <fcntl.h>
+#  include <unistd.h>
+#endif
 
 #include <cstdio>
 #include <iostream>
@@ -26,6 +32,16 @@
 int
 main(int argc, char * argv[])
 {
+#ifdef ShearWarpMIP_HAS_POSIX
+  // no file becomes a standard stream that is closed
+  for (const int stream : { STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO })
+  {
+    if (fcntl(stream, F_GETFD) < 0)
+    {
+      open("/dev/null", O_RDONLY);
+    }
+  }
+#endif
   std::ostream output(std::cout.rdbuf());
   std::ostream messages(std::cerr.rdbuf());
   // libraries that ITK uses write what they like to the standard streams

@@ -35,6 +35,7 @@
 #include <stdexcept>
 
 #ifdef ShearWarpMIP_HAS_POSIX
+#  include <fcntl.h>
 #  include <sys/stat.h>
 #  include <unistd.h>
 #endif
@@ -162,6 +163,31 @@ IsFileOfLinux([[maybe_unused]] const std::string & stream)
 #endif
 }
 
+/** Throws if the standard output is closed, or is a file that is not empty: ITK would overwrite it. */
+void
+RequireEmptyStream()
+{
+#ifdef ShearWarpMIP_HAS_POSIX
+  if ((fcntl(STDOUT_FILENO, F_GETFL) & O_ACCMODE) == O_RDONLY)
+  {
+    throw std::runtime_error("cannot write '-': the standard output is closed");
+  }
+#endif
+  if (IsFileOfLinux(streamName) && fs::file_size(streamName) > 0)
+  {
+    throw std::runtime_error("cannot write '-': the standard output is a file that is not empty");
+  }
+}
+
+/** Has later output of others follow: ITK opened the file anew. */
+void
+GoToEndOfStream()
+{
+#ifdef ShearWarpMIP_HAS_POSIX
+  lseek(STDOUT_FILENO, 0, SEEK_END);
+#endif
+}
+
 /** Throws if \a bytes of pixels are not all in a file: not all of ITK's writers notice a full disk. */
 void
 ReadBack(const std::string & fileName, std::uintmax_t bytes)
@@ -274,7 +300,11 @@ OutputFiles::Reserve(const fs::path & path, const std::set<FileFormat> & formats
   {
     RequireAnimationEncoder();
   }
-  if (path != StandardOutput)
+  if (path == StandardOutput)
+  {
+    RequireEmptyStream();
+  }
+  else
   {
     this->RequireWritable(target.parent_path(), path);
   }
@@ -671,5 +701,9 @@ OutputFiles::WriteFile(const fs::path &    path,
   catch (const std::exception &)
   {
     throw std::runtime_error(full);
+  }
+  if (temporaryName == streamName)
+  {
+    GoToEndOfStream();
   }
 }

@@ -107,6 +107,12 @@ TEST_F(ShearWarpMIPProgramVolume, IsStandardOutput)
   this->ExpectSamePictures("in.nrrd", "out.nrrd");
 #ifdef __linux__
   EXPECT_NE(std::system((call + "2>/dev/null >/dev/full").c_str()), 0);
+  EXPECT_NE(std::system((call + "2>/dev/null >&-").c_str()), 0);
+  std::ofstream(m_Folder / "more") << "more";
+  EXPECT_NE(std::system((call + "2>/dev/null >>more").c_str()), 0);
+  EXPECT_EQ(ReadText(m_Folder / "more"), "more");
+  EXPECT_EQ(std::system(("{ " + call + "&& printf end; } >'" + (m_Folder / "more").string() + '\'').c_str()), 0);
+  EXPECT_TRUE(ReadText(m_Folder / "more") == ReadText(m_Folder / "out.nrrd") + "end");
 #endif
 }
 
