@@ -841,6 +841,11 @@ CollectArguments(CLI::App & app, int argc, const char * const * argv, const Warn
       n += equals == std::string::npos ? 1 : 0;
       continue;
     }
+    if (name.compare(0, 2, "--") == 0 && equals != std::string::npos && value.empty())
+    {
+      // the parser would take the next argument
+      throw std::runtime_error(name + ": a value is needed");
+    }
     const auto option = name.compare(0, 2, "--") == 0 ? app.get_option_no_throw(name) : nullptr;
     const bool hasNumbers = option && option->get_delimiter() == ',';
     if (hasNumbers && equals != std::string::npos)

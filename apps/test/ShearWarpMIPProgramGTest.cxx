@@ -550,6 +550,7 @@ TEST_F(ShearWarpMIPProgram, AnswersWrongCalls)
     { "out.png in.nrrd -v left", "left is not expected; see --help" },
     { "in.nrrd out.png -o more.png", "OUTPUT: at most 1 can be given, not 2" },
     { "in.nrrd --output", "OUTPUT: a value is needed" },
+    { "--depth= in.nrrd out.png", "--depth: a value is needed\n" },
     { "in.nrrd out.png --azimut 30", "--azimut 30 is not expected; did you mean '--azimuth'?" },
     { "in.nrrd out.png --WINDOW 3 4", "--WINDOW 3 4 is not expected; did you mean '--window'?" },
     { "in.nrrd out.png --oversampl=2", "--oversampl=2 is not expected; did you mean '--oversampling'?" },
