@@ -18,6 +18,7 @@
 #include "Messages.h"
 #include "Guard.h"
 #include "Posix.h"
+#include "Text.h"
 
 #include <iomanip>
 #include <sstream>
@@ -67,7 +68,7 @@ Messages::Say(const std::string & text) const
 {
   if (IsNewMessage())
   {
-    m_Stream << (IsTerminal() ? clearLine : "") << text << std::endl;
+    m_Stream << (IsTerminal() ? clearLine : "") << MakeOneLine(text) << std::endl;
   }
 }
 

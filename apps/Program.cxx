@@ -48,7 +48,6 @@
 #include <iomanip>
 #include <limits>
 #include <map>
-#include <regex>
 
 namespace
 {
@@ -633,19 +632,6 @@ Run(const Options & options, Messages & messages)
   messages.StepDone("wrote " + (options.output.empty() ? options.dicomOut : options.output));
 }
 
-std::string
-MakeOneLine(const std::string & text)
-{
-  // without ITK's beginnings, "ITK ERROR: Class(0x123): " and "itk::ERROR: Class(0x123): "
-  std::istringstream words(
-    std::regex_replace(text.substr(0, MostCharacters), std::regex("(ITK |itk::)ERROR: |\\w+\\(0x[0-9a-f]+\\): "), ""));
-  std::string line;
-  for (std::string word; words >> word;)
-  {
-    line += (line.empty() ? "" : " ") + word;
-  }
-  return line;
-}
 } // namespace
 
 int

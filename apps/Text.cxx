@@ -22,6 +22,8 @@
 #include <locale>
 #include <numeric>
 #include <optional>
+#include <regex>
+#include <sstream>
 #include <stdexcept>
 
 namespace
@@ -63,6 +65,22 @@ FindLocale()
   return {};
 }
 } // namespace
+
+std::string
+MakeOneLine(std::string text)
+{
+  text.resize(std::min(text.size(), MostCharacters));
+  const auto isControl = [](char letter) { return ('\0' <= letter && letter < ' ') || letter == '\x7f'; };
+  std::replace_if(text.begin(), text.end(), isControl, ' ');
+  // "ITK ERROR: Class(0x123): " and "itk::ERROR: Class(0x123): "
+  std::istringstream words(std::regex_replace(text, std::regex("(ITK |itk::)ERROR: |\\w+\\(0x[0-9a-f]+\\): "), ""));
+  std::string        line;
+  for (std::string word; words >> word;)
+  {
+    line += (line.empty() ? "" : " ") + word;
+  }
+  return line;
+}
 
 std::string
 Trim(const std::string & text)

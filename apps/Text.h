@@ -25,6 +25,10 @@
 /** Of a message. A regular expression takes as much of the stack as there are characters. */
 constexpr std::size_t MostCharacters = 4000;
 
+/** Words of \a text with one space between them, without characters of control and ITK's beginnings of errors. */
+std::string
+MakeOneLine(std::string text);
+
 /** \a text without the spaces, tabs and line ends around it. */
 std::string
 Trim(const std::string & text);

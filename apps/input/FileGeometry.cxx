@@ -93,7 +93,7 @@ GetMillimetres(const std::string & unit, const fs::path & path, const WarningFun
   const auto found = FindMillimetres(unit);
   if (!found && !unit.empty())
   {
-    warn("'" + path.string() + "' has lengths in '" + unit + "', which are taken for mm");
+    warn("'" + path.string() + "' has lengths in '" + unit.substr(0, 20) + "', which are taken for mm");
   }
   return found.value_or(1.0);
 }

@@ -185,6 +185,9 @@ TEST_F(ShearWarpMIPProgramNRRD, HasTheUnitThatItStates)
   this->ExpectRead("mm.nrrd");
   this->WriteNRRD("foot.nrrd", "RAS", signs, 1.0, "space units: \"foot\" \"foot\" \"foot\"\n");
   this->ExpectRead("foot.nrrd", "shear-warp-mip: warning: 'foot.nrrd' has lengths in 'foot', which are taken for mm\n");
+  this->WriteNRRD("odd.nrrd", "RAS", signs, 1.0, "Unit:=a\\nfoot that is longer than that\n");
+  this->ExpectRead(
+    "odd.nrrd", "shear-warp-mip: warning: 'odd.nrrd' has lengths in 'a foot that is longe', which are taken for mm\n");
 
   m_Volume->SetDirection(itk::Matrix<double, 3, 3>::GetIdentity());
   m_Volume->SetOrigin(itk::Point<double, 3>(0.0));
