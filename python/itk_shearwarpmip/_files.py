@@ -24,7 +24,7 @@ def read(path: str, *options: str) -> tuple[Any, dict[str, str]]:
     the components if there are several. Beside the entries of the dictionary there are "Origin", "Spacing" and
     "Direction", row by row.
 
-    Raises OSError and ValueError with the program's words: see _program.run().
+    Raises OSError and ValueError with the program's words, or RuntimeError: see _program.run().
     """
     if not os.path.exists(path):
         raise FileNotFoundError(f"'{path}' does not exist")
@@ -50,7 +50,7 @@ def _if_full(message: str = "") -> Iterator[None]:
     try:
         yield
     except _program.ProgramError as error:
-        if "cannot write" not in str(error):
+        if not str(error).startswith("cannot write "):
             raise
         if message:
             raise OSError(message) from error
@@ -59,15 +59,19 @@ def _if_full(message: str = "") -> Iterator[None]:
 def _load(file: IO[bytes], is_in_memory: bool) -> tuple[Any, dict[str, str]]:
     """Loads what the program has written: NRRD without compression."""
     file.seek(0)
-    lines = [os.fsdecode(line).rstrip("\n") for line in iter(file.readline, b"\n")]
+    lines: list[str] = []
+    while (line := file.readline()) != b"\n":
+        if not line:
+            raise RuntimeError("the program wrote no volume: is it shear-warp-mip?")
+        lines.append(os.fsdecode(line).rstrip("\n"))
     begin = file.tell()
     fields, entries = {}, {}
-    for line in lines[1:]:
-        if ":=" in line and not line.startswith("#"):
-            key, _, value = line.partition(":=")
+    for field in lines[1:]:
+        if ":=" in field and not field.startswith("#"):
+            key, _, value = field.partition(":=")
             entries[key] = re.sub(r"\\(.)", lambda match: "\n" if match[1] == "n" else match[1], value)
         else:
-            key, _, value = line.partition(": ")
+            key, _, value = field.partition(": ")
             fields[key] = value
     sizes, kinds = [int(size) for size in fields["sizes"].split()], fields["kinds"].split()
     components = 1 if kinds[0] == "domain" else sizes.pop(0)

@@ -66,7 +66,7 @@ def run(arguments: Sequence[str], output: IO[bytes] | None = None) -> None:
         except BaseException:
             _end(child)
             raise
-    said = [line.removeprefix(f"{_NAME}: ") for line in messages.splitlines() if line.startswith(f"{_NAME}: ")]
+    said = [line.removeprefix(f"{_NAME}: ") for line in messages.split("\n") if line.startswith(f"{_NAME}: ")]
     errors = [line for line in said if not re.match("(warning|note): ", line)]
     for line in said:
         if line.startswith("warning: "):

@@ -51,7 +51,10 @@ def nothing_is_left(monkeypatch, tmp_path_factory):
     assert not any(folder.iterdir())
 
 
-@pytest.mark.parametrize("name", ["a b.nrrd", "Gefäß 体积.nrrd", "-x.nrrd", "it's.nrrd", 'q".nrrd', "--view.nrrd"])
+NAMES = ["a b.nrrd", "Gefäß 体积.nrrd", "-x.nrrd", "it's.nrrd", 'q".nrrd', "--view.nrrd", "cannot write.nrrd"]
+
+
+@pytest.mark.parametrize("name", [*NAMES, "a\u2028b.nrrd"])
 def test_names(name, volume, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     expected = np.asarray(open_image(volume))
@@ -143,6 +146,9 @@ def test_killed_program(volume, use_script):
 def test_failure_without_words(volume, use_script):
     use_script("echo odd >&2; exit 3")
     with pytest.raises(RuntimeError, match="ended with 3: odd"):
+        open_image(volume)
+    use_script("exit 0")
+    with pytest.raises(RuntimeError, match="wrote no volume"):
         open_image(volume)
 
 
