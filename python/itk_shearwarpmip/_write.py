@@ -53,7 +53,7 @@ def make_arguments(options: Mapping[str, Any]) -> list[str]:
     """Arguments of the program, which refuses unknown ones. Options that are None are left out."""
     arguments = []
     for name, value in options.items():
-        if name in _NOT_OF_IMAGES:
+        if name.replace("-", "_") in _NOT_OF_IMAGES:
             raise ValueError(f"{name} is no option for an image")
         if name == "labels":
             arguments += [] if value is None or make_flag(name, value) else ["--no-labels"]
@@ -69,10 +69,12 @@ _LENGTHS = ("center", "crop", "output_spacing", "slab", "sliding_slab")
 
 def _scale(options: Mapping[str, Any], factor: float) -> dict[str, Any]:
     """Options in mm, of options in a unit of so many mm, which is the image's."""
-    scaled = {name: np.multiply(options[name], factor) for name in _LENGTHS if options.get(name) is not None}
+    if factor == 1.0:
+        return dict(options)
+    scaled = {name: factor * np.array(options[name], float) for name in _LENGTHS if options.get(name) is not None}
     if options.get("attenuation") is not None:
         scaled["attenuation"] = options["attenuation"] / factor
-    return dict(options) | scaled if factor != 1.0 else dict(options)
+    return dict(options) | scaled
 
 
 def _format(name: str, value: Any) -> str:

@@ -492,6 +492,9 @@ def test_write_does_not_overwrite_its_source(head, tmp_path):
         ({"mask": "none.nrrd"}, "none.nrrd"),
         ({"crop": ((1, 2), (3, 4))}, "crop must be a number"),
         ({"suv": True}, "suv"),
+        ({"help-all": True}, "help-all is no option"),
+        ({"dicom_out": ""}, "dicom_out: a value is needed"),
+        ({"slab": (None, 5)}, "slab must be a number"),
     ],
 )
 def test_write_refuses(head, tmp_path, options, message):
