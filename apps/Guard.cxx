@@ -118,6 +118,8 @@ PrepareChild(const std::vector<Handler> & handlers, [[maybe_unused]] pid_t paren
     // it came before
     std::raise(lastSignal);
   }
+  // a file that gets larger than is allowed is like one on a full disk
+  std::signal(SIGXFSZ, SIG_IGN);
   // no core is dumped
   std::signal(SIGABRT, [](int) { std::_Exit(abortStatus); });
 #  ifdef __linux__

@@ -26,7 +26,8 @@ constexpr int endingSignals[] = { SIGINT,
                                   SIGTERM,
 #ifdef SIGHUP
                                   SIGHUP,
-                                  SIGPIPE
+                                  SIGPIPE,
+                                  SIGQUIT
 #endif
 };
 

@@ -297,12 +297,16 @@ TEST_F(ShearWarpMIPProgramFiles, LeavesNothingWhenInterrupted)
   };
   for (const auto & [arguments, begun] : begins)
   {
-    for (const auto & [name, signal] :
-         { std::pair("TERM", SIGTERM), std::pair("HUP", SIGHUP), std::pair("PIPE", SIGPIPE), std::pair("INT", SIGINT) })
+    for (const auto & [name, signal] : { std::pair("TERM", SIGTERM),
+                                         std::pair("HUP", SIGHUP),
+                                         std::pair("PIPE", SIGPIPE),
+                                         std::pair("INT", SIGINT),
+                                         std::pair("QUIT", SIGQUIT) })
     {
-      // the shell has programs in the background ignore SIGINT
-      const std::string command = "cd '" + m_Folder.string() + "' || exit\n" + encoder + " env --default-signal=INT '" +
-                                  GetProgram() + "' in.nrrd " + arguments + " 2>/dev/null &\nuntil " + begun +
+      // the shell has programs in the background ignore SIGINT and SIGQUIT
+      const std::string command = "cd '" + m_Folder.string() + "' || exit\n" + encoder +
+                                  " env --default-signal=INT,QUIT '" + GetProgram() + "' in.nrrd " + arguments +
+                                  " 2>/dev/null &\nuntil " + begun +
                                   " || ! kill -0 $!; do sleep 0.001; done\n"
                                   "kill -" +
                                   name + " $!; wait $!";
@@ -312,6 +316,11 @@ TEST_F(ShearWarpMIPProgramFiles, LeavesNothingWhenInterrupted)
       EXPECT_TRUE(this->GetContents() == before) << arguments << ' ' << name;
     }
   }
+}
+
+TEST_F(ShearWarpMIPProgramFiles, SaysThatAFileWouldBeLargerThanIsAllowed)
+{
+  this->ExpectFailure("in.nrrd x.nrrd --size 200 200", "cannot write all of 'x.nrrd'", "ulimit -f 10;");
 }
 
 TEST_F(ShearWarpMIPProgramFiles, EndsAtASignalThatComesWhenItsProcessBegins)
