@@ -1047,7 +1047,7 @@ TEST_F(ShearWarpMIPProgramTIFF, IsRefusedIfAByteOfWhatWasDeflatedIsWrong)
   std::vector<std::vector<unsigned char>> pages(5, std::vector<unsigned char>(1024));
   for (auto & page : pages)
   {
-    std::generate(page.begin(), page.end(), [&random] { return static_cast<unsigned char>(random() % 7); });
+    std::generate(page.begin(), page.end(), [&random] { return static_cast<unsigned char>(random() % 40); });
   }
   Storage storage;
   storage.compression = COMPRESSION_ADOBE_DEFLATE;

@@ -320,6 +320,7 @@ TEST_F(ShearWarpMIPProgramStack, TakesOptionsOfOutputsOnly)
                                                       { "--slab", "1 2" },
                                                       { "--sliding-slab", "1 2" },
                                                       { "--mode", "minimum" },
+                                                      { "--interpolation", "nearest" },
                                                       { "--mask-label", "1" },
                                                       { "--remove-label", "1" },
                                                       { "--crop", "1 2 1 2 1 2" },

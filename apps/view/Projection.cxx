@@ -286,6 +286,7 @@ bool
 LooksLikeLabels(const AnyImage & image)
 {
   constexpr std::size_t fewestVoxels = 4096;
+  constexpr std::size_t fewestLabels = 3; // with what is beside them
   constexpr std::size_t mostLabels = 32;
   return DispatchPixelType(image.componentType, [&](auto tag) {
     using PixelType = typename decltype(tag)::Type;
@@ -305,9 +306,7 @@ LooksLikeLabels(const AnyImage & image)
         found.insert(voxel);
       }
     }
-    const bool hasGap =
-      !found.empty() && static_cast<double>(*found.rbegin()) - static_cast<double>(*found.begin()) > 1.0;
-    return container.Size() >= fewestVoxels && found.size() <= mostLabels && hasGap;
+    return container.Size() >= fewestVoxels && found.size() >= fewestLabels && found.size() <= mostLabels;
   });
 }
 

@@ -96,8 +96,7 @@ struct Projections
   bool isInverted{ false };
 };
 
-/** Whether an image of at least 4096 voxels has at most 32 values, all whole, between which interpolation would find
- * others. */
+/** Whether an image of at least 4096 voxels has from 3 to 32 values, all whole. */
 bool
 LooksLikeLabels(const AnyImage & image);
 
