@@ -21,6 +21,8 @@
 
 #include <pthread.h>
 #include <sys/stat.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include <csignal>
 
@@ -325,11 +327,16 @@ TEST_F(ShearWarpMIPProgramFiles, SaysThatAFileWouldBeLargerThanIsAllowed)
 
 TEST_F(ShearWarpMIPProgramFiles, EndsAtASignalThatComesWhenItsProcessBegins)
 {
-  const auto run = [] {
+  const pid_t process = fork();
+  if (process == 0)
+  {
     pthread_atfork(nullptr, nullptr, [] { std::raise(SIGTERM); });
-    std::exit(RunGuarded([] { return EXIT_SUCCESS; }, [](const std::string &) {}));
-  };
-  EXPECT_EXIT(run(), testing::KilledBySignal(SIGTERM), "");
+    std::_Exit(RunGuarded([] { return EXIT_SUCCESS; }, [](const std::string &) {}));
+  }
+  int status = 0;
+  ASSERT_EQ(waitpid(process, &status, 0), process);
+  EXPECT_TRUE(WIFSIGNALED(status)) << status;
+  EXPECT_EQ(WTERMSIG(status), SIGTERM);
 }
 
 TEST_F(ShearWarpMIPProgramFiles, LeavesNothingWhenKilled)
