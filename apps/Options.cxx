@@ -259,7 +259,9 @@ DefineOptions(CLI::App & app, Options & options)
 
   const auto frames =
     add("Turning series, usual", "--frames", options.frames, "N", "Makes a series of N frames: a turn")
-      ->check(CLI::Range(1u, MostFrames));
+      ->check(MakeCheck("a whole number from 1 to " + std::to_string(MostFrames), [](double value) {
+        return value >= 1.0 && value <= MostFrames && value == std::trunc(value);
+      }));
   addList(3,
           "Turning series",
           "--rotation-axis",
@@ -757,7 +759,7 @@ Verify(const Options & options)
   }
   if (options.isMultiFrame && options.dicomOut.empty())
   {
-    throw std::runtime_error("--multi-frame requires --dicom-out");
+    throw std::runtime_error("--multi-frame requires --dicom-out, or a folder as OUTPUT");
   }
   for (std::size_t n = 0; n < options.crop.size(); n += 2)
   {
@@ -809,7 +811,8 @@ CollectArguments(CLI::App & app, int argc, const char * const * argv, const Warn
     const bool isLong = app.get_option_no_throw('-' + argument.substr(0, argument.find('='))) != nullptr;
     const bool isWord = std::regex_search(argument.substr(0, 3), std::regex("^-[A-Za-z]."));
     const bool areShort = std::regex_match(argument.substr(0, 5), std::regex("-[hv]*(o.*)?"));
-    return isWord && !isNumber(argument) && (isLong || !areShort) ? '-' + argument : argument;
+    const bool isOther = areShort || FindFormat(argument) != FileFormat::None;
+    return isWord && !isNumber(argument) && (isLong || !isOther) ? '-' + argument : argument;
   };
   const bool hasRange = std::any_of(argv + std::min(argc, 1), argv + argc, [](const std::string & argument) {
     return std::regex_search(argument.substr(0, 20), std::regex("^--?(angular-)?range(=|$)"));
@@ -846,9 +849,16 @@ CollectArguments(CLI::App & app, int argc, const char * const * argv, const Warn
       // the parser would take the next argument
       throw std::runtime_error(name + ": a value is needed");
     }
-    const auto option = name.compare(0, 2, "--") == 0 ? app.get_option_no_throw(name) : nullptr;
+    const auto option = name[0] == '-' ? app.get_option_no_throw(name) : nullptr;
     const bool hasNumbers = option && option->get_delimiter() == ',';
-    if (hasNumbers && equals != std::string::npos)
+    if (option && !hasNumbers && option->get_items_expected_min() > 0 && argument == name && n + 1 < argc &&
+        value != "--")
+    {
+      // the value stays as it is: of -o -m.png, -m.png
+      arguments.insert(arguments.end(), { argument, value });
+      ++n;
+    }
+    else if (hasNumbers && equals != std::string::npos)
     {
       const auto numbers = split(value);
       arguments.push_back(numbers.empty() ? argument : name + '=' + CLI::detail::join(numbers, ","));
@@ -934,8 +944,20 @@ Reword(const CLI::App & app, const CLI::ParseError & error)
   text = std::regex_replace(
     text, std::regex("At [Mm]ost (\\d+) required but received (\\d+)"), "at most $1 can be given, not $2");
   text = std::regex_replace(text, std::regex("1 required (.*) missing"), "a value is needed, $1");
+  text = std::regex_replace(text, std::regex(", \\w+:(\\{.*\\})"), ", one of $1");
   text = std::regex_replace(text, std::regex("(, \\w+):\\w+ in \\[.*"), "$1");
   text = std::regex_replace(text, std::regex("^--output(?!-)"), "OUTPUT");
   text = std::regex_replace(text, std::regex("a value is needed, TEXT"), "a value is needed");
-  return dynamic_cast<const CLI::RequiredError *>(&error) ? text + "; see --help" : text;
+  if (!dynamic_cast<const CLI::RequiredError *>(&error))
+  {
+    return text;
+  }
+  for (const std::string & extra : app.remaining())
+  {
+    if (extra[0] == '-' && FindFormat(extra) != FileFormat::None)
+    {
+      text += ", or ./" + extra + " if '" + extra + "' is a file";
+    }
+  }
+  return text + "; see --help";
 }

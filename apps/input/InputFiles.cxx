@@ -23,6 +23,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cerrno>
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
@@ -31,6 +32,7 @@
 #include <sstream>
 #include <stdexcept>
 #include <string>
+#include <system_error>
 
 namespace
 {
@@ -211,7 +213,7 @@ RequireReadable(const fs::path & path)
   }
   if (fs::is_regular_file(path) && !std::ifstream(path))
   {
-    throw std::runtime_error("cannot read " + name);
+    throw std::runtime_error("cannot read " + name + ": " + std::generic_category().message(errno));
   }
 }
 

@@ -249,7 +249,8 @@ TEST_F(ShearWarpMIPProgramFolder, IsRefused)
       EXPECT_NE(result.messages.find(name), std::string::npos) << result.messages;
     }
     fs::permissions(m_Folder / "in.nrrd", fs::perms::none);
-    EXPECT_EQ(this->Run("in.nrrd out.png", *start).messages, "shear-warp-mip: cannot read 'in.nrrd'\n");
+    EXPECT_EQ(this->Run("in.nrrd out.png", *start).messages,
+              "shear-warp-mip: cannot read 'in.nrrd': Permission denied\n");
     fs::permissions(m_Folder / "in.nrrd", fs::perms::owner_all);
   }
   std::ofstream(m_Folder / "dicom/inner/DICOMDIR") << "text";

@@ -422,6 +422,16 @@ TEST_F(ShearWarpMIPProgram, TakesWhatPeopleWrite)
   }
 }
 
+TEST_F(ShearWarpMIPProgram, TakesFilesWhoseNamesBeginWithADash)
+{
+  this->ExpectSuccess("in.nrrd -o -m.png --depth -dd.nrrd -depth-colour -ox.png");
+  this->ExpectSuccess("in.nrrd --output -x5.png");
+  for (const std::string name : { "-m.png", "-dd.nrrd", "-ox.png", "-x5.png" })
+  {
+    EXPECT_TRUE(fs::exists(m_Folder / name)) << name;
+  }
+}
+
 TEST_F(ShearWarpMIPProgram, TakesFormerNamesWithANote)
 {
   const std::array<std::string, 3> calls[] = {
@@ -547,6 +557,8 @@ TEST_F(ShearWarpMIPProgram, AnswersWrongCalls)
     { "in.nrrd out.png -veiw left", "--veiw left is not expected; did you mean '--view'?" },
     { "in.nrrd out.png -gpu", "--gpu is not expected; see --help" },
     { "-- -no.nrrd out.png", "'-no.nrrd' does not exist" },
+    { "in.nrrd -m.png", "OUTPUT is required, or ./-m.png if '-m.png' is a file; see --help" },
+    { "in.nrrd out.png --mask -no.nrrd", "'-no.nrrd' does not exist" },
     { "out.png in.nrrd -v left", "left is not expected; see --help" },
     { "in.nrrd out.png -o more.png", "OUTPUT: at most 1 can be given, not 2" },
     { "in.nrrd --output", "OUTPUT: a value is needed" },
@@ -570,6 +582,9 @@ TEST_F(ShearWarpMIPProgram, AnswersWrongCalls)
       "--view: 'anteroir' is not one of anterior, inferior, left, posterior, right, superior; did you mean "
       "'anterior'?" },
     { "in.nrrd out.png --view ''", "--view: '' is not one of" },
+    { "in.nrrd out.png --view", "--view: a value is needed, one of {anterior,inferior," },
+    { "in.nrrd out.png --frames 2.5", "--frames: '2.5' is not a whole number from 1 to 65535" },
+    { "in.nrrd out.png --multi-frame", "--multi-frame requires --dicom-out, or a folder as OUTPUT" },
     { "in.nrrd out.png --mode m", "--mode: 'm' is not one of absolute-maximum, maximum, mean, minimum" },
     { "in.nrrd out.png --rotation-axis upwards --frames 2", "--rotation-axis: it must be left, posterior" },
     { "in.nrrd out.png --rotation-axis 0 0 0 --frames 2", "The axis must be finite and not zero" },
