@@ -19,6 +19,7 @@
 
 #include "FileStart.h"
 #include "Guard.h"
+#include "InputFiles.h"
 #include "Text.h"
 
 #include "itkMRCHeaderObject.h"
@@ -36,9 +37,12 @@
 #include <iomanip>
 #include <iostream>
 #include <iterator>
+#include <map>
 #include <memory>
 #include <sstream>
 #include <stdexcept>
+#include <string>
+#include <vector>
 
 namespace fs = std::filesystem;
 
@@ -246,6 +250,37 @@ RequireIntactVTK(const fs::path & path, const itk::ImageIOBase & io)
   }
 }
 
+/** Throws if the files of a NRRD or MetaImage are too small for \a bytes of voxels. */
+void
+RequireBytesInFiles(const fs::path & path, const itk::ImageIOBase & io, double bytes)
+{
+  std::streamoff                     end = 0;
+  std::map<std::string, std::string> fields;
+  for (const auto & [key, text] : ReadFields(path, &end))
+  {
+    fields[ToLower(key)] = ToLower(text);
+  }
+  const bool isMeta = io.GetNameOfClass() == std::string("MetaImageIO");
+  const auto begins = [&fields](const std::string & key, const std::string & letters) {
+    return letters.find(fields[key].substr(0, 1)) != std::string::npos && !fields[key].empty();
+  };
+  const bool isCompressed = isMeta ? begins("compresseddata", "t1") : begins("encoding", "gb");
+  const bool isText = isMeta ? begins("binarydata", "f0") : begins("encoding", "at");
+  const bool isLocal =
+    isMeta ? fields["elementdatafile"] == "local" : fields.count("data file") + fields.count("datafile") == 0;
+  std::uintmax_t size = 0;
+  for (const fs::path & file : isLocal ? std::vector<fs::path>{ path } : FindInputFiles(path))
+  {
+    size += fs::file_size(file);
+  }
+  if (isLocal && end > 0)
+  {
+    size -= static_cast<std::uintmax_t>(end);
+  }
+  constexpr double mostOfDeflate = 1032.0;
+  RequireBytes(path, size, bytes / (isCompressed ? mostOfDeflate : isText ? io.GetComponentSize() : 1.0));
+}
+
 /** What is printed to std::cerr. */
 class PrintedErrors
 {
@@ -305,7 +340,14 @@ ReadIntact(const fs::path & path, const std::function<void()> & read)
   {
     // MetaIO says more than ITK
     requireNoErrors();
-    throw std::runtime_error("cannot read '" + path.string() + "': " + error.GetDescription());
+    const std::string text = error.GetDescription();
+    const auto        last = text.rfind("[nrrd] ");
+    if (last != std::string::npos)
+    {
+      // behind the names of functions
+      Refuse(path, text.substr(text.find(": ", last) + 2));
+    }
+    throw std::runtime_error("cannot read '" + path.string() + "': " + text);
   }
   requireNoErrors();
 }
@@ -315,8 +357,17 @@ RequireAllVoxels(const itk::ImageIOBase & io, const fs::path & path)
 {
   constexpr double  headerOfGIPL = 256.0;
   const std::string format = io.GetNameOfClass();
-  const auto        bytes = static_cast<double>(io.GetImageSizeInBytes());
-  if (format == "VTKImageIO")
+  // ITK's own product may overflow
+  double bytes = static_cast<double>(io.GetComponentSize()) * io.GetNumberOfComponents();
+  for (unsigned int axis = 0; axis < io.GetNumberOfDimensions(); ++axis)
+  {
+    bytes *= static_cast<double>(io.GetDimensions(axis));
+  }
+  if (format == "NrrdImageIO" || format == "MetaImageIO")
+  {
+    RequireBytesInFiles(path, io, bytes);
+  }
+  else if (format == "VTKImageIO")
   {
     RequireIntactVTK(path, io);
   }

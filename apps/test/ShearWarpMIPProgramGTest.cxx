@@ -685,9 +685,9 @@ TEST_F(ShearWarpMIPProgram, RefusesDamagedFiles)
     std::string refusal;
   };
   const std::string damaged = "' is damaged or incomplete";
-  const File        files[] = { { "raw.nrrd", "raw.nrrd", false, "cannot read 'raw.nrrd'" },
+  const File        files[] = { { "raw.nrrd", "raw.nrrd", false, "raw.nrrd" + damaged },
                                 { "gzip.nrrd", "gzip.nrrd", true, "gzip.nrrd" + damaged },
-                                { "raw.nhdr", "raw.raw", false, "cannot read 'raw.nhdr'" },
+                                { "raw.nhdr", "raw.raw", false, "raw.nhdr" + damaged },
                                 { "gzip.nhdr", "gzip.raw.gz", true, "gzip.raw.gz" + damaged },
                                 { "raw.mha", "raw.mha", false, "raw.mha" + damaged },
                                 { "zlib.mha", "zlib.mha", true, "zlib.mha" + damaged },
@@ -727,6 +727,31 @@ TEST_F(ShearWarpMIPProgram, RefusesDamagedFiles)
     "raw.nii",
     [](std::string bytes) { return bytes.replace(40, 2, "\x7f\x7f"); },
     [this] { this->ExpectFailure("raw.nii out.png", "'raw.nii' is damaged or incomplete: its NIfTI header"); });
+}
+
+TEST_F(ShearWarpMIPProgram, RefusesSizesThatFilesCannotHave)
+{
+  const std::string damaged = "' is damaged or incomplete: it has ";
+  const std::string ofNrrd = "NRRD0004\ntype: short\ndimension: 3\nendian: little\nsizes: 1000 1000 1000\n";
+  const std::string ofMeta = "ObjectType = Image\nNDims = 3\nElementType = MET_SHORT\nDimSize = ";
+  const std::string local = "ElementDataFile = LOCAL\n12345";
+  std::ofstream(m_Folder / "few.raw") << "12345";
+  const std::array<std::string, 3> files[] = {
+    { "a.nrrd", ofNrrd + "encoding: raw\n\n12345", "5 of 2000000000 bytes" },
+    { "b.nrrd", ofNrrd + "Encoding: GZIP\ndata file: few.raw\n\n", "of 1937984 bytes" },
+    { "c.nrrd", ofNrrd + "encoding: ascii\n\n12 45", "5 of 1000000000 bytes" },
+    { "d.nrrd", ofNrrd + "encoding: raw\nFrameTransforms:=1 0 0\n\n12345", "5 of 2000000000 bytes" },
+    { "a.mha", ofMeta + "1000 1000 1000\n" + local, "5 of 2000000000 bytes" },
+    { "b.mha", ofMeta + "18446744073709551615 2 2\n" + local, "5 of 1" },
+    { "c.mha", ofMeta + "1000 1000 1000\nFrameTransforms = 1 0 0\n" + local, "5 of 2000000000 bytes" },
+    { "d.mhd", ofMeta + "1000 1000 1000\nElementDataFile = few.raw\n", "of 2000000000 bytes" }
+  };
+  for (const auto & [name, bytes, reason] : files)
+  {
+    std::ofstream(m_Folder / name) << bytes;
+    this->ExpectFailure(name + " out.png", '\'' + name + damaged);
+    EXPECT_NE(this->Run(name + " out.png").messages.find(reason), std::string::npos) << name;
+  }
 }
 
 TEST_F(ShearWarpMIPProgram, RefusesWrongOutput)

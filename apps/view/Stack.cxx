@@ -383,6 +383,7 @@ ReadFrames(itk::ImageIOBase & io, const fs::path & path, double millimetres)
   {
     throw std::runtime_error("'" + path.string() + "' has more than 65535 frames");
   }
+  RequireAllVoxels(io, path);
   grid->SetRegions(size);
   grid->SetSpacing(spacing);
   grid->SetOrigin(origin);
