@@ -46,6 +46,7 @@
 #include <cmath>
 #include <functional>
 #include <iomanip>
+#include <iterator>
 #include <limits>
 #include <map>
 
@@ -118,11 +119,37 @@ AddEntries(Volume & volume, const Options & options)
   }
 }
 
+/** Whether \a one and \a other are names of one file. */
+bool
+IsSameFile(const std::string & one, const std::string & other)
+{
+  std::error_code ignored;
+  return one == other || std::filesystem::equivalent(one, other, ignored);
+}
+
 /** Whether \a path is a file whose words about its source are believed. */
 bool
 IsTrusted(const Options & options, const std::string & path)
 {
-  return std::find(options.trusted.begin(), options.trusted.end(), path) != options.trusted.end();
+  return std::any_of(options.trusted.begin(), options.trusted.end(), [&path](const std::string & trusted) {
+    return IsSameFile(trusted, path);
+  });
+}
+
+/** Throws if --trust names a file that is not read. */
+void
+VerifyTrusted(const Options & options)
+{
+  const std::string read[] = { options.input, options.mask, options.overlay, options.segments };
+  for (const std::string & trusted : options.trusted)
+  {
+    if (std::none_of(
+          std::begin(read), std::end(read), [&trusted](const std::string & path) { return IsSameFile(trusted, path); }))
+    {
+      throw std::runtime_error("--trust: '" + trusted +
+                               "' is not read: it must be INPUT, or the file of --mask, --overlay or --segments");
+    }
+  }
 }
 
 /** Has the files of the volume of \a path never written, nor those that it was made from, if \a path is trusted. */
@@ -611,6 +638,7 @@ void
 Run(const Options & options, Messages & messages)
 {
   Verify(options);
+  VerifyTrusted(options);
   if (options.threads > 0)
   {
     itk::MultiThreaderBase::SetGlobalMaximumNumberOfThreads(options.threads);

@@ -240,7 +240,7 @@ TEST_F(ShearWarpMIPProgramStack, TakesWhatItsSourcesSayOnlyIfTrusted)
   const std::string folder = this->GetPath("dicom/");
   this->WriteChanged(
     "from.nrrd", "SourceFiles", folder + "0.dcm " + folder + "1%0A%2541%FF.dcm " + folder + "2.dcm gone");
-  this->ExpectSuccess("from.nrrd other/ --trust from.nrrd");
+  this->ExpectSuccess("from.nrrd other/ --trust dicom/../from.nrrd");
   this->ExpectSameDicom("one", "other");
   this->WriteChanged("turn.nrrd", "0010|0010", "Doe^Jane");
   this->ExpectSuccess("turn.nrrd third/ --trust=turn.nrrd");
@@ -248,10 +248,19 @@ TEST_F(ShearWarpMIPProgramStack, TakesWhatItsSourcesSayOnlyIfTrusted)
 
   for (const std::string input : { "from.nrrd", "turn.nrrd" })
   {
-    this->ExpectSuccess(input + " of-nobody/ --trust large.nrrd");
+    this->ExpectSuccess(input + " of-nobody/");
     EXPECT_EQ(ReadText(m_Folder / "of-nobody/frame-001.dcm").find("Doe"), std::string::npos) << input;
     fs::remove_all(m_Folder / "of-nobody");
   }
+}
+
+TEST_F(ShearWarpMIPProgramStack, IsTrustedOnlyIfRead)
+{
+  const std::string refusal = "' is not read: it must be INPUT, or the file of --mask, --overlay or --segments";
+  this->ExpectSuccess("large.nrrd turn.nrrd --frames 3");
+  this->ExpectFailure("turn.nrrd out.png --trust turn.nrrd --trust large.nrrd", "--trust: 'large.nrrd" + refusal);
+  this->ExpectFailure("large.nrrd out.png --trust none.nrrd", "--trust: 'none.nrrd" + refusal);
+  this->ExpectFailure("none.nrrd out.png --trust none.nrrd", "'none.nrrd' does not exist");
 }
 
 TEST_F(ShearWarpMIPProgramStack, IsInvertedAndHasUnitsAsItsKeysSay)
@@ -328,6 +337,7 @@ TEST_F(ShearWarpMIPProgramStack, TakesOptionsOfOutputsOnly)
                                                       { "--overlay-window", "1 2" },
                                                       { "--opacity", "0.5" },
                                                       { "--threads", "1" },
+                                                      { "--trust", "turn.nrrd" },
                                                       { "--depth", "depth.nrrd" },
                                                       { "--depth-color", "depth.png" },
                                                       { "--dicom-out", "series" } };
