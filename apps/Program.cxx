@@ -117,6 +117,10 @@ AddEntries(Volume & volume, const Options & options)
   {
     add("IsInverted", "1");
   }
+  if (volume.isSuv)
+  {
+    add("IsSuv", "1");
+  }
 }
 
 /** Whether \a one and \a other are names of one file. */
@@ -399,6 +403,7 @@ MakeStack(const Options & options, const Volume & volume, const std::vector<Fram
   stack.title = volume.title.value_or(name);
   stack.dicomFiles = volume.dicomFiles;
   stack.sourceFiles = volume.sourceFiles;
+  stack.isSuv = volume.isSuv;
   return stack;
 }
 
@@ -449,8 +454,9 @@ ReadLayers(Product & product, OutputFiles & files, Messages & messages)
   {
     layers.overlay = ReadOverlay(options, product.warn);
     Protect(files, layers.overlay, options, options.overlay);
-    product.isOverlaySuv = options.isSuv && ConvertToSuv(layers.overlay, product.warn);
-    if (options.isSuv && !product.isSuv && !product.isOverlaySuv)
+    const bool isConverted = options.isSuv && ConvertToSuv(layers.overlay, product.warn);
+    product.isOverlaySuv = layers.overlay.isSuv;
+    if (options.isSuv && !product.stack.isSuv && !isConverted)
     {
       throw std::runtime_error(
         "--suv is not possible: neither INPUT nor the overlay is a DICOM series of PET Image Storage");
@@ -507,13 +513,13 @@ ReadInput(Product & product, OutputFiles & files, Messages & messages)
   const Options & options = product.options;
   Volume          volume = ReadVolume(options.input, options.series, product.warn, "--series", options.volume);
   Protect(files, volume, options, options.input);
-  product.isSuv = options.isSuv && ConvertToSuv(volume, product.warn);
-  if (options.isSuv && !product.isSuv && options.overlay.empty())
+  const bool isConverted = options.isSuv && ConvertToSuv(volume, product.warn);
+  if (options.isSuv && !isConverted && options.overlay.empty())
   {
     RefuseSuv();
   }
   if (options.window.size() == 1 && FindName(options.window.front(), { "pet" }) == "pet" &&
-      !volume.dicomFiles.empty() && !product.isSuv)
+      !volume.dicomFiles.empty() && !volume.isSuv)
   {
     product.warn("--window pet is in SUV, but INPUT's values are not; see --suv");
   }
@@ -624,6 +630,7 @@ Write(const Product & product, OutputFiles & files, Messages & messages)
     depths.stack.projections.stack = product.stack.projections.depths;
     depths.stack.projections.background = std::numeric_limits<double>::quiet_NaN();
     depths.stack.projections.isInverted = false;
+    depths.stack.isSuv = false;
     WriteValues(files, options.depth, depths);
   }
   if (!options.depthColour.empty())

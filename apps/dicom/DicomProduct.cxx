@@ -54,8 +54,8 @@ WriteDicom(OutputFiles & files, const std::string & path, const Product & produc
   dicom.attributes = product.stack.attributes;
   dicom.isInverted = product.stack.projections.isInverted;
   dicom.warn = product.warn;
-  dicom.isSuv = product.isSuv;
-  dicom.derivation += product.isSuv ? " of SUV by body weight" : "";
+  dicom.isSuv = product.stack.isSuv;
+  dicom.derivation += product.stack.isSuv ? " of SUV by body weight" : "";
   if (options.isMultiFrame)
   {
     dicom.frameTime = 1000.0 / product.rate;

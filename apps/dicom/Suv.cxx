@@ -241,6 +241,10 @@ ComputeFactor(const DataSet & image, const WarningFunction & warn)
 bool
 ConvertToSuv(Volume & volume, const WarningFunction & warn)
 {
+  if (volume.isSuv)
+  {
+    return true;
+  }
   const DataSet image = volume.dicomFiles.empty() ? DataSet() : ReadFirstAcquired(volume.dicomFiles);
   if (GetText(image, { 0x0008, 0x0016 }) != petImageStorage)
   {
@@ -262,5 +266,6 @@ ConvertToSuv(Volume & volume, const WarningFunction & warn)
     });
     time = converted;
   }
+  volume.isSuv = true;
   return true;
 }

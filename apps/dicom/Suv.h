@@ -35,7 +35,8 @@
  * Source: QIBA Profile FDG-PET/CT, appendix G, vendor-neutral pseudo-codes; DICOM PS3.3 C.8.9.
  *
  * Throws std::runtime_error with the name of the attribute that is missing or is of no use. Returns false, and changes
- * nothing, if the volume is no series of PET Image Storage. Warns of a dose that is unusual for the weight. */
+ * nothing, if the volume is no series of PET Image Storage and not in SUV already. Warns of a dose that is unusual for
+ * the weight. */
 bool
 ConvertToSuv(Volume & volume, const WarningFunction & warn);
 

@@ -46,6 +46,8 @@ struct Volume
   std::vector<std::filesystem::path> dicomFiles{};
   /** Whether low values are to be displayed white. */
   bool isInverted{ false };
+  /** Whether values are SUV by body weight. */
+  bool isSuv{ false };
   /** Whether the file says how the image lies in the patient. */
   bool hasOrientation{ true };
   /** Files from which the file was made, if it says so; not for files that nobody trusts. */

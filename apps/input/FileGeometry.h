@@ -47,7 +47,7 @@ ReadGeometry(const itk::ImageIOBase & io, const std::filesystem::path & path, co
 
 /** The text of an entry, empty if there is none. The entries that files of NRRD and MetaImage may have are
  * HasOrientation, 0 if nobody stated how the image lies in the patient; IsInverted, 1 if low values are to be displayed
- * white; and Unit, of lengths, by default mm. */
+ * white; IsSuv, 1 if values are SUV by body weight; and Unit, of lengths, by default mm. */
 std::string
 GetEntry(const itk::MetaDataDictionary & dictionary, const std::string & key);
 

@@ -38,7 +38,7 @@ WriteValues(OutputFiles & files, const std::string & path, const Product & produ
     return;
   }
   OutputFiles::Texts ofVolumes;
-  for (const std::string key : { "HasOrientation", "IsInverted" })
+  for (const std::string key : { "HasOrientation", "IsInverted", "IsSuv" })
   {
     ofVolumes.insert(texts.extract(key));
   }

@@ -40,7 +40,6 @@ struct Product
   std::vector<Segment> segments{};
   /** Pictures per second. */
   double rate{ 10.0 };
-  bool   isSuv{ false };
   bool   isOverlaySuv{ false };
   /** Why pictures of PET are no reprojection by maximum, empty if they may be one. */
   std::string noReprojection{};

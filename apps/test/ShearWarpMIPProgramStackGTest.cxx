@@ -418,6 +418,7 @@ TEST_F(ShearWarpMIPProgramStack, IsRefusedWithWrongKeys)
     { "Background", "1e9", "Background is no value of its pixel type" },
     { "Background", "black", "Background is no number" },
     { "IsInverted", "yes", "IsInverted must be one of 0, 1" },
+    { "IsSuv", "yes", "IsSuv must be one of 0, 1" },
     { "HasOrientation", "2", "HasOrientation must be one of 1, 0" },
   };
   for (const auto & [key, text, mention] : wrong)

@@ -383,6 +383,16 @@ def test_dicom_of_suv(tmp_path):
     assert still.RescaleType == "US"
 
 
+@pytest.mark.parametrize("options", [("--frames", 4), ("--in-place",), ("--write-volume",)])
+@pytest.mark.parametrize("suffix", [".nrrd", ".mha"])
+def test_files_of_suv_say_so(tmp_path, options, suffix):
+    pet, values = write_pet(tmp_path / "pet"), tmp_path / f"suv{suffix}"
+    run(pet, *([*options, values] if "--write-volume" in options else [values, *options]), "--suv")
+    run(values, f"{tmp_path}/turn/")
+    derivations = {dataset.DerivationDescription for dataset in read_dicom(tmp_path / "turn")}
+    assert derivations == {"Maximum intensity projection of SUV by body weight"}
+
+
 def test_slice_of_the_name_of_a_picture_is_kept(tmp_path):
     pet = write_pet(tmp_path / "pet")
     picture = (pet / "slice-03.dcm").rename(pet / "slice.png")

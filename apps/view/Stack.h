@@ -41,6 +41,8 @@ struct Stack
   /** Whether there may be several frames. */
   bool isSeries{ false };
   bool hasOrientation{ true };
+  /** Whether values are SUV by body weight. */
+  bool isSuv{ false };
   /** The name of the volume's file, unless that is DICOM. */
   std::string title{};
   /** The files of the volume, if they are DICOM. */
@@ -72,6 +74,7 @@ CountFramesOfTurn(const Stack & stack);
  * - Center: X Y Z of the volume, in mm
  * - HasOrientation: 0 if it is not known how the volume lies in the patient
  * - IsInverted: 1 if low values are to be shown white
+ * - IsSuv: 1 if values are SUV by body weight
  * - Title: the name of the volume's file, unless that is DICOM */
 std::map<std::string, std::string>
 DescribeStack(const Stack & stack);

@@ -571,6 +571,7 @@ def show_itself(picture: Any, background: float, source: Any, view: Any = None) 
     is_image = isinstance(source, itk.Object)
     _entries.put(picture, "Background", float(background))
     _entries.put(picture, "IsInverted", "1" if is_image and _entries.is_inverted(source) else None)
+    _entries.put(picture, "IsSuv", _entries.get(source, "IsSuv") if is_image else None)
     if is_image:
         _entries.put_place(picture, _entries.has_direction(source), _entries.get_unit(source))
     else:

@@ -297,7 +297,7 @@ def _find_title(texts: Mapping[str, str]) -> str:
     return files[0].name if len(files) == 1 and not any(map(_is_dicom, texts)) else ""
 
 
-_CARRIED = "Background FrameAngles Loop HasOrientation IsInverted Unit".split()
+_CARRIED = "Background FrameAngles Loop HasOrientation IsInverted IsSuv Unit".split()
 
 
 def _describe(image: Any) -> dict[str, str]:

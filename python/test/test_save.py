@@ -18,7 +18,7 @@ import numpy as np
 import pydicom
 import pytest
 from forms import compare_datasets
-from itk_shearwarpmip import Turn, _entries, _program, _window, _write, mip, open_image, save_png, write
+from itk_shearwarpmip import Turn, _entries, _front, _program, _window, _write, mip, open_image, save_png, write
 from numpy.testing import assert_array_equal
 from PIL import Image
 from program import HEED_INTERRUPTS
@@ -391,6 +391,16 @@ def test_dicom_of_low_values_that_are_white(image, tmp_path):
     turn.save(tmp_path / "turn")
     assert read_dicom(tmp_path / "turn")[0].PhotometricInterpretation == "MONOCHROME1"
     assert read_series(_write.make_page(turn))["inverted"] is True
+
+
+def test_dicom_of_suv(image, tmp_path):
+    turn = make_turn(image)
+    _entries.put(image, "IsSuv", "1")
+    turn.frames = _front.show_itself(turn.frames, 0.0, image)
+    turn.save(tmp_path / "turn")
+    assert read_dicom(tmp_path / "turn")[0].DerivationDescription.endswith(" of SUV by body weight")
+    write(image, tmp_path / "written", frames=2)
+    assert read_dicom(tmp_path / "written", 2)[0].DerivationDescription.endswith(" of SUV by body weight")
 
 
 def test_dicom_of_what_it_cannot_hold(turn, tmp_path):
