@@ -1,6 +1,7 @@
 """A study as it comes, read by the program SHEAR_WARP_MIP; STUDY_EXAMPLE is the script radiology_day.py."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -15,6 +16,7 @@ from pydicom.dataset import Dataset
 from test_pet import PROGRAM, fail, run, write_nrrd
 
 EXAMPLE = os.environ["STUDY_EXAMPLE"]
+CLINIC = Path(__file__).parents[2] / "doc" / "clinic.md"
 WHOLE = [name for name in make_study.SERIES if name != "CT incomplete"]
 PEAKS = {"CT": 1040.0, "MR": 900.0, "PT": 20500.0}
 
@@ -61,6 +63,19 @@ def test_series_are_listed(study, tmp_path):
     for path in (study, study / "DICOMDIR"):
         message = fail(path, tmp_path / "mip.png")
         assert message.endswith("choose one by --series NUMBER: " + "; ".join(lines) + "\n")
+
+
+def test_clinic_is_right(study, tmp_path, monkeypatch):
+    page = CLINIC.read_text(encoding="utf-8")
+    (tmp_path / "study").symlink_to(study)
+    monkeypatch.chdir(tmp_path)
+    message = fail("study", "mip.png")
+    assert message.strip() in " ".join(page.split())
+    commands = [line.split() for line in page.splitlines() if re.match(r"    shear-warp-mip study\b", line)]
+    assert len(commands) == 5
+    for _, *arguments in commands:
+        if not arguments[1].endswith(".mp4") or shutil.which("ffmpeg"):
+            run(*arguments)
 
 
 @pytest.mark.parametrize("name", WHOLE)
