@@ -438,6 +438,7 @@ ChooseSample(const SampleRule<TPixel> & rule, const std::vector<RaySample<TPixel
   if (rule.mode == RayMode::Mean)
   {
     std::vector<TPixel> values;
+    values.reserve(samples.size());
     for (const RaySample<TPixel> & sample : samples)
     {
       values.push_back(sample.value);

@@ -21,6 +21,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cmath>
 #include <functional>
 
 namespace itk::ShearWarp
@@ -216,7 +217,8 @@ Projector<TPixel>::FindMeans(std::size_t n, std::ptrdiff_t row, std::int32_t * r
     means[p] = count > 0 ? GetMean<TPixel>(sums[p], count) : TPixel{};
     if (ranks)
     {
-      ranks[p] = count > 0 && means[p] == means[p] ? 1 : 0;
+      const bool isNumber = std::is_integral_v<TPixel> || !std::isnan(static_cast<double>(means[p]));
+      ranks[p] = count > 0 && isNumber ? 1 : 0;
     }
   }
 }

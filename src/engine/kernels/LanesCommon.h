@@ -157,7 +157,10 @@ inline void AddFloats(double * p, Float v)
     StoreVector(sums, LoadVector<FullDouble>(sums) + __builtin_convertvector(halves[half], FullDouble));
   }
 }
-inline Float Number(Float v) { return v == v ? v : Float{}; }
+/** Zero where \a v is not a number. */
+inline Float Number(Float v) { return (v >= 0) | (v < 0) ? v : Float{}; }
+/** The sign bits of lanes that are not a number are set. */
+inline Float FindNotNumbers(Float v) { return As<Float>(~((v >= 0) | (v < 0))); }
 
 inline Double SetDouble(double v) { return v - Double{}; }
 /** \a first, \a first + 1, and so on. */

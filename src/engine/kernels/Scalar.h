@@ -171,12 +171,20 @@ AddToSum(TPixel sample, SampleSum<TPixel> & sum)
   }
 }
 
+/** False for not-a-number. */
+template <typename TPixel>
+bool
+IsNumber(TPixel value)
+{
+  return value >= 0 || value < 0;
+}
+
 /** Adds a sample to a pixel's sum and counts it, unless it is not a number. */
 template <typename TPixel>
 void
 AddSample(TPixel sample, SampleSum<TPixel> & sum, std::uint32_t * countStep)
 {
-  if (sample == sample)
+  if (IsNumber(sample))
   {
     AddToSum(sample, sum);
     CountSamples(countStep, 0, 1);

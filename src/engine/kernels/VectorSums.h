@@ -59,7 +59,7 @@ AddLanes(const TileRow<TPixel> & row, std::ptrdiff_t r, std::ptrdiff_t column, T
   if constexpr (IsFloat<TPixel>)
   {
     const auto number = Lanes::Number(sample);
-    for (auto rest = Lanes::GetSigns(reinterpret_cast<TVector>(sample != sample)); rest != 0; rest &= rest - 1)
+    for (auto rest = Lanes::GetSigns(Lanes::FindNotNumbers(sample)); rest != 0; rest &= rest - 1)
     {
       Uncount(row, r, column + __builtin_ctz(rest));
     }
@@ -127,7 +127,7 @@ AddSomeSamples(const TileRow<TPixel> & row, std::ptrdiff_t column, std::uint32_t
   if (isMasked)
   {
     ForEachRimSample(row, column, samples, [&row](int r, std::ptrdiff_t p, TPixel sample) {
-      if (sample == sample)
+      if (IsNumber(sample))
       {
         AddToSum(sample, row.sums[r * row.pixelStride + p]);
       }
