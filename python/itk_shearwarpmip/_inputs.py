@@ -4,7 +4,7 @@ import os
 import sys
 import threading
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cache
 from math import isfinite
@@ -121,7 +121,7 @@ def open_image(
         if spacing is None and origin is None and direction is None:
             return source
     if is_file:
-        placed, entries = _read(os.fspath(source), series, volume, suv, time)
+        placed, entries = _read_time(os.fspath(source), series, volume, suv, time)
     else:
         placed, entries = take(source), _find_texts(source)
     array = np.asarray(placed.array)
@@ -159,8 +159,19 @@ def _require_none(**keywords: Any) -> None:
             raise ValueError(f"{name} is for a DICOM folder or file")
 
 
-def _read(path: str, series: Any, volume: Any, suv: bool, time: int | None) -> tuple["Placed", dict[str, str]]:
-    """Reads a file or folder by the program."""
+def open_grid(path: str, series: Any = None, volume: Any = None) -> Any:
+    """An image with the geometry of a file or folder, which may have colours and several points in time. Its voxels are
+    0."""
+    placed, entries = _read(path, series, volume, False)
+    image = make_view(np.zeros(placed.array.shape[1:4], np.uint8))
+    for key, value in entries.items():
+        _entries.put(image, key, value)
+    place(image, placed.replace(None, None, None))
+    return image
+
+
+def _read(path: str, series: Any, volume: Any, suv: bool) -> tuple["Placed", dict[str, str]]:
+    """Reads a file or folder by the program: voxels t, z, y, x, and behind these the components if there are several."""
     from itk_shearwarpmip import _files
 
     if path == "":
@@ -168,6 +179,17 @@ def _read(path: str, series: Any, volume: Any, suv: bool, time: int | None) -> t
     options = ["--suv"] if suv else []
     options += [f"--{name}={value}" for name, value in (("series", series), ("volume", volume)) if value is not None]
     voxels, entries = _files.read(os.fsdecode(path), *options)
+    spacing, origin, direction = (
+        [float(number) for number in entries.pop(key).split()] for key in ("Spacing", "Origin", "Direction")
+    )
+    has_direction = entries.get("HasOrientation") != "0"
+    return Placed(voxels, spacing, origin, np.reshape(direction, (3, 3)), has_direction), entries
+
+
+def _read_time(path: str, series: Any, volume: Any, suv: bool, time: int | None) -> tuple["Placed", dict[str, str]]:
+    """Reads one point in time of a file or folder."""
+    placed, entries = _read(path, series, volume, suv)
+    voxels = placed.array
     if voxels.ndim == 5:
         raise ValueError(f"'{path}' has {voxels.shape[-1]} components{_ONE_COMPONENT}")
     if len(voxels) == 1:
@@ -176,13 +198,9 @@ def _read(path: str, series: Any, volume: Any, suv: bool, time: int | None) -> t
         raise ValueError(f"'{path}' has {len(voxels)} points in time: give the number of one, as time=0")
     if time >= len(voxels):
         raise ValueError(f"time must be a whole number from 0 to {len(voxels) - 1} for '{path}', but it is {time!r}")
-    spacing, origin, direction = (
-        [float(number) for number in entries.pop(key).split()] for key in ("Spacing", "Origin", "Direction")
-    )
-    has_direction = entries.get("HasOrientation") != "0"
     # a part of the mapping would keep it all
     chosen = voxels[time].copy() if len(voxels) > 1 else voxels[time]
-    return Placed(chosen, spacing, origin, np.reshape(direction, (3, 3)), has_direction), entries
+    return replace(placed, array=chosen), entries
 
 
 def _bring_up_to_date(source: Any) -> None:

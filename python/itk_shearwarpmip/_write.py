@@ -1,6 +1,7 @@
 """Writes pictures, pages, animations, values and DICOM series, by the program shear-warp-mip."""
 
 import html
+import inspect
 import os
 import re
 import tempfile
@@ -15,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itk_shearwarpmip import _entries, _program
-from itk_shearwarpmip._inputs import find_millimetres, is_ome_zarr, is_plain_array, make_flag, open_image
+from itk_shearwarpmip._inputs import find_millimetres, is_ome_zarr, is_plain_array, make_flag, open_grid, open_image
 from itk_shearwarpmip._labels import get_matrix
 
 if TYPE_CHECKING:
@@ -46,6 +47,7 @@ class OutputOptions(TypedDict, total=False):
 
 
 _VOLUMES = ("mask", "overlay", "segments")
+_WHERE = tuple(inspect.signature(open_image).parameters)[1:]
 _NOT_OF_IMAGES = ("help", "help_all", "version")
 
 
@@ -100,7 +102,8 @@ def write(source: Any, output: str | os.PathLike[str], **options: Any) -> None:
     source: the path of an image file, or of a DICOM folder; or another volume: see open_image().
     output: the file to write; its extension selects the format. Without an extension, it is a folder for a DICOM series,
         which is new or empty.
-    options: the program's long options, with underscores instead of hyphens: see `shear-warp-mip --help-all`. Lengths
+    options: spacing, origin, direction, series, volume, suv, level, time and channel of the source, as in open_image();
+        and the program's long options, with underscores instead of hyphens: see `shear-warp-mip --help-all`. Lengths
         are in the unit of the source, which is mm for paths. Values are
         numbers, texts, paths, or sequences of numbers. Flags are True or False; labels=False is --no-labels. mask,
         overlay and segments may be volumes too. An array as mask, overlay or segments lies where the source does.
@@ -114,20 +117,29 @@ def write(source: Any, output: str | os.PathLike[str], **options: Any) -> None:
     ['turn.html']
     """
     volumes = {name: options.pop(name) for name in _VOLUMES if options.get(name) is not None}
+    where = {name: options.pop(name) for name in _WHERE if options.get(name) is not None}
+    opened = None
+    if _is_path(source) and where.keys() <= {"series", "volume", "suv"}:
+        options |= where
+    else:
+        if not _is_path(source) and "suv" in where:
+            # an overlay may be PET
+            options["suv"] = where.pop("suv")
+        opened = open_image(source, **where)
+    grid = opened
+    if opened is None and any(map(_is_plain, volumes.values())):
+        grid = open_grid(os.fspath(source), where.get("series"), where.get("volume"))
     with _temporary_folder() as folder:
-        opened = None if _is_path(source) else open_image(source)
         factor = 1.0 if opened is None else find_millimetres(_entries.get_unit(opened))
         arguments = make_arguments(_scale(options, factor))
         for name, volume in volumes.items():
             if _is_path(volume):
                 path = os.fspath(volume)
             else:
-                if opened is None and _is_plain(volume):
-                    opened = open_image(source)
-                image, texts = _place_like(opened, name, volume) if _is_plain(volume) else (open_image(volume), None)
+                image, texts = _place_like(grid, name, volume) if _is_plain(volume) else (open_image(volume), None)
                 path = _write_volume(folder / f"{name}.nrrd", image, texts)
             arguments.append(f"--{name}={path}")
-        given = os.fspath(source) if _is_path(source) else _write_volume(folder / "source.nrrd", opened)
+        given = os.fspath(source) if opened is None else _write_volume(folder / "source.nrrd", opened)
         _run(folder, given, output, arguments)
 
 

@@ -455,6 +455,55 @@ def test_write_of_arrays_as_mask_overlay_and_segments(head, tmp_path):
         write(head, tmp_path / "x.png", mask=mask[1:])
 
 
+def test_write_of_an_array_as_mask_of_part_of_a_file(rng, tmp_path):
+    """Of a DICOM folder with two series, of points in time, of colours."""
+    folder = tmp_path / "study"
+    folder.mkdir()
+    for n in range(8):
+        dataset = pydicom.dcmread(get_testdata_file("CT_small.dcm"))
+        dataset.SOPInstanceUID = dataset.file_meta.MediaStorageSOPInstanceUID = f"1.2.3.{n}"
+        dataset.SeriesInstanceUID, dataset.SeriesDescription = f"1.2.{n % 2}", "ab"[n % 2]
+        dataset.ImagePositionPatient = [0, 0, 5 * (n // 2)]
+        dataset.save_as(folder / f"{n}.dcm")
+    mask = rng.integers(0, 2, (4, 128, 128)).astype(bool)
+    write(folder, tmp_path / "one.nrrd", series="b", mask=mask)
+    assert_array_equal(itk.imread(tmp_path / "one.nrrd"), mip(folder, series="b", mask=mask))
+    times = rng.integers(0, 200, (3, 5, 6, 7)).astype(np.int16)
+    itk.imwrite(itk.image_from_array(times), tmp_path / "4d.nrrd")
+    colours = rng.integers(0, 200, (5, 6, 7, 3), np.uint8)
+    itk.imwrite(itk.image_from_array(colours, is_vector=True), tmp_path / "rgb.nrrd")
+    mask = rng.integers(0, 2, (5, 6, 7), np.uint8)
+    parts = {"4d.nrrd": [*times], "rgb.nrrd": np.moveaxis(colours, -1, 0)}
+    for name, volumes in parts.items():
+        write(tmp_path / name, tmp_path / "x.nrrd", mask=mask)
+        written = itk.array_from_image(itk.imread(tmp_path / "x.nrrd"))
+        found = np.moveaxis(written, -1, 0) if name == "rgb.nrrd" else written
+        for part, volume in zip(found, volumes, strict=True):
+            assert_array_equal(part, mip(volume, mask=mask))
+
+
+@pytest.mark.parametrize("kind", ["array", "file"])
+def test_write_takes_the_geometry_of_a_source(kind, rng, tmp_path):
+    voxels = rng.integers(0, 900, (10, 12, 14), np.int16)
+    source = voxels
+    if kind == "file":
+        itk.imwrite(itk.image_from_array(voxels), tmp_path / "source.nrrd")
+        source = tmp_path / "source.nrrd"
+    where = {"spacing": (2.0, 1.5, 3.0), "origin": (5, 6, 7), "direction": np.diag([-1, 1, -1])}
+    write(source, tmp_path / "x.nrrd", **where, mask=voxels > 100)
+    expected = mip(open_image(voxels, **where), mask=voxels > 100)
+    written = itk.imread(tmp_path / "x.nrrd")
+    assert_array_equal(written, expected)
+    assert list(written.GetSpacing())[:2] == list(expected.GetSpacing())
+
+
+def test_write_takes_a_point_in_time(rng, tmp_path):
+    times = rng.integers(0, 200, (3, 5, 6, 7)).astype(np.int16)
+    itk.imwrite(itk.image_from_array(times), tmp_path / "4d.nrrd")
+    write(tmp_path / "4d.nrrd", tmp_path / "x.nrrd", time=1)
+    assert_array_equal(itk.imread(tmp_path / "x.nrrd"), mip(times[1]))
+
+
 def test_write_keeps_what_is_known(rng, tmp_path):
     array = rng.integers(0, 1000, (50, 50, 50), np.int16)
     for labels in (True, False):
