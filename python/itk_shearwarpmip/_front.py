@@ -28,6 +28,7 @@ from itk_shearwarpmip._inputs import (
     make_view,
     open_image,
     place,
+    show_value,
     take,
 )
 from itk_shearwarpmip._labels import get_matrix
@@ -223,8 +224,8 @@ class Turn:
         dicom_out: a folder for a DICOM series beside `path`.
         multi_frame: True for a DICOM series in one file.
 
-        Raises ValueError for unknown or unsuitable options, OSError for files that cannot be written, and RuntimeError
-        without the program or ffmpeg, with the program's sentence.
+        Raises TypeError for unknown options, ValueError for unsuitable ones, OSError for files that cannot be written,
+        and RuntimeError without the program or ffmpeg, with the program's sentence.
         """
         _write.save_turn(self, path, options)
 
@@ -302,7 +303,7 @@ def turn(
         made.SetTransform(make_transform(image, view, azimuth, elevation))
         is_list = isinstance(transforms, Sequence | np.ndarray) and not isinstance(transforms, str)
         if transforms is not None and not (is_list and len(transforms)):
-            raise ValueError(f"transforms must be a list of views, but it is {transforms!r}")
+            raise ValueError(f"transforms must be a list of views, but it is {show_value(transforms)}")
         for each in [] if transforms is None else transforms:
             made.AddTransform(make_transform(image, each))
         set_value(made, "NumberOfFrames", "frames", frames)

@@ -399,14 +399,22 @@ def make_numbers(
         words = ["two" if count == 2 else "three", kind, "numbers"]
         named = parts or ("x, y, z" if count == 3 else "")
         what = " ".join(filter(None, words)) + (f", {named}" if named else "")
-        raise ValueError(f"{name} must be {what}, but it is {values!r}")
+        raise ValueError(f"{name} must be {what}, but it is {show_value(values)}")
     return [int(number) for number in numbers] if is_whole else numbers
+
+
+def show_value(value: Any) -> str:
+    """A value in an error; it is not printed if it is long."""
+    text = repr(value)
+    if len(text) <= 200 and (not hasattr(value, "shape") or "\n" not in text):
+        return text
+    return f"an array of the shape {tuple(value.shape)}" if hasattr(value, "shape") else f"{text[:200]}..."
 
 
 def make_count(name: str, value: Any, least: int = 1) -> int:
     count = np.asarray(value).tolist()
     if not isinstance(count, int) or isinstance(count, bool) or count < least:
-        raise ValueError(f"{name} must be a whole number of at least {least}, but it is {value!r}")
+        raise ValueError(f"{name} must be a whole number of at least {least}, but it is {show_value(value)}")
     return count
 
 
@@ -417,7 +425,7 @@ def is_number(value: Any) -> bool:
 
 def make_flag(name: str, value: Any) -> bool:
     if not isinstance(value, bool | np.bool_):
-        raise ValueError(f"{name} must be True or False, but it is {value!r}")
+        raise ValueError(f"{name} must be True or False, but it is {show_value(value)}")
     return bool(value)
 
 
@@ -427,7 +435,7 @@ def _make_direction(values: Any) -> NDArray[np.float64]:
     except (TypeError, ValueError):
         direction = np.empty(0)
     if direction.size != 9 or not np.isfinite(direction).all():
-        raise ValueError(f"direction must be 3 x 3 finite numbers, but it is {values!r}")
+        raise ValueError(f"direction must be 3 x 3 finite numbers, but it is {show_value(values)}")
     return direction.reshape(3, 3)
 
 

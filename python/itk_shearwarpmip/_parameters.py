@@ -10,7 +10,7 @@ import itk
 import numpy as np
 from numpy.typing import NDArray
 
-from itk_shearwarpmip._inputs import describe, is_number, make_flag, make_numbers
+from itk_shearwarpmip._inputs import describe, is_number, make_flag, make_numbers, show_value
 
 Mode = Literal["maximum", "minimum", "absolute_maximum", "mean"]
 MODES = {
@@ -130,7 +130,7 @@ def set_value(made: Any, name: str, keyword: str, value: Any) -> None:
             raise ValueError
         getattr(made, f"Set{name}")(kind(value))
     except (OverflowError, TypeError, ValueError) as error:
-        raise ValueError(f"{keyword} cannot be {value!r}: give a {'whole ' if kind is int else ''}number") from error
+        raise ValueError(f"{keyword} cannot be {show_value(value)}: give a {'whole ' if kind is int else ''}number") from error
 
 
 def _set_pixel(made: Any, name: str, keyword: str, value: Any, is_whole: bool) -> None:
@@ -140,7 +140,7 @@ def _set_pixel(made: Any, name: str, keyword: str, value: Any, is_whole: bool) -
         getattr(made, f"Set{name}")(int(value) if is_whole else float(value))
     except (OverflowError, TypeError, ValueError) as error:
         of = "whole, and a value of the voxels' type" if is_whole else "a number"
-        raise ValueError(f"{keyword} must be {of}, but it is {value!r}") from error
+        raise ValueError(f"{keyword} must be {of}, but it is {show_value(value)}") from error
 
 
 def update(made: Any, information: bool = False) -> None:

@@ -47,8 +47,9 @@ def run(arguments: Sequence[str], output: IO[bytes] | None = None) -> None:
 
     Its warnings become warnings at the line that called the package.
 
-    Raises FileNotFoundError without the program; ProgramError, an OSError and a ValueError, with the program's sentence,
-    in which options are keywords; and RuntimeError if the program was ended.
+    Raises FileNotFoundError without the program or a file; TypeError for unknown options; ProgramError, an OSError and a
+    ValueError, for what else the program refuses, with its sentence, in which options are keywords; and RuntimeError if
+    the program was ended.
     """
     try:
         child = subprocess.Popen(
@@ -77,7 +78,12 @@ def run(arguments: Sequence[str], output: IO[bytes] | None = None) -> None:
     if child.returncode != 0:
         if not errors:
             raise RuntimeError(f"the program {_NAME} ended with {child.returncode}: {messages.strip()}")
-        raise ProgramError(reword(errors[-1]))
+        text = reword(errors[-1])
+        if unknown := re.match(r"([\w-]+)(=.*)?( is not expected.*)", text):
+            raise TypeError(unknown[1] + unknown[3])
+        if re.fullmatch(r"'[^']*' does not exist", text):
+            raise FileNotFoundError(text)
+        raise ProgramError(text)
 
 
 def reword(text: str) -> str:

@@ -6,7 +6,7 @@ from typing import Any
 import itk
 import numpy as np
 
-from itk_shearwarpmip._inputs import is_number
+from itk_shearwarpmip._inputs import is_number, show_value
 
 SIDES = ("anterior", "posterior", "left", "right", "superior", "inferior")
 
@@ -27,7 +27,7 @@ def make_transform(image: Any, view: Any = "anterior", azimuth: float = 0.0, ele
     >>> turned.GetMatrix() == make_transform(image, "left").GetMatrix()
     True
     """
-    choices = f"view must be one of {', '.join(SIDES)}, an itk.Transform or a 4 x 4 matrix, but it is {view!r}"
+    choices = f"view must be one of {', '.join(SIDES)}, an itk.Transform or a 4 x 4 matrix, but it is {show_value(view)}"
     if isinstance(view, str):
         if view not in SIDES:
             raise ValueError(choices)
@@ -57,7 +57,7 @@ def make_transform(image: Any, view: Any = "anterior", azimuth: float = 0.0, ele
         raise TypeError(choices)
     if matrix.shape != (4, 4) or not np.isfinite(matrix).all() or (matrix[3] != [0, 0, 0, 1]).any():
         raise ValueError(
-            f"a matrix as view must be 4 x 4 and finite, its last row 0, 0, 0, 1, but it is {matrix.tolist()}"
+            f"a matrix as view must be 4 x 4 and finite, its last row 0, 0, 0, 1, but it is {show_value(matrix.tolist())}"
         )
     transform = itk.AffineTransform[itk.D, 3].New()
     transform.SetMatrix(itk.matrix_from_array(matrix[:3, :3]))

@@ -6,7 +6,7 @@ import os
 import re
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from numbers import Integral, Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
@@ -16,7 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itk_shearwarpmip import _entries, _program
-from itk_shearwarpmip._inputs import find_millimetres, is_ome_zarr, is_plain_array, make_flag, open_grid, open_image
+from itk_shearwarpmip._inputs import (
+    find_millimetres,
+    is_ome_zarr,
+    is_plain_array,
+    make_flag,
+    open_grid,
+    open_image,
+    show_value,
+)
 from itk_shearwarpmip._labels import get_matrix
 
 if TYPE_CHECKING:
@@ -49,23 +57,38 @@ class OutputOptions(TypedDict, total=False):
 _VOLUMES = ("mask", "overlay", "segments")
 _WHERE = tuple(inspect.signature(open_image).parameters)[1:]
 _NOT_OF_IMAGES = ("help", "help_all", "version")
+_FLAGS = (
+    "annotate", "exact", "in_place", "labels", "multi_frame", "no_labels", "rocking", "suv", "verbose",
+    "with_attributes",
+)  # fmt: skip
 
 
 def make_arguments(options: Mapping[str, Any]) -> list[str]:
     """Arguments of the program, which refuses unknown ones. Options that are None are left out."""
     arguments = []
-    for name, value in options.items():
-        if name.replace("-", "_") in _NOT_OF_IMAGES:
-            raise ValueError(f"{name} is no option for an image")
+    for keyword, value in options.items():
+        name = keyword.replace("-", "_")
+        option = f"--{name.replace('_', '-')}"
+        if name in _NOT_OF_IMAGES:
+            raise TypeError(f"{name} is no option for an image")
+        if value is None:
+            continue
         if name == "labels":
-            arguments += [] if value is None or make_flag(name, value) else ["--no-labels"]
-        elif isinstance(value, bool | np.bool_):
-            arguments += [f"--{name.replace('_', '-')}=true"] if value else []
-        elif value is not None:
-            arguments.append(f"--{name.replace('_', '-')}={_format(name, value)}")
+            arguments += [] if make_flag(name, value) else ["--no-labels"]
+        elif name in _FLAGS:
+            arguments += [option] if make_flag(name, value) else []
+        elif (text := _format(name, value)) is not None:
+            arguments.append(f"{option}={text}")
+        else:
+            # the program refuses an unknown name
+            with suppress(_program.ProgramError):
+                _program.run([f"{option}=?", "--", os.devnull, os.devnull])
+            raise ValueError(f"{name} must be a number, a text or a sequence, but it is {show_value(value)}")
     return arguments
 
 
+_MOST_NUMBERS = 4096
+"""That fit in one argument on every system."""
 _LENGTHS = ("center", "crop", "output_spacing", "slab", "sliding_slab")
 
 
@@ -79,7 +102,8 @@ def _scale(options: Mapping[str, Any], factor: float) -> dict[str, Any]:
     return dict(options) | scaled
 
 
-def _format(name: str, value: Any) -> str:
+def _format(name: str, value: Any) -> str | None:
+    """The text of a value, or None if no option has such a value."""
     if name == "mode":
         return str(value).replace("_", "-")
     if name == "crop" and np.shape(value) == (2, 3):
@@ -91,9 +115,10 @@ def _format(name: str, value: Any) -> str:
         return str(int(value))
     if isinstance(value, Real) and not isinstance(value, bool):
         return repr(float(value))
-    if isinstance(value, Sequence | np.ndarray) and np.ndim(value) == 1:
-        return ",".join(_format(name, each) for each in value)
-    raise ValueError(f"{name} must be a number, a text or a sequence, but it is {value!r}")
+    if isinstance(value, Sequence | np.ndarray) and np.ndim(value) == 1 and len(value) <= _MOST_NUMBERS:
+        texts = [_format(name, each) for each in value]
+        return None if None in texts else ",".join(filter(None, texts))
+    return None
 
 
 def write(source: Any, output: str | os.PathLike[str], **options: Any) -> None:
@@ -108,8 +133,9 @@ def write(source: Any, output: str | os.PathLike[str], **options: Any) -> None:
         numbers, texts, paths, or sequences of numbers. Flags are True or False; labels=False is --no-labels. mask,
         overlay and segments may be volumes too. An array as mask, overlay or segments lies where the source does.
 
-    Raises ValueError for unknown options, and for unsuitable values, with the program's sentence; TypeError for
-    unsupported types; OSError for files that cannot be read or written; RuntimeError without the program or ffmpeg.
+    Raises TypeError for unknown options and unsupported types; ValueError for unsuitable values, with the program's
+    sentence; FileNotFoundError for files that are missing; OSError for files that cannot be read or written, and
+    RuntimeError without the program or ffmpeg.
 
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     write(np.ones((30, 40, 50), np.int16), Path(folder, "turn.html"), frames=8, elevation=15)

@@ -154,7 +154,7 @@ def save_head(head, folder):
         ("wl", np.array([1, 2], np.int16), "--wl=1,2"),
         ("elevations", [-30, np.float32(0.5)], "--elevations=-30,0.5"),
         ("labels", False, "--no-labels"),
-        ("multi_frame", True, "--multi-frame=true"),
+        ("multi_frame", True, "--multi-frame"),
         ("page_bits", np.uint8(16), "--page-bits=16"),
         ("slab", (-np.inf, 5), "--slab=-inf,5.0"),
     ],
@@ -165,6 +165,12 @@ def test_arguments(name, value, argument):
     assert _write.make_arguments({name: None}) == []
 
 
+@pytest.mark.parametrize("name", ["help", "help-all", "version"])
+def test_options_that_are_not_of_images(name):
+    with pytest.raises(TypeError, match="is no option for an image"):
+        _write.make_arguments({name: True})
+
+
 def test_flags_that_say_nothing():
     assert _write.make_arguments({"labels": True, "annotate": False}) == []
 
@@ -172,11 +178,11 @@ def test_flags_that_say_nothing():
 @pytest.mark.parametrize(
     "options, message",
     [
-        ({"annotated": True}, "annotated=true is not expected; did you mean 'annotate'"),
         ({"azimuth": 3}, "azimuth is not possible: the (turn|picture) has frames, which are not projected again"),
-        ({"help": True}, "help is no option for an image"),
         ({"labels": "no"}, "labels must be True or False"),
-        ({"rate": True}, "rate: Value true not in range"),
+        ({"annotate": "yes"}, "annotate must be True or False, but it is 'yes'"),
+        ({"rate": True}, "rate must be a number, a text or a sequence, but it is True"),
+        ({"overlay": np.ones((30, 40, 50))}, r"but it is an array of the shape \(30, 40, 50\)$"),
         ({"rate": None, "window": {}}, "window must be a number, a text or a sequence"),
         ({"rate": 0}, "rate"),
         ({"rate": 100.1}, "rate"),
@@ -193,6 +199,28 @@ def test_bad_options(turn, tmp_path, options, message):
         with pytest.raises(ValueError, match=message):
             save_png(picture, tmp_path / "mip.png", **options)
     assert not os.listdir(tmp_path)
+
+
+@pytest.mark.parametrize("value", [True, False, 3, "a", np.ones((30, 40, 50)), np.arange(500.0), {}])
+def test_unknown_options(turn, head, tmp_path, value):
+    message = "^annotated is not expected; did you mean 'annotate'[?]$"
+    with pytest.raises(TypeError, match=message):
+        turn.save(tmp_path / "turn.html", annotated=value)
+    with pytest.raises(TypeError, match=message):
+        write(head, tmp_path / "x.png", annotated=value)
+    assert not os.listdir(tmp_path)
+
+
+def test_flags_are_the_program_s():
+    flags = {option.replace("-", "_") for option, has_value in read_help().items() if not has_value}
+    assert {*_write._FLAGS} == flags - {*_write._NOT_OF_IMAGES} | {"labels"}
+
+
+@pytest.mark.parametrize("name", ["source", "mask", "overlay", "transform"])
+def test_files_that_are_missing(head, tmp_path, name):
+    options = {} if name == "source" else {name: tmp_path / "none.nrrd"}
+    with pytest.raises(FileNotFoundError, match=r"none\.nrrd' does not exist"):
+        write(head if options else tmp_path / "none.nrrd", tmp_path / "x.png", **options)
 
 
 # ---- Turns
@@ -545,13 +573,11 @@ def test_write_does_not_overwrite_its_source(head, tmp_path):
 @pytest.mark.parametrize(
     "options, message",
     [
-        ({"elevtion": 3}, "elevtion=3 is not expected; did you mean 'elevation'"),
         ({"write_phantom": "x.nrrd"}, "the source excludes write_phantom"),
         ({"frames": 0}, "frames"),
         ({"mask": "none.nrrd"}, "none.nrrd"),
         ({"crop": ((1, 2), (3, 4))}, "crop must be a number"),
         ({"suv": True}, "suv"),
-        ({"help-all": True}, "help-all is no option"),
         ({"dicom_out": ""}, "dicom_out: a value is needed"),
         ({"slab": (None, 5)}, "slab must be a number"),
     ],
