@@ -28,7 +28,6 @@ from itk_shearwarpmip._inputs import (
     make_view,
     open_image,
     place,
-    show_value,
     take,
 )
 from itk_shearwarpmip._labels import get_matrix
@@ -44,7 +43,7 @@ from itk_shearwarpmip._parameters import (
     update,
 )
 from itk_shearwarpmip._places import find_places
-from itk_shearwarpmip._views import make_transform
+from itk_shearwarpmip._views import list_views, make_transform
 from itk_shearwarpmip._window import find_window, is_background
 from itk_shearwarpmip._write import OutputOptions
 
@@ -301,10 +300,7 @@ def turn(
     def set_turn(made: Any, image: Any) -> None:
         made.ClearTransforms()
         made.SetTransform(make_transform(image, view, azimuth, elevation))
-        is_list = isinstance(transforms, Sequence | np.ndarray) and not isinstance(transforms, str)
-        if transforms is not None and not (is_list and len(transforms)):
-            raise ValueError(f"transforms must be a list of views, but it is {show_value(transforms)}")
-        for each in [] if transforms is None else transforms:
+        for each in [] if transforms is None else list_views(transforms):
             made.AddTransform(make_transform(image, each))
         set_value(made, "NumberOfFrames", "frames", frames)
         made.SetRotationAxis(_find_axis(rotation_axis, image))

@@ -1,10 +1,12 @@
 """Views by name, transform or matrix."""
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import itk
 import numpy as np
+from numpy.typing import NDArray
 
 from itk_shearwarpmip._inputs import is_number, show_value
 
@@ -59,7 +61,19 @@ def make_transform(image: Any, view: Any = "anterior", azimuth: float = 0.0, ele
         raise ValueError(
             f"a matrix as view must be 4 x 4 and finite, its last row 0, 0, 0, 1, but it is {show_value(matrix.tolist())}"
         )
+    return make_affine(matrix)
+
+
+def make_affine(matrix: NDArray[np.float64]) -> Any:
     transform = itk.AffineTransform[itk.D, 3].New()
     transform.SetMatrix(itk.matrix_from_array(matrix[:3, :3]))
     transform.SetTranslation(matrix[:3, 3].tolist())
     return transform
+
+
+def list_views(transforms: Any) -> list[Any]:
+    """The views of turn(transforms=)."""
+    is_list = isinstance(transforms, Sequence | np.ndarray) and not isinstance(transforms, str)
+    if not (is_list and len(transforms)):
+        raise ValueError(f"transforms must be a list of views, but it is {show_value(transforms)}")
+    return [*transforms]

@@ -26,6 +26,7 @@ from itk_shearwarpmip._inputs import (
     show_value,
 )
 from itk_shearwarpmip._labels import get_matrix
+from itk_shearwarpmip._views import list_views, make_affine, make_transform
 
 if TYPE_CHECKING:
     from itk_shearwarpmip._front import Turn
@@ -132,6 +133,7 @@ def write(source: Any, output: str | os.PathLike[str], **options: Any) -> None:
         are in the unit of the source, which is mm for paths. Values are
         numbers, texts, paths, or sequences of numbers. Flags are True or False; labels=False is --no-labels. mask,
         overlay and segments may be volumes too. An array as mask, overlay or segments lies where the source does.
+        view and transforms may also be what they are for turn().
 
     Raises TypeError for unknown options and unsupported types; ValueError for unsuitable values, with the program's
     sentence; FileNotFoundError for files that are missing; OSError for files that cannot be read or written, and
@@ -144,6 +146,11 @@ def write(source: Any, output: str | os.PathLike[str], **options: Any) -> None:
     """
     volumes = {name: options.pop(name) for name in _VOLUMES if options.get(name) is not None}
     where = {name: options.pop(name) for name in _WHERE if options.get(name) is not None}
+    views = []
+    if options.get("transforms") is not None:
+        views = list_views(options.pop("transforms"))
+    elif not isinstance(options.get("view"), str | None):
+        views = [options.pop("view")]
     opened = None
     if _is_path(source) and where.keys() <= {"series", "volume", "suv"}:
         options |= where
@@ -153,7 +160,7 @@ def write(source: Any, output: str | os.PathLike[str], **options: Any) -> None:
             options["suv"] = where.pop("suv")
         opened = open_image(source, **where)
     grid = opened
-    if opened is None and any(map(_is_plain, volumes.values())):
+    if opened is None and (views or any(map(_is_plain, volumes.values()))):
         grid = open_grid(os.fspath(source), where.get("series"), where.get("volume"))
     with _temporary_folder() as folder:
         factor = 1.0 if opened is None else find_millimetres(_entries.get_unit(opened))
@@ -165,6 +172,9 @@ def write(source: Any, output: str | os.PathLike[str], **options: Any) -> None:
                 image, texts = _place_like(grid, name, volume) if _is_plain(volume) else (open_image(volume), None)
                 path = _write_volume(folder / f"{name}.nrrd", image, texts)
             arguments.append(f"--{name}={path}")
+        if views:
+            matrices = [get_matrix(make_transform(grid, view)) for view in views]
+            arguments.append(f"--transform={_write_views(folder / 'view.tfm', matrices, factor)}")
         given = os.fspath(source) if opened is None else _write_volume(folder / "source.nrrd", opened)
         _run(folder, given, output, arguments)
 
@@ -250,7 +260,7 @@ def _run(folder: Path, source: str, output: str | os.PathLike[str], arguments: l
     name = Path(path).name
     if name and not Path(name).suffix and not name.startswith("."):
         path = os.path.join(path, "")
-    trust = [f"--trust={file}" for file in folder.iterdir()]
+    trust = [f"--trust={file}" for file in folder.glob("*.nrrd")]
     try:
         _program.run([*arguments, *trust, "--", source, path])
     except (OSError, ValueError, RuntimeError) as error:
@@ -284,6 +294,13 @@ def _place_like(image: Any, name: str, array: Any) -> tuple[Any, dict[str, str]]
     placed.SetOrigin(image.TransformIndexToPhysicalPoint(image.GetLargestPossibleRegion().GetIndex()))
     placed.SetDirection(image.GetDirection())
     return placed, {key: text for key, text in _describe(image).items() if key in ("HasOrientation", "Unit")}
+
+
+def _write_views(path: Path, matrices: Sequence[NDArray[np.float64]], factor: float) -> str:
+    for matrix in matrices:
+        matrix[:3, 3] *= factor
+    itk.transformwrite([make_affine(matrix) for matrix in matrices], str(path))
+    return str(path)
 
 
 def _write_volume(path: Path, image: Any, known: dict[str, str] | None = None) -> str:

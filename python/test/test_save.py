@@ -532,6 +532,29 @@ def test_write_takes_a_point_in_time(rng, tmp_path):
     assert_array_equal(itk.imread(tmp_path / "x.nrrd"), mip(times[1]))
 
 
+@pytest.mark.parametrize("kind", ["image", "file", "micrometres"])
+def test_write_takes_matrices_and_transforms(kind, head, oblique_view, tmp_path):
+    image = open_image(head, origin=(1, 2, 3)) if kind == "micrometres" else head
+    if kind == "micrometres":
+        _entries.put(image, "Unit", "um")
+    source = save_head(head, tmp_path) if kind == "file" else image
+    matrix = np.array(mip(image, "left", azimuth=20)["FrameTransforms"]).reshape(4, 4)
+    for view in (matrix, oblique_view):
+        write(source, tmp_path / "x.nrrd", view=view)
+        assert_array_equal(itk.imread(tmp_path / "x.nrrd"), mip(image, view))
+    views = ["anterior", matrix.tolist(), oblique_view]
+    write(source, tmp_path / "x.nrrd", transforms=views)
+    written = itk.array_from_image(itk.imread(tmp_path / "x.nrrd"))
+    assert_array_equal(written, itk_shearwarpmip.turn(image, transforms=views).frames)
+    write(source, tmp_path / "x.nrrd", view=None)
+    with pytest.raises(ValueError, match="a matrix as view must be 4 x 4"):
+        write(source, tmp_path / "x.nrrd", view=np.eye(3))
+    with pytest.raises(ValueError, match="transforms must be a list of views"):
+        write(source, tmp_path / "x.nrrd", transforms="left")
+    with pytest.raises(ValueError, match="elevation excludes transform"):
+        write(source, tmp_path / "x.nrrd", view=matrix, elevation=3)
+
+
 def test_write_keeps_what_is_known(rng, tmp_path):
     array = rng.integers(0, 1000, (50, 50, 50), np.int16)
     for labels in (True, False):
