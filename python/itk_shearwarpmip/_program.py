@@ -9,6 +9,7 @@ import sys
 import sysconfig
 import warnings
 from collections.abc import Sequence
+from pathlib import Path
 from typing import IO
 
 _NAME = "shear-warp-mip"
@@ -17,6 +18,10 @@ _SECONDS_TO_END = 10
 """In which the program removes what it has begun to write."""
 _ENVIRONMENT = {"GLIBC_TUNABLES": "glibc.malloc.hugetlb=1"}
 """Volumes lie in large pages, which are faster to get."""
+
+
+_NOTES = r"note: (there are no letters: .* does not say|.* looks like labels: |\S+ is \S+ now$)"
+"""The direction is unknown; values of pixels that no label has; a former name of an option."""
 
 
 class ProgramError(OSError, ValueError):
@@ -42,10 +47,17 @@ def find() -> str:
     )
 
 
-def run(arguments: Sequence[str], output: IO[bytes] | None = None) -> None:
+def run(
+    arguments: Sequence[str],
+    output: IO[bytes] | None = None,
+    temporary: Sequence[Path] = (),
+    with_notes: bool = False,
+) -> None:
     """Runs the program, whose standard output goes to a file. The program ends before this function does.
 
-    Its warnings become warnings at the line that called the package.
+    Its warnings become warnings at the line that called the package. So do those of its notes, with `with_notes`, that
+    say what a caller of Python cannot know: see _NOTES.
+    Names of `temporary` files are left out.
 
     Raises FileNotFoundError without the program or a file; TypeError for unknown options; ProgramError, an OSError and a
     ValueError, for what else the program refuses, with its sentence, in which options are keywords; and RuntimeError if
@@ -63,15 +75,15 @@ def run(arguments: Sequence[str], output: IO[bytes] | None = None) -> None:
         raise OSError(f"the program {_NAME} cannot be started: {error}") from error
     with child:
         try:
-            messages = os.fsdecode(child.communicate()[1])
+            messages = _leave_out(temporary, os.fsdecode(child.communicate()[1]))
         except BaseException:
             _end(child)
             raise
     said = [line.removeprefix(f"{_NAME}: ") for line in messages.split("\n") if line.startswith(f"{_NAME}: ")]
     errors = [line for line in said if not re.match("(warning|note): ", line)]
     for line in said:
-        if line.startswith("warning: "):
-            warnings.warn(reword(line.removeprefix("warning: ")), stacklevel=_count_own_frames())
+        if line.startswith("warning: ") or (with_notes and re.match(_NOTES, line)):
+            warnings.warn(reword(line.partition(": ")[2]), stacklevel=_count_own_frames())
     if child.returncode < 0:
         name = signal.Signals(-child.returncode).name
         raise RuntimeError(f"the program {_NAME} was ended by {name}; is there too little memory?")
@@ -84,6 +96,13 @@ def run(arguments: Sequence[str], output: IO[bytes] | None = None) -> None:
         if re.fullmatch(r"'[^']*' does not exist", text):
             raise FileNotFoundError(text)
         raise ProgramError(text)
+
+
+def _leave_out(files: Sequence[Path], text: str) -> str:
+    """What nobody knows by its name is "the source", "the mask" and so on."""
+    for file in files:
+        text = re.sub(rf"(the )?({file.stem} )?'{re.escape(str(file))}'", f"the {file.stem}", text)
+    return text
 
 
 def reword(text: str) -> str:

@@ -136,11 +136,11 @@ def write(source: Any, output: str | os.PathLike[str], **options: Any) -> None:
         view and transforms may also be what they are for turn().
 
     Raises TypeError for unknown options and unsupported types; ValueError for unsuitable values, with the program's
-    sentence; FileNotFoundError for files that are missing; OSError for files that cannot be read or written, and
-    RuntimeError without the program or ffmpeg.
+    sentence; FileNotFoundError for files that are missing, and without the program; OSError for files that cannot be
+    read or written, and without ffmpeg; RuntimeError if the program was ended.
 
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     write(np.ones((30, 40, 50), np.int16), Path(folder, "turn.html"), frames=8, elevation=15)
+    ...     write(np.ones((30, 40, 50), np.int16), Path(folder, "turn.html"), frames=8, direction=np.eye(3))
     ...     os.listdir(folder)
     ['turn.html']
     """
@@ -179,18 +179,18 @@ def write(source: Any, output: str | os.PathLike[str], **options: Any) -> None:
         _run(folder, given, output, arguments)
 
 
-def save_turn(turn: "Turn", path: str | os.PathLike[str], options: OutputOptions) -> None:
+def save_turn(turn: "Turn", path: str | os.PathLike[str], options: OutputOptions, with_notes: bool = True) -> None:
     """See Turn.save()."""
     window = {} if turn._window is None or "wl" in options else {"window": turn._window}
     arguments = make_arguments(window | dict(options))
     with _temporary_folder() as folder:
-        _run(folder, _write_turn(folder / "turn.nrrd", turn), path, arguments)
+        _run(folder, _write_turn(folder / "turn.nrrd", turn), path, arguments, with_notes)
 
 
 def make_page(turn: "Turn", options: OutputOptions | None = None) -> str:
     """The text of a web page that turns and plays a turn."""
     with _temporary_folder() as folder:
-        save_turn(turn, folder / "page.html", options or {})
+        save_turn(turn, folder / "page.html", options or {}, with_notes=False)
         return (folder / "page.html").read_text(encoding="utf-8")
 
 
@@ -218,6 +218,10 @@ def save_png(picture: Any, path: str | os.PathLike[str], **options: Unpack[Outpu
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     save_png(picture, Path(folder, "mip.png"), annotate=True)
     """
+    _save_png(picture, path, options)
+
+
+def _save_png(picture: Any, path: str | os.PathLike[str], options: OutputOptions, with_notes: bool = True) -> None:
     if Path(path).suffix.lower() != ".png":
         raise ValueError(f"'{path}' must be a name that ends in .png: itk.imwrite() writes the values")
     if not isinstance(picture, itk.Object) or not hasattr(picture, "GetImageDimension"):
@@ -236,13 +240,13 @@ def save_png(picture: Any, path: str | os.PathLike[str], **options: Unpack[Outpu
             raise ValueError("annotate is for a picture as mip() gives it: this one has no view")
         arguments += [] if "--no-labels" in arguments else ["--no-labels"]
     with _temporary_folder() as folder:
-        _run(folder, _write_picture(folder / "picture.nrrd", picture, view), path, arguments)
+        _run(folder, _write_picture(folder / "picture.nrrd", picture, view), path, arguments, with_notes)
 
 
 def make_png(picture: Any) -> bytes:
     """The bytes of a PNG of a picture of mip()."""
     with _temporary_folder() as folder:
-        save_png(picture, folder / "picture.png")
+        _save_png(picture, folder / "picture.png", {}, with_notes=False)
         return (folder / "picture.png").read_bytes()
 
 
@@ -255,22 +259,15 @@ def _temporary_folder() -> Iterator[Path]:
         yield Path(name)
 
 
-def _run(folder: Path, source: str, output: str | os.PathLike[str], arguments: list[str]) -> None:
+def _run(
+    folder: Path, source: str, output: str | os.PathLike[str], arguments: list[str], with_notes: bool = True
+) -> None:
     path = os.fspath(output)
     name = Path(path).name
     if name and not Path(name).suffix and not name.startswith("."):
         path = os.path.join(path, "")
     trust = [f"--trust={file}" for file in folder.glob("*.nrrd")]
-    try:
-        _program.run([*arguments, *trust, "--", source, path])
-    except (OSError, ValueError, RuntimeError) as error:
-        if str(folder) not in str(error):
-            raise
-        # nobody knows the names of temporary files
-        text = str(error)
-        for file in folder.iterdir():
-            text = text.replace(f"'{file}'", f"the {file.stem}")
-        raise type(error)(text) from None
+    _program.run([*arguments, *trust, "--", source, path], temporary=[*folder.iterdir()], with_notes=with_notes)
 
 
 def _is_path(source: Any) -> bool:

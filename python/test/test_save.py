@@ -557,15 +557,42 @@ def test_write_takes_matrices_and_transforms(kind, head, oblique_view, tmp_path)
 
 def test_write_keeps_what_is_known(rng, tmp_path):
     array = rng.integers(0, 1000, (50, 50, 50), np.int16)
-    for labels in (True, False):
-        write(array, tmp_path / f"{labels}.png", labels=labels)
+    with pytest.warns(UserWarning, match="^there are no letters: the source does not say how it lies in the patient$"):
+        write(array, tmp_path / "True.png")
+    write(array, tmp_path / "False.png", labels=False)
     assert (tmp_path / "True.png").read_bytes() == (tmp_path / "False.png").read_bytes()
     image = open_image(array, spacing=(1, 1, 1))
     _entries.put(image, "IsInverted", "1")
-    write(image, tmp_path / "inverted.png")
+    write(image, tmp_path / "inverted.png", labels=False)
     assert_array_equal(255 - read_png(tmp_path / "inverted.png"), read_png(tmp_path / "True.png"))
-    write(array, tmp_path / "x.html", frames=2)
+    write(array, tmp_path / "x.html", frames=2, labels=False)
     assert read_series((tmp_path / "x.html").read_text(encoding="utf-8"))["title"] == "Maximum intensity projection"
+
+
+def test_notes_about_the_picture_are_warnings(rng, tmp_path):
+    image = open_image(rng.integers(0, 1000, (50, 50, 50), np.int16), spacing=(1, 1, 1))
+    turn = itk_shearwarpmip.turn(image, frames=2)
+    for save in (turn.save, functools.partial(save_png, mip(image))):
+        with pytest.warns(UserWarning, match="^there are no letters: .* does not say how it lies") as said:
+            save(tmp_path / "x.png")
+        assert said[0].filename == __file__
+        save(tmp_path / "x.png", labels=False)
+    # a notebook shows pictures and turns often
+    assert turn._repr_html_() and mip(image)._repr_png_()
+    labels = open_image((np.asarray(image) // 250).astype(np.uint8), direction=np.eye(3))
+    with pytest.warns(UserWarning, match="^the source looks like labels: interpolation nearest"):
+        write(labels, tmp_path / "x.png")
+    write(labels, tmp_path / "x.png", interpolation="nearest")
+    with pytest.warns(UserWarning, match="^range is angular_range now$"):
+        write(image, tmp_path / "x.nrrd", frames=3, range=60)
+
+
+def test_warnings_do_not_name_temporary_files(head, tmp_path):
+    nothing = np.zeros(head.shape, np.uint8)
+    with pytest.warns(UserWarning) as said:
+        write(head, tmp_path / "x.png", mask=nothing, overlay=nothing, segments=nothing)
+    texts = [str(each.message) for each in said]
+    assert any("the mask" in text for text in texts) and not any(".nrrd" in text for text in texts), texts
 
 
 def test_write_of_dicom(tmp_path):
