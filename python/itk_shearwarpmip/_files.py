@@ -30,7 +30,12 @@ def read(path: str, *options: str) -> tuple[Any, dict[str, str]]:
         raise FileNotFoundError(f"'{path}' does not exist")
 
     def write(name: str, file: IO[bytes] | None = None) -> None:
-        _program.run([*options, "--with-attributes", f"--write-volume={name}", "--", path], file)
+        try:
+            _program.run([*options, "--with-attributes", f"--write-volume={name}", "--", path], file)
+        except _program.ProgramError as error:
+            if "' has frames of projections" not in str(error):
+                raise
+            raise _program.ProgramError(f"{error}: write() makes pictures, pages and animations of it") from None
 
     if hasattr(os, "memfd_create"):
         # this memory ends with the processes that have it, even if they are killed

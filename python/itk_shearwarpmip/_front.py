@@ -14,6 +14,7 @@ from typing import Any, Literal, TypedDict, Unpack
 
 import itk
 import numpy as np
+from numpy.typing import NDArray
 
 from itk_shearwarpmip import _entries, _write
 from itk_shearwarpmip._inputs import (
@@ -224,9 +225,17 @@ class Turn:
         multi_frame: True for a DICOM series in one file.
 
         Raises TypeError for unknown options, ValueError for unsuitable ones, OSError for files that cannot be written,
-        and RuntimeError without the program or ffmpeg, with the program's sentence.
+        and without the program or ffmpeg, with the program's sentence; RuntimeError if the program was ended.
         """
         _write.save_turn(self, path, options)
+
+    def __len__(self) -> int:
+        return int(self.frames.shape[0])
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
+        """The frames' pixels (frame, v, u)."""
+        pixels = np.asarray(self.frames, dtype)
+        return pixels.copy() if copy else pixels
 
     def __repr__(self) -> str:
         frames, rows, columns = self.frames.shape
@@ -296,6 +305,14 @@ def turn(
     )  # fmt: skip
 
     _require_known(turn, where)
+    if transforms is not None:
+        instead = {
+            "view": view, "azimuth": azimuth, "elevation": elevation, "frames": frames, "rotation_axis": rotation_axis,
+            "center": center, "start_angle": start_angle, "angular_range": angular_range, "rocking": rocking,
+        }  # fmt: skip
+        default = inspect.signature(turn).parameters
+        if wrong := [name for name, value in instead.items() if _is_given(value, default[name].default)]:
+            raise ValueError(f"{', '.join(wrong)} cannot be given with transforms, which are the views of all frames")
 
     def set_turn(made: Any, image: Any) -> None:
         made.ClearTransforms()
@@ -401,7 +418,7 @@ class _Filters:
         mask = None if parameters.mask is None else open_mask(parameters.mask, parameters.mask_label, image)
         made.SetMaskImage(mask)
         try:
-            update(made)
+            update(made, "depth" if parameters.depth else "places")
         finally:
             made.SetMaskImage(None)
         picture = made.GetOutput()
@@ -520,6 +537,10 @@ def _get_start(image: Any) -> Any:
     return image.GetLargestPossibleRegion().GetIndex()
 
 
+def _is_given(value: Any, default: Any) -> bool:
+    return value is not default and not (np.isscalar(value) and value == default)
+
+
 def _open_chunks(source: Any, parameters: Parameters, where: Any) -> Any:
     from itk_shearwarpmip import open_volume
 
@@ -530,11 +551,8 @@ def _open_chunks(source: Any, parameters: Parameters, where: Any) -> Any:
     possible = {"background", "oversampling", "output_spacing", "size", "output_origin"}
     default = Parameters()
 
-    def is_given(name: str) -> bool:
-        value, other = getattr(parameters, name), getattr(default, name)
-        return value is not other and not (np.isscalar(value) and value == other)
-
-    if wrong := [each.name for each in fields(parameters) if each.name not in possible and is_given(each.name)]:
+    others = [each.name for each in fields(parameters) if each.name not in possible]
+    if wrong := [name for name in others if _is_given(getattr(parameters, name), getattr(default, name))]:
         raise ValueError(
             f"{', '.join(wrong)} cannot be given for a volume in chunks: give an array in memory, or an image"
         )

@@ -313,6 +313,7 @@ def take(source: Any) -> Placed:
         )
     # other objects of ITK may have an array too
     is_array = hasattr(source, "__array__") or hasattr(source, "__dlpack__")
+    is_array &= not is_of(source, "itk_shearwarpmip", "Turn")
     if isinstance(source, itk.Object) or is_of(source, "zarr", "Array") or isinstance(source, type) or not is_array:
         hint = "an array of its voxels, with spacing, origin and direction"
         if isinstance(source, itk.ProcessObject):

@@ -130,7 +130,9 @@ def set_value(made: Any, name: str, keyword: str, value: Any) -> None:
             raise ValueError
         getattr(made, f"Set{name}")(kind(value))
     except (OverflowError, TypeError, ValueError) as error:
-        raise ValueError(f"{keyword} cannot be {show_value(value)}: give a {'whole ' if kind is int else ''}number") from error
+        raise ValueError(
+            f"{keyword} cannot be {show_value(value)}: give a {'whole ' if kind is int else ''}number"
+        ) from error
 
 
 def _set_pixel(made: Any, name: str, keyword: str, value: Any, is_whole: bool) -> None:
@@ -143,19 +145,20 @@ def _set_pixel(made: Any, name: str, keyword: str, value: Any, is_whole: bool) -
         raise ValueError(f"{keyword} must be {of}, but it is {show_value(value)}") from error
 
 
-def update(made: Any, information: bool = False) -> None:
-    """Updates a filter, or only its output information. An exception of the filter becomes an error for the caller."""
+def update(made: Any, depth: str = "depth", information: bool = False) -> None:
+    """Updates a filter, or only its output information. An exception of the filter becomes an error for the caller, in
+    which the depths are what was given for them."""
     try:
         made.UpdateOutputInformation() if information else made.UpdateLargestPossibleRegion()
     except RuntimeError as error:
         if re.match(r"\S*itkShearWarp\w+\.\w+:\d+:", str(error)):
-            raise ValueError(_reword(describe(error))) from error
+            raise ValueError(_reword(describe(error).replace("ComputeDepth", depth))) from error
         raise
 
 
 _WORDS = {
     "DefaultPixelValue": "background", "DepthAttenuation": "attenuation", "NumberOfFrames": "frames",
-    "ComputeDepth": "depth or places", "LocalMaximumThreshold": "local_maximum", "SlabNear": "slab's near", "SlabFar": "slab's far",
+    "LocalMaximumThreshold": "local_maximum", "SlabNear": "slab's near", "SlabFar": "slab's far",
     "CropLower": "crop's lower", "CropUpper": "crop's upper", "MaskImage": "mask", "Transform": "view",
 }  # fmt: skip
 

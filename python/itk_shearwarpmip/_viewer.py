@@ -767,7 +767,10 @@ def show(
 
 
 def _open_overlay(overlay: Any, image: Any) -> Any:
-    opened = open_image(overlay)
+    try:
+        opened = open_image(overlay)
+    except (TypeError, ValueError) as error:
+        raise type(error)(f"overlay: {error}") from error
     if not is_plain_array(overlay):
         return opened
     if get_shape(opened) != get_shape(image):

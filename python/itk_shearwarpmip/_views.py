@@ -29,7 +29,9 @@ def make_transform(image: Any, view: Any = "anterior", azimuth: float = 0.0, ele
     >>> turned.GetMatrix() == make_transform(image, "left").GetMatrix()
     True
     """
-    choices = f"view must be one of {', '.join(SIDES)}, an itk.Transform or a 4 x 4 matrix, but it is {show_value(view)}"
+    choices = (
+        f"view must be one of {', '.join(SIDES)}, an itk.Transform or a 4 x 4 matrix, but it is {show_value(view)}"
+    )
     if isinstance(view, str):
         if view not in SIDES:
             raise ValueError(choices)

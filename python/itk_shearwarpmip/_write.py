@@ -169,7 +169,10 @@ def write(source: Any, output: str | os.PathLike[str], **options: Any) -> None:
             if _is_path(volume):
                 path = os.fspath(volume)
             else:
-                image, texts = _place_like(grid, name, volume) if _is_plain(volume) else (open_image(volume), None)
+                try:
+                    image, texts = _place_like(grid, volume) if _is_plain(volume) else (open_image(volume), None)
+                except (TypeError, ValueError) as error:
+                    raise type(error)(f"{name}: {error}") from error
                 path = _write_volume(folder / f"{name}.nrrd", image, texts)
             arguments.append(f"--{name}={path}")
         if views:
@@ -278,12 +281,12 @@ def _is_plain(source: Any) -> bool:
     return not _is_path(source) and is_plain_array(source)
 
 
-def _place_like(image: Any, name: str, array: Any) -> tuple[Any, dict[str, str]]:
+def _place_like(image: Any, array: Any) -> tuple[Any, dict[str, str]]:
     """An array as an image where another one lies, and what is known of that place."""
     placed = open_image(array)
     if placed.shape != image.shape:
         raise ValueError(
-            f"{name} is an array, so it must have the source's shape, {tuple(image.shape)}, but it has "
+            f"an array must have the source's shape here, {tuple(image.shape)}, but it has "
             f"{tuple(placed.shape)}: give an image with a place of its own"
         )
     # itk.Image.CopyInformation() would leave another index

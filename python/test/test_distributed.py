@@ -93,10 +93,12 @@ def project(volume, view=None, background=0, **options):
 
 def project_turn(volume, transforms=None, background=0, number_of_frames=36, rotation_axis=(0, 0, 1), **options):
     """By default what the filter does: upright, on 0."""
+    options["background"] = background
+    if transforms is not None:
+        return turn(volume, transforms=transforms, **options).frames
     outline = open_volume(volume, **{key: options[key] for key in GEOMETRY if key in options}).make_image()
     upright = itk.ShearWarpMIPView.MakeUprightTransform(outline, rotation_axis)
-    options |= {"background": background, "rotation_axis": rotation_axis, "frames": number_of_frames}
-    return turn(volume, upright, transforms=transforms, **options).frames
+    return turn(volume, upright, rotation_axis=rotation_axis, frames=number_of_frames, **options).frames
 
 
 def assert_same(picture, expected):

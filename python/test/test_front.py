@@ -535,7 +535,7 @@ def test_turns(image):
     assert series.frames["FrameAngles"] == (0, 72, 144, 216, 288)
     assert series.window[0] < series.window[1]
     # nothing of another turn stays
-    turn(image, transforms=["left"], center=(1, 2, 3), size=(9, 9))
+    turn(image, transforms=["left"], size=(9, 9))
     turn(image, center=(1, 2, 3), rocking=True, frames=2)
     assert_array_equal(turn(image, elevation=20, frames=5).frames, frames)
     for frame, transform in enumerate(series.transforms):
@@ -651,8 +651,8 @@ BAD = {
     "angles": (call(IMAGE, azimuth=np.array([30.0])), ValueError, "azimuth and elevation must be finite"),
     "angle of a matrix": (call(IMAGE, np.eye(4), azimuth=3), ValueError, "for a view that is a name"),
     "mode": (call(IMAGE, mode="median"), ValueError, "mode must be one of maximum, minimum, absolute_maximum, mean"),
-    "depth of a mean": (call(IMAGE, mode="mean", depth=True), ValueError, "depth or places needs another mode"),
-    "places of a mean": (call(IMAGE, mode="mean", places=True), ValueError, "depth or places needs another mode"),
+    "depth of a mean": (call(IMAGE, mode="mean", depth=True), ValueError, "^depth needs another mode"),
+    "places of a mean": (call(IMAGE, mode="mean", places=True), ValueError, "^places needs another mode"),
     "exact mean": (call(IMAGE, mode="mean", exact=True), ValueError, "exact needs another mode: mode is mean"),
     "interpolation": (call(IMAGE, interpolation="cubic"), ValueError, "must be one of linear, nearest, but"),
     "nearest mean": (call(IMAGE, mode="mean", interpolation="nearest"), ValueError, "needs another mode"),
@@ -696,6 +696,24 @@ BAD = {
 }
 # of turn() alone
 BAD_TURN = {
+    **{
+        f"transforms and {name}": (
+            call(IMAGE, transforms=["left"], **{name: value}),
+            ValueError,
+            f"^{name} cannot be given with transforms",
+        )
+        for name, value in {
+            "view": np.eye(4),
+            "azimuth": 1,
+            "elevation": 1.0,
+            "frames": 3,
+            "rotation_axis": "left",
+            "center": (0, 0, 0),
+            "start_angle": 5,
+            "angular_range": 90,
+            "rocking": True,
+        }.items()
+    },
     "frames": (call(IMAGE, frames=0), ValueError, "frames must be from 1 to 65535"),
     "half a frame": (call(IMAGE, frames=1.5), ValueError, "frames cannot be 1.5"),
     "axis": (call(IMAGE, rotation_axis="z"), ValueError, "one of left, posterior, superior, i, j, k or a direction"),

@@ -237,7 +237,7 @@ def test_all_outputs_at_once(head, tmp_path):
 @pytest.mark.parametrize(
     "parameters, loop",
     [
-        ({}, "turn"),
+        ({"frames": FRAMES}, "turn"),
         ({"angular_range": -360.0}, "turn"),
         ({"frames": 1}, "turn"),
         ({"angular_range": 180.0}, "none"),
@@ -247,7 +247,7 @@ def test_all_outputs_at_once(head, tmp_path):
     ],
 )
 def test_page_goes_on_as_the_turn_does(image, parameters, loop):
-    series = read_series(_write.make_page(itk_shearwarpmip.turn(image, **{"frames": FRAMES} | parameters)))
+    series = read_series(_write.make_page(itk_shearwarpmip.turn(image, **parameters)))
     assert series["loop"] == loop
     assert ("angles" in series) == ("transforms" not in parameters)
 
@@ -479,7 +479,7 @@ def test_write_of_arrays_as_mask_overlay_and_segments(head, tmp_path):
     assert (tmp_path / "one.png").read_bytes() == (tmp_path / "other.png").read_bytes()
     write(source, tmp_path / "third.png", mask=mask > 0, overlay=voxels, segments=labels, opacity=0.3, view="left")
     assert (tmp_path / "one.png").read_bytes() == (tmp_path / "third.png").read_bytes()
-    with pytest.raises(ValueError, match="mask is an array, so it must have the source's shape"):
+    with pytest.raises(ValueError, match=r"^mask: an array must have the source's shape here"):
         write(head, tmp_path / "x.png", mask=mask[1:])
 
 
@@ -689,10 +689,27 @@ def test_no_source_is_overwritten(head, tmp_path, monkeypatch):
 
 def test_frames_are_no_volume(head, tmp_path):
     write(head, tmp_path / "turn.nrrd", frames=3)
-    with pytest.raises(ValueError, match="has frames of projections, and is no volume"):
+    with pytest.raises(ValueError, match=r"has frames of projections, and is no volume: write\(\) makes pictures"):
         open_image(tmp_path / "turn.nrrd")
     with pytest.raises(ValueError, match="has frames of projections, and is no volume"):
         write(head, tmp_path / "x.png", overlay=tmp_path / "turn.nrrd")
+
+
+@pytest.mark.parametrize("name", ["mask", "overlay", "segments"])
+def test_what_is_no_volume_is_named(head, tmp_path, name):
+    with pytest.raises(TypeError, match=f"^{name}: a volume is the path"):
+        write(head, tmp_path / "x.png", **{name: [[1]]})
+
+
+def test_turn_is_a_sequence_of_pictures(turn):
+    assert len(turn) == FRAMES
+    assert_array_equal(np.asarray(turn), turn.frames)
+    assert np.asarray(turn, np.float64).dtype == np.float64
+    copied = np.array(turn)
+    copied[:] = 7
+    assert not (np.asarray(turn) == 7).all()
+    with pytest.raises(TypeError, match=r"but this is a itk_shearwarpmip\._front\.Turn"):
+        mip(turn)
 
 
 def test_write_has_the_values_of_mip(head, tmp_path):
