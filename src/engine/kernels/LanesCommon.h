@@ -158,7 +158,7 @@ inline void AddFloats(double * p, Float v)
   }
 }
 /** Zero where \a v is not a number. */
-inline Float Number(Float v) { return (v >= 0) | (v < 0) ? v : Float{}; }
+inline Float Number(Float v) { return ((v >= 0) | (v < 0)) ? v : Float{}; }
 /** The sign bits of lanes that are not a number are set. */
 inline Float FindNotNumbers(Float v) { return As<Float>(~((v >= 0) | (v < 0))); }
 

@@ -176,7 +176,11 @@ template <typename TPixel>
 bool
 IsNumber(TPixel value)
 {
-  return value >= 0 || value < 0;
+  if constexpr (IsFloat<TPixel>)
+  {
+    return value >= 0 || value < 0;
+  }
+  return true;
 }
 
 /** Adds a sample to a pixel's sum and counts it, unless it is not a number. */
