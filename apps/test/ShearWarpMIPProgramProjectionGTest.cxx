@@ -188,7 +188,7 @@ TEST_F(ShearWarpMIPProgramProjection, TakesInterpolation)
   EXPECT_EQ(this->Run(view + " --interpolation nearest").messages.find("labels"), std::string::npos);
   EXPECT_EQ(getValues(), (std::set<unsigned char>{ 0, 1, 3 }));
   // one label is a mask
-  std::replace(volume->GetBufferPointer(), volume->GetBufferPointer() + 20 * 16 * 16, 3, 0);
+  std::replace(volume->GetBufferPointer(), volume->GetBufferPointer() + volume->GetPixelContainer()->Size(), 3, 0);
   this->WriteImage(volume, "labels.nrrd");
   EXPECT_EQ(this->Run(view).messages.find("labels"), std::string::npos);
 }

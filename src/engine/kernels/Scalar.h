@@ -178,7 +178,8 @@ IsNumber(TPixel value)
 {
   if constexpr (IsFloat<TPixel>)
   {
-    return value >= 0 || value < 0;
+    const bool isNegative = value < 0;
+    return isNegative || value >= 0;
   }
   return true;
 }
