@@ -430,7 +430,7 @@ TEST_F(ShearWarpMIPProgramStack, IsRefusedWithWrongKeys)
   }
   this->WithChangedFile(
     "turn.nrrd",
-    [](std::string text) { return text.insert(text.find("FrameTransforms"), 1, ' '); },
+    [](std::string text) { return text.replace(text.find("FrameTransforms"), 0, " "); },
     [this] { this->ExpectFailure("turn.nrrd out.png", "FrameTransforms has blanks beside its name"); });
   this->WriteChanged("wrong.nrrd", "FrameAngles", "");
   fs::rename(m_Folder / "wrong.nrrd", m_Folder / "turn.nrrd");
