@@ -52,13 +52,6 @@ struct SamplingPosition
 ShearWarpMIP_EXPORT SamplingPosition
 QuantizePosition(double position);
 
-/** Rounds \a position to the nearest whole pixel, half upward. */
-inline SamplingPosition
-RoundPosition(const SamplingPosition & position)
-{
-  return { position.whole + (position.fraction >= One / 2), 0 };
-}
-
 /** Weights of the four corners of a cell, in 1/2^15. No weight is negative, and their sum is exactly 2^15.
  * The first letter is the row, the second one the column. Neighbour `a` has weight \a x (or \a y), and neighbour `b`
  * the rest. \f[ aa = \lfloor (x y + 2^{14}) / 2^{15} \rfloor, \quad ab = y - aa, \quad ba = x - aa, \quad bb = 2^{15} -

@@ -318,7 +318,7 @@ private:
   MergeMarks(std::size_t n, std::ptrdiff_t row);
 
   void
-  FindMeans(std::size_t n, std::ptrdiff_t row, std::int32_t * ranks);
+  FindMeans(std::size_t n, std::ptrdiff_t row, bool hasRanks);
 
   /** A row of a view, merged from all threads. Without a second image, there are no minima. */
   struct MergedRow

@@ -140,12 +140,11 @@ Projector<TPixel>::Finish(std::size_t view, const RunTasks & run)
   image.reached = projected.grid->reached.data();
   image.ranking = this->GetRanking(projected);
   image.none = this->GetStart(firstImage);
-  std::int32_t * ranks = nullptr;
   if (m_MayHaveGaps)
   {
     m_Reached.resize(image.rows);
     m_Ranks.Reserve(image.rows * m_RowStride * sizeof(std::int32_t), "the ranks of an intermediate image");
-    image.ranks = ranks = m_Ranks.template GetPointer<std::int32_t>();
+    image.ranks = m_Ranks.template GetPointer<std::int32_t>();
     image.reached = m_Reached.data();
   }
 
@@ -156,14 +155,7 @@ Projector<TPixel>::Finish(std::size_t view, const RunTasks & run)
     const std::ptrdiff_t begin = static_cast<std::ptrdiff_t>(n) * bandRows;
     for (std::ptrdiff_t row = begin; row < std::min(begin + bandRows, image.rows); ++row)
     {
-      if (m_HasSums)
-      {
-        this->FindMeans(firstImage, row, image.ranks ? ranks + row * m_RowStride : nullptr);
-      }
-      else
-      {
-        this->MergeView(firstImage, row, image.ranks != nullptr);
-      }
+      this->MergeView(firstImage, row, image.ranks != nullptr);
       if (image.ranks)
       {
         const ReachedRow reached = FindReached(image.ranks + row * m_RowStride, image.columns);
@@ -188,7 +180,7 @@ Projector<TPixel>::Finish(std::size_t view, const RunTasks & run)
  * have 1. */
 template <typename TPixel>
 void
-Projector<TPixel>::FindMeans(std::size_t n, std::ptrdiff_t row, std::int32_t * ranks)
+Projector<TPixel>::FindMeans(std::size_t n, std::ptrdiff_t row, bool hasRanks)
 {
   const auto getRow = [&](const ThreadImage & image) {
     const auto [sums, countSteps] = this->GetSummed(image);
@@ -209,13 +201,14 @@ Projector<TPixel>::FindMeans(std::size_t n, std::ptrdiff_t row, std::int32_t * r
       }
     }
   }
-  TPixel * const means = m_Means.template GetPointer<TPixel>() + row * m_RowStride;
-  std::uint32_t  count = 0;
+  TPixel * const       means = m_Means.template GetPointer<TPixel>() + row * m_RowStride;
+  std::int32_t * const ranks = m_Ranks.template GetPointer<std::int32_t>() + (hasRanks ? row * m_RowStride : 0);
+  std::uint32_t        count = 0;
   for (std::ptrdiff_t p = 0; p < columns; ++p)
   {
     count += countSteps[p];
     means[p] = count > 0 ? GetMean<TPixel>(sums[p], count) : TPixel{};
-    if (ranks)
+    if (hasRanks)
     {
       const bool isNumber = std::is_integral_v<TPixel> || !std::isnan(static_cast<double>(means[p]));
       ranks[p] = count > 0 && isNumber ? 1 : 0;
@@ -223,11 +216,15 @@ Projector<TPixel>::FindMeans(std::size_t n, std::ptrdiff_t row, std::int32_t * r
   }
 }
 
-/** Merges a row of all threads' images of a view into the first thread's first image. */
+/** Merges a row of all threads' images of a view into the first thread's first image, or finds the row's means. */
 template <typename TPixel>
 void
 Projector<TPixel>::MergeView(std::size_t firstImage, std::ptrdiff_t row, bool hasRanks)
 {
+  if (m_HasSums)
+  {
+    return this->FindMeans(firstImage, row, hasRanks);
+  }
   MergedRow merged{ this->MergeRow(firstImage, row), nullptr, nullptr };
   if (m_ImagesOfView == 2)
   {

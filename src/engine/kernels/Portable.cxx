@@ -534,7 +534,7 @@ struct WarpCell
     }
     const auto place = [&image](double position) {
       const SamplingPosition quantized = QuantizePosition(position);
-      return image.isNearest ? RoundPosition(quantized) : quantized;
+      return image.isNearest ? SamplingPosition{ quantized.whole + (quantized.fraction >= One / 2), 0 } : quantized;
     };
     const SamplingPosition p = place(column);
     const SamplingPosition q = place(row);
