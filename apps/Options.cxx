@@ -140,6 +140,14 @@ Number(const std::string & name, double lowest, bool whole = false)
   });
 }
 
+/** Accepts whole numbers from 1 to \a most. */
+CLI::Validator
+Count(unsigned int most)
+{
+  return MakeCheck("a whole number from 1 to " + std::to_string(most),
+                   [most](double value) { return value >= 1.0 && value <= most && value == std::trunc(value); });
+}
+
 /** Accepts numbers, infinite ones too. */
 CLI::Validator
 Bound()
@@ -259,9 +267,7 @@ DefineOptions(CLI::App & app, Options & options)
 
   const auto frames =
     add("Turning series, usual", "--frames", options.frames, "N", "Makes a series of N frames: a turn")
-      ->check(MakeCheck("a whole number from 1 to " + std::to_string(MostFrames), [](double value) {
-        return value >= 1.0 && value <= MostFrames && value == std::trunc(value);
-      }));
+      ->check(Count(MostFrames));
   addList(3,
           "Turning series",
           "--rotation-axis",
@@ -566,8 +572,7 @@ DefineOptions(CLI::App & app, Options & options)
                          ->group("Program, usual");
   add(
     "Program", "--phantom-size", options.phantomSize, "X Y Z", "Size of the angiogram in voxels; default: 256 256 128")
-    ->check(MakeCheck("a whole number from 1 to 4096",
-                      [](double value) { return value >= 1.0 && value <= 4096.0 && value == std::trunc(value); }))
+    ->check(Count(4096))
     ->needs(phantom)
     ->delimiter(',')
     ->expected(3);

@@ -211,6 +211,21 @@ private:
   std::map<std::string, std::string> m_Texts{};
 };
 
+/** The names of all modes; the first one is the default. */
+std::vector<std::string>
+GetModeNames()
+{
+  std::vector<std::string> names{ "maximum" };
+  for (const auto & [name, mode] : modes)
+  {
+    if (name != names.front())
+    {
+      names.push_back(name);
+    }
+  }
+  return names;
+}
+
 /** The transforms, whose lengths are \a millimetres. */
 std::vector<Frame>
 MakeFrames(const Keys & keys, std::size_t count, double millimetres)
@@ -507,7 +522,7 @@ ReadStack(const fs::path & path, bool isTrusted, const WarningFunction & warn)
     SetTurn(stack, keys);
     SetSlabs(stack, keys, millimetres);
     SetBackground(stack.projections, keys);
-    stack.mode = modes.at(keys.GetName("Mode", { "maximum", "minimum", "absolute-maximum", "mean" }));
+    stack.mode = modes.at(keys.GetName("Mode", GetModeNames()));
     const auto center = keys.GetAll("Center", 3);
     if (!center.empty())
     {
