@@ -1,9 +1,10 @@
 """What is known of an itk.Image beside voxels and geometry: entries of its meta data dictionary.
 
 HasOrientation is "0" if nobody stated how the image lies in the patient; by default it lies in LPS. IsInverted is "1" if
-low values are to be shown white. IsSuv is "1" if values are SUV by body weight. Unit is the unit of lengths, by default mm. SourceFiles are the paths of the files that
-the image was read from, with spaces between them and percent-encoded. Of a projection, Background is the value of pixels beside the volume, and
-FrameTransforms are each frame's matrix from view space to physical space, row by row.
+low values are to be shown white. IsSuv is "1" if values are SUV by body weight. Unit is the unit of lengths, by default
+mm. SourceFiles are the paths of the files that the image was read from, with spaces between them and percent-encoded. Of
+a projection, Background is the value of pixels beside the volume, and FrameTransforms are each frame's matrix from view
+space to physical space, row by row.
 
 ITK writes entries to NRRD and MetaImage and reads them again. Its filters, its pickles and itk.image_duplicator() leave
 them out. This module keeps them in pickles and copies of images that it knows.

@@ -88,7 +88,8 @@ def open_image(
 
     Entries of the image's dictionary are texts. HasOrientation is "0" if nobody stated how the image lies in the
     patient, and pictures of it have no letters. IsInverted is "1" if low values are to be shown white (MONOCHROME1).
-    IsSuv is "1" if values are SUV by body weight. Unit is the unit of lengths if it is not mm. DICOM attributes of the first slice have ITK's names, as "0008|0060".
+    IsSuv is "1" if values are SUV by body weight. Unit is the unit of lengths if it is not mm. DICOM attributes of the
+    first slice have ITK's names, as "0008|0060".
     Pickles and copies keep the entries. ITK's filters and itk.image_duplicator() do not: what they return lies in LPS, in
     mm, until its entries are set.
 

@@ -130,10 +130,9 @@ def write(source: Any, output: str | os.PathLike[str], **options: Any) -> None:
         which is new or empty.
     options: spacing, origin, direction, series, volume, suv, level, time and channel of the source, as in open_image();
         and the program's long options, with underscores instead of hyphens: see `shear-warp-mip --help-all`. Lengths
-        are in the unit of the source, which is mm for paths. Values are
-        numbers, texts, paths, or sequences of numbers. Flags are True or False; labels=False is --no-labels. mask,
-        overlay and segments may be volumes too. An array as mask, overlay or segments lies where the source does.
-        view and transforms may also be what they are for turn().
+        are in the unit of the source, which is mm for paths. Values are numbers, texts, paths, or sequences of numbers.
+        Flags are True or False; labels=False is --no-labels. mask, overlay and segments may be volumes too. An array as
+        mask, overlay or segments lies where the source does. view and transforms may also be what they are for turn().
 
     Raises TypeError for unknown options and unsupported types; ValueError for unsuitable values, with the program's
     sentence; FileNotFoundError for files that are missing, and without the program; OSError for files that cannot be
