@@ -7,7 +7,7 @@ import sys
 import threading
 import warnings
 import weakref
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, Literal, TypedDict, Unpack
@@ -153,7 +153,7 @@ def mip(
         mode, slab, crop, mask, mask_label, depth, attenuation, local_maximum, background, exact, oversampling,
         output_spacing, size, output_origin, threads, places, interpolation,
     )  # fmt: skip
-    _require_known(mip, where)
+    require_known(mip, where)
     make_flag("geometry", geometry)
     if is_chunked(source):
         picture = _project_chunks(source, view, azimuth, elevation, parameters, where)
@@ -304,7 +304,7 @@ def turn(
         output_spacing, size, output_origin, threads, places, interpolation,
     )  # fmt: skip
 
-    _require_known(turn, where)
+    require_known(turn, where)
     if transforms is not None:
         instead = {
             "view": view, "azimuth": azimuth, "elevation": elevation, "frames": frames, "rotation_axis": rotation_axis,
@@ -366,9 +366,11 @@ def _copy_metadata(image: Any) -> dict[str, Any]:
     return {key: value for key, value in entries.items() if isinstance(value, str | int | float)}
 
 
-def _require_known(function: Callable[..., Any], where: Any) -> None:
-    if unknown := where.keys() - Place.__annotations__.keys():
-        known = [*inspect.signature(function).parameters, *Place.__annotations__]
+def require_known(function: Callable[..., Any], given: Any, others: Iterable[str] = ()) -> None:
+    """Raises TypeError for keywords that are neither of the place of an image nor among others."""
+    if unknown := given.keys() - Place.__annotations__.keys() - set(others):
+        own = [each.name for each in inspect.signature(function).parameters.values() if each.kind != each.VAR_KEYWORD]
+        known = [*own, *Place.__annotations__, *others]
         similar = [match for name in sorted(unknown) for match in difflib.get_close_matches(name, known, 1, 0.75)]
         hint = f": did you mean {' and '.join(similar)}?" if similar else ""
         raise TypeError(f"{function.__name__}() has no parameter {', '.join(sorted(unknown))}{hint}")

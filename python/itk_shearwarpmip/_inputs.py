@@ -316,13 +316,13 @@ def take(source: Any) -> Placed:
     is_array = hasattr(source, "__array__") or hasattr(source, "__dlpack__")
     is_array &= not is_of(source, "itk_shearwarpmip", "Turn")
     if isinstance(source, itk.Object) or is_of(source, "zarr", "Array") or isinstance(source, type) or not is_array:
-        hint = "an array of its voxels, with spacing, origin and direction"
+        what = "None" if source is None else f"a {type(source).__module__}.{type(source).__qualname__}"
+        hint = ": give an array of its voxels, with spacing, origin and direction" if source is not None else ""
         if isinstance(source, itk.ProcessObject):
-            hint = "its output, GetOutput()"
+            hint = ": give its output, GetOutput()"
         raise TypeError(
             "a volume is the path of an image, a 3D itk.Image of scalars, a SimpleITK.Image, an image of nibabel, an "
-            "xarray.DataArray, an array of Dask, NumPy or PyTorch, or an OME-Zarr, but this is a "
-            f"{type(source).__module__}.{type(source).__qualname__}: give {hint}"
+            f"xarray.DataArray, an array of Dask, NumPy or PyTorch, or an OME-Zarr, but this is {what}{hint}"
         )
     try:
         return Placed(np.asarray(source) if hasattr(source, "__array__") else np.from_dlpack(source))

@@ -24,7 +24,7 @@ try:
 except ImportError as error:
     raise ImportError("the viewer needs rendercanvas and Pillow: pip install itk-shearwarpmip[viewer]") from error
 
-from itk_shearwarpmip._front import Place
+from itk_shearwarpmip._front import Place, require_known
 from itk_shearwarpmip._inputs import get_shape, is_chunked, is_plain_array, make_flag, make_numbers, open_image
 from itk_shearwarpmip._parameters import MODES, check_mode, take_former
 from itk_shearwarpmip._scene import Layer, Point, Scene, State, Window
@@ -722,8 +722,7 @@ def show(
     known = {
         "interpolation", "crop", "mask", "mask_label", "attenuation", "local_maximum", "oversampling", "background",
     }  # fmt: skip
-    if unknown := parameters.keys() - known:
-        raise TypeError(f"show() has no parameter {', '.join(sorted(unknown))}")
+    require_known(show, parameters, known)
     if canvas is not None and not hasattr(canvas, "get_bitmap_context"):
         raise TypeError(f"canvas must be one of rendercanvas, but it is {canvas!r}")
     if not isinstance(page, Mapping | None) or set(page or ()) - {"host", "port", "no_browser"}:

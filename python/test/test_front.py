@@ -583,7 +583,7 @@ BAD = {
     "empty image": (call(itk.Image[itk.SS, 3].New()), ValueError, "must not be empty"),
     "large integers": (call(SHORTS.astype(int) * (2**53 + 1)), TypeError, r"they are int64; use astype\(\)"),
     "complex": (call(SHORTS.astype(complex)), TypeError, "they are complex128"),
-    "None": (call(None), TypeError, "but this is a builtins.NoneType"),
+    "None": (call(None), TypeError, "but this is None$"),
     "list": (call(SHORTS.tolist()), TypeError, "this is a builtins.list: give an array .* with spacing"),
     "class": (call(np.ndarray), TypeError, "this is a builtins.type"),
     "filter": (call(itk.MedianImageFilter.New(IMAGE)), TypeError, r"give its output, GetOutput\(\)"),

@@ -969,6 +969,7 @@ def test_parameters_of_the_filter(image, open_viewer):
         ({"crop": [(5, 5, 5), (1, 1, 1)]}, ValueError, "crop's lower must not be greater"),
         ({"view": np.diag([1e200, 1, 1, 1])}, ValueError, "view must be invertible"),
         ({"color": "hot"}, TypeError, "color"),
+        ({"windw": (0, 1)}, TypeError, "no parameter windw: did you mean window[?]"),
         ({"block": "x"}, ValueError, "block must be True or False, but it is 'x'"),
     ],
     ids=lambda value: str(value)[:20] if isinstance(value, dict) else "",
