@@ -22,7 +22,6 @@
 
 #include <cstdlib>
 #include <string>
-#include <type_traits>
 #include <vector>
 
 namespace itk::ShearWarp
@@ -34,7 +33,7 @@ struct InstructionSet
 {
   const char * name;
   bool (*isAvailable)();
-  const VectorKernels & (*getKernels)(); // null if all pixel types have portable kernels
+  const VectorKernels & (*getKernels)(); // null for the portable kernels
 };
 
 bool
@@ -125,15 +124,8 @@ template <typename TPixel>
 const Kernels<TPixel> &
 GetKernels()
 {
-  [[maybe_unused]] const InstructionSet set = ChooseInstructionSet();
-  if constexpr (std::is_base_of_v<Kernels<TPixel>, VectorKernels>)
-  {
-    if (set.getKernels)
-    {
-      return set.getKernels();
-    }
-  }
-  return GetPortableKernels<TPixel>();
+  const InstructionSet set = ChooseInstructionSet();
+  return set.getKernels ? set.getKernels() : GetPortableKernels<TPixel>();
 }
 
 #define INSTANTIATE(TPixel) template const Kernels<TPixel> & GetKernels();

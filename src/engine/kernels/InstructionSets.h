@@ -24,13 +24,21 @@
  * and a row in InstructionSets.cxx. */
 namespace itk::ShearWarp
 {
-/** The kernels of one instruction set, for each type of SHEARWARP_FOR_EACH_VECTOR_PIXEL_TYPE. */
+/** The kernels of one instruction set, for each type of SHEARWARP_FOR_EACH_PIXEL_TYPE. */
 struct VectorKernels
   : Kernels<unsigned char>
   , Kernels<signed char>
   , Kernels<unsigned short>
   , Kernels<short>
   , Kernels<float>
+  , Kernels<char>
+  , Kernels<int>
+  , Kernels<unsigned int>
+  , Kernels<long>
+  , Kernels<unsigned long>
+  , Kernels<long long>
+  , Kernels<unsigned long long>
+  , Kernels<double>
 {};
 
 /* Kernels run only on a processor that has their instructions. */

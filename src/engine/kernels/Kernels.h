@@ -29,8 +29,9 @@
 /** The steps of the projection on plain memory: pointers, strides and sizes.
  *
  * Kernels has one function for each step. Portable kernels are for every scalar type except `bool` and `long double`.
- * Vector kernels are for `unsigned char`, `signed char`, integers of 16 bits, and float. All kernels give the same
- * bits: they follow the rule of itkShearWarpSampling.h. */
+ * Vector kernels of `unsigned char`, `signed char`, integers of 16 bits, and float are written for lanes. For the other
+ * types they are the portable projection, compiled for an instruction set. All kernels give the same bits: they follow
+ * the rule of itkShearWarpSampling.h. */
 namespace itk::ShearWarp
 {
 
@@ -553,8 +554,8 @@ const ShearWarpMIP_EXPORT Kernels<TPixel> &
                           GetPortableKernels();
 
 /** Returns the kernels of the instruction set in the environment variable SHEARWARPMIP_INSTRUCTION_SET or, if the
- * variable is not set, of the best one of this computer. Pixel types without vector kernels get the portable kernels.
- * Throws InvalidParameter if this computer does not have the instruction set. */
+ * variable is not set, of the best one of this computer. Throws InvalidParameter if this computer does not have the
+ * instruction set. */
 template <typename TPixel>
 const ShearWarpMIP_EXPORT Kernels<TPixel> &
                           GetKernels();

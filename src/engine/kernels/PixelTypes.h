@@ -23,11 +23,11 @@
 #define SHEARWARP_FOR_EACH_VECTOR_PIXEL_TYPE(macro) \
   macro(unsigned char) macro(signed char) macro(unsigned short) macro(short) macro(float)
 
-#define SHEARWARP_FOR_EACH_PORTABLE_PIXEL_TYPE(macro)                                          \
+#define SHEARWARP_FOR_EACH_ROW_PIXEL_TYPE(macro)                                               \
   macro(char) macro(int) macro(unsigned int) macro(long) macro(unsigned long) macro(long long) \
     macro(unsigned long long) macro(double)
 
 #define SHEARWARP_FOR_EACH_PIXEL_TYPE(macro) \
-  SHEARWARP_FOR_EACH_VECTOR_PIXEL_TYPE(macro) SHEARWARP_FOR_EACH_PORTABLE_PIXEL_TYPE(macro)
+  SHEARWARP_FOR_EACH_VECTOR_PIXEL_TYPE(macro) SHEARWARP_FOR_EACH_ROW_PIXEL_TYPE(macro)
 
 #endif

@@ -28,6 +28,7 @@
 #include <type_traits>
 
 #define SHEARWARP_UNROLL
+#define SHEARWARP_RESTRICT __restrict
 #define SHEARWARP_INLINE
 
 namespace itk::ShearWarp
@@ -108,6 +109,8 @@ PrefetchVoxel(const void *)
 
 #include "Exact.h"
 
+#include "RowProjection.h"
+
 /** Returns the weighted mean of VCount values, rounded half upward to the pixel type. A mean of zero is +0. The weights
  * sum to \a sum <= 2^15. */
 template <typename TPixel, std::size_t VCount>
@@ -164,311 +167,11 @@ WeightedMean(const TPixel (&values)[VCount], const std::int32_t (&weights)[VCoun
   }
 }
 
-/** \class CellSampler
- * Interpolates between the four voxels of cells, at the same place of each. */
-template <typename TPixel, typename = void>
-class CellSampler
-{
-public:
-  CellSampler(std::int32_t x, std::int32_t y)
-    : m_Weights(x, y)
-  {}
-
-  TPixel
-  operator()(TPixel aa, TPixel ab, TPixel ba, TPixel bb) const
-  {
-    if constexpr (sizeof(TPixel) < sizeof(std::int64_t))
-    {
-      using Sum = std::conditional_t<(sizeof(TPixel) > 2), std::int64_t, std::int32_t>;
-      const Sum sum =
-        Sum{ m_Weights.aa } * aa + Sum{ m_Weights.ab } * ab + Sum{ m_Weights.ba } * ba + Sum{ m_Weights.bb } * bb;
-      return static_cast<TPixel>((sum + One / 2) >> FractionBits);
-    }
-    else
-    {
-      return WeightedMean<TPixel, 4>(
-        { aa, ab, ba, bb }, { m_Weights.aa, m_Weights.ab, m_Weights.ba, m_Weights.bb }, One);
-    }
-  }
-
-private:
-  BilinearWeights m_Weights;
-};
-
-template <typename TPixel>
-class CellSampler<TPixel, std::enable_if_t<std::is_floating_point_v<TPixel>>>
-{
-public:
-  CellSampler(std::int32_t x, std::int32_t y)
-    : m_X(static_cast<TPixel>(x) / One)
-    , m_Y(static_cast<TPixel>(y) / One)
-  {}
-
-  TPixel
-  operator()(TPixel aa, TPixel ab, TPixel ba, TPixel bb) const
-  {
-    return Interpolate(Interpolate(aa, ab, m_X), Interpolate(ba, bb, m_X), m_Y);
-  }
-
-private:
-  static TPixel
-  Interpolate(TPixel a, TPixel b, TPixel weightOfA)
-  {
-    return weightOfA == 0 ? b : b + weightOfA * (a - b);
-  }
-
-  TPixel m_X;
-  TPixel m_Y;
-};
-
 template <typename TPixel>
 void
 Raise(TPixel & maximum, TPixel value)
 {
   maximum = value > maximum ? value : maximum;
-}
-
-/** A row of samples between two rows of a slice. */
-template <typename TPixel>
-struct SliceRow
-{
-  const TPixel *       a; // weight y / 2^15
-  const TPixel *       b; // the remaining weight
-  const std::uint8_t * maskA;
-  const std::uint8_t * maskB; // both null if the view has no mask
-  std::ptrdiff_t       columns;
-  SamplingPosition     column; // of voxel 0 in the intermediate image
-  std::int32_t         y;      // 0 in the outer half voxels
-};
-
-/** \class ExtremumRow
- * The pixels of a row, which take the extremum of their samples. */
-template <Extremum VExtremum, typename TPixel>
-class ExtremumRow
-{
-public:
-  ExtremumRow(const ShearedView<TPixel> & view, std::ptrdiff_t row, SliceRank<TPixel> rank)
-    : m_Rank(rank)
-    , m_Threshold(view.localThreshold)
-    , m_Pixels(view.intermediate.pixels + row * view.intermediate.rowStride)
-    , m_Ranks(view.ranked.ranks ? view.ranked.ranks + row * view.intermediate.rowStride : nullptr)
-  {}
-
-  void
-  Take(std::ptrdiff_t p, TPixel sample) const
-  {
-    TakeSample<VExtremum>(sample, m_Rank, m_Threshold, m_Pixels[p], m_Ranks ? m_Ranks + p : nullptr);
-  }
-
-private:
-  SliceRank<TPixel>   m_Rank;
-  const TPixel *      m_Threshold;
-  TPixel *            m_Pixels;
-  SliceRank<TPixel> * m_Ranks;
-};
-
-/** \class SumRow
- * The pixels of a row, which take the sum of their samples. */
-template <typename TPixel>
-class SumRow
-{
-public:
-  SumRow(const ShearedView<TPixel> & view, std::ptrdiff_t row, SliceRank<TPixel>)
-    : m_Sums(GetSums(view, row))
-    , m_CountSteps(GetCountSteps(view, row))
-  {}
-
-  void
-  Take(std::ptrdiff_t p, TPixel sample) const
-  {
-    AddSample(sample, m_Sums[p], m_CountSteps + p);
-  }
-
-private:
-  SampleSum<TPixel> * m_Sums;
-  std::uint32_t *     m_CountSteps;
-};
-
-/** Takes the samples of a row of a slice for a view. They fade if \a fading is not null. */
-template <typename TPixelRow, typename TPixel>
-class RowProjector
-{
-public:
-  RowProjector(const SliceRow<TPixel> &    row,
-               const ShearedView<TPixel> & view,
-               std::ptrdiff_t              pixelRow,
-               const TileState *           active,
-               SliceRank<TPixel>           rank,
-               const FadingRow<TPixel> *   fading)
-    : m_Row(row)
-    , m_View(view)
-    , m_Active(active)
-    , m_Fading(fading)
-    , m_Pixels(view, pixelRow, rank)
-  {}
-
-  /** Takes the samples in \a span that lie between two columns. */
-  void
-  ProjectInner(ColumnSpan span) const
-  {
-    const auto [a, b, maskA, maskB, columns, position, y] = m_Row;
-    const CellSampler<TPixel> sample(position.fraction, y);
-    const std::ptrdiff_t      last = std::min<std::ptrdiff_t>(span.end, position.whole + columns);
-    for (std::ptrdiff_t begin = std::max(span.begin, position.whole + 1), end = 0; begin < last; begin = end)
-    {
-      end = std::min<std::ptrdiff_t>((begin / TileColumns + 1) * TileColumns, last);
-      const TileState state = this->GetState(begin);
-      for (std::ptrdiff_t p = begin; state == TileState::Whole && p < end; ++p)
-      {
-        const std::ptrdiff_t i = p - position.whole;
-        this->Take(p, sample(a[i - 1], a[i], b[i - 1], b[i]));
-      }
-      for (std::ptrdiff_t p = begin; state == TileState::Masked && p < end; ++p)
-      {
-        const std::ptrdiff_t i = p - position.whole;
-        this->TakeCounted(p, i, i - 1, position.fraction);
-      }
-    }
-  }
-
-  /** Takes the sample of the outer column if the sample is in \a span. */
-  void
-  ProjectEdge(ColumnSpan span) const
-  {
-    const auto [a, b, maskA, maskB, columns, position, y] = m_Row;
-    const std::ptrdiff_t edge = position.whole + (position.fraction > One / 2 ? columns : 0);
-    const std::ptrdiff_t i = std::min(edge - position.whole, columns - 1);
-    const bool           hasEdge = edge >= span.begin && edge < span.end;
-    if (hasEdge && this->GetState(edge) == TileState::Whole)
-    {
-      this->Take(edge, CellSampler<TPixel>(0, y)(a[i], a[i], b[i], b[i]));
-    }
-    if (hasEdge && this->GetState(edge) == TileState::Masked)
-    {
-      this->TakeCounted(edge, i, i, 0);
-    }
-  }
-
-private:
-  TileState
-  GetState(std::ptrdiff_t p) const
-  {
-    return m_Active ? m_Active[p / TileColumns] : m_Row.maskA ? TileState::Masked : TileState::Whole;
-  }
-
-  void
-  Take(std::ptrdiff_t p, TPixel value) const
-  {
-    const TPixel taken = m_Fading ? FadeInRow(*m_Fading, value, p) : value;
-    m_Pixels.Take(p, taken);
-  }
-
-  /** Takes the sample between voxels \a before and \a i of both rows if the sample counts by the mask. */
-  void
-  TakeCounted(std::ptrdiff_t p, std::ptrdiff_t i, std::ptrdiff_t before, std::int32_t x) const
-  {
-    const unsigned int counted = FindCounted(m_Row.maskA, m_Row.maskB, m_View.mask->label, i, before, x, m_Row.y);
-    if (counted != 0)
-    {
-      this->Take(p, SampleCounted(m_Row.a, m_Row.b, i, before, x, m_Row.y, counted));
-    }
-  }
-
-  SliceRow<TPixel>            m_Row;
-  const ShearedView<TPixel> & m_View;
-  const TileState *           m_Active; // the states of the row's tiles, or null
-  const FadingRow<TPixel> *   m_Fading;
-  TPixelRow                   m_Pixels;
-};
-
-/** Takes the block's samples of one slice. */
-template <typename TPixelRow, typename TPixel>
-void
-ProjectSlice(const SliceStack<TPixel> &  stack,
-             const Block &               block,
-             const ShearedView<TPixel> & view,
-             std::ptrdiff_t              slice)
-{
-  const SamplingPosition & column = view.placements[slice].column;
-  const SamplingPosition & row = view.placements[slice].row;
-  const auto [begin, end] = FindRowSamples(block, view.placements, slice, stack.rowEnds);
-  const RowSpan        columnSamples = FindSamples(column, stack.columns, stack.columnEnds);
-  const std::ptrdiff_t firstTile = FindFirstRow(block, view.placements, slice) - row.whole + block.rowBegin;
-  const Mask           mask = view.mask ? *view.mask : Mask{};
-  const auto           getRow = [slice](const auto & of, std::ptrdiff_t index) {
-    return of.voxels ? of.voxels + (slice * of.sliceStride + index * of.rowStride) : nullptr;
-  };
-  for (std::ptrdiff_t j = begin; j < end; ++j)
-  {
-    const bool           isEdge = j == 0 || j == stack.rows;
-    const std::ptrdiff_t a = std::max<std::ptrdiff_t>(j - 1, 0);
-    const std::ptrdiff_t b = std::min(j, stack.rows - 1);
-    const std::ptrdiff_t tile =
-      std::clamp<std::ptrdiff_t>(j - firstTile, 0, block.rowEnd - block.rowBegin - 1) / BlockLength;
-    ColumnSpan        reached{ column.whole + static_cast<std::int32_t>(columnSamples.begin),
-                        column.whole + static_cast<std::int32_t>(columnSamples.end) };
-    FadingRow<TPixel> fading{};
-    if (view.fading)
-    {
-      fading = view.fading->GetRow(row.whole + j, slice, reached);
-    }
-    if (view.coverage.region)
-    {
-      reached = view.coverage.Add(reached, row.whole + j, slice);
-    }
-    const RowProjector<TPixelRow, TPixel> projector({ getRow(stack, a),
-                                                      getRow(stack, b),
-                                                      getRow(mask, a),
-                                                      getRow(mask, b),
-                                                      stack.columns,
-                                                      column,
-                                                      isEdge ? 0 : row.fraction },
-                                                    view,
-                                                    row.whole + j,
-                                                    view.active ? view.active + tile * view.activeStride : nullptr,
-                                                    GetRank(view.ranked, slice),
-                                                    view.fading ? &fading : nullptr);
-    projector.ProjectInner(reached);
-    projector.ProjectEdge(reached);
-  }
-}
-
-/** Calls \a function(view, slice) for the slices of a block, and for each slice for all views. */
-template <typename TPixel, typename TFunction>
-void
-ForEachSlice(const Block & block, const ShearedView<TPixel> * views, std::size_t count, const TFunction & function)
-{
-  for (std::ptrdiff_t n = block.sliceBegin; n < block.sliceEnd; ++n)
-  {
-    const std::ptrdiff_t slice = block.isBackward ? block.sliceBegin + block.sliceEnd - 1 - n : n;
-    for (const ShearedView<TPixel> * view = views; view != views + count; ++view)
-    {
-      function(*view, slice);
-    }
-  }
-}
-
-template <typename TPixel>
-void
-ProjectBlock(const SliceStack<TPixel> &  slices,
-             const Block &               block,
-             const ShearedView<TPixel> * views,
-             std::size_t                 count)
-{
-  ForEachSlice(block, views, count, [&](const ShearedView<TPixel> & view, std::ptrdiff_t slice) {
-    CallWithExtremum(view.extremum, [&](auto extremum) {
-      ProjectSlice<ExtremumRow<decltype(extremum)::value, TPixel>>(slices, block, view, slice);
-    });
-  });
-}
-
-template <typename TPixel>
-void
-AddBlock(const SliceStack<TPixel> & slices, const Block & block, const ShearedView<TPixel> * views, std::size_t count)
-{
-  ForEachSlice(block, views, count, [&](const ShearedView<TPixel> & view, std::ptrdiff_t slice) {
-    ProjectSlice<SumRow<TPixel>>(slices, block, view, slice);
-  });
 }
 
 template <typename TPixel>
@@ -620,8 +323,8 @@ const Kernels<TPixel> &
 GetPortableKernels()
 {
   static constexpr Kernels<TPixel> kernels{
-    "portable",      ProjectBlock<TPixel>,   AddBlock<TPixel>,         IsAnyBelow<TPixel>, FindBlockExtrema<TPixel>,
-    WarpRow<TPixel>, TransposeSlice<TPixel>, EvaluateSegments<TPixel>, SearchLayer<TPixel>
+    "portable",      ProjectBlockByRows<TPixel>, AddBlockByRows<TPixel>,   IsAnyBelow<TPixel>, FindBlockExtrema<TPixel>,
+    WarpRow<TPixel>, TransposeSlice<TPixel>,     EvaluateSegments<TPixel>, SearchLayer<TPixel>
   };
   return kernels;
 }
@@ -648,8 +351,12 @@ SampleCounted(const TPixel * a,
   // floats use all four voxels, also if a weight is rounded to zero
   const unsigned int used =
     0b0001U | (x != 0 ? 0b0010U : 0U) | (y != 0 ? 0b0100U : 0U) | (x != 0 && y != 0 ? 0b1000U : 0U);
-  return (counted & used) == used ? CellSampler<TPixel>(x, y)(values[3], values[2], values[1], values[0])
-                                  : WeightedMean(values, weights, sum);
+  TPixel mean = WeightedMean(values, weights, sum);
+  if ((counted & used) == used)
+  {
+    CallWithSampler<TPixel>(x, y, [&](const auto & sample) { mean = sample(a, b, before, column); });
+  }
+  return mean;
 }
 
 /** Returns the rank of the intermediate pixel with the largest weight, or 0 if the place has no value. */

@@ -44,6 +44,7 @@
 
 #define SHEARWARP_UNROLL _Pragma("GCC unroll 18")
 #define SHEARWARP_INLINE __attribute__((always_inline))
+#define SHEARWARP_RESTRICT __restrict
 
 namespace itk::ShearWarp
 {
@@ -117,6 +118,8 @@ PrefetchVoxel(const void * p)
 
 #include "Exact.h"
 
+#include "RowProjection.h"
+
 #include "VectorSampling.h"
 
 #include "VectorTiles.h"
@@ -133,14 +136,28 @@ constexpr Kernels<TPixel> KernelsOf{
   Lanes::Name,     ProjectBlock<TPixel>,   AddBlock<TPixel>,         IsAnyBelow<TPixel>, FindBlockExtrema<TPixel>,
   WarpRow<TPixel>, TransposeSlice<TPixel>, EvaluateSegments<TPixel>, SearchLayer<TPixel>
 };
+
+/** For types without lanes of their own: the portable kernels, of which the compiler makes vectors in some. */
+template <typename TPixel>
+Kernels<TPixel>
+MakeRowKernels()
+{
+  Kernels<TPixel> kernels = GetPortableKernels<TPixel>();
+  kernels.instructionSet = Lanes::Name;
+  kernels.projectBlock = ProjectBlockByRows<TPixel>;
+  kernels.addBlock = AddBlockByRows<TPixel>;
+  return kernels;
+}
 } // namespace
 
 const VectorKernels &
 SHEARWARP_GET_KERNELS() // NOLINT(misc-definitions-in-headers)
 {
-  static constexpr VectorKernels kernels{
-    KernelsOf<unsigned char>, KernelsOf<signed char>, KernelsOf<unsigned short>, KernelsOf<short>, KernelsOf<float>
-  };
+#define MAKE_ROW_KERNELS(TPixel) MakeRowKernels<TPixel>(),
+  static const VectorKernels kernels{ KernelsOf<unsigned char>,  KernelsOf<signed char>,
+                                      KernelsOf<unsigned short>, KernelsOf<short>,
+                                      KernelsOf<float>,          SHEARWARP_FOR_EACH_ROW_PIXEL_TYPE(MAKE_ROW_KERNELS) };
+#undef MAKE_ROW_KERNELS
   return kernels;
 }
 } // namespace itk::ShearWarp

@@ -1,0 +1,512 @@
+/*=========================================================================
+ *
+ *  Copyright NumFOCUS
+ *
+ *  Licensed under the Apache License, Version 2.0 (the "License");
+ *  you may not use this file except in compliance with the License.
+ *  You may obtain a copy of the License at
+ *
+ *         https://www.apache.org/licenses/LICENSE-2.0.txt
+ *
+ *  Unless required by applicable law or agreed to in writing, software
+ *  distributed under the License is distributed on an "AS IS" BASIS,
+ *  WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+ *  See the License for the specific language governing permissions and
+ *  limitations under the License.
+ *
+ *=========================================================================*/
+#ifndef itkShearWarpRowProjection_h
+#define itkShearWarpRowProjection_h
+
+/* From rows of slices to rows of intermediate images: the rule of itkShearWarpSampling.h as it is written, for all
+ * pixel types. A compiler makes vectors of the loops over plain runs of samples. */
+
+/** \class CellSampler
+ * Interpolates between the four voxels of cells, at the same place of each, with a fraction along columns (VHasX) or
+ * rows (VHasY). Integers of 64 bits are split into an upper and a lower part of 15 bits, so that no sum overflows. */
+template <typename TPixel, bool VHasX = true, bool VHasY = true>
+class CellSampler
+{
+public:
+  CellSampler(std::int32_t x, std::int32_t y)
+    : CellSampler(x, y, (x * y + One / 2) >> FractionBits)
+  {}
+
+  /** The two voxels before and in a column of rows \a a and \a b. */
+  TPixel
+  operator()(const TPixel * a, const TPixel * b, std::ptrdiff_t before, std::ptrdiff_t column) const
+  {
+    const auto sum = [&](const auto & get) {
+      auto total = m_BB * get(b[column]);
+      total += VHasX ? m_BA * get(b[before]) : 0;
+      total += VHasY ? m_AB * get(a[column]) : 0;
+      return total + (VHasX && VHasY ? m_AA * get(a[before]) : 0);
+    };
+    if constexpr (sizeof(TPixel) < sizeof(std::int64_t))
+    {
+      const Sum rounded = sum([](TPixel voxel) { return Sum{ voxel }; }) + One / 2;
+      // the low bits are those of the signed shift
+      return static_cast<TPixel>(static_cast<std::make_unsigned_t<Sum>>(rounded) >> FractionBits);
+    }
+    else
+    {
+      // an offset changes no weighted mean: a signed integer becomes an unsigned one
+      constexpr std::uint64_t offset = static_cast<TPixel>(-1) < 0 ? std::uint64_t{ 1 } << 63 : 0;
+      constexpr std::uint64_t lowBits = One - 1;
+      const auto getUpper = [](TPixel voxel) { return (static_cast<std::uint64_t>(voxel) ^ offset) >> FractionBits; };
+      const auto getLower = [](TPixel voxel) { return (static_cast<std::uint64_t>(voxel) ^ offset) & lowBits; };
+      return static_cast<TPixel>((sum(getUpper) + ((sum(getLower) + One / 2) >> FractionBits)) ^ offset);
+    }
+  }
+
+private:
+  using Sum = std::conditional_t<(sizeof(TPixel) == 8),
+                                 std::uint64_t,
+                                 std::conditional_t<(sizeof(TPixel) > 2), std::int64_t, std::int32_t>>;
+
+  CellSampler(std::int32_t x, std::int32_t y, std::int32_t aa)
+    : m_AA(static_cast<Sum>(aa))
+    , m_AB(static_cast<Sum>(y - aa))
+    , m_BA(static_cast<Sum>(x - aa))
+    , m_BB(static_cast<Sum>(One - x - y + aa))
+  {}
+
+  Sum m_AA, m_AB, m_BA, m_BB;
+};
+
+/** Floats: without a fraction, the voxels of weight zero are not used. */
+template <typename TFloat, bool VHasX, bool VHasY>
+class FloatCellSampler
+{
+public:
+  FloatCellSampler(std::int32_t x, std::int32_t y)
+    : m_X(static_cast<TFloat>(x) / One)
+    , m_Y(static_cast<TFloat>(y) / One)
+  {}
+
+  TFloat
+  operator()(const TFloat * a, const TFloat * b, std::ptrdiff_t before, std::ptrdiff_t column) const
+  {
+    const auto interpolate = [before, column, this](const TFloat * row) {
+      return VHasX ? row[column] + m_X * (row[before] - row[column]) : row[column];
+    };
+    const TFloat below = interpolate(b);
+    return VHasY ? below + m_Y * (interpolate(a) - below) : below;
+  }
+
+private:
+  TFloat m_X, m_Y;
+};
+
+template <bool VHasX, bool VHasY>
+class CellSampler<float, VHasX, VHasY> : public FloatCellSampler<float, VHasX, VHasY>
+{
+public:
+  using FloatCellSampler<float, VHasX, VHasY>::FloatCellSampler;
+};
+
+template <bool VHasX, bool VHasY>
+class CellSampler<double, VHasX, VHasY> : public FloatCellSampler<double, VHasX, VHasY>
+{
+public:
+  using FloatCellSampler<double, VHasX, VHasY>::FloatCellSampler;
+};
+
+/** Calls \a function with the sampler for these fractions. */
+template <typename TPixel, typename TFunction>
+void
+CallWithSampler(std::int32_t x, std::int32_t y, const TFunction & function)
+{
+  if (x != 0)
+  {
+    return y != 0 ? function(CellSampler<TPixel, true, true>(x, y)) : function(CellSampler<TPixel, true, false>(x, y));
+  }
+  return y != 0 ? function(CellSampler<TPixel, false, true>(x, y)) : function(CellSampler<TPixel, false, false>(x, y));
+}
+
+/** A row of samples between two rows of a slice. */
+template <typename TPixel>
+struct SliceRow
+{
+  const TPixel *       a; // weight y / 2^15
+  const TPixel *       b; // the remaining weight
+  const std::uint8_t * maskA;
+  const std::uint8_t * maskB; // both null if the view has no mask
+  std::ptrdiff_t       columns;
+  SamplingPosition     column; // of voxel 0 in the intermediate image
+  std::int32_t         y;      // 0 in the outer half voxels
+};
+
+/** \class ExtremumRow
+ * The pixels of a row, which take the extremum of their samples. */
+template <Extremum VExtremum, typename TPixel>
+class ExtremumRow
+{
+public:
+  ExtremumRow(const ShearedView<TPixel> & view, std::ptrdiff_t row, SliceRank<TPixel> rank)
+    : m_Rank(rank)
+    , m_Threshold(view.localThreshold)
+    , m_Pixels(view.intermediate.pixels + row * view.intermediate.rowStride)
+    , m_Ranks(view.ranked.ranks ? view.ranked.ranks + row * view.intermediate.rowStride : nullptr)
+  {}
+
+  void
+  Take(std::ptrdiff_t p, TPixel sample) const
+  {
+    TakeSample<VExtremum>(sample, m_Rank, m_Threshold, m_Pixels[p], m_Ranks ? m_Ranks + p : nullptr);
+  }
+
+  /** Takes \a count samples from pixel \a p on, between column \a i of two rows and the column before. */
+  template <typename TSampler>
+  void
+  TakeRun(std::ptrdiff_t   p,
+          std::ptrdiff_t   count,
+          const TSampler & sample,
+          const TPixel *   a,
+          const TPixel *   b,
+          std::ptrdiff_t   i) const
+  {
+    if (m_Threshold)
+    {
+      for (std::ptrdiff_t n = 0; n < count; ++n)
+      {
+        this->Take(p + n, sample(a, b, i + n - 1, i + n));
+      }
+    }
+    else if (m_Ranks)
+    {
+      TakeRanked(m_Pixels + p, m_Ranks + p, m_Rank, count, sample, a + i, b + i);
+    }
+    else
+    {
+      TakePlain(m_Pixels + p, count, sample, a + i, b + i);
+    }
+  }
+
+private:
+  template <typename TSampler>
+  static void
+  TakePlain(TPixel * SHEARWARP_RESTRICT pixels,
+            std::ptrdiff_t              count,
+            const TSampler              sample,
+            const TPixel *              a,
+            const TPixel *              b)
+  {
+    for (std::ptrdiff_t n = 0; n < count; ++n)
+    {
+      const TPixel value = sample(a, b, n - 1, n);
+      pixels[n] = IsBetter<VExtremum>(value, pixels[n]) ? value : pixels[n];
+    }
+  }
+
+  template <typename TSampler>
+  static void
+  TakeRanked(TPixel * SHEARWARP_RESTRICT            pixels,
+             SliceRank<TPixel> * SHEARWARP_RESTRICT ranks,
+             SliceRank<TPixel>                      rank,
+             std::ptrdiff_t                         count,
+             const TSampler                         sample,
+             const TPixel *                         a,
+             const TPixel *                         b)
+  {
+    for (std::ptrdiff_t n = 0; n < count; ++n)
+    {
+      const TPixel            value = sample(a, b, n - 1, n);
+      const TPixel            pixel = pixels[n];
+      const SliceRank<TPixel> lower = Smaller(rank, ranks[n]);
+      const SliceRank<TPixel> equal = value == pixel ? lower : ranks[n];
+      ranks[n] = IsBetter<VExtremum>(value, pixel) ? rank : equal;
+      pixels[n] = IsBetter<VExtremum>(value, pixel) ? value : pixel;
+    }
+  }
+
+  SliceRank<TPixel>   m_Rank;
+  const TPixel *      m_Threshold;
+  TPixel *            m_Pixels;
+  SliceRank<TPixel> * m_Ranks;
+};
+
+/** \class SumRow
+ * The pixels of a row, which take the sum of their samples. */
+template <typename TPixel>
+class SumRow
+{
+public:
+  SumRow(const ShearedView<TPixel> & view, std::ptrdiff_t row, SliceRank<TPixel>)
+    : m_Sums(GetSums(view, row))
+    , m_CountSteps(GetCountSteps(view, row))
+  {}
+
+  void
+  Take(std::ptrdiff_t p, TPixel sample) const
+  {
+    AddSample(sample, m_Sums[p], m_CountSteps + p);
+  }
+
+  /** As ExtremumRow. */
+  template <typename TSampler>
+  void
+  TakeRun(std::ptrdiff_t   p,
+          std::ptrdiff_t   count,
+          const TSampler & sample,
+          const TPixel *   a,
+          const TPixel *   b,
+          std::ptrdiff_t   i) const
+  {
+    if constexpr (IsFloat<TPixel>)
+    {
+      for (std::ptrdiff_t n = 0; n < count; ++n)
+      {
+        this->Take(p + n, sample(a, b, i + n - 1, i + n));
+      }
+    }
+    else
+    {
+      AddRun(m_Sums + p, count, sample, a + i, b + i);
+      CountSamples(m_CountSteps, p, p + count);
+    }
+  }
+
+private:
+  template <typename TSampler>
+  static void
+  AddRun(SampleSum<TPixel> * SHEARWARP_RESTRICT sums,
+         std::ptrdiff_t                         count,
+         const TSampler                         sample,
+         const TPixel *                         a,
+         const TPixel *                         b)
+  {
+    for (std::ptrdiff_t n = 0; n < count; ++n)
+    {
+      AddToSum(sample(a, b, n - 1, n), sums[n]);
+    }
+  }
+
+  SampleSum<TPixel> * m_Sums;
+  std::uint32_t *     m_CountSteps;
+};
+
+/** Takes the samples of a row of a slice for a view. They fade if \a fading is not null. */
+template <typename TPixelRow, typename TPixel>
+class RowProjector
+{
+public:
+  RowProjector(const SliceRow<TPixel> &    row,
+               const ShearedView<TPixel> & view,
+               std::ptrdiff_t              pixelRow,
+               const TileState *           active,
+               SliceRank<TPixel>           rank,
+               const FadingRow<TPixel> *   fading)
+    : m_Row(row)
+    , m_View(view)
+    , m_Active(active)
+    , m_Fading(fading)
+    , m_Pixels(view, pixelRow, rank)
+  {}
+
+  /** Takes the samples in \a span that lie between two columns. */
+  void
+  ProjectInner(ColumnSpan span) const
+  {
+    const SamplingPosition & position = m_Row.column;
+    const std::ptrdiff_t     last = Smaller<std::ptrdiff_t>(span.end, position.whole + m_Row.columns);
+    for (std::ptrdiff_t begin = Larger(span.begin, position.whole + 1), end = 0; begin < last; begin = end)
+    {
+      const TileState state = this->GetState(begin);
+      // without states, all tiles are alike
+      end = m_Active ? Smaller<std::ptrdiff_t>((begin / TileColumns + 1) * TileColumns, last) : last;
+      if (state == TileState::Whole)
+      {
+        this->TakeWhole(begin, end);
+      }
+      for (std::ptrdiff_t p = begin; state == TileState::Masked && p < end; ++p)
+      {
+        const std::ptrdiff_t i = p - position.whole;
+        this->TakeCounted(p, i, i - 1, position.fraction);
+      }
+    }
+  }
+
+  /** Takes the sample of the outer column if the sample is in \a span. */
+  void
+  ProjectEdge(ColumnSpan span) const
+  {
+    const auto [a, b, maskA, maskB, columns, position, y] = m_Row;
+    const std::ptrdiff_t edge = position.whole + (position.fraction > One / 2 ? columns : 0);
+    const std::ptrdiff_t i = Smaller(edge - position.whole, columns - 1);
+    const bool           hasEdge = edge >= span.begin && edge < span.end;
+    if (hasEdge && this->GetState(edge) == TileState::Whole)
+    {
+      CallWithSampler<TPixel>(0, y, [&](const auto & sample) { this->Take(edge, sample(a, b, i, i)); });
+    }
+    if (hasEdge && this->GetState(edge) == TileState::Masked)
+    {
+      this->TakeCounted(edge, i, i, 0);
+    }
+  }
+
+private:
+  void
+  TakeWhole(std::ptrdiff_t begin, std::ptrdiff_t end) const
+  {
+    const std::ptrdiff_t first = begin - m_Row.column.whole;
+    CallWithSampler<TPixel>(m_Row.column.fraction, m_Row.y, [&](const auto & sample) {
+      if (!m_Fading)
+      {
+        return m_Pixels.TakeRun(begin, end - begin, sample, m_Row.a, m_Row.b, first);
+      }
+      for (std::ptrdiff_t n = 0; n < end - begin; ++n)
+      {
+        this->Take(begin + n, sample(m_Row.a, m_Row.b, first + n - 1, first + n));
+      }
+    });
+  }
+
+  TileState
+  GetState(std::ptrdiff_t p) const
+  {
+    return m_Active ? m_Active[p / TileColumns] : m_Row.maskA ? TileState::Masked : TileState::Whole;
+  }
+
+  void
+  Take(std::ptrdiff_t p, TPixel value) const
+  {
+    const TPixel taken = m_Fading ? FadeInRow(*m_Fading, value, p) : value;
+    m_Pixels.Take(p, taken);
+  }
+
+  /** Takes the sample between voxels \a before and \a i of both rows if the sample counts by the mask. */
+  void
+  TakeCounted(std::ptrdiff_t p, std::ptrdiff_t i, std::ptrdiff_t before, std::int32_t x) const
+  {
+    const unsigned int counted = FindCounted(m_Row.maskA, m_Row.maskB, m_View.mask->label, i, before, x, m_Row.y);
+    if (counted != 0)
+    {
+      this->Take(p, SampleCounted(m_Row.a, m_Row.b, i, before, x, m_Row.y, counted));
+    }
+  }
+
+  SliceRow<TPixel>            m_Row;
+  const ShearedView<TPixel> & m_View;
+  const TileState *           m_Active; // the states of the row's tiles, or null
+  const FadingRow<TPixel> *   m_Fading;
+  TPixelRow                   m_Pixels;
+};
+
+/** Starts to fetch a row of voxels. */
+template <typename TPixel>
+void
+FetchRow(const TPixel * row, std::ptrdiff_t columns)
+{
+  constexpr std::ptrdiff_t line = 64 / sizeof(TPixel);
+  for (std::ptrdiff_t column = 0; column < columns; column += line)
+  {
+    PrefetchVoxel(row + column);
+  }
+}
+
+/** Takes the block's samples of one slice. The first view fetches the rows of the next slice for all views. */
+template <typename TPixelRow, typename TPixel>
+void
+ProjectSlice(const SliceStack<TPixel> &  stack,
+             const Block &               block,
+             const ShearedView<TPixel> & view,
+             std::ptrdiff_t              slice,
+             bool                        isFirstView)
+{
+  const SamplingPosition & column = view.placements[slice].column;
+  const SamplingPosition & row = view.placements[slice].row;
+  const auto [begin, end] = FindRowSamples(block, view.placements, slice, stack.rowEnds);
+  const RowSpan        columnSamples = FindSamples(column, stack.columns, stack.columnEnds);
+  const std::ptrdiff_t firstTile = FindFirstRow(block, view.placements, slice) - row.whole + block.rowBegin;
+  const Mask           mask = view.mask ? *view.mask : Mask{};
+  const auto           getRow = [slice](const auto & of, std::ptrdiff_t index) {
+    return of.voxels ? of.voxels + (slice * of.sliceStride + index * of.rowStride) : nullptr;
+  };
+  const std::ptrdiff_t next = block.isBackward ? slice - 1 : slice + 1;
+  const bool fetches = isFirstView && !view.active && !view.coverage.region && next >= 0 && next < stack.slices;
+  for (std::ptrdiff_t j = begin; j < end; ++j)
+  {
+    if (fetches)
+    {
+      FetchRow(stack.voxels + (next * stack.sliceStride + Smaller(j, stack.rows - 1) * stack.rowStride), stack.columns);
+    }
+    const bool           isEdge = j == 0 || j == stack.rows;
+    const std::ptrdiff_t a = Larger<std::ptrdiff_t>(j - 1, 0);
+    const std::ptrdiff_t b = Smaller(j, stack.rows - 1);
+    const std::ptrdiff_t tile =
+      Smaller(Larger<std::ptrdiff_t>(j - firstTile, 0), block.rowEnd - block.rowBegin - 1) / BlockLength;
+    ColumnSpan        reached{ column.whole + static_cast<std::int32_t>(columnSamples.begin),
+                        column.whole + static_cast<std::int32_t>(columnSamples.end) };
+    FadingRow<TPixel> fading{};
+    if (view.fading)
+    {
+      fading = view.fading->GetRow(row.whole + j, slice, reached);
+    }
+    if (view.coverage.region)
+    {
+      reached = view.coverage.Add(reached, row.whole + j, slice);
+    }
+    const RowProjector<TPixelRow, TPixel> projector({ getRow(stack, a),
+                                                      getRow(stack, b),
+                                                      getRow(mask, a),
+                                                      getRow(mask, b),
+                                                      stack.columns,
+                                                      column,
+                                                      isEdge ? 0 : row.fraction },
+                                                    view,
+                                                    row.whole + j,
+                                                    view.active ? view.active + tile * view.activeStride : nullptr,
+                                                    GetRank(view.ranked, slice),
+                                                    view.fading ? &fading : nullptr);
+    projector.ProjectInner(reached);
+    projector.ProjectEdge(reached);
+  }
+}
+
+/** Calls \a function(view, slice, whether it is the first view) for the slices of a block, and for each slice for all
+ * views. */
+template <typename TPixel, typename TFunction>
+void
+ForEachSliceOfRows(const Block &               block,
+                   const ShearedView<TPixel> * views,
+                   std::size_t                 count,
+                   const TFunction &           function)
+{
+  for (std::ptrdiff_t n = block.sliceBegin; n < block.sliceEnd; ++n)
+  {
+    const std::ptrdiff_t slice = block.isBackward ? block.sliceBegin + block.sliceEnd - 1 - n : n;
+    for (const ShearedView<TPixel> * view = views; view != views + count; ++view)
+    {
+      function(*view, slice, view == views);
+    }
+  }
+}
+
+template <typename TPixel>
+void
+ProjectBlockByRows(const SliceStack<TPixel> &  slices,
+                   const Block &               block,
+                   const ShearedView<TPixel> * views,
+                   std::size_t                 count)
+{
+  ForEachSliceOfRows(block, views, count, [&](const ShearedView<TPixel> & view, std::ptrdiff_t slice, bool isFirst) {
+    CallWithExtremum(view.extremum, [&](auto extremum) {
+      ProjectSlice<ExtremumRow<decltype(extremum)::value, TPixel>>(slices, block, view, slice, isFirst);
+    });
+  });
+}
+
+template <typename TPixel>
+void
+AddBlockByRows(const SliceStack<TPixel> &  slices,
+               const Block &               block,
+               const ShearedView<TPixel> * views,
+               std::size_t                 count)
+{
+  ForEachSliceOfRows(block, views, count, [&](const ShearedView<TPixel> & view, std::ptrdiff_t slice, bool isFirst) {
+    ProjectSlice<SumRow<TPixel>>(slices, block, view, slice, isFirst);
+  });
+}
+
+#endif
