@@ -194,13 +194,14 @@ ReadInformation(const std::string & file)
                                  << io->GetNumberOfComponents() << " components; 3 and 1 are needed.");
   }
   const auto component = io->GetComponentType();
-  const bool isFloat = component == IOComponentEnum::FLOAT || component == IOComponentEnum::DOUBLE;
   return { std::filesystem::path(file).stem().string(),
            file,
            { { io->GetDimensions(0), io->GetDimensions(1), io->GetDimensions(2) } },
            component == IOComponentEnum::UCHAR    ? "uint8"
            : component == IOComponentEnum::USHORT ? "uint16"
-           : isFloat                              ? "float"
+           : component == IOComponentEnum::INT    ? "int32"
+           : component == IOComponentEnum::FLOAT  ? "float"
+           : component == IOComponentEnum::DOUBLE ? "double"
                                                   : "int16" };
 }
 

@@ -28,7 +28,9 @@
 #include <vector>
 
 /** Calls macro(type) for each type of voxels. */
-#define FOR_EACH_BENCHMARK_PIXEL_TYPE(macro) macro(std::uint8_t) macro(std::int16_t) macro(std::uint16_t) macro(float)
+#define FOR_EACH_BENCHMARK_PIXEL_TYPE(macro)                                                                        \
+  macro(std::uint8_t) macro(std::int16_t) macro(std::uint16_t) macro(std::int32_t) macro(std::int64_t) macro(float) \
+    macro(double)
 
 namespace itk::ShearWarpBenchmark
 {
@@ -38,11 +40,11 @@ struct DataSet
   std::string kind; // or the file's name
   std::string file; // empty for a synthetic volume
   Size<3>     size;
-  std::string pixelType; // uint8, int16, uint16 or float
+  std::string pixelType; // uint8, int16, uint16, int32, int64, float or double
 };
 
-/** The volume of an image file that ITK reads. Pixels of other types become float if they are double, and else int16,
- * to which reading casts them. Throws ExceptionObject if the file holds no scalar volume. */
+/** The volume of an image file that ITK reads. Pixels of other types become int16, to which reading casts them. Throws
+ * ExceptionObject if the file holds no scalar volume. */
 DataSet
 ReadInformation(const std::string & file);
 
@@ -51,8 +53,8 @@ std::vector<std::string>
 GetKinds();
 
 /** A volume of unit spacing, the same for any number of threads. The anatomy scales with \a size, the noise does not.
- * `float` holds the same values as `uint16`, `int16` too (full 16-bit noise shifted to its range), `uint8` the upper
- * eight bits. Throws ExceptionObject for an unknown kind. */
+ * Other types hold the same values as `uint16`, `int16` too (full 16-bit noise shifted to its range), `uint8` the
+ * upper eight bits. Throws ExceptionObject for an unknown kind. */
 template <typename TPixel>
 typename Image<TPixel, 3>::Pointer
 MakeVolume(const std::string & kind, const Size<3> & size);
@@ -65,6 +67,9 @@ Dispatch(const std::string & pixelType, const TFunction & function)
   return pixelType == "uint8"    ? function(std::uint8_t{})
          : pixelType == "int16"  ? function(std::int16_t{})
          : pixelType == "uint16" ? function(std::uint16_t{})
+         : pixelType == "int32"  ? function(std::int32_t{})
+         : pixelType == "int64"  ? function(std::int64_t{})
+         : pixelType == "double" ? function(double{})
                                  : function(float{});
 }
 

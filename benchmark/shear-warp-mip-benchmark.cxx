@@ -497,7 +497,7 @@ RegisterAll(const Options & options)
   }
   if (!kinds.empty() && !isTyped)
   {
-    for (const std::string pixelType : { "float", "uint8", "int16" })
+    for (const std::string pixelType : { "float", "uint8", "int16", "int32", "int64", "double" })
     {
       dataSets.push_back({ kinds.front(), "", largest, pixelType });
     }
@@ -553,7 +553,7 @@ try
     .add_option(
       "--pixel-types", options.pixelTypes, "Their pixel types [uint16, and all for the largest of the first kind]")
     ->delimiter(',')
-    ->check(CLI::IsMember({ "uint8", "int16", "uint16", "float" }));
+    ->check(CLI::IsMember({ "uint8", "int16", "uint16", "int32", "int64", "float", "double" }));
   app.add_option("--image", options.images, "A file that ITK reads, to measure too")->check(CLI::ExistingFile);
   app.add_flag("--variants", options.hasVariants, "Measure modes, slab, box, mask, depth and the like too, where Auto");
   app.add_flag("--cine", options.isCine, "Measure turning series of 36 frames instead of single views");
