@@ -168,13 +168,6 @@ WeightedMean(const TPixel (&values)[VCount], const std::int32_t (&weights)[VCoun
 }
 
 template <typename TPixel>
-void
-Raise(TPixel & maximum, TPixel value)
-{
-  maximum = value > maximum ? value : maximum;
-}
-
-template <typename TPixel>
 bool
 IsAnyBelow(const TPixel * pixels, std::ptrdiff_t rowStride, std::ptrdiff_t rows, std::ptrdiff_t columns, TPixel value)
 {
@@ -187,41 +180,6 @@ IsAnyBelow(const TPixel * pixels, std::ptrdiff_t rowStride, std::ptrdiff_t rows,
     }
   }
   return false;
-}
-
-template <typename TPixel>
-void
-FindBlockExtrema(const TPixel * voxels,
-                 std::ptrdiff_t columns,
-                 std::ptrdiff_t rows,
-                 std::ptrdiff_t slices,
-                 std::ptrdiff_t rowStride,
-                 std::ptrdiff_t sliceStride,
-                 TPixel *       maxima,
-                 TPixel *       minima,
-                 TPixel &       lowest,
-                 TPixel &       highest)
-{
-  const std::ptrdiff_t blocks = (columns + BlockLength - 1) / BlockLength;
-  std::fill(maxima, maxima + blocks, NoSample<TPixel, Extremum::Maximum>);
-  std::fill(minima, minima + (minima ? blocks : 0), NoSample<TPixel, Extremum::Minimum>);
-  for (std::ptrdiff_t k = 0; k < slices; ++k)
-  {
-    for (std::ptrdiff_t j = 0; j < rows; ++j)
-    {
-      const TPixel * row = voxels + k * sliceStride + j * rowStride;
-      for (std::ptrdiff_t i = 0; i < columns; ++i)
-      {
-        Raise(maxima[i / BlockLength], row[i]);
-        Raise(highest, row[i]);
-        lowest = row[i] < lowest ? row[i] : lowest;
-        if (minima && row[i] < minima[i / BlockLength])
-        {
-          minima[i / BlockLength] = row[i];
-        }
-      }
-    }
-  }
 }
 
 /** The four intermediate pixels around the place of an output pixel. A pixel without a value has weight 0. */
@@ -300,7 +258,8 @@ template <typename TPixel>
 void
 TransposeSlice(const TPixel * input, std::ptrdiff_t columns, std::ptrdiff_t rows, TPixel * output, bool)
 {
-  constexpr std::ptrdiff_t square = 32;
+  // the rows of a square have the same place in a cache if their distance is a power of two
+  constexpr std::ptrdiff_t square = 8;
   for (std::ptrdiff_t firstRow = 0; firstRow < rows; firstRow += square)
   {
     for (std::ptrdiff_t firstColumn = 0; firstColumn < columns; firstColumn += square)
@@ -322,10 +281,15 @@ template <typename TPixel>
 const Kernels<TPixel> &
 GetPortableKernels()
 {
-  static constexpr Kernels<TPixel> kernels{
-    "portable",      ProjectBlockByRows<TPixel>, AddBlockByRows<TPixel>,   IsAnyBelow<TPixel>, FindBlockExtrema<TPixel>,
-    WarpRow<TPixel>, TransposeSlice<TPixel>,     EvaluateSegments<TPixel>, SearchLayer<TPixel>
-  };
+  static constexpr Kernels<TPixel> kernels{ "portable",
+                                            ProjectBlockByRows<TPixel>,
+                                            AddBlockByRows<TPixel>,
+                                            IsAnyBelow<TPixel>,
+                                            FindBlockExtremaByRows<TPixel>,
+                                            WarpRow<TPixel>,
+                                            TransposeSlice<TPixel>,
+                                            EvaluateSegments<TPixel>,
+                                            SearchLayer<TPixel> };
   return kernels;
 }
 

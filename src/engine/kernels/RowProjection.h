@@ -509,4 +509,67 @@ AddBlockByRows(const SliceStack<TPixel> &  slices,
   });
 }
 
+/** Raises maxima and lowers minima to the elements of a row. */
+template <typename TPixel>
+void
+WidenRanges(const TPixel *              row,
+            std::ptrdiff_t              count,
+            TPixel * SHEARWARP_RESTRICT maxima,
+            TPixel * SHEARWARP_RESTRICT minima)
+{
+  for (std::ptrdiff_t n = 0; n < count; ++n)
+  {
+    maxima[n] = row[n] > maxima[n] ? row[n] : maxima[n];
+    minima[n] = row[n] < minima[n] ? row[n] : minima[n];
+  }
+}
+
+template <typename TPixel>
+void
+FindBlockExtremaByRows(const TPixel * voxels,
+                       std::ptrdiff_t columns,
+                       std::ptrdiff_t rows,
+                       std::ptrdiff_t slices,
+                       std::ptrdiff_t rowStride,
+                       std::ptrdiff_t sliceStride,
+                       TPixel *       maxima,
+                       TPixel *       minima,
+                       TPixel &       lowest,
+                       TPixel &       highest)
+{
+  constexpr std::ptrdiff_t most = 32 * BlockLength; // columns at once
+  for (std::ptrdiff_t begin = 0; begin < columns; begin += most)
+  {
+    const std::ptrdiff_t count = Smaller(most, columns - begin);
+    TPixel               high[most], low[most];
+    for (std::ptrdiff_t n = 0; n < most; ++n)
+    {
+      high[n] = NoSample<TPixel, Extremum::Maximum>;
+      low[n] = NoSample<TPixel, Extremum::Minimum>;
+    }
+    for (std::ptrdiff_t k = 0; k < slices; ++k)
+    {
+      for (std::ptrdiff_t j = 0; j < rows; ++j)
+      {
+        WidenRanges(voxels + (k * sliceStride + j * rowStride + begin), count, high, low);
+      }
+    }
+    for (std::ptrdiff_t n = 0; n < count; n += BlockLength)
+    {
+      for (std::ptrdiff_t next = n + 1; next < n + BlockLength; ++next)
+      {
+        high[n] = Larger(high[n], high[next]);
+        low[n] = Smaller(low[n], low[next]);
+      }
+      maxima[(begin + n) / BlockLength] = high[n];
+      highest = Larger(highest, high[n]);
+      lowest = Smaller(lowest, low[n]);
+      if (minima)
+      {
+        minima[(begin + n) / BlockLength] = low[n];
+      }
+    }
+  }
+}
+
 #endif

@@ -146,6 +146,7 @@ MakeRowKernels()
   kernels.instructionSet = Lanes::Name;
   kernels.projectBlock = ProjectBlockByRows<TPixel>;
   kernels.addBlock = AddBlockByRows<TPixel>;
+  kernels.findBlockExtrema = FindBlockExtremaByRows<TPixel>;
   return kernels;
 }
 } // namespace
