@@ -30,12 +30,13 @@
  * time. */
 
 #include "InstructionSets.h"
-#include "PixelTypes.h"
 
 #if defined(__SSE2__)
 #  include <immintrin.h>
 #elif defined(__aarch64__)
 #  include <arm_neon.h>
+#elif defined(__wasm_simd128__)
+#  include <wasm_simd128.h>
 #endif
 
 #include <math.h>
@@ -133,15 +134,15 @@ constexpr Kernels<TPixel> KernelsOf{
   Lanes::Name,     ProjectBlock<TPixel>,   AddBlock<TPixel>,         IsAnyBelow<TPixel>, FindBlockExtrema<TPixel>,
   WarpRow<TPixel>, TransposeSlice<TPixel>, EvaluateSegments<TPixel>, SearchLayer<TPixel>
 };
+
+template <typename... TPixels>
+constexpr KernelsForEach<TPixels...> KernelsOfSet{ KernelsOf<TPixels>... };
 } // namespace
 
 const VectorKernels &
 SHEARWARP_GET_KERNELS() // NOLINT(misc-definitions-in-headers)
 {
-  static constexpr VectorKernels kernels{
-    KernelsOf<unsigned char>, KernelsOf<signed char>, KernelsOf<unsigned short>, KernelsOf<short>, KernelsOf<float>
-  };
-  return kernels;
+  return KernelsOfSet<SHEARWARP_VECTOR_PIXEL_TYPES>;
 }
 } // namespace itk::ShearWarp
 
