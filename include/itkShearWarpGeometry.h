@@ -20,7 +20,6 @@
 
 #include "itkShearWarpSampling.h"
 
-#include <cstdlib>
 #include <new>
 #include <stdexcept>
 #include <string>
@@ -63,18 +62,36 @@ private:
   std::string m_Message;
 };
 
-/** Throws \a error. A program that is compiled without exceptions ends instead. */
+#ifdef __cpp_exceptions
+/** Throws \a error. */
 template <typename TError>
 [[noreturn]] void
 Throw(TError && error)
 {
-#ifdef __cpp_exceptions
   throw std::forward<TError>(error);
-#else
-  static_cast<void>(error);
-  std::abort();
-#endif
 }
+
+/** Throws InvalidParameter. */
+inline void
+RefuseParameter(const std::string & message)
+{
+  Throw(InvalidParameter(message));
+}
+#else
+/** What is compiled without exceptions defines these two functions: Fail() must not return. RefuseParameter() can
+ * return, because nothing but a result is wrong after it. */
+[[noreturn]] void
+Fail(const char * message);
+void
+RefuseParameter(const std::string & message);
+
+template <typename TError>
+[[noreturn]] void
+Throw(TError && error)
+{
+  Fail(error.what());
+}
+#endif
 
 /** An affine map of space, a 3 x 4 matrix: x to matrix x + offset. A view is such a map, from view space (u, v, w) to
  * physical space. */

@@ -3,6 +3,9 @@
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 cache=${SHEARWARPMIP_CACHE:-${XDG_CACHE_HOME:-$HOME/.cache}/itk-shearwarpmip}
 jobs=${JOBS:-$(nproc)}
+# what clang needs for WebAssembly: the engine of pages that hold a volume
+# shellcheck disable=SC2034
+page_packages=(clang lld libc++-dev-wasm32 libclang-rt-dev-wasm32 wasi-libc)
 
 say() { printf '%s\n' "$*" >&2; }
 die() { say "$(basename "$0"): $*"; exit 1; }

@@ -36,7 +36,7 @@ render_cine() {
 }
 
 timed "installed what building needs" need_packages build-essential cmake ninja-build libinsighttoolkit5-dev \
-  libcli11-dev ffmpeg
+  libcli11-dev ffmpeg "${page_packages[@]}"
 say "building the program, some minutes at the first time"
 timed "built the program" build_release demo all -DShearWarpMIP_BUILD_APPS=ON
 mkdir -p "$folder"

@@ -14,8 +14,8 @@
 #              tests that are compiled with that ITK
 #   sanitize   the C++ tests under AddressSanitizer with UndefinedBehaviorSanitizer, and under ThreadSanitizer, against
 #              Debian's installed ITK
-#   engine     the engine and its tests alone, without ITK: by g++ and clang, for x86-64, and for ARM64 under emulation; for
-#              WebAssembly, without exceptions, it is only built; beside the other stages, if there are any
+#   engine     the engine and its tests alone, without ITK: by g++ and clang, for x86-64, and for ARM64 under emulation; the
+#              engine of web pages is only built; beside the other stages, if there are any
 #
 # Usage: test.sh [quick | module | installed | python | --sanitize | engine]...    [quick]
 #        test.sh --all     all of them but --sanitize
@@ -28,8 +28,7 @@ set -euo pipefail
 
 build=$root/build
 remote_module=$cache/itk-remote-module
-engine_packages=(clang cmake g++ g++-aarch64-linux-gnu libc++-14-dev-wasm32 libgtest-dev lld ninja-build
-  qemu-user-static wasi-libc)
+engine_packages=("${page_packages[@]}" cmake g++ g++-aarch64-linux-gnu libgtest-dev ninja-build qemu-user-static)
 rare_types='<(signed )?char>|<(unsigned )?(int|long|long long)>|<double>'
 export CTEST_OUTPUT_ON_FAILURE=1 CTEST_PARALLEL_LEVEL=$jobs
 
@@ -68,7 +67,8 @@ use_tree() {
 
 build_quick() {
   unset ITK_DIR
-  need_packages build-essential cmake ffmpeg help2man ninja-build libinsighttoolkit5-dev libcli11-dev libgtest-dev
+  need_packages build-essential cmake ffmpeg help2man ninja-build libinsighttoolkit5-dev libcli11-dev libgtest-dev \
+    "${page_packages[@]}"
   build_tests "$build/installed" -DShearWarpMIP_BUILD_BENCHMARKS=OFF
 }
 
@@ -88,7 +88,7 @@ test_installed() (
   unset ITK_DIR
   need_packages build-essential cmake ffmpeg file help2man ninja-build libinsighttoolkit5-dev libbenchmark-dev \
     libcli11-dev libgtest-dev dicom3tools libgdcm-tools python3-numpy python3-pil python3-pydicom python3-pytest \
-    python3-selenium
+    python3-selenium "${page_packages[@]}"
   # Ubuntu has no such packages: the page is not tested in a browser there; its orthanc would be started as a service
   grep -q '^ID=ubuntu' /etc/os-release || need_packages chromium chromium-driver orthanc orthanc-dicomweb
   local package images=$remote_module/build/ExternalData/Modules/Remote/ShearWarpMIP/test/Input
@@ -167,7 +167,7 @@ test_module() (
 )
 
 test_python() (
-  need_packages binutils dicom3tools doxygen ffmpeg libcli11-dev python3-venv
+  need_packages binutils dicom3tools doxygen ffmpeg libcli11-dev python3-venv "${page_packages[@]}"
   # Ubuntu has no such packages: the viewer is not tested in a browser there
   grep -q '^ID=ubuntu' /etc/os-release || need_packages chromium chromium-driver
   use_tree
@@ -204,7 +204,8 @@ test_python() (
     "$env/bin/pip" install --quiet --no-compile --disable-pip-version-check "itk==$version" "${wheel}[test]"
     "$env/bin/shear-warp-mip" --version
     # without Python's cache each import of itk takes seconds; SWIG's types warn at import
-    env -u PYTHONDONTWRITEBYTECODE "$env/bin/python" -m pytest --numprocesses "$jobs" --dist worksteal \
+    env -u PYTHONDONTWRITEBYTECODE SHEARWARPMIP_PAGE_ENGINE="$dir/build/apps/page-engine/shear-warp.wasm" \
+      "$env/bin/python" -m pytest --numprocesses "$jobs" --dist worksteal \
       -W error -W 'ignore:builtin type' "$root/python/test" "$root/wrapping/test"
   done
   # the program itself, without the launcher that auditwheel made; a copy of it alone would not find its libraries
@@ -241,21 +242,22 @@ test_engine() {
   local arm=(-DCMAKE_SYSTEM_NAME=Linux -DCMAKE_SYSTEM_PROCESSOR=aarch64 -DCMAKE_EXE_LINKER_FLAGS=-static
     -DCMAKE_CROSSCOMPILING_EMULATOR=qemu-aarch64-static)
   for compiler in g++ clang++; do
-    build_engine "$compiler" -DCMAKE_CXX_COMPILER="$compiler"
+    build_engine tools/engine "$compiler" -DCMAKE_CXX_COMPILER="$compiler"
   done
-  build_engine arm64-g++ "${arm[@]}" -DCMAKE_CXX_COMPILER=aarch64-linux-gnu-g++
-  build_engine arm64-clang++ "${arm[@]}" -DCMAKE_CXX_COMPILER=clang++ -DCMAKE_CXX_COMPILER_TARGET=aarch64-linux-gnu
-  build_engine wasm32 -DCMAKE_TOOLCHAIN_FILE="$root/tools/engine/wasm32-wasi.cmake"
+  build_engine tools/engine arm64-g++ "${arm[@]}" -DCMAKE_CXX_COMPILER=aarch64-linux-gnu-g++
+  build_engine tools/engine arm64-clang++ "${arm[@]}" -DCMAKE_CXX_COMPILER=clang++ \
+    -DCMAKE_CXX_COMPILER_TARGET=aarch64-linux-gnu
+  build_engine page/engine wasm32
   for compiler in g++ clang++ arm64-g++ arm64-clang++; do
     run_tests "$build/engine/$compiler"
   done
 }
 
-# build_engine NAME OPTION...
+# build_engine SOURCE NAME OPTION...
 build_engine() {
-  local dir=$build/engine/$1
-  shift
-  cmake -S "$root/tools/engine" -B "$dir" -G Ninja -DCMAKE_BUILD_TYPE=Release "$@"
+  local source=$root/$1 dir=$build/engine/$2
+  shift 2
+  cmake -S "$source" -B "$dir" -G Ninja -DCMAKE_BUILD_TYPE=Release "$@"
   cmake --build "$dir" --parallel "$jobs"
 }
 

@@ -352,8 +352,8 @@ ShearWarpEngine<TPixel>::Implementation::Begin(const Scene & scene, const RuleTy
   const auto   longest = std::max({ size[0], size[1], size[2] });
   if (rule.mode == Mode::Mean && longest > MostSummedSlices<TPixel>)
   {
-    Throw(InvalidParameter("Mode Mean needs at most " + std::to_string(MostSummedSlices<TPixel>) +
-                           " voxels of this type along each axis, but an axis has " + std::to_string(longest) + '.'));
+    RefuseParameter("Mode Mean needs at most " + std::to_string(MostSummedSlices<TPixel>) +
+                    " voxels of this type along each axis, but an axis has " + std::to_string(longest) + '.');
   }
   m_Passes = this->PlanPasses();
   this->PlanSteps();

@@ -188,7 +188,7 @@ GetVolumeView(const AffineMap3D & view, const VolumeGrid & volume)
          << ToText(volume.spacing) << ", its first voxel at " << ToText(volume.indexToPhysical.offset)
          << " and the axes\n"
          << ToText(volume.indexToPhysical.matrix);
-    Throw(InvalidParameter(text.str()));
+    RefuseParameter(text.str());
   }
   return { indexToView, GetColumn(Invert(indexToView.matrix).rows, 2) };
 }
@@ -207,7 +207,7 @@ VerifyIntermediateSize(const Factorization & factorization, const VolumeGrid & v
       std::ostringstream text;
       text << "The intermediate image must have less than 2^31 columns and rows, but an input of size "
            << ToText(volume.size) << " needs " << std::fixed << std::setprecision(0) << length << '.';
-      Throw(InvalidParameter(text.str()));
+      RefuseParameter(text.str());
     }
   }
 }
@@ -311,19 +311,19 @@ VerifyVolumeGrid(const VolumeGrid & volume)
   if (!(volume.size[0] > 0 && volume.size[1] > 0 && volume.size[2] > 0))
   {
     text << "The input must not be empty, but its size is " << ToText(volume.size) << '.';
-    Throw(InvalidParameter(text.str()));
+    RefuseParameter(text.str());
   }
   const double(&spacing)[3] = volume.spacing;
   if (!IsFinite(spacing) || !(spacing[0] > 0.0 && spacing[1] > 0.0 && spacing[2] > 0.0))
   {
     text << "The input's spacing must be positive and finite, but it is " << ToText(spacing) << '.';
-    Throw(InvalidParameter(text.str()));
+    RefuseParameter(text.str());
   }
   if (!IsFinite(volume.indexToPhysical.offset))
   {
     text << "The input's origin must be finite, but its first voxel is at " << ToText(volume.indexToPhysical.offset)
          << '.';
-    Throw(InvalidParameter(text.str()));
+    RefuseParameter(text.str());
   }
 }
 
@@ -334,12 +334,12 @@ VerifyPictureGrid(const PictureGrid & picture, bool fitSpacing)
   if (!fitSpacing && !(IsFinite(picture.spacing) && picture.spacing[0] > 0.0 && picture.spacing[1] > 0.0))
   {
     text << "OutputSpacing must be positive and finite, but it is " << ToText(picture.spacing) << '.';
-    Throw(InvalidParameter(text.str()));
+    RefuseParameter(text.str());
   }
   if (!IsFinite(picture.origin))
   {
     text << "OutputOrigin must be finite, but it is " << ToText(picture.origin) << '.';
-    Throw(InvalidParameter(text.str()));
+    RefuseParameter(text.str());
   }
 }
 
@@ -353,13 +353,13 @@ VerifyView(const AffineMap3D & view)
   {
     text << "Transform must be finite, but its matrix is\n"
          << ToText(view.matrix) << "and its offset " << ToText(offset) << '.';
-    Throw(InvalidParameter(text.str()));
+    RefuseParameter(text.str());
   }
   if (!IsInvertible(view.matrix))
   {
     text << "Transform must be invertible, but the determinant of its matrix\n"
          << ToText(view.matrix) << "is " << GetDeterminant(view.matrix) << '.';
-    Throw(InvalidParameter(text.str()));
+    RefuseParameter(text.str());
   }
 }
 
@@ -538,7 +538,7 @@ GetOutputToIntermediate(const Factorization & factorization, const PictureGrid &
     text << "Transform and output grid must be within the range of numbers, but the warp is\n"
          << ToText(warp) << "and the output's spacing " << ToText(picture.spacing) << ", origin "
          << ToText(picture.origin) << '.';
-    Throw(InvalidParameter(text.str()));
+    RefuseParameter(text.str());
   }
   const auto & [x, y, last] = map.rows;
   return { x[0], x[1], x[2], y[0], y[1], y[2] };
@@ -615,7 +615,7 @@ FitGrid(const std::vector<AffineMap3D> & views,
     std::ostringstream text;
     text << "The output's grid must be finite, but its spacing is " << ToText(grid.spacing) << " and its origin "
          << ToText(grid.origin) << '.';
-    Throw(InvalidParameter(text.str()));
+    RefuseParameter(text.str());
   }
   return grid;
 }
@@ -642,7 +642,7 @@ ClipDepths(const AffineMap3D & view, const VolumeGrid & volume, const DepthRange
     std::ostringstream text;
     text << "SlabNear and SlabFar must be within the range of the output's geometry, but they are " << slab.nearest
          << " and " << slab.farthest << '.';
-    Throw(InvalidParameter(text.str()));
+    RefuseParameter(text.str());
   }
   return depths;
 }

@@ -90,7 +90,7 @@ Refuse(const TParts &... parts)
 {
   std::ostringstream text;
   (text << ... << parts);
-  ShearWarp::Throw(ShearWarp::InvalidParameter(text.str()));
+  ShearWarp::RefuseParameter(text.str());
 }
 
 std::string

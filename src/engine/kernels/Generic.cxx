@@ -21,6 +21,8 @@
 #  define SHEARWARP_LANES "LanesSSE2.h"
 #elif defined(__aarch64__)
 #  define SHEARWARP_LANES "LanesARM64.h"
+#elif defined(__wasm_simd128__)
+#  define SHEARWARP_LANES "LanesWebAssembly.h"
 #else
 #  define SHEARWARP_LANES "LanesPlain.h"
 #endif

@@ -16,7 +16,6 @@
  *
  *=========================================================================*/
 #include "InstructionSets.h"
-#include "PixelTypes.h"
 
 #include "itkShearWarpGeometry.h"
 

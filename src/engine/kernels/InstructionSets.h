@@ -19,27 +19,19 @@
 #define itkShearWarpInstructionSets_h
 
 #include "Kernels.h"
+#include "PixelTypes.h"
 
 /* A new set of vector instructions needs a file with one of these functions, its compiler options in CMakeLists.txt,
  * and a row in InstructionSets.cxx. */
 namespace itk::ShearWarp
 {
-/** The kernels of one instruction set, for each type of SHEARWARP_FOR_EACH_PIXEL_TYPE. */
-struct VectorKernels
-  : Kernels<unsigned char>
-  , Kernels<signed char>
-  , Kernels<unsigned short>
-  , Kernels<short>
-  , Kernels<float>
-  , Kernels<char>
-  , Kernels<int>
-  , Kernels<unsigned int>
-  , Kernels<long>
-  , Kernels<unsigned long>
-  , Kernels<long long>
-  , Kernels<unsigned long long>
-  , Kernels<double>
+/** Kernels for each of some pixel types. */
+template <typename... TPixels>
+struct KernelsForEach : Kernels<TPixels>...
 {};
+
+/** The kernels of one instruction set. */
+using VectorKernels = KernelsForEach<SHEARWARP_PIXEL_TYPES>;
 
 /* Kernels run only on a processor that has their instructions. */
 const VectorKernels &

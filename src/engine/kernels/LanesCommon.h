@@ -226,6 +226,11 @@ Quad InterleaveQuadHigh(Quad a, Quad b, TPixel)
   }
 }
 
+#ifdef __wasm__
+constexpr bool HasPrefetch = false;
+#else
+constexpr bool HasPrefetch = true;
+#endif
 inline void Prefetch(const char * p) { __builtin_prefetch(p); }
 inline void PrefetchFar(const char * p) { __builtin_prefetch(p, 0, 2); }
 // clang-format on

@@ -18,16 +18,18 @@
 #ifndef itkShearWarpPixelTypes_h
 #define itkShearWarpPixelTypes_h
 
-/* The pixel types of the kernels: macro(type) for each. */
+/* The pixel types of the kernels: macro(type) for each. Web pages have the types of their voxels only. */
 
-#define SHEARWARP_FOR_EACH_VECTOR_PIXEL_TYPE(macro) \
-  macro(unsigned char) macro(signed char) macro(unsigned short) macro(short) macro(float)
-
-#define SHEARWARP_FOR_EACH_ROW_PIXEL_TYPE(macro)                                               \
-  macro(char) macro(int) macro(unsigned int) macro(long) macro(unsigned long) macro(long long) \
-    macro(unsigned long long) macro(double)
-
-#define SHEARWARP_FOR_EACH_PIXEL_TYPE(macro) \
-  SHEARWARP_FOR_EACH_VECTOR_PIXEL_TYPE(macro) SHEARWARP_FOR_EACH_ROW_PIXEL_TYPE(macro)
+#ifdef ShearWarpMIP_FOR_PAGE
+#  define SHEARWARP_PIXEL_TYPES unsigned char, unsigned short
+#  define SHEARWARP_FOR_EACH_PIXEL_TYPE(macro) macro(unsigned char) macro(unsigned short)
+#else
+#  define SHEARWARP_PIXEL_TYPES                                                                                        \
+    unsigned char, signed char, unsigned short, short, float, char, int, unsigned int, long, unsigned long, long long, \
+      unsigned long long, double
+#  define SHEARWARP_FOR_EACH_PIXEL_TYPE(macro)                                                                     \
+    macro(unsigned char) macro(signed char) macro(unsigned short) macro(short) macro(float) macro(char) macro(int) \
+      macro(unsigned int) macro(long) macro(unsigned long) macro(long long) macro(unsigned long long) macro(double)
+#endif
 
 #endif

@@ -30,12 +30,13 @@
  * time. */
 
 #include "InstructionSets.h"
-#include "PixelTypes.h"
 
 #if defined(__SSE2__)
 #  include <immintrin.h>
 #elif defined(__aarch64__)
 #  include <arm_neon.h>
+#elif defined(__wasm_simd128__)
+#  include <wasm_simd128.h>
 #endif
 
 #include <math.h>
@@ -131,34 +132,45 @@ PrefetchVoxel(const void * p)
 #include "VectorPreparation.h"
 #include "VectorWarp.h"
 
+/** Whether kernels of a pixel type are written for lanes. */
 template <typename TPixel>
-constexpr Kernels<TPixel> KernelsOf{
-  Lanes::Name,     ProjectBlock<TPixel>,   AddBlock<TPixel>,         IsAnyBelow<TPixel>, FindBlockExtrema<TPixel>,
-  WarpRow<TPixel>, TransposeSlice<TPixel>, EvaluateSegments<TPixel>, SearchLayer<TPixel>
-};
+constexpr bool HasLanes = std::is_same_v<TPixel, float> || (sizeof(TPixel) <= 2 && !std::is_same_v<TPixel, char>);
 
-/** For types without lanes of their own: the portable kernels, of which the compiler makes vectors in some. */
+/** Other types have the portable kernels; the compiler makes vectors of the slowest ones. */
 template <typename TPixel>
 Kernels<TPixel>
-MakeRowKernels()
+MakeKernels()
 {
-  Kernels<TPixel> kernels = GetPortableKernels<TPixel>();
-  kernels.instructionSet = Lanes::Name;
-  kernels.projectBlock = ProjectBlockByRows<TPixel>;
-  kernels.addBlock = AddBlockByRows<TPixel>;
-  kernels.findBlockExtrema = FindBlockExtremaByRows<TPixel>;
-  return kernels;
+  if constexpr (HasLanes<TPixel>)
+  {
+    return {
+      Lanes::Name,     ProjectBlock<TPixel>,   AddBlock<TPixel>,         IsAnyBelow<TPixel>, FindBlockExtrema<TPixel>,
+      WarpRow<TPixel>, TransposeSlice<TPixel>, EvaluateSegments<TPixel>, SearchLayer<TPixel>
+    };
+  }
+  else
+  {
+    Kernels<TPixel> kernels = GetPortableKernels<TPixel>();
+    kernels.instructionSet = Lanes::Name;
+    kernels.projectBlock = ProjectBlockByRows<TPixel>;
+    kernels.addBlock = AddBlockByRows<TPixel>;
+    kernels.findBlockExtrema = FindBlockExtremaByRows<TPixel>;
+    return kernels;
+  }
+}
+
+template <typename... TPixels>
+KernelsForEach<TPixels...>
+MakeKernelsForEach()
+{
+  return { MakeKernels<TPixels>()... };
 }
 } // namespace
 
 const VectorKernels &
 SHEARWARP_GET_KERNELS() // NOLINT(misc-definitions-in-headers)
 {
-#define MAKE_ROW_KERNELS(TPixel) MakeRowKernels<TPixel>(),
-  static const VectorKernels kernels{ KernelsOf<unsigned char>,  KernelsOf<signed char>,
-                                      KernelsOf<unsigned short>, KernelsOf<short>,
-                                      KernelsOf<float>,          SHEARWARP_FOR_EACH_ROW_PIXEL_TYPE(MAKE_ROW_KERNELS) };
-#undef MAKE_ROW_KERNELS
+  static const VectorKernels kernels = MakeKernelsForEach<SHEARWARP_PIXEL_TYPES>();
   return kernels;
 }
 } // namespace itk::ShearWarp

@@ -261,7 +261,7 @@ private:
     tiles.end = samples.end;
     tiles.pixelStride = m_View.intermediate.rowStride;
     tiles.nextSlice = m_Block.isBackward ? -m_Stack.sliceStride : m_Stack.sliceStride;
-    tiles.prefetcher = m_View.active || m_View.coverage.region ? nullptr : &prefetcher;
+    tiles.prefetcher = m_View.active || m_View.coverage.region || !Lanes::HasPrefetch ? nullptr : &prefetcher;
     tiles.rank = GetRank(m_View.ranked, m_Slice);
     tiles.mask = m_View.mask;
     tiles.localThreshold = m_View.localThreshold;
