@@ -499,6 +499,7 @@ function startViewer(series, makeSource) {
     pen.scale(devicePixelRatio, devicePixelRatio);
     pen.imageSmoothingEnabled = !canvas.classList.contains('enlarged');
     pen.drawImage(canvas, canvas.offsetLeft, canvas.offsetTop, canvas.offsetWidth, canvas.offsetHeight);
+    drawCross(pen);
     if (state.labels) {
       drawLabels(pen);
     }
@@ -510,16 +511,28 @@ function startViewer(series, makeSource) {
   }
 
   /** With a dark rim, as on the page. */
+  function drawLine(pen, path, colour) {
+    for (const [strokeStyle, lineWidth] of [['#000', 4], [colour, 1.5]]) {
+      Object.assign(pen, { strokeStyle, lineWidth, lineJoin: 'round' }).stroke(new Path2D(path));
+    }
+  }
+
+  function drawCross(pen) {
+    const cross = element('cross');
+    if (!cross.hasAttribute('hidden')) {
+      pen.save();
+      pen.translate(...['left', 'top'].map((side) => parseFloat(cross.style[side])));
+      drawLine(pen, cross.lastElementChild.getAttribute('d'), getComputedStyle(cross.lastElementChild).stroke);
+      pen.restore();
+    }
+  }
+
   function drawLabels(pen) {
     const { left, top } = stage.getBoundingClientRect();
     const bar = element('scale-bar').getBoundingClientRect();
-    const line = new Path2D(`M${bar.left - left} ${bar.top - top}v${bar.height}h${bar.width}v${-bar.height}`);
     const colour = getComputedStyle(stage).color;
-    Object.assign(pen, { fillStyle: colour, textAlign: 'center', textBaseline: 'middle', lineJoin: 'round' });
-    for (const [strokeStyle, lineWidth] of [['#000', 4], [colour, 1.5]]) {
-      Object.assign(pen, { strokeStyle, lineWidth }).stroke(line);
-    }
-    Object.assign(pen, { strokeStyle: '#000', lineWidth: 3 });
+    drawLine(pen, `M${bar.left - left} ${bar.top - top}v${bar.height}h${bar.width}v${-bar.height}`, colour);
+    Object.assign(pen, { fillStyle: colour, strokeStyle: '#000', lineWidth: 3, textAlign: 'center', textBaseline: 'middle' });
     for (const label of element('labels').querySelectorAll('span')) {
       const box = label.getBoundingClientRect();
       const { fontSize, fontFamily } = getComputedStyle(label);

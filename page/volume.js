@@ -88,6 +88,7 @@ function verifyBrowser() {
 const modes = ['maximum', 'minimum', 'mean'];
 
 function makeVolume(series, viewer) {
+  verifyBrowser();
   const { volume } = series;
   const { size: count, center, spacing: resolution } = volume;
   const [i, j, k, start] = columnsOf(volume.toPhysical);
@@ -109,14 +110,24 @@ function makeVolume(series, viewer) {
   const spans = [0, 1, 2].map((axis) => Math.max(...corners.map((corner) => Math.abs(corner[axis]))));
   const across = Math.max(...corners.map(([x, y]) => Math.hypot(x, y)));
   const voxel = Math.min(...[i, j, k].map((axis) => Math.hypot(...axis)));
-  const decimals = Math.min(voxel / 10, 0.1);
+  const precision = Math.min(voxel, 0.1);
 
-  const width = 2 * Math.ceil(radius / resolution) + 1;
-  const origin = -(width - 1) / 2 * resolution;
-  const picture = [width, width, resolution, resolution, origin, origin];
+  /** Pixels along a direction of the first view, as many as put them on voxels and not between them. */
+  const countPixels = (direction) => {
+    const along = [i, j, k].sort((one, other) => Math.abs(dot(normalize(other), direction)) - Math.abs(dot(normalize(one), direction)))[0];
+    const offset = modulo(dot(subtract(center, start), along) / dot(along, along), 1);
+    return 2 * Math.ceil(radius / resolution) + Number(Math.abs(offset - 0.5) > 0.25);
+  };
+  const [width, height] = [countPixels(normalize(u)), countPixels(normalize(v))];
+  const origin = [width, height].map((length) => -(length - 1) / 2 * resolution);
+  const makePicture = (firstRow, rows) =>
+    [width, rows, resolution, resolution, origin[0], origin[1] + firstRow * resolution];
+  const picture = makePicture(0, height);
+  const bandRows = Math.ceil(height / 10);
 
   let wanted = first;
   let shown = null;
+  let partial = null;
   let inFlight = null;
   let clicked = null;
   let asked = null;
@@ -128,12 +139,14 @@ function makeVolume(series, viewer) {
   let player = 0;
   let playing = null;
   let windows = {};
-  let windowed = first.mode;
+  let windowed = null;
 
   // The worker, which has one request at a time
 
   const worker = new Worker(URL.createObjectURL(new Blob([decodeBase64, element('worker').textContent])));
   let settle = null;
+  // the first two views along each axis of the volume take longer
+  const warmUps = [sides.superior, sides.left, sides.anterior].flatMap((view) => [view, view]);
 
   function ask(request, react) {
     inFlight = react;
@@ -176,21 +189,43 @@ function makeVolume(series, viewer) {
       clicked = null;
       ask(request, (answer) => setPoint(state, request, answer));
     } else if (shown?.state !== wanted) {
-      project(wanted, false);
+      project(wanted);
     } else if (isAtRest && isExact(wanted) && !shown.isExact) {
-      project(wanted, true);
+      projectExactly(wanted);
+    } else if (warmUps.length > 0) {
+      ask(makeRequest({ ...first, view: warmUps.pop() }), pump);
     }
   }
 
-  function project(state, isExact) {
-    const request = makeRequest(state, { isExact });
-    ask(request, ({ values, milliseconds }) => {
-      shown = { state, isExact, values, request, milliseconds };
-      pump();
-      takeWindow();
-      viewer.draw();
-      showPoint();
+  function project(state) {
+    const request = makeRequest(state);
+    ask(request, ({ values, milliseconds }) => show({ state, isExact: false, values, view: request.view, milliseconds }));
+  }
+
+  /** Some rows at a time, so that a movement need not wait for all. */
+  function projectExactly(state) {
+    if (partial?.state !== state) {
+      partial = { ...shown, isExact: true, values: shown.values.slice(), row: 0 };
+    }
+    const rows = Math.min(bandRows, height - partial.row);
+    ask(makeRequest(state, { picture: makePicture(partial.row, rows), isExact: true }), ({ values }) => {
+      partial.values.set(values, partial.row * width);
+      partial.row += rows;
+      if (partial.row === height) {
+        show(partial);
+      } else {
+        pump();
+      }
     });
+  }
+
+  function show(result) {
+    shown = result;
+    partial = null;
+    pump();
+    takeWindow();
+    viewer.draw();
+    showPoint();
   }
 
   function change(changes) {
@@ -219,6 +254,11 @@ function makeVolume(series, viewer) {
   }
 
   const makeWindow = (window) => ({ window, automatic: window });
+
+  function resetWindows() {
+    windows = { [first.mode]: makeWindow(series.window) };
+    windowed = first.mode;
+  }
 
   /** Percentiles 1 and 99.8 of the values that are not background. */
   function findWindow(values) {
@@ -252,7 +292,7 @@ function makeVolume(series, viewer) {
   const describeMode = ({ mode }) => (mode === 'maximum' ? '' : mode[0].toUpperCase() + mode.slice(1));
 
   function describeSlab(slab) {
-    const [thickness, position] = measureSlab(slab).map((each) => format(each, decimals));
+    const [thickness, position] = measureSlab(slab).map((each) => format(each, precision));
     return `Slab ${thickness} mm at ${position} mm`;
   }
 
@@ -283,6 +323,7 @@ function makeVolume(series, viewer) {
     element('mode').value = wanted.mode;
     element('exact').checked = wanted.exact;
     element('slab').checked = wanted.slab !== null;
+    element('slab-problem').hidden = true;
     const values = wanted.slab ? measureSlab(wanted.slab) : ['', ''];
     ['thickness', 'position'].forEach((name, n) => {
       for (const id of [`slab-${name}`, `slab-${name}-slider`]) {
@@ -368,10 +409,10 @@ function makeVolume(series, viewer) {
     showState();
   }
 
-  function setExact(exact) {
-    change({ exact });
+  function setExact(isOn) {
+    change({ exact: isOn });
     showState();
-    say(exact ? 'Exact at rest' : '');
+    say(isOn ? 'Exact at rest' : '');
   }
 
   const measureSlab = ([near, far]) => [far - near, (near + far) / 2];
@@ -411,7 +452,7 @@ function makeVolume(series, viewer) {
     if (thickness > 0 && Number.isFinite(position)) {
       setSlab(thickness, position);
     } else {
-      showState();
+      element('slab-problem').hidden = false;
     }
   }
 
@@ -436,7 +477,7 @@ function makeVolume(series, viewer) {
       say('A mean has no point');
       return;
     }
-    const place = [origin + column * resolution, origin + row * resolution];
+    const place = [origin[0] + column * resolution, origin[1] + row * resolution];
     const { state, isExact } = shown;
     asked = makeRequest(state, { picture: [1, 1, 1, 1, ...place], isExact, hasDepth: true });
     clicked = { state, request: asked };
@@ -481,8 +522,8 @@ function makeVolume(series, viewer) {
     const { position, index, isReduced, value } = point;
     element('point-value').textContent = format(value, series.slope);
     element('point-position').textContent = `${position.map((each, axis) => (volume.hasOrientation
-      ? `${['LR', 'PA', 'HF'][axis][Number(each < 0)]} ${format(Math.abs(each), decimals)}`
-      : `${'xyz'[axis]} ${format(each, decimals)}`)).join('  ')} mm`;
+      ? `${['LR', 'PA', 'HF'][axis][Number(each < 0)]} ${format(Math.abs(each), precision)}`
+      : `${'xyz'[axis]} ${format(each, precision)}`)).join('  ')} mm`;
     element('point-index').textContent = `voxel ${index.join(', ')}${isReduced ? ' of this page\u2019s volume' : ''}`;
     place();
   }
@@ -495,8 +536,9 @@ function makeVolume(series, viewer) {
     const { view } = shown.state;
     const at = solve([view.u, view.v, view.w], subtract(point.position, center));
     const canvas = element('picture');
-    const [left, top] = [[canvas.offsetLeft, canvas.offsetWidth], [canvas.offsetTop, canvas.offsetHeight]].map(([begin, length], axis) =>
-      begin + ((at[axis] - origin) / resolution + 0.5) * length / width);
+    const [left, top] = [
+      [canvas.offsetLeft, canvas.offsetWidth / width], [canvas.offsetTop, canvas.offsetHeight / height],
+    ].map(([begin, scale], axis) => begin + ((at[axis] - origin[axis]) / resolution + 0.5) * scale);
     Object.assign(element('cross').style, { left: `${left}px`, top: `${top}px` });
   }
 
@@ -528,7 +570,7 @@ function makeVolume(series, viewer) {
       ...(mode === 'maximum' ? [] : ['--mode', mode]),
       ...(slab ? ['--slab', ...slab] : []),
       ...(isExact(wanted) ? ['--exact'] : []),
-      '--size', width, width, '--output-spacing', resolution, '--window', ...viewer.window,
+      '--size', width, height, '--output-spacing', resolution, '--window', ...viewer.window,
     ].map((word) => quote(String(word))).join(' ');
     try {
       await navigator.clipboard.writeText(line);
@@ -544,8 +586,7 @@ function makeVolume(series, viewer) {
     clicked = asked = null;
     removePoint();
     isTrackball = false;
-    windows = {};
-    windowed = first.mode;
+    resetWindows();
     change(first);
     showState();
     if (wasPlaying) {
@@ -591,22 +632,23 @@ function makeVolume(series, viewer) {
     Object.assign(element('slab-thickness-slider'), { min: voxel, max: 2 * radius });
     Object.assign(element('slab-position-slider'), { min: -radius, max: radius });
     showState();
+    resetWindows();
     return new Promise((resolve, reject) => {
       settle = { resolve, reject };
-      const [engine, voxels] = ['engine', 'voxels'].map((id) => element(id).textContent.trim());
-      element('voxels').remove();
+      const [engine, voxels] = ['engine', 'voxels'].map((id) => element(id)?.textContent ?? '');
+      element('voxels')?.remove();
       ask({ engine, voxels, bits: series.bits, size: count, toPhysical: volume.toPhysical.flat() }, ({ range }) => {
         isReady = true;
         loading.hidden = true;
         viewer.setRange(...range.map(viewer.toValue));
-        pump();
+        change({});
       });
     });
   }
 
   const tests = {
     get shown() { return shown !== null; },
-    get view() { return shown.request.view; },
+    get view() { return shown.view; },
     get picture() { return picture; },
     get values() { return shown.values; },
     get state() { return shown.state; },
@@ -619,9 +661,9 @@ function makeVolume(series, viewer) {
 
   return {
     width,
-    height: width,
+    height,
     spacing: [resolution, resolution],
-    origin: [origin, origin],
+    origin,
     extent: [2 * across, 2 * Math.max(...spans)].map((length) => length / 0.94),
     get values() { return shown?.values ?? null; },
     get name() { return describeView(shown.state.view).toLowerCase().replaceAll(' ', '-').replaceAll('°', ''); },
