@@ -355,10 +355,9 @@ function startViewer(series, makeSource) {
     }
   }
 
-  /** The second click of two is a part of the reset. */
   function onClick(event) {
     point(event);
-    if (event.detail === 1 && gesture === 'turn' && moved <= clickPixels && pointed) {
+    if (gesture === 'turn' && moved <= clickPixels && pointed) {
       source.click(pointed.column, pointed.row);
     }
   }

@@ -9,11 +9,14 @@ const sides = {
   inferior: { u: [1, 0, 0], v: [0, 1, 0], w: [0, 0, 1] },
 };
 
+const longAxis = [0, 0, 1];
+
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
 const combine = (a, s, b, t) => a.map((each, n) => each * s + b[n] * t);
 const subtract = (a, b) => combine(a, 1, b, -1);
 const normalize = (a) => a.map((each) => each / Math.hypot(...a));
+const normalizeView = ({ u, v, w }) => ({ u: normalize(u), v: normalize(v), w: normalize(w) });
 const toDegrees = (radians) => radians * 180 / Math.PI;
 
 /** Cosine and sine of an angle in degrees. Of multiples of 90 they are exact. */
@@ -47,7 +50,7 @@ const findSide = (view, tolerance) => Object.keys(sides).find((side) => isSame(v
 
 /** Azimuth and elevation from anterior, and the roll of the picture, clockwise; in degrees. */
 function findAngles(view) {
-  const [u, w] = [normalize(view.u), normalize(view.w)];
+  const { u, w } = normalizeView(view);
   // seen along the long axis, what is up says where the front is
   const azimuth = Math.hypot(w[0], w[1]) < 1e-6 ? Math.atan2(u[1], u[0]) : Math.atan2(-w[0], w[1]);
   const level = [Math.cos(azimuth), Math.sin(azimuth), 0];
@@ -95,16 +98,19 @@ function makeVolume(series, viewer) {
   const [u, v, w, middle] = columnsOf(volume.view);
   // views have the center of the volume in their middle
   const depth = solve([u, v, w], subtract(center, middle))[2];
-  const first = Object.freeze({
+  const first = {
     view: { u, v, w },
     mode: volume.mode,
     slab: volume.slab?.map((each) => each - depth) ?? null,
     exact: volume.exact,
-  });
+  };
 
+  // mm of the view, in which a first view with a scale has more than the patient
+  const scales = [[1, 0, 0], [0, 1, 0], [0, 0, 1]].map((axis) => solve([u, v, w], axis));
+  const stretch = Math.max(1, ...[0, 1].map((axis) => Math.hypot(...scales.map((each) => each[axis]))));
   const corners = [0, 1, 2, 3, 4, 5, 6, 7].map((corner) => {
     const [x, y, z] = count.map((length, axis) => ((corner >> axis & 1) * length) - 0.5);
-    return subtract([0, 1, 2].map((n) => i[n] * x + j[n] * y + k[n] * z + start[n]), center);
+    return [0, 1, 2].map((n) => (i[n] * x + j[n] * y + k[n] * z + start[n] - center[n]) * stretch);
   });
   const radius = Math.max(...corners.map((corner) => Math.hypot(...corner)));
   const spans = [0, 1, 2].map((axis) => Math.max(...corners.map((corner) => Math.abs(corner[axis]))));
@@ -132,7 +138,6 @@ function makeVolume(series, viewer) {
   let clicked = null;
   let asked = null;
   let point = null;
-  let isReady = false;
   let isAtRest = false;
   let isTrackball = false;
   let rest = 0;
@@ -144,7 +149,7 @@ function makeVolume(series, viewer) {
   // The worker, which has one request at a time
 
   const worker = new Worker(URL.createObjectURL(new Blob([decodeBase64, element('worker').textContent])));
-  let settle = null;
+  let fail = null;
   // the first two views along each axis of the volume take longer
   const warmUps = [sides.superior, sides.left, sides.anterior].flatMap((view) => [view, view]);
 
@@ -155,7 +160,7 @@ function makeVolume(series, viewer) {
 
   worker.onmessage = ({ data }) => {
     if (data.problem) {
-      settle.reject(new Error(data.problem));
+      fail(new Error(data.problem));
       worker.terminate();
     } else if (data.fraction) {
       element('loading').value = data.fraction;
@@ -165,7 +170,9 @@ function makeVolume(series, viewer) {
       react(data);
     }
   };
-  worker.onerror = () => settle.reject(new Error('The volume cannot be shown: the browser has ended its engine, perhaps for want of memory.'));
+  worker.onerror = () => {
+    fail(new Error('The volume cannot be shown: the browser has ended its engine, perhaps for want of memory.'));
+  };
 
   const isExact = ({ exact, mode }) => exact && mode !== 'mean';
 
@@ -181,7 +188,7 @@ function makeVolume(series, viewer) {
 
   /** Asks for the next picture, if one is due. */
   function pump() {
-    if (!isReady || inFlight) {
+    if (inFlight) {
       return;
     }
     if (clicked) {
@@ -229,7 +236,7 @@ function makeVolume(series, viewer) {
   }
 
   function change(changes) {
-    wanted = Object.freeze({ ...wanted, ...changes });
+    wanted = { ...wanted, ...changes };
     say('');
     isAtRest = false;
     clearTimeout(rest);
@@ -277,7 +284,7 @@ function makeVolume(series, viewer) {
   // Text
 
   const describeView = (view) => {
-    const side = findSide({ u: normalize(view.u), v: normalize(view.v), w: normalize(view.w) }, 1e-6);
+    const side = findSide(normalizeView(view), 1e-6);
     if (side) {
       return side[0].toUpperCase() + side.slice(1);
     }
@@ -307,7 +314,7 @@ function makeVolume(series, viewer) {
     for (const [id, text] of Object.entries(texts)) {
       element(id).textContent = text;
     }
-    element('view').value = findSide(view, 1e-6) ?? '';
+    element('view').value = findSide(normalizeView(view), 1e-6) ?? '';
     const edges = [view.u.map((each) => -each), view.u, view.v.map((each) => -each), view.v];
     return {
       spoken: Object.values(texts).filter(Boolean).join(', '),
@@ -355,7 +362,7 @@ function makeVolume(series, viewer) {
       const [newAzimuth, newElevation] = [modulo(azimuth - right + 180, 360) - 180, tilted].map((angle) => Number(angle.toFixed(3)));
       return makeView(newAzimuth, newElevation);
     }
-    const turned = rotate(view, volume.axis, -right);
+    const turned = rotate(view, longAxis, -right);
     return rotate(turned, normalize(turned.u), elevation - tilted);
   }
 
@@ -389,7 +396,7 @@ function makeVolume(series, viewer) {
     playing = performance.now();
     const tick = (now) => {
       const degrees = 360 * Math.max(now - playing, 0) / turnMilliseconds;
-      turnTo(isNamed ? makeView(azimuth + degrees, elevation) : rotate(view, volume.axis, degrees));
+      turnTo(isNamed ? makeView(azimuth + degrees, elevation) : rotate(view, longAxis, degrees));
       player = requestAnimationFrame(tick);
     };
     player = requestAnimationFrame(tick);
@@ -633,12 +640,12 @@ function makeVolume(series, viewer) {
     Object.assign(element('slab-position-slider'), { min: -radius, max: radius });
     showState();
     resetWindows();
-    return new Promise((resolve, reject) => {
-      settle = { resolve, reject };
+    // the engine can also fail later
+    return new Promise((_, reject) => {
+      fail = reject;
       const [engine, voxels] = ['engine', 'voxels'].map((id) => element(id)?.textContent ?? '');
       element('voxels')?.remove();
       ask({ engine, voxels, bits: series.bits, size: count, toPhysical: volume.toPhysical.flat() }, ({ range }) => {
-        isReady = true;
         loading.hidden = true;
         viewer.setRange(...range.map(viewer.toValue));
         change({});
@@ -666,7 +673,7 @@ function makeVolume(series, viewer) {
     origin,
     extent: [2 * across, 2 * Math.max(...spans)].map((length) => length / 0.94),
     get values() { return shown?.values ?? null; },
-    get name() { return describeView(shown.state.view).toLowerCase().replaceAll(' ', '-').replaceAll('°', ''); },
+    get name() { return describeView(wanted.view).toLowerCase().replaceAll(' ', '-').replaceAll('°', ''); },
     describe,
     drag,
     wheel,

@@ -6,16 +6,14 @@ let bits = 8;
 let parameters = null;
 
 const call = (name, ...values) => {
-  let status = null;
+  let status = 0;
   try {
     status = engine[name](...values);
-  } catch (problem) {
-    if (!(problem instanceof WebAssembly.RuntimeError)) {
-      throw problem;
-    }
+  } catch {
+    throw new Error(memoryProblem);
   }
   if (status !== 0) {
-    throw new Error(readText(engine.GetError() >>> 0) || memoryProblem);
+    throw new Error(readText(engine.GetError() >>> 0));
   }
 };
 

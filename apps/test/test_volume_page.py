@@ -261,6 +261,16 @@ def test_first_view(page):
     assert page.text("slab-name") == "Slab 16.0 mm at −2.0 mm"
 
 
+def test_first_view_with_a_scale(page):
+    """Nothing is cut off."""
+    center = np.array(make_series(make_voxels())["volume"]["center"])
+    page.show(view=np.column_stack([0.6 * np.array(ANTERIOR), center]).tolist())
+    assert page.text("view-name") == "Anterior" == page.element("view").find_element("css selector", ":checked").text
+    page.drag(70, 50)
+    values = page.check()
+    assert not any(edge.any() for edge in (values[0], values[-1], values[:, 0], values[:, -1]))
+
+
 def test_picture_is_on_voxels(page):
     """Pixels of a first view along the axes have the voxels' values, not means of neighbours."""
     voxels = make_voxels(shape=(24, 31, 36))
