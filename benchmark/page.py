@@ -34,6 +34,8 @@ import chromium
 
 MOVE_MILLISECONDS = 16
 
+STAGES = ("until it is asked for", "it is projected", "it is sent and drawn")
+
 # before the page's own scripts: the times of movements, and the last movement of each picture, in milliseconds
 WATCH = """
   window.moves = []
@@ -127,9 +129,7 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
         "movements": len(stages) + lost,
         "lost": lost,
         "milliseconds from the event to the canvas": {"median": median, "95th percentile": high, "most": most},
-        "milliseconds of the stages, median": dict(
-            zip(("until it is asked for", "it is projected", "it is sent and drawn"), np.median(times[:, 1:], axis=0).round(1))
-        ),
+        "milliseconds of the stages, median": dict(zip(STAGES, np.median(times[:, 1:], axis=0).round(1).tolist())),
         "pictures per second in motion, median": round(float(np.median(rates)), 1) if rates else None,
     }
 

@@ -531,7 +531,7 @@ function makeVolume(series, viewer) {
     element('point-position').textContent = `${position.map((each, axis) => (volume.hasOrientation
       ? `${['LR', 'PA', 'HF'][axis][Number(each < 0)]} ${format(Math.abs(each), precision)}`
       : `${'xyz'[axis]} ${format(each, precision)}`)).join('  ')} mm`;
-    element('point-index').textContent = `voxel ${index.join(', ')}${isReduced ? ' of this page\u2019s volume' : ''}`;
+    element('point-index').textContent = `voxel ${index.join(', ')}${isReduced ? ' of the reduced volume' : ''}`;
     place();
   }
 

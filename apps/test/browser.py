@@ -12,11 +12,9 @@ import io
 import json
 import os
 import pathlib
-import sys
 import urllib.parse
 
 import numpy as np
-import pytest
 from PIL import Image
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.actions.action_builder import ActionBuilder
@@ -28,8 +26,6 @@ from selenium.webdriver.remote.command import Command
 from selenium.webdriver.support.ui import WebDriverWait
 
 ROOT = pathlib.Path(__file__).parents[2]
-sys.path.append(str(ROOT / "python" / "test"))
-import chromium
 
 MINUS = "\N{MINUS SIGN}"
 
@@ -195,13 +191,6 @@ class Page:
         events = [json.loads(entry["message"])["message"] for entry in self.driver.get_log("performance")]
         sent = [event["params"] for event in events if event["method"] == "Network.requestWillBeSent"]
         return messages, [parameters["request"]["url"] for parameters in sent]
-
-
-@pytest.fixture(scope="module")
-def driver():
-    driver = chromium.start(1000, 720, ["browser", "performance"])
-    yield driver
-    driver.quit()
 
 
 @contextlib.contextmanager

@@ -12,7 +12,7 @@ import pathlib
 
 import numpy as np
 import pytest
-from browser import MINUS, Page, driver, used, write_page  # noqa: F401
+from browser import MINUS, Page, used, write_page
 from PIL import Image
 from selenium.webdriver.common.actions.mouse_button import MouseButton
 from selenium.webdriver.common.by import By
