@@ -14,5 +14,7 @@ def driver():
     import chromium
 
     driver = chromium.start(1000, 720, ["browser", "performance"])
+    offline = {"offline": True, "latency": 0, "downloadThroughput": 0, "uploadThroughput": 0}
+    driver.execute_cdp_cmd("Network.emulateNetworkConditions", offline)
     yield driver
     driver.quit()

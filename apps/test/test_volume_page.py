@@ -757,6 +757,14 @@ def test_keyboard_reaches_everything(page):
     assert "slab nearer, farther" in help_text and "frame" not in help_text
 
 
+@pytest.mark.parametrize("address", ["https://example.org/", "data:,x"])
+def test_may_load_nothing(page, address):
+    page.show()
+    assert page.run(f"fetch('{address}').then(() => 'loaded', () => 'refused')") == "refused"
+    messages = page.logs()[0]
+    assert any("Content Security Policy" in message for message in messages)
+
+
 def problem(page):
     page.wait("!document.getElementById('problem').hidden")
     return page.text("problem")
