@@ -471,7 +471,6 @@ function startViewer(series, makeSource) {
     for (const [id, action] of Object.entries(source.inputs)) {
       element(id).addEventListener(element(id).type === 'range' ? 'input' : 'change', (event) => action(event.target));
     }
-    element('controls').addEventListener('change', ({ target }) => target.matches('select:not(:focus-visible)') && target.blur());
     element('preset').addEventListener('change', (event) => setWindow(...presets[event.target.value]));
     element('level').addEventListener('change', setTypedWindow);
     element('width').addEventListener('change', setTypedWindow);
@@ -487,6 +486,8 @@ function startViewer(series, makeSource) {
       }
     });
     element('controls').addEventListener('pointerup', (event) => event.target.matches('input') && event.target.blur());
+    element('controls').addEventListener('change', (event) =>
+      event.target.matches('select:not(:focus-visible)') && event.target.blur());
   }
 
   // A file of what is seen

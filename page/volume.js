@@ -120,7 +120,8 @@ function makeVolume(series, viewer) {
 
   /** Pixels along a direction of the first view, as many as put them on voxels and not between them. */
   const countPixels = (direction) => {
-    const along = [i, j, k].sort((one, other) => Math.abs(dot(normalize(other), direction)) - Math.abs(dot(normalize(one), direction)))[0];
+    const measure = (axis) => Math.abs(dot(normalize(axis), direction));
+    const [along] = [i, j, k].sort((one, other) => measure(other) - measure(one));
     const offset = modulo(dot(subtract(center, start), along) / dot(along, along), 1);
     return 2 * Math.ceil(radius / resolution) + Number(Math.abs(offset - 0.5) > 0.25);
   };
@@ -243,7 +244,7 @@ function makeVolume(series, viewer) {
     rest = setTimeout(() => {
       isAtRest = true;
       pump();
-      element('spoken').textContent = playing === null ? describeView(wanted.view) : '';
+      element('spoken').textContent = speakState(wanted);
     }, 120);
     pump();
   }
@@ -296,28 +297,25 @@ function makeVolume(series, viewer) {
     ].filter(([, angle]) => Math.abs(angle) >= 0.05).map(([name, angle]) => name + formatDegrees(angle)).join(' ');
   };
 
-  const describeMode = ({ mode }) => (mode === 'maximum' ? '' : mode[0].toUpperCase() + mode.slice(1));
+  const describeMode = (mode) => (mode === 'maximum' ? '' : mode[0].toUpperCase() + mode.slice(1));
 
   function describeSlab(slab) {
     const [thickness, position] = measureSlab(slab).map((each) => format(each, precision));
     return `Slab ${thickness} mm at ${position} mm`;
   }
 
+  const speakState = ({ view, mode, slab }) =>
+    [describeView(view), describeMode(mode), slab ? describeSlab(slab) : ''].filter(Boolean).join(', ');
+
   function describe() {
-    const { state } = shown;
-    const { view, slab } = state;
-    const texts = {
-      'view-name': describeView(view),
-      'mode-name': [describeMode(state), shown.isExact ? 'exact' : ''].filter(Boolean).join(', '),
-      'slab-name': slab ? describeSlab(slab) : '',
-    };
-    for (const [id, text] of Object.entries(texts)) {
-      element(id).textContent = text;
-    }
+    const { state: { view, mode, slab }, isExact } = shown;
+    element('view-name').textContent = describeView(view);
+    element('mode-name').textContent = [describeMode(mode), isExact ? 'exact' : ''].filter(Boolean).join(', ');
+    element('slab-name').textContent = slab ? describeSlab(slab) : '';
     element('view').value = findSide(normalizeView(view), 1e-6) ?? '';
     const edges = [view.u.map((each) => -each), view.u, view.v.map((each) => -each), view.v];
     return {
-      spoken: Object.values(texts).filter(Boolean).join(', '),
+      spoken: speakState(shown.state),
       letters: volume.hasOrientation ? edges.map(findLetters) : null,
     };
   }
