@@ -82,7 +82,7 @@ const simd = [0, 97, 115, 109, 1, 0, 0, 0, 1, 5, 1, 96, 0, 1, 123, 3, 2, 1, 0, 1
 
 function verifyBrowser() {
   if (!globalThis.WebAssembly?.validate(new Uint8Array(simd))) {
-    throw new Error('This browser cannot project the volume: it has no WebAssembly with SIMD. Use a browser of 2023 or later.');
+    throw new Error('This browser is too old for this page: it has no WebAssembly with SIMD. Use one of 2023 or later.');
   }
 }
 
@@ -207,7 +207,8 @@ function makeVolume(series, viewer) {
 
   function project(state) {
     const request = makeRequest(state);
-    ask(request, ({ values, milliseconds }) => show({ state, isExact: false, values, view: request.view, milliseconds }));
+    ask(request, ({ values, milliseconds }) =>
+      show({ state, isExact: false, values, view: request.view, milliseconds }));
   }
 
   /** Some rows at a time, so that a movement need not wait for all. */
@@ -357,8 +358,8 @@ function makeVolume(series, viewer) {
     const tilted = clamp(elevation + down, -90, 90);
     if (isSame(view, makeView(azimuth, elevation), 1e-6)) {
       // angles that can be written down
-      const [newAzimuth, newElevation] = [modulo(azimuth - right + 180, 360) - 180, tilted].map((angle) => Number(angle.toFixed(3)));
-      return makeView(newAzimuth, newElevation);
+      const angles = [modulo(azimuth - right + 180, 360) - 180, tilted];
+      return makeView(...angles.map((angle) => Number(angle.toFixed(3))));
     }
     const turned = rotate(view, longAxis, -right);
     return rotate(turned, normalize(turned.u), elevation - tilted);
@@ -490,13 +491,13 @@ function makeVolume(series, viewer) {
   }
 
   function setPoint({ view }, request, { values, depths }) {
-    const [x, y] = request.picture.slice(4);
-    const found = Number.isNaN(depths[0]) ? null : [0, 1, 2].map((n) => view.u[n] * x + view.v[n] * y + view.w[n] * depths[0] + center[n]);
     pump();
     if (request !== asked) {
       return;
     }
-    point = found && { position: found, value: viewer.toValue(values[0]), ...findIndex(found) };
+    const [x, y, z] = [...request.picture.slice(4), depths[0]];
+    const position = [0, 1, 2].map((n) => view.u[n] * x + view.v[n] * y + view.w[n] * z + center[n]);
+    point = Number.isNaN(z) ? null : { position, value: viewer.toValue(values[0]), ...findIndex(position) };
     showPoint();
     if (!point) {
       say('There is nothing at this point');
@@ -508,7 +509,8 @@ function makeVolume(series, viewer) {
     const { whole } = volume;
     const [a, b, c, from] = columnsOf(whole.toPhysical ?? volume.toPhysical);
     const size = whole.toPhysical ? whole.size : count;
-    const index = solve([a, b, c], subtract(position, from)).map((each, axis) => clamp(Math.round(each), 0, size[axis] - 1));
+    const index = solve([a, b, c], subtract(position, from))
+      .map((each, axis) => clamp(Math.round(each), 0, size[axis] - 1));
     const isReduced = !whole.toPhysical && whole.size.some((length, axis) => length !== count[axis]);
     return { index, isReduced };
   }
