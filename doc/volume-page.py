@@ -2,8 +2,9 @@
 
 volume-page.py PAGE PICTURE
 
-PAGE is what `shear-warp-mip head.nrrd page.html --page-volume --title 'Synthetic angiogram' --azimuth 30
---elevation 10` makes of the head that `shear-warp-mip --write-phantom` makes. Needs NumPy, Pillow, selenium, and Debian's chromium and chromium-driver.
+PAGE is what `shear-warp-mip head.nrrd page.html --page-volume --title 'Synthetic angiogram' --azimuth 30 --elevation 10`
+makes of what `shear-warp-mip --write-phantom head.nrrd --phantom-size 512 512 256` makes. Needs NumPy, Pillow, selenium,
+and Debian's chromium and chromium-driver.
 """
 
 import sys
