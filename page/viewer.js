@@ -486,8 +486,14 @@ function startViewer(series, makeSource) {
       }
     });
     element('controls').addEventListener('pointerup', (event) => event.target.matches('input') && event.target.blur());
-    element('controls').addEventListener('change', (event) =>
-      event.target.matches('select:not(:focus-visible)') && event.target.blur());
+    let clicked = null;
+    element('controls').addEventListener('pointerdown', (event) => { clicked = event.target; });
+    element('controls').addEventListener('change', (event) => {
+      if (event.target === clicked && clicked.matches('select')) {
+        clicked.blur();
+      }
+      clicked = null;
+    });
   }
 
   // A file of what is seen

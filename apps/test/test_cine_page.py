@@ -412,6 +412,7 @@ def test_keyboard_reaches_everything(page):
     page.press("?")
     assert page.run("document.getElementById('help-box').open")
     page.screenshot("help")
+    assert "slab" not in page.text("help-box")
     page.press("i")
     assert not page.run("cine.inverted")
     page.press("h")

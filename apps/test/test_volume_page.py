@@ -378,6 +378,26 @@ def test_named_views(page, how):
     assert page.element("view").get_property("value") == ""
 
 
+def test_list_that_was_clicked_leaves_the_keys(page):
+    page.show()
+    page.element("view").click()
+    page.press(Keys.ARROW_DOWN, Keys.ENTER)
+    page.settle()
+    assert page.text("view-name") == "Posterior"
+    page.press("4")
+    page.settle()
+    assert page.text("view-name") == "Right"
+    # one that was reached with Tab keeps them
+    with page.held(Keys.SHIFT):
+        page.press(Keys.TAB)
+    page.press(Keys.TAB)
+    assert page.run("document.activeElement.id") == "view"
+    page.press(Keys.ARROW_DOWN)
+    page.settle()
+    assert page.text("view-name") == "Superior"
+    assert page.run("document.activeElement.id") == "view"
+
+
 def test_volume_without_orientation(page):
     page.show(hasOrientation=False)
     assert page.text("left-letter") == "" and "Patient" not in page.canvas.get_attribute("aria-label")
