@@ -141,6 +141,8 @@ function makeVolume(series, viewer) {
   let point = null;
   let isAtRest = false;
   let isTrackball = false;
+  let isSlow = false;
+  let hasCoarse = false;
   let rest = 0;
   let player = 0;
   let playing = null;
@@ -151,6 +153,8 @@ function makeVolume(series, viewer) {
 
   const worker = new Worker(URL.createObjectURL(new Blob([decodeBase64, element('worker').textContent])));
   let fail = null;
+  // from here on, pictures in motion have half the resolution
+  const slowMilliseconds = 40;
   // the first two views along each axis of the volume take longer
   const warmUps = [sides.superior, sides.left, sides.anterior].flatMap((view) => [view, view]);
 
@@ -183,6 +187,7 @@ function makeVolume(series, viewer) {
     mode: modes.indexOf(state.mode),
     slab: state.slab ?? [-Infinity, Infinity],
     isExact: false,
+    isCoarse: false,
     hasDepth: false,
     ...more,
   });
@@ -196,19 +201,27 @@ function makeVolume(series, viewer) {
       const { state, request } = clicked;
       clicked = null;
       ask(request, (answer) => setPoint(state, request, answer));
-    } else if (shown?.state !== wanted) {
-      project(wanted);
+    } else if (shown?.state !== wanted || (isAtRest && shown.isCoarse)) {
+      project(wanted, hasCoarse && isSlow && !isAtRest && wanted.mode === 'maximum');
     } else if (isAtRest && isExact(wanted) && !shown.isExact) {
       projectExactly(wanted);
     } else if (warmUps.length > 0) {
-      ask(makeRequest({ ...first, view: warmUps.pop() }), pump);
+      ask(makeRequest({ ...first, view: warmUps.pop() }), ({ milliseconds }) => {
+        isSlow = milliseconds > slowMilliseconds;
+        pump();
+      });
+    } else if (isSlow && !hasCoarse) {
+      hasCoarse = true;
+      ask(makeRequest(first, { isCoarse: true }), pump);
     }
   }
 
-  function project(state) {
-    const request = makeRequest(state);
-    ask(request, ({ values, milliseconds }) =>
-      show({ state, isExact: false, values, view: request.view, milliseconds }));
+  function project(state, isCoarse) {
+    const request = makeRequest(state, { isCoarse });
+    ask(request, ({ values, milliseconds }) => {
+      isSlow = isCoarse ? isSlow : milliseconds > slowMilliseconds;
+      show({ state, isExact: false, isCoarse, values, view: request.view, milliseconds });
+    });
   }
 
   /** Some rows at a time, so that a movement need not wait for all. */
@@ -660,10 +673,14 @@ function makeVolume(series, viewer) {
     get values() { return shown.values; },
     get state() { return shown.state; },
     get isExact() { return shown.isExact; },
+    get isCoarse() { return shown.isCoarse; },
     get milliseconds() { return shown.milliseconds; },
     get point() { return point; },
     get playing() { return playing !== null; },
-    get settled() { return !inFlight && shown?.state === wanted && !clicked && (!isExact(wanted) || shown.isExact); },
+    get settled() {
+      const isDone = !inFlight && !clicked && shown?.state === wanted && !shown.isCoarse;
+      return isDone && (!isExact(wanted) || shown.isExact);
+    },
   };
 
   return {

@@ -1,33 +1,52 @@
 // The engine, in a thread of its own. decodeBase64() stands before this text.
 
 const memoryProblem = 'There is too little memory for this volume. Close other pages, or use a page with a smaller volume.';
-let engine = null;
 let bits = 8;
-let parameters = null;
+let volume = null;
+let fine = null;
+let coarse = null;
 
-const call = (name, ...values) => {
-  let status = 0;
-  try {
-    status = engine[name](...values);
-  } catch {
-    throw new Error(memoryProblem);
+class Engine {
+  constructor(module) {
+    this.exports = new WebAssembly.Instance(module).exports;
+    this.exports._initialize();
+    this.parameters = this.allocate(18 * 8);
   }
-  if (status !== 0) {
-    throw new Error(readText(engine.GetError() >>> 0));
-  }
-};
 
-function readText(start) {
-  const bytes = new Uint8Array(engine.memory.buffer, start);
-  return new TextDecoder().decode(bytes.slice(0, bytes.indexOf(0)));
-}
-
-function allocate(bytes) {
-  const start = bytes < 2 ** 32 ? engine.malloc(bytes) >>> 0 : 0;
-  if (start === 0) {
-    throw new Error(memoryProblem);
+  allocate(bytes) {
+    const start = bytes < 2 ** 32 ? this.exports.malloc(bytes) >>> 0 : 0;
+    if (start === 0) {
+      throw new Error(memoryProblem);
+    }
+    return start;
   }
-  return start;
+
+  call(name, ...values) {
+    let status = 0;
+    try {
+      status = this.exports[name](...values);
+    } catch {
+      throw new Error(memoryProblem);
+    }
+    if (status !== 0) {
+      const bytes = new Uint8Array(this.exports.memory.buffer, this.exports.GetError() >>> 0);
+      throw new Error(new TextDecoder().decode(bytes.slice(0, bytes.indexOf(0))));
+    }
+  }
+
+  /** Voxels or pixels; memory that grows leaves its views. */
+  view(start, count) {
+    return new (bits === 8 ? Uint8Array : Uint16Array)(this.exports.memory.buffer, start, count);
+  }
+
+  setNumbers(numbers) {
+    new Float64Array(this.exports.memory.buffer, this.parameters, numbers.length).set(numbers);
+  }
+
+  setVolume({ size, toPhysical, start }) {
+    this.setNumbers(toPhysical);
+    this.call('SetVolume', bits, ...size, this.parameters, start);
+  }
 }
 
 /** Gives the bytes to take(), part by part. */
@@ -56,16 +75,14 @@ const sayDamaged = (what) => (problem) => {
 async function readEngine(text) {
   const parts = [];
   await unpack(text, (part) => parts.push(part)).catch(sayDamaged('engine'));
-  const bytes = await new Blob(parts).arrayBuffer();
-  const { instance } = await WebAssembly.instantiate(bytes, {}).catch(sayDamaged('engine'));
-  engine = instance.exports;
-  engine._initialize();
+  return WebAssembly.compile(await new Blob(parts).arrayBuffer()).catch(sayDamaged('engine'));
 }
 
-/** Byte planes become voxels, at their place. Returns the least and the greatest one. */
-async function readVoxels(text, start, count) {
+/** Byte planes become voxels. */
+async function readVoxels(text, values) {
+  const count = values.length;
   const stride = bits / 8;
-  const voxels = new Uint8Array(engine.memory.buffer, start, count * stride);
+  const voxels = new Uint8Array(values.buffer, values.byteOffset, values.byteLength);
   let done = 0;
   let shown = 0;
   await unpack(text, (part, fraction) => {
@@ -89,10 +106,7 @@ async function readVoxels(text, start, count) {
   if (done < voxels.length) {
     sayDamaged('volume')(new Error('it is cut short'));
   }
-  return findRange(view(start, count));
 }
-
-const view = (start, count) => new (bits === 8 ? Uint8Array : Uint16Array)(engine.memory.buffer, start, count);
 
 function findRange(values) {
   let [least, most] = [values[0], values[0]];
@@ -103,34 +117,65 @@ function findRange(values) {
   return [least, most];
 }
 
-async function start({ engine: code, voxels, bits: depth, size, toPhysical }) {
+async function start({ engine, voxels, bits: depth, size, toPhysical }) {
   bits = depth;
+  const module = await readEngine(engine);
+  fine = new Engine(module);
   const count = size[0] * size[1] * size[2];
-  await readEngine(code);
-  parameters = allocate(18 * 8);
-  const place = allocate(count * bits / 8);
-  const range = await readVoxels(voxels, place, count);
-  setNumbers(toPhysical);
-  call('SetVolume', bits, ...size, parameters, place);
+  volume = { module, size, toPhysical, start: fine.allocate(count * bits / 8) };
+  const values = fine.view(volume.start, count);
+  await readVoxels(voxels, values);
+  const range = findRange(values);
+  fine.setVolume(volume);
   return { range };
 }
 
-const setNumbers = (numbers) => new Float64Array(engine.memory.buffer, parameters, numbers.length).set(numbers);
+/** An engine with half the resolution: the greatest voxel of eight. Without memory for it, the fine one. */
+function makeCoarse() {
+  try {
+    const [columns, rows, slices] = volume.size;
+    const size = volume.size.map((length) => Math.ceil(length / 2));
+    const engine = new Engine(volume.module);
+    const start = engine.allocate(size[0] * size[1] * size[2] * bits / 8);
+    const source = fine.view(volume.start, columns * rows * slices);
+    const target = engine.view(start, size[0] * size[1] * size[2]).fill(0);
+    for (let slice = 0, place = 0; slice < slices; ++slice) {
+      for (let row = 0; row < rows; ++row) {
+        const first = ((slice >> 1) * size[1] + (row >> 1)) * size[0];
+        for (let column = 0; column < columns; ++column, ++place) {
+          const at = first + (column >> 1);
+          target[at] = Math.max(target[at], source[place]);
+        }
+      }
+    }
+    const toPhysical = [0, 4, 8].flatMap((row) => {
+      const [i, j, k, origin] = volume.toPhysical.slice(row, row + 4);
+      return [2 * i, 2 * j, 2 * k, origin + (i + j + k) / 2];
+    });
+    engine.setVolume({ size, toPhysical, start });
+    return engine;
+  } catch {
+    return fine;
+  }
+}
 
-function project({ view: matrix, picture, mode, slab, isExact, hasDepth }) {
+function project({ view, picture, mode, slab, isExact, isCoarse, hasDepth }) {
+  const engine = isCoarse ? coarse ??= makeCoarse() : fine;
+  const { exports, parameters } = engine;
   const [columns, rows] = picture;
-  setNumbers([...matrix, ...picture]);
+  engine.setNumbers([...view, ...picture]);
   const begin = performance.now();
-  call('Project', parameters, parameters + 12 * 8, mode, ...slab, isExact, hasDepth);
+  engine.call('Project', parameters, parameters + 12 * 8, mode, ...slab, isExact, hasDepth);
   const milliseconds = performance.now() - begin;
-  const values = view(engine.GetPixels() >>> 0, columns * rows).slice();
-  const depths = hasDepth ? new Float32Array(engine.memory.buffer, engine.GetDepths() >>> 0, columns * rows).slice() : null;
+  const values = engine.view(exports.GetPixels() >>> 0, columns * rows).slice();
+  const depths = hasDepth
+    ? new Float32Array(exports.memory.buffer, exports.GetDepths() >>> 0, columns * rows).slice() : null;
   return { values, depths, milliseconds };
 }
 
 onmessage = async ({ data }) => {
   try {
-    const answer = await (data.engine ? start : project)(data);
+    const answer = await ('engine' in data ? start : project)(data);
     postMessage(answer, answer.values ? [answer.values.buffer] : []);
   } catch (problem) {
     postMessage({ problem: problem.message });

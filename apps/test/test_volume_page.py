@@ -88,6 +88,16 @@ def make_series(voxels, axes=AXES, /, **changes):
     } | changes
 
 
+ENCODE = """() => {
+  const bytes = new Uint8Array(cine.values.buffer);
+  const parts = [];
+  for (let n = 0; n < bytes.length; n += 30000) {
+    parts.push(String.fromCharCode(...bytes.subarray(n, n + 30000)));
+  }
+  return btoa(parts.join(''));
+}"""
+
+
 class VolumePage(Page):
     LOADED = "window.cine && cine.shown"
 
@@ -106,15 +116,10 @@ class VolumePage(Page):
 
     def values(self):
         """The stored values on display."""
-        columns, rows, text = self.run("""(() => {
-          const {values, picture} = cine;
-          const bytes = new Uint8Array(values.buffer);
-          const parts = [];
-          for (let n = 0; n < bytes.length; n += 30000) {
-            parts.push(String.fromCharCode(...bytes.subarray(n, n + 30000)));
-          }
-          return [picture[0], picture[1], btoa(parts.join(''))];
-        })()""")
+        return self.decode(self.run(f"({ENCODE})()"))
+
+    def decode(self, text):
+        columns, rows = self.run("cine.picture.slice(0, 2)")
         return np.frombuffer(base64.b64decode(text), self.voxels.dtype).reshape(rows, columns)
 
     @property
@@ -626,6 +631,50 @@ def test_movement_has_the_plain_picture(page):
     """)
     plain = [when for when, is_exact in seen if not is_exact]
     assert plain and seen[-1][0] - seen[0][0] >= 115
+
+
+def move(page):
+    """Turns by a key; whether the first picture is coarse, and its stored values."""
+    is_coarse, text = page.driver.execute_async_script(f"""
+      const [done] = arguments;
+      const {{state}} = cine;
+      const look = () => (cine.state === state ? setTimeout(look) : done([cine.isCoarse, ({ENCODE})()]));
+      document.body.dispatchEvent(new KeyboardEvent('keydown', {{key: 'ArrowLeft', bubbles: true}}));
+      look();
+    """)
+    return is_coarse, page.decode(text)
+
+
+def test_slow_pictures_move_with_half_the_resolution(page, injected):
+    """Of maxima, until they rest."""
+    voxels = make_voxels()
+    page.show(voxels)
+    assert not move(page)[0]
+    injected("""
+      const {get, set} = Object.getOwnPropertyDescriptor(Worker.prototype, 'onmessage');
+      Object.defineProperty(Worker.prototype, 'onmessage', {get, set(react) {
+        set.call(this, (event) => {
+          event.data.milliseconds &&= 99;
+          react(event);
+        });
+      }});
+    """)
+    page.show(voxels)
+    assert not page.run("cine.isCoarse")
+    is_coarse, values = move(page)
+    assert is_coarse
+    half = voxels.reshape(15, 2, 18, 2, 20, 2).max(axis=(1, 3, 5))
+    matrix = np.array(page.volume["toPhysical"])
+    matrix[:, 3] += matrix[:, :3].sum(axis=1) / 2
+    matrix[:, :3] *= 2
+    page.voxels, page.volume = half, {"size": half.shape[::-1], "toPhysical": matrix.tolist()}
+    np.testing.assert_array_equal(values, page.project())
+    page.voxels, page.volume = voxels, page.series["volume"]
+    assert (page.check() != values).any()
+    page.press("m")
+    page.settle()
+    assert not move(page)[0]
+    page.check("--mode", "minimum")
 
 
 def test_plays_a_turn(page):
