@@ -1,40 +1,25 @@
-"""Uses the cine page in a headless Chromium as a viewer would, and compares its pixels to the series'.
+"""Uses a page of frames in a headless Chromium as a viewer would, and compares its pixels to the series'.
 
-CINE_TEMPLATE     the page with @SERIES@ in it          [../../page/cine.html]
-CINE_PAGE         a finished page: checked as well, in what holds for every series
-CINE_SCREENSHOTS  folder that keeps what was seen
+CINE_PAGE  a finished page: checked as well, in what holds for every series
 
-Needs Debian's chromium, chromium-driver, python3-selenium, python3-pil, python3-numpy and python3-pytest.
+See also browser.py.
 """
 
 import base64
-import contextlib
 import io
-import json
 import os
 import pathlib
-import sys
-import urllib.parse
 
 import numpy as np
 import pytest
+from browser import MINUS, Page, used, write_page
 from PIL import Image
-from selenium.webdriver.common.action_chains import ActionChains
-from selenium.webdriver.common.actions.action_builder import ActionBuilder
 from selenium.webdriver.common.actions.mouse_button import MouseButton
-from selenium.webdriver.common.actions.wheel_input import ScrollOrigin
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
-from selenium.webdriver.remote.command import Command
-from selenium.webdriver.support.ui import Select, WebDriverWait
+from selenium.webdriver.support.ui import Select
 
-sys.path.append(str(pathlib.Path(__file__).parents[2] / "python" / "test"))
-import chromium
-
-SOURCE = pathlib.Path(__file__).parents[2] / "page" / "cine.html"
-TEMPLATE = pathlib.Path(os.environ.get("CINE_TEMPLATE", SOURCE))
 MOST_PIXELS_PER_FRAME = 48
-MINUS = "\N{MINUS SIGN}"
 WIDTH, HEIGHT, FRAMES, BLOCK = 96, 64, 36, 16
 
 
@@ -87,31 +72,15 @@ def expected(series, frame, window, inverted=False):
     return (255 - gray if inverted else gray).astype(np.uint8)
 
 
-class Page:
-    def __init__(self, driver, folder):
-        self.driver, self.folder = driver, folder
-
-    def open(self, path, motion=False):
-        preference = "no-preference" if motion else "reduce"
-        features = [{"name": "prefers-reduced-motion", "value": preference}]
-        self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": features})
-        self.driver.get("about:blank")
-        self.logs()
-        self.driver.get(path.resolve().as_uri())
-        count = "JSON.parse(document.getElementById('series').textContent).frames.length"
-        self.wait(f"window.cine && (cine.loaded === {count} || !document.getElementById('problem').hidden)")
-        assert self.text("problem") == ""
-        self.stage = self.element("stage")
-        self.canvas = self.driver.find_element(By.TAG_NAME, "canvas")
+class FramesPage(Page):
+    LOADED = "window.cine && cine.loaded === JSON.parse(document.getElementById('series').textContent).frames.length"
 
     def show(self, frames=None, /, motion=False, **changes):
         """A series of these frames, or of some of 8 bits."""
         self.frames = make_frames(8) if frames is None else frames
         self.series = make_series(self.frames, **changes)
         path = self.folder / "cine.html"
-        template = TEMPLATE.read_text("utf-8")
-        assert template.count("@SERIES@") == 1
-        path.write_text(template.replace("@SERIES@", json.dumps(self.series).replace("<", "\\u003c")), "utf-8")
+        write_page(path, self.series)
         self.open(path, motion)
 
     def check(self, frame=0, window=None, inverted=False):
@@ -119,100 +88,9 @@ class Page:
         gray = expected(self.series, self.frames[frame], window or self.series["window"], inverted)
         np.testing.assert_array_equal(self.pixels(), gray)
 
-    def element(self, name):
-        return self.driver.find_element(By.ID, name)
-
-    def run(self, script):
-        return self.driver.execute_script(f"return {script}")
-
-    def wait(self, condition, seconds=30):
-        WebDriverWait(self.driver, seconds, 0.05).until(lambda driver: self.run(condition), condition)
-
-    def text(self, name):
-        return self.element(name).text
-
     @property
     def frame(self):
         return self.run("cine.frame")
-
-    @property
-    def window(self):
-        return self.run("cine.window")
-
-    def box_of(self, selector):
-        return self.run(f"document.querySelector('{selector}').getBoundingClientRect().toJSON()")
-
-    @property
-    def box(self):
-        return self.box_of("canvas")
-
-    def colours(self):
-        """What the canvas has."""
-        text = self.run("""(() => {
-          const canvas = document.querySelector('canvas');
-          const copy = new OffscreenCanvas(canvas.width, canvas.height).getContext('2d', {willReadFrequently: true});
-          copy.drawImage(canvas, 0, 0);
-          const {data} = copy.getImageData(0, 0, canvas.width, canvas.height);
-          return [canvas.width, canvas.height, btoa(String.fromCharCode(...data))];
-        })()""")
-        rgba = np.frombuffer(base64.b64decode(text[2]), np.uint8).reshape(text[1], text[0], 4)
-        assert (rgba[..., 3] == 255).all()
-        return rgba[..., :3]
-
-    def pixels(self):
-        """One gray value a pixel."""
-        colours = self.colours()
-        assert (colours[..., :1] == colours).all()
-        return colours[..., 0]
-
-    def screenshot(self, name):
-        png = self.driver.get_screenshot_as_png()
-        if "CINE_SCREENSHOTS" in os.environ:
-            folder = pathlib.Path(os.environ["CINE_SCREENSHOTS"])
-            folder.mkdir(parents=True, exist_ok=True)
-            (folder / f"{name}.png").write_bytes(png)
-        return np.asarray(Image.open(io.BytesIO(png)).convert("RGB"))
-
-    @contextlib.contextmanager
-    def held(self, key):
-        if key:
-            ActionChains(self.driver).key_down(key).perform()
-        yield
-        if key:
-            ActionChains(self.driver).key_up(key).perform()
-
-    def drag(self, right, down=0, button=MouseButton.LEFT, key=None):
-        actions = ActionBuilder(self.driver, duration=20)
-        mouse = actions.pointer_action
-        mouse.move_to(self.stage)
-        mouse.pointer_down(button)
-        for n in range(1, 5):
-            mouse.move_to(self.stage, round(right * n / 4), round(down * n / 4))
-        mouse.pointer_up(button)
-        with self.held(key):
-            actions.perform()
-
-    def press(self, *keys, key=None):
-        with self.held(key):
-            ActionChains(self.driver).send_keys(*keys).perform()
-
-    def wheel(self, delta, key=None, at=(0, 0)):
-        """At pixels right of and below the stage's middle."""
-        with self.held(key):
-            origin = ScrollOrigin.from_element(self.stage, *at)
-            ActionChains(self.driver).scroll_from_origin(origin, 0, delta).perform()
-
-    def point_at(self, x, y):
-        """So far right of and below the stage's middle."""
-        ActionChains(self.driver, duration=0).move_to_element_with_offset(self.stage, round(x), round(y)).perform()
-
-    def double_click(self):
-        ActionChains(self.driver).double_click(self.stage).perform()
-
-    def set_screen(self, width, height, scale, mobile):
-        """Until the end of the test."""
-        metrics = {"width": width, "height": height, "deviceScaleFactor": scale, "mobile": mobile}
-        self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
 
     def find(self, x, y):
         """The point of the picture that is so far right of and below the stage's middle, in mm of the series."""
@@ -221,57 +99,11 @@ class Page:
         along = (stage["y"] + stage["height"] / 2 + y - box["top"]) / box["height"]
         return np.array([across * WIDTH * 0.5, along * HEIGHT])
 
-    def type(self, name, text):
-        field = self.element(name)
-        field.clear()
-        field.send_keys(text, Keys.ENTER)
-
-    def save_picture(self):
-        """By the key; the name of the file that was downloaded, and its pixels."""
-        behavior = {"behavior": "allow", "downloadPath": str(self.folder.resolve())}
-        self.driver.execute_cdp_cmd("Browser.setDownloadBehavior", behavior)
-        self.press("s")
-        (path,) = WebDriverWait(self.driver, 10, 0.05).until(lambda driver: [*self.folder.glob("*.png")])
-        picture = np.asarray(Image.open(path).convert("RGB"))
-        path.unlink()
-        return path.name, picture
-
-    def touch(self, *fingers):
-        """Each finger is a list of positions; all go on together."""
-
-        def send(kind, points):
-            touches = [{"x": x, "y": y, "id": n} for n, (x, y) in enumerate(points)]
-            self.driver.execute_cdp_cmd("Input.dispatchTouchEvent", {"type": kind, "touchPoints": touches})
-
-        send("touchStart", [finger[0] for finger in fingers])
-        for points in list(zip(*fingers))[1:]:
-            send("touchMove", points)
-        send("touchEnd", [])
-
-    def logs(self):
-        """Messages of the console, and the addresses that were asked for."""
-        messages = [entry["message"] for entry in self.driver.get_log("browser")]
-        events = [json.loads(entry["message"])["message"] for entry in self.driver.get_log("performance")]
-        sent = [event["params"] for event in events if event["method"] == "Network.requestWillBeSent"]
-        return messages, [parameters["request"]["url"] for parameters in sent]
-
-
-@pytest.fixture(scope="module")
-def driver():
-    driver = chromium.start(1000, 720, ["browser", "performance"])
-    yield driver
-    driver.quit()
-
 
 @pytest.fixture
 def page(driver, tmp_path):
-    page = Page(driver, tmp_path)
-    yield page
-    driver.execute(Command.W3C_CLEAR_ACTIONS)
-    driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
-    messages, requests = page.logs()
-    assert not messages
-    assert {urllib.parse.urlsplit(url).scheme for url in requests} <= {"file", "data", "blob", "about"}
+    with used(FramesPage(driver, tmp_path)) as page:
+        yield page
 
 
 def pixels_per_frame(page):
@@ -580,6 +412,7 @@ def test_keyboard_reaches_everything(page):
     page.press("?")
     assert page.run("document.getElementById('help-box').open")
     page.screenshot("help")
+    assert "slab" not in page.text("help-box")
     page.press("i")
     assert not page.run("cine.inverted")
     page.press("h")
