@@ -317,14 +317,6 @@ DefineOptions(CLI::App & app, Options & options)
       "Frames per second of an animation or page; by default the series, or one turn, takes four seconds, with 5 to "
       "25 frames per second")
     ->check(CLI::Range(0.1, 100.0));
-  add("Turning series, outputs",
-      "--page-bits",
-      options.pageBits,
-      "",
-      "Bits per pixel of a page: 8 stores values in twice the range of the window; 16 stores the whole range, and "
-      "makes the page two to four times as large")
-    ->check(CLI::IsMember({ "8", "16" }))
-    ->default_str("8");
 
   addList(2,
           "Picture, usual",
@@ -550,6 +542,20 @@ DefineOptions(CLI::App & app, Options & options)
           "it with INPUT; only .mha, .nrrd, .nii and .nii.gz")
     ->excludes(frames)
     ->excludes(slidingSlab);
+
+  add("Page, outputs",
+      "--page-bits",
+      options.pageBits,
+      "",
+      "Bits per pixel of a page: 8 stores values in twice the range of the window; 16 stores the whole range, "
+      "and makes the page two to four times as large")
+    ->check(CLI::IsMember({ "8", "16" }))
+    ->default_str("8");
+  add("Page, outputs",
+      "--title",
+      options.title,
+      "TEXT",
+      "Title of a page; default: Maximum intensity projection. The name of INPUT is in no output");
 
   add("Program, outputs, volumes", "--threads", options.threads, "N", "Threads to use; default: all processors")
     ->check(count);

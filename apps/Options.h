@@ -60,6 +60,7 @@ struct Options
   bool                        isExact{ false };
   unsigned int                frames{ 0 };
   std::optional<unsigned int> pageBits;
+  std::string                 title{ "Maximum intensity projection" };
   std::vector<std::string>    rotationAxis{ "superior" };
   std::vector<double>         center;
   double                      angularRange{ 360.0 };

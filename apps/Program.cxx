@@ -299,6 +299,7 @@ NoteUnused(const Options & options, const Stack & stack, const Messages & messag
   note(isPage && options.isAnnotated && options.depthColour.empty(),
        "--annotate",
        name + " has scale bar and angles anyway");
+  note(!isPage && options.title != Options().title, "--title", name + " has no title");
   note(!isPage && !isAnimated && !options.isMultiFrame && options.rate.has_value(), "--rate", name + " does not play");
   const auto size = stack.projections.stack.image->GetLargestPossibleRegion().GetSize();
   if (isAnimated && size[2] == 1 && GetAngles(stack).empty())
@@ -398,9 +399,6 @@ MakeStack(const Options & options, const Volume & volume, const std::vector<Fram
   stack.elevations = options.elevations;
   stack.isSeries = options.frames > 0 || !options.slidingSlab.empty() || frames.size() > 1;
   stack.hasOrientation = volume.hasOrientation;
-  // the name of a DICOM folder or file is often a patient's
-  const std::string name = volume.dicomFiles.empty() ? std::filesystem::path(options.input).filename().string() : "";
-  stack.title = volume.title.value_or(name);
   stack.dicomFiles = volume.dicomFiles;
   stack.sourceFiles = volume.sourceFiles;
   stack.isSuv = volume.isSuv;
