@@ -51,7 +51,7 @@ Store(const Projections & projections, const StoredScale & scale)
  * turn and play, with window and level. It holds values as MakeStoredScale() says; of colours it holds pictures in RGB,
  * without a window. */
 void
-WritePage(OutputFiles & files, const std::string & path, const Product & product)
+WriteFramesPage(OutputFiles & files, const std::string & path, const Product & product)
 {
   const Stack &       stack = product.stack;
   const Projections & projections = stack.projections;

@@ -108,7 +108,7 @@ Quote(const std::string & text)
 }
 
 std::string
-EncodeBase64(const std::string & bytes)
+EncodeBase64(std::string_view bytes)
 {
   std::string text((bytes.size() + 2) / 3 * 4, '\0');
   text.resize(itksysBase64_Encode(reinterpret_cast<const unsigned char *>(bytes.data()),
@@ -129,6 +129,12 @@ DescribeDisplay(const Product & product, const StoredScale & scale, const Window
        << ", " << window[1] << "], \"rate\": " << product.rate
        << ", \"labels\": " << (options.isUnlabelled ? "false" : "true");
   return text.str();
+}
+
+void
+WritePage(OutputFiles & files, const std::string & path, const Product & product)
+{
+  (product.volume ? WriteVolumePage : WriteFramesPage)(files, path, product);
 }
 
 void

@@ -27,6 +27,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <string_view>
 
 /** Stores values in whole numbers from 1 on, of 8 or 16 bits; 0 is none. */
 struct StoredScale
@@ -55,7 +56,7 @@ std::string
 Quote(const std::string & text);
 
 std::string
-EncodeBase64(const std::string & bytes);
+EncodeBase64(std::string_view bytes);
 
 /** The entries of JSON that frames and volumes have in common. */
 std::string
@@ -66,5 +67,8 @@ void
 WriteFilledPage(OutputFiles &                              files,
                 const std::filesystem::path &              path,
                 const std::map<std::string, std::string> & texts);
+
+WriteFunction WriteFramesPage;
+WriteFunction WriteVolumePage;
 
 #endif

@@ -61,8 +61,8 @@ _VOLUMES = ("mask", "overlay", "segments")
 _WHERE = tuple(inspect.signature(open_image).parameters)[1:]
 _NOT_OF_IMAGES = ("help", "help_all", "version")
 _FLAGS = (
-    "annotate", "exact", "in_place", "labels", "multi_frame", "no_labels", "rocking", "suv", "verbose",
-    "with_attributes",
+    "annotate", "exact", "in_place", "labels", "multi_frame", "no_labels", "page_volume", "rocking", "suv",
+    "verbose", "with_attributes",
 )  # fmt: skip
 
 
