@@ -162,6 +162,18 @@ Value()
   return MakeCheck("a number", [](double) { return true; });
 }
 
+/** Accepts a number of voxels, or all. */
+CLI::Validator
+VoxelCount()
+{
+  const auto check = [](std::string & text) {
+    constexpr unsigned int most = 65535;
+    std::string            problem = ToLower(text) == "full" ? "" : Count(most)(text);
+    return problem + (problem.empty() ? "" : ", nor full");
+  };
+  return CLI::Validator(check, "");
+}
+
 std::string
 DescribeWindows()
 {
@@ -317,14 +329,6 @@ DefineOptions(CLI::App & app, Options & options)
       "Frames per second of an animation or page; by default the series, or one turn, takes four seconds, with 5 to "
       "25 frames per second")
     ->check(CLI::Range(0.1, 100.0));
-  add("Turning series, outputs",
-      "--page-bits",
-      options.pageBits,
-      "",
-      "Bits per pixel of a page: 8 stores values in twice the range of the window; 16 stores the whole range, and "
-      "makes the page two to four times as large")
-    ->check(CLI::IsMember({ "8", "16" }))
-    ->default_str("8");
 
   addList(2,
           "Picture, usual",
@@ -551,6 +555,51 @@ DefineOptions(CLI::App & app, Options & options)
     ->excludes(frames)
     ->excludes(slidingSlab);
 
+  add("Page, outputs",
+      "--page-bits",
+      options.pageBits,
+      "",
+      "Bits per pixel or voxel of a page: 8 stores values in twice the range of the window; 16 stores the whole range, "
+      "and makes the page two to four times as large")
+    ->check(CLI::IsMember({ "8", "16" }))
+    ->default_str("8");
+  const auto pageVolume =
+    addFlag("Page, usual",
+            "--page-volume",
+            options.isPageOfVolume,
+            "Makes a page that holds the volume instead of frames, and projects it in the browser: it turns about all "
+            "axes, cuts slabs and shows places. Only what is not background is kept; --mask and --crop have their "
+            "effect on voxels")
+      ->excludes(frames);
+  for (const std::string name : { "--sliding-slab",
+                                  "--size",
+                                  "--background",
+                                  "--oversampling",
+                                  "--local-maximum",
+                                  "--attenuation",
+                                  "--depth",
+                                  "--depth-colour",
+                                  "--overlay",
+                                  "--segments",
+                                  "--dicom-out",
+                                  "--in-place" })
+  {
+    pageVolume->excludes(app.get_option(name));
+  }
+  add("Page",
+      "--page-volume-size",
+      options.pageVolumeSize,
+      "N",
+      "Most voxels along an axis of the page's volume; of larger ones, blocks become their maximum, or minimum or mean "
+      "as --mode says. Or full, for all voxels; default: 256")
+    ->check(VoxelCount())
+    ->needs(pageVolume);
+  add("Page, outputs",
+      "--title",
+      options.title,
+      "TEXT",
+      "Title of a page; default: Maximum intensity projection. The name of INPUT is in no page");
+
   add("Program, outputs, volumes", "--threads", options.threads, "N", "Threads to use; default: all processors")
     ->check(count);
   addFlag("Program, usual, outputs, volumes",
@@ -717,6 +766,28 @@ VerifyMode(const Options & options)
     throw std::runtime_error(nearest + " is not possible with " + other + ": the picture has only values of voxels");
   }
 }
+
+/** Throws if the page cannot hold the volume. */
+void
+VerifyPageOfVolume(const Options & options)
+{
+  if (FindFormat(options.output) != FileFormat::Page)
+  {
+    throw std::runtime_error("--page-volume requires a page: .html");
+  }
+  const std::string other = options.mode == "absolute-maximum"   ? "--mode absolute-maximum"
+                            : options.interpolation == "nearest" ? "--interpolation nearest"
+                                                                 : "";
+  if (!other.empty())
+  {
+    throw std::runtime_error("--page-volume is not possible with " + other);
+  }
+  if (options.outputSpacing.size() == 2 && options.outputSpacing[0] != options.outputSpacing[1])
+  {
+    throw std::runtime_error("--page-volume is not possible with two different values of --output-spacing: the page's "
+                             "pixels are square");
+  }
+}
 } // namespace
 
 void
@@ -761,6 +832,10 @@ Verify(const Options & options)
   if (options.pageBits && FindFormat(options.output) != FileFormat::Page)
   {
     throw std::runtime_error("--page-bits requires a page: .html");
+  }
+  if (options.isPageOfVolume)
+  {
+    VerifyPageOfVolume(options);
   }
   if (options.isMultiFrame && options.dicomOut.empty())
   {

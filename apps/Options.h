@@ -60,6 +60,9 @@ struct Options
   bool                        isExact{ false };
   unsigned int                frames{ 0 };
   std::optional<unsigned int> pageBits;
+  bool                        isPageOfVolume{ false };
+  std::string                 pageVolumeSize{ "256" };
+  std::string                 title{ "Maximum intensity projection" };
   std::vector<std::string>    rotationAxis{ "superior" };
   std::vector<double>         center;
   double                      angularRange{ 360.0 };

@@ -18,6 +18,7 @@
 #include "Program.h"
 
 #include "DicomInput.h"
+#include "EngineOfPage.h"
 #include "FileGeometry.h"
 #include "Frames.h"
 #include "Input.h"
@@ -43,6 +44,7 @@
 #include <CLI/CLI.hpp>
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <functional>
 #include <iomanip>
@@ -215,6 +217,7 @@ VerifyViews(const Options & options, std::size_t views, std::size_t times)
   const std::string other = options.frames > 0             ? "--frames"
                             : !options.slidingSlab.empty() ? "--sliding-slab"
                             : options.isInPlace            ? "--in-place"
+                            : options.isPageOfVolume       ? "--page-volume"
                             : times > 1                    ? "An image of several points in time"
                                                            : "";
   if (views > 1 && !other.empty())
@@ -230,6 +233,7 @@ VerifyTimes(const Options & options, std::size_t times)
 {
   const std::string refused = options.frames > 0             ? "--frames"
                               : options.isInPlace            ? "--in-place"
+                              : options.isPageOfVolume       ? "--page-volume"
                               : !options.slidingSlab.empty() ? "--sliding-slab"
                               : !options.dicomOut.empty()    ? "A DICOM series"
                                                              : "";
@@ -248,6 +252,7 @@ VerifyComponents(const Options & options, unsigned int components)
   const std::string refused = !options.depth.empty()         ? "--depth"
                               : !options.depthColour.empty() ? "--depth-colour"
                               : !options.dicomOut.empty()    ? "A DICOM series"
+                              : options.isPageOfVolume       ? "--page-volume"
                               : options.pageBits == 16u      ? "--page-bits 16"
                               : components != 3 && isShown   ? "A picture of other than 1 or 3 components"
                                                              : "";
@@ -299,6 +304,7 @@ NoteUnused(const Options & options, const Stack & stack, const Messages & messag
   note(isPage && options.isAnnotated && options.depthColour.empty(),
        "--annotate",
        name + " has scale bar and angles anyway");
+  note(!isPage && options.title != Options().title, "--title", name + " has no title");
   note(!isPage && !isAnimated && !options.isMultiFrame && options.rate.has_value(), "--rate", name + " does not play");
   const auto size = stack.projections.stack.image->GetLargestPossibleRegion().GetSize();
   if (isAnimated && size[2] == 1 && GetAngles(stack).empty())
@@ -398,9 +404,6 @@ MakeStack(const Options & options, const Volume & volume, const std::vector<Fram
   stack.elevations = options.elevations;
   stack.isSeries = options.frames > 0 || !options.slidingSlab.empty() || frames.size() > 1;
   stack.hasOrientation = volume.hasOrientation;
-  // the name of a DICOM folder or file is often a patient's
-  const std::string name = volume.dicomFiles.empty() ? std::filesystem::path(options.input).filename().string() : "";
-  stack.title = volume.title.value_or(name);
   stack.dicomFiles = volume.dicomFiles;
   stack.sourceFiles = volume.sourceFiles;
   stack.isSuv = volume.isSuv;
@@ -426,12 +429,12 @@ void
 SetDisplay(Product & product)
 {
   const Options & options = product.options;
-  if (options.rate && !product.stack.isSeries)
+  if (options.rate && !product.stack.isSeries && !options.isPageOfVolume)
   {
     throw std::runtime_error("--rate requires a series; see --frames");
   }
   const auto turn = static_cast<double>(CountFramesOfTurn(product.stack));
-  product.rate = options.rate.value_or(std::clamp(std::round(turn / 4.0), 5.0, 25.0));
+  product.rate = options.rate.value_or(options.isPageOfVolume ? 12.0 : std::clamp(std::round(turn / 4.0), 5.0, 25.0));
   if (const auto bounds = GetWindow(options))
   {
     product.window = WindowType(bounds->data());
@@ -529,11 +532,54 @@ ReadInput(Product & product, OutputFiles & files, Messages & messages)
   VerifyTimes(options, volume.times.size());
   const unsigned int components = first.image->GetNumberOfComponentsPerPixel();
   VerifyComponents(options, components);
-  if (options.interpolation != "nearest" && components == 1 && LooksLikeLabels(first))
+  if (!options.isPageOfVolume && options.interpolation != "nearest" && components == 1 && LooksLikeLabels(first))
   {
     messages.Note("'" + options.input + "' looks like labels: --interpolation nearest shows only these values");
   }
   return volume;
+}
+
+/** Throws if a page that holds the volume is asked for, but the program has no engine for it. */
+void
+VerifyEngineOfPage(const Options & options)
+{
+  if (options.isPageOfVolume && GetEngineOfPage().empty())
+  {
+    throw std::runtime_error("--page-volume is not possible: this build has no engine for pages; build it with clang, "
+                             "lld, wasi-libc, libc++-dev-wasm32 and libclang-rt-dev-wasm32");
+  }
+}
+
+/** Makes what a page holds of \a volume, and has that projected instead. */
+void
+TakeForPage(Product & product, Volume & volume, ProjectionOptions & projection, Messages & messages)
+{
+  const std::string & size = product.options.pageVolumeSize;
+  constexpr auto      all = std::numeric_limits<std::size_t>::max();
+  product.volume = Reduce(volume, projection, std::isdigit(size.front()) ? std::stoul(size) : all);
+  messages.StepDone("reduced the volume, " + Describe(product.volume->image));
+  if (product.volume->notNumbers > 0)
+  {
+    messages.Note(std::to_string(product.volume->notNumbers) +
+                  " voxels are no numbers: they have the least value in the page");
+  }
+  volume.times.front() = product.volume->image;
+  volume.pixels = nullptr;
+  projection.mask = nullptr;
+  projection.cropLower = ProjectionOptions().cropLower;
+  projection.cropUpper = ProjectionOptions().cropUpper;
+}
+
+/** The size of a page, in voxels and bytes. */
+std::string
+DescribePage(const Options & options, const Reduction & volume)
+{
+  const auto         size = volume.image.image->GetLargestPossibleRegion().GetSize();
+  std::ostringstream text;
+  text << '\'' << options.output << "' holds " << size[0] << " x " << size[1] << " x " << size[2] << " voxels of "
+       << options.pageBits.value_or(8) << " bits, " << std::setprecision(2)
+       << static_cast<double>(std::filesystem::file_size(options.output)) / 1e6 << " MB";
+  return text.str();
 }
 
 /** Projects the volume of INPUT. */
@@ -547,7 +593,7 @@ Project(Product & product, OutputFiles & files, Messages & messages)
     given = ReadLinearTransforms(options.transform);
   }
   messages.StepBegins("reading " + options.input);
-  const Volume volume = ReadInput(product, files, messages);
+  Volume volume = ReadInput(product, files, messages);
   VerifyViews(options, given.size(), volume.times.size());
 
   ProjectionOptions projection = MakeProjectionOptions(options);
@@ -565,6 +611,10 @@ Project(Product & product, OutputFiles & files, Messages & messages)
     messages.StepDone("read " + options.mask);
   }
   const Layers layers = ReadLayers(product, files, messages);
+  if (options.isPageOfVolume)
+  {
+    TakeForPage(product, volume, projection, messages);
+  }
 
   const auto project = [&](const Volume & projected, const ProjectionOptions & how) {
     return ProjectFrames(
@@ -646,6 +696,7 @@ Run(const Options & options, Messages & messages)
 {
   Verify(options);
   VerifyTrusted(options);
+  VerifyEngineOfPage(options);
   if (options.threads > 0)
   {
     itk::MultiThreaderBase::SetGlobalMaximumNumberOfThreads(options.threads);
@@ -664,6 +715,10 @@ Run(const Options & options, Messages & messages)
   }
   Write(product, files, messages);
   files.Commit();
+  if (product.volume)
+  {
+    messages.Note(DescribePage(options, *product.volume));
+  }
   messages.StepDone("wrote " + (options.output.empty() ? options.dicomOut : options.output));
 }
 

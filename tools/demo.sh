@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Builds the program shear-warp-mip and shows what it does: six anatomical views, a turning series of 36 pictures
-# as an animation, as a page to turn and as a stack with the image's values. What is missing on a Debian or Ubuntu
-# machine is installed, as root or through sudo.
+# as an animation, as a page to turn and as a stack with the image's values, and a page that holds the volume. What is missing on
+# a Debian or Ubuntu machine is installed, as root or through sudo.
 #
 #   JOBS=<n>              parallel compile jobs                   [all cores]
 #   XDG_CACHE_HOME=<dir>  the cache is itk-shearwarpmip/ inside   [~/.cache]
@@ -46,9 +46,11 @@ if [ -z "$image" ]; then
 fi
 timed "rendered six views" render_views
 timed "rendered 36 frames, three times" render_cine
+timed "wrote a page that holds the volume" "$program" "$image" "$folder/volume.html" --page-volume
 
 say "
 The pictures are in $(cd "$folder" && pwd):
   anterior.png posterior.png left.png right.png superior.png inferior.png
   cine.gif (animated), cine.html (to turn, in a browser), cine.nrrd (with the image's values)
+  volume.html (the volume itself, to turn freely, cut and click, in a browser)
 The program is $program; try it with --help."

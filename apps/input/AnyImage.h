@@ -23,7 +23,6 @@
 #include "itkVectorImage.h"
 
 #include <filesystem>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -52,8 +51,6 @@ struct Volume
   bool hasOrientation{ true };
   /** Files from which the file was made, if it says so; not for files that nobody trusts. */
   std::vector<std::filesystem::path> sourceFiles{};
-  /** What pages are named, if the file says so. */
-  std::optional<std::string> title{};
 };
 
 template <typename TPixel>

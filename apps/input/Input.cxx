@@ -153,7 +153,6 @@ ReadImage(itk::ImageIOBase & io, const std::filesystem::path & path, const Warni
   volume.hasOrientation = geometry.hasOrientation;
   volume.isInverted = GetEntry(entries, "IsInverted") == "1";
   volume.isSuv = GetEntry(entries, "IsSuv") == "1";
-  volume.title = entries.HasKey("Title") ? std::optional(Trim(GetEntry(entries, "Title"))) : std::nullopt;
   volume.sourceFiles = SplitPaths(GetEntry(entries, "SourceFiles"));
   return volume;
 }

@@ -386,10 +386,13 @@ OutputFiles::WriteAnimation(const fs::path & path, const AnyImage & pictures, do
 }
 
 void
-OutputFiles::WriteText(const fs::path & path, const std::string & text)
+OutputFiles::WriteText(const fs::path & path, const std::vector<std::string_view> & parts)
 {
   std::ofstream file(this->BeginFile(path), std::ios::binary);
-  file << text;
+  for (const std::string_view part : parts)
+  {
+    file << part;
+  }
   file.close();
   if (!file)
   {

@@ -27,6 +27,7 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <string_view>
 #include <vector>
 
 /** Files beside their final names until Commit(): nothing is ever seen half written, and nothing remains if the program
@@ -76,8 +77,9 @@ public:
   void
   WriteAnimation(const std::filesystem::path & path, const AnyImage & pictures, double rate);
 
+  /** Writes \a parts one after the other. */
   void
-  WriteText(const std::filesystem::path & path, const std::string & text);
+  WriteText(const std::filesystem::path & path, const std::vector<std::string_view> & parts);
 
   /** The bytes of a PNG of one frame of \a image, made in a file beside \a path. */
   std::string

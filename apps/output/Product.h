@@ -20,6 +20,7 @@
 
 #include "Options.h"
 #include "Output.h"
+#include "Reduction.h"
 #include "Segments.h"
 #include "Stack.h"
 
@@ -38,6 +39,8 @@ struct Product
   AnyImage pictures{};
   /** Whose outlines the pictures have. */
   std::vector<Segment> segments{};
+  /** What a page holds instead of frames. */
+  std::optional<Reduction> volume{};
   /** Pictures per second. */
   double rate{ 10.0 };
   bool   isOverlaySuv{ false };

@@ -258,7 +258,7 @@ TEST_F(ShearWarpMIPProgramFiles, CommitsAllOrNone)
     std::ofstream(files.BeginFolder(m_Folder / "series") / "frame") << "new";
     for (const std::string name : { "former.html", "new.html", "blocked.html" })
     {
-      files.WriteText(m_Folder / name, "new");
+      files.WriteText(m_Folder / name, { "new" });
     }
     fs::create_directory(m_Folder / "blocked.html");
     EXPECT_THROW(files.Commit(), std::runtime_error);

@@ -15,46 +15,18 @@
  *  limitations under the License.
  *
  *=========================================================================*/
-#include "ShearWarpMIPProgramTestHelper.h"
+#include "ShearWarpMIPProgramPageTestHelper.h"
 
 #include "itkRGBPixel.h"
 #include "itkVectorImage.h"
-
-#include "itksys/Base64.h"
-
-#include <regex>
 
 namespace
 {
 using namespace ShearWarpMIPProgramTest;
 
-class ShearWarpMIPProgramPage : public ShearWarpMIPProgram
+class ShearWarpMIPProgramPage : public ShearWarpMIPProgramPageTest
 {
 protected:
-  /** The JSON in the page. */
-  std::string
-  ReadSeries(const std::string & name) const
-  {
-    const std::string page = ReadText(this->GetPath(name));
-    EXPECT_EQ(page.find("<!DOCTYPE html>"), 0u);
-    EXPECT_EQ(page.find("http:"), std::string::npos);
-    EXPECT_EQ(page.find("https:"), std::string::npos);
-    EXPECT_EQ(page.find("@SERIES@"), std::string::npos);
-    const std::size_t begin = page.find("{\"title\"");
-    const std::size_t end = page.find("</script>", begin);
-    EXPECT_NE(begin, std::string::npos);
-    EXPECT_NE(end, std::string::npos);
-    return page.substr(begin, end - begin);
-  }
-
-  static double
-  GetNumber(const std::string & series, const std::string & key)
-  {
-    std::smatch match;
-    EXPECT_TRUE(std::regex_search(series, match, std::regex('"' + key + "\": (-?[0-9.e+-]+)"))) << key;
-    return std::stod(match[1]);
-  }
-
   template <typename TStored>
   std::vector<std::vector<TStored>>
   ReadFrames(const std::string & series) const
@@ -63,13 +35,7 @@ protected:
     const std::regex                  quoted("\"(iVBOR[A-Za-z0-9+/=]+)\"");
     for (std::sregex_iterator it(series.begin(), series.end(), quoted), end; it != end; ++it)
     {
-      const std::string text = (*it)[1];
-      std::string       bytes(text.size(), '\0');
-      bytes.resize(itksysBase64_Decode(reinterpret_cast<const unsigned char *>(text.data()),
-                                       0,
-                                       reinterpret_cast<unsigned char *>(bytes.data()),
-                                       text.size()));
-      std::ofstream(this->GetPath("frame.png"), std::ios::binary) << bytes;
+      std::ofstream(this->GetPath("frame.png"), std::ios::binary) << DecodeBase64((*it)[1]);
       frames.push_back(this->ReadPixels<itk::Image<TStored, 2>>("frame.png"));
     }
     fs::remove(this->GetPath("frame.png"));
@@ -117,14 +83,53 @@ protected:
 };
 } // namespace
 
-TEST_F(ShearWarpMIPProgramPage, DoesNotTellTheNameOfADicomFolder)
+TEST_F(ShearWarpMIPProgramPage, TellsNoNameOfThePatient)
 {
-  this->WriteDICOMSeries("1.2.3.4", "a", { 0, 2, 4 });
-  this->Move("dicom", "Doe^Jane");
-  this->ExpectSuccess("'Doe^Jane' out.html --frames 3");
-  const std::string page = ReadText(m_Folder / "out.html");
-  EXPECT_NE(page.find("\"title\": \"Maximum intensity projection\""), std::string::npos);
-  EXPECT_EQ(page.find("Jane"), std::string::npos);
+  this->WriteDICOMSeries(
+    "1.2.3.4", "a", { 0, 2, 4 }, 8, false, { { "0010|0010", "Doebler^Janemarie" }, { "0010|0020", "Patient7" } });
+  this->Move("dicom", "Doebler^Janemarie");
+  this->Move("in.nrrd", "Janemarie Doebler.nrrd");
+  for (const std::string input : { "'Doebler^Janemarie'", "'Janemarie Doebler.nrrd'" })
+  {
+    this->ExpectSuccess(input + " out.html --frames 3");
+    const std::string page = ReadText(m_Folder / "out.html");
+    EXPECT_NE(page.find("\"title\": \"Maximum intensity projection\""), std::string::npos);
+    for (const std::string name : { "Janemarie", "Doebler", "Patient7", ".nrrd" })
+    {
+      EXPECT_EQ(page.find(name), std::string::npos) << name;
+    }
+  }
+}
+
+TEST_F(ShearWarpMIPProgramPage, FilesOfPicturesTellNoNameOfInput)
+{
+  this->Move("in.nrrd", "Janemarie Doebler.nrrd");
+  const std::vector<std::string> stills{ "png", "jpg", "tif", "nrrd", "mha", "nii" };
+  const std::vector<std::string> series{ "gif", "apng", "mp4" };
+  const auto                     expect = [this](const std::string & extension, const std::string & frames) {
+    const std::string name = "out." + extension;
+    this->ExpectSuccess("'Janemarie Doebler.nrrd' " + name + frames);
+    EXPECT_EQ(ReadText(m_Folder / name).find("Janemarie"), std::string::npos) << name;
+  };
+  for (const std::string & extension : stills)
+  {
+    expect(extension, "");
+  }
+  for (const std::string & extension : series)
+  {
+    expect(extension, " --frames 2");
+  }
+}
+
+TEST_F(ShearWarpMIPProgramPage, HasTheTitleThatIsGiven)
+{
+  this->ExpectSuccess("in.nrrd page.html --title 'Case \"3\" </script> é'");
+  EXPECT_EQ(this->ReadSeries("page.html").find("{\"title\": \"Case \\u00223\\u0022 \\u003c/script> é\""), 0u);
+  this->ExpectSuccess("in.nrrd turn.nrrd --frames 3");
+  this->ExpectSuccess("turn.nrrd page.html --title 'Case 4'");
+  EXPECT_EQ(this->ReadSeries("page.html").find("{\"title\": \"Case 4\""), 0u);
+  this->ExpectSuccess("in.nrrd out.nrrd --title 'Case 5'",
+                      "shear-warp-mip: note: --title has no effect: 'out.nrrd' has no title\n");
 }
 
 TEST_F(ShearWarpMIPProgramPage, HoldsAllValuesWith16Bits)
@@ -133,7 +138,6 @@ TEST_F(ShearWarpMIPProgramPage, HoldsAllValuesWith16Bits)
   const std::string series = this->ExpectValues<unsigned short>(
     "in.nrrd --frames 5 --background -7", " --page-bits 16 --window 20 100", -7.0, same, 0.0, 0.0);
   EXPECT_EQ(GetNumber(series, "slope"), 1);
-  EXPECT_NE(series.find("\"title\": \"in.nrrd\""), std::string::npos);
   EXPECT_NE(series.find("\"window\": [20, 100]"), std::string::npos);
   EXPECT_NE(series.find("\"loop\": \"turn\", \"angles\": [0, 72, 144, 216, 288]"), std::string::npos);
   EXPECT_EQ(this->ReadFrames<unsigned short>(series).size(), 5u);
@@ -154,11 +158,10 @@ TEST_F(ShearWarpMIPProgramPage, HoldsFractionsAndSeriesThatDoNotTurn)
   {
     image->GetBufferPointer()[n] = static_cast<float>(n % 37) / 7.0f - 2.0f;
   }
-  this->WriteImage(image, "float \"<.nrrd");
+  this->WriteImage(image, "float.nrrd");
   const auto        same = [](double value) { return value; };
   const std::string series =
-    this->ExpectValues<unsigned short>("'float \"<.nrrd' --sliding-slab 3 2", " --page-bits 16", 0.0, same, 0.5, 1e-6);
-  EXPECT_NE(series.find("\"title\": \"float \\u0022\\u003c.nrrd\""), std::string::npos);
+    this->ExpectValues<unsigned short>("float.nrrd --sliding-slab 3 2", " --page-bits 16", 0.0, same, 0.5, 1e-6);
   EXPECT_NE(series.find("\"loop\": \"none\""), std::string::npos);
   EXPECT_EQ(series.find("\"angles\""), std::string::npos);
   const auto frames = this->ReadFrames<unsigned short>(series);

@@ -481,7 +481,6 @@ DescribeStack(const Stack & stack)
   add(!stack.hasOrientation, "HasOrientation", "0");
   add(stack.projections.isInverted, "IsInverted", "1");
   add(stack.isSuv, "IsSuv", "1");
-  add(!stack.title.empty(), "Title", stack.title);
   return texts;
 }
 
@@ -532,7 +531,6 @@ ReadStack(const fs::path & path, bool isTrusted, const WarningFunction & warn)
     stack.hasOrientation = keys.GetName("HasOrientation", { "1", "0" }) == "1";
     stack.projections.isInverted = keys.GetName("IsInverted", { "0", "1" }) == "1";
     stack.isSuv = keys.GetName("IsSuv", { "0", "1" }) == "1";
-    stack.title = keys.GetText("Title");
     if (isTrusted)
     {
       SetSources(stack, keys);

@@ -43,8 +43,6 @@ struct Stack
   bool hasOrientation{ true };
   /** Whether values are SUV by body weight. */
   bool isSuv{ false };
-  /** The name of the volume's file, unless that is DICOM. */
-  std::string title{};
   /** The files of the volume, if they are DICOM. */
   std::vector<std::filesystem::path> dicomFiles{};
   /** The files of the volume, and of the mask, as the file of frames or of the volume says. */
@@ -74,8 +72,7 @@ CountFramesOfTurn(const Stack & stack);
  * - Center: X Y Z of the volume, in mm
  * - HasOrientation: 0 if it is not known how the volume lies in the patient
  * - IsInverted: 1 if low values are to be shown white
- * - IsSuv: 1 if values are SUV by body weight
- * - Title: the name of the volume's file, unless that is DICOM */
+ * - IsSuv: 1 if values are SUV by body weight */
 std::map<std::string, std::string>
 DescribeStack(const Stack & stack);
 

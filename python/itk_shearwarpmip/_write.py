@@ -47,6 +47,8 @@ class OutputOptions(TypedDict, total=False):
     """Frames per second."""
     page_bits: int
     """8 or 16 bits per pixel of a page."""
+    title: str
+    """Title of a page."""
     dicom_out: str | os.PathLike[str]
     """A folder for a DICOM series too."""
     multi_frame: bool
@@ -59,8 +61,8 @@ _VOLUMES = ("mask", "overlay", "segments")
 _WHERE = tuple(inspect.signature(open_image).parameters)[1:]
 _NOT_OF_IMAGES = ("help", "help_all", "version")
 _FLAGS = (
-    "annotate", "exact", "in_place", "labels", "multi_frame", "no_labels", "rocking", "suv", "verbose",
-    "with_attributes",
+    "annotate", "exact", "in_place", "labels", "multi_frame", "no_labels", "page_volume", "rocking", "suv",
+    "verbose", "with_attributes",
 )  # fmt: skip
 
 
@@ -306,7 +308,6 @@ def _write_volume(path: Path, image: Any, known: dict[str, str] | None = None) -
     """Writes a 3D image, with its place in mm and what is known of it."""
     texts = _describe(image) if known is None else dict(known)
     factor = find_millimetres(texts.pop("Unit", None))
-    texts["Title"] = _find_title(texts)
     start = image.TransformIndexToPhysicalPoint(image.GetBufferedRegion().GetIndex())
     axes = itk.array_from_matrix(image.GetDirection()) * np.array(image.GetSpacing()) * factor
     return _write_nrrd(path, itk.array_view_from_image(image), axes.T, factor * np.array(start), texts)
@@ -321,7 +322,6 @@ def _write_turn(path: Path, turn: "Turn") -> str:
             texts[key] = _join(factor * np.array(lengths, float))
     texts |= {key: value for key, value in turn.source_metadata.items() if _is_dicom(key) and isinstance(value, str)}
     texts |= _name_files("SourceFiles", turn.source_files) | _name_files("MaskFiles", turn.mask_files)
-    texts["Title"] = _find_title(texts)
     return _write_frames(path, turn.frames, [get_matrix(each) for each in turn.transforms], texts)
 
 
@@ -343,12 +343,6 @@ def _write_frames(path: Path, frames: Any, views: Sequence[NDArray[np.float64]],
 
 def _is_dicom(key: str) -> bool:
     return re.fullmatch(r"[0-9a-fA-F]{4}\|[0-9a-fA-F]{4}", key) is not None
-
-
-def _find_title(texts: Mapping[str, str]) -> str:
-    """The name of the source's file; the name of what is DICOM is often a patient's."""
-    files = _entries.unpack_files(texts.get("SourceFiles", ""))
-    return files[0].name if len(files) == 1 and not any(map(_is_dicom, texts)) else ""
 
 
 _CARRIED = "Background FrameAngles Loop HasOrientation IsInverted IsSuv Unit".split()

@@ -268,13 +268,14 @@ def test_page_of_an_array_has_no_letters(tmp_path):
 
 
 def test_title_of_a_page(turn, tmp_path):
-    assert read_series(_write.make_page(turn))["title"] == "Maximum intensity projection"
-    turn.source_files = [tmp_path / "a<b> \\n é.nrrd"]
+    turn.source_files = [tmp_path / "Doe^Jane.nrrd"]
     page = _write.make_page(turn)
-    assert read_series(page)["title"] == "a<b> \\n é.nrrd"
+    assert read_series(page)["title"] == "Maximum intensity projection"
+    assert "Jane" not in page and tmp_path.name not in page
+    turn.save(tmp_path / "titled.html", title="a<b> \\n é")
+    page = (tmp_path / "titled.html").read_text(encoding="utf-8")
+    assert read_series(page)["title"] == "a<b> \\n é"
     assert "a<b>" not in page
-    turn.source_files = [tmp_path / "series" / name for name in "ab"]
-    assert read_series(_write.make_page(turn))["title"] == "Maximum intensity projection"
     assert 'srcdoc="&lt;!DOCTYPE html&gt;' in turn._repr_html_()
 
 
