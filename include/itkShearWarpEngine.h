@@ -171,6 +171,11 @@ struct ShearWarpMIP_EXPORT ProjectionRule
    * other. */
   void
   Verify() const;
+
+  /** Throws InvalidParameter if parts of a volume do not merge by this rule: masks, local maxima, fading, and means of
+   * floating-point pixels, whose bits depend on the order of samples. */
+  void
+  VerifyForParts() const;
 };
 
 /** What is projected: views of a volume, each onto the same grid of pixels. */
@@ -195,19 +200,19 @@ struct Picture
   float * depths;
 };
 
-/** A rectangle of an intermediate image. */
+/** A rectangle of an intermediate image, or of an exact picture. */
 struct IntermediateRegion
 {
   std::ptrdiff_t column, row;
   std::ptrdiff_t columns, rows;
 };
 
-/** The pixels of a rectangle of an intermediate image, row by row. */
-template <typename TPixel>
+/** The projection of a part of a volume: a record of some bytes for each pixel of a rectangle, row by row. Only the
+ * engine reads records. They have the byte order of the computer. */
 struct IntermediatePart
 {
-  const TPixel *     pixels;
-  IntermediateRegion region;
+  const unsigned char * records;
+  IntermediateRegion    region;
 };
 
 /** What an update did and how long it took. */
@@ -258,7 +263,7 @@ public:
   using VoxelsType = ShearWarp::Voxels<TPixel>;
   using MaskType = ShearWarp::Voxels<unsigned char>;
   using PictureType = ShearWarp::Picture<TPixel>;
-  using PartType = ShearWarp::IntermediatePart<TPixel>;
+  using PartType = ShearWarp::IntermediatePart;
 
   /** Plans the passes: views with the same principal axis are projected together, at most 256, and as many as fit into
    * the scene's memory. The engine keeps copies of all arguments. Throws InvalidParameter as Factorize(), if the
@@ -300,26 +305,41 @@ public:
   double
   GetProgress() const;
 
-  /** Returns where the intermediate image of a part lies in the intermediate image of the whole. Throws
-   * InvalidParameter as Factorize(), and if the box is empty or not within the volume. */
+  /** Returns where the intermediate image of a part lies in the intermediate image of the whole or, for an exact rule,
+   * which pixels of the picture the part may reach. Throws InvalidParameter as Factorize(), and if the box is empty or
+   * not within the volume. */
   static ShearWarp::IntermediateRegion
   FindPart(const ShearWarp::Scene & scene, const RuleType & rule, const ShearWarp::VoxelBox & box);
 
-  /** Projects the voxels, a part of the volume, to the part's intermediate image: the pixels of FindPart(), row by row.
-   * The scene has one view. Pixels without a sample have the lowest value, or minus infinity. */
+  /** Returns the bytes of a pixel's record. */
+  static std::size_t
+  GetRecordSize(const RuleType & rule);
+
+  /** Projects the voxels, a part of the volume, to the records of FindPart(). The scene has one view. Parts that share
+   * one voxel along each axis together have all samples. A mean counts samples in a part's first slice, row and column
+   * only where that is the volume's, and none of a part that is one voxel thick, so parts of means must share exactly
+   * one voxel. Throws InvalidParameter as ProjectionRule::VerifyForParts(). */
   void
   ProjectPart(const ShearWarp::Scene &   scene,
               const RuleType &           rule,
               const VoxelsType &         voxels,
-              TPixel *                   pixels,
+              unsigned char *            records,
               const ShearWarp::Threads & threads);
 
-  /** Makes a picture from the maxima of the intermediate images of parts. The scene has one view. */
+  /** Writes the records of \a region, which contains all parts: of one part with the samples of all parts. */
+  static void
+  MergeParts(const RuleType &                      rule,
+             const std::vector<PartType> &         parts,
+             const ShearWarp::IntermediateRegion & region,
+             unsigned char *                       records,
+             const ShearWarp::Threads &            threads);
+
+  /** Makes a picture from parts. The scene has one view. Throws InvalidParameter as ProjectPart(). */
   void
   WarpParts(const ShearWarp::Scene &      scene,
             const RuleType &              rule,
             const std::vector<PartType> & parts,
-            TPixel *                      pixels,
+            const PictureType &           picture,
             const ShearWarp::Threads &    threads);
 
   /** Returns the measurements of the last update. */

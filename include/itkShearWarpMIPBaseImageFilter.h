@@ -236,7 +236,7 @@ public:
    * second interpolation. The extremum is rounded once. For pixels of 8 and 16 bits, the error before rounding is below
    * 2^-14 of the range of the pixel type. Wider pixels are computed in double precision, which rounds integers beyond
    * 2^53. Cells with a voxel that is not finite are left out. Depths are exact, too. MaskImage,
-   * LocalMaximum, DepthAttenuation, Oversampling and NumberOfStreamDivisions must have their default values. */
+   * LocalMaximum, DepthAttenuation and Oversampling must have their default values. */
   itkSetMacro(Exact, bool);
   itkGetConstMacro(Exact, bool);
   itkBooleanMacro(Exact);

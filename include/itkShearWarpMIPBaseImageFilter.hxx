@@ -112,10 +112,6 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::VerifyPreconditions() co
     itkExceptionMacro("NumberOfStreamDivisions must be positive, but it is 0.");
   }
   ShearWarp::CallEngine([this] { this->MakeRule().Verify(); });
-  if (m_Exact && m_NumberOfStreamDivisions != 1)
-  {
-    itkExceptionMacro("Exact pictures have no NumberOfStreamDivisions, but it is " << m_NumberOfStreamDivisions << '.');
-  }
   if (!m_FitSize && (m_Size[0] == 0 || m_Size[1] == 0))
   {
     itkExceptionMacro("Size must not be zero, but it is " << m_Size << '.');

@@ -100,7 +100,8 @@ ShearWarpMIP_EXPORT Point<double, 3>
  *
  * The filter always computes the whole output. It requests the whole input, or slab by slab with
  * NumberOfStreamDivisions from a source that streams, and the mask in the same way. So it can project an image larger
- * than memory. It then needs memory for a slab (twice for views along x) and for the intermediate images.
+ * than memory. It then needs memory for a slab (twice for views along x), for the intermediate images and, with Exact,
+ * for 4 to 16 bytes of each output pixel.
  * ShearWarpMIPPartsImageFilter can also project parts of an image independently, on any computer, and make the picture
  * from them.
  *
@@ -165,6 +166,13 @@ protected:
    * of the depths that are projected, as thick as they reach. */
   void
   SetGeometry(ImageBase<OutputImageDimension> * output) const override;
+
+  /** Keeps what GetPhysicalPoint() needs of an update, whatever is set afterwards. */
+  void
+  KeepPictureSpace()
+  {
+    m_PictureSpace = ShearWarp::MakePictureSpace(this->GetScene().views.front(), this->GetScene().picture);
+  }
 
   void
   PrintSelf(std::ostream & os, Indent indent) const override;

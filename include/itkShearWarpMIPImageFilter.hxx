@@ -103,8 +103,7 @@ template <typename TInputImage, typename TOutputImage>
 void
 ShearWarpMIPImageFilter<TInputImage, TOutputImage>::GeneratePixels()
 {
-  // for GetPhysicalPoint(), whatever is set afterwards
-  m_PictureSpace = ShearWarp::MakePictureSpace(this->GetScene().views.front(), this->GetScene().picture);
+  this->KeepPictureSpace();
   Superclass::GeneratePixels();
 }
 

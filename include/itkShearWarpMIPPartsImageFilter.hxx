@@ -30,29 +30,24 @@ void
 ShearWarpMIPPartsImageFilter<TInputImage>::VerifyPreconditions() const
 {
   Superclass::VerifyPreconditions();
-  if (!this->MakeRule().IsPlainMaximum() || this->GetNumberOfStreamDivisions() != 1)
+  ShearWarp::CallEngine([this] { this->MakeRule().VerifyForParts(); });
+  if (this->GetNumberOfStreamDivisions() != 1)
   {
-    itkExceptionMacro(
-      "Parts have plain maxima: Mode, SlabNear, SlabFar, CropLower, CropUpper, MaskImage, LocalMaximum, "
-      "DepthAttenuation, ComputeDepth, Exact and NumberOfStreamDivisions must be as by default.");
+    itkExceptionMacro("Parts have no NumberOfStreamDivisions, but it is " << this->GetNumberOfStreamDivisions() << '.');
   }
 }
 
 template <typename TInputImage>
 auto
-ShearWarpMIPPartsImageFilter<TInputImage>::ProjectPart(const InputImageType * part) -> typename PartImageType::Pointer
+ShearWarpMIPPartsImageFilter<TInputImage>::ProjectPart(const InputImageType * part) -> PartImageType::Pointer
 {
   if (!part)
   {
     itkExceptionMacro("The part must not be null.");
   }
-  this->VerifyPreconditions();
-  const_cast<InputImageType *>(this->GetInput())->UpdateOutputInformation();
-  this->VerifyInputInformation();
-  ShearWarp::Scene scene;
-  scene.volume = ShearWarp::MakeVolumeGrid(this->GetInput());
-  scene.views = this->MakeViews();
-  const auto   rule = this->MakeRule();
+  this->UpdateOutputInformation();
+  const ShearWarp::Scene scene = this->GetScene();
+  const RuleType         rule = this->GetRule();
   const auto   voxels = Self::template MakeVoxels<InputPixelType>(part, this->GetInput()->GetLargestPossibleRegion());
   const double tolerance = 1e-6 * this->GetInput()->GetSpacing()[0];
   const auto   isEqual = [tolerance](const auto & a, const auto & b) {
@@ -70,50 +65,166 @@ ShearWarpMIPPartsImageFilter<TInputImage>::ProjectPart(const InputImageType * pa
   }
   const auto container = this->VerifyVoxels("part", part, part->GetBufferedRegion());
 
-  auto projection = PartImageType::New();
+  PartImageType::Pointer projection;
   this->CallWithThreads([&](const ShearWarp::Threads & threads) {
     this->SetAbortGenerateData(false);
-    const ShearWarp::IntermediateRegion place = Superclass::EngineType::FindPart(scene, rule, voxels.box);
-    projection->SetRegions(
-      { { { place.column, place.row } },
-        { { static_cast<SizeValueType>(place.columns), static_cast<SizeValueType>(place.rows) } } });
-    projection->Allocate();
+    projection = MakeProjection(scene, rule, Superclass::EngineType::FindPart(scene, rule, voxels.box));
     this->m_Engine.ProjectPart(scene, rule, voxels, projection->GetBufferPointer(), threads);
   });
+  return projection;
+}
+
+template <typename TInputImage>
+auto
+ShearWarpMIPPartsImageFilter<TInputImage>::MakeProjection(const ShearWarp::Scene &              scene,
+                                                          const RuleType &                      rule,
+                                                          const ShearWarp::IntermediateRegion & place)
+  -> PartImageType::Pointer
+{
+  auto projection = PartImageType::New();
+  projection->SetRegions({ { { 0, place.column, place.row } },
+                           { { static_cast<SizeValueType>(Superclass::EngineType::GetRecordSize(rule)),
+                               static_cast<SizeValueType>(place.columns),
+                               static_cast<SizeValueType>(place.rows) } } });
+  projection->Allocate();
   EncapsulateMetaData<std::string>(
-    projection->GetMetaDataDictionary(), "IntermediateImage", DescribeIntermediateImage(scene, rule.oversampling));
+    projection->GetMetaDataDictionary(), "IntermediateImage", DescribeIntermediateImage(scene, rule));
+  return projection;
+}
+
+template <typename TInputImage>
+auto
+ShearWarpMIPPartsImageFilter<TInputImage>::MergeParts() -> PartImageType::Pointer
+{
+  this->UpdateOutputInformation();
+  const ShearWarp::Scene scene = this->GetScene();
+  const RuleType         rule = this->GetRule();
+  PartImageType::Pointer projection;
+  this->CallWithThreads([&](const ShearWarp::Threads & threads) {
+    this->SetAbortGenerateData(false);
+    const PartList                list = this->VerifyParts(scene, rule);
+    ShearWarp::IntermediateRegion all = list.parts.front().region;
+    for (const auto & [records, place] : list.parts)
+    {
+      const std::ptrdiff_t columnEnd = std::max(all.column + all.columns, place.column + place.columns);
+      const std::ptrdiff_t rowEnd = std::max(all.row + all.rows, place.row + place.rows);
+      all.column = std::min(all.column, place.column);
+      all.row = std::min(all.row, place.row);
+      all.columns = columnEnd - all.column;
+      all.rows = rowEnd - all.row;
+    }
+    projection = MakeProjection(scene, rule, all);
+    Superclass::EngineType::MergeParts(rule, list.parts, all, projection->GetBufferPointer(), threads);
+  });
   return projection;
 }
 
 template <typename TInputImage>
 std::string
 ShearWarpMIPPartsImageFilter<TInputImage>::DescribeIntermediateImage(const ShearWarp::Scene & scene,
-                                                                     unsigned int             oversampling)
+                                                                     const RuleType &         rule)
 {
-  const auto         factorization = ShearWarp::Factorize(scene.views.front(), scene.volume, oversampling);
+  const auto         factorization = ShearWarp::Factorize(scene.views.front(), scene.volume, rule.oversampling);
   std::ostringstream text;
+  const auto         write = [&text](const auto & numbers) {
+    for (const auto number : numbers)
+    {
+      text << ' ' << number;
+    }
+  };
   text << std::setprecision(std::numeric_limits<double>::max_digits10) << "axes";
-  for (const unsigned int axis : factorization.permutation)
-  {
-    text << ' ' << axis;
-  }
+  write(factorization.permutation);
   text << ", size";
-  for (const std::ptrdiff_t length : factorization.size)
+  write(factorization.size);
+  text << ", shear " << factorization.shear[0] << ' ' << factorization.shear[1] << ", oversampling "
+       << rule.oversampling << ", "
+       << (std::is_floating_point_v<InputPixelType> ? "float"
+           : std::is_signed_v<InputPixelType>       ? "int"
+                                                    : "uint")
+       << 8 * sizeof(InputPixelType);
+#if defined(__BYTE_ORDER__) && __BYTE_ORDER__ == __ORDER_BIG_ENDIAN__
+  text << ", big endian";
+#endif
+  if (rule.mode != ShearWarp::Mode::Maximum || rule.interpolation != ShearWarp::Interpolation::Linear)
   {
-    text << ' ' << length;
+    text << ", " << rule.mode << ", " << rule.interpolation;
   }
-  text << ", shear " << factorization.shear[0] << ' ' << factorization.shear[1] << ", oversampling " << oversampling;
+  if (rule.HasRegion() || rule.NeedsRanks())
+  {
+    text << (rule.hasDepth ? ", depth" : "") << ", slab " << rule.slabNear << ' ' << rule.slabFar << ", crop";
+    write(rule.cropLower);
+    write(rule.cropUpper);
+    text << ", view";
+    const ShearWarp::AffineMap3D & view = scene.views.front();
+    for (const auto & row : view.matrix)
+    {
+      write(row);
+    }
+    write(view.offset);
+  }
+  if (rule.isExact)
+  {
+    text << ", exact, grid";
+    write(scene.picture.size);
+    write(scene.picture.spacing);
+    write(scene.picture.origin);
+  }
   return text.str();
 }
 
 template <typename TInputImage>
-ImageRegion<2>
+ShearWarp::IntermediateRegion
 ShearWarpMIPPartsImageFilter<TInputImage>::FindPlace(const PartImageType * projection)
 {
-  const ImageRegion<2> &            region = projection->GetBufferedRegion();
-  typename PartImageType::PointType first;
+  const auto &             region = projection->GetBufferedRegion();
+  PartImageType::PointType first;
   projection->TransformIndexToPhysicalPoint(region.GetIndex(), first);
-  return { { { Math::Round<IndexValueType>(first[0]), Math::Round<IndexValueType>(first[1]) } }, region.GetSize() };
+  return { Math::Round<std::ptrdiff_t>(first[1]),
+           Math::Round<std::ptrdiff_t>(first[2]),
+           static_cast<std::ptrdiff_t>(region.GetSize(1)),
+           static_cast<std::ptrdiff_t>(region.GetSize(2)) };
+}
+
+template <typename TInputImage>
+auto
+ShearWarpMIPPartsImageFilter<TInputImage>::VerifyParts(const ShearWarp::Scene & scene, const RuleType & rule) const
+  -> PartList
+{
+  if (m_Parts.empty())
+  {
+    itkExceptionMacro("Parts are required but not added.");
+  }
+  const auto        whole = Superclass::EngineType::FindPart(scene, rule, ShearWarp::GetWholeBox(scene.volume));
+  const std::string intermediateImage = DescribeIntermediateImage(scene, rule);
+  const auto        recordSize = static_cast<SizeValueType>(Superclass::EngineType::GetRecordSize(rule));
+  PartList          list;
+  for (const auto & projection : m_Parts)
+  {
+    const SizeValueType number = list.parts.size() + 1;
+    std::string         own = intermediateImage;
+    ExposeMetaData<std::string>(projection->GetMetaDataDictionary(), "IntermediateImage", own);
+    if (own != intermediateImage)
+    {
+      itkExceptionMacro("The projection of part "
+                        << number
+                        << " must be of the filter's parameters and input geometry; see ClearParts(). It "
+                           "is of the intermediate image "
+                        << own << " instead of " << intermediateImage);
+    }
+    const auto & region = projection->GetBufferedRegion();
+    const auto   place = FindPlace(projection);
+    if (place.column < 0 || place.row < 0 || place.column > whole.columns - place.columns ||
+        place.row > whole.rows - place.rows || region.GetSize(0) != recordSize)
+    {
+      itkExceptionMacro("The projection of part "
+                        << number << " must lie within the intermediate image of " << whole.columns << " x "
+                        << whole.rows << " pixels, with " << recordSize << " bytes each, but it begins at column "
+                        << place.column << " and row " << place.row << " and its region is " << region);
+    }
+    list.containers.push_back(this->VerifyVoxels("projection of a part", projection.GetPointer(), region));
+    list.parts.push_back({ projection->GetBufferPointer(), place });
+  }
+  return list;
 }
 
 template <typename TInputImage>
@@ -164,51 +275,27 @@ template <typename TInputImage>
 void
 ShearWarpMIPPartsImageFilter<TInputImage>::GeneratePixels()
 {
-  if (m_Parts.empty())
-  {
-    itkExceptionMacro("Parts are required but not added.");
-  }
+  this->KeepPictureSpace();
   const ShearWarp::Scene scene = this->GetScene();
-  const auto             rule = this->GetRule();
-  const auto             projections = m_Parts;
+  const RuleType         rule = this->GetRule();
   this->CallWithThreads([&](const ShearWarp::Threads & threads) {
-    const ShearWarp::IntermediateRegion whole =
-      Superclass::EngineType::FindPart(scene, rule, ShearWarp::GetWholeBox(scene.volume));
-    const ImageRegion<2> region(
-      { { 0, 0 } }, { { static_cast<SizeValueType>(whole.columns), static_cast<SizeValueType>(whole.rows) } });
-    std::vector<typename PartImageType::PixelContainerConstPointer> containers;
-    std::vector<ShearWarp::IntermediatePart<InputPixelType>>        parts;
-    const std::string intermediateImage = DescribeIntermediateImage(scene, rule.oversampling);
-    for (const auto & projection : projections)
+    const PartList list = this->VerifyParts(scene, rule);
+    const auto     size = this->GetPictureSize();
+    const auto     pixels = this->VerifyPixels(this->GetOutput(), size[0] * size[1]);
+    using DepthImageType = typename Superclass::DepthImageType;
+    typename DepthImageType::PixelContainerPointer depths;
+    ShearWarp::Picture<InputPixelType>             picture{ pixels->GetBufferPointer(), nullptr };
+    if (rule.hasDepth)
     {
-      std::string own = intermediateImage;
-      ExposeMetaData<std::string>(projection->GetMetaDataDictionary(), "IntermediateImage", own);
-      if (own != intermediateImage)
+      const typename DepthImageType::Pointer output = this->GetDepthOutput();
+      if (output.IsNull())
       {
-        itkExceptionMacro(
-          "The projection of part "
-          << parts.size() + 1
-          << " must be of the filter's Transform, Oversampling and input geometry; see ClearParts(). It "
-             "is of the intermediate image "
-          << own << " instead of " << intermediateImage);
+        itkExceptionMacro("Inputs and outputs must not change during an update.");
       }
-      const ImageRegion<2> place = FindPlace(projection);
-      if (!region.IsInside(place))
-      {
-        itkExceptionMacro("The projection of part " << parts.size() + 1 << " must lie within the intermediate image, "
-                                                    << region << ", but its region is " << place);
-      }
-      containers.push_back(
-        this->VerifyVoxels("projection of a part", projection.GetPointer(), projection->GetBufferedRegion()));
-      parts.push_back({ projection->GetBufferPointer(),
-                        { place.GetIndex(0),
-                          place.GetIndex(1),
-                          static_cast<std::ptrdiff_t>(place.GetSize(0)),
-                          static_cast<std::ptrdiff_t>(place.GetSize(1)) } });
+      depths = this->VerifyPixels(output.GetPointer(), size[0] * size[1]);
+      picture.depths = depths->GetBufferPointer();
     }
-    const auto size = this->GetPictureSize();
-    const auto pixels = this->VerifyPixels(this->GetOutput(), size[0] * size[1]);
-    this->m_Engine.WarpParts(scene, rule, parts, pixels->GetBufferPointer(), threads);
+    this->m_Engine.WarpParts(scene, rule, list.parts, picture, threads);
   });
 }
 

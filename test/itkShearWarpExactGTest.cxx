@@ -863,6 +863,5 @@ TEST(ShearWarpExactParameters, WhatHasNoBoundIsRefused)
   expectRefused([](Filter * filter) { filter->LocalMaximumOn(); });
   expectRefused([](Filter * filter) { filter->SetDepthAttenuation(0.1); });
   expectRefused([](Filter * filter) { filter->SetOversampling(2); });
-  expectRefused([](Filter * filter) { filter->SetNumberOfStreamDivisions(2); });
   expectRefused([&](Filter * filter) { filter->SetMaskImage(MakeMask(image)); });
 }

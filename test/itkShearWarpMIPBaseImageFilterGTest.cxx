@@ -361,10 +361,21 @@ TEST(ShearWarpObservedTurns, NoObserverBreaksAnUpdate)
   DisturbByEach<CineType>(configureList, changesOfList, Outcome::SameBits);
 }
 
+namespace
+{
+PartsType::PartImageType::Pointer
+CopyPart(const PartsType::PartImageType * part)
+{
+  const auto copy = MakeAlike<unsigned char, 3>(part, part->GetBufferedRegion());
+  itk::ImageAlgorithm::Copy(part, copy.GetPointer(), part->GetBufferedRegion(), part->GetBufferedRegion());
+  return copy;
+}
+} // namespace
+
 TEST(ShearWarpObservedParts, NoObserverBreaksPartsAndTheirPicture)
 {
-  static itk::Image<short, 2>::Pointer part;
-  const auto                           configure = [](PartsType * filter) {
+  static PartsType::PartImageType::Pointer part;
+  const auto                               configure = [](PartsType * filter) {
     Configure(filter);
     part = filter->ProjectPart(filter->GetInput());
     filter->AddPart(part);
@@ -373,7 +384,7 @@ TEST(ShearWarpObservedParts, NoObserverBreaksPartsAndTheirPicture)
   DisturbByEach<PartsType>(configure, HarmlessChanges<PartsType>, Outcome::SameBits);
   DisturbByEach<PartsType>(configure, ChangesOfParameters<PartsType>, Outcome::SameBits);
   const Change<PartsType> changes[] = { [](PartsType * filter) { filter->ClearParts(); },
-                                        [](PartsType * filter) { filter->AddPart(Copy(part.GetPointer())); },
+                                        [](PartsType * filter) { filter->AddPart(CopyPart(part)); },
                                         [](PartsType *) { part->Initialize(); },
                                         [](PartsType *) { Shorten(part.GetPointer()); } };
   DisturbByEach<PartsType>(configure, changes, Outcome::Any);

@@ -18,6 +18,9 @@
 #include "itkShearWarpMIPTestParts.h"
 
 #include "itkCastImageFilter.h"
+#include "itkShearWarpMIPView.h"
+
+#include <cstring>
 
 namespace
 {
@@ -103,8 +106,9 @@ TYPED_TEST(ShearWarpMIPPartsTyped, RandomPartsGiveThePictureOfTheWhole)
         const auto axis = filter->GetPrincipalAxis();
         const auto size = part->GetLargestPossibleRegion().GetSize();
         const auto bound = [&](unsigned int n) { return oversampling * (region.GetSize(n) + region.GetSize(axis)); };
-        EXPECT_LE(size[0], bound(axis == 0 ? 1 : 0));
-        EXPECT_LE(size[1], bound(axis == 2 ? 1 : 2));
+        EXPECT_EQ(size[0], sizeof(TypeParam));
+        EXPECT_LE(size[1], bound(axis == 0 ? 1 : 0));
+        EXPECT_LE(size[2], bound(axis == 2 ? 1 : 2));
       }
       picture->Update();
       EXPECT_TRUE(HaveSamePixels(filter->GetOutput(), picture->GetOutput()));
@@ -112,6 +116,63 @@ TYPED_TEST(ShearWarpMIPPartsTyped, RandomPartsGiveThePictureOfTheWhole)
       EXPECT_EQ(filter->GetOutput()->GetSpacing(), picture->GetOutput()->GetSpacing());
     }
   });
+}
+
+/** Parts by all rules, merged in a tree. */
+TYPED_TEST(ShearWarpMIPPartsTyped, MergedPartsGiveThePictureOfTheWhole)
+{
+  using FilterType = itk::ShearWarpMIPImageFilter<itk::Image<TypeParam, 3>>;
+  const std::function<void(FilterType *)> changes[] = {
+    [](FilterType * filter) { filter->SetMode(ModeEnum::Minimum); },
+    [](FilterType * filter) { filter->SetMode(ModeEnum::AbsoluteMaximum); },
+    [](FilterType * filter) { filter->SetMode(std::is_integral_v<TypeParam> ? ModeEnum::Mean : ModeEnum::Minimum); },
+    [](FilterType * filter) { filter->ComputeDepthOn(); },
+    [](FilterType * filter) { filter->SetInterpolation(itk::ShearWarpMIPImageFilterEnums::Interpolation::Nearest); },
+    [](FilterType * filter) {
+      filter->SetMode(ModeEnum::Minimum);
+      filter->ComputeDepthOn();
+      filter->ExactOn();
+    },
+    [](FilterType * filter) { filter->ExactOn(); }
+  };
+  Random random(1106);
+  for (int repeat = 0; repeat < 28; ++repeat)
+  {
+    SCOPED_TRACE(repeat);
+    const auto image = MakeRandomImage<TypeParam>(random, MakeRandomSize(random, 1, repeat % 2 ? 12 : 40));
+    const auto view = MakeRandomView(random, AllViewKinds[repeat % 3], image);
+    const auto filter = MakeFilter(image, view);
+    changes[repeat % 7](filter);
+    filter->SetDefaultPixelValue(TypeParam{ 7 });
+    if (repeat % 4 == 1)
+    {
+      const auto center = itk::ShearWarpMIPView::GetCenter(image);
+      filter->SetCropUpper(center + PointType(random.Uniform(0, 9)).GetVectorFromOrigin());
+      filter->SetSlabNear(view->GetInverseTransform()->TransformPoint(center)[2] - random.Uniform(0, 9));
+    }
+    filter->Update();
+    const auto picture = MakePartsFilter(filter.GetPointer());
+    const auto merger = MakePartsFilter(filter.GetPointer());
+    for (const RegionType & region : MakeRandomParts(random, image->GetLargestPossibleRegion(), 3, 25))
+    {
+      merger->AddPart(picture->ProjectPart(MakePart(image.GetPointer(), region)));
+      if (merger->GetNumberOfParts() == 3)
+      {
+        picture->AddPart(merger->MergeParts());
+        merger->ClearParts();
+      }
+    }
+    if (merger->GetNumberOfParts() > 0)
+    {
+      picture->AddPart(merger->MergeParts());
+    }
+    picture->Update();
+    EXPECT_TRUE(HaveSamePixels(filter->GetOutput(), picture->GetOutput()));
+    if (filter->GetComputeDepth())
+    {
+      EXPECT_TRUE(HaveSamePixels(filter->GetDepthOutput(), picture->GetDepthOutput()));
+    }
+  }
 }
 
 TEST_F(ShearWarpMIPParts, APartWithoutSamplesHasTheLowestValue)
@@ -125,8 +186,10 @@ TEST_F(ShearWarpMIPParts, APartWithoutSamplesHasTheLowestValue)
   for (const unsigned int oversampling : { 1, 2 })
   {
     m_Filter->SetOversampling(oversampling);
-    const auto pixels = GetPixels(m_Filter->ProjectPart(MakePart(m_Image.GetPointer(), region)));
+    const auto         bytes = GetPixels(m_Filter->ProjectPart(MakePart(m_Image.GetPointer(), region)));
+    std::vector<short> pixels(bytes.size() / sizeof(short));
     ASSERT_FALSE(pixels.empty());
+    std::memcpy(pixels.data(), bytes.data(), bytes.size());
     EXPECT_EQ(pixels, std::vector<short>(pixels.size(), std::numeric_limits<short>::lowest()));
   }
 }
@@ -301,16 +364,16 @@ TEST_F(ShearWarpMIPParts, BadInputIsNamed)
   filter->UpdateOutputInformation();
   EXPECT_GT(filter->GetOutput()->GetLargestPossibleRegion().GetNumberOfPixels(), 0u);
   EXPECT_NAMES(filter->AddPart(nullptr), "The projection of a part must not be null");
-  EXPECT_NAMES(filter->AddPart(itk::Image<short, 2>::New()), "projection of a part", "0 voxels");
+  EXPECT_NAMES(filter->AddPart(itk::Image<unsigned char, 3>::New()), "projection of a part", "0 voxels");
   const auto oversampled = filter->ProjectPart(m_Image);
   filter->AddPart(oversampled);
   filter->SetOversampling(1);
-  EXPECT_NAMES(filter->Update(), "The projection of part 1 must be of the filter's Transform, Oversampling");
+  EXPECT_NAMES(filter->Update(), "The projection of part 1 must be of the filter's parameters");
   filter->SetOversampling(2);
   EXPECT_NO_THROW(filter->Update());
-  oversampled->SetOrigin(itk::Point<double, 2>(1.0));
+  oversampled->SetOrigin(itk::Point<double, 3>(1.0));
   EXPECT_NAMES(filter->Update(), "The projection of part 1 must lie within the intermediate image");
-  oversampled->SetOrigin(itk::Point<double, 2>(0.0));
+  oversampled->SetOrigin(itk::Point<double, 3>(0.0));
   Shorten(oversampled.GetPointer());
   filter->Modified();
   EXPECT_NAMES(filter->Update(), "The projection of a part must be buffered where it is requested");
@@ -331,7 +394,7 @@ TEST_F(ShearWarpMIPParts, ProjectionsKeepTheirPlaceInFiles)
       if (isOrigin)
       {
         // as files store the place
-        itk::Point<double, 2> origin;
+        itk::Point<double, 3> origin;
         projection->TransformIndexToPhysicalPoint(place.GetIndex(), origin);
         projection->SetOrigin(origin);
         projection->SetRegions(place.GetSize());
@@ -339,7 +402,7 @@ TEST_F(ShearWarpMIPParts, ProjectionsKeepTheirPlaceInFiles)
       else
       {
         // as Python's pickle of ITK leaves the regions
-        projection->SetLargestPossibleRegion({ { { 0, 0 } }, place.GetSize() });
+        projection->SetLargestPossibleRegion({ { { 0, 0, 0 } }, place.GetSize() });
       }
       m_Filter->AddPart(projection);
     }
@@ -354,7 +417,7 @@ TEST_F(ShearWarpMIPParts, ProjectionsOfAnotherViewAreAnError)
   m_Filter->Update();
   const auto turned = MakeRandomView(m_Random, ViewKind::Rigid, m_Image);
   m_Filter->SetTransform(turned);
-  EXPECT_NAMES(m_Filter->Update(), "The projection of part 1 must be of the filter's Transform");
+  EXPECT_NAMES(m_Filter->Update(), "The projection of part 1 must be of the filter's parameters");
   m_Filter->ClearParts();
   m_Filter->AddPart(m_Filter->ProjectPart(m_Image));
   EXPECT_NO_THROW(m_Filter->Update());
@@ -368,25 +431,19 @@ TEST_F(ShearWarpMIPParts, AChangedProjectionMakesTheFilterUpdate)
   const auto before = m_Filter->GetOutput()->GetTimeStamp();
   m_Filter->Update();
   EXPECT_EQ(m_Filter->GetOutput()->GetTimeStamp(), before);
-  projection->FillBuffer(999);
+  projection->FillBuffer(3);
   projection->Modified();
   m_Filter->Update();
   const auto center = m_Filter->GetOutput()->GetLargestPossibleRegion().GetSize();
   EXPECT_EQ(m_Filter->GetOutput()->GetPixel({ { static_cast<long>(center[0] / 2), static_cast<long>(center[1] / 2) } }),
-            999);
+            0x0303);
 }
 
-TEST_F(ShearWarpMIPParts, OnlyPlainMaximaHaveParts)
+TEST_F(ShearWarpMIPParts, WhatDoesNotMergeIsAnError)
 {
   const std::function<void(PartsFilterType *)> changes[] = {
-    [](PartsFilterType * filter) { filter->ComputeDepthOn(); },
-    [](PartsFilterType * filter) { filter->SetMode(ModeEnum::Minimum); },
-    [](PartsFilterType * filter) { filter->SetMode(ModeEnum::AbsoluteMaximum); },
-    [](PartsFilterType * filter) { filter->SetSlabFar(1e9); },
-    [](PartsFilterType * filter) { filter->SetCropLower(PointType(-1e9)); },
     [](PartsFilterType * filter) { filter->SetDepthAttenuation(0.1); },
     [](PartsFilterType * filter) { filter->LocalMaximumOn(); },
-    [](PartsFilterType * filter) { filter->ExactOn(); },
     [](PartsFilterType * filter) { filter->SetNumberOfStreamDivisions(2); },
     [this](PartsFilterType * filter) {
       filter->SetMaskImage(MakeAlike<unsigned char, 3>(m_Image, m_Image->GetLargestPossibleRegion()));
@@ -399,7 +456,59 @@ TEST_F(ShearWarpMIPParts, OnlyPlainMaximaHaveParts)
     filter->AddPart(projection);
     EXPECT_NO_THROW(filter->Update());
     change(filter);
-    EXPECT_NAMES(filter->Update(), "Parts have plain maxima");
-    EXPECT_NAMES(filter->ProjectPart(m_Image), "Parts have plain maxima");
+    EXPECT_NAMES(filter->Update(), "Parts have no");
+    EXPECT_NAMES(filter->ProjectPart(m_Image), "Parts have no");
+    EXPECT_NAMES(filter->MergeParts(), "Parts have no");
   }
+  const auto image = MakeRandomImage<float>(m_Random, { { 9, 8, 7 } });
+  const auto mean = MakePartsFilterOf<float>(image, m_View);
+  mean->SetMode(ModeEnum::Mean);
+  EXPECT_NAMES(mean->ProjectPart(image), "Parts have no Mode Mean of floating-point pixels");
+}
+
+/** Another rule, or a view that only this rule distinguishes, is another intermediate image. */
+TEST_F(ShearWarpMIPParts, ProjectionsByAnotherRuleAreAnError)
+{
+  const std::function<void(PartsFilterType *)> changes[] = {
+    [](PartsFilterType * filter) { filter->SetMode(ModeEnum::Minimum); },
+    [](PartsFilterType * filter) { filter->SetMode(ModeEnum::Mean); },
+    [](PartsFilterType * filter) {
+      filter->SetInterpolation(itk::ShearWarpMIPImageFilterEnums::Interpolation::Nearest);
+    },
+    [](PartsFilterType * filter) { filter->SetSlabFar(1e9); },
+    [](PartsFilterType * filter) { filter->SetCropLower(PointType(-1e9)); },
+    [](PartsFilterType * filter) { filter->ComputeDepthOn(); },
+    [](PartsFilterType * filter) { filter->ExactOn(); }
+  };
+  const auto expectRefused = [this](const auto & before, const auto & change) {
+    const auto filter = MakePartsFilterOf<short>(m_Image, m_View);
+    before(filter.GetPointer());
+    filter->AddPart(filter->ProjectPart(m_Image));
+    EXPECT_NO_THROW(filter->Update());
+    change(filter.GetPointer());
+    EXPECT_NAMES(filter->Update(), "The projection of part 1 must be of the filter's parameters");
+    EXPECT_NAMES(filter->MergeParts(), "The projection of part 1 must be of the filter's parameters");
+    filter->ClearParts();
+    EXPECT_NAMES(filter->MergeParts(), "Parts are required but not added");
+  };
+  for (const auto & change : changes)
+  {
+    expectRefused([](PartsFilterType *) {}, change);
+  }
+  // a part of an exact picture has pixels of the grid
+  expectRefused([](PartsFilterType * filter) { filter->ExactOn(); },
+                [](PartsFilterType * filter) { filter->SetSize({ { 5, 5 } }); });
+}
+
+TEST_F(ShearWarpMIPParts, APointIsThatOfTheWhole)
+{
+  const auto whole = MakeFilter(m_Image, m_View);
+  whole->ComputeDepthOn();
+  whole->Update();
+  const auto parts = MakePartsFilter(whole.GetPointer());
+  parts->AddPart(parts->ProjectPart(m_Image));
+  parts->Update();
+  const auto                             size = whole->GetOutput()->GetLargestPossibleRegion().GetSize();
+  const PartsFilterType::OutputIndexType index{ { static_cast<long>(size[0] / 2), static_cast<long>(size[1] / 2) } };
+  EXPECT_EQ(parts->GetPhysicalPoint(index), whole->GetPhysicalPoint(index));
 }

@@ -25,6 +25,7 @@ namespace
 {
 using namespace itk::ShearWarpMIPTest;
 using ReducedResamplingEnum = itk::ShearWarpMIPImageFilterEnums::ReducedResampling;
+using ModeEnum = itk::ShearWarpMIPImageFilterEnums::Mode;
 
 template <typename TImagePointer>
 auto
@@ -85,11 +86,16 @@ TYPED_TEST(ShearWarpMIPStreaming, HasTheBitsOfTheWholeImageAndNeedsOneSlabAtATim
     for (auto * filter : { whole.GetPointer(), streamed.GetPointer() })
     {
       filter->SetTransform(view);
-      filter->SetOversampling(1 + repeat % 2);
       filter->SetReducedResampling(static_cast<ReducedResamplingEnum>(repeat % 3));
+      filter->SetExact(repeat % 4 == 0);
+      filter->SetComputeDepth(repeat % 8 == 0);
+      filter->SetMode(static_cast<ModeEnum>(repeat % 4 == 0 ? repeat / 4 % 3 : 0));
+      filter->SetOversampling(filter->GetExact() ? 1 : 1 + repeat % 2);
       filter->Update();
     }
     ASSERT_TRUE(HaveSamePixels(whole->GetOutput(), streamed->GetOutput())) << "in repetition " << repeat;
+    ASSERT_TRUE(!whole->GetComputeDepth() || HaveSamePixels(whole->GetDepthOutput(), streamed->GetDepthOutput()))
+      << "in repetition " << repeat;
     ASSERT_EQ(streamed->GetPrincipalAxis(), whole->GetPrincipalAxis());
     axes.insert(streamed->GetPrincipalAxis());
 

@@ -82,6 +82,14 @@ MakePartsFilter(const ShearWarpMIPImageFilter<TInputImage> * filter)
   parts->SetInput(MakeOutline(filter->GetInput()));
   parts->SetTransform(filter->GetTransform());
   parts->SetOversampling(filter->GetOversampling());
+  parts->SetMode(filter->GetMode());
+  parts->SetInterpolation(filter->GetInterpolation());
+  parts->SetSlabNear(filter->GetSlabNear());
+  parts->SetSlabFar(filter->GetSlabFar());
+  parts->SetCropLower(filter->GetCropLower());
+  parts->SetCropUpper(filter->GetCropUpper());
+  parts->SetComputeDepth(filter->GetComputeDepth());
+  parts->SetExact(filter->GetExact());
   parts->SetDefaultPixelValue(filter->GetDefaultPixelValue());
   parts->SetReducedResampling(filter->GetReducedResampling());
   parts->SetNumberOfWorkUnits(filter->GetNumberOfWorkUnits());

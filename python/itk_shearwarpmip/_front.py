@@ -8,7 +8,7 @@ import threading
 import warnings
 import weakref
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, TypedDict, Unpack
 
@@ -120,7 +120,7 @@ def mip(
     geometry: True for an itk.Image, which has a geometry, whatever the kind of the source.
     where: spacing, origin, direction, series, volume, suv, level, time and channel of open_image().
 
-    Volumes in chunks take only the view, background, oversampling and the parameters of the grid.
+    Volumes in chunks have no mask, attenuation, local_maximum and threads, and no mean of floating-point voxels.
 
     Returns a 2D itk.Image with spacing and origin in the view plane, in mm, which a notebook shows. For an array, returns
     an array of the same package; for a SimpleITK.Image or an xarray.DataArray, an object of the same type. With `depth` or
@@ -156,14 +156,14 @@ def mip(
     require_known(mip, where)
     make_flag("geometry", geometry)
     if is_chunked(source):
-        picture = _project_chunks(source, view, azimuth, elevation, parameters, where)
-        return picture if geometry else give_back(source, picture)
-    image = open_image(source, **where)
-    transform = make_transform(image, view, azimuth, elevation)
-    with _get_filters(image) as filters:
-        made = filters.get(itk.ShearWarpMIPImageFilter)
-        made.SetTransform(transform)
-        pictures = filters.project(made, parameters)
+        pictures = _project_chunks(source, view, azimuth, elevation, parameters, where)
+    else:
+        image = open_image(source, **where)
+        transform = make_transform(image, view, azimuth, elevation)
+        with _get_filters(image) as filters:
+            made = filters.get(itk.ShearWarpMIPImageFilter)
+            made.SetTransform(transform)
+            pictures = filters.project(made, parameters)
     picture, depths = pictures if geometry else (each and give_back(source, each) for each in pictures)
     found = [picture, *([depths] if depth else []), *([find_places(*pictures)] if places else [])]
     return tuple(found) if len(found) > 1 else picture
@@ -329,8 +329,9 @@ def turn(
         made.SetRocking(make_flag("rocking", rocking))
 
     if is_chunked(source):
-        stack, views, middle = _project_chunks_turning(source, set_turn, parameters, where)
-        return Turn(stack, views, mode=mode, center=middle)
+        stack, depths, views, middle = _project_chunks_turning(source, set_turn, parameters, where)
+        found = find_places(stack, depths) if places else None
+        return Turn(stack, views, {}, depths if depth else None, found, mode, slab, middle)
     image = open_image(source, **where)
     with _get_filters(image) as filters:
         made = filters.get(itk.ShearWarpMIPCineImageFilter)
@@ -430,11 +431,7 @@ class _Filters:
             if each is not None:
                 each.DisconnectPipeline()
                 show_itself(each, beside, image, made.GetTransform())
-        limits = [name for name in ("slab", "crop") if getattr(parameters, name) is not None]
-        if limits and is_background(itk.array_view_from_image(picture), background).all():
-            question = f"is the image within {' and '.join(limits)}?"
-            hint = " A slab must be at least as thick as the voxels." if "slab" in limits else ""
-            warnings.warn(f"there is only background in the picture: {question}{hint}", stacklevel=3)
+        _warn_if_empty(picture, background, parameters)
         return picture, depths
 
     def _find_lowest(self) -> float:
@@ -451,6 +448,14 @@ class _Filters:
 _FILTERS: dict[int, _Filters] = {}
 """By the id of an itk.Image, which lives."""
 _FILTERS_LOCK = threading.Lock()
+
+
+def _warn_if_empty(picture: Any, background: float, parameters: Parameters) -> None:
+    limits = [name for name in ("slab", "crop") if getattr(parameters, name) is not None]
+    if limits and is_background(itk.array_view_from_image(picture), background).all():
+        question = f"is the image within {' and '.join(limits)}?"
+        hint = " A slab must be at least as thick as the voxels." if "slab" in limits else ""
+        warnings.warn(f"there is only background in the picture: {question}{hint}", stacklevel=4)
 
 
 def _renew_locks() -> None:
@@ -550,10 +555,9 @@ def _open_chunks(source: Any, parameters: Parameters, where: Any) -> Any:
         if where.pop(name, None):
             raise ValueError(f"{name} is for a DICOM folder or file")
     where["time"] = where.get("time") or 0
-    possible = {"background", "oversampling", "output_spacing", "size", "output_origin"}
     default = Parameters()
 
-    others = [each.name for each in fields(parameters) if each.name not in possible]
+    others = ("mask", "mask_label", "attenuation", "local_maximum", "threads")
     if wrong := [name for name in others if _is_given(getattr(parameters, name), getattr(default, name))]:
         raise ValueError(
             f"{', '.join(wrong)} cannot be given for a volume in chunks: give an array in memory, or an image"
@@ -564,23 +568,30 @@ def _open_chunks(source: Any, parameters: Parameters, where: Any) -> Any:
 
 def _project_chunks(
     source: Any, view: Any, azimuth: float, elevation: float, parameters: Parameters, where: Any
-) -> Any:
+) -> tuple[Any, Any]:
+    """The picture, and its depths or None."""
     volume = _open_chunks(source, parameters, where)
     from itk_shearwarpmip import _projection
 
     transform = make_transform(volume.make_image(), view, azimuth, elevation)
-    return show_itself(*_projection.project(volume, transform, parameters), volume, transform)
+    picture, depths, background = _projection.project(volume, transform, parameters)
+    _warn_if_empty(picture, background, parameters)
+    return show_itself(picture, background, volume, transform), depths and show_itself(
+        depths, np.nan, volume, transform
+    )
 
 
 def _project_chunks_turning(
     source: Any, set_turn: Any, parameters: Parameters, where: Any
-) -> tuple[Any, list[Any], Any]:
-    """The frames, their views and the center of the volume."""
+) -> tuple[Any, Any, list[Any], Any]:
+    """The frames, their depths or None, their views and the center of the volume."""
     volume = _open_chunks(source, parameters, where)
     from itk_shearwarpmip import _projection
 
-    stack, background, views = _projection.project_turn(volume, set_turn, parameters)
-    return show_itself(stack, background, volume), views, list(itk.ShearWarpMIPView.GetCenter(volume.make_image()))
+    stack, depths, background, views = _projection.project_turn(volume, set_turn, parameters)
+    _warn_if_empty(stack, background, parameters)
+    center = list(itk.ShearWarpMIPView.GetCenter(volume.make_image()))
+    return show_itself(stack, background, volume), depths and show_itself(depths, np.nan, volume), views, center
 
 
 def show_itself(picture: Any, background: float, source: Any, view: Any = None) -> Any:

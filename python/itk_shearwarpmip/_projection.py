@@ -4,7 +4,7 @@ from collections import ChainMap, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import count, product
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 from uuid import uuid4
 
 import dask
@@ -15,7 +15,7 @@ from dask.delayed import Delayed
 from dask.highlevelgraph import HighLevelGraph, MaterializedLayer
 
 from itk_shearwarpmip._inputs import make_view
-from itk_shearwarpmip._parameters import Parameters, find_lowest, set_background, set_grid, update
+from itk_shearwarpmip._parameters import Parameters, find_lowest, set_background, set_parameters, update
 from itk_shearwarpmip._volume import Volume
 
 _Place = tuple[int, ...]
@@ -23,11 +23,20 @@ _Place = tuple[int, ...]
 
 
 class _Piece(NamedTuple):
-    """A part of the intermediate image of the whole volume, which begins at a row and a column."""
+    """A projection of itk.ShearWarpMIPPartsImageFilter: its first row and column, and the records of its pixels, bytes
+    (row, column, byte)."""
 
     row: int
     column: int
-    pixels: np.ndarray
+    records: np.ndarray
+
+    @classmethod
+    def take(cls, projection: Any) -> "_Piece":
+        _, column, row = projection.GetLargestPossibleRegion().GetIndex()
+        return cls(row, column, itk.array_from_image(projection, update=False))
+
+    def add_to(self, made: Any) -> None:
+        made.AddPart(make_view(self.records, (self.row, self.column, 0)))
 
 
 class _Ends(NamedTuple):
@@ -53,69 +62,82 @@ class _Pieces(NamedTuple):
         return self.ends or {}
 
 
-def project(volume: Volume, view: Any, parameters: Parameters) -> tuple[Any, float]:
-    """Returns the picture of a volume in chunks, and its background, by Dask's current scheduler. Each chunk is projected where it is, to
-    its piece of the intermediate image of the whole. Pieces are merged in a tree, and the last one is warped to the
-    picture here. The picture has the bits that itk.ShearWarpMIPImageFilter gives for the whole volume. Its entry
-    "BytesSent" is the number of bytes of all pieces. Pieces cannot have moved more bytes between workers; the faces of
-    chunks are not included.
+def project(volume: Volume, view: Any, parameters: Parameters) -> tuple[Any, Any, float]:
+    """Returns the picture of a volume in chunks, its depths or None, and its background, by Dask's current scheduler.
+    Each chunk is projected where it is, to its piece of the intermediate image of the whole. Pieces are merged in a tree,
+    and the last one is warped to the picture here. The picture has the bits that itk.ShearWarpMIPImageFilter gives for
+    the whole volume. Its entry "BytesSent" is the number of bytes of all pieces. Pieces cannot have moved more bytes
+    between workers; the faces of chunks are not included.
     """
     picture = _make_filter(itk.ShearWarpMIPPartsImageFilter, volume, parameters)
     picture.SetTransform(view)
     update(picture, information=True)
-    pieces = _project(volume, [view], parameters)
-    image = _warp(picture, pieces.views[0], pieces.background)
+    pieces = _project(volume, [view], _fix_grid(parameters, picture.GetOutput()))
+    image, depths = _warp(picture, pieces.views[0], pieces.background)
     image["BytesSent"] = pieces.bytes_sent
-    return image, pieces.background
+    return image, depths, pieces.background
 
 
 def project_turn(
     volume: Volume, set_turn: Callable[[Any, Any], None], parameters: Parameters
-) -> tuple[Any, float, list[Any]]:
-    """Returns the frames of an itk.ShearWarpMIPCineImageFilter, their background and their views. `set_turn` sets the turn of the
-    filter for an image of the volume's geometry. Each chunk is read once for all frames."""
+) -> tuple[Any, Any, float, list[Any]]:
+    """Returns the frames of an itk.ShearWarpMIPCineImageFilter, their depths or None, their background and their views.
+    `set_turn` sets the turn of the filter for an image of the volume's geometry. Each chunk is read once for all frames.
+    """
     cine = _make_filter(itk.ShearWarpMIPCineImageFilter, volume, parameters)
     set_turn(cine, volume.make_image())
     update(cine, information=True)
     stack = cine.GetOutput()
-    columns, rows, frames = stack.GetLargestPossibleRegion().GetSize()
-    views = [cine.GetFrameTransform(frame) for frame in range(frames)]
+    views = [cine.GetFrameTransform(frame) for frame in range(stack.GetLargestPossibleRegion().GetSize()[2])]
+    parameters = _fix_grid(parameters, stack)
+    picture = _make_filter(itk.ShearWarpMIPPartsImageFilter, volume, parameters)
+    picture.SetTransform(views[0])
+    update(picture, information=True)
     pieces = _project(volume, views, parameters)
 
-    grid = replace(
-        parameters,
-        size=[columns, rows],
-        output_spacing=list(stack.GetSpacing())[:2],
-        output_origin=list(stack.GetOrigin())[:2],
-    )
-    pixels = np.empty((frames, rows, columns), volume.array.dtype.newbyteorder("="))
-    for frame, (view, piece) in enumerate(zip(views, pieces.views, strict=True)):
-        picture = _make_filter(itk.ShearWarpMIPPartsImageFilter, volume, grid)
+    def warp(view: Any, piece: _Piece) -> list[Any]:
         picture.SetTransform(view)
-        pixels[frame] = itk.array_view_from_image(_warp(picture, piece, pieces.background))
-    image = itk.image_from_array(pixels)
-    image.CopyInformation(stack)
-    image.SetMetaDataDictionary(stack.GetMetaDataDictionary())
+        return [each and itk.array_from_image(each) for each in _warp(picture, piece, pieces.background)]
+
+    frames, depths = zip(*map(warp, views, pieces.views), strict=True)
+    image = _stack(frames, stack)
     image["BytesSent"] = pieces.bytes_sent
-    return image, pieces.background, views
+    return image, None if depths[0] is None else _stack(depths, stack), pieces.background, views
+
+
+def _stack(frames: Sequence[Any], like: Any) -> Any:
+    image = itk.image_from_array(np.stack(frames))
+    image.CopyInformation(like)
+    image.SetMetaDataDictionary(like.GetMetaDataDictionary())
+    return image
+
+
+def _fix_grid(parameters: Parameters, picture: Any) -> Parameters:
+    """The same parameters, with the grid of a picture or of frames."""
+    return replace(
+        parameters,
+        size=list(picture.GetLargestPossibleRegion().GetSize())[:2],
+        output_spacing=list(picture.GetSpacing())[:2],
+        output_origin=list(picture.GetOrigin())[:2],
+    )
 
 
 def _make_filter(template: Any, volume: Volume, parameters: Parameters) -> Any:
     made = template.New(volume.make_image())
-    set_grid(made, parameters)
-    if parameters.background != "auto":
-        set_background(made, parameters.background)
+    set_parameters(made, parameters, 0 if parameters.background == "auto" else parameters.background)
     return made
 
 
-def _warp(picture: Any, piece: _Piece, background: Any) -> Any:
+def _warp(picture: Any, piece: _Piece, background: Any) -> tuple[Any, Any]:
+    """The picture of a piece, and its depths or None."""
     picture.ClearParts()
-    picture.AddPart(make_view(piece.pixels, (piece.row, piece.column)))
+    piece.add_to(picture)
     set_background(picture, background)
     picture.Update()
-    image = picture.GetOutput()
-    image.DisconnectPipeline()
-    return image
+    image, depths = picture.GetOutput(), picture.GetDepthOutput()
+    for each in (image, *([depths] if depths else [])):
+        each.DisconnectPipeline()
+    return image, depths
 
 
 @dataclass(frozen=True)
@@ -128,11 +150,22 @@ class _View:
     seams: list[int]
     """The axes along which there are seams (0 is z)."""
     transforms: Sequence[Any]
-    oversampling: int
-    background: float | Literal["auto"]
+    parameters: Parameters
 
     def find_background(self, voxels: np.ndarray) -> float:
-        return find_lowest(voxels) if self.background == "auto" else self.background
+        background = self.parameters.background
+        return find_lowest(voxels) if background == "auto" else background
+
+    @property
+    def adds(self) -> bool:
+        """Whether each sample must be in one part alone."""
+        return self.parameters.mode == "mean"
+
+    def make_filter(self) -> Any:
+        made = _make_filter(itk.ShearWarpMIPPartsImageFilter, self.volume, self.parameters)
+        # chunks are what is done at once, also by threads
+        made.SetNumberOfWorkUnits(1)
+        return made
 
     def find_first(self, place: Sequence[int]) -> list[int]:
         return [firsts[n] for firsts, n in zip(self.firsts, place, strict=True)]
@@ -151,10 +184,12 @@ def _project(volume: Volume, transforms: Sequence[Any], parameters: Parameters) 
     token = uuid4().hex
     outline = Volume(_Shape(array.shape, array.dtype), volume.spacing, volume.origin, volume.direction)
     firsts = [np.cumsum((0, *lengths[:-1])).tolist() for lengths in array.chunks]
-    # samples lie between voxels: there are seams between chunks, but for those that follow each other along the rays
-    sliced = _find_principal_axes(volume, transforms)
+    # samples lie between voxels: there are seams between chunks, but for extrema of those that follow each other along the
+    # rays
+    needs_all = parameters.mode == "mean" or parameters.exact
+    sliced = set() if needs_all else _find_principal_axes(volume, transforms)
     seams = [axis for axis in range(3) if array.numblocks[axis] > 1 and sliced != {axis}]
-    view = _View(outline, firsts, seams, transforms, int(parameters.oversampling), parameters.background)
+    view = _View(outline, firsts, seams, transforms, parameters)
     owners = _find_owners(array)
     if owners:
         edge = 4
@@ -163,7 +198,7 @@ def _project(volume: Volume, transforms: Sequence[Any], parameters: Parameters) 
         edge = 2
         graph, tasks = _project_each(array, view, token)
     pieces, priorities = _add_boxes(graph, tasks, edge, view, array.numblocks, token)
-    last = _add_tree(graph, pieces, f"merge_pieces-{token}")
+    last = _add_tree(graph, pieces, f"merge_pieces-{token}", view, token)
     layer = MaterializedLayer(graph, {"priority": priorities})
     pieces_of_all: _Pieces
     (pieces_of_all,) = dask.compute(Delayed(last, HighLevelGraph({token: layer}, {token: set()}), layer=token))
@@ -178,8 +213,7 @@ def _add_boxes(
     pieces: list[Any] = []
     ends: dict[_Place, Any] = {}
     priorities = _Priorities()
-    shared = f"view-{token}"
-    of_view = shared if shared in graph else view
+    of_view = _get_shared(graph, view, token)
     for low in product(*(range(0, length, edge) for length in numblocks)):
         high = np.minimum(np.add(low, edge), numblocks).tolist()
         places = list(product(*map(range, low, high)))
@@ -195,6 +229,12 @@ def _add_boxes(
         pieces.append(merge)
         priorities.add_box(graph, [*projected, merge, keep])
     return pieces, priorities
+
+
+def _get_shared(graph: dict[Any, Any], view: _View, token: str) -> Any:
+    """The key of the view in the graph, or the view itself."""
+    shared = f"view-{token}"
+    return shared if shared in graph else view
 
 
 class _Priorities:
@@ -243,7 +283,7 @@ def _project_together(
     return graph, tasks
 
 
-def _add_tree(graph: dict[Any, Any], pieces: list[Any], name: str) -> Any:
+def _add_tree(graph: dict[Any, Any], pieces: list[Any], name: str, view: _View, token: str) -> Any:
     """Adds the tasks that merge all pieces to one, and returns it."""
     for level in count():
         if len(pieces) == 1:
@@ -252,7 +292,8 @@ def _add_tree(graph: dict[Any, Any], pieces: list[Any], name: str) -> Any:
         length = 2 if level else 8
         groups = [pieces[n : n + length] for n in range(0, len(pieces), length)]
         pieces = [(name, level, n) for n in range(len(groups))]
-        graph.update({piece: (merge_pieces, group) for piece, group in zip(pieces, groups, strict=True)})
+        of_view = _get_shared(graph, view, token)
+        graph.update({piece: (merge_pieces, group, of_view) for piece, group in zip(pieces, groups, strict=True)})
     return pieces[0]
 
 
@@ -307,7 +348,7 @@ def project_chunks(chunks: Sequence[np.ndarray], places: Sequence[_Place], view:
         # while the cache has the chunk
         pieces.append(_Pieces(projected, 0, view.find_background(chunk)))
         ends[place] = _copy_ends(chunk, view)
-    return merge_pieces(pieces)._replace(ends=ends)
+    return merge_pieces(pieces, view)._replace(ends=ends)
 
 
 _FIRST, _LAST = slice(0, 1), slice(-1, None)
@@ -335,9 +376,11 @@ def make_seam(
 ) -> tuple[np.ndarray, list[int]]:
     """Returns the voxels on both sides of a seam, and the first of them (z, y, x). The seam lies in a box of chunks,
     from `low` to before `high`, before the chunks of a number along an axis. Along the other axes, the voxels begin
-    with the last voxels of the chunks before the box, because samples lie between these and the box."""
+    with the last voxels of the chunks before the box, because samples lie between these and the box. If samples add,
+    the seam of the first of several axes has the samples between all chunks."""
     places = [
-        range(n - (n > 0 and other in view.seams), end) for other, (n, end) in enumerate(zip(low, high, strict=True))
+        range(n - (n > 0 and other in view.seams and not (view.adds and other < axis)), end)
+        for other, (n, end) in enumerate(zip(low, high, strict=True))
     ]
     places[axis] = range(number - 1, number + 1)
 
@@ -360,20 +403,31 @@ def merge_chunks(projected: list[_Pieces], before: list[_EndsOf], low: _Place, h
     these chunks, and to the chunks before the box, whose ends are `before`."""
     ends = dict(ChainMap(*before, *(of_chunks.get_ends() for of_chunks in projected)))
     seams = (
-        make_seam(ends, low, high, axis, number, view)
+        make_seam(ends, first, last, axis, number, view)
         for axis in view.seams
+        for first, last in _split_box(low, high, axis, view)
         for number in range(max(low[axis], 1), high[axis])
     )
     background = projected[0].background
-    return merge_pieces(projected + [_Pieces(pieces, 0, background) for pieces in _project_parts(seams, view)])
+    return merge_pieces(projected + [_Pieces(pieces, 0, background) for pieces in _project_parts(seams, view)], view)
+
+
+def _split_box(low: _Place, high: _Place, axis: int, view: _View) -> Iterator[tuple[_Place, _Place]]:
+    """Yields the boxes that have seams of their own along an axis: all chunks or, if samples add, the chunks between the
+    seams along the axes before it."""
+    spans = [
+        [(n, n + 1) for n in range(first, end)]
+        if view.adds and other < axis and other in view.seams
+        else [(first, end)]
+        for other, (first, end) in enumerate(zip(low, high, strict=True))
+    ]
+    for box in product(*spans):
+        yield tuple(first for first, _ in box), tuple(end for _, end in box)
 
 
 def _project_parts(parts: Iterable[tuple[np.ndarray, Sequence[int]]], view: _View) -> Iterator[list[_Piece]]:
     """Yields the pieces of each part. A part is its voxels and the place of its first voxel (z, y, x)."""
-    projection = itk.ShearWarpMIPPartsImageFilter.New(view.volume.make_image())
-    projection.SetOversampling(view.oversampling)
-    # chunks are what is done at once, also by threads
-    projection.SetNumberOfWorkUnits(1)
+    projection = view.make_filter()
     if len(view.transforms) == 1:
         # one view does not pay for its preparation
         projection.SetReducedResampling(itk.ShearWarpMIPImageFilterEnums.ReducedResampling_Off)
@@ -382,30 +436,23 @@ def _project_parts(parts: Iterable[tuple[np.ndarray, Sequence[int]]], view: _Vie
         pieces = []
         for transform in view.transforms:
             projection.SetTransform(transform)
-            output = projection.ProjectPart(part)
-            column, row = output.GetLargestPossibleRegion().GetIndex()
-            pieces.append(_Piece(row, column, itk.array_from_image(output, update=False)))
+            pieces.append(_Piece.take(projection.ProjectPart(part)))
         yield pieces
 
 
-def merge_pieces(pieces: list[_Pieces]) -> _Pieces:
-    """Returns the maximum of pieces, with the extent of all of them."""
-    merged = [_merge(of_view) for of_view in zip(*(each.views for each in pieces), strict=True)]
-    bytes_sent = sum(each.bytes_sent for each in pieces) + sum(piece.pixels.nbytes for piece in merged)
+def merge_pieces(pieces: list[_Pieces], view: _View) -> _Pieces:
+    """Returns pieces as one, with the extent of all of them."""
+    merged = pieces[0].views if len(pieces) == 1 else _merge(zip(*(each.views for each in pieces), strict=True), view)
+    bytes_sent = sum(each.bytes_sent for each in pieces) + sum(piece.records.nbytes for piece in merged)
     return _Pieces(merged, bytes_sent, min(each.background for each in pieces))
 
 
-def _merge(pieces: Sequence[_Piece]) -> _Piece:
-    if len(pieces) == 1:
-        return pieces[0]
-    row, column = min(piece.row for piece in pieces), min(piece.column for piece in pieces)
-    rows = max(piece.row + piece.pixels.shape[0] for piece in pieces) - row
-    columns = max(piece.column + piece.pixels.shape[1] for piece in pieces) - column
-    dtype = pieces[0].pixels.dtype
-    lowest = -np.inf if np.issubdtype(dtype, np.floating) else np.iinfo(dtype).min
-    merged = np.full((rows, columns), lowest, dtype)
-    for piece in pieces:
-        top, left = piece.row - row, piece.column - column
-        place = merged[top : top + piece.pixels.shape[0], left : left + piece.pixels.shape[1]]
-        np.maximum(place, piece.pixels, out=place)
-    return _Piece(row, column, merged)
+def _merge(pieces_of_views: Iterable[Sequence[_Piece]], view: _View) -> list[_Piece]:
+    merger, merged = view.make_filter(), []
+    for transform, pieces in zip(view.transforms, pieces_of_views, strict=True):
+        merger.SetTransform(transform)
+        merger.ClearParts()
+        for piece in pieces:
+            piece.add_to(merger)
+        merged.append(_Piece.take(merger.MergeParts()))
+    return merged

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+import warnings
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import partial
@@ -127,6 +128,80 @@ def test_random_chunks_give_the_bits_of_the_whole(dtype):
         )
         assert_same(picture, whole)
         assert picture["BytesSent"] > 0
+
+
+RULES = {
+    "minimum": {"mode": "minimum"},
+    "absolute maximum": {"mode": "absolute_maximum", "depth": True},
+    "mean": {"mode": "mean"},
+    "mean of a slab": {"mode": "mean", "slab": (-9, 12), "oversampling": 2},
+    "slab and box": {"slab": (-15, 30), "crop": ((-20, -30, -np.inf), (50, 40, 90))},
+    "depth": {"depth": True, "oversampling": 2},
+    "nearest": {"interpolation": "nearest"},
+    "exact": {"exact": True},
+    "exact minimum": {"exact": True, "mode": "minimum", "slab": (-15, 30), "depth": True},
+}
+
+
+def make_random_chunks(generator, dtype, thin):
+    array = make_array(generator, generator.integers(1, 9 if thin else 40, 3), dtype)
+    # many samples are equal
+    array = array if generator.integers(2) else (array % 3 if dtype != np.float32 else np.round(array))
+    return array, dask.array.from_array(array, make_chunks(generator, array.shape, 2 if thin else 15))
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.int16, np.float32])
+@pytest.mark.parametrize("rule", RULES.values(), ids=RULES)
+def test_every_rule_has_the_bits_of_the_whole(rule, dtype):
+    generator = np.random.default_rng(21)
+    for repeat in range(6):
+        array, chunked = make_random_chunks(generator, dtype, repeat % 3 == 0)
+        view = make_view(generator)
+        options = {"view": view, "background": 9, "output_spacing": 0.9, **GEOMETRY, **rule}
+        if dtype == np.float32 and rule.get("mode") == "mean":
+            with pytest.raises(ValueError, match="no mode mean of floating-point pixels"):
+                mip(chunked, **options)
+            continue
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            pictures, whole = mip(chunked, **options), mip(array, geometry=True, **options)
+        if not rule.get("depth"):
+            pictures, whole = [pictures], [whole]
+        for each, expected in zip(pictures, whole, strict=True):
+            assert_same(each, expected)
+            assert each["Background"] == expected["Background"] or np.isnan(each["Background"])
+
+
+@pytest.mark.parametrize("name", ["mean", "exact minimum", "slab and box"])
+def test_a_turn_by_another_rule(name):
+    """With views along all axes."""
+    array, chunked = make_random_chunks(np.random.default_rng(22), np.int16, False)
+    options = {"frames": 7, "azimuth": 20, "elevation": 40, "rotation_axis": (0.6, 0.0, 0.8), **RULES[name], **GEOMETRY}
+    frames, whole = turn(chunked, **options), turn(array, **options)
+    assert_same(frames.frames, whole.frames)
+    assert (frames.mode, frames.slab) == (whole.mode, whole.slab)
+    assert (frames.depths is None) == (whole.depths is None)
+    if frames.depths is not None:
+        assert_same(frames.depths, whole.depths)
+
+
+def test_places_of_chunks():
+    array, chunked = make_random_chunks(np.random.default_rng(23), np.int16, False)
+    picture, places = mip(chunked, "left", places=True, **GEOMETRY)
+    expected, of_whole = mip(array, "left", places=True, **GEOMETRY)
+    assert_array_equal(np.asarray(picture), expected)
+    assert_array_equal(places, of_whole)
+    assert_array_equal(turn(chunked, frames=3, places=True).places, turn(array, frames=3, places=True).places)
+    with pytest.warns(UserWarning, match="there is only background"):
+        mip(chunked, slab=(1e5, 2e5))
+
+
+def test_rules_on_a_cluster(client):
+    array = make_array(np.random.default_rng(24), (50, 40, 30), np.int16)
+    chunked = dask.array.from_array(array, 8)
+    for rule in (RULES["mean"], RULES["exact"]):
+        for source in (chunked, chunked.persist()):
+            assert_same(mip(source, "left", azimuth=20, **rule), mip(array, "left", azimuth=20, geometry=True, **rule))
 
 
 def test_the_grid_is_as_the_filters():
@@ -257,7 +332,20 @@ BAD = {
     "DataArray": (lambda: project(xarray.DataArray(CHUNKED)), ValueError, "must have the dimensions z, y, x"),
     "output spacing": (lambda: project(CHUNKED, output_spacing=-1), ValueError, "output_spacing must be positive"),
     "size": (lambda: project(CHUNKED, size=(0, 4)), ValueError, "size must be positive"),
-    "mode": (lambda: mip(CHUNKED, mode="minimum", exact=True), ValueError, "mode, exact cannot be given .* in chunks"),
+    "mode": (lambda: mip(CHUNKED, mode="least"), ValueError, "mode must be one of maximum, minimum"),
+    "fading": (
+        lambda: mip(CHUNKED, attenuation=0.1, local_maximum=3),
+        ValueError,
+        "attenuation, local_maximum cannot be given .* in chunks",
+    ),
+    "mean": (
+        lambda: mip(CHUNKED.astype(np.float32), mode="mean"),
+        ValueError,
+        "Parts have no mode mean of floating-point pixels",
+    ),
+    "means": (lambda: turn(CHUNKED.astype(np.float64), mode="mean"), ValueError, "Parts have no mode mean"),
+    "mean depth": (lambda: turn(CHUNKED, mode="mean", depth=True), ValueError, "depth needs another mode"),
+    "exact": (lambda: mip(CHUNKED, exact=True, oversampling=2), ValueError, "exact pictures|Exact pictures"),
     "mask": (lambda: mip(CHUNKED, mask=np.ones((8,) * 3, bool)), ValueError, "mask cannot be given for .* in chunks"),
     "series": (lambda: turn(CHUNKED, series="1.2"), ValueError, "series is for a DICOM folder"),
     "unknown sizes": (lambda: project(CHUNKED[CHUNKED[:, 0, 0] == 0]), ValueError, "must be known"),

@@ -18,7 +18,9 @@
 #include "itkShearWarpEngine.h"
 
 #include "Exact.h"
+#include "PartRecords.h"
 #include "Projector.h"
+#include "Values.h"
 #include "kernels/PixelTypes.h"
 
 #include <algorithm>
@@ -98,6 +100,48 @@ IsFirstSlabFront(const Factorization & factorization)
   // along other axes, rows are along z, and a ray goes through them against the shear
   return factorization.GetPrincipalAxis() == 2 ? isFirstSliceNearest
                                                : isFirstSliceNearest == (factorization.shear[1] < 0);
+}
+
+/** Returns the ranks of all slices. */
+Ranking
+GetRanking(const Factorization & factorization)
+{
+  const auto last = static_cast<std::int32_t>(factorization.size[2] - 1);
+  return GetDepthFunction(factorization).perSlice > 0 ? Ranking{ 0, 1 } : Ranking{ last, -1 };
+}
+
+/** Returns whether a part has one voxel along an axis. Its neighbours then have that voxel too, and its samples. */
+bool
+IsThin(const VoxelBox & box, const VolumeGrid & volume)
+{
+  bool isThin = false;
+  for (unsigned int axis = 0; axis < 3; ++axis)
+  {
+    isThin = isThin || (box.size[axis] == 1 && volume.size[axis] > 1);
+  }
+  return isThin;
+}
+
+/** Merges the records of a row of \a region. */
+template <typename TPixel>
+void
+MergeRow(const PartRecords<TPixel> &           records,
+         const std::vector<IntermediatePart> & parts,
+         const IntermediateRegion &            region,
+         std::ptrdiff_t                        row,
+         unsigned char *                       merged)
+{
+  const auto size = static_cast<std::ptrdiff_t>(records.GetSize());
+  records.Clear(merged, region.columns);
+  for (const auto & [ofPart, part] : parts)
+  {
+    const std::ptrdiff_t rowOfPart = region.row + row - part.row;
+    if (rowOfPart >= 0 && rowOfPart < part.rows)
+    {
+      const unsigned char * from = ofPart + rowOfPart * part.columns * size;
+      records.Merge(from, merged + (part.column - region.column) * size, part.columns);
+    }
+  }
 }
 
 /** Returns the intervals of a view: the slab and the box, as functions of sheared column, row and slice. */
@@ -203,14 +247,14 @@ public:
   ProjectPart(const Scene &      scene,
               const RuleType &   rule,
               const VoxelsType & voxels,
-              TPixel *           pixels,
+              unsigned char *    records,
               const Threads &    threads);
 
   void
   WarpParts(const Scene &                 scene,
             const RuleType &              rule,
             const std::vector<PartType> & parts,
-            TPixel *                      pixels,
+            const PictureType &           picture,
             const Threads &               threads);
 
   std::size_t
@@ -228,6 +272,9 @@ private:
 
   bool
   IsOrdered() const;
+
+  typename Projector<TPixel>::Parameters
+  MakeParameters() const;
 
   std::vector<Pass>
   PlanPasses() const;
@@ -256,6 +303,16 @@ private:
   void
   DecidePreparation(const VoxelsType & voxels);
 
+  void
+  KeepBlockMinima()
+  {
+    if (m_Rule.isExact && m_Rule.mode != Mode::Maximum)
+    {
+      m_Volume.KeepBlockMinima();
+      m_Piece.KeepBlockMinima();
+    }
+  }
+
   std::vector<SliceRange>
   CutSlices(const SliceRange & slices, std::size_t count) const;
 
@@ -264,6 +321,9 @@ private:
 
   void
   AddPiece(const SliceRange & slices, const VoxelsType & voxels, const MaskType & mask, bool isWhole);
+
+  void
+  AddExactSlab(const SliceRange & slab, const VoxelsType & voxels);
 
   template <typename T>
   const PreparedVolume<T> &
@@ -285,6 +345,38 @@ private:
   void
   Join(const ImageType & phase, std::size_t projection, std::ptrdiff_t n);
 
+  ExactView<TPixel>
+  MakeExactView(std::size_t view, const PreparedVolume<TPixel> & volume) const;
+
+  void
+  SearchPart(std::size_t                    projection,
+             std::size_t                    view,
+             const PreparedVolume<TPixel> & volume,
+             const IntermediateRegion &     region,
+             unsigned char *                records,
+             std::size_t                    steps);
+
+  /** Returns whether exact pictures are of voxels that come in slabs. Records then merge the slabs. */
+  bool
+  HasExactSlabs() const
+  {
+    return m_Rule.isExact && m_Scene.slabs > 1;
+  }
+
+  /** Returns the bytes of the records of a picture. */
+  std::size_t
+  GetExactBytes() const
+  {
+    return static_cast<std::size_t>(m_Scene.picture.size[0] * m_Scene.picture.size[1]) *
+           PartRecords<TPixel>(m_Rule).GetSize();
+  }
+
+  unsigned char *
+  GetExactRecords(std::size_t view) const;
+
+  void
+  WriteExactRecords(std::size_t view, const unsigned char * records, const PictureType & picture);
+
   void
   WarpImage(const ImageType & image, const Factorization & factorization, const PictureType & picture);
 
@@ -296,6 +388,7 @@ private:
   Projector<TPixel>             m_Projector;
   Buffer                        m_JoinedPixels, m_JoinedRanks; // of an oversampled image
   std::vector<ColumnSpan>       m_JoinedReached;
+  Buffer                        m_ExactRecords; // of the pictures of a pass, if the volume comes in slabs
   Measurements &                m_Measurements;
 
   // of an update
@@ -329,6 +422,13 @@ ShearWarpEngine<TPixel>::Implementation::SetUp(const Scene & scene, const RuleTy
   {
     Throw(InvalidParameter("A scene needs views and slabs, and an update needs threads."));
   }
+  const auto & size = scene.volume.size;
+  const auto   longest = std::max({ size[0], size[1], size[2] });
+  if (rule.mode == Mode::Mean && longest > MostSummedSlices<TPixel>)
+  {
+    RefuseParameter("Mode Mean needs at most " + std::to_string(MostSummedSlices<TPixel>) +
+                    " voxels of this type along each axis, but an axis has " + std::to_string(longest) + '.');
+  }
   m_Kernels = &GetKernels<TPixel>();
   m_KernelsOfMask = &GetKernels<unsigned char>();
   m_Scene = scene;
@@ -348,13 +448,6 @@ void
 ShearWarpEngine<TPixel>::Implementation::Begin(const Scene & scene, const RuleType & rule, const Threads & threads)
 {
   this->SetUp(scene, rule, threads);
-  const auto & size = scene.volume.size;
-  const auto   longest = std::max({ size[0], size[1], size[2] });
-  if (rule.mode == Mode::Mean && longest > MostSummedSlices<TPixel>)
-  {
-    RefuseParameter("Mode Mean needs at most " + std::to_string(MostSummedSlices<TPixel>) +
-                    " voxels of this type along each axis, but an axis has " + std::to_string(longest) + '.');
-  }
   m_Passes = this->PlanPasses();
   this->PlanSteps();
 }
@@ -375,6 +468,21 @@ ShearWarpEngine<TPixel>::Implementation::IsOrdered() const
 }
 
 template <typename TPixel>
+typename Projector<TPixel>::Parameters
+ShearWarpEngine<TPixel>::Implementation::MakeParameters() const
+{
+  typename Projector<TPixel>::Parameters parameters;
+  parameters.mode = m_Rule.mode;
+  parameters.hasRanks = m_Rule.NeedsRanks();
+  parameters.isOrdered = this->IsOrdered();
+  parameters.background = m_Rule.background;
+  parameters.maskLabel = m_Rule.maskLabel;
+  parameters.reducedResampling = m_Rule.reducedResampling;
+  parameters.localThreshold = m_Rule.localMaximumThreshold;
+  return parameters;
+}
+
+template <typename TPixel>
 std::vector<Pass>
 ShearWarpEngine<TPixel>::Implementation::PlanPasses() const
 {
@@ -390,8 +498,9 @@ ShearWarpEngine<TPixel>::Implementation::PlanPasses() const
     const auto          phases = MakePhases(factorization, GetWholeBox(m_Scene.volume), m_Rule.oversampling);
     const std::size_t   bytes =
       phases.size() *
-      Projector<TPixel>::GetViewSizeInBytes(
-        phases.front().columns, phases.front().rows, m_Rule.mode, m_Rule.HasRegion(), m_Rule.NeedsRanks());
+        Projector<TPixel>::GetViewSizeInBytes(
+          phases.front().columns, phases.front().rows, m_Rule.mode, m_Rule.HasRegion(), m_Rule.NeedsRanks()) +
+      (this->HasExactSlabs() ? this->GetExactBytes() / m_Threads.count : 0);
     mostBytes[axis] = std::max(mostBytes[axis], bytes);
     // the last phase is not shifted
     const auto &      placements = phases.back().placements;
@@ -509,20 +618,21 @@ ShearWarpEngine<TPixel>::Implementation::BeginPass(std::size_t pass)
   m_SkippedBefore = m_Measurements.skippedFraction;
   m_IsFirstSlabFirst = !this->IsOrdered() || IsFirstSlabFront(this->FactorizeView(m_Pass->projections.front().front()));
 
-  typename Projector<TPixel>::Parameters parameters;
-  parameters.mode = m_Rule.mode;
-  parameters.hasRanks = m_Rule.NeedsRanks();
-  parameters.isOrdered = this->IsOrdered();
-  parameters.background = m_Rule.background;
-  parameters.maskLabel = m_Rule.maskLabel;
-  parameters.reducedResampling = m_Rule.reducedResampling;
-  parameters.localThreshold = m_Rule.localMaximumThreshold;
-  m_Projector.Begin(this->MakeProjectedViews(*m_Pass, GetWholeBox(m_Scene.volume)),
-                    m_Pass->axis,
-                    *m_Kernels,
-                    parameters,
-                    m_Threads.count);
-
+  if (this->HasExactSlabs())
+  {
+    const PartRecords<TPixel> records(m_Rule);
+    const std::size_t         bytes = this->GetViews(pass).size() * this->GetExactBytes();
+    m_ExactRecords.Reserve(bytes, "the values of exact pictures");
+    records.Clear(m_ExactRecords.GetPointer<unsigned char>(), static_cast<std::ptrdiff_t>(bytes / records.GetSize()));
+  }
+  else
+  {
+    m_Projector.Begin(this->MakeProjectedViews(*m_Pass, GetWholeBox(m_Scene.volume)),
+                      m_Pass->axis,
+                      *m_Kernels,
+                      this->MakeParameters(),
+                      m_Threads.count);
+  }
   return this->CutSlices({ 0, m_Scene.volume.size[2] }, m_Scene.slabs);
 }
 
@@ -536,10 +646,7 @@ ShearWarpEngine<TPixel>::Implementation::DecidePreparation(const VoxelsType & vo
   m_IsCopyKept = m_Rule.isExact || (projectedAxes >> m_Pass->axis & 1U) != 0;
   m_HasBlockExtrema =
     m_Rule.isExact || (m_Rule.IsPlainMaximum() && (m_Rule.reducedResampling == ReducedResampling::On || isSecondView));
-  if (m_Rule.isExact && m_Rule.mode != Mode::Maximum)
-  {
-    m_Volume.KeepBlockMinima();
-  }
+  this->KeepBlockMinima();
   m_IsPrepared = true;
 }
 
@@ -559,7 +666,7 @@ ShearWarpEngine<TPixel>::Implementation::Add(const SliceRange & slab, const Voxe
   {
     m_Volume.Release();
     m_Mask.Release();
-    this->AddPiece(slab, voxels, mask, false);
+    m_Rule.isExact ? this->AddExactSlab(slab, voxels) : this->AddPiece(slab, voxels, mask, false);
   }
   else
   {
@@ -807,15 +914,39 @@ template <typename TPixel>
 void
 ShearWarpEngine<TPixel>::Implementation::Refine(std::size_t view, const PictureType & picture)
 {
-  const ImageType &   guess = this->FindImage(view);
-  const auto          start = Clock::now();
+  const auto columns = static_cast<std::ptrdiff_t>(m_Scene.picture.size[0]);
+  const auto rows = static_cast<std::ptrdiff_t>(m_Scene.picture.size[1]);
+  if (this->HasExactSlabs())
+  {
+    this->WriteExactRecords(view, this->GetExactRecords(view), picture);
+    return;
+  }
+  const ImageType & guess = this->FindImage(view);
+  const auto        start = Clock::now();
+  const auto &      size = m_Scene.volume.size;
+  const auto        steps = 8 * static_cast<std::size_t>(size[0]) * size[1] * size[2];
+  ProjectExactly(this->MakeExactView(view, m_Volume),
+                 m_Rule.mode,
+                 *m_Kernels,
+                 guess,
+                 columns,
+                 rows,
+                 picture,
+                 m_Threads.run,
+                 this->CountSteps(steps));
+  m_Measurements.warpSeconds += SecondsSince(start);
+}
+
+template <typename TPixel>
+ExactView<TPixel>
+ShearWarpEngine<TPixel>::Implementation::MakeExactView(std::size_t view, const PreparedVolume<TPixel> & volume) const
+{
   const Factorization factorization = this->FactorizeView(view);
   const unsigned int  axis = factorization.GetPrincipalAxis();
-  const auto &        size = m_Scene.volume.size;
-  const auto          steps = 8 * static_cast<std::size_t>(size[0]) * size[1] * size[2];
   ExactView<TPixel>   exact;
-  exact.slices = m_Volume.GetSlices(axis);
-  exact.blocks = m_Volume.GetBlockExtrema(axis);
+  exact.slices = volume.GetSlices(axis);
+  exact.first = volume.GetCorner(axis);
+  exact.blocks = volume.GetBlockExtrema(axis);
   for (unsigned int n = 0; n < 2; ++n)
   {
     exact.shear[n] = factorization.shear[n];
@@ -825,16 +956,94 @@ ShearWarpEngine<TPixel>::Implementation::Refine(std::size_t view, const PictureT
   exact.intervals = MakeIntervals(m_Scene.views[view], factorization, m_Rule);
   exact.depth = GetDepthFunction(factorization);
   exact.background = m_Rule.background;
-  ProjectExactly(exact,
-                 m_Rule.mode,
-                 *m_Kernels,
-                 guess,
-                 static_cast<std::ptrdiff_t>(m_Scene.picture.size[0]),
-                 static_cast<std::ptrdiff_t>(m_Scene.picture.size[1]),
-                 picture,
-                 m_Threads.run,
-                 this->CountSteps(steps));
+  return exact;
+}
+
+/** Searches the voxels, a part of the volume, for a view of a projection. */
+template <typename TPixel>
+void
+ShearWarpEngine<TPixel>::Implementation::SearchPart(std::size_t                    projection,
+                                                    std::size_t                    view,
+                                                    const PreparedVolume<TPixel> & volume,
+                                                    const IntermediateRegion &     region,
+                                                    unsigned char *                records,
+                                                    std::size_t                    steps)
+{
+  const ImageType & guess = this->FinishProjection(projection);
+  const auto        start = Clock::now();
+  SearchExactly(this->MakeExactView(view, volume),
+                this->FactorizeView(view).size,
+                m_Rule,
+                *m_Kernels,
+                guess,
+                m_Phases[projection].front().begin,
+                region,
+                records,
+                this->CountSteps(steps));
   m_Measurements.warpSeconds += SecondsSince(start);
+}
+
+/** Returns the records of a view of the pass. */
+template <typename TPixel>
+unsigned char *
+ShearWarpEngine<TPixel>::Implementation::GetExactRecords(std::size_t view) const
+{
+  std::size_t place = 0;
+  for (const Projection & projection : m_Pass->projections)
+  {
+    const auto found = std::find(projection.begin(), projection.end(), view);
+    place += static_cast<std::size_t>(found - projection.begin());
+    if (found != projection.end())
+    {
+      break;
+    }
+  }
+  return m_ExactRecords.GetPointer<unsigned char>() + place * this->GetExactBytes();
+}
+
+/** Searches a slab as a part of the volume: from the slice before it on, because cells lie between slices. */
+template <typename TPixel>
+void
+ShearWarpEngine<TPixel>::Implementation::AddExactSlab(const SliceRange & slab, const VoxelsType & voxels)
+{
+  const SliceRange slices{ std::max(slab.begin - 1, voxels.box.begin[2]), slab.end };
+  VoxelBox         box = voxels.box;
+  box.begin[2] = slices.begin;
+  box.size[2] = slices.end - slices.begin;
+  m_Finished = NoProjection;
+  m_Projector.Begin(
+    this->MakeProjectedViews(*m_Pass, box), m_Pass->axis, *m_Kernels, this->MakeParameters(), m_Threads.count);
+  VoxelsType slabVoxels = voxels;
+  slabVoxels.box = box;
+  slabVoxels.data += (slices.begin - voxels.box.begin[2]) * voxels.box.size[0] * voxels.box.size[1];
+  this->AddPiece(slices, slabVoxels, {}, false);
+  const auto               steps = 8 * static_cast<std::size_t>(box.size[0] * box.size[1] * (slab.end - slab.begin));
+  const IntermediateRegion all = FindPart(m_Scene, m_Rule, GetWholeBox(m_Scene.volume));
+  for (std::size_t n = 0; n < m_Pass->projections.size(); ++n)
+  {
+    for (const std::size_t view : m_Pass->projections[n])
+    {
+      this->SearchPart(n, view, m_Piece, all, this->GetExactRecords(view), steps);
+    }
+  }
+}
+
+/** Makes a picture from the records of all its pixels. */
+template <typename TPixel>
+void
+ShearWarpEngine<TPixel>::Implementation::WriteExactRecords(std::size_t           view,
+                                                           const unsigned char * records,
+                                                           const PictureType &   picture)
+{
+  const Factorization   factorization = this->FactorizeView(view);
+  const AffineMap2D     map = GetOutputToIntermediate(factorization, m_Scene.picture);
+  const ShearedFunction depth = GetDepthFunction(factorization);
+  const auto            columns = static_cast<std::ptrdiff_t>(m_Scene.picture.size[0]);
+  const auto            bytes = columns * static_cast<std::ptrdiff_t>(PartRecords<TPixel>(m_Rule).GetSize());
+  m_Threads.run(static_cast<std::size_t>(m_Scene.picture.size[1]), 1, [&](std::size_t n, std::size_t, std::size_t) {
+    const auto row = static_cast<std::ptrdiff_t>(n);
+    WriteExactly(m_Rule, map, depth, records + row * bytes, columns, row, picture);
+  });
 }
 
 template <typename TPixel>
@@ -851,6 +1060,7 @@ ShearWarpEngine<TPixel>::Implementation::End()
     m_JoinedPixels.Release();
     m_JoinedRanks.Release();
     m_JoinedReached = std::vector<ColumnSpan>();
+    m_ExactRecords.Release();
   }
 }
 
@@ -859,34 +1069,63 @@ void
 ShearWarpEngine<TPixel>::Implementation::ProjectPart(const Scene &      scene,
                                                      const RuleType &   rule,
                                                      const VoxelsType & voxels,
-                                                     TPixel *           pixels,
+                                                     unsigned char *    records,
                                                      const Threads &    threads)
 {
+  rule.VerifyForParts();
   this->SetUp(scene, rule, threads);
-  const Factorization factorization = this->FactorizeView(0);
-  m_Passes = { { factorization.GetPrincipalAxis(), { { 0 } } } };
-  m_Pass = &m_Passes.front();
-  m_PlannedSteps = static_cast<std::size_t>(voxels.box.size[0]) * voxels.box.size[1] * voxels.box.size[2];
-  m_SkippedBefore = 0.0;
-  m_IsFirstSlabFirst = true;
-  m_HasBlockExtrema = rule.reducedResampling != ReducedResampling::Off;
-  m_IsCopyKept = m_HasBlockExtrema || m_Volume.IsPrepared(voxels, m_Pass->axis, false);
-  m_IsPrepared = true;
-  typename Projector<TPixel>::Parameters parameters;
-  parameters.reducedResampling = rule.reducedResampling;
-  m_Projector.Begin(
-    this->MakeProjectedViews(*m_Pass, voxels.box), m_Pass->axis, *m_Kernels, parameters, m_Threads.count);
-  this->Add({ voxels.box.begin[2], voxels.box.begin[2] + voxels.box.size[2] }, voxels, {});
-
-  const ImageType & image = this->FinishProjection(0);
-  for (std::ptrdiff_t row = 0; row < image.rows; ++row)
+  const Factorization       factorization = this->FactorizeView(0);
+  const unsigned int        axis = factorization.GetPrincipalAxis();
+  const auto &              box = voxels.box;
+  const PartRecords<TPixel> ofRule(m_Rule);
+  const auto                steps = static_cast<std::size_t>(box.size[0]) * box.size[1] * box.size[2];
+  if (rule.mode == Mode::Mean && IsThin(box, scene.volume))
   {
-    const TPixel *   from = image.pixels + row * image.rowStride;
-    const ColumnSpan reached = image.reached[row];
-    std::fill_n(pixels, image.columns, NoSample<TPixel>);
-    std::copy(from + reached.begin, from + reached.end, pixels + reached.begin);
-    pixels += image.columns;
+    const IntermediateRegion region = FindPart(scene, rule, box);
+    ofRule.Clear(records, region.columns * region.rows);
+    m_PlannedSteps = 1;
+    m_DoneSteps = 1;
+    return;
   }
+  m_Passes = { { axis, { { 0 } } } };
+  m_Pass = &m_Passes.front();
+  m_PlannedSteps = (rule.isExact ? 9 : 1) * steps;
+  m_SkippedBefore = 0.0;
+  m_HasBlockExtrema = rule.isExact || (rule.IsPlainMaximum() && rule.reducedResampling != ReducedResampling::Off);
+  m_IsCopyKept = m_HasBlockExtrema || m_Volume.IsPrepared(voxels, axis, false);
+  this->KeepBlockMinima();
+  m_IsPrepared = true;
+  auto parameters = this->MakeParameters();
+  // ranks tell where an image of the better one of two extrema has no sample
+  parameters.hasRanks = parameters.hasRanks || (rule.mode == Mode::AbsoluteMaximum && std::is_signed_v<TPixel>);
+  parameters.isOrdered = parameters.hasRanks && box.size[axis] > Projector<TPixel>::MostRankedSlices;
+  parameters.isFirstSliceShared = rule.mode == Mode::Mean && box.begin[axis] != 0;
+  m_IsFirstSlabFirst = !parameters.isOrdered || IsFirstSlabFront(factorization);
+  m_Projector.Begin(this->MakeProjectedViews(*m_Pass, box), axis, *m_Kernels, parameters, m_Threads.count);
+  this->Add({ box.begin[2], box.begin[2] + box.size[2] }, voxels, {});
+  if (rule.isExact)
+  {
+    const IntermediateRegion region = FindPart(scene, rule, box);
+    ofRule.Clear(records, region.columns * region.rows);
+    this->SearchPart(0, 0, m_Volume, region, records, 8 * steps);
+    return;
+  }
+  const auto           start = Clock::now();
+  const std::ptrdiff_t oversampling = rule.oversampling;
+  const auto           size = static_cast<std::ptrdiff_t>(ofRule.GetSize());
+  for (std::ptrdiff_t n = 0; n < oversampling * oversampling; ++n)
+  {
+    const auto      phase = static_cast<std::size_t>(n);
+    const ImageType image = m_Projector.Finish(phase, m_Threads.run);
+    for (std::ptrdiff_t row = 0; row < image.rows; ++row)
+    {
+      const std::ptrdiff_t place =
+        (row * oversampling + n / oversampling) * oversampling * image.columns + n % oversampling;
+      ofRule.Pack(
+        image, m_Projector.GetSums(phase), GetRanking(factorization), row, records + place * size, oversampling);
+    }
+  }
+  m_Measurements.projectionSeconds += SecondsSince(start);
 }
 
 template <typename TPixel>
@@ -894,39 +1133,76 @@ void
 ShearWarpEngine<TPixel>::Implementation::WarpParts(const Scene &                 scene,
                                                    const RuleType &              rule,
                                                    const std::vector<PartType> & parts,
-                                                   TPixel *                      pixels,
+                                                   const PictureType &           picture,
                                                    const Threads &               threads)
 {
+  rule.VerifyForParts();
   this->SetUp(scene, rule, threads);
-  const auto               start = Clock::now();
-  const Factorization      factorization = this->FactorizeView(0);
-  const auto               phases = MakePhases(factorization, GetWholeBox(scene.volume), rule.oversampling);
-  const auto               reached = JoinReached(phases, rule.oversampling);
-  const IntermediateRegion region = FindPart(scene, rule, GetWholeBox(scene.volume));
-  Buffer                   memory;
-  memory.Reserve(region.columns * region.rows * sizeof(TPixel), "the intermediate image");
-  ImageType image;
-  image.pixels = memory.GetPointer<TPixel>();
+  const auto                start = Clock::now();
+  const Factorization       factorization = this->FactorizeView(0);
+  const IntermediateRegion  region = FindPart(scene, rule, GetWholeBox(scene.volume));
+  const PartRecords<TPixel> ofRule(m_Rule);
+  const std::size_t         recordsOfRow = static_cast<std::size_t>(region.columns) * ofRule.GetSize();
+  m_PlannedSteps = static_cast<std::size_t>(scene.picture.size[0] * scene.picture.size[1]);
+  const auto mergeRow = [&](std::ptrdiff_t row) {
+    std::vector<unsigned char> records(recordsOfRow);
+    MergeRow(ofRule, parts, region, row, records.data());
+    return records;
+  };
+  if (rule.isExact)
+  {
+    const AffineMap2D     map = GetOutputToIntermediate(factorization, scene.picture);
+    const ShearedFunction depth = GetDepthFunction(factorization);
+    const RunTasks        run = this->CountSteps(m_PlannedSteps);
+    run(static_cast<std::size_t>(region.rows), 1, [&](std::size_t n, std::size_t, std::size_t) {
+      const auto row = static_cast<std::ptrdiff_t>(n);
+      WriteExactly(m_Rule, map, depth, mergeRow(row).data(), region.columns, row, picture);
+    });
+    return;
+  }
+  Buffer                  pixels, ranks;
+  std::vector<ColumnSpan> reached;
+  ImageType               image;
   image.columns = image.rowStride = region.columns;
   image.rows = region.rows;
-  image.reached = reached.data();
-  image.isNearest = rule.interpolation == Interpolation::Nearest;
-  m_PlannedSteps = static_cast<std::size_t>(scene.picture.size[0] * scene.picture.size[1]);
+  pixels.Reserve(image.columns * image.rows * sizeof(TPixel), "the intermediate image");
+  image.pixels = pixels.GetPointer<TPixel>();
+  if (ofRule.HasRanks())
+  {
+    ranks.Reserve(image.columns * image.rows * sizeof(std::int32_t), "the ranks of the intermediate image");
+    reached.resize(image.rows);
+  }
+  else
+  {
+    reached = JoinReached(MakePhases(factorization, GetWholeBox(scene.volume), rule.oversampling), rule.oversampling);
+  }
+  std::int32_t * const ranksOfImage = ofRule.HasRanks() ? ranks.GetPointer<std::int32_t>() : nullptr;
+  std::atomic<bool>    hasGaps{ false };
   m_Threads.run(static_cast<std::size_t>(image.rows), 1, [&](std::size_t n, std::size_t, std::size_t) {
-    const auto row = static_cast<std::ptrdiff_t>(n);
-    std::fill_n(image.pixels + row * image.rowStride, image.columns, NoSample<TPixel>);
-    for (const auto & [partPixels, part] : parts)
+    const auto           row = static_cast<std::ptrdiff_t>(n);
+    const std::ptrdiff_t first = row * image.rowStride;
+    std::int32_t * const ranksOfRow = ranksOfImage ? ranksOfImage + first : nullptr;
+    if (ofRule.ArePixels())
     {
-      if (row >= part.row && row < part.row + part.rows)
-      {
-        const TPixel * from = partPixels + (row - part.row) * part.columns;
-        TPixel *       to = image.pixels + row * image.rowStride + part.column;
-        std::transform(from, from + part.columns, to, to, [](TPixel a, TPixel b) { return a > b ? a : b; });
-      }
+      MergeRow(ofRule, parts, region, row, pixels.GetPointer<unsigned char>() + n * recordsOfRow);
+      return;
+    }
+    ofRule.Unpack(mergeRow(row).data(), image.columns, image.pixels + first, ranksOfRow);
+    if (ranksOfRow)
+    {
+      const ReachedRow found = FindReached(ranksOfRow, image.columns);
+      reached[n] = found.span;
+      hasGaps = hasGaps || found.hasGaps;
     }
   });
+  image.reached = reached.data();
+  image.ranks = ranksOfImage;
+  image.ranking = GetRanking(factorization);
+  image.hasGaps = hasGaps;
+  image.isNearest = rule.interpolation == Interpolation::Nearest;
+  image.none = rule.mode == Mode::Minimum ? NoSample<TPixel, Extremum::Minimum> : NoSample<TPixel>;
   m_Measurements.projectionSeconds = SecondsSince(start);
-  this->WarpImage(image, factorization, { pixels, nullptr });
+  this->WarpImage(image, factorization, picture);
 }
 
 template <typename TPixel>
@@ -935,7 +1211,7 @@ ShearWarpEngine<TPixel>::Implementation::GetSizeInBytes() const
 {
   return this->GetPreparedSizeInBytes() + m_Mask.GetSizeInBytes() + m_PieceOfMask.GetSizeInBytes() +
          m_Projector.GetSizeInBytes() + m_JoinedPixels.GetSizeInBytes() + m_JoinedRanks.GetSizeInBytes() +
-         CountBytes(m_JoinedReached);
+         CountBytes(m_JoinedReached) + m_ExactRecords.GetSizeInBytes();
 }
 
 template <typename TPixel>
@@ -1024,10 +1300,22 @@ ShearWarpEngine<TPixel>::FindPart(const Scene & scene, const RuleType & rule, co
       Throw(InvalidParameter(text + " voxels of " + std::to_string(whole[axis]) + '.'));
     }
   }
-  const auto               phases = MakePhases(FactorizeForRule(scene, rule, 0), box, rule.oversampling);
+  const Factorization factorization = FactorizeForRule(scene, rule, 0);
+  if (rule.isExact)
+  {
+    return FindExactRegion(factorization, box, scene.picture);
+  }
+  const auto               phases = MakePhases(factorization, box, rule.oversampling);
   const IntermediateGrid & grid = phases.front();
   const std::ptrdiff_t     steps = rule.oversampling;
   return { steps * grid.begin.column, steps * grid.begin.row, steps * grid.columns, steps * grid.rows };
+}
+
+template <typename TPixel>
+std::size_t
+ShearWarpEngine<TPixel>::GetRecordSize(const RuleType & rule)
+{
+  return PartRecords<TPixel>(rule).GetSize();
 }
 
 template <typename TPixel>
@@ -1035,10 +1323,26 @@ void
 ShearWarpEngine<TPixel>::ProjectPart(const Scene &      scene,
                                      const RuleType &   rule,
                                      const VoxelsType & voxels,
-                                     TPixel *           pixels,
+                                     unsigned char *    records,
                                      const Threads &    threads)
 {
-  m_Implementation->ProjectPart(scene, rule, voxels, pixels, threads);
+  m_Implementation->ProjectPart(scene, rule, voxels, records, threads);
+}
+
+template <typename TPixel>
+void
+ShearWarpEngine<TPixel>::MergeParts(const RuleType &              rule,
+                                    const std::vector<PartType> & parts,
+                                    const IntermediateRegion &    region,
+                                    unsigned char *               records,
+                                    const Threads &               threads)
+{
+  const PartRecords<TPixel> ofRule(rule);
+  const auto                bytesOfRow = region.columns * static_cast<std::ptrdiff_t>(ofRule.GetSize());
+  threads.run(static_cast<std::size_t>(region.rows), 1, [&](std::size_t n, std::size_t, std::size_t) {
+    const auto row = static_cast<std::ptrdiff_t>(n);
+    MergeRow(ofRule, parts, region, row, records + row * bytesOfRow);
+  });
 }
 
 template <typename TPixel>
@@ -1046,10 +1350,10 @@ void
 ShearWarpEngine<TPixel>::WarpParts(const Scene &                 scene,
                                    const RuleType &              rule,
                                    const std::vector<PartType> & parts,
-                                   TPixel *                      pixels,
+                                   const PictureType &           picture,
                                    const Threads &               threads)
 {
-  m_Implementation->WarpParts(scene, rule, parts, pixels, threads);
+  m_Implementation->WarpParts(scene, rule, parts, picture, threads);
 }
 
 template <typename TPixel>

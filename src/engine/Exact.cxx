@@ -17,6 +17,7 @@
  *=========================================================================*/
 #include "Exact.h"
 
+#include "PartRecords.h"
 #include "kernels/PixelTypes.h"
 
 #include <algorithm>
@@ -77,6 +78,58 @@ RoundToPixel(ExactNumber<TPixel> value)
   }
 }
 
+/** What is searched, and where the results go: to a picture or, if there are records, to these. */
+template <typename TPixel>
+struct ExactSearch
+{
+  const ExactView<TPixel> &         view;
+  std::ptrdiff_t                    volume[3]; // columns, rows and slices
+  Mode                              mode;
+  const Kernels<TPixel> &           kernels;
+  const IntermediateImage<TPixel> & guess;
+  Corner                            guessBegin;
+  IntermediateRegion                region;
+  bool                              hasDepth;
+  Picture<TPixel>                   picture;
+  const PartRecords<TPixel> *       records;
+  unsigned char *                   bytes;
+
+  bool
+  IsBackward() const
+  {
+    return view.depth.perSlice < 0;
+  }
+
+  /** The first and the last slice from which a ray goes to the next one. Beyond the volume's outer slices, the first
+   * slice is -1, and voxels repeat behind the last one. */
+  std::int32_t
+  GetFirstSlice() const
+  {
+    return static_cast<std::int32_t>(view.first.slice == 0 ? -1 : view.first.slice);
+  }
+  std::int32_t
+  GetLastSlice() const
+  {
+    const std::ptrdiff_t end = view.first.slice + view.slices.slices;
+    return static_cast<std::int32_t>(end == volume[2] ? end - 1 : end - 2);
+  }
+};
+
+float
+GetDepth(const ShearedFunction & depth, double p, double q, double place)
+{
+  return static_cast<float>(depth(p, q, place)) + 0.0f;
+}
+
+/** The sheared column and row of a pixel's ray. */
+std::pair<double, double>
+GetRay(const AffineMap2D & map, std::ptrdiff_t column, std::ptrdiff_t row)
+{
+  const auto x = static_cast<double>(column);
+  const auto y = static_cast<double>(row);
+  return { (map.xx * x + map.xy * y) + map.x0, (map.yx * x + map.yy * y) + map.y0 };
+}
+
 /** Searches the rays of some patches that lie side by side. */
 template <typename TPixel>
 class RaySearch
@@ -84,19 +137,9 @@ class RaySearch
 public:
   using Number = ExactNumber<TPixel>;
 
-  RaySearch(const ExactView<TPixel> &         view,
-            Mode                              mode,
-            const Kernels<TPixel> &           kernels,
-            const IntermediateImage<TPixel> & guess,
-            const Picture<TPixel> &           picture,
-            std::ptrdiff_t                    column,
-            std::ptrdiff_t                    row,
-            std::ptrdiff_t                    patches)
-    : m_View(view)
-    , m_Mode(mode)
-    , m_Kernels(kernels)
-    , m_Guess(guess)
-    , m_Picture(picture)
+  RaySearch(const ExactSearch<TPixel> & search, std::ptrdiff_t column, std::ptrdiff_t row, std::ptrdiff_t patches)
+    : m_Search(search)
+    , m_View(search.view)
     , m_Column(column)
     , m_Row(row)
     , m_Patches(patches)
@@ -135,9 +178,23 @@ private:
     double           nearest, farthest; // the slices of the rays
   };
 
-  /** Clips a ray to the volume and to the intervals: to slices [begin, end], or end < begin. */
+  /** Clips a ray to the volume and to the intervals: to slices [begin, end], or end < begin. If only a part is
+   * searched, also to slices where the ray may be in the part. */
   std::pair<double, double>
   Clip(double p, double q) const;
+
+  std::pair<double, double>
+  ClipToPart(double p, double q, double begin, double end) const;
+
+  unsigned char *
+  GetRecord(std::size_t ray) const
+  {
+    return m_Search.bytes + m_Rays[ray].pixel * static_cast<std::ptrdiff_t>(m_Search.records->GetSize());
+  }
+
+  /** Begins with what the records have. An absolute maximum may be a minimum there. */
+  void
+  TakeRecords(Extremum extremum, Extrema & extrema) const;
 
   /** Sorts the rays by their cells. */
   void
@@ -169,20 +226,17 @@ private:
   void
   SetPixel(std::size_t ray);
 
-  const ExactView<TPixel> &         m_View;
-  Mode                              m_Mode;
-  const Kernels<TPixel> &           m_Kernels;
-  const IntermediateImage<TPixel> & m_Guess;
-  const Picture<TPixel> &           m_Picture;
-  std::ptrdiff_t                    m_Column, m_Row, m_Patches;
-  std::vector<Ray>                  m_Rays;
-  std::vector<std::int32_t>         m_CellBegins; // patch by patch
-  std::vector<std::uint16_t>        m_Cells;
-  std::vector<double>               m_P, m_Q, m_Begin, m_End;
-  std::vector<RaySegment>           m_Segments;
-  std::vector<TPixel>               m_Least;
-  std::vector<std::int16_t>         m_LeastLevels;
-  Extrema                           m_Maxima, m_Minima;
+  const ExactSearch<TPixel> & m_Search;
+  const ExactView<TPixel> &   m_View;
+  std::ptrdiff_t              m_Column, m_Row, m_Patches;
+  std::vector<Ray>            m_Rays;
+  std::vector<std::int32_t>   m_CellBegins; // patch by patch
+  std::vector<std::uint16_t>  m_Cells;
+  std::vector<double>         m_P, m_Q, m_Begin, m_End;
+  std::vector<RaySegment>     m_Segments;
+  std::vector<TPixel>         m_Least;
+  std::vector<std::int16_t>   m_LeastLevels;
+  Extrema                     m_Maxima, m_Minima;
 };
 
 template <typename TPixel>
@@ -214,10 +268,10 @@ template <typename TPixel>
 std::pair<double, double>
 RaySearch<TPixel>::Clip(double p, double q) const
 {
-  const double         position[] = { p, q };
-  const std::ptrdiff_t lengths[] = { m_View.slices.columns, m_View.slices.rows };
-  double               begin = -0.5;
-  double               end = static_cast<double>(m_View.slices.slices) - 0.5;
+  const double position[] = { p, q };
+  const auto & lengths = m_Search.volume;
+  double       begin = -0.5;
+  double       end = static_cast<double>(lengths[2]) - 0.5;
   for (int axis = 0; axis < 2; ++axis)
   {
     const double offset = position[axis] - m_View.translation[axis];
@@ -229,9 +283,34 @@ RaySearch<TPixel>::Clip(double p, double q) const
   }
   if (begin <= end && !m_View.intervals.empty())
   {
-    return { SnapToSlice(begin), SnapToSlice(end) };
+    begin = SnapToSlice(begin);
+    end = SnapToSlice(end);
   }
-  return { begin, end };
+  return m_Search.records ? this->ClipToPart(p, q, begin, end) : std::pair(begin, end);
+}
+
+/** A whole slice instead of a place before it, and behind it, changes nothing for a ray's cells in the part. */
+template <typename TPixel>
+std::pair<double, double>
+RaySearch<TPixel>::ClipToPart(double p, double q, double begin, double end) const
+{
+  const double         position[] = { p, q };
+  const std::ptrdiff_t firsts[] = { m_View.first.column, m_View.first.row };
+  const std::ptrdiff_t lengths[] = { m_View.slices.columns, m_View.slices.rows };
+  double               low = m_Search.GetFirstSlice();
+  double               high = m_Search.GetLastSlice() + 1.0;
+  for (int axis = 0; axis < 2; ++axis)
+  {
+    const auto first = static_cast<double>(firsts[axis]);
+    ClipRay(-m_View.shear[axis],
+            position[axis] - m_View.translation[axis],
+            first - 0.51,
+            first + static_cast<double>(lengths[axis]) - 0.49,
+            low,
+            high);
+  }
+  return low <= high ? std::pair(std::max(begin, std::floor(low)), std::min(end, std::ceil(high)))
+                     : std::pair(1.0, 0.0);
 }
 
 template <typename TPixel>
@@ -272,7 +351,7 @@ RaySearch<TPixel>::GetPatch(std::ptrdiff_t patch, Extremum extremum, Extrema & e
   return { m_Column + patch * CellColumns,
            m_Row,
            extremum == Extremum::Minimum,
-           m_Picture.depths != nullptr,
+           m_Search.hasDepth,
            m_CellBegins.data() + patch * CellsInPatch,
            m_Cells.data(),
            m_P.data(),
@@ -289,16 +368,18 @@ template <typename TPixel>
 RaySegment
 RaySearch<TPixel>::FindGuess(std::size_t ray) const
 {
-  const auto column = static_cast<std::ptrdiff_t>(std::floor(m_P[ray] + 0.5));
-  const auto row = static_cast<std::ptrdiff_t>(std::floor(m_Q[ray] + 0.5));
-  double     slice = std::floor(m_Begin[ray]);
-  if (row >= 0 && row < m_Guess.rows && column >= m_Guess.reached[row].begin && column < m_Guess.reached[row].end)
+  const auto & image = m_Search.guess;
+  const auto   column = static_cast<std::ptrdiff_t>(std::floor(m_P[ray] + 0.5)) - m_Search.guessBegin.column;
+  const auto   row = static_cast<std::ptrdiff_t>(std::floor(m_Q[ray] + 0.5)) - m_Search.guessBegin.row;
+  double       slice = std::floor(m_Begin[ray]);
+  if (row >= 0 && row < image.rows && column >= image.reached[row].begin && column < image.reached[row].end)
   {
-    const std::int32_t rank = m_Guess.ranks[row * m_Guess.rowStride + column];
-    const double       guess = rank > 0 ? static_cast<double>(m_Guess.ranking.GetSlice(rank)) : -Nowhere;
+    const std::int32_t rank = image.ranks[row * image.rowStride + column];
+    const double       guess = rank > 0 ? static_cast<double>(image.ranking.GetSlice(rank)) : -Nowhere;
     slice = m_Begin[ray] <= guess + 1.0 && guess <= m_End[ray] ? guess : slice;
   }
-  return { static_cast<std::int32_t>(ray), static_cast<std::int32_t>(slice) };
+  return { static_cast<std::int32_t>(ray),
+           std::clamp(static_cast<std::int32_t>(slice), m_Search.GetFirstSlice(), m_Search.GetLastSlice()) };
 }
 
 template <typename TPixel>
@@ -320,7 +401,7 @@ RaySearch<TPixel>::EvaluateGuesses(Extremum extremum, Extrema & extrema) -> std:
     {
       m_Segments.push_back(this->FindGuess(ray));
     }
-    const TPixel least = m_Kernels.evaluateSegments(m_View, patch, m_Segments.data(), m_Segments.size());
+    const TPixel least = m_Search.kernels.evaluateSegments(m_View, patch, m_Segments.data(), m_Segments.size());
     patches.push_back({ patch,
                         least,
                         *std::min_element(m_Begin.begin() + first, m_Begin.begin() + last),
@@ -339,8 +420,8 @@ RaySearch<TPixel>::MayBeBetter(const RayPatch<TPixel> & patch,
   const auto &         cubes = m_View.blocks;
   std::ptrdiff_t       begin[3], end[3];
   const std::ptrdiff_t lengths[] = { m_View.slices.columns, m_View.slices.rows };
-  const std::ptrdiff_t low[] = { patch.column, patch.row };
-  const std::ptrdiff_t high[] = { patch.column + CellColumns, patch.row + CellRows };
+  const std::ptrdiff_t low[] = { patch.column - m_View.first.column, patch.row - m_View.first.row };
+  const std::ptrdiff_t high[] = { low[0] + CellColumns, low[1] + CellRows };
   for (int axis = 0; axis < 2; ++axis)
   {
     const double offsets[] = { m_View.shear[axis] * static_cast<double>(first) + m_View.translation[axis],
@@ -353,7 +434,7 @@ RaySearch<TPixel>::MayBeBetter(const RayPatch<TPixel> & patch,
     begin[axis] = findCube(static_cast<double>(low[axis]) - std::max(offsets[0], offsets[1]) - 1.0);
     end[axis] = findCube(static_cast<double>(high[axis]) - std::min(offsets[0], offsets[1]) + 2.0) + 1;
   }
-  begin[2] = std::max<std::ptrdiff_t>(first, 0) / BlockLength;
+  begin[2] = std::max<std::ptrdiff_t>(first - m_View.first.slice, 0) / BlockLength;
   end[2] = std::min(begin[2] + 2, cubes.slices);
   const TPixel * const extrema = patch.isMinimum ? cubes.minima : cubes.maxima;
   for (std::ptrdiff_t slice = begin[2]; slice < end[2]; ++slice)
@@ -378,22 +459,43 @@ void
 RaySearch<TPixel>::FindExtrema(Extremum extremum, Extrema & extrema)
 {
   extrema.best.assign(m_Rays.size(), -std::numeric_limits<Number>::infinity());
-  extrema.places.assign(m_Rays.size(), m_View.depth.perSlice < 0 ? -Nowhere : Nowhere);
+  extrema.places.assign(m_Rays.size(), m_Search.IsBackward() ? -Nowhere : Nowhere);
+  if (m_Search.records && m_Search.mode != Mode::AbsoluteMaximum)
+  {
+    this->TakeRecords(extremum, extrema);
+  }
   m_Least.resize(m_Patches * CellsInPatch);
   m_LeastLevels.resize(m_Least.size());
   std::vector<PatchState> patches = this->EvaluateGuesses(extremum, extrema);
   for (std::ptrdiff_t layer = 0; layer < m_View.blocks.slices; ++layer)
   {
     // the outer layers include half a voxel beyond the volume's outer slices
-    const std::ptrdiff_t first = layer == 0 ? -1 : layer * BlockLength;
-    const std::ptrdiff_t last = std::min((layer + 1) * BlockLength, m_View.slices.slices);
+    const std::ptrdiff_t begin = m_View.first.slice + layer * BlockLength;
+    const std::ptrdiff_t first = layer == 0 ? m_Search.GetFirstSlice() : begin;
+    const std::ptrdiff_t last = std::min<std::ptrdiff_t>(begin + BlockLength, m_Search.GetLastSlice() + 1);
     for (auto & [patch, least, nearest, farthest] : patches)
     {
       if (nearest <= static_cast<double>(last) && farthest >= static_cast<double>(first) &&
           this->MayBeBetter(patch, least, first, last))
       {
-        least = m_Kernels.searchLayer(m_View, patch, first, last);
+        least = m_Search.kernels.searchLayer(m_View, patch, first, last);
       }
+    }
+  }
+}
+
+template <typename TPixel>
+void
+RaySearch<TPixel>::TakeRecords(Extremum extremum, Extrema & extrema) const
+{
+  for (std::size_t ray = 0; ray < m_Rays.size(); ++ray)
+  {
+    Number value;
+    double place;
+    if (m_Search.records->GetExact(this->GetRecord(ray), value, place))
+    {
+      extrema.best[ray] = extremum == Extremum::Minimum ? -value : value;
+      extrema.places[ray] = m_Search.IsBackward() ? -place : place;
     }
   }
 }
@@ -402,7 +504,7 @@ template <typename TPixel>
 bool
 RaySearch<TPixel>::IsMinimum(std::size_t ray) const
 {
-  switch (m_Mode)
+  switch (m_Search.mode)
   {
     case Mode::Maximum:
     case Mode::Mean:
@@ -425,11 +527,17 @@ RaySearch<TPixel>::SetPixel(std::size_t ray)
   {
     return;
   }
-  const auto & [p, q, begin, end, pixel, cell] = m_Rays[ray];
-  m_Picture.pixels[pixel] = RoundToPixel<TPixel>(isMinimum ? -best[ray] : best[ray]);
-  if (m_Picture.depths)
+  const Number value = isMinimum ? -best[ray] : best[ray];
+  if (m_Search.records)
   {
-    m_Picture.depths[pixel] = static_cast<float>(m_View.depth(p, q, places[ray])) + 0.0f;
+    m_Search.records->MergeExact(value, m_Search.IsBackward() ? -places[ray] : places[ray], this->GetRecord(ray));
+    return;
+  }
+  const auto & [p, q, begin, end, pixel, cell] = m_Rays[ray];
+  m_Search.picture.pixels[pixel] = RoundToPixel<TPixel>(value);
+  if (m_Search.hasDepth)
+  {
+    m_Search.picture.depths[pixel] = GetDepth(m_View.depth, p, q, places[ray]);
   }
 }
 
@@ -438,7 +546,7 @@ void
 RaySearch<TPixel>::SetPixels()
 {
   this->Sort();
-  switch (m_Mode)
+  switch (m_Search.mode)
   {
     case Mode::Maximum:
       this->FindExtrema(Extremum::Maximum, m_Maxima);
@@ -478,8 +586,9 @@ public:
     , m_High{ high[0] + Slack, high[1] + Slack }
   {}
 
+  /** Returns rows [begin, end) of \a region. */
   std::pair<std::ptrdiff_t, std::ptrdiff_t>
-  FindRows(std::ptrdiff_t rows) const
+  FindRows(const IntermediateRegion & region) const
   {
     const double determinant = m_Map.xx * m_Map.yy - m_Map.xy * m_Map.yx;
     double       least = std::numeric_limits<double>::infinity();
@@ -493,18 +602,21 @@ public:
         most = std::max(most, row);
       }
     }
-    return { ConvertToCount(least - 1.0, rows), ConvertToCount(most + 2.0, rows) };
+    return { std::max(ConvertToCount(least - 1.0, region.row + region.rows), region.row),
+             ConvertToCount(most + 2.0, region.row + region.rows) };
   }
 
+  /** Returns columns [begin, end) of a row of \a region. */
   std::pair<std::ptrdiff_t, std::ptrdiff_t>
-  FindColumns(std::ptrdiff_t row, std::ptrdiff_t columns) const
+  FindColumns(std::ptrdiff_t row, const IntermediateRegion & region) const
   {
-    double     begin = 0.0;
-    auto       end = static_cast<double>(columns);
-    const auto y = static_cast<double>(row);
+    const std::ptrdiff_t columns = region.column + region.columns;
+    double               begin = 0.0;
+    auto                 end = static_cast<double>(columns);
+    const auto           y = static_cast<double>(row);
     ClipRay(m_Map.xx, m_Map.xy * y + m_Map.x0, m_Low[0], m_High[0], begin, end);
     ClipRay(m_Map.yx, m_Map.yy * y + m_Map.y0, m_Low[1], m_High[1], begin, end);
-    return { ConvertToCount(begin - 1.0, columns), ConvertToCount(end + 2.0, columns) };
+    return { std::max(ConvertToCount(begin - 1.0, columns), region.column), ConvertToCount(end + 2.0, columns) };
   }
 
 private:
@@ -518,18 +630,17 @@ private:
 /** Adds the rays of the pixels of a row. */
 template <typename TPixel>
 void
-AddRays(RaySearch<TPixel> &       rays,
-        const AffineMap2D &       map,
-        const PixelsInRectangle & pixels,
-        std::ptrdiff_t            row,
-        std::ptrdiff_t            columns)
+AddRays(RaySearch<TPixel> &        rays,
+        const AffineMap2D &        map,
+        const PixelsInRectangle &  pixels,
+        std::ptrdiff_t             row,
+        const IntermediateRegion & region)
 {
-  const auto [begin, end] = pixels.FindColumns(row, columns);
+  const auto [begin, end] = pixels.FindColumns(row, region);
   for (std::ptrdiff_t column = begin; column < end; ++column)
   {
-    const auto x = static_cast<double>(column);
-    const auto y = static_cast<double>(row);
-    rays.Add((map.xx * x + map.xy * y) + map.x0, (map.yx * x + map.yy * y) + map.y0, row * columns + column);
+    const auto [p, q] = GetRay(map, column, row);
+    rays.Add(p, q, (row - region.row) * region.columns + (column - region.column));
   }
 }
 
@@ -568,7 +679,9 @@ FindCells(const ExactView<TPixel> & view)
   for (int axis = 0; axis < 2; ++axis)
   {
     const double shift = view.shear[axis] * static_cast<double>(view.slices.slices);
-    cells.first[axis] = static_cast<std::ptrdiff_t>(std::floor(view.translation[axis] + std::min(shift, 0.0))) - 2;
+    const double offset = view.translation[axis] + view.shear[axis] * static_cast<double>(view.first.slice);
+    cells.first[axis] = static_cast<std::ptrdiff_t>(std::floor(offset + std::min(shift, 0.0))) - 2 +
+                        (axis == 0 ? view.first.column : view.first.row);
     cells.counts[axis] = lengths[axis] + static_cast<std::ptrdiff_t>(std::ceil(std::abs(shift))) + 4;
   }
   return cells;
@@ -591,6 +704,35 @@ FindTaskSize(const AffineMap2D & map, std::ptrdiff_t rows)
                                   : 8,
            raysInPatch < 16384.0 ? 1 : ConvertToCount(raysInPatch / 8192.0, std::min(rows, mostBands)) };
 }
+
+/** Searches the rays of all pixels of the region. */
+template <typename TPixel>
+void
+Search(const ExactSearch<TPixel> & exact, const RunTasks & run)
+{
+  const AffineMap2D &        map = exact.view.outputToSheared;
+  const IntermediateRegion & region = exact.region;
+  const CellRectangle        cells = FindCells(exact.view);
+  const TaskSize             task = FindTaskSize(map, region.rows);
+  const auto                 taskColumns = task.patches * CellColumns;
+  const auto                 search = [&](std::size_t n, std::size_t step, std::size_t) {
+    const auto              band = static_cast<std::ptrdiff_t>(n) % task.bands;
+    const std::ptrdiff_t    column = cells.first[0] + static_cast<std::ptrdiff_t>(step) * taskColumns;
+    const std::ptrdiff_t    row = cells.first[1] + static_cast<std::ptrdiff_t>(n) / task.bands * CellRows;
+    RaySearch<TPixel>       rays(exact, column, row, task.patches);
+    const double            low[] = { static_cast<double>(column), static_cast<double>(row) };
+    const double            high[] = { static_cast<double>(column + taskColumns), static_cast<double>(row + CellRows) };
+    const PixelsInRectangle pixels(map, low, high);
+    const auto [rowBegin, rowEnd] = pixels.FindRows(region);
+    const std::ptrdiff_t count = rowEnd - rowBegin;
+    for (std::ptrdiff_t j = rowBegin + count * band / task.bands; j < rowBegin + count * (band + 1) / task.bands; ++j)
+    {
+      AddRays(rays, map, pixels, j, region);
+    }
+    rays.SetPixels();
+  };
+  run(CountBlocks(cells.counts[1], CellRows) * task.bands, CountBlocks(cells.counts[0], taskColumns), search);
+}
 } // namespace
 
 template <typename TPixel>
@@ -606,27 +748,113 @@ ProjectExactly(const ExactView<TPixel> &         view,
                const RunTasks &                  runSearch)
 {
   FillBackground(view.background, columns, rows, picture, runFill);
+  const auto & slices = view.slices;
+  Search<TPixel>({ view,
+                   { slices.columns, slices.rows, slices.slices },
+                   mode,
+                   kernels,
+                   guess,
+                   { 0, 0, 0 },
+                   { 0, 0, columns, rows },
+                   picture.depths != nullptr,
+                   picture,
+                   nullptr,
+                   nullptr },
+                 runSearch);
+}
 
-  const CellRectangle cells = FindCells(view);
-  const TaskSize      task = FindTaskSize(view.outputToSheared, rows);
-  const auto          taskColumns = task.patches * CellColumns;
-  const auto          search = [&](std::size_t n, std::size_t step, std::size_t) {
-    const auto              band = static_cast<std::ptrdiff_t>(n) % task.bands;
-    const std::ptrdiff_t    column = cells.first[0] + static_cast<std::ptrdiff_t>(step) * taskColumns;
-    const std::ptrdiff_t    row = cells.first[1] + static_cast<std::ptrdiff_t>(n) / task.bands * CellRows;
-    RaySearch<TPixel>       rays(view, mode, kernels, guess, picture, column, row, task.patches);
-    const double            low[] = { static_cast<double>(column), static_cast<double>(row) };
-    const double            high[] = { static_cast<double>(column + taskColumns), static_cast<double>(row + CellRows) };
-    const PixelsInRectangle pixels(view.outputToSheared, low, high);
-    const auto [rowBegin, rowEnd] = pixels.FindRows(rows);
-    const std::ptrdiff_t count = rowEnd - rowBegin;
-    for (std::ptrdiff_t j = rowBegin + count * band / task.bands; j < rowBegin + count * (band + 1) / task.bands; ++j)
+template <typename TPixel>
+void
+SearchExactly(const ExactView<TPixel> & view,
+              const std::ptrdiff_t (&volume)[3],
+              const ProjectionRule<TPixel> &    rule,
+              const Kernels<TPixel> &           kernels,
+              const IntermediateImage<TPixel> & guess,
+              const Corner &                    guessBegin,
+              const IntermediateRegion &        region,
+              unsigned char *                   records,
+              const RunTasks &                  run)
+{
+  const PartRecords<TPixel> ofRule(rule);
+  const ExactSearch<TPixel> exact{ view,
+                                   { volume[0], volume[1], volume[2] },
+                                   rule.mode,
+                                   kernels,
+                                   guess,
+                                   guessBegin,
+                                   region,
+                                   rule.hasDepth,
+                                   { nullptr, nullptr },
+                                   &ofRule,
+                                   records };
+  // a part of one slice has no cells
+  if (exact.GetFirstSlice() <= exact.GetLastSlice())
+  {
+    Search(exact, run);
+  }
+}
+
+template <typename TPixel>
+void
+WriteExactly(const ProjectionRule<TPixel> & rule,
+             const AffineMap2D &            outputToSheared,
+             const ShearedFunction &        depth,
+             const unsigned char *          records,
+             std::ptrdiff_t                 columns,
+             std::ptrdiff_t                 row,
+             const Picture<TPixel> &        picture)
+{
+  const PartRecords<TPixel> ofRule(rule);
+  for (std::ptrdiff_t column = 0; column < columns; ++column)
+  {
+    ExactNumber<TPixel> value;
+    double              place;
+    const bool          hasValue =
+      ofRule.GetExact(records + column * static_cast<std::ptrdiff_t>(ofRule.GetSize()), value, place);
+    const std::ptrdiff_t pixel = row * columns + column;
+    picture.pixels[pixel] = hasValue ? RoundToPixel<TPixel>(value) : rule.background;
+    if (picture.depths)
     {
-      AddRays(rays, view.outputToSheared, pixels, j, columns);
+      const auto [p, q] = GetRay(outputToSheared, column, row);
+      picture.depths[pixel] =
+        hasValue ? GetDepth(depth, p, q, depth.perSlice < 0 ? -place : place) : std::numeric_limits<float>::quiet_NaN();
     }
-    rays.SetPixels();
+  }
+}
+
+IntermediateRegion
+FindExactRegion(const Factorization & factorization, const VoxelBox & box, const PictureGrid & grid)
+{
+  const IntermediateRegion all{
+    0, 0, static_cast<std::ptrdiff_t>(grid.size[0]), static_cast<std::ptrdiff_t>(grid.size[1])
   };
-  runSearch(CountBlocks(cells.counts[1], CellRows) * task.bands, CountBlocks(cells.counts[0], taskColumns), search);
+  const auto & axes = factorization.permutation;
+  double       low[2], high[2];
+  bool         isWhole = box.size[axes[2]] == factorization.size[2];
+  for (int axis = 0; axis < 2; ++axis)
+  {
+    const auto   begin = static_cast<double>(box.begin[axes[axis]]);
+    const auto   length = static_cast<double>(box.size[axes[axis]]);
+    const auto   slice = static_cast<double>(box.begin[axes[2]]);
+    const double shift = factorization.shear[axis] * (static_cast<double>(box.size[axes[2]]) + 1.0);
+    const double offset = factorization.translation[axis] + factorization.shear[axis] * (slice - 1.0);
+    low[axis] = begin + offset + std::min(shift, 0.0) - 1.0;
+    high[axis] = begin + length + offset + std::max(shift, 0.0);
+    isWhole = isWhole && box.size[axes[axis]] == factorization.size[axis];
+  }
+  if (isWhole)
+  {
+    return all;
+  }
+  const AffineMap2D       map = GetOutputToIntermediate(factorization, grid);
+  const PixelsInRectangle rows(map, low, high);
+  const PixelsInRectangle columns(
+    { map.yy, map.yx, map.y0, map.xy, map.xx, map.x0 }, { low[1], low[0] }, { high[1], high[0] });
+  const auto [rowBegin, rowEnd] = rows.FindRows(all);
+  const auto [columnBegin, columnEnd] = columns.FindRows({ 0, 0, all.rows, all.columns });
+  const bool isEmpty = columnBegin >= columnEnd || rowBegin >= rowEnd;
+  return isEmpty ? IntermediateRegion{ 0, 0, 1, 1 }
+                 : IntermediateRegion{ columnBegin, rowBegin, columnEnd - columnBegin, rowEnd - rowBegin };
 }
 
 #define INSTANTIATE(TPixel)                                       \
@@ -638,7 +866,23 @@ ProjectExactly(const ExactView<TPixel> &         view,
                                std::ptrdiff_t,                    \
                                const Picture<TPixel> &,           \
                                const RunTasks &,                  \
-                               const RunTasks &);
+                               const RunTasks &);                 \
+  template void SearchExactly(const ExactView<TPixel> &,          \
+                              const std::ptrdiff_t(&)[3],         \
+                              const ProjectionRule<TPixel> &,     \
+                              const Kernels<TPixel> &,            \
+                              const IntermediateImage<TPixel> &,  \
+                              const Corner &,                     \
+                              const IntermediateRegion &,         \
+                              unsigned char *,                    \
+                              const RunTasks &);                  \
+  template void WriteExactly(const ProjectionRule<TPixel> &,      \
+                             const AffineMap2D &,                 \
+                             const ShearedFunction &,             \
+                             const unsigned char *,               \
+                             std::ptrdiff_t,                      \
+                             std::ptrdiff_t,                      \
+                             const Picture<TPixel> &);
 SHEARWARP_FOR_EACH_PIXEL_TYPE(INSTANTIATE)
 #undef INSTANTIATE
 } // namespace itk::ShearWarp

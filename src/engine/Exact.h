@@ -39,7 +39,7 @@ namespace itk::ShearWarp
  * saves time and changes no bit. `guess.pixels` is not used.
  *
  * \a runFill fills the picture with the background, and \a runSearch searches, which takes most of the time. The search
- * throws std::bad_alloc if there is no memory. */
+ * throws std::bad_alloc if there is no memory. `view.slices` are the whole volume. */
 template <typename TPixel>
 void
 ProjectExactly(const ExactView<TPixel> &         view,
@@ -51,6 +51,37 @@ ProjectExactly(const ExactView<TPixel> &         view,
                const Picture<TPixel> &           picture,
                const RunTasks &                  runFill,
                const RunTasks &                  runSearch);
+
+/** Searches a part of the volume in the same way, and merges what it finds with \a records, of \a region of the
+ * picture. Merged records of all parts give the picture of the whole, bit by bit: see WriteExactly(). The volume has \a
+ * volume columns, rows and slices, and `guess`, of the part, begins at \a guessBegin. */
+template <typename TPixel>
+void
+SearchExactly(const ExactView<TPixel> & view,
+              const std::ptrdiff_t (&volume)[3],
+              const ProjectionRule<TPixel> &    rule,
+              const Kernels<TPixel> &           kernels,
+              const IntermediateImage<TPixel> & guess,
+              const Corner &                    guessBegin,
+              const IntermediateRegion &        region,
+              unsigned char *                   records,
+              const RunTasks &                  run);
+
+/** Writes row \a row of an exact picture of \a columns columns. */
+template <typename TPixel>
+void
+WriteExactly(const ProjectionRule<TPixel> & rule,
+             const AffineMap2D &            outputToSheared,
+             const ShearedFunction &        depth,
+             const unsigned char *          records,
+             std::ptrdiff_t                 columns,
+             std::ptrdiff_t                 row,
+             const Picture<TPixel> &        picture);
+
+/** Returns the pixels of a picture whose rays may meet a part of the volume: one or more, and all for the whole volume.
+ */
+IntermediateRegion
+FindExactRegion(const Factorization & factorization, const VoxelBox & box, const PictureGrid & grid);
 } // namespace itk::ShearWarp
 
 #endif

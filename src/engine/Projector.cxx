@@ -17,6 +17,7 @@
  *=========================================================================*/
 #include "Projector.h"
 
+#include "Values.h"
 #include "kernels/PixelTypes.h"
 
 #include <algorithm>
@@ -103,9 +104,7 @@ Projector<TPixel>::Begin(std::vector<ProjectedView> views,
   }
   m_RowStride = GetRowStride(m_TileColumns);
   m_HasSums = parameters.mode == Mode::Mean;
-  // of two extrema, the better one does not tell whether a float has met a sample
-  m_MayHaveGaps =
-    m_HasRegion || parameters.hasRanks || (std::is_floating_point_v<TPixel> && (m_ImagesOfView == 2 || m_HasSums));
+  m_MayHaveGaps = MayHaveGaps<TPixel>(parameters.mode, m_HasRegion, parameters.hasRanks);
   m_Parameters.hasRanks = parameters.hasRanks && !m_HasSums;
   if (parameters.mode != Mode::Maximum || m_HasRegion || parameters.hasRanks)
   {
@@ -178,7 +177,14 @@ Projector<TPixel>::SetSlices(const PreparedVolume<TPixel> & volume, const Prepar
 {
   m_Slices = volume.GetSlices(m_Axis);
   m_BlockExtrema = volume.GetBlockExtrema(m_Axis);
-  m_FirstSlice = volume.GetCorner(m_Axis).slice;
+  Corner corner = volume.GetCorner(m_Axis);
+  if (m_Parameters.isFirstSliceShared)
+  {
+    m_Slices.voxels += m_Slices.sliceStride;
+    --m_Slices.slices;
+    ++corner.slice;
+  }
+  m_FirstSlice = corner.slice;
   m_Mask = {};
   if (mask)
   {
@@ -188,8 +194,8 @@ Projector<TPixel>::SetSlices(const PreparedVolume<TPixel> & volume, const Prepar
   }
   for (PlacedView & placed : m_Views)
   {
-    placed.placements = PlacePart(*placed.view.grid, volume.GetCorner(m_Axis), m_Slices.slices);
-    placed.region.firstSlice = m_FirstSlice;
+    placed.placements = PlacePart(*placed.view.grid, corner, m_Slices.slices);
+    placed.region.first = { placed.view.grid->begin.column, placed.view.grid->begin.row, m_FirstSlice };
     if (placed.view.fading)
     {
       placed.fading.SetStack(m_Slices.columns, m_FirstSlice);

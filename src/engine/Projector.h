@@ -78,7 +78,9 @@ public:
     bool hasRanks{ false };
     /** Whether samples come from the viewer on. Then all views have one direction, images have ranks or sums, and slabs
      * come from the viewer on too. */
-    bool              isOrdered{ false };
+    bool isOrdered{ false };
+    /** Whether the first slice is left out, because another part of the volume has it. Only sums need this. */
+    bool              isFirstSliceShared{ false };
     TPixel            background{};
     unsigned char     maskLabel{ 0 };
     ReducedResampling reducedResampling{ ReducedResampling::Off };
@@ -104,6 +106,13 @@ public:
    * object and is valid until the next call. Throws OutOfMemory. */
   IntermediateImage<TPixel>
   Finish(std::size_t view, const RunTasks & run);
+
+  /** Returns the sums of a view after Finish(), laid out as the intermediate image. */
+  SummedImage<TPixel>
+  GetSums(std::size_t view) const
+  {
+    return this->GetSummed(m_Workers.front().images[view * m_ImagesOfView]);
+  }
 
   /** Returns the fraction of tiles that were skipped since Begin(). */
   double

@@ -251,8 +251,22 @@ ProjectionRule<TPixel>::Verify() const
   }
   if (isExact && (hasMask || localMaximumThreshold || depthAttenuation > 0.0 || oversampling != 1))
   {
-    Refuse("Exact pictures have no MaskImage, LocalMaximum, DepthAttenuation, Oversampling or "
-           "NumberOfStreamDivisions: these must be as by default.");
+    Refuse("Exact pictures have no MaskImage, LocalMaximum, DepthAttenuation or Oversampling: these must be as by "
+           "default.");
+  }
+}
+
+template <typename TPixel>
+void
+ProjectionRule<TPixel>::VerifyForParts() const
+{
+  if (hasMask || localMaximumThreshold || depthAttenuation > 0.0)
+  {
+    Refuse("Parts have no MaskImage, LocalMaximum or DepthAttenuation: these must be as by default.");
+  }
+  if (mode == Mode::Mean && std::is_floating_point_v<TPixel>)
+  {
+    Refuse("Parts have no Mode Mean of floating-point pixels, because its bits depend on the order of samples.");
   }
 }
 

@@ -7,6 +7,7 @@ set(
   Engine.cxx
   Exact.cxx
   Geometry.cxx
+  PartRecords.cxx
   PreparedVolume.cxx
   Projector.cxx
   ProjectorMerge.cxx

@@ -436,8 +436,8 @@ public:
         return m_Stack.voxels[k * m_Stack.sliceStride + j * m_Stack.rowStride + i];
       };
       const bool isIn = std::all_of(region.intervals.begin(), region.intervals.end(), [&](const auto & interval) {
-        const double value =
-          interval.function(static_cast<double>(p), static_cast<double>(q), static_cast<double>(region.firstSlice + k));
+        const double value = interval.function(
+          static_cast<double>(p), static_cast<double>(q), static_cast<double>(region.first.slice + k));
         return interval.low <= value && value <= interval.high;
       });
       TPixel     sample{};
@@ -1147,7 +1147,7 @@ TYPED_TEST(ShearWarpKernelsTyped, ProjectBlockTakesNoMoreThanTheRegion)
   {
     SlicesFixture<TypeParam> slices(random, lengths[repeat % 7], random.Integer(1, 21), random.Integer(1, 12));
     slices.PlaceEach([&] { return random.Integer(0, 3) == 0 ? 0 : random.Integer(0, 4 * WholePixel); });
-    slices.region.firstSlice = slicesBefore;
+    slices.region.first.slice = slicesBefore;
     for (int n = 0; n <= repeat % 3; ++n)
     {
       // zeros of both signs, whole numbers and any

@@ -280,6 +280,7 @@ private:
   struct RayGroup
   {
     Number x[RaysTogether], y[RaysTogether];
+    Number missing[2][2][RaysTogether]; // infinite if a part does not have the first or last columns, or rows, of cells
     Number begin[RaysTogether], end[RaysTogether];
     Number best[RaysTogether];
     Number voxels[18][RaysTogether];
@@ -309,15 +310,17 @@ private:
   static TPixel
   FindLeast(Number best, bool hasDepth);
 
-  /** Returns a power of two. Differences of voxels that are multiplied by it do not overflow. */
-  Number
-  FindScaleOfVoxels() const
+  /** Returns whether differences of the voxels overflow. */
+  static bool
+  IsLarge(const CellLanes<Number> & cell)
   {
-    if constexpr (HasLargeNumbers)
+    bool isLarge = false;
+    for (int n = 0; n < 4; ++n)
     {
-      return m_Slices.lowest < -0x1p1000 || m_Slices.highest > 0x1p1000 ? 0x1p-30 : 1.0;
+      isLarge |= (cell.front[n] < -0x1p1000) | (cell.front[n] > 0x1p1000) | (cell.back[n] < -0x1p1000) |
+                 (cell.back[n] > 0x1p1000);
     }
-    return 1;
+    return isLarge;
   }
 
   /** Returns a power of two. Squares of coefficients that are multiplied by it neither overflow nor vanish. */
@@ -368,7 +371,8 @@ private:
   const TPixel *
   GetSlice(std::ptrdiff_t slice) const
   {
-    return m_Slices.voxels + Limit<std::ptrdiff_t>(slice, 0, m_Slices.slices - 1) * m_Slices.sliceStride;
+    return m_Slices.voxels +
+           Limit<std::ptrdiff_t>(slice - m_View.first.slice, 0, m_Slices.slices - 1) * m_Slices.sliceStride;
   }
 
   CellWindow
@@ -433,6 +437,10 @@ private:
   void
   PlaceRays(int count, RayGroup & group, VoxelPlaces & places) const;
 
+  /** Finds which cells the part of the volume does not have. */
+  void
+  FindMissing(const VoxelPlaces & places, RayGroup & group) const;
+
   /** Loads voxels one by one. */
   void
   LoadSingly(const VoxelPlaces & places, RayGroup & group) const;
@@ -467,6 +475,10 @@ private:
   void
   TakeCell(const CellLanes<Number> & cell, BestLanes<Number> & lanes) const;
 
+  /** Does the same for voxels of any magnitude. */
+  void
+  TakeAnyCell(const CellLanes<Number> & cell, BestLanes<Number> & lanes) const;
+
   /** Evaluates as many rays as a vector has lanes, from ray \a first on. Writes each ray's best value and its place in
    * the segment. Returns, as bits, the rays whose value is at least the best one so far. */
   std::uint32_t
@@ -484,6 +496,7 @@ private:
   const RayPatch<TPixel> &   m_Patch;
   const SliceStack<TPixel> & m_Slices;
   bool                       m_IsBackward;
+  bool                       m_IsPart;      // in columns or rows
   std::ptrdiff_t             m_Step[2];     // 1 or -1: the direction of rays
   Number                     m_Slope[2];    // columns and rows that a ray passes from slice to slice
   Number                     m_PerVoxel[2]; // slices in which a ray passes a column or a row
@@ -499,6 +512,8 @@ PatchSearch<TPixel, VIsMinimum>::PatchSearch(const ExactView<TPixel> & view, con
   , m_Patch(patch)
   , m_Slices(view.slices)
   , m_IsBackward(view.depth.perSlice < 0)
+  , m_IsPart(!(view.slices.columnEnds.first && view.slices.columnEnds.last && view.slices.rowEnds.first &&
+               view.slices.rowEnds.last))
   , m_Levels(view.slices.lowest, view.slices.highest)
 {
   constexpr Number most = std::numeric_limits<Number>::max();
@@ -615,13 +630,14 @@ PatchSearch<TPixel, VIsMinimum>::FindWindow(int axis, std::ptrdiff_t slice) cons
   const double a = this->GetOffset(axis, static_cast<double>(slice));
   const double b = this->GetOffset(axis, static_cast<double>(slice + 1));
   // windows are a little wider because of rounding errors
-  constexpr double slack = 1e-6;
-  const double     left = -Larger(a, b) - slack;
-  const double     right = 1.0 - Smaller(a, b) + slack;
-  const double     first = floor(left);
-  const double     last = floor(right);
-  const auto       weight = [](double v) { return static_cast<std::int16_t>(Smaller(v * 32768.0, 32767.0)); };
-  return { static_cast<std::ptrdiff_t>(first) + (axis == 0 ? m_Patch.column : m_Patch.row),
+  constexpr double     slack = 1e-6;
+  const double         left = -Larger(a, b) - slack;
+  const double         right = 1.0 - Smaller(a, b) + slack;
+  const double         first = floor(left);
+  const double         last = floor(right);
+  const auto           weight = [](double v) { return static_cast<std::int16_t>(Smaller(v * 32768.0, 32767.0)); };
+  const std::ptrdiff_t patch = axis == 0 ? m_Patch.column - m_View.first.column : m_Patch.row - m_View.first.row;
+  return { static_cast<std::ptrdiff_t>(first) + patch,
            static_cast<std::ptrdiff_t>(last - first),
            weight(left - first),
            weight(right - last) };
@@ -794,18 +810,42 @@ PatchSearch<TPixel, VIsMinimum>::PlaceRays(int count, RayGroup & group, VoxelPla
   const auto   stepY = static_cast<double>(m_Step[1]);
   const double behindX = m_Step[0] > 0 ? 0.0 : 2.0;
   const double behindY = m_Step[1] > 0 ? 0.0 : 2.0;
+  const auto   firstColumn = static_cast<std::int32_t>(m_View.first.column);
+  const auto   firstRow = static_cast<std::int32_t>(m_View.first.row);
   for (int n = 0; n < RaysTogether; ++n)
   {
     const double x = stepX * (p[n] - this->GetOffset(0, first[n]));
     const double y = stepY * (q[n] - this->GetOffset(1, first[n]));
     const double baseX = floor(x);
     const double baseY = floor(y);
-    places.columns[n] = static_cast<std::int32_t>(stepX * baseX - behindX);
-    places.rows[n] = static_cast<std::int32_t>(stepY * baseY - behindY);
+    places.columns[n] = static_cast<std::int32_t>(stepX * baseX - behindX) - firstColumn;
+    places.rows[n] = static_cast<std::int32_t>(stepY * baseY - behindY) - firstRow;
     group.x[n] = static_cast<Number>(x - baseX);
     group.y[n] = static_cast<Number>(y - baseY);
     group.begin[n] = static_cast<Number>(Larger(begins[n] - first[n], 0.0));
     group.end[n] = static_cast<Number>(Smaller(ends[n] - first[n], 1.0));
+  }
+}
+
+template <typename TPixel, bool VIsMinimum>
+void
+PatchSearch<TPixel, VIsMinimum>::FindMissing(const VoxelPlaces & places, RayGroup & group) const
+{
+  constexpr Number     infinity = std::numeric_limits<Number>::infinity();
+  const std::ptrdiff_t lasts[] = { m_Slices.columns - 1, m_Slices.rows - 1 };
+  const Ends           ends[] = { m_Slices.columnEnds, m_Slices.rowEnds };
+  for (int axis = 0; axis < 2; ++axis)
+  {
+    for (int cell = 0; cell < 2; ++cell)
+    {
+      const int after = m_Step[axis] > 0 ? cell : 1 - cell;
+      for (int n = 0; n < RaysTogether; ++n)
+      {
+        const std::ptrdiff_t voxel = (axis == 0 ? places.columns[n] : places.rows[n]) + after;
+        const bool           isIn = (voxel >= 0 || ends[axis].first) && (voxel < lasts[axis] || ends[axis].last);
+        group.missing[axis][cell][n] = isIn ? 0 : infinity;
+      }
+    }
   }
 }
 
@@ -1001,6 +1041,32 @@ PatchSearch<TPixel, VIsMinimum>::TakeCell(const CellLanes<Number> & cell, BestLa
 }
 
 template <typename TPixel, bool VIsMinimum>
+SHEARWARP_INLINE inline void
+PatchSearch<TPixel, VIsMinimum>::TakeAnyCell(const CellLanes<Number> & cell, BestLanes<Number> & lanes) const
+{
+  if constexpr (HasLargeNumbers)
+  {
+    // most volumes have no large voxels, whose differences overflow
+    if ((m_Slices.lowest < -0x1p1000 || m_Slices.highest > 0x1p1000) && IsLarge(cell))
+    {
+      CellLanes<Number> scaled = cell;
+      for (int n = 0; n < 4; ++n)
+      {
+        scaled.front[n] *= 0x1p-30;
+        scaled.back[n] *= 0x1p-30;
+      }
+      BestLanes<Number> best{ lanes.least * 0x1p-30, NoSample<Number>, lanes.place };
+      this->TakeCell(scaled, best);
+      best.best *= 0x1p30;
+      lanes.place = this->IsBetter(best.best, lanes.best) ? best.place : lanes.place;
+      lanes.best = this->IsBetter(best.best, lanes.best) ? best.best : lanes.best;
+      return;
+    }
+  }
+  this->TakeCell(cell, lanes);
+}
+
+template <typename TPixel, bool VIsMinimum>
 SHEARWARP_INLINE inline std::uint32_t
 PatchSearch<TPixel, VIsMinimum>::EvaluateLanes(const RayGroup & group, int first, Number * best, Number * places) const
 {
@@ -1024,20 +1090,29 @@ PatchSearch<TPixel, VIsMinimum>::EvaluateLanes(const RayGroup & group, int first
   const Vector leavesFirst = GetLower(leavesX, leavesY);
   const Vector leavesLast = GetHigher(leavesX, leavesY);
   const auto   next = [&](int voxel) SHEARWARP_INLINE -> Vector { return isXFirst ? v[voxel + 1] : v[voxel + 3]; };
+  Vector       begins[] = { begin, GetHigher(leavesFirst, begin), GetHigher(leavesLast, begin) };
+  if (m_IsPart)
+  {
+    const auto & [columns, rows] = group.missing;
+    const Vector ofFirst[] = { load(columns[0]), load(rows[0]) };
+    const Vector ofLast[] = { load(columns[1]), load(rows[1]) };
+    begins[0] += ofFirst[0] + ofFirst[1];
+    begins[1] += isXFirst ? Vector(ofLast[0] + ofFirst[1]) : Vector(ofFirst[0] + ofLast[1]);
+    begins[2] += ofLast[0] + ofLast[1];
+  }
 
   BestLanes<Number> lanes{ load(group.best), Vectors::Set(NoSample<Number>), Vectors::Set(0) };
-  this->TakeCell({ { v[0], v[1], v[3], v[4] }, { v[9], v[10], v[12], v[13] }, x, y, begin, GetLower(leavesFirst, end) },
-                 lanes);
-  this->TakeCell({ { next(0), next(1), next(3), next(4) },
-                   { next(9), next(10), next(12), next(13) },
-                   isXFirst ? Vector(x - one) : x,
-                   isXFirst ? y : Vector(y - one),
-                   GetHigher(leavesFirst, begin),
-                   GetLower(leavesLast, end) },
-                 lanes);
-  this->TakeCell(
-    { { v[4], v[5], v[7], v[8] }, { v[13], v[14], v[16], v[17] }, x - one, y - one, GetHigher(leavesLast, begin), end },
-    lanes);
+  this->TakeAnyCell(
+    { { v[0], v[1], v[3], v[4] }, { v[9], v[10], v[12], v[13] }, x, y, begins[0], GetLower(leavesFirst, end) }, lanes);
+  this->TakeAnyCell({ { next(0), next(1), next(3), next(4) },
+                      { next(9), next(10), next(12), next(13) },
+                      isXFirst ? Vector(x - one) : x,
+                      isXFirst ? y : Vector(y - one),
+                      begins[1],
+                      GetLower(leavesLast, end) },
+                    lanes);
+  this->TakeAnyCell({ { v[4], v[5], v[7], v[8] }, { v[13], v[14], v[16], v[17] }, x - one, y - one, begins[2], end },
+                    lanes);
   Vectors::Store(best + first, lanes.best);
   Vectors::Store(places + first, lanes.place);
   return Vectors::GetBits(lanes.best >= lanes.least);
@@ -1070,6 +1145,10 @@ PatchSearch<TPixel, VIsMinimum>::Evaluate()
   RayGroup    group;
   VoxelPlaces voxelPlaces;
   this->PlaceRays(count, group, voxelPlaces);
+  if (m_IsPart)
+  {
+    this->FindMissing(voxelPlaces, group);
+  }
   if constexpr (sizeof(TPixel) <= 2)
   {
     this->LoadFours(voxelPlaces, group);
@@ -1077,18 +1156,6 @@ PatchSearch<TPixel, VIsMinimum>::Evaluate()
   else
   {
     this->LoadSingly(voxelPlaces, group);
-  }
-  const Number scale = this->FindScaleOfVoxels();
-  if constexpr (HasLargeNumbers)
-  {
-    for (int n = 0; n < RaysTogether; ++n)
-    {
-      group.best[n] *= scale;
-      for (auto & voxelsOfRays : group.voxels)
-      {
-        voxelsOfRays[n] *= scale;
-      }
-    }
   }
   Number        best[RaysTogether], places[RaysTogether];
   std::uint32_t betterRays = 0;
@@ -1099,7 +1166,7 @@ PatchSearch<TPixel, VIsMinimum>::Evaluate()
   for (betterRays &= (std::uint32_t{ 1 } << count) - 1; betterRays != 0; betterRays &= betterRays - 1)
   {
     const int n = FindLowest(betterRays);
-    this->TakeBest(m_Segments[n], best[n] / scale, places[n]);
+    this->TakeBest(m_Segments[n], best[n], places[n]);
   }
 }
 

@@ -191,11 +191,12 @@ struct Interval
   double          low{ 0 }, high{ 0 };
 };
 
-/** Samples count in a view where they count in all intervals. */
+/** Samples count in a view where they count in all intervals. The intervals are of the whole volume, in which an
+ * image's first column and row, and a stack's first slice, are `first`. */
 struct Region
 {
   std::vector<Interval> intervals;
-  std::ptrdiff_t        firstSlice{ 0 }; // number of the stack's first slice in the volume
+  Corner                first{ 0, 0, 0 };
 
   /** False only if no sample of these columns and rows of a slice counts. */
   ShearWarpMIP_EXPORT bool
@@ -391,12 +392,14 @@ template <typename TPixel>
 using ExactNumber = std::conditional_t<std::is_integral_v<TPixel> && (sizeof(TPixel) <= 2), float, double>;
 
 /** A volume whose slices are sheared, and the rays of a view in it: that of sheared column p and row q is at voxel
- * column p - (shear[0] s + translation[0]), row q - (shear[1] s + translation[1]) and slice s. */
+ * column p - (shear[0] s + translation[0]), row q - (shear[1] s + translation[1]) and slice s. If `slices` are a part
+ * of the volume, only cells between the part's voxels, and beyond the volume's outer voxels, have values. */
 template <typename TPixel>
 struct ExactView
 {
   SliceStack<TPixel>    slices;
-  BlockExtrema<TPixel>  blocks; // block extrema, with minima unless the maximum is wanted
+  Corner                first{ 0, 0, 0 }; // of the slices in the volume
+  BlockExtrema<TPixel>  blocks;           // block extrema, with minima unless the maximum is wanted
   double                shear[2], translation[2];
   AffineMap2D           outputToSheared;
   std::vector<Interval> intervals; // of sheared column, row and slice

@@ -122,9 +122,11 @@ ClipColumns(const ShearedFunction & function, double low, double high, double ro
 bool
 Region::MayReach(ColumnSpan columns, RowSpan rows, std::ptrdiff_t slice) const
 {
-  const auto   position = static_cast<double>(firstSlice + slice);
-  const double outerColumns[] = { static_cast<double>(columns.begin), static_cast<double>(columns.end - 1) };
-  const double outerRows[] = { static_cast<double>(rows.begin), static_cast<double>(rows.end - 1) };
+  const auto   position = static_cast<double>(first.slice + slice);
+  const double outerColumns[] = { static_cast<double>(first.column + columns.begin),
+                                  static_cast<double>(first.column + columns.end - 1) };
+  const double outerRows[] = { static_cast<double>(first.row + rows.begin),
+                               static_cast<double>(first.row + rows.end - 1) };
   return std::all_of(intervals.begin(), intervals.end(), [&](const Interval & interval) {
     // the function is monotonic in column and row, with rounding too
     const auto & function = interval.function;
@@ -139,12 +141,14 @@ Region::MayReach(ColumnSpan columns, RowSpan rows, std::ptrdiff_t slice) const
 ColumnSpan
 Region::Clip(ColumnSpan columns, std::ptrdiff_t row, std::ptrdiff_t slice) const
 {
+  const auto shift = static_cast<std::int32_t>(first.column);
+  columns = { columns.begin + shift, columns.end + shift };
   for (const auto & [function, low, high] : intervals)
   {
-    columns =
-      ClipColumns(function, low, high, static_cast<double>(row), static_cast<double>(firstSlice + slice), columns);
+    columns = ClipColumns(
+      function, low, high, static_cast<double>(first.row + row), static_cast<double>(first.slice + slice), columns);
   }
-  return columns;
+  return { columns.begin - shift, columns.end - shift };
 }
 
 ReachedRow
