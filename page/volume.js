@@ -117,6 +117,8 @@ function makeVolume(series, viewer) {
   const across = Math.max(...corners.map(([x, y]) => Math.hypot(x, y)));
   const voxel = Math.min(...[i, j, k].map((axis) => Math.hypot(...axis)));
   const precision = Math.min(voxel, 0.1);
+  // a thinner slab can lie between the voxels of half the resolution
+  const thinnestCoarse = 4 * stretch * Math.max(...[i, j, k].map((axis) => Math.hypot(...axis)));
 
   /** Pixels along a direction of the first view, as many as put them on voxels and not between them. */
   const countPixels = (direction) => {
@@ -180,6 +182,7 @@ function makeVolume(series, viewer) {
   };
 
   const isExact = ({ exact, mode }) => exact && mode !== 'mean';
+  const mayBeCoarse = ({ mode, slab }) => mode === 'maximum' && (!slab || slab[1] - slab[0] >= thinnestCoarse);
 
   const makeRequest = (state, more) => ({
     view: [0, 1, 2].flatMap((n) => [state.view.u[n], state.view.v[n], state.view.w[n], center[n]]),
@@ -202,7 +205,7 @@ function makeVolume(series, viewer) {
       clicked = null;
       ask(request, (answer) => setPoint(state, request, answer));
     } else if (shown?.state !== wanted || (isAtRest && shown.isCoarse)) {
-      project(wanted, hasCoarse && isSlow && !isAtRest && wanted.mode === 'maximum');
+      project(wanted, hasCoarse && isSlow && !isAtRest && mayBeCoarse(wanted));
     } else if (isAtRest && isExact(wanted) && !shown.isExact) {
       projectExactly(wanted);
     } else if (warmUps.length > 0) {

@@ -645,20 +645,24 @@ def move(page):
     return is_coarse, page.decode(text)
 
 
+SLOW = """
+  const {get, set} = Object.getOwnPropertyDescriptor(Worker.prototype, 'onmessage');
+  Object.defineProperty(Worker.prototype, 'onmessage', {get, set(react) {
+    set.call(this, (event) => {
+      event.data.milliseconds &&= 99;
+      react(event);
+    });
+  }});
+"""
+"""Pictures seem to take long."""
+
+
 def test_slow_pictures_move_with_half_the_resolution(page, injected):
     """Of maxima, until they rest."""
     voxels = make_voxels()
     page.show(voxels)
     assert not move(page)[0]
-    injected("""
-      const {get, set} = Object.getOwnPropertyDescriptor(Worker.prototype, 'onmessage');
-      Object.defineProperty(Worker.prototype, 'onmessage', {get, set(react) {
-        set.call(this, (event) => {
-          event.data.milliseconds &&= 99;
-          react(event);
-        });
-      }});
-    """)
+    injected(SLOW)
     page.show(voxels)
     assert not page.run("cine.isCoarse")
     is_coarse, values = move(page)
@@ -675,6 +679,16 @@ def test_slow_pictures_move_with_half_the_resolution(page, injected):
     page.settle()
     assert not move(page)[0]
     page.check("--mode", "minimum")
+
+
+def test_thin_slab_moves_with_the_full_resolution(page, injected):
+    """Between voxels of half the resolution it would have holes."""
+    injected(SLOW)
+    page.show(make_voxels(), np.diag([1.0, 1.0, 1.0]), spacing=1.0, slab=[-3, 3])
+    assert move(page)[0]
+    page.press(*"," * 8)
+    page.settle()
+    assert not move(page)[0]
 
 
 def test_plays_a_turn(page):
