@@ -37,6 +37,9 @@ function makeView(azimuth, elevation) {
   return { u: combine(u, cosine, w, sine), v: combine(v, cosineUp, away, sineUp), w: combine(away, cosineUp, v, -sineUp) };
 }
 
+/** With angles that can be written down. */
+const makeRoundView = (...angles) => makeView(...angles.map((angle) => Number(angle.toFixed(3))));
+
 function rotate(view, axis, degrees) {
   const [cosine, sine] = turnUnit(degrees);
   const turn = (a) => combine(combine(a, cosine, cross(axis, a), sine), 1, axis, dot(axis, a) * (1 - cosine));
@@ -373,9 +376,7 @@ function makeVolume(series, viewer) {
     const [azimuth, elevation] = findAngles(view);
     const tilted = clamp(elevation + down, -90, 90);
     if (isSame(view, makeView(azimuth, elevation), 1e-6)) {
-      // angles that can be written down
-      const angles = [modulo(azimuth - right + 180, 360) - 180, tilted];
-      return makeView(...angles.map((angle) => Number(angle.toFixed(3))));
+      return makeRoundView(azimuth - right, tilted);
     }
     const turned = rotate(view, longAxis, -right);
     return rotate(turned, normalize(turned.u), elevation - tilted);
@@ -411,7 +412,7 @@ function makeVolume(series, viewer) {
     playing = performance.now();
     const tick = (now) => {
       const degrees = 360 * Math.max(now - playing, 0) / turnMilliseconds;
-      turnTo(isNamed ? makeView(azimuth + degrees, elevation) : rotate(view, longAxis, degrees));
+      turnTo(isNamed ? makeRoundView(azimuth + degrees, elevation) : rotate(view, longAxis, degrees));
       player = requestAnimationFrame(tick);
     };
     player = requestAnimationFrame(tick);
@@ -588,12 +589,14 @@ function makeVolume(series, viewer) {
       return;
     }
     const [program, input, ...options] = volume.command;
+    const ofMode = mode === windowed ? viewer.window : windows[mode]?.window;
     const line = [
       program, input, 'mip.png', ...options, ...ofView,
       ...(mode === 'maximum' ? [] : ['--mode', mode]),
       ...(slab ? ['--slab', ...slab] : []),
       ...(isExact(wanted) ? ['--exact'] : []),
-      '--size', width, height, '--output-spacing', resolution, '--window', ...viewer.window,
+      '--size', width, height, '--output-spacing', resolution,
+      ...(ofMode ? ['--window', ...ofMode] : []),
     ].map((word) => quote(String(word))).join(' ');
     try {
       await navigator.clipboard.writeText(line);

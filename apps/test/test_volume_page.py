@@ -771,6 +771,29 @@ def test_command(page, tmp_path, injected):
     assert page.run("copied") == copied
 
 
+def test_command_after_playing(page, injected):
+    injected("navigator.clipboard.writeText = async (text) => { window.copied = text; }")
+    page.show()
+    page.press(" ")
+    page.wait("cine.view[4] > 0.2")
+    page.press(" ", "c")
+    page.wait("document.getElementById('message').textContent")
+    assert page.text("message") == "The command is copied" and "--azimuth" in page.run("copied")
+
+
+def test_command_before_the_picture_of_a_mode(page, injected):
+    """It does not have the window of another mode."""
+    injected("navigator.clipboard.writeText = async (text) => { window.copied = text; }")
+    page.show()
+    page.driver.execute_script("""
+      for (const key of ['m', 'c']) {
+        document.body.dispatchEvent(new KeyboardEvent('keydown', {key, bubbles: true}));
+      }
+    """)
+    page.wait("window.copied")
+    assert "--mode minimum" in page.run("copied") and "--window" not in page.run("copied")
+
+
 def test_reset(page):
     page.show(slab=[-5, 5], azimuth=0)
     first = page.check("--slab", "-5", "5")
