@@ -96,7 +96,7 @@ const modes = ['maximum', 'minimum', 'mean'];
 function makeVolume(series, viewer) {
   verifyBrowser();
   const { volume } = series;
-  const { size: count, center, spacing: resolution } = volume;
+  const { size: count, center } = volume;
   const [i, j, k, start] = columnsOf(volume.toPhysical);
   const [u, v, w, middle] = columnsOf(volume.view);
   // views have the center of the volume in their middle
@@ -120,6 +120,8 @@ function makeVolume(series, viewer) {
   const across = Math.max(...corners.map(([x, y]) => Math.hypot(x, y)));
   const voxel = Math.min(...[i, j, k].map((axis) => Math.hypot(...axis)));
   const precision = Math.min(voxel, 0.1);
+  // browsers have no memory for the pictures of a volume whose voxels are very long
+  const resolution = Math.max(volume.spacing, 2 * radius / 4096);
   // a thinner slab can lie between the voxels of half the resolution
   const thinnestCoarse = 4 * stretch * Math.max(...[i, j, k].map((axis) => Math.hypot(...axis)));
 

@@ -291,6 +291,12 @@ def test_picture_is_on_voxels(page):
     np.testing.assert_array_equal(values[y : y + 24, x : x + 36], voxels.max(axis=1)[::-1])
 
 
+def test_picture_of_very_long_voxels(page):
+    page.show(make_voxels(), np.diag([0.01, 0.01, 20.0]), spacing=0.01)
+    columns, rows, spacing = page.run("cine.picture.slice(0, 3)")
+    assert max(columns, rows) <= 4097 and columns * spacing > 600
+
+
 def test_drag_turns_about_the_long_axis(page):
     page.show()
     degrees = 180 / page.stage.rect["height"]
