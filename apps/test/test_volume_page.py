@@ -716,6 +716,13 @@ def test_plays_a_turn(page):
     page.check()
 
 
+def test_plays_while_the_window_changes(page):
+    page.show()
+    page.press(" ")
+    page.drag(30, 30, MouseButton.RIGHT)
+    assert page.window != page.series["window"] and page.run("cine.playing")
+
+
 def test_one_request_at_a_time(page, injected):
     injected("""
       window.open = 0;
