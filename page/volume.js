@@ -120,6 +120,7 @@ function makeVolume(series, viewer) {
   const across = Math.max(...corners.map(([x, y]) => Math.hypot(x, y)));
   const voxel = Math.min(...[i, j, k].map((axis) => Math.hypot(...axis)));
   const precision = Math.min(voxel, 0.1);
+  const decimals = clamp(Math.ceil(3 - Math.log10(voxel)), 4, 20);
   // browsers have no memory for the pictures of a volume whose voxels are very long
   const resolution = Math.max(volume.spacing, 2 * radius / 4096);
   // a thinner slab can lie between the voxels of half the resolution
@@ -306,8 +307,11 @@ function makeVolume(series, viewer) {
 
   // Text
 
+  // angles that are written as 0
+  const nearestSide = (view) => findSide(normalizeView(view), 9e-4);
+
   const describeView = (view) => {
-    const side = findSide(normalizeView(view), 1e-6);
+    const side = nearestSide(view);
     if (side) {
       return side[0].toUpperCase() + side.slice(1);
     }
@@ -334,7 +338,7 @@ function makeVolume(series, viewer) {
     element('view-name').textContent = describeView(view);
     element('mode-name').textContent = [describeMode(mode), isExact ? 'exact' : ''].filter(Boolean).join(', ');
     element('slab-name').textContent = slab ? describeSlab(slab) : '';
-    element('view').value = findSide(normalizeView(view), 1e-6) ?? '';
+    element('view').value = nearestSide(view) ?? '';
     const edges = [view.u.map((each) => -each), view.u, view.v.map((each) => -each), view.v];
     return {
       spoken: speakState(shown.state),
@@ -355,7 +359,7 @@ function makeVolume(series, viewer) {
     ['thickness', 'position'].forEach((name, n) => {
       for (const id of [`slab-${name}`, `slab-${name}-slider`]) {
         element(id).disabled = !wanted.slab;
-        element(id).value = wanted.slab ? Number(values[n].toFixed(4)) : '';
+        element(id).value = wanted.slab ? Number(values[n].toFixed(decimals)) : '';
       }
     });
   }

@@ -343,6 +343,14 @@ def test_trackball(page):
     page.check()
 
 
+def test_small_angle_has_a_name(page):
+    center = np.array(make_series(make_voxels())["volume"]["center"])
+    c, s = np.cos(6e-4), np.sin(6e-4)
+    matrix = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ ANTERIOR
+    page.show(view=np.column_stack([matrix, center]).tolist())
+    assert page.text("view-name") == "Anterior"
+
+
 def test_keys_turn(page):
     page.show()
     for keys, name in (
@@ -507,6 +515,14 @@ def test_slab_by_number(page):
     assert slab_of(page) is None
     page.check()
     page.screenshot("volume-box")
+
+
+def test_slab_of_a_small_volume(page):
+    page.show(make_voxels(), AXES * 1e-6, spacing=0.8e-6)
+    page.press("w")
+    page.element("slab").click()
+    near, far = slab_of(page)
+    assert float(page.element("slab-thickness").get_property("value")) == pytest.approx(far - near, rel=1e-3)
 
 
 def test_pick(page):
