@@ -802,6 +802,10 @@ def test_command(page, tmp_path, injected):
 
 def test_command_after_playing(page, injected):
     injected("navigator.clipboard.writeText = async (text) => { window.copied = text; }")
+    injected("""
+      const ask = window.requestAnimationFrame;
+      window.requestAnimationFrame = (react) => ask((now) => react(now + 1 / 3000));
+    """)
     page.show()
     page.press(" ")
     page.wait("cine.view[4] > 0.2")
