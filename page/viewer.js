@@ -322,7 +322,9 @@ function startViewer(series, makeSource) {
     gesture = pointers.size > 1 || event.button === 1 || event.shiftKey ? 'pan' : event.button === 2 ? 'window' : 'turn';
     moved = 0;
     dragWidth = windowWidth();
-    source.drag.begin();
+    if (gesture === 'turn') {
+      source.drag.begin();
+    }
     stage.className = { turn: 'turning', window: 'windowing', pan: 'panning' }[gesture];
     point(event);
   }

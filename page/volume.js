@@ -37,6 +37,9 @@ function makeView(azimuth, elevation) {
   return { u: combine(u, cosine, w, sine), v: combine(v, cosineUp, away, sineUp), w: combine(away, cosineUp, v, -sineUp) };
 }
 
+/** With angles that can be written down. */
+const makeRoundView = (...angles) => makeView(...angles.map((angle) => Number(angle.toFixed(3))));
+
 function rotate(view, axis, degrees) {
   const [cosine, sine] = turnUnit(degrees);
   const turn = (a) => combine(combine(a, cosine, cross(axis, a), sine), 1, axis, dot(axis, a) * (1 - cosine));
@@ -93,7 +96,7 @@ const modes = ['maximum', 'minimum', 'mean'];
 function makeVolume(series, viewer) {
   verifyBrowser();
   const { volume } = series;
-  const { size: count, center, spacing: resolution } = volume;
+  const { size: count, center } = volume;
   const [i, j, k, start] = columnsOf(volume.toPhysical);
   const [u, v, w, middle] = columnsOf(volume.view);
   // views have the center of the volume in their middle
@@ -117,6 +120,11 @@ function makeVolume(series, viewer) {
   const across = Math.max(...corners.map(([x, y]) => Math.hypot(x, y)));
   const voxel = Math.min(...[i, j, k].map((axis) => Math.hypot(...axis)));
   const precision = Math.min(voxel, 0.1);
+  const decimals = clamp(Math.ceil(3 - Math.log10(voxel)), 4, 20);
+  // browsers have no memory for the pictures of a volume whose voxels are very long
+  const resolution = Math.max(volume.spacing, 2 * radius / 4096);
+  // a thinner slab can lie between the voxels of half the resolution
+  const thinnestCoarse = 4 * stretch * Math.max(...[i, j, k].map((axis) => Math.hypot(...axis)));
 
   /** Pixels along a direction of the first view, as many as put them on voxels and not between them. */
   const countPixels = (direction) => {
@@ -180,6 +188,7 @@ function makeVolume(series, viewer) {
   };
 
   const isExact = ({ exact, mode }) => exact && mode !== 'mean';
+  const mayBeCoarse = ({ mode, slab }) => mode === 'maximum' && (!slab || slab[1] - slab[0] >= thinnestCoarse);
 
   const makeRequest = (state, more) => ({
     view: [0, 1, 2].flatMap((n) => [state.view.u[n], state.view.v[n], state.view.w[n], center[n]]),
@@ -202,7 +211,7 @@ function makeVolume(series, viewer) {
       clicked = null;
       ask(request, (answer) => setPoint(state, request, answer));
     } else if (shown?.state !== wanted || (isAtRest && shown.isCoarse)) {
-      project(wanted, hasCoarse && isSlow && !isAtRest && wanted.mode === 'maximum');
+      project(wanted, hasCoarse && isSlow && !isAtRest && mayBeCoarse(wanted));
     } else if (isAtRest && isExact(wanted) && !shown.isExact) {
       projectExactly(wanted);
     } else if (warmUps.length > 0) {
@@ -298,8 +307,11 @@ function makeVolume(series, viewer) {
 
   // Text
 
+  // angles that are written as 0
+  const nearestSide = (view) => findSide(normalizeView(view), 9e-4);
+
   const describeView = (view) => {
-    const side = findSide(normalizeView(view), 1e-6);
+    const side = nearestSide(view);
     if (side) {
       return side[0].toUpperCase() + side.slice(1);
     }
@@ -326,7 +338,7 @@ function makeVolume(series, viewer) {
     element('view-name').textContent = describeView(view);
     element('mode-name').textContent = [describeMode(mode), isExact ? 'exact' : ''].filter(Boolean).join(', ');
     element('slab-name').textContent = slab ? describeSlab(slab) : '';
-    element('view').value = findSide(normalizeView(view), 1e-6) ?? '';
+    element('view').value = nearestSide(view) ?? '';
     const edges = [view.u.map((each) => -each), view.u, view.v.map((each) => -each), view.v];
     return {
       spoken: speakState(shown.state),
@@ -347,7 +359,7 @@ function makeVolume(series, viewer) {
     ['thickness', 'position'].forEach((name, n) => {
       for (const id of [`slab-${name}`, `slab-${name}-slider`]) {
         element(id).disabled = !wanted.slab;
-        element(id).value = wanted.slab ? Number(values[n].toFixed(4)) : '';
+        element(id).value = wanted.slab ? Number(values[n].toFixed(decimals)) : '';
       }
     });
   }
@@ -370,9 +382,7 @@ function makeVolume(series, viewer) {
     const [azimuth, elevation] = findAngles(view);
     const tilted = clamp(elevation + down, -90, 90);
     if (isSame(view, makeView(azimuth, elevation), 1e-6)) {
-      // angles that can be written down
-      const angles = [modulo(azimuth - right + 180, 360) - 180, tilted];
-      return makeView(...angles.map((angle) => Number(angle.toFixed(3))));
+      return makeRoundView(azimuth - right, tilted);
     }
     const turned = rotate(view, longAxis, -right);
     return rotate(turned, normalize(turned.u), elevation - tilted);
@@ -408,7 +418,7 @@ function makeVolume(series, viewer) {
     playing = performance.now();
     const tick = (now) => {
       const degrees = 360 * Math.max(now - playing, 0) / turnMilliseconds;
-      turnTo(isNamed ? makeView(azimuth + degrees, elevation) : rotate(view, longAxis, degrees));
+      turnTo(isNamed ? makeRoundView(azimuth + degrees, elevation) : rotate(view, longAxis, degrees));
       player = requestAnimationFrame(tick);
     };
     player = requestAnimationFrame(tick);
@@ -585,12 +595,14 @@ function makeVolume(series, viewer) {
       return;
     }
     const [program, input, ...options] = volume.command;
+    const ofMode = mode === windowed ? viewer.window : windows[mode]?.window;
     const line = [
       program, input, 'mip.png', ...options, ...ofView,
       ...(mode === 'maximum' ? [] : ['--mode', mode]),
       ...(slab ? ['--slab', ...slab] : []),
       ...(isExact(wanted) ? ['--exact'] : []),
-      '--size', width, height, '--output-spacing', resolution, '--window', ...viewer.window,
+      '--size', width, height, '--output-spacing', resolution,
+      ...(ofMode ? ['--window', ...ofMode] : []),
     ].map((word) => quote(String(word))).join(' ');
     try {
       await navigator.clipboard.writeText(line);

@@ -291,6 +291,12 @@ def test_picture_is_on_voxels(page):
     np.testing.assert_array_equal(values[y : y + 24, x : x + 36], voxels.max(axis=1)[::-1])
 
 
+def test_picture_of_very_long_voxels(page):
+    page.show(make_voxels(), np.diag([0.01, 0.01, 20.0]), spacing=0.01)
+    columns, rows, spacing = page.run("cine.picture.slice(0, 3)")
+    assert max(columns, rows) <= 4097 and columns * spacing > 600
+
+
 def test_drag_turns_about_the_long_axis(page):
     page.show()
     degrees = 180 / page.stage.rect["height"]
@@ -335,6 +341,14 @@ def test_trackball(page):
     page.settle()
     assert page.text("view-name").split("roll")[1] == roll
     page.check()
+
+
+def test_small_angle_has_a_name(page):
+    center = np.array(make_series(make_voxels())["volume"]["center"])
+    c, s = np.cos(6e-4), np.sin(6e-4)
+    matrix = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ ANTERIOR
+    page.show(view=np.column_stack([matrix, center]).tolist())
+    assert page.text("view-name") == "Anterior"
 
 
 def test_keys_turn(page):
@@ -503,6 +517,14 @@ def test_slab_by_number(page):
     page.screenshot("volume-box")
 
 
+def test_slab_of_a_small_volume(page):
+    page.show(make_voxels(), AXES * 1e-6, spacing=0.8e-6)
+    page.press("w")
+    page.element("slab").click()
+    near, far = slab_of(page)
+    assert float(page.element("slab-thickness").get_property("value")) == pytest.approx(far - near, rel=1e-3)
+
+
 def test_pick(page):
     page.show()
     click_bright(page)
@@ -645,20 +667,24 @@ def move(page):
     return is_coarse, page.decode(text)
 
 
+SLOW = """
+  const {get, set} = Object.getOwnPropertyDescriptor(Worker.prototype, 'onmessage');
+  Object.defineProperty(Worker.prototype, 'onmessage', {get, set(react) {
+    set.call(this, (event) => {
+      event.data.milliseconds &&= 99;
+      react(event);
+    });
+  }});
+"""
+"""Pictures seem to take long."""
+
+
 def test_slow_pictures_move_with_half_the_resolution(page, injected):
     """Of maxima, until they rest."""
     voxels = make_voxels()
     page.show(voxels)
     assert not move(page)[0]
-    injected("""
-      const {get, set} = Object.getOwnPropertyDescriptor(Worker.prototype, 'onmessage');
-      Object.defineProperty(Worker.prototype, 'onmessage', {get, set(react) {
-        set.call(this, (event) => {
-          event.data.milliseconds &&= 99;
-          react(event);
-        });
-      }});
-    """)
+    injected(SLOW)
     page.show(voxels)
     assert not page.run("cine.isCoarse")
     is_coarse, values = move(page)
@@ -675,6 +701,16 @@ def test_slow_pictures_move_with_half_the_resolution(page, injected):
     page.settle()
     assert not move(page)[0]
     page.check("--mode", "minimum")
+
+
+def test_thin_slab_moves_with_the_full_resolution(page, injected):
+    """Between voxels of half the resolution it would have holes."""
+    injected(SLOW)
+    page.show(make_voxels(), np.diag([1.0, 1.0, 1.0]), spacing=1.0, slab=[-3, 3])
+    assert move(page)[0]
+    page.press(*"," * 8)
+    page.settle()
+    assert not move(page)[0]
 
 
 def test_plays_a_turn(page):
@@ -694,6 +730,13 @@ def test_plays_a_turn(page):
     page.settle()
     assert page.text("view-name").endswith("CRA 5°")
     page.check()
+
+
+def test_plays_while_the_window_changes(page):
+    page.show()
+    page.press(" ")
+    page.drag(30, 30, MouseButton.RIGHT)
+    assert page.window != page.series["window"] and page.run("cine.playing")
 
 
 def test_one_request_at_a_time(page, injected):
@@ -755,6 +798,33 @@ def test_command(page, tmp_path, injected):
     page.press("c")
     assert page.text("message") == "No command alone makes this view: it needs a file of the transform"
     assert page.run("copied") == copied
+
+
+def test_command_after_playing(page, injected):
+    injected("navigator.clipboard.writeText = async (text) => { window.copied = text; }")
+    injected("""
+      const ask = window.requestAnimationFrame;
+      window.requestAnimationFrame = (react) => ask((now) => react(now + 1 / 3000));
+    """)
+    page.show()
+    page.press(" ")
+    page.wait("cine.view[4] > 0.2")
+    page.press(" ", "c")
+    page.wait("document.getElementById('message').textContent")
+    assert page.text("message") == "The command is copied" and "--azimuth" in page.run("copied")
+
+
+def test_command_before_the_picture_of_a_mode(page, injected):
+    """It does not have the window of another mode."""
+    injected("navigator.clipboard.writeText = async (text) => { window.copied = text; }")
+    page.show()
+    page.driver.execute_script("""
+      for (const key of ['m', 'c']) {
+        document.body.dispatchEvent(new KeyboardEvent('keydown', {key, bubbles: true}));
+      }
+    """)
+    page.wait("window.copied")
+    assert "--mode minimum" in page.run("copied") and "--window" not in page.run("copied")
 
 
 def test_reset(page):
