@@ -429,12 +429,12 @@ void
 SetDisplay(Product & product)
 {
   const Options & options = product.options;
-  if (options.rate && !product.stack.isSeries && !options.isPageOfVolume)
+  if (options.rate && !product.stack.isSeries)
   {
     throw std::runtime_error("--rate requires a series; see --frames");
   }
   const auto turn = static_cast<double>(CountFramesOfTurn(product.stack));
-  product.rate = options.rate.value_or(options.isPageOfVolume ? 12.0 : std::clamp(std::round(turn / 4.0), 5.0, 25.0));
+  product.rate = options.rate.value_or(std::clamp(std::round(turn / 4.0), 5.0, 25.0));
   if (const auto bounds = GetWindow(options))
   {
     product.window = WindowType(bounds->data());
@@ -575,10 +575,11 @@ std::string
 DescribePage(const Options & options, const Reduction & volume)
 {
   const auto         size = volume.image.image->GetLargestPossibleRegion().GetSize();
+  const double       megabytes = static_cast<double>(std::filesystem::file_size(options.output)) / 1e6;
   std::ostringstream text;
   text << '\'' << options.output << "' holds " << size[0] << " x " << size[1] << " x " << size[2] << " voxels of "
-       << options.pageBits.value_or(8) << " bits, " << std::setprecision(2)
-       << static_cast<double>(std::filesystem::file_size(options.output)) / 1e6 << " MB";
+       << options.pageBits.value_or(8) << " bits, " << std::fixed << std::setprecision(megabytes < 10.0 ? 1 : 0)
+       << megabytes << " MB";
   return text.str();
 }
 

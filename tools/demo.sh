@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Builds the program shear-warp-mip and shows what it does: six anatomical views, a turning series of 36 pictures
-# as an animation, as a page to turn and as a stack with the image's values, and a page that holds the volume. What is missing on
-# a Debian or Ubuntu machine is installed, as root or through sudo.
+# as an animation, as a page to turn and as a stack with the image's values, and a page that holds the volume. What
+# is missing on a Debian or Ubuntu machine is installed, as root or through sudo.
 #
 #   JOBS=<n>              parallel compile jobs                   [all cores]
 #   XDG_CACHE_HOME=<dir>  the cache is itk-shearwarpmip/ inside   [~/.cache]

@@ -86,7 +86,8 @@ WriteFramesPage(OutputFiles & files, const std::string & path, const Product & p
   series << std::setprecision(std::numeric_limits<double>::max_digits10);
   series << '{' << DescribeDisplay(product, scale, window) << ", \"width\": " << size[0] << ", \"height\": " << size[1]
          << ", \"spacing\": [" << grid.GetSpacing()[0] << ", " << grid.GetSpacing()[1] << "], \"origin\": ["
-         << grid.GetOrigin()[0] << ", " << grid.GetOrigin()[1] << "], \"loop\": " << Quote(stack.loop);
+         << grid.GetOrigin()[0] << ", " << grid.GetOrigin()[1] << "], \"rate\": " << product.rate
+         << ", \"loop\": " << Quote(stack.loop);
   const auto writeList = [&series](const std::string & name, const auto & values, const auto & print) {
     std::string separator = ", \"" + name + "\": [";
     for (const auto & value : values)

@@ -126,8 +126,7 @@ DescribeDisplay(const Product & product, const StoredScale & scale, const Window
   text << std::setprecision(std::numeric_limits<double>::max_digits10) << "\"title\": " << Quote(options.title)
        << ", \"bits\": " << scale.bits << ", \"slope\": " << scale.slope << ", \"intercept\": " << scale.intercept
        << ", \"background\": 0, \"inverted\": " << (isInverted ? "true" : "false") << ", \"window\": [" << window[0]
-       << ", " << window[1] << "], \"rate\": " << product.rate
-       << ", \"labels\": " << (options.isUnlabelled ? "false" : "true");
+       << ", " << window[1] << "], \"labels\": " << (options.isUnlabelled ? "false" : "true");
   return text.str();
 }
 

@@ -31,8 +31,20 @@
 
 namespace
 {
-/** No browser takes a longer text. */
+// browsers take no longer texts; WebAssembly has 4 GB, for the voxels and their transposed copy
 constexpr std::size_t mostCharacters = (std::size_t{ 1 } << 29) - 1024;
+constexpr std::size_t mostBytes = std::size_t{ 1 } << 31;
+
+void
+RequireAtMost(std::size_t most, std::size_t count)
+{
+  if (count > most)
+  {
+    throw std::runtime_error(
+      "the volume is too large for a page: browsers take 2 GB of voxels, and 512 MB of text; see "
+      "--page-volume-size, --page-bits and --crop");
+  }
+}
 
 /** Makes a text of bytes: base64 of gzip. */
 class PackedText
@@ -40,9 +52,9 @@ class PackedText
 public:
   PackedText()
   {
-    // 16: as gzip
-    if (deflateInit2(&m_Stream, Z_DEFAULT_COMPRESSION, Z_DEFLATED, MAX_WBITS + 16, MAX_MEM_LEVEL, Z_DEFAULT_STRATEGY) !=
-        Z_OK)
+    // the default level takes up to four times as long, for 2 %; 16: as gzip
+    constexpr int level = 4;
+    if (deflateInit2(&m_Stream, level, Z_DEFLATED, MAX_WBITS + 16, MAX_MEM_LEVEL, Z_DEFAULT_STRATEGY) != Z_OK)
     {
       throw std::bad_alloc();
     }
@@ -89,11 +101,7 @@ private:
         m_Packed.clear();
       }
     }
-    if (m_Text.size() > mostCharacters)
-    {
-      throw std::runtime_error("the volume is too large for a page: browsers take at most 512 MB; see "
-                               "--page-volume-size and --page-bits");
-    }
+    RequireAtMost(mostCharacters, m_Text.size());
   }
 
   z_stream    m_Stream{};
@@ -110,6 +118,7 @@ PackVoxels(const AnyImage & image, const StoredScale & scale)
     using PixelType = typename decltype(tag)::Type;
     auto &                     voxels = *CastImage<PixelType>(image).GetPixelContainer();
     std::vector<unsigned char> bytes;
+    RequireAtMost(mostBytes, voxels.Size() * scale.bits / 8);
     for (unsigned int shift = 0; shift < scale.bits; shift += 8)
     {
       constexpr std::size_t piece = 1 << 16;

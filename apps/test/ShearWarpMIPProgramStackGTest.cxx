@@ -315,41 +315,35 @@ TEST_F(ShearWarpMIPProgramStack, LeavesOutWhatIsNotKnown)
 TEST_F(ShearWarpMIPProgramStack, TakesOptionsOfOutputsOnly)
 {
   this->ExpectSuccess("large.nrrd turn.nrrd --frames 3");
-  const std::map<std::string, std::string> values = { { "--series", "1" },
-                                                      { "--volume", "1" },
-                                                      { "--view", "left" },
-                                                      { "--rotation-axis", "i" },
-                                                      { "--center", "1 2 3" },
-                                                      { "--page-bits", "16" },
-                                                      { "--output-spacing", "2" },
-                                                      { "--size", "9 9" },
-                                                      { "--oversampling", "2" },
-                                                      { "--window", "1 2" },
-                                                      { "--wl", "1 2" },
-                                                      { "--slab", "1 2" },
-                                                      { "--sliding-slab", "1 2" },
-                                                      { "--mode", "minimum" },
-                                                      { "--interpolation", "nearest" },
-                                                      { "--mask-label", "1" },
-                                                      { "--remove-label", "1" },
-                                                      { "--crop", "1 2 1 2 1 2" },
-                                                      { "--overlay-color", "hot" },
-                                                      { "--overlay-window", "1 2" },
-                                                      { "--opacity", "0.5" },
-                                                      { "--threads", "1" },
-                                                      { "--trust", "turn.nrrd" },
-                                                      { "--depth", "depth.nrrd" },
-                                                      { "--depth-color", "depth.png" },
+  const std::map<std::string, std::string> values = { { "--series", "1" },           { "--volume", "1" },
+                                                      { "--view", "left" },          { "--rotation-axis", "i" },
+                                                      { "--center", "1 2 3" },       { "--page-bits", "16" },
+                                                      { "--page-volume", "" },       { "--output-spacing", "2" },
+                                                      { "--size", "9 9" },           { "--oversampling", "2" },
+                                                      { "--window", "1 2" },         { "--wl", "1 2" },
+                                                      { "--slab", "1 2" },           { "--sliding-slab", "1 2" },
+                                                      { "--mode", "minimum" },       { "--interpolation", "nearest" },
+                                                      { "--mask-label", "1" },       { "--remove-label", "1" },
+                                                      { "--crop", "1 2 1 2 1 2" },   { "--overlay-color", "hot" },
+                                                      { "--overlay-window", "1 2" }, { "--opacity", "0.5" },
+                                                      { "--threads", "1" },          { "--trust", "turn.nrrd" },
+                                                      { "--depth", "depth.nrrd" },   { "--depth-color", "depth.png" },
                                                       { "--dicom-out", "series" } };
-  const std::map<std::string, std::string> needed = {
-    { "--rotation-axis", "--frames" },   { "--center", "--frames" },
-    { "--angular-range", "--frames" },   { "--rocking", "--frames" },
-    { "--elevations", "--frames" },      { "--mask-label", "--mask" },
-    { "--remove-label", "--mask" },      { "--overlay-series", "--overlay" },
-    { "--overlay-volume", "--overlay" }, { "--overlay-transform", "--overlay" },
-    { "--overlay-color", "--overlay" },  { "--overlay-window", "--overlay" },
-    { "--opacity", "--overlay" },        { "--multi-frame", "--dicom-out" }
-  };
+  const std::map<std::string, std::string> needed = { { "--rotation-axis", "--frames" },
+                                                      { "--center", "--frames" },
+                                                      { "--angular-range", "--frames" },
+                                                      { "--rocking", "--frames" },
+                                                      { "--elevations", "--frames" },
+                                                      { "--mask-label", "--mask" },
+                                                      { "--remove-label", "--mask" },
+                                                      { "--overlay-series", "--overlay" },
+                                                      { "--overlay-volume", "--overlay" },
+                                                      { "--overlay-transform", "--overlay" },
+                                                      { "--overlay-color", "--overlay" },
+                                                      { "--overlay-window", "--overlay" },
+                                                      { "--opacity", "--overlay" },
+                                                      { "--multi-frame", "--dicom-out" },
+                                                      { "--page-volume-size", "--page-volume" } };
   const std::set<std::string> program{ "--help",         "--help-all",     "--version",        "--write-phantom",
                                        "--phantom-size", "--write-volume", "--with-attributes" };
   const std::string           help = this->Run("--help-all").output;
@@ -382,13 +376,13 @@ TEST_F(ShearWarpMIPProgramStack, TakesOptionsOfOutputsOnly)
       fs::remove_all(m_Folder / "series");
       continue;
     }
-    const Result result = this->Run("turn.nrrd b." + std::string(name == "--in-place" ? "nrrd" : "png") + arguments);
+    const Result result = this->Run("turn.nrrd b." + std::string(name == "--in-place" ? "nrrd" : "html") + arguments);
     EXPECT_EQ(result.status, 1);
     EXPECT_NE(result.messages.find(" is not possible: 'turn.nrrd' has frames, which are not projected again\n"),
               std::string::npos)
       << result.messages;
   }
-  EXPECT_EQ(ofOutputs, 11u);
+  EXPECT_EQ(ofOutputs, 12u);
 }
 
 TEST_F(ShearWarpMIPProgramStack, IsRefusedWithWrongKeys)

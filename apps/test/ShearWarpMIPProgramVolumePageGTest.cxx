@@ -62,6 +62,13 @@ struct PageVolume
   std::vector<double>       values;
   std::vector<unsigned int> stored;
 
+  /** The index of voxel \a n. */
+  std::array<std::size_t, 3>
+  GetIndex(std::size_t n) const
+  {
+    return { { n % size[0], n / size[0] % size[1], n / (size[0] * size[1]) } };
+  }
+
   double
   At(std::size_t x, std::size_t y, std::size_t z) const
   {
@@ -250,9 +257,7 @@ TEST_F(ShearWarpMIPProgramVolumePage, BlocksAreWhatTheModeIs)
     ASSERT_EQ(volume.size, (itk::Size<3>{ { 4, 5, 4 } }));
     for (std::size_t n = 0; n < volume.values.size(); ++n)
     {
-      const std::size_t   x = n % 4;
-      const std::size_t   y = n / 4 % 5;
-      const std::size_t   z = n / 20;
+      const auto [x, y, z] = volume.GetIndex(n);
       std::vector<double> block;
       for (std::size_t k = 0; k < 72; ++k)
       {
@@ -325,9 +330,7 @@ TEST_F(ShearWarpMIPProgramVolumePage, LeavesOutWhatIsBesideMaskAndBox)
     ASSERT_EQ(volume.size, (itk::Size<3>{ { 10 + 2 * margin, 3 + 2 * margin, 4 + 2 * margin } }));
     for (std::size_t n = 0; n < volume.values.size(); ++n)
     {
-      const std::size_t x = n % volume.size[0];
-      const std::size_t y = n / volume.size[0] % volume.size[1];
-      const std::size_t z = n / (volume.size[0] * volume.size[1]);
+      const auto [x, y, z] = volume.GetIndex(n);
       const bool        isInside = x - margin < 10 && y - margin < 3 && z - margin < 4;
       const std::size_t place = ((z - margin + 5) * 30 + y - margin + 20) * 40 + x - margin + 10;
       EXPECT_EQ(volume.values[n], isInside ? static_cast<double>(place % 97 + 11) : 11.0) << x << ' ' << y << ' ' << z;
@@ -361,10 +364,9 @@ TEST_F(ShearWarpMIPProgramVolumePage, CropsObliqueVolumesInThePatientsSpace)
   std::size_t      inside = 0;
   for (std::size_t n = 0; n < volume.values.size(); ++n)
   {
-    const auto point = Place(volume.toPhysical,
-                             { { static_cast<double>(n % volume.size[0]),
-                                 static_cast<double>(n / volume.size[0] % volume.size[1]),
-                                 static_cast<double>(n / (volume.size[0] * volume.size[1])) } });
+    const auto [x, y, z] = volume.GetIndex(n);
+    const auto point =
+      Place(volume.toPhysical, { { static_cast<double>(x), static_cast<double>(y), static_cast<double>(z) } });
     const bool isInside =
       point[0] >= -12 && point[0] <= -4 && point[1] >= -9 && point[1] <= -1 && point[2] >= 4 && point[2] <= 12;
     EXPECT_EQ(volume.values[n], isInside ? 50 : 1) << n;
@@ -385,7 +387,6 @@ TEST_F(ShearWarpMIPProgramVolumePage, OpensWithTheGivenView)
     EXPECT_NE(frames.find(common), std::string::npos) << common;
     EXPECT_NE(volume.series.find(common), std::string::npos) << common;
   }
-  EXPECT_EQ(GetNumber(volume.series, "rate"), 12);
   const auto transform = this->MakeTransform(Direction::Anterior, 20.0, 10.0);
   const auto view = GetNumbers(volume.series, "view");
   ASSERT_EQ(view.size(), 12u);
@@ -407,9 +408,7 @@ TEST_F(ShearWarpMIPProgramVolumePage, OpensWithTheGivenView)
 
 TEST_F(ShearWarpMIPProgramVolumePage, OpensWithOtherSettings)
 {
-  const std::string series =
-    this->Make("in.nrrd --window 20 70 --rate 7 --exact --slab -3 inf --output-spacing 0.25").series;
-  EXPECT_EQ(GetNumber(series, "rate"), 7);
+  const std::string series = this->Make("in.nrrd --window 20 70 --exact --slab -3 inf --output-spacing 0.25").series;
   EXPECT_EQ(GetNumbers(series, "window"), (std::vector<double>{ 20, 70 }));
   EXPECT_NE(series.find("\"exact\": true"), std::string::npos);
   EXPECT_NE(series.find("\"spacing\": 0.25, \"whole\""), std::string::npos);
@@ -537,6 +536,7 @@ TEST_F(ShearWarpMIPProgramVolumePage, RefusesWhatItCannotHold)
   this->ExpectFailures("in.nrrd out.html --page-volume ",
                        { "--mode absolute-maximum", "--interpolation nearest" },
                        "--page-volume is not possible with --");
+  this->ExpectFailure("in.nrrd out.html --page-volume --rate 9", "--rate requires a series");
   this->ExpectFailure("in.nrrd out.html --page-volume --output-spacing 0.5 0.6", "the page's pixels are square");
   this->ExpectFailures(
     "in.nrrd --page-volume ", { "out.png", "out.nrrd", "out/" }, "--page-volume requires a page: .html");

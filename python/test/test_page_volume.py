@@ -96,7 +96,7 @@ def test_page_shows_what_mip_shows_of_blocks(sheared, mode, tmp_path):
 
 
 def test_bright_voxel_stays_within_half_a_block(sheared, tmp_path):
-    index = 29, 11, 7
+    index = 34, 14, 8
     sheared.SetPixel(index, 9999)
     write(sheared, tmp_path / "page.html", page_volume=True, page_volume_size=7, page_bits=16)
     series, stored = read_page(tmp_path / "page.html")
@@ -146,5 +146,5 @@ def test_wrong_options_are_refused(sheared, options, message, tmp_path):
 
 
 def test_turn_is_no_volume(sheared, tmp_path):
-    with pytest.raises(ValueError, match="page_volume is not possible: .* has frames, which are not projected again"):
+    with pytest.raises(ValueError, match=r"page_volume is not possible: .* has frames, which are not projected again"):
         turn(sheared, frames=2).save(tmp_path / "page.html", page_volume=True)
