@@ -331,13 +331,14 @@ public:
   void
   ProjectEdge(ColumnSpan span) const
   {
-    const auto [a, b, maskA, maskB, columns, position, y] = m_Row;
-    const std::ptrdiff_t edge = position.whole + (position.fraction > One / 2 ? columns : 0);
-    const std::ptrdiff_t i = Smaller(edge - position.whole, columns - 1);
-    const bool           hasEdge = edge >= span.begin && edge < span.end;
+    const SamplingPosition & position = m_Row.column;
+    const std::ptrdiff_t     edge = position.whole + (position.fraction > One / 2 ? m_Row.columns : 0);
+    const std::ptrdiff_t     i = Smaller(edge - position.whole, m_Row.columns - 1);
+    const bool               hasEdge = edge >= span.begin && edge < span.end;
     if (hasEdge && this->GetState(edge) == TileState::Whole)
     {
-      CallWithSampler<TPixel>(0, y, [&](const auto & sample) { this->Take(edge, sample(a, b, i, i)); });
+      CallWithSampler<TPixel>(
+        0, m_Row.y, [&](const auto & sample) { this->Take(edge, sample(m_Row.a, m_Row.b, i, i)); });
     }
     if (hasEdge && this->GetState(edge) == TileState::Masked)
     {
