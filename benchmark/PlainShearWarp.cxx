@@ -34,10 +34,13 @@ using ShearWarp::FractionBits;
 using ShearWarp::One;
 
 template <typename TPixel>
-using SumType = std::conditional_t<std::is_floating_point_v<TPixel>, TPixel, std::int32_t>;
+using SumType = std::conditional_t<std::is_floating_point_v<TPixel>,
+                                   TPixel,
+                                   std::conditional_t<(sizeof(TPixel) > 2), std::int64_t, std::int32_t>>;
 
 /** A function of a cell's four voxels. For integers it is equation 2, the sum in 1/2^15, which fits for pixels of up to
- * 16 bits because the weights sum to 2^15; for floating point, columns first, then rows. */
+ * 16 bits, and for these volumes in wider pixels, because the weights sum to 2^15; for floating point, columns first,
+ * then rows. */
 template <typename TPixel>
 auto
 MakeSampler(const ShearWarp::SlicePlacement & placement)
@@ -55,7 +58,7 @@ MakeSampler(const ShearWarp::SlicePlacement & placement)
   else
   {
     const ShearWarp::BilinearWeights weights(placement.column.fraction, placement.row.fraction);
-    return [weights](std::int32_t aa, std::int32_t ab, std::int32_t ba, std::int32_t bb) {
+    return [weights](SumType<TPixel> aa, SumType<TPixel> ab, SumType<TPixel> ba, SumType<TPixel> bb) {
       return weights.aa * aa + weights.ab * ab + weights.ba * ba + weights.bb * bb;
     };
   }

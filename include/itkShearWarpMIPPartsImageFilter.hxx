@@ -282,12 +282,11 @@ ShearWarpMIPPartsImageFilter<TInputImage>::GeneratePixels()
     const PartList list = this->VerifyParts(scene, rule);
     const auto     size = this->GetPictureSize();
     const auto     pixels = this->VerifyPixels(this->GetOutput(), size[0] * size[1]);
-    using DepthImageType = typename Superclass::DepthImageType;
-    typename DepthImageType::PixelContainerPointer depths;
-    ShearWarp::Picture<InputPixelType>             picture{ pixels->GetBufferPointer(), nullptr };
+    typename Superclass::DepthImageType::PixelContainerPointer depths;
+    ShearWarp::Picture<InputPixelType>                         picture{ pixels->GetBufferPointer(), nullptr };
     if (rule.hasDepth)
     {
-      const typename DepthImageType::Pointer output = this->GetDepthOutput();
+      const typename Superclass::DepthImageType::Pointer output = this->GetDepthOutput();
       if (output.IsNull())
       {
         itkExceptionMacro("Inputs and outputs must not change during an update.");

@@ -20,6 +20,7 @@
 #include "Values.h"
 #include "kernels/PixelTypes.h"
 
+#include <cmath>
 #include <cstring>
 
 namespace itk::ShearWarp
@@ -87,7 +88,7 @@ template <Mode VMode, typename TNumber>
 bool
 IsExactBetter(TNumber value, double place, TNumber other, double otherPlace)
 {
-  return other != other || IsBetter<VMode>(value, other) || (value == other && place < otherPlace);
+  return std::isnan(other) || IsBetter<VMode>(value, other) || (value == other && place < otherPlace);
 }
 } // namespace
 
@@ -187,8 +188,8 @@ PartRecords<TPixel>::Merge(const unsigned char * records, unsigned char * into, 
   if (m_Rule.isExact)
   {
     forEach([this](const unsigned char * record, unsigned char * other) {
-      ExactNumber<TPixel> value;
-      double              place;
+      ExactNumber<TPixel> value{};
+      double              place{};
       if (this->GetExact(record, value, place))
       {
         this->MergeExact(value, place, other);
@@ -291,8 +292,8 @@ template <typename TPixel>
 void
 PartRecords<TPixel>::MergeExact(ExactNumber<TPixel> value, double place, unsigned char * record) const
 {
-  ExactNumber<TPixel> other;
-  double              otherPlace;
+  ExactNumber<TPixel> other{};
+  double              otherPlace{};
   this->GetExact(record, other, otherPlace);
   this->CallWithMode([&](auto mode) {
     if (IsExactBetter<decltype(mode)::value>(value, m_Rule.hasDepth ? place : 0.0, other, otherPlace))
@@ -312,7 +313,7 @@ PartRecords<TPixel>::GetExact(const unsigned char * record, ExactNumber<TPixel> 
 {
   value = Load<ExactNumber<TPixel>>(record);
   place = m_Rule.hasDepth ? Load<double>(record + sizeof(value)) : 0.0;
-  return value == value;
+  return !std::isnan(value);
 }
 
 #define INSTANTIATE(TPixel) template class PartRecords<TPixel>;

@@ -88,7 +88,7 @@ DivideRounded(TInteger dividend, std::uint32_t divisor)
   const TInteger quotient = dividend / by;
   const TInteger rest = dividend % by;
   // the rest has the sign of the dividend
-  return quotient + (2 * rest >= by ? 1 : 0) - (rest < 0 && -2 * rest > by ? 1 : 0);
+  return quotient + (2 * rest >= by ? 1 : 0) - (rest < 0 && 2 * (by + rest) < by ? 1 : 0);
 }
 
 /** Returns the mean of \a count samples, rounded half upward to the pixel type. A mean of zero is +0. */

@@ -22,6 +22,7 @@
 
 #include <functional>
 #include <stdexcept>
+#include <utility>
 
 /** The engine as a filter drives it. */
 namespace
@@ -316,7 +317,7 @@ public:
       (n % 2 == 0 ? half : others).push_back(m_Parts[n]);
     }
     const auto region = EngineType::FindPart(m_Scene, m_Rule, GetWholeBox(m_Scene.volume));
-    m_Parts = others;
+    m_Parts = std::move(others);
     EngineType::MergeParts(m_Rule, half, region, this->Reserve(region), MakeThreads(2));
   }
 
