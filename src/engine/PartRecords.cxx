@@ -188,8 +188,8 @@ PartRecords<TPixel>::Merge(const unsigned char * records, unsigned char * into, 
   if (m_Rule.isExact)
   {
     forEach([this](const unsigned char * record, unsigned char * other) {
-      ExactNumber<TPixel> value{};
-      double              place{};
+      auto   value = ExactNumber<TPixel>{};
+      double place{};
       if (this->GetExact(record, value, place))
       {
         this->MergeExact(value, place, other);
@@ -292,8 +292,8 @@ template <typename TPixel>
 void
 PartRecords<TPixel>::MergeExact(ExactNumber<TPixel> value, double place, unsigned char * record) const
 {
-  ExactNumber<TPixel> other{};
-  double              otherPlace{};
+  auto   other = ExactNumber<TPixel>{};
+  double otherPlace{};
   this->GetExact(record, other, otherPlace);
   this->CallWithMode([&](auto mode) {
     if (IsExactBetter<decltype(mode)::value>(value, m_Rule.hasDepth ? place : 0.0, other, otherPlace))
