@@ -1200,7 +1200,7 @@ ShearWarpEngine<TPixel>::Implementation::WarpParts(const Scene &                
   image.ranking = GetRanking(factorization);
   image.hasGaps = hasGaps;
   image.isNearest = rule.interpolation == Interpolation::Nearest;
-  image.none = rule.mode == Mode::Minimum ? NoSample<TPixel, Extremum::Minimum> : NoSample<TPixel>;
+  image.none = ofRule.GetNone();
   m_Measurements.projectionSeconds = SecondsSince(start);
   this->WarpImage(image, factorization, picture);
 }

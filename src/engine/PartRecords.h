@@ -59,6 +59,10 @@ public:
     return !m_Rule.isExact && m_Rule.mode != Mode::Mean && !this->HasRanks();
   }
 
+  /** Returns the value of an extremum without a sample, which is never better than a sample. */
+  TPixel
+  GetNone() const;
+
   /** Makes \a count records that have no value. */
   void
   Clear(unsigned char * records, std::ptrdiff_t count) const;
@@ -90,10 +94,6 @@ public:
   GetExact(const unsigned char * record, ExactNumber<TPixel> & value, double & place) const;
 
 private:
-  /** Returns the value of an extremum without a sample, which is never better than a sample. */
-  TPixel
-  GetNone() const;
-
   /** Calls \a function with the mode of an extremum as a constant. */
   template <typename TFunction>
   void

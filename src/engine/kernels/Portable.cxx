@@ -315,12 +315,9 @@ SampleCounted(const TPixel * a,
   // floats use all four voxels, also if a weight is rounded to zero
   const unsigned int used =
     0b0001U | (x != 0 ? 0b0010U : 0U) | (y != 0 ? 0b0100U : 0U) | (x != 0 && y != 0 ? 0b1000U : 0U);
-  TPixel mean = WeightedMean(values, weights, sum);
-  if ((counted & used) == used)
-  {
-    CallWithSampler<TPixel>(x, y, [&](const auto & sample) { mean = sample(a, b, before, column); });
-  }
-  return mean;
+  return (counted & used) == used
+           ? CallWithSampler<TPixel>(x, y, [&](const auto & sample) { return sample(a, b, before, column); })
+           : WeightedMean(values, weights, sum);
 }
 
 /** Returns the rank of the intermediate pixel with the largest weight, or 0 if the place has no value. */

@@ -21,15 +21,15 @@
 /* From rows of slices to rows of intermediate images: the rule of itkShearWarpSampling.h as it is written, for all
  * pixel types. A compiler makes vectors of the loops over plain runs of samples. */
 
-/** \class CellSampler
+/** \class IntegerSampler
  * Interpolates between the four voxels of cells, at the same place of each, with a fraction along columns (VHasX) or
  * rows (VHasY). Integers of 64 bits are split into an upper and a lower part of 15 bits, so that no sum overflows. */
-template <typename TPixel, bool VHasX = true, bool VHasY = true>
-class CellSampler
+template <typename TPixel, bool VHasX, bool VHasY>
+class IntegerSampler
 {
 public:
-  CellSampler(std::int32_t x, std::int32_t y)
-    : CellSampler(x, y, (x * y + One / 2) >> FractionBits)
+  IntegerSampler(std::int32_t x, std::int32_t y)
+    : IntegerSampler(x, y, (x * y + One / 2) >> FractionBits)
   {}
 
   /** The two voxels before and in a column of rows \a a and \a b. */
@@ -64,7 +64,7 @@ private:
                                  std::uint64_t,
                                  std::conditional_t<(sizeof(TPixel) > 2), std::int64_t, std::int32_t>>;
 
-  CellSampler(std::int32_t x, std::int32_t y, std::int32_t aa)
+  IntegerSampler(std::int32_t x, std::int32_t y, std::int32_t aa)
     : m_AA(static_cast<Sum>(aa))
     , m_AB(static_cast<Sum>(y - aa))
     , m_BA(static_cast<Sum>(x - aa))
@@ -74,7 +74,8 @@ private:
   Sum m_AA, m_AB, m_BA, m_BB;
 };
 
-/** Floats: without a fraction, the voxels of weight zero are not used. */
+/** \class FloatCellSampler
+ * As IntegerSampler, for floats: without a fraction, the voxels of weight zero are not used. */
 template <typename TFloat, bool VHasX, bool VHasY>
 class FloatCellSampler
 {
@@ -98,23 +99,13 @@ private:
   TFloat m_X, m_Y;
 };
 
-template <bool VHasX, bool VHasY>
-class CellSampler<float, VHasX, VHasY> : public FloatCellSampler<float, VHasX, VHasY>
-{
-public:
-  using FloatCellSampler<float, VHasX, VHasY>::FloatCellSampler;
-};
+template <typename TPixel, bool VHasX, bool VHasY>
+using CellSampler =
+  std::conditional_t<IsFloat<TPixel>, FloatCellSampler<TPixel, VHasX, VHasY>, IntegerSampler<TPixel, VHasX, VHasY>>;
 
-template <bool VHasX, bool VHasY>
-class CellSampler<double, VHasX, VHasY> : public FloatCellSampler<double, VHasX, VHasY>
-{
-public:
-  using FloatCellSampler<double, VHasX, VHasY>::FloatCellSampler;
-};
-
-/** Calls \a function with the sampler for these fractions. */
+/** Returns what \a function returns for the sampler of these fractions. */
 template <typename TPixel, typename TFunction>
-void
+auto
 CallWithSampler(std::int32_t x, std::int32_t y, const TFunction & function)
 {
   if (x != 0)
@@ -156,30 +147,25 @@ public:
     TakeSample<VExtremum>(sample, m_Rank, m_Threshold, m_Pixels[p], m_Ranks ? m_Ranks + p : nullptr);
   }
 
-  /** Takes \a count samples from pixel \a p on, between column \a i of two rows and the column before. */
+  /** Whether TakeRun() is possible. */
+  bool
+  HasRuns() const
+  {
+    return !m_Threshold;
+  }
+
+  /** Takes \a count samples from pixel \a p on, of two rows from \a a and \a b on. */
   template <typename TSampler>
   void
-  TakeRun(std::ptrdiff_t   p,
-          std::ptrdiff_t   count,
-          const TSampler & sample,
-          const TPixel *   a,
-          const TPixel *   b,
-          std::ptrdiff_t   i) const
+  TakeRun(std::ptrdiff_t p, std::ptrdiff_t count, const TSampler & sample, const TPixel * a, const TPixel * b) const
   {
-    if (m_Threshold)
+    if (m_Ranks)
     {
-      for (std::ptrdiff_t n = 0; n < count; ++n)
-      {
-        this->Take(p + n, sample(a, b, i + n - 1, i + n));
-      }
-    }
-    else if (m_Ranks)
-    {
-      TakeRanked(m_Pixels + p, m_Ranks + p, m_Rank, count, sample, a + i, b + i);
+      TakeRanked(m_Pixels + p, m_Ranks + p, m_Rank, count, sample, a, b);
     }
     else
     {
-      TakePlain(m_Pixels + p, count, sample, a + i, b + i);
+      TakePlain(m_Pixels + p, count, sample, a, b);
     }
   }
 
@@ -243,28 +229,20 @@ public:
     AddSample(sample, m_Sums[p], m_CountSteps + p);
   }
 
+  /** A float may be no number, which is not counted. */
+  static constexpr bool
+  HasRuns()
+  {
+    return !IsFloat<TPixel>;
+  }
+
   /** As ExtremumRow. */
   template <typename TSampler>
   void
-  TakeRun(std::ptrdiff_t   p,
-          std::ptrdiff_t   count,
-          const TSampler & sample,
-          const TPixel *   a,
-          const TPixel *   b,
-          std::ptrdiff_t   i) const
+  TakeRun(std::ptrdiff_t p, std::ptrdiff_t count, const TSampler & sample, const TPixel * a, const TPixel * b) const
   {
-    if constexpr (IsFloat<TPixel>)
-    {
-      for (std::ptrdiff_t n = 0; n < count; ++n)
-      {
-        this->Take(p + n, sample(a, b, i + n - 1, i + n));
-      }
-    }
-    else
-    {
-      AddRun(m_Sums + p, count, sample, a + i, b + i);
-      CountSamples(m_CountSteps, p, p + count);
-    }
+    AddRun(m_Sums + p, count, sample, a, b);
+    CountSamples(m_CountSteps, p, p + count);
   }
 
 private:
@@ -351,14 +329,16 @@ private:
   TakeWhole(std::ptrdiff_t begin, std::ptrdiff_t end) const
   {
     const std::ptrdiff_t first = begin - m_Row.column.whole;
+    const TPixel * const a = m_Row.a + first;
+    const TPixel * const b = m_Row.b + first;
     CallWithSampler<TPixel>(m_Row.column.fraction, m_Row.y, [&](const auto & sample) {
-      if (!m_Fading)
+      if (!m_Fading && m_Pixels.HasRuns())
       {
-        return m_Pixels.TakeRun(begin, end - begin, sample, m_Row.a, m_Row.b, first);
+        return m_Pixels.TakeRun(begin, end - begin, sample, a, b);
       }
       for (std::ptrdiff_t n = 0; n < end - begin; ++n)
       {
-        this->Take(begin + n, sample(m_Row.a, m_Row.b, first + n - 1, first + n));
+        this->Take(begin + n, sample(a, b, n - 1, n));
       }
     });
   }
