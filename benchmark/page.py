@@ -16,7 +16,6 @@ A movement is lost if no picture shows it or a later one. Nothing is judged by i
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import platform
 import sys
@@ -25,14 +24,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from selenium.webdriver.common.actions.action_builder import ActionBuilder
+from drags import drag, run
 from selenium.webdriver.common.by import By
 from selenium.webdriver.support.ui import WebDriverWait
 
 sys.path.append(str(Path(__file__).parents[1] / "python" / "test"))
 import chromium
-
-MOVE_MILLISECONDS = 16
 
 STAGES = ("until it is asked for", "it is projected", "it is sent and drawn")
 
@@ -68,19 +65,6 @@ WATCH = """
     }
   })
 """
-
-
-def drag(driver: Any, stage: Any, generator: np.random.Generator) -> None:
-    actions = ActionBuilder(driver, duration=MOVE_MILLISECONDS)
-    mouse = actions.pointer_action
-    x, y = generator.integers(-150, 150, 2)
-    mouse.move_to(stage, int(x), int(y))
-    mouse.pointer_down()
-    right, down = generator.uniform(-12, 12), generator.uniform(-6, 6)
-    for n in range(1, 21):
-        mouse.move_to(stage, round(x + n * right), round(y + n * down))
-    mouse.pointer_up()
-    actions.perform()
 
 
 def measure(options: argparse.Namespace) -> dict[str, Any]:
@@ -137,17 +121,7 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("page", type=Path, help="a page that holds a volume")
-    parser.add_argument("--drags", type=int, default=100)
-    parser.add_argument("--window", type=int, nargs=2, default=(1000, 720), help="of the browser, in pixels")
-    parser.add_argument("--output", type=Path, help="JSON file")
-    parser.add_argument("--smoke", action="store_true", help="3 drags")
-    options = parser.parse_args()
-    if options.smoke:
-        options.drags = 3
-    results = json.dumps(measure(options), indent=2)
-    print(results)
-    if options.output:
-        options.output.write_text(results + "\n")
+    run(parser, measure, "3 drags")
 
 
 if __name__ == "__main__":

@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import argparse
 import io
-import json
 import os
 import platform
 import sys
@@ -28,16 +27,14 @@ from typing import Any
 
 import itk
 import numpy as np
+from drags import drag, run
 from itk_shearwarpmip import show
 from peer.volume import make_head
 from PIL import Image
-from selenium.webdriver.common.actions.action_builder import ActionBuilder
 from selenium.webdriver.common.by import By
 
 sys.path.append(str(Path(__file__).parents[1] / "python" / "test"))
 import chromium
-
-MOVE_MILLISECONDS = 16
 
 STAGES = (
     "the browser sends the event",
@@ -133,19 +130,6 @@ def take_screenshot(picture: Any) -> np.ndarray:
     return np.asarray(Image.open(io.BytesIO(picture.screenshot_as_png)).convert("RGB"))
 
 
-def drag(driver: Any, picture: Any, generator: np.random.Generator) -> None:
-    actions = ActionBuilder(driver, duration=MOVE_MILLISECONDS)
-    mouse = actions.pointer_action
-    x, y = generator.integers(-150, 150, 2)
-    mouse.move_to(picture, int(x), int(y))
-    mouse.pointer_down()
-    right, down = generator.uniform(-12, 12), generator.uniform(-6, 6)
-    for n in range(1, 21):
-        mouse.move_to(picture, round(x + n * right), round(y + n * down))
-    mouse.pointer_up()
-    actions.perform()
-
-
 def measure(options: argparse.Namespace) -> dict[str, Any]:
     viewer = show(options.volume or make_head((options.edge,) * 3).voxels, page={"no_browser": True}, block=False)
     record = Record(viewer)
@@ -208,17 +192,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--volume", help="image file; by default a made angiogram")
     parser.add_argument("--edge", type=int, default=512, help="voxels along each side of the made one")
-    parser.add_argument("--drags", type=int, default=100)
-    parser.add_argument("--window", type=int, nargs=2, default=(1000, 720), help="of the browser, in pixels")
-    parser.add_argument("--output", type=Path, help="JSON file")
-    parser.add_argument("--smoke", action="store_true", help="3 drags of 64 x 64 x 64 voxels")
-    options = parser.parse_args()
-    if options.smoke:
-        options.edge, options.drags = 64, 3
-    results = json.dumps(measure(options), indent=2)
-    print(results)
-    if options.output:
-        options.output.write_text(results + "\n")
+    run(parser, measure, "3 drags of 64 x 64 x 64 voxels", edge=64)
 
 
 if __name__ == "__main__":
