@@ -660,9 +660,15 @@ def move(page):
     is_coarse, text = page.driver.execute_async_script(f"""
       const [done] = arguments;
       const {{state}} = cine;
-      const look = () => (cine.state === state ? setTimeout(look) : done([cine.isCoarse, ({ENCODE})()]));
+      // at once when the picture is drawn, before a later one
+      const observer = new MutationObserver(() => {{
+        if (cine.state !== state) {{
+          observer.disconnect();
+          done([cine.isCoarse, ({ENCODE})()]);
+        }}
+      }});
+      observer.observe(document.querySelector('canvas'), {{attributes: true}});
       document.body.dispatchEvent(new KeyboardEvent('keydown', {{key: 'ArrowLeft', bubbles: true}}));
-      look();
     """)
     return is_coarse, page.decode(text)
 
@@ -671,7 +677,9 @@ SLOW = """
   const {get, set} = Object.getOwnPropertyDescriptor(Worker.prototype, 'onmessage');
   Object.defineProperty(Worker.prototype, 'onmessage', {get, set(react) {
     set.call(this, (event) => {
-      event.data.milliseconds &&= 99;
+      if ('milliseconds' in event.data) {
+        event.data.milliseconds = 99;
+      }
       react(event);
     });
   }});
