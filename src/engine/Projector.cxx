@@ -268,6 +268,7 @@ Projector<TPixel>::MakeBlocks() const -> std::vector<Rows>
   const bool           isLongRun = m_Slices.sliceStride > m_Slices.rowStride;
   const std::ptrdiff_t wanted = images > 1 || isOrdered ? CountBlocks(1 << 16, rowBytes)
                                 : isLongRun             ? CountBlocks(1 << 18, rowBytes)
+                                : m_HasRegion           ? 8 * BlockLength
                                                         : 2 * BlockLength;
   const std::ptrdiff_t fairShare = CountBlocks(allRows, 2 * static_cast<std::ptrdiff_t>(m_NumberOfWorkers));
   const std::ptrdiff_t blockRows = CountBlocks(std::min(wanted, fairShare)) * BlockLength;

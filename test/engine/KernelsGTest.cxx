@@ -900,14 +900,20 @@ TEST(ShearWarpKernels, ClippedColumnsAreThoseWhereTheFunctionIsWithinItsLimits)
     const double                          high = std::max(limits[0], limits[1]);
     const auto                            begin = static_cast<std::int32_t>(random.Integer(-9, 9));
     const itk::ShearWarp::ColumnSpan      span{ begin, begin + static_cast<std::int32_t>(random.Integer(0, 12)) };
-    const auto                            clipped = itk::ShearWarp::ClipColumns(function, low, high, row, slice, span);
-    for (std::int32_t column = span.begin; column < span.end; ++column)
+    constexpr std::ptrdiff_t              rows = 3;
+    itk::ShearWarp::ColumnSpan            clipped[rows] = { span, span, span };
+    itk::ShearWarp::ClipColumns({ function, low, high }, row, slice, rows, clipped);
+    for (std::ptrdiff_t n = 0; n < rows; ++n)
     {
-      const double value = function(column, row, slice);
-      ASSERT_EQ(column >= clipped.begin && column < clipped.end, value >= low && value <= high)
-        << "column " << column << " in repetition " << repeat;
+      const auto [first, last] = clipped[n];
+      ASSERT_TRUE(first >= last || (first >= span.begin && last <= span.end));
+      for (std::int32_t column = span.begin; column < span.end; ++column)
+      {
+        const double value = function(column, row + static_cast<double>(n), slice);
+        ASSERT_EQ(column >= first && column < last, value >= low && value <= high)
+          << "row " << n << ", column " << column << " in repetition " << repeat;
+      }
     }
-    ASSERT_TRUE(clipped.begin >= clipped.end || (clipped.begin >= span.begin && clipped.end <= span.end));
   }
 }
 

@@ -180,16 +180,16 @@ struct IntermediateImage
   TPixel               none{ NoSample<TPixel> };
 };
 
-/** Returns the columns of \a span where \a low <= function <= \a high, for a row and a slice. */
-ShearWarpMIP_EXPORT ColumnSpan
-ClipColumns(const ShearedFunction & function, double low, double high, double row, double slice, ColumnSpan span);
-
 /** Samples count where low <= function <= high. */
 struct Interval
 {
   ShearedFunction function{};
   double          low{ 0 }, high{ 0 };
 };
+
+/** Keeps of \a spans, which belong to \a rows rows from \a row on, the columns in the interval. */
+ShearWarpMIP_EXPORT void
+ClipColumns(const Interval & interval, double row, double slice, std::ptrdiff_t rows, ColumnSpan * spans);
 
 /** Samples count in a view where they count in all intervals. The intervals are of the whole volume, in which an
  * image's first column and row, and a stack's first slice, are `first`. */
@@ -202,9 +202,20 @@ struct Region
   ShearWarpMIP_EXPORT bool
   MayReach(ColumnSpan columns, RowSpan rows, std::ptrdiff_t slice) const;
 
-  /** Returns the columns of a row of a slice where samples count. */
-  ShearWarpMIP_EXPORT ColumnSpan
-  Clip(ColumnSpan columns, std::ptrdiff_t row, std::ptrdiff_t slice) const;
+  /** Finds the columns of each row of a slice where samples count. Returns false if none count. */
+  ShearWarpMIP_EXPORT bool
+  Clip(ColumnSpan columns, RowSpan rows, std::ptrdiff_t slice, ColumnSpan * spans) const;
+
+private:
+  enum class Overlap
+  {
+    None,
+    Part,
+    All
+  };
+
+  Overlap
+  FindOverlap(const Interval & interval, ColumnSpan columns, RowSpan rows, std::ptrdiff_t slice) const;
 };
 
 /** A view's region, and the pixels that have met a sample in the region. */
@@ -215,9 +226,10 @@ struct Coverage
   std::ptrdiff_t rowStride{ 0 };
   ColumnSpan *   known{ nullptr }; // for each row, some columns that are marked
 
-  /** Returns the columns of a row where a sample of the slice is in the region, and marks them if there are marks. */
-  ShearWarpMIP_EXPORT ColumnSpan
-  Add(ColumnSpan columns, std::ptrdiff_t row, std::ptrdiff_t slice) const;
+  /** Finds the columns of each row where a sample of the slice is in the region, and marks them if there are marks.
+   * Returns false if there are none. */
+  ShearWarpMIP_EXPORT bool
+  Add(ColumnSpan columns, RowSpan rows, std::ptrdiff_t slice, ColumnSpan * spans) const;
 };
 
 /** The type of a rank while samples are collected: as wide as a lane of the pixels. Among equal samples the lowest rank

@@ -424,9 +424,9 @@ ProjectSlice(const SliceStack<TPixel> &  stack,
     {
       fading = view.fading->GetRow(row.whole + j, slice, reached);
     }
-    if (view.coverage.region)
+    if (view.coverage.region && !view.coverage.Add(reached, { row.whole + j, row.whole + j + 1 }, slice, &reached))
     {
-      reached = view.coverage.Add(reached, row.whole + j, slice);
+      continue;
     }
     const RowProjector<TPixelRow, TPixel> projector({ getRow(stack, a),
                                                       getRow(stack, b),

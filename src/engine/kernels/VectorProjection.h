@@ -71,6 +71,8 @@ public:
 
 private:
   static constexpr std::int32_t HalfVoxel = 1 << 14;
+  /** With more parts, the fetched rows and the pixels do not fit into the first cache. */
+  static constexpr std::ptrdiff_t PartsOfSlice = 2;
 
   PlacedSlice
   Place(std::ptrdiff_t slice) const
@@ -178,8 +180,9 @@ private:
   {
     if (m_View.coverage.region)
     {
-      const ColumnSpan span = m_View.coverage.Add(GetColumns(column, column + 1), row, m_Slice);
-      if (span.begin == span.end)
+      ColumnSpan span;
+      if (!m_View.coverage.Add(GetColumns(column, column + 1), { row, row + 1 }, m_Slice, &span) ||
+          span.begin == span.end)
       {
         return;
       }
@@ -288,7 +291,7 @@ private:
     const std::ptrdiff_t firstTile = (rowBegin - m_Grid + BlockLength) / BlockLength - 1;
     const std::ptrdiff_t lastTile = (rowEnd - 1 - m_Grid) / BlockLength + 1;
     const bool           isLongRun = m_Stack.sliceStride > m_Stack.rowStride;
-    const std::ptrdiff_t streams = isLongRun && tiles.count == 1 ? Prefetcher::MaximumStreams : 1;
+    const std::ptrdiff_t streams = isLongRun && tiles.count == 1 ? PartsOfSlice : 1;
     const std::ptrdiff_t length = (lastTile - firstTile + streams - 1) / streams;
     const std::ptrdiff_t steps = (tiles.end - tiles.begin) / LaneCount<TPixel> + 1;
     if (tiles.count > 1)
@@ -400,17 +403,16 @@ private:
   void
   ProjectClippedTiles(TileRow<TPixel> tiles) const
   {
-    if (!this->IsInRegion({ tiles.row, tiles.row + tiles.rows, tiles.begin, tiles.end }))
+    const ColumnSpan all = GetColumns(tiles.begin, tiles.end);
+    ColumnSpan       spans[BlockLength];
+    if (!m_View.coverage.Add(all, { tiles.row, tiles.row + tiles.rows }, m_Slice, spans))
     {
       return;
     }
-    const ColumnSpan all = GetColumns(tiles.begin, tiles.end);
-    ColumnSpan       spans[BlockLength];
-    ColumnSpan       common = all;
-    ColumnSpan       any{ all.end, all.begin };
+    ColumnSpan common = all;
+    ColumnSpan any{ all.end, all.begin };
     for (int r = 0; r < tiles.rows; ++r)
     {
-      spans[r] = m_View.coverage.Add(all, tiles.row + r, m_Slice);
       common = { Larger(common.begin, spans[r].begin), Smaller(common.end, spans[r].end) };
       const bool isEmpty = spans[r].begin == spans[r].end;
       any = isEmpty ? any : ColumnSpan{ Smaller(any.begin, spans[r].begin), Larger(any.end, spans[r].end) };

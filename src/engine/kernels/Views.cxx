@@ -79,76 +79,95 @@ ShearedFunction::operator()(double column, double row, double slice) const
   return perColumn * column + ((perRow * row + perSlice * slice) + constant);
 }
 
-ColumnSpan
-ClipColumns(const ShearedFunction & function, double low, double high, double row, double slice, ColumnSpan span)
+void
+ClipColumns(const Interval & interval, double row, double slice, std::ptrdiff_t rows, ColumnSpan * spans)
 {
-  // the function is monotonic in the column, with rounding too
-  const double rest = function(0.0, row, slice);
-  const auto   getValue = [&](std::int32_t column) { return function.perColumn * column + rest; };
-  if (span.begin >= span.end)
+  // a function that falls along the columns becomes one that rises
+  const auto & function = interval.function;
+  const bool   falls = function.perColumn < 0;
+  const double perColumn = std::abs(function.perColumn);
+  const double limits[] = { falls ? -interval.high : interval.low, falls ? -interval.low : interval.high };
+  const double perValue = 1 / perColumn;
+  for (std::ptrdiff_t n = 0; n < rows; ++n)
   {
-    return span;
+    const double atZero = function(0.0, row + static_cast<double>(n), slice);
+    const double rest = falls ? -atZero : atZero;
+    const auto   getValue = [=](double column) { return perColumn * column + rest; };
+    const auto   begin = static_cast<double>(spans[n].begin);
+    const auto   end = static_cast<double>(spans[n].end);
+    // the function is monotonic in the column, with rounding too; the search begins near the column where it has the
+    // value
+    const auto findFirst = [=](double limit, const auto & isReached) {
+      const double guess = (limit - rest) * perValue;
+      const double inside = guess > begin ? (guess < end ? guess : end) : begin;
+      const auto   whole = static_cast<double>(static_cast<std::int32_t>(inside));
+      double       first = whole < inside ? whole + 1 : whole;
+      for (; first > begin && isReached(getValue(first - 1)); --first)
+      {
+      }
+      for (; first < end && !isReached(getValue(first)); ++first)
+      {
+      }
+      return first;
+    };
+    const double first = findFirst(limits[0], [=](double value) { return value >= limits[0]; });
+    const double last = findFirst(limits[1], [=](double value) { return value > limits[1]; });
+    spans[n] = { static_cast<std::int32_t>(first), static_cast<std::int32_t>(std::max(first, last)) };
   }
-  const auto [lowest, highest] = std::minmax({ getValue(span.begin), getValue(span.end - 1) });
-  if (lowest >= low && highest <= high)
-  {
-    return span;
-  }
-  if (!(highest >= low && lowest <= high))
-  {
-    return { span.begin, span.begin };
-  }
-  // the search begins near the column where the function has the value
-  const auto findFirst = [&](double value, const auto & isReached) {
-    const double guess = (value - rest) / function.perColumn;
-    auto         first = guess > span.begin ? static_cast<std::int32_t>(std::min<double>(guess, span.end)) : span.begin;
-    for (; first > span.begin && isReached(first - 1); --first)
-    {
-    }
-    for (; first < span.end && !isReached(first); ++first)
-    {
-    }
-    return first;
-  };
-  if (function.perColumn >= 0)
-  {
-    return { findFirst(low, [&](std::int32_t column) { return getValue(column) >= low; }),
-             findFirst(high, [&](std::int32_t column) { return getValue(column) > high; }) };
-  }
-  return { findFirst(high, [&](std::int32_t column) { return getValue(column) <= high; }),
-           findFirst(low, [&](std::int32_t column) { return getValue(column) < low; }) };
 }
 
-bool
-Region::MayReach(ColumnSpan columns, RowSpan rows, std::ptrdiff_t slice) const
+/** Returns whether samples of these columns and rows of a slice are in the interval. */
+Region::Overlap
+Region::FindOverlap(const Interval & interval, ColumnSpan columns, RowSpan rows, std::ptrdiff_t slice) const
 {
   const auto   position = static_cast<double>(first.slice + slice);
   const double outerColumns[] = { static_cast<double>(first.column + columns.begin),
                                   static_cast<double>(first.column + columns.end - 1) };
   const double outerRows[] = { static_cast<double>(first.row + rows.begin),
                                static_cast<double>(first.row + rows.end - 1) };
+  // the function is monotonic in column and row, with rounding too
+  const auto & function = interval.function;
+  const bool   falls = function.perColumn < 0;
+  const bool   fallsAlongRows = function.perRow < 0;
+  const double lowest = function(outerColumns[falls], outerRows[fallsAlongRows], position);
+  const double highest = function(outerColumns[!falls], outerRows[!fallsAlongRows], position);
+  if (lowest >= interval.low && highest <= interval.high)
+  {
+    return Overlap::All;
+  }
+  return highest >= interval.low && lowest <= interval.high ? Overlap::Part : Overlap::None;
+}
+
+bool
+Region::MayReach(ColumnSpan columns, RowSpan rows, std::ptrdiff_t slice) const
+{
   return std::all_of(intervals.begin(), intervals.end(), [&](const Interval & interval) {
-    // the function is monotonic in column and row, with rounding too
-    const auto & function = interval.function;
-    const bool   falls = function.perColumn < 0;
-    const bool   fallsAlongRows = function.perRow < 0;
-    const double lowest = function(outerColumns[falls], outerRows[fallsAlongRows], position);
-    const double highest = function(outerColumns[!falls], outerRows[!fallsAlongRows], position);
-    return highest >= interval.low && lowest <= interval.high;
+    return this->FindOverlap(interval, columns, rows, slice) != Overlap::None;
   });
 }
 
-ColumnSpan
-Region::Clip(ColumnSpan columns, std::ptrdiff_t row, std::ptrdiff_t slice) const
+bool
+Region::Clip(ColumnSpan columns, RowSpan rows, std::ptrdiff_t slice, ColumnSpan * spans) const
 {
-  const auto shift = static_cast<std::int32_t>(first.column);
-  columns = { columns.begin + shift, columns.end + shift };
-  for (const auto & [function, low, high] : intervals)
+  const std::ptrdiff_t count = rows.end - rows.begin;
+  const auto           shift = static_cast<std::int32_t>(first.column);
+  const auto           row = static_cast<double>(first.row + rows.begin);
+  const auto           position = static_cast<double>(first.slice + slice);
+  std::fill_n(spans, count, ColumnSpan{ columns.begin + shift, columns.end + shift });
+  for (const Interval & interval : intervals)
   {
-    columns = ClipColumns(
-      function, low, high, static_cast<double>(first.row + row), static_cast<double>(first.slice + slice), columns);
+    const Overlap overlap = this->FindOverlap(interval, columns, rows, slice);
+    if (overlap == Overlap::None)
+    {
+      return false;
+    }
+    if (overlap == Overlap::Part)
+    {
+      ClipColumns(interval, row, position, count, spans);
+    }
   }
-  return { columns.begin - shift, columns.end - shift };
+  std::for_each(spans, spans + count, [shift](ColumnSpan & span) { span = { span.begin - shift, span.end - shift }; });
+  return true;
 }
 
 ReachedRow
@@ -163,22 +182,25 @@ FindReached(const std::int32_t * ranks, std::ptrdiff_t columns)
            !std::all_of(begin, end, hasValue) };
 }
 
-ColumnSpan
-Coverage::Add(ColumnSpan columns, std::ptrdiff_t row, std::ptrdiff_t slice) const
+bool
+Coverage::Add(ColumnSpan columns, RowSpan rows, std::ptrdiff_t slice, ColumnSpan * spans) const
 {
-  const ColumnSpan span = region->Clip(columns, row, slice);
-  if (!marks)
+  if (!region->Clip(columns, rows, slice, spans))
   {
-    return span;
+    return false;
   }
-  ColumnSpan & marked = known[row];
-  if (span.begin < span.end && (span.begin < marked.begin || span.end > marked.end))
+  for (std::ptrdiff_t row = rows.begin; marks && row < rows.end; ++row)
   {
-    std::memset(marks + row * rowStride + span.begin, 1, static_cast<std::size_t>(span.end - span.begin));
-    const bool areJoined = span.begin <= marked.end && span.end >= marked.begin;
-    marked = areJoined ? ColumnSpan{ std::min(span.begin, marked.begin), std::max(span.end, marked.end) } : span;
+    const ColumnSpan span = spans[row - rows.begin];
+    ColumnSpan &     marked = known[row];
+    if (span.begin < span.end && (span.begin < marked.begin || span.end > marked.end))
+    {
+      std::memset(marks + row * rowStride + span.begin, 1, static_cast<std::size_t>(span.end - span.begin));
+      const bool areJoined = span.begin <= marked.end && span.end >= marked.begin;
+      marked = areJoined ? ColumnSpan{ std::min(span.begin, marked.begin), std::max(span.end, marked.end) } : span;
+    }
   }
-  return span;
+  return true;
 }
 
 double
@@ -242,10 +264,11 @@ ViewFading<TPixel>::GetRow(std::ptrdiff_t row, std::ptrdiff_t slice, ColumnSpan 
   constexpr double infinity = std::numeric_limits<double>::infinity();
   const auto       y = static_cast<double>(row);
   const auto       z = static_cast<double>(firstSlice + slice);
-  const ColumnSpan behind = ClipColumns(depth, fading.begin, infinity, y, z, reached);
-  const bool       isFirstNearest = depth.perColumn >= 0;
-  const auto       count = static_cast<std::int32_t>(factors.size() - 2 * FadePadding);
-  const auto       nearest = isFirstNearest ? behind.begin : behind.end - 1;
+  ColumnSpan       behind = reached;
+  ClipColumns({ depth, fading.begin, infinity }, y, z, 1, &behind);
+  const bool   isFirstNearest = depth.perColumn >= 0;
+  const auto   count = static_cast<std::int32_t>(factors.size() - 2 * FadePadding);
+  const auto   nearest = isFirstNearest ? behind.begin : behind.end - 1;
   const double factor = behind.begin == behind.end ? 1.0 : Decay(fading.rate * (depth(nearest, y, z) - fading.begin));
   return { behind,
            isFirstNearest ? nearest : behind.end - count,
