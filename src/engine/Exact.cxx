@@ -211,6 +211,11 @@ private:
   std::vector<PatchState>
   EvaluateGuesses(Extremum extremum, Extrema & extrema);
 
+  /** Evaluates all segments of rays that have no value yet: in a part, a guess may be where the part has no cell, and
+   * the search finds only what is better than the worst voxel of the pixel type. */
+  void
+  EvaluateMissed(const RayPatch<TPixel> & patch);
+
   /** Returns whether a cube that the patch's rays may meet between slices \a first and \a last has a better voxel than
    * \a least. */
   bool
@@ -411,6 +416,28 @@ RaySearch<TPixel>::EvaluateGuesses(Extremum extremum, Extrema & extrema) -> std:
 }
 
 template <typename TPixel>
+void
+RaySearch<TPixel>::EvaluateMissed(const RayPatch<TPixel> & patch)
+{
+  m_Segments.clear();
+  for (std::int32_t ray = patch.cellBegins[0]; ray < patch.cellBegins[CellsInPatch]; ++ray)
+  {
+    if (patch.best[ray] == -std::numeric_limits<Number>::infinity())
+    {
+      const auto last = std::min(static_cast<std::int32_t>(std::floor(m_End[ray])), m_Search.GetLastSlice());
+      for (auto slice = static_cast<std::int32_t>(std::floor(m_Begin[ray])); slice <= last; ++slice)
+      {
+        m_Segments.push_back({ ray, std::max(slice, m_Search.GetFirstSlice()) });
+      }
+    }
+  }
+  if (!m_Segments.empty())
+  {
+    m_Search.kernels.evaluateSegments(m_View, patch, m_Segments.data(), m_Segments.size());
+  }
+}
+
+template <typename TPixel>
 bool
 RaySearch<TPixel>::MayBeBetter(const RayPatch<TPixel> & patch,
                                TPixel                   least,
@@ -480,6 +507,13 @@ RaySearch<TPixel>::FindExtrema(Extremum extremum, Extrema & extrema)
       {
         least = m_Search.kernels.searchLayer(m_View, patch, first, last);
       }
+    }
+  }
+  for (const PatchState & state : patches)
+  {
+    if (m_Search.records)
+    {
+      this->EvaluateMissed(state.patch);
     }
   }
 }

@@ -533,6 +533,38 @@ TYPED_TEST(ShearWarpEngineTyped, PartsGiveTheBitsOfTheWhole)
   }
 }
 
+/** No voxel is better than "no value" then. The background differs. */
+TEST(ShearWarpEngine, ExactPartsMayHaveTheWorstValueAlone)
+{
+  Random random(613);
+  for (const Mode mode : { Mode::Maximum, Mode::Minimum, Mode::AbsoluteMaximum })
+  {
+    const auto                  worst = mode == Mode::Minimum ? std::numeric_limits<short>::max() : NoSample<short>;
+    const auto                  volume = MakeVolume<short>({ 7, 5, 17 }, worst);
+    itk::ShearWarpEngine<short> engine;
+    ProjectionRule<short>       rule;
+    rule.mode = mode;
+    rule.isExact = true;
+    rule.background = 7;
+    for (const AffineMap3D & view : MakeTestViews())
+    {
+      const Scene          scene = MakeScene(volume, { view }, 0.31);
+      const auto           expected = Project(engine, scene, rule, MakeThreads(1), volume);
+      std::vector<short>   pixels(expected.pixels.size());
+      PartsOfVolume<short> parts(scene, rule);
+      for (const VoxelBox & box : DrawParts(random, volume.box, 1, 3))
+      {
+        parts.Add(engine, CopyPart(volume, box));
+      }
+      engine.WarpParts(scene, rule, parts.Get(), { pixels.data(), nullptr }, MakeThreads(1));
+      EXPECT_EQ(pixels, expected.pixels) << mode;
+      Scene slabs = scene;
+      slabs.slabs = 3;
+      EXPECT_TRUE(Project(engine, slabs, rule, MakeThreads(1), volume) == expected) << mode;
+    }
+  }
+}
+
 TEST(ShearWarpEngine, DataWithinHalfTheRangeAndBeyondGiveTheSameBits)
 {
   Random random(604);
