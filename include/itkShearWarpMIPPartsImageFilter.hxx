@@ -154,13 +154,15 @@ ShearWarpMIPPartsImageFilter<TInputImage>::DescribeIntermediateImage(const Shear
     text << (rule.hasDepth ? ", depth" : "") << ", slab " << rule.slabNear << ' ' << rule.slabFar << ", crop";
     write(rule.cropLower);
     write(rule.cropUpper);
-    text << ", view";
-    const ShearWarp::AffineMap3D & view = scene.views.front();
-    for (const auto & row : view.matrix)
+    text << ", view and volume";
+    for (const ShearWarp::AffineMap3D & map : { scene.views.front(), scene.volume.indexToPhysical })
     {
-      write(row);
+      for (const auto & row : map.matrix)
+      {
+        write(row);
+      }
+      write(map.offset);
     }
-    write(view.offset);
   }
   if (rule.isExact)
   {

@@ -500,6 +500,31 @@ TEST_F(ShearWarpMIPParts, ProjectionsByAnotherRuleAreAnError)
                 [](PartsFilterType * filter) { filter->SetSize({ { 5, 5 } }); });
 }
 
+/** Where the volume lies matters to limits and to exact rays, even if the shear stays the same. */
+TEST_F(ShearWarpMIPParts, ProjectionsOfAnotherInputGeometryAreAnError)
+{
+  const std::function<void(PartsFilterType *)> changes[] = { [](PartsFilterType * filter) { filter->SetSlabFar(9); },
+                                                             [](PartsFilterType * filter) {
+                                                               filter->SetCropLower(PointType(-9.0));
+                                                             },
+                                                             [](PartsFilterType * filter) {
+                                                               filter->ExactOn();
+                                                               filter->SetSize({ { 50, 50 } });
+                                                               filter->SetOutputSpacing(itk::Vector<double, 2>(1.0));
+                                                               filter->SetOutputOrigin(itk::Point<double, 2>(0.0));
+                                                             } };
+  for (const auto & change : changes)
+  {
+    const auto filter = MakePartsFilterOf<short>(m_Image, m_View);
+    change(filter);
+    filter->AddPart(filter->ProjectPart(m_Image));
+    const auto moved = MakeOutline(m_Image.GetPointer());
+    moved->SetOrigin(m_Image->GetOrigin() + itk::Vector<double, 3>(2.0));
+    filter->SetInput(moved);
+    EXPECT_NAMES(filter->Update(), "The projection of part 1 must be of the filter's parameters and input geometry");
+  }
+}
+
 TEST_F(ShearWarpMIPParts, APointIsThatOfTheWhole)
 {
   const auto whole = MakeFilter(m_Image, m_View);
