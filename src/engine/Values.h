@@ -57,7 +57,7 @@ IsMagnitudeLarger(TPixel minimum, TPixel maximum)
   return false;
 }
 
-/** Adds a sum of other samples. */
+/** Adds a sum of other samples. A sum that overflows, as records of a file may, is wrong but defined. */
 template <typename TSum>
 void
 Merge(TSum & sum, const TSum & other)
@@ -70,8 +70,13 @@ Merge(TSum & sum, const TSum & other)
   }
   else if constexpr (std::is_class_v<TSum>)
   {
-    sum.upper += other.upper;
-    sum.lower += other.lower;
+    Merge(sum.upper, other.upper);
+    Merge(sum.lower, other.lower);
+  }
+  else if constexpr (std::is_integral_v<TSum>)
+  {
+    using Unsigned = std::make_unsigned_t<TSum>;
+    sum = static_cast<TSum>(static_cast<Unsigned>(sum) + static_cast<Unsigned>(other));
   }
   else
   {
@@ -111,7 +116,7 @@ GetMean(const SampleSum<TPixel> & sum, std::uint32_t count)
     const auto   divisor = static_cast<TPixel>(count);
     const TPixel toZero = sum.upper / divisor;
     const TPixel quotient = toZero - (sum.upper < toZero * divisor ? 1 : 0);
-    const auto   rest = static_cast<std::uint64_t>(sum.upper - quotient * divisor);
+    const auto   rest = static_cast<std::uint64_t>(sum.upper) - static_cast<std::uint64_t>(quotient) * count;
     const auto   lower = DivideRounded<std::uint64_t>((rest << 32) + sum.lower, count);
     return static_cast<TPixel>((static_cast<std::uint64_t>(quotient) << 32) + lower);
   }
@@ -119,7 +124,8 @@ GetMean(const SampleSum<TPixel> & sum, std::uint32_t count)
   {
     // the distance from the lowest number is not negative; doubles hold it exactly, and the quotient's integer part
     constexpr std::int32_t lowest = std::numeric_limits<TPixel>::lowest();
-    const double           distance = static_cast<double>(sum) - static_cast<double>(lowest) * count;
+    constexpr double       most = std::numeric_limits<TPixel>::max() - lowest;
+    const double distance = std::min(static_cast<double>(sum) - static_cast<double>(lowest) * count, most * count);
     return static_cast<TPixel>(lowest + static_cast<std::int32_t>((distance + 0.5 * count) / count));
   }
   else

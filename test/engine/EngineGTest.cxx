@@ -533,6 +533,47 @@ TYPED_TEST(ShearWarpEngineTyped, PartsGiveTheBitsOfTheWhole)
   }
 }
 
+/** Records of a file can be anything. Sanitizers tell if arithmetic goes wrong. */
+TYPED_TEST(ShearWarpEngineTyped, AnyRecordsGiveAPicture)
+{
+  using EngineType = itk::ShearWarpEngine<TypeParam>;
+  Random     random(614);
+  const auto volume = MakeRandomVolume<TypeParam>(random, { 9, 8, 7 });
+  const auto scene = MakeScene(volume, { MakeTurn(0.3, 0.5, 0.1) });
+  for (const Change<TypeParam> & change : Features<TypeParam>)
+  {
+    for (const Mode mode : AllModes)
+    {
+      ProjectionRule<TypeParam> rule;
+      rule.mode = mode;
+      change(rule);
+      if (!IsPossibleInParts(rule))
+      {
+        continue;
+      }
+      const auto                 region = EngineType::FindPart(scene, rule, volume.box);
+      std::vector<unsigned char> bytes(region.columns * region.rows * EngineType::GetRecordSize(rule));
+      std::vector<unsigned char> merged(bytes.size());
+      std::generate(bytes.begin(), bytes.end(), [&random] {
+        const auto bits = random.Bits();
+        return static_cast<unsigned char>(bits % 4 == 0 ? 0 : bits % 4 == 1 ? 0xFF : bits >> 8);
+      });
+      const IntermediatePart part{ bytes.data(), region };
+      EngineType::MergeParts(rule, { part, part }, region, merged.data(), MakeThreads(1));
+      const auto             count = static_cast<std::size_t>(scene.picture.size[0] * scene.picture.size[1]);
+      std::vector<TypeParam> pixels(count);
+      std::vector<float>     depths(count);
+      EngineType             engine;
+      engine.WarpParts(scene,
+                       rule,
+                       { part, { merged.data(), region } },
+                       { pixels.data(), rule.hasDepth ? depths.data() : nullptr },
+                       MakeThreads(1));
+      EXPECT_EQ(engine.GetProgress(), 1.0);
+    }
+  }
+}
+
 /** No voxel is better than "no value" then. The background differs. */
 TEST(ShearWarpEngine, ExactPartsMayHaveTheWorstValueAlone)
 {
