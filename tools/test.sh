@@ -109,20 +109,32 @@ test_installed() (
   cmake --build "$build/examples" --parallel "$jobs"
   "$build/root/usr/bin/shear-warp-mip" --write-phantom "$build/examples/phantom.nrrd"
   "$build/examples/MaximumIntensityProjection" "$build/examples/phantom.nrrd" "$build/examples/mip.nrrd" 30
-  test_readme "$build/readme"
+  test_pages "$build/pages"
 )
 
-# The C++ lines of README.md as they are printed, from the Debian packages.
-test_readme() {
-  local dir=$1
+# print_blocks LANGUAGE FILE: the blocks of a page in this language.
+print_blocks() {
+  sed -n "/^\`\`\`$1\$/,/^\`\`\`\$/{/^\`\`\`/d;p}" "$root/$2"
+}
+
+# The C++ programs of README.md and doc/ as they are printed, from the Debian packages.
+test_pages() {
+  local dir=$1 page
   rm -rf "$dir"
   mkdir -p "$dir"
-  sed -n '/^```cpp$/,/^```$/{/^```/d;p}' "$root/README.md" > "$dir/mip.cxx"
-  sed -n '/^```cmake$/,/^```$/{/^```/d;p}' "$root/README.md" > "$dir/CMakeLists.txt"
+  print_blocks cpp README.md > "$dir/mip.cxx"
+  print_blocks cmake README.md | sed "s/ITKIONRRD/& ITKIOMeta/" > "$dir/CMakeLists.txt"
+  for page in cine large; do
+    print_blocks cpp "doc/$page.md" > "$dir/$page.cxx"
+    printf '%s\n' "add_executable($page $page.cxx)" \
+      "target_link_libraries($page ShearWarpMIP \${ITK_LIBRARIES})" >> "$dir/CMakeLists.txt"
+  done
   cmake -S "$dir" -B "$dir/build" -G Ninja -DCMAKE_BUILD_TYPE=Release -DCMAKE_PREFIX_PATH="$build/root/usr"
   cmake --build "$dir/build"
   cp "$build/examples/phantom.nrrd" "$dir/angiogram.nrrd"
-  (cd "$dir" && build/mip && [ -s mip.nrrd ])
+  "$build/root/usr/bin/shear-warp-mip" "$dir/angiogram.nrrd" --write-volume "$dir/whole.mha"
+  (cd "$dir" && build/mip && [ -s mip.nrrd ] && build/cine && [ -s turn.nrrd ] && mv mip.nrrd whole.nrrd && build/large)
+  cmp "$dir/mip.nrrd" "$dir/whole.nrrd" # by parts or at once, the picture has the same bits
 }
 
 # ITK's source as links, in it the module as ITK fetches it, from a stand-in for the published repository; at fixed
