@@ -5,6 +5,7 @@ filters itk.ShearWarpMIPImageFilter and itk.ShearWarpMIPCineImageFilter project 
 Dask then projects each chunk where the chunk is.
 """
 
+import warnings
 from typing import TYPE_CHECKING, Any
 
 from itk_shearwarpmip._front import Turn, mip, turn
@@ -20,6 +21,9 @@ if TYPE_CHECKING:
     from itk_shearwarpmip._volume import open_volume as open_volume
 
 __all__ = ["Turn", "mip", "open_image", "sample", "save_png", "turn", "write"]
+
+# ITK's modules warn when they are loaded; under python -W error this would end the process
+warnings.filterwarnings("ignore", "builtin type .* has no __module__ attribute", DeprecationWarning)
 
 _WITH_MORE_PACKAGES = ("Point", "Viewer", "Volume", "open_volume", "show")
 

@@ -498,7 +498,7 @@ def open_mask(mask: Any, label: int | None, image: Any) -> Any:
     try:
         placed = take(open_image(mask) if is_read else mask)
     except (TypeError, ValueError) as error:
-        raise type(error)(f"mask: {error}") from error
+        raise type(error)(f"mask: {error}") from None
     voxels = np.asarray(placed.array)
     if voxels.dtype.kind not in "biu":
         raise TypeError(f"a mask must have whole numbers, but its voxels are {voxels.dtype}: use astype(np.uint8)")

@@ -245,7 +245,7 @@ def place(image: Any, placed: Placed) -> None:
         image.SetSpacing(placed.spacing)
         image.SetDirection(itk.matrix_from_array(placed.direction))
     except RuntimeError as error:
-        raise ValueError(describe(error)) from error
+        raise ValueError(describe(error)) from None
     image.SetOrigin(placed.origin)
     _entries.put_place(image, placed.has_direction, placed.unit)
 

@@ -64,8 +64,8 @@ def set_parameters(made: Any, parameters: Parameters, background: Any) -> None:
     if parameters.crop is not None:
         try:
             lower, upper = (make_numbers("crop", corner, 3, is_finite=False) for corner in parameters.crop)
-        except (TypeError, ValueError) as error:
-            raise ValueError(f"crop must be two corners, each x, y, z, but it is {parameters.crop!r}") from error
+        except (TypeError, ValueError):
+            raise ValueError(f"crop must be two corners, each x, y, z, but it is {parameters.crop!r}") from None
     made.SetCropLower(lower)
     made.SetCropUpper(upper)
     if parameters.mask_label is not None and parameters.mask is None:
@@ -129,10 +129,10 @@ def set_value(made: Any, name: str, keyword: str, value: Any) -> None:
         if not is_number(value) or (kind(value) != value and value == value):
             raise ValueError
         getattr(made, f"Set{name}")(kind(value))
-    except (OverflowError, TypeError, ValueError) as error:
+    except (OverflowError, TypeError, ValueError):
         raise ValueError(
             f"{keyword} cannot be {show_value(value)}: give a {'whole ' if kind is int else ''}number"
-        ) from error
+        ) from None
 
 
 def _set_pixel(made: Any, name: str, keyword: str, value: Any, is_whole: bool) -> None:
@@ -140,9 +140,9 @@ def _set_pixel(made: Any, name: str, keyword: str, value: Any, is_whole: bool) -
         if not is_number(value) or (is_whole and not float(value).is_integer()):
             raise ValueError
         getattr(made, f"Set{name}")(int(value) if is_whole else float(value))
-    except (OverflowError, TypeError, ValueError) as error:
+    except (OverflowError, TypeError, ValueError):
         of = "whole, and a value of the voxels' type" if is_whole else "a number"
-        raise ValueError(f"{keyword} must be {of}, but it is {show_value(value)}") from error
+        raise ValueError(f"{keyword} must be {of}, but it is {show_value(value)}") from None
 
 
 def update(made: Any, depth: str = "depth", information: bool = False) -> None:
@@ -152,7 +152,7 @@ def update(made: Any, depth: str = "depth", information: bool = False) -> None:
         made.UpdateOutputInformation() if information else made.UpdateLargestPossibleRegion()
     except RuntimeError as error:
         if re.match(r"\S*itkShearWarp\w+\.\w+:\d+:", str(error)):
-            raise ValueError(_reword(describe(error).replace("ComputeDepth", depth))) from error
+            raise ValueError(_reword(describe(error).replace("ComputeDepth", depth))) from None
         raise
 
 

@@ -81,8 +81,8 @@ def sample(
     try:
         points = np.asarray(places, float)
         other = float(outside)
-    except (TypeError, ValueError) as error:
-        raise ValueError("places must be numbers, an array (..., 3), and outside a number") from error
+    except (TypeError, ValueError):
+        raise ValueError("places must be numbers, an array (..., 3), and outside a number") from None
     if points.shape[-1:] != (3,):
         raise ValueError(f"places must be an array (..., 3), but its shape is {points.shape}")
     placed = take(open_image(source, **where)).replace(None, None, None)

@@ -769,7 +769,7 @@ def _open_overlay(overlay: Any, image: Any) -> Any:
     try:
         opened = open_image(overlay)
     except (TypeError, ValueError) as error:
-        raise type(error)(f"overlay: {error}") from error
+        raise type(error)(f"overlay: {error}") from None
     if not is_plain_array(overlay):
         return opened
     if get_shape(opened) != get_shape(image):

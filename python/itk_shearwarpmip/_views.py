@@ -55,8 +55,8 @@ def make_transform(image: Any, view: Any = "anterior", azimuth: float = 0.0, ele
         )
     try:
         matrix = np.asarray(view, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise TypeError(choices) from error
+    except (TypeError, ValueError):
+        raise TypeError(choices) from None
     if matrix.ndim == 0:
         raise TypeError(choices)
     if matrix.shape != (4, 4) or not np.isfinite(matrix).all() or (matrix[3] != [0, 0, 0, 1]).any():

@@ -49,8 +49,8 @@ def check_window(window: Any) -> Window:
     message = f"window must be two finite numbers, the lower one first, but it is {window!r}"
     try:
         low, high = (float(value) for value in window)
-    except (TypeError, ValueError) as error:
-        raise ValueError(message) from error
+    except (TypeError, ValueError):
+        raise ValueError(message) from None
     if not low < high or not math.isfinite(high - low):
         raise ValueError(message)
     return low, high

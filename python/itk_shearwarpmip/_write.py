@@ -173,7 +173,7 @@ def write(source: Any, output: str | os.PathLike[str], **options: Any) -> None:
                 try:
                     image, texts = _place_like(grid, volume) if _is_plain(volume) else (open_image(volume), None)
                 except (TypeError, ValueError) as error:
-                    raise type(error)(f"{name}: {error}") from error
+                    raise type(error)(f"{name}: {error}") from None
                 path = _write_volume(folder / f"{name}.nrrd", image, texts)
             arguments.append(f"--{name}={path}")
         if views:
