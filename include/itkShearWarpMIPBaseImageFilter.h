@@ -53,6 +53,10 @@ namespace ShearWarp
 /** Returns the computer's memory in bytes, or the size of the address space if the system does not report it. */
 ShearWarpMIP_EXPORT double
 GetPhysicalMemory();
+
+/** Returns the center of the first pixel of a picture, as SetOutputParametersFromImage() takes it. */
+ShearWarpMIP_EXPORT Point<double, 2>
+                    FindFirstPixel(const ImageBase<2> * picture);
 } // namespace ShearWarp
 
 /** \class ShearWarpMIPBaseImageFilter
@@ -146,6 +150,13 @@ public:
     this->SetGridParameter(m_OutputOrigin, m_FitOutputOrigin, origin);
   }
   itkGetConstReferenceMacro(OutputOrigin, OriginPointType);
+
+  /** Sets Size, OutputSpacing and OutputOrigin to the grid of \a image, whose axes are u and v: a picture that another
+   * filter has made, or an image with the pixels that are wanted. The image is not kept. Its first pixel may have any
+   * index, but the output's first pixel has the index zero. Throws ExceptionObject if \a image is null, or if its
+   * direction is not the identity. */
+  void
+  SetOutputParametersFromImage(const ImageBase<2> * image);
 
   /** Lets the filter fit Size, OutputSpacing and OutputOrigin to the view again. */
   void

@@ -87,6 +87,15 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::SetGridParameter(TParame
 
 template <typename TInputImage, typename TOutputImage>
 void
+ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::SetOutputParametersFromImage(const ImageBase<2> * image)
+{
+  this->SetOutputOrigin(ShearWarp::FindFirstPixel(image));
+  this->SetOutputSpacing(image->GetSpacing());
+  this->SetSize(image->GetLargestPossibleRegion().GetSize());
+}
+
+template <typename TInputImage, typename TOutputImage>
+void
 ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::FitOutputGrid()
 {
   if (!(m_FitSize && m_FitOutputSpacing && m_FitOutputOrigin))

@@ -37,6 +37,21 @@ GetPhysicalMemory()
   return memory;
 }
 
+Point<double, 2>
+FindFirstPixel(const ImageBase<2> * picture)
+{
+  if (!picture)
+  {
+    itkGenericExceptionMacro("The image of the output's grid must not be null.");
+  }
+  if (!picture->GetDirection().GetVnlMatrix().is_identity())
+  {
+    itkGenericExceptionMacro("The image of the output's grid must have the identity as its direction, but it has\n"
+                             << picture->GetDirection());
+  }
+  return picture->TransformIndexToPhysicalPoint<double>(picture->GetLargestPossibleRegion().GetIndex());
+}
+
 Point<double, 3>
 TransformPixel(const AffineMap3D & pictureSpace, double column, double row, double depth)
 {

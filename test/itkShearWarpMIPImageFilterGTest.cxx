@@ -327,6 +327,34 @@ TEST(ShearWarpMIPImageFilter, PartsOfTheGridThatAreSetStayAndTheOthersAreFitted)
   EXPECT_EQ(filter->GetOutputOrigin(), MakePoint2(-1, -2));
 }
 
+TEST(ShearWarpMIPImageFilter, AnImageGivesTheGrid)
+{
+  const auto filter = MakeFilter(MakePlainImage<short>({ { 20, 10, 5 } }), MakeAxisView(2));
+  const auto reference = itk::Image<float, 2>::New();
+  reference->SetRegions(itk::ImageRegion<2>({ { 3, -4 } }, { { 7, 9 } }));
+  reference->SetSpacing(MakeVector2(0.5, 0.25));
+  reference->SetOrigin(MakePoint2(2.5, 3));
+  filter->SetOutputParametersFromImage(reference);
+  filter->Update();
+  EXPECT_EQ(filter->GetOutput()->GetBufferedRegion(), itk::ImageRegion<2>({ { 0, 0 } }, { { 7, 9 } }));
+  EXPECT_EQ(filter->GetOutput()->GetSpacing(), MakeVector2(0.5, 0.25));
+  EXPECT_EQ(filter->GetOutput()->GetOrigin(), MakePoint2(4, 2));
+
+  const auto other = MakeFilter(MakePlainImage<short>({ { 8, 8, 8 } }), MakeAxisView(0));
+  other->SetOutputParametersFromImage(filter->GetOutput());
+  other->Update();
+  EXPECT_EQ(other->GetOutput()->GetBufferedRegion(), filter->GetOutput()->GetBufferedRegion());
+  EXPECT_EQ(other->GetOutput()->GetSpacing(), MakeVector2(0.5, 0.25));
+  EXPECT_EQ(other->GetOutput()->GetOrigin(), MakePoint2(4, 2));
+
+  itk::Image<float, 2>::DirectionType turned;
+  turned.SetIdentity();
+  turned(1, 1) = -1;
+  reference->SetDirection(turned);
+  EXPECT_NAMES(filter->SetOutputParametersFromImage(reference), "direction", "-1");
+  EXPECT_NAMES(filter->SetOutputParametersFromImage(nullptr), "null");
+}
+
 /** Files have spacings in float, and their multiples in double. */
 TEST(ShearWarpMIPImageFilter, FittedGridNeedsNoPixelForRoundingErrorsOfFiles)
 {

@@ -160,6 +160,10 @@ def test_both_interfaces_fit_the_grid(image, oblique_view):
     mip.SetOutputOrigin([0.0, 0.0])
     mip.Update()
     assert grid(mip.GetOutput()) == [[3, 4], [2.0, 3.0], [0.0, 0.0]]
+    other = filter_type(image).New(image)
+    other.SetOutputParametersFromImage(mip.GetOutput())
+    other.Update()
+    assert grid(other.GetOutput()) == grid(mip.GetOutput())
     mip.FitOutputGrid()
     mip.Update()
     assert grid(mip.GetOutput()) == grid(expected)

@@ -14,8 +14,8 @@ SETTERS = set(
 )
 METHODS = SETTERS | set(
     """GetDepthOutput GetPhysicalPoint GetTransform GetSize GetOutputSpacing GetOutputOrigin GetDefaultPixelValue
-    FitOutputGrid GetPrincipalAxis GetPreparationSeconds GetProjectionSeconds GetWarpSeconds ReleasePreparedVolume
-    GetPreparedVolumeSizeInBytes""".split()
+    SetOutputParametersFromImage FitOutputGrid GetPrincipalAxis GetPreparationSeconds GetProjectionSeconds
+    GetWarpSeconds ReleasePreparedVolume GetPreparedVolumeSizeInBytes""".split()
 )
 
 
