@@ -37,7 +37,7 @@ namespace itk
 class ShearWarpMIPImageFilterEnums
 {
 public:
-  /** Whether the filter skips parts of the volume that cannot change the picture. */
+  /// Whether the filter skips parts of the volume that cannot change the picture.
   enum class ReducedResampling : std::uint8_t
   {
     Off,
@@ -45,7 +45,7 @@ public:
     Auto
   };
 
-  /** What the value of a ray is: one of its samples, or their mean. */
+  /// What the value of a ray is: one of its samples, or their mean.
   enum class Mode : std::uint8_t
   {
     Maximum,
@@ -54,7 +54,7 @@ public:
     Mean
   };
 
-  /** Whether samples and pixels are interpolated, or have the value of the nearest voxel. */
+  /// Whether samples and pixels are interpolated, or have the value of the nearest voxel.
   enum class Interpolation : std::uint8_t
   {
     Linear,

@@ -46,7 +46,7 @@ VerifyTurn(const Vector<double, 3> & axis, const Point<double, 3> & center, doub
 class ShearWarpMIPViewEnums
 {
 public:
-  /** The side of the patient from which the viewer looks. */
+  /// The side of the patient from which the viewer looks.
   enum class Direction : uint8_t
   {
     Anterior,

@@ -39,7 +39,7 @@ MakeExactFilter(const TImagePointer & image, const itk::Transform<double, 3, 3> 
   return filter;
 }
 
-/** The interpolant of an image along a ray, cell by cell of the image's own grid: from transform and image alone. */
+// The interpolant of an image along a ray, cell by cell of the image's own grid: from transform and image alone.
 template <typename TPixel>
 class InterpolantOnRay
 {

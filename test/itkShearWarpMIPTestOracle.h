@@ -199,7 +199,7 @@ GetPlace(const ImageBase<2> * grid, const Index<2> & index)
                     grid->GetOrigin()[1] + grid->GetSpacing()[1] * static_cast<double>(index[1]));
 }
 
-/** The projection of an image, pixel by pixel; \a oversampling is the number of intermediate pixels per voxel. */
+// The projection of an image, pixel by pixel; `oversampling` is the number of intermediate pixels per voxel.
 template <typename TPixel>
 class BruteForceProjection
 {

@@ -119,7 +119,7 @@ ProjectAsOnePart(const ShearWarpMIPImageFilter<TInputImage> * filter)
   return Copy(parts->GetOutput());
 }
 
-/** Gives the requested parts of an image, in memory of their own, and remembers how large they were. */
+// Gives the requested parts of an image, in memory of their own, and remembers how large they were.
 template <typename TPixel>
 class PartSource : public ImageSource<Image<TPixel, 3>>
 {
