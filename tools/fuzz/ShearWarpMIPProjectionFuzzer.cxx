@@ -15,8 +15,8 @@
  *  limitations under the License.
  *
  *=========================================================================*/
-#include "../itkShearWarpMIPTestOracle.h"
-#include "../itkShearWarpMIPTestParts.h"
+#include "itkShearWarpMIPTestOracle.h"
+#include "itkShearWarpMIPTestParts.h"
 #include "itkShearWarpMIPImageFilter.h"
 #include "vnl/vnl_inverse.h"
 
