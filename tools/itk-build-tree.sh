@@ -171,8 +171,11 @@ if [ "$what" = --source ]; then
 fi
 
 version=$(awk -F'"' '/set\(ITK_VERSION_(MAJOR|MINOR|PATCH)/ { v = v s $2; s = "." } END { print v }' "$source/CMake/itkVersion.cmake")
-# ITK 6 does not compile with the Eigen of Debian 12
-[[ $version != 6.* ]] || options+=(-DITK_USE_SYSTEM_EIGEN=OFF)
+# ITK 6 does not compile with the Eigen of Debian 12, and wraps only beside NumPy
+if [[ $version = 6.* ]]; then
+  options+=(-DITK_USE_SYSTEM_EIGEN=OFF)
+  "$tools/bin/pip" install --quiet --disable-pip-version-check numpy >&2
+fi
 if [ "$what" = --options ]; then
   printf '%s\n' "${options[@]}"
   exit

@@ -3,9 +3,8 @@
 #
 #   quick      library, program and their tests against Debian's installed ITK; here and in `module` tests that there are
 #              for each pixel type run for unsigned char, short, unsigned short and float only
-#   module     the module and its tests inside ITK's source tree, fetched as ShearWarpMIP.remote.cmake says, with nothing
-#              but the folders that ITK takes, with real clinical images from ITK's test data, and with Python wrapping
-#              configured, but not built
+#   module     the module and its tests inside ITK's source tree, with nothing but the entries that ITK takes, and with
+#              real clinical images from ITK's test data (tools/itk-ingest.sh)
 #   installed  what `quick` leaves: its tests for the other types, and with those images if `module` went before; tests
 #              that need a browser, a DICOM archive or other packages; the methods that the benchmarks compare with; the
 #              Debian packages
@@ -27,7 +26,6 @@ set -euo pipefail
 . "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 build=$root/build
-remote_module=$cache/itk-remote-module
 engine_packages=("${page_packages[@]}" cmake g++ g++-aarch64-linux-gnu libgtest-dev ninja-build qemu-user-static)
 rare_types='<(signed )?char>|<(unsigned )?(int|long|long long)>|<double>'
 export CTEST_OUTPUT_ON_FAILURE=1 CTEST_PARALLEL_LEVEL=$jobs
@@ -91,7 +89,8 @@ test_installed() (
     python3-selenium "${page_packages[@]}"
   # Ubuntu has no such packages: the page is not tested in a browser there; its orthanc would be started as a service
   grep -q '^ID=ubuntu' /etc/os-release || need_packages chromium chromium-driver orthanc orthanc-dicomweb
-  local package images=$remote_module/build/ExternalData/Modules/Remote/ShearWarpMIP/test/Input
+  local package images
+  images=$(echo "$cache"/itk-5*-module/build/ExternalData/Modules/Filtering/ShearWarpMIP/test/Input)
   [ -d "$images" ] || images=
   build_tests "$build/installed" -DShearWarpMIP_TEST_IMAGES="$images" -DShearWarpMIP_BUILD_BENCHMARKS=ON
   run_tests "$build/installed" --tests-regex "$rare_types|RealImages"
@@ -137,46 +136,9 @@ test_pages() {
   cmp "$dir/mip.nrrd" "$dir/whole.nrrd" # by parts or at once, the picture has the same bits
 }
 
-# ITK's source as links, in it the module as ITK fetches it, from a stand-in for the published repository; at fixed
-# places, so that ITK is compiled only once.
-test_module() (
-  need_packages git rsync
-  use_tree
-  local dir=$remote_module remote=ShearWarpMIP.remote.cmake published entry key text itk_options
-  key="$tree $(declare -f test_module | sha256sum)"
-  published=$dir/published
-  if [ "$(cat "$dir/key" 2>/dev/null)" != "$key" ]; then
-    rm -rf "$dir"
-    mkdir -p "$dir/source/Modules/Remote"
-    for entry in "$source"/* "$source"/Modules/* "$source"/Modules/Remote/*; do
-      [ -e "$dir/source/${entry#"$source/"}" ] || ln -s "$entry" "$dir/source/${entry#"$source/"}"
-    done
-    git init --quiet "$published"
-    echo "$key" > "$dir/key"
-  fi
-  cp "$root/$remote" "$dir/source/Modules/Remote"
-  rsync -a --delete "$root"/{include,src,test,wrapping,CMakeLists.txt,itk-module.cmake,"$remote"} "$published"
-  git -C "$published" add --all
-  if ! git -C "$published" diff --cached --quiet; then
-    git -C "$published" -c user.name=test -c user.email=test@localhost commit --quiet --message test
-    rm -rf "$dir/source/Modules/Remote/ShearWarpMIP"
-  fi
-  git -C "$published" tag --force "$(sed -n 's/^ *GIT_TAG //p' "$root/$remote")" > /dev/null
-  text=$("$root/tools/itk-build-tree.sh" --options)
-  mapfile -t itk_options <<< "$text"
-  export CCACHE_BASEDIR=$cache
-  GIT_CONFIG_COUNT=1 GIT_CONFIG_KEY_0=url.$published.insteadOf \
-    GIT_CONFIG_VALUE_0=$(sed -n 's/^ *GIT_REPOSITORY //p' "$root/$remote") \
-    cmake -S "$dir/source" -B "$dir/build" -G Ninja "${itk_options[@]}" -DBUILD_TESTING=ON -DITK_FORBID_DOWNLOADS=OFF \
-    -DModule_ShearWarpMIP=ON -DCMAKE_PROJECT_INCLUDE="$root/tools/itk-build.cmake" \
-    -DExternalData_OBJECT_STORES="$source/.ExternalData" > "$dir/configure.log" 2>&1 || {
-    tail -n 30 "$dir/configure.log" >&2
-    die "ITK with the module did not configure"
-  }
-  ninja -C "$dir/build" -j "$jobs" ShearWarpMIPGTestDriver
-  run_tests "$dir/build/Modules/Remote/ShearWarpMIP"
-  run_tests "$dir/build/Modules/Remote/ShearWarpMIP/test" --exclude-regex "$rare_types"
-)
+test_module() {
+  "$root/tools/itk-ingest.sh" --exclude-regex "$rare_types"
+}
 
 test_python() (
   need_packages binutils dicom3tools doxygen ffmpeg libcli11-dev python3-venv "${page_packages[@]}"
