@@ -13,8 +13,8 @@
 #              tests that are compiled with that ITK
 #   sanitize   the C++ tests under AddressSanitizer with UndefinedBehaviorSanitizer, and under ThreadSanitizer, against
 #              Debian's installed ITK
-#   engine     the engine and its tests alone, without ITK: by g++ and clang, for x86-64, and for ARM64 under emulation; the
-#              engine of web pages is only built; beside the other stages, if there are any
+#   engine     the engine and its tests alone, without ITK: by g++ and clang, for x86-64, and for ARM64 under emulation, and
+#              with the portable kernels only; the engine of web pages is only built; beside the other stages, if there are any
 #
 # Usage: test.sh [quick | module | installed | python | --sanitize | engine]...    [quick]
 #        test.sh --all     all of them but --sanitize
@@ -218,11 +218,12 @@ test_engine() {
   for compiler in g++ clang++; do
     build_engine tools/engine "$compiler" -DCMAKE_CXX_COMPILER="$compiler"
   done
+  build_engine tools/engine portable -DCMAKE_CXX_COMPILER=g++ -DShearWarpMIP_USE_VECTOR_EXTENSIONS=OFF
   build_engine tools/engine arm64-g++ "${arm[@]}" -DCMAKE_CXX_COMPILER=aarch64-linux-gnu-g++
   build_engine tools/engine arm64-clang++ "${arm[@]}" -DCMAKE_CXX_COMPILER=clang++ \
     -DCMAKE_CXX_COMPILER_TARGET=aarch64-linux-gnu
   build_engine page/engine wasm32
-  for compiler in g++ clang++ arm64-g++ arm64-clang++; do
+  for compiler in g++ clang++ portable arm64-g++ arm64-clang++; do
     run_tests "$build/engine/$compiler"
   done
 }

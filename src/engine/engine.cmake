@@ -23,6 +23,9 @@ set(kernels ${CMAKE_CURRENT_LIST_DIR}/kernels)
 include(CheckCXXCompilerFlag)
 include(CheckCXXSourceCompiles)
 
+option(ShearWarpMIP_USE_VECTOR_EXTENSIONS "Build kernels with the vectors of g++ and clang, AVX2 and AVX-512." ON)
+mark_as_advanced(ShearWarpMIP_USE_VECTOR_EXTENSIONS)
+
 # kernels over the vectors of g++ and clang
 check_cxx_source_compiles(
   "#if __BYTE_ORDER__ != __ORDER_LITTLE_ENDIAN__
@@ -33,7 +36,7 @@ using Float [[gnu::vector_size(16)]] = float;
 int main() { return __builtin_convertvector(Float{}, Int)[0]; }"
   ShearWarpMIP_HAS_VECTORS
 )
-if(ShearWarpMIP_HAS_VECTORS)
+if(ShearWarpMIP_USE_VECTOR_EXTENSIONS AND ShearWarpMIP_HAS_VECTORS)
   list(APPEND ShearWarpMIP_ENGINE_SRCS ${kernels}/Generic.cxx)
   # vectors of 256 bits are not in the interface
   set_source_files_properties(${kernels}/Generic.cxx PROPERTIES COMPILE_OPTIONS "-Wno-psabi")
@@ -41,10 +44,8 @@ if(ShearWarpMIP_HAS_VECTORS)
 endif()
 
 # kernels for instruction sets that a processor may or may not have are chosen at run time
-option(ShearWarpMIP_X86_KERNELS "Build the AVX2 and AVX-512 kernels where the compiler can." ON)
-mark_as_advanced(ShearWarpMIP_X86_KERNELS)
 set(ShearWarpMIP_INSTRUCTION_SET_SRCS)
-if(ShearWarpMIP_X86_KERNELS AND CMAKE_CXX_COMPILER_ID MATCHES "GNU|Clang")
+if(ShearWarpMIP_USE_VECTOR_EXTENSIONS AND CMAKE_CXX_COMPILER_ID MATCHES "GNU|Clang")
   check_cxx_source_compiles(
     "#ifndef __x86_64__
 #error
@@ -53,7 +54,7 @@ int main() { return 0; }"
     ShearWarpMIP_IS_X86_64
   )
 endif()
-if(ShearWarpMIP_X86_KERNELS AND ShearWarpMIP_IS_X86_64)
+if(ShearWarpMIP_USE_VECTOR_EXTENSIONS AND ShearWarpMIP_IS_X86_64)
   set(ShearWarpMIP_INSTRUCTION_SET_SRCS ${kernels}/AVX2.cxx ${kernels}/AVX512.cxx)
   set_source_files_properties(${kernels}/AVX2.cxx PROPERTIES COMPILE_OPTIONS "-mavx2")
   set_source_files_properties(
