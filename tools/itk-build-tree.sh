@@ -48,7 +48,8 @@ options+=(
   -DITK_WRAP_unsigned_char=ON -DITK_WRAP_signed_short=ON -DITK_WRAP_unsigned_short=ON
   -DITK_WRAP_float=ON -DITK_WRAP_double=ON
 )
-for library in SWIG CASTXML GDCM PNG TIFF JPEG ZLIB EXPAT EIGEN; do
+# TIFF is ITK's own: Debian's needs libjbig, whose licence is the GPL
+for library in SWIG CASTXML GDCM PNG JPEG ZLIB EXPAT EIGEN; do
   options+=("-DITK_USE_SYSTEM_$library=ON")
 done
 
@@ -141,7 +142,7 @@ if [ "$what" = '' ] && [ -n "${ITK_DIR:-}" ]; then
 fi
 
 need_packages build-essential dpkg-dev python3-dev python3-venv \
-  libgdcm-dev libpng-dev libtiff-dev libjpeg-dev zlib1g-dev libexpat1-dev libeigen3-dev
+  libgdcm-dev libpng-dev libjpeg-dev zlib1g-dev libexpat1-dev libeigen3-dev
 mkdir -p "$cache"
 exec 9> "$cache/lock"
 flock 9

@@ -166,6 +166,7 @@ test_python() (
   # as it can be installed elsewhere: with the libraries that the program needs
   PATH=$dir/build-env/bin:$PATH auditwheel repair --wheel-dir "$dir/wheels" "$dir"/dist/*.whl
   wheel=$(echo "$dir"/wheels/itk_shearwarpmip-*-cp311-abi3-manylinux_*.whl)
+  "$python" "$root/tools/check-wheel.py" "$wheel"
   if env -u ITK_DIR "$dir/build-env/bin/pip" wheel --no-deps --wheel-dir "$dir/none" "$dir"/dist/*.tar.gz \
     > "$dir/no-tree.log" 2>&1 || ! grep -q 'tools/itk-build-tree.sh' "$dir/no-tree.log"; then
     die "without an ITK build tree the sdist must say what it needs, see $dir/no-tree.log"

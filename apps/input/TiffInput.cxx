@@ -316,9 +316,13 @@ private:
     const std::uint32_t blocks = isTiled ? TIFFNumberOfTiles(m_File.get()) : TIFFNumberOfStrips(m_File.get());
     const auto          blockBytes = isTiled ? TIFFTileSize(m_File.get()) : TIFFStripSize(m_File.get());
     Bytes               inflated(static_cast<std::size_t>(blockBytes));
+    // ITK's libtiff has no TIFFGetStrileByteCount()
+    const std::uint64_t * sizes = nullptr;
+    TIFFGetField(m_File.get(), isTiled ? TIFFTAG_TILEBYTECOUNTS : TIFFTAG_STRIPBYTECOUNTS, &sizes);
+    this->Verify(sizes != nullptr);
     for (std::uint32_t block = 0; block < blocks; ++block)
     {
-      const auto size = static_cast<tmsize_t>(TIFFGetStrileByteCount(m_File.get(), block));
+      const auto size = static_cast<tmsize_t>(sizes[block]);
       if (size == 0)
       {
         continue;

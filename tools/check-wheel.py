@@ -1,0 +1,32 @@
+#!/usr/bin/env python3
+"""Checks wheels: each has the program, and no library under the GPL, which a wheel under the Apache License must not have.
+
+check-wheel.py WHEEL...
+"""
+
+import re
+import sys
+import zipfile
+from pathlib import Path
+
+# shared libraries under the GPL that image formats and build machines bring, as their files are named
+GPL = re.compile(
+    r"(lib)?(avcodec|avfilter|avformat|avutil|bfd|cdio|cholmod|dvdread|fftw3\w*|gdbm|gsl(cblas)?|history|jbig|opcodes"
+    r"|poppler|postproc|readline|swresample|swscale|umfpack|x26[45]|xvidcore)[-.\d].*"
+)
+PROGRAM = re.compile(r".*/scripts/shear-warp-mip(\.exe)?")
+
+
+def find_faults(wheel: Path) -> list[str]:
+    with zipfile.ZipFile(wheel) as file:
+        names = file.namelist()
+    faults = [f"has {name}, whose licence is the GPL" for name in names if GPL.fullmatch(Path(name).name)]
+    if not any(PROGRAM.fullmatch(name) for name in names):
+        faults.append("has no program shear-warp-mip")
+    return [f"{wheel}: {fault}" for fault in faults]
+
+
+if __name__ == "__main__":
+    if len(sys.argv) < 2:
+        sys.exit(__doc__)
+    sys.exit("\n".join(fault for name in sys.argv[1:] for fault in find_faults(Path(name))) or None)
