@@ -28,25 +28,13 @@ python=${PYTHON:-/usr/bin/python3}
 tool_versions=('cmake==3.31.10' 'ninja==1.13.0' 'swig==4.3.1' 'castxml==0.4.5')
 
 # The trimmed tree: what the module, its program, its tests and its wrapping use.
-options=(
-  -DCMAKE_BUILD_TYPE=Release -DCMAKE_CXX_STANDARD=17
+mapfile -t options < "$root/tools/itk-options.txt"
+options+=(
   # C++ compiles faster at -O1; so the module is tested at -O1 inside ITK, and at -O3 elsewhere
   '-DCMAKE_C_FLAGS_RELEASE=-O2 -DNDEBUG' '-DCMAKE_CXX_FLAGS_RELEASE=-O1 -DNDEBUG'
-  -DBUILD_SHARED_LIBS=OFF -DCMAKE_POSITION_INDEPENDENT_CODE=ON
-  -DBUILD_TESTING=OFF -DBUILD_EXAMPLES=OFF -DITK_FORBID_DOWNLOADS=ON
-  -DITK_USE_KWSTYLE=OFF -DITK_USE_CLANG_FORMAT=OFF
-  -DITK_BUILD_DEFAULT_MODULES=OFF -DITKGroup_Core=OFF
+  -DITK_FORBID_DOWNLOADS=ON
   # exceptions name source files: relative to ITK, not to this machine; ccache makes paths relative to the build
   -DCMAKE_CXX_FLAGS=-fmacro-prefix-map=../source/=
-)
-for module in Common Transform Colormap ImageStatistics ImageGrid GoogleTest \
-  IOBMP IOGDCM IOGIPL IOJPEG IOMeta IOMRC IONIFTI IONRRD IOPNG IOTIFF IOVTK IOTransformBase IOTransformInsightLegacy; do
-  options+=("-DModule_ITK$module=ON")
-done
-options+=(
-  -DITK_WRAP_PYTHON=ON -DITK_USE_PYTHON_LIMITED_API=ON '-DITK_WRAP_IMAGE_DIMS=2;3'
-  -DITK_WRAP_unsigned_char=ON -DITK_WRAP_signed_short=ON -DITK_WRAP_unsigned_short=ON
-  -DITK_WRAP_float=ON -DITK_WRAP_double=ON
 )
 # TIFF is ITK's own: Debian's needs libjbig, whose licence is the GPL
 for library in SWIG CASTXML GDCM PNG JPEG ZLIB EXPAT EIGEN; do

@@ -1,8 +1,10 @@
-# Builds the engine of web pages with the project, where clang has what it needs for WebAssembly. Then
-# ShearWarpMIP_PAGE_ENGINE is the path of shear-warp.wasm, and ShearWarpMIP_PAGE_ENGINE_BYTES the path of its gzipped
-# bytes, as the initializers of a C++ array.
+# Builds the engine of web pages with the project, where clang has what it needs for WebAssembly, or takes the one that
+# ShearWarpMIP_PAGE_ENGINE_FILE names. Then ShearWarpMIP_PAGE_ENGINE is the path of shear-warp.wasm, and
+# ShearWarpMIP_PAGE_ENGINE_BYTES the path of its gzipped bytes, as the initializers of a C++ array.
 
 option(ShearWarpMIP_BUILD_PAGE_ENGINE "Build the engine for pages that hold a volume." ON)
+set(ShearWarpMIP_PAGE_ENGINE_FILE "" CACHE FILEPATH "The engine for such pages, if it is built already.")
+mark_as_advanced(ShearWarpMIP_PAGE_ENGINE_FILE)
 if(NOT ShearWarpMIP_BUILD_PAGE_ENGINE)
   return()
 endif()
@@ -10,7 +12,7 @@ endif()
 find_program(ShearWarpMIP_WASM_COMPILER clang++)
 mark_as_advanced(ShearWarpMIP_WASM_COMPILER)
 set(folder ${CMAKE_CURRENT_BINARY_DIR}/page-engine)
-if(NOT ShearWarpMIP_HAS_WASM)
+if(NOT ShearWarpMIP_PAGE_ENGINE_FILE AND NOT ShearWarpMIP_HAS_WASM)
   file(WRITE ${folder}/check.cxx "#include <string>\nstd::string text(\"abc\");\n")
   execute_process(
     COMMAND
@@ -43,18 +45,22 @@ file(
   ${source}/../../src/engine/*
   ${source}/../../src/engine/kernels/*.*
 )
-# flags of the environment are for other processors
-add_custom_command(
-  OUTPUT ${ShearWarpMIP_PAGE_ENGINE}
-  COMMAND
-    ${CMAKE_COMMAND} -E env --unset=CXXFLAGS --unset=LDFLAGS ${CMAKE_COMMAND} -S ${source} -B ${folder} -G
-    ${CMAKE_GENERATOR} -DCMAKE_BUILD_TYPE=Release -DCMAKE_MAKE_PROGRAM=${CMAKE_MAKE_PROGRAM}
-    -DCMAKE_CXX_COMPILER=${ShearWarpMIP_WASM_COMPILER}
-  COMMAND ${CMAKE_COMMAND} --build ${folder} --parallel 2
-  COMMAND ${CMAKE_COMMAND} -E touch ${ShearWarpMIP_PAGE_ENGINE}
-  DEPENDS ${files} ${source}/CMakeLists.txt
-  VERBATIM
-)
+if(ShearWarpMIP_PAGE_ENGINE_FILE)
+  configure_file(${ShearWarpMIP_PAGE_ENGINE_FILE} ${ShearWarpMIP_PAGE_ENGINE} COPYONLY)
+else()
+  # flags of the environment are for other processors
+  add_custom_command(
+    OUTPUT ${ShearWarpMIP_PAGE_ENGINE}
+    COMMAND
+      ${CMAKE_COMMAND} -E env --unset=CXXFLAGS --unset=LDFLAGS ${CMAKE_COMMAND} -S ${source} -B ${folder} -G
+      ${CMAKE_GENERATOR} -DCMAKE_BUILD_TYPE=Release -DCMAKE_MAKE_PROGRAM=${CMAKE_MAKE_PROGRAM}
+      -DCMAKE_CXX_COMPILER=${ShearWarpMIP_WASM_COMPILER}
+    COMMAND ${CMAKE_COMMAND} --build ${folder} --parallel 2
+    COMMAND ${CMAKE_COMMAND} -E touch ${ShearWarpMIP_PAGE_ENGINE}
+    DEPENDS ${files} ${source}/CMakeLists.txt
+    VERBATIM
+  )
+endif()
 add_custom_command(
   OUTPUT ${ShearWarpMIP_PAGE_ENGINE_BYTES}
   COMMAND gzip --best --no-name --force --keep ${ShearWarpMIP_PAGE_ENGINE}
