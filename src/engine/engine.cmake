@@ -70,10 +70,12 @@ set_source_files_properties(${kernels}/InstructionSets.cxx PROPERTIES COMPILE_DE
 
 # the same bits on every machine: no fused multiply-add where the source has none; vectors where comparisons may be made
 # that the source does not make
-set(
-  ShearWarpMIP_ENGINE_OPTIONS
-  "$<$<CXX_COMPILER_ID:GNU,Clang,AppleClang>:-ffp-contract=off;-fno-trapping-math;-fno-math-errno>"
-)
+set(options -ffp-contract=off -fno-trapping-math -fno-math-errno)
+if(CMAKE_CXX_COMPILER_FRONTEND_VARIANT STREQUAL "MSVC")
+  # clang-cl ignores them otherwise
+  list(TRANSFORM options PREPEND /clang:)
+endif()
+set(ShearWarpMIP_ENGINE_OPTIONS "$<$<CXX_COMPILER_ID:GNU,Clang,AppleClang>:${options}>")
 
 # GCC 12 moves 64-bit integers through an MMX register and does not end its use (seen with -march=x86-64-v2), so that
 # the caller's next long double would be wrong
