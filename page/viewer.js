@@ -375,8 +375,7 @@ function startViewer(series, makeSource) {
   function listenToPointers() {
     stage.addEventListener('pointerdown', beginGesture);
     stage.addEventListener('pointermove', continueGesture);
-    stage.addEventListener('pointerup', endGesture);
-    stage.addEventListener('pointercancel', endGesture);
+    stage.addEventListener('lostpointercapture', endGesture);
     stage.addEventListener('pointerleave', () => {
       pointed = null;
       showValue();

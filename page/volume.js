@@ -173,8 +173,7 @@ function makeVolume(series, viewer) {
 
   worker.onmessage = ({ data }) => {
     if (data.problem) {
-      fail(new Error(data.problem));
-      worker.terminate();
+      end(data.problem);
     } else if (data.fraction) {
       element('loading').value = data.fraction;
     } else {
@@ -183,9 +182,14 @@ function makeVolume(series, viewer) {
       react(data);
     }
   };
-  worker.onerror = () => {
-    fail(new Error('The volume cannot be shown: the browser has ended its engine, perhaps for want of memory.'));
-  };
+  worker.onerror = worker.onmessageerror = () =>
+    end('The volume cannot be shown: the browser has ended its engine, perhaps for want of memory.');
+
+  function end(problem) {
+    stop();
+    worker.terminate();
+    fail(new Error(problem));
+  }
 
   const isExact = ({ exact, mode }) => exact && mode !== 'mean';
   const mayBeCoarse = ({ mode, slab }) => mode === 'maximum' && (!slab || slab[1] - slab[0] >= thinnestCoarse);

@@ -1,6 +1,8 @@
 // The engine, in a thread of its own. decodeBase64() stands before this text.
 
 const memoryProblem = 'There is too little memory for this volume. Close other pages, or use a page with a smaller volume.';
+const stopProblem = 'The engine of this page has stopped, perhaps for want of memory. Close other pages and open this one again, '
+  + 'or use a page with a smaller volume.';
 let bits = 8;
 let volume = null;
 let fine = null;
@@ -22,13 +24,7 @@ class Engine {
   }
 
   call(name, ...values) {
-    let status = 0;
-    try {
-      status = this.exports[name](...values);
-    } catch {
-      throw new Error(memoryProblem);
-    }
-    if (status !== 0) {
+    if (this.exports[name](...values) !== 0) {
       const bytes = new Uint8Array(this.exports.memory.buffer, this.exports.GetError() >>> 0);
       throw new Error(new TextDecoder().decode(bytes.slice(0, bytes.indexOf(0))));
     }
@@ -178,6 +174,7 @@ onmessage = async ({ data }) => {
     const answer = await ('engine' in data ? start : project)(data);
     postMessage(answer, answer.values ? [answer.values.buffer] : []);
   } catch (problem) {
-    postMessage({ problem: problem.message });
+    // other errors are the browser's: a trap, or no memory for a picture
+    postMessage({ problem: problem.constructor === Error ? problem.message : stopProblem });
   }
 };

@@ -879,6 +879,48 @@ def test_touch(page):
     assert page.run("cine.point.index") == list(BRIGHT)
 
 
+def test_drag_that_loses_the_pointer(page):
+    """Ends, though the button is still down."""
+    page.show()
+    chain = ActionChains(page.driver, duration=0).move_to_element(page.stage).click_and_hold().move_by_offset(-20, 0)
+    chain.perform()
+    page.settle()
+    turned = page.text("view-name")
+    assert turned.startswith("LAO") and page.element("stage").get_attribute("class") == "turning"
+    page.driver.execute_script("""
+      const [stage] = arguments;
+      for (let n = 0; n < 100; ++n) {
+        if (stage.hasPointerCapture(n)) { stage.releasePointerCapture(n); }
+      }
+    """, page.stage)
+    ActionChains(page.driver, duration=0).move_by_offset(-20, 0).perform()
+    ActionChains(page.driver, duration=0).move_by_offset(-20, 0).perform()
+    page.settle()
+    assert page.text("view-name") == turned and page.element("stage").get_attribute("class") == ""
+    ActionChains(page.driver).release().perform()
+
+
+@pytest.mark.parametrize("scale", [1.5, 2])
+def test_screen_with_small_pixels(page, scale):
+    """The picture is sharp, and a click finds what is below it."""
+    page.set_screen(1000, 720, scale, mobile=False)
+    page.show()
+    assert page.run("devicePixelRatio") == scale
+    page.drag(33, 20)
+    page.settle()
+    page.press("l")
+    seen, grey = page.screenshot(f"volume-scale-{scale}"), page.pixels()
+    box, place = page.box, find_pixel(page, find_place(page, BRIGHT))
+    assert seen.shape[1] == 1000 * scale
+    columns = slice(grey.shape[1] // 4, 3 * grey.shape[1] // 4)
+    for row in range(grey.shape[0] // 4, 3 * grey.shape[0] // 4):
+        y = round(scale * (box["top"] + (row + 0.5) * box["height"] / grey.shape[0]))
+        x = [round(scale * (box["left"] + (n + 0.5) * box["width"] / grey.shape[1])) for n in range(grey.shape[1])]
+        np.testing.assert_array_equal(seen[y, x][columns, 0], grey[row, columns])
+    click(page, *find_on_stage(page, np.round(place)))
+    assert page.run("cine.point.index") == list(BRIGHT)
+
+
 @pytest.mark.parametrize("width", [320, 375])
 def test_narrow_screen(page, width):
     page.set_screen(width, 640, scale=1, mobile=True)
@@ -972,7 +1014,7 @@ def test_file_that_is_cut(page, end):
         ("delete window.WebAssembly", "no WebAssembly with SIMD"),
         ("WebAssembly.validate = () => false", "no WebAssembly with SIMD"),
         ("delete window.DecompressionStream", "no DecompressionStream"),
-        ("window.Worker = class { constructor() { setTimeout(() => this.onerror(new Event('error'))); } postMessage() {} }",
+        ("Worker.prototype.postMessage = function () { setTimeout(() => this.onerror(new Event('error'))); }",
          "The volume cannot be shown: the browser has ended its engine"),
     ],
 )  # fmt: skip
@@ -981,6 +1023,36 @@ def test_browser_that_cannot(page, injected, script, words):
     with pytest.raises(AssertionError):
         page.show()
     assert words in problem(page)
+
+
+FAIL_WHEN_TURNED = """
+  const plain = project;
+  project = (request) => {
+    if (request.view[4] > 0.2 && request.view[4] < 0.8) {
+      %s
+    }
+    return plain(request);
+  };
+"""
+"""Of the worker: the engine's trap, or an error of the browser, for pictures from between 12 and 53 degrees."""
+
+
+@pytest.mark.parametrize("failure", ["fine.call('Project', -8, -8, 0, 0, 0, 0, 0);", "new Float64Array(2 ** 40);"])
+def test_engine_that_stops_in_a_drag(page, failure):
+    page.show()
+    replace_text(page, "worker", lambda text: text + FAIL_WHEN_TURNED % failure)
+    page.settle()
+    page.press(" ")
+    assert page.run("cine.playing")
+    words = problem(page)
+    assert words.startswith("The engine of this page has stopped, perhaps for want of memory.") and "smaller" in words
+    assert not page.run("cine.playing")
+    page.screenshot("volume-stopped")
+    # what was seen remains
+    turned = page.view
+    page.drag(40, 10)
+    page.press("m", "r", Keys.ARROW_LEFT)
+    assert page.view == turned and problem(page) == words
 
 
 def test_too_little_memory(page):
