@@ -887,12 +887,15 @@ def test_drag_that_loses_the_pointer(page):
     page.settle()
     turned = page.text("view-name")
     assert turned.startswith("LAO") and page.element("stage").get_attribute("class") == "turning"
-    page.driver.execute_script("""
+    page.driver.execute_script(
+        """
       const [stage] = arguments;
       for (let n = 0; n < 100; ++n) {
         if (stage.hasPointerCapture(n)) { stage.releasePointerCapture(n); }
       }
-    """, page.stage)
+    """,
+        page.stage,
+    )
     ActionChains(page.driver, duration=0).move_by_offset(-20, 0).perform()
     ActionChains(page.driver, duration=0).move_by_offset(-20, 0).perform()
     page.settle()
