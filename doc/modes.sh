@@ -21,7 +21,7 @@ trap 'rm -rf "$work"' EXIT
 # The Python of the page makes inputs.
 make_inputs() {
   "$program" "$work/head.dcm" --write-volume "$work/head.nrrd"
-  (cd "$work" && sed -n '/^```python$/,/^```$/{/^```/d;p}' "$root/doc/modes.md" | run_itk_python -)
+  (cd "$work" && print_blocks python doc/modes.md | run_itk_python -)
 }
 
 # The commands of the page are its indented lines, except the last ones, which measure.

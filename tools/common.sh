@@ -46,6 +46,16 @@ share_compilations() {
   export CMAKE_C_COMPILER_LAUNCHER=ccache CMAKE_CXX_COMPILER_LAUNCHER=ccache
 }
 
+# read_itk_version SOURCE: prints the version of ITK's source.
+read_itk_version() {
+  awk -F'"' '/set\(ITK_VERSION_(MAJOR|MINOR|PATCH)/ { v = v s $2; s = "." } END { print v }' "$1/CMake/itkVersion.cmake"
+}
+
+# print_blocks LANGUAGE FILE: prints the blocks of a page in this language.
+print_blocks() {
+  sed -n "/^\`\`\`$1\$/,/^\`\`\`\$/{/^\`\`\`/d;p}" "$root/$2"
+}
+
 # find_itk_image CID_FILE: the path of an image of ITK's test data, whose files are named by their content.
 find_itk_image() {
   local source file

@@ -159,7 +159,7 @@ if [ "$what" = --source ]; then
   exit
 fi
 
-version=$(awk -F'"' '/set\(ITK_VERSION_(MAJOR|MINOR|PATCH)/ { v = v s $2; s = "." } END { print v }' "$source/CMake/itkVersion.cmake")
+version=$(read_itk_version "$source")
 # ITK 6 does not compile with the Eigen of Debian 12, and wraps only beside NumPy
 if [[ $version = 6.* ]]; then
   options+=(-DITK_USE_SYSTEM_EIGEN=OFF)

@@ -114,7 +114,7 @@ test_in_itk() {
   images=$(env -u ITK_SOURCE_DIR "$tree" --source)
   PATH=$("$tree" --tools):$PATH
   test_fetch
-  version=$(awk -F'"' '/set\(ITK_VERSION_(MAJOR|MINOR|PATCH)/ { v = v s $2; s = "." } END { print v }' "$source/CMake/itkVersion.cmake")
+  version=$(read_itk_version "$source")
   text=$("$tree" --options)
   mapfile -t options <<< "$text"
   if [[ $version = 6.* ]]; then

@@ -111,11 +111,6 @@ test_installed() (
   test_pages "$build/pages"
 )
 
-# print_blocks LANGUAGE FILE: the blocks of a page in this language.
-print_blocks() {
-  sed -n "/^\`\`\`$1\$/,/^\`\`\`\$/{/^\`\`\`/d;p}" "$root/$2"
-}
-
 # The C++ programs of README.md and doc/ as they are printed, from the Debian packages.
 test_pages() {
   local dir=$1 page

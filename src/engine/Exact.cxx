@@ -510,9 +510,9 @@ RaySearch<TPixel>::FindExtrema(Extremum extremum, Extrema & extrema)
       }
     }
   }
-  for (const PatchState & state : patches)
+  if (m_Search.records)
   {
-    if (m_Search.records)
+    for (const PatchState & state : patches)
     {
       this->EvaluateMissed(state.patch);
     }

@@ -21,6 +21,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <functional>
 #include <iterator>
 #include <type_traits>
 
@@ -86,7 +87,8 @@ ClipColumns(const Interval & interval, double row, double slice, std::ptrdiff_t 
   const auto & function = interval.function;
   const bool   falls = function.perColumn < 0;
   const double perColumn = std::abs(function.perColumn);
-  const double limits[] = { falls ? -interval.high : interval.low, falls ? -interval.low : interval.high };
+  const double low = falls ? -interval.high : interval.low;
+  const double high = falls ? -interval.low : interval.high;
   const double perValue = 1 / perColumn;
   for (std::ptrdiff_t n = 0; n < rows; ++n)
   {
@@ -95,23 +97,22 @@ ClipColumns(const Interval & interval, double row, double slice, std::ptrdiff_t 
     const auto   getValue = [=](double column) { return perColumn * column + rest; };
     const auto   begin = static_cast<double>(spans[n].begin);
     const auto   end = static_cast<double>(spans[n].end);
-    // the function is monotonic in the column, with rounding too; the search begins near the column where it has the
-    // value
+    // the function is monotonic in the column, with rounding too, so a search near the guess finds the first column
     const auto findFirst = [=](double limit, const auto & isReached) {
       const double guess = (limit - rest) * perValue;
       const double inside = guess > begin ? (guess < end ? guess : end) : begin;
       const auto   whole = static_cast<double>(static_cast<std::int32_t>(inside));
       double       first = whole < inside ? whole + 1 : whole;
-      for (; first > begin && isReached(getValue(first - 1)); --first)
+      for (; first > begin && isReached(getValue(first - 1), limit); --first)
       {
       }
-      for (; first < end && !isReached(getValue(first)); ++first)
+      for (; first < end && !isReached(getValue(first), limit); ++first)
       {
       }
       return first;
     };
-    const double first = findFirst(limits[0], [=](double value) { return value >= limits[0]; });
-    const double last = findFirst(limits[1], [=](double value) { return value > limits[1]; });
+    const double first = findFirst(low, std::greater_equal<>());
+    const double last = findFirst(high, std::greater<>());
     spans[n] = { static_cast<std::int32_t>(first), static_cast<std::int32_t>(std::max(first, last)) };
   }
 }
