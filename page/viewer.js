@@ -145,6 +145,14 @@ function startViewer(series, makeSource) {
     source.place();
   }
 
+  /** The screen's pixels change with the browser's zoom, and when the window goes to another screen. */
+  function placeAtEachResolution() {
+    matchMedia(`(resolution: ${devicePixelRatio}dppx)`).addEventListener('change', () => {
+      place();
+      placeAtEachResolution();
+    }, { once: true });
+  }
+
   function move(right, down) {
     const scale = getScale();
     state.center = [right, down].map((length, axis) =>
@@ -561,6 +569,7 @@ function startViewer(series, makeSource) {
   showPlaying(false);
   showLabels();
   new ResizeObserver(place).observe(stage);
+  placeAtEachResolution();
   listenToPointers();
   listenToControls();
 

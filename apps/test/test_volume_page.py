@@ -879,6 +879,40 @@ def test_touch(page):
     assert page.run("cine.point.index") == list(BRIGHT)
 
 
+def test_second_finger(page):
+    """Ends the turn; the finger that remains moves the picture."""
+    page.show()
+
+    def send(kind, **fingers):
+        points = [{"x": x, "y": y, "id": int(name[1:])} for name, (x, y) in fingers.items()]
+        page.driver.execute_cdp_cmd("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+
+    send("touchStart", f1=(500, 300))
+    send("touchMove", f1=(480, 300))
+    page.settle()
+    view = page.view
+    assert page.text("view-name") == f"LAO {20 * 180 / page.stage.rect['height']:.1f}°"
+    send("touchStart", f1=(480, 300), f2=(580, 300))
+    send("touchMove", f1=(430, 300), f2=(630, 300))
+    page.wait("cine.zoom > 1.99")
+    assert page.run("cine.zoom") == pytest.approx(2)
+    left = page.box["left"]
+    send("touchEnd", f1=(430, 300))
+    send("touchMove", f2=(600, 300))
+    page.wait(f"document.querySelector('canvas').getBoundingClientRect().left === {left} - 30")
+    assert page.run("cine.zoom") == pytest.approx(2)
+    send("touchEnd")
+    page.settle()
+    assert page.view == view and page.run("cine.point") is None
+    # a drag that the browser ends is no click, and the next one turns again
+    send("touchStart", f3=(500, 300))
+    send("touchCancel")
+    assert page.element("stage").get_attribute("class") == ""
+    page.touch([(500, 300), (520, 300)])
+    page.settle()
+    assert page.text("view-name") == "Anterior" and page.run("cine.point") is None
+
+
 def test_drag_that_loses_the_pointer(page):
     """Ends, though the button is still down."""
     page.show()
@@ -922,6 +956,72 @@ def test_screen_with_small_pixels(page, scale):
         np.testing.assert_array_equal(seen[y, x][columns, 0], grey[row, columns])
     click(page, *find_on_stage(page, np.round(place)))
     assert page.run("cine.point.index") == list(BRIGHT)
+
+
+def test_screen_whose_pixels_change(page, injected):
+    """As by a move of the window to another screen."""
+    injected("""
+      const match = window.matchMedia.bind(window);
+      window.matchMedia = (query) => (query.includes('resolution') ? (window.resolution = match(query)) : match(query));
+    """)
+    page.show(make_voxels(shape=(60, 72, 80)))
+    page.press(*"zzz", key=Keys.SHIFT)
+    for scale in (2, 1, 2):
+        page.driver.execute_script(
+            """
+            Object.defineProperty(window, 'devicePixelRatio', { value: arguments[0], configurable: true });
+            resolution.dispatchEvent(new Event('change'));
+            """,
+            scale,
+        )
+        assert page.run("resolution.media") == f"(resolution: {scale}dppx)"
+        assert page.run("document.querySelector('canvas').classList.contains('enlarged')") == (scale == 2)
+
+
+def test_memory_does_not_grow(page, injected):
+    """While the picture turns."""
+    injected("""
+      const {get, set} = Object.getOwnPropertyDescriptor(Worker.prototype, 'onmessage');
+      Object.defineProperty(Worker.prototype, 'onmessage', {get, set(react) {
+        set.call(this, (event) => { window.engineBytes = event.data.bytes; react(event); });
+      }});
+    """)
+    page.show()
+    count = """
+      const plain = project;
+      project = (request) => ({ ...plain(request), bytes: fine.exports.memory.buffer.byteLength });
+    """
+    replace_text(page, "worker", lambda text: text + count)
+    page.settle()
+
+    def measure(turns):
+        page.driver.execute_async_script(
+            """
+            const [turns, done] = arguments;
+            let n = 0;
+            let state = null;
+            const step = () => {
+              if (cine.state !== state) {
+                if (n === turns) { done(); return; }
+                ({state} = cine);
+                const key = ['ArrowLeft', 'ArrowUp', 'ArrowLeft', 'ArrowDown'][n++ % 4];
+                document.body.dispatchEvent(new KeyboardEvent('keydown', { key, bubbles: true }));
+              }
+              setTimeout(step);
+            };
+            step();
+            """,
+            turns,
+        )
+        page.settle()
+        page.driver.execute_cdp_cmd("HeapProfiler.collectGarbage", {})
+        usage = page.driver.execute_cdp_cmd("Runtime.getHeapUsage", {})
+        return usage["usedSize"] + usage["backingStorageSize"], page.run("engineBytes")
+
+    before, engine = measure(40)
+    after, engine_after = measure(200)
+    assert engine_after == engine > 0
+    assert after - before < 200 * page.values().nbytes / 20
 
 
 @pytest.mark.parametrize("width", [320, 375])
