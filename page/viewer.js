@@ -183,7 +183,7 @@ function startViewer(series, makeSource) {
     const sides = ['left', 'right', 'top', 'bottom'];
     sides.forEach((side, n) => { element(`${side}-letter`).textContent = letters?.[n] ?? ''; });
     const edges = letters ? `. Patient: ${sides.map((side, n) => `${speak(letters[n])} at the ${side}`).join(', ')}` : '';
-    canvas.setAttribute('aria-label', `${series.title}. ${spoken}${edges}`);
+    canvas.setAttribute('aria-label', [series.title, spoken + edges].filter(Boolean).join('. '));
   }
 
   function showWindow() {
@@ -520,7 +520,7 @@ function startViewer(series, makeSource) {
     }
     const link = document.createElement('a');
     link.href = URL.createObjectURL(await sheet.convertToBlob());
-    link.download = `${series.title}-${source.name}.png`;
+    link.download = `${[series.title, source.name].filter(Boolean).join('-')}.png`;
     link.click();
     setTimeout(() => URL.revokeObjectURL(link.href), 60000);
   }

@@ -51,14 +51,21 @@ const isSame = (one, other, tolerance) =>
 
 const findSide = (view, tolerance) => Object.keys(sides).find((side) => isSame(view, sides[side], tolerance));
 
-/** Azimuth and elevation from anterior, and the roll of the picture, clockwise; in degrees. */
+/** 1, or -1 of a mirrored view. */
+const findHand = ({ u, v, w }) => Math.sign(dot(cross(u, v), w));
+
+const unmirror = (view) => ({ ...view, u: view.u.map((each) => each * findHand(view)) });
+
+/** Azimuth and elevation from anterior, and the roll of the picture before it is mirrored, clockwise; in degrees, more
+ * than -180 and at most 180. */
 function findAngles(view) {
-  const { u, w } = normalizeView(view);
+  const { u, w } = normalizeView(unmirror(view));
   // seen along the long axis, what is up says where the front is
   const azimuth = Math.hypot(w[0], w[1]) < 1e-6 ? Math.atan2(u[1], u[0]) : Math.atan2(-w[0], w[1]);
   const level = [Math.cos(azimuth), Math.sin(azimuth), 0];
   const roll = Math.atan2(dot(u, cross(w, level)), dot(u, level));
-  return [azimuth, Math.asin(clamp(-w[2], -1, 1)), roll].map((angle) => Number(toDegrees(angle).toFixed(6)) + 0);
+  return [azimuth, Math.asin(clamp(-w[2], -1, 1)), roll].map((angle) => Number(toDegrees(angle).toFixed(6)) + 0)
+    .map((angle) => (angle > -180 ? angle : 180));
 }
 
 /** The side of the patient to which a direction points, or two sides, the nearer first. */
@@ -315,16 +322,15 @@ function makeVolume(series, viewer) {
   const nearestSide = (view) => findSide(normalizeView(view), 9e-4);
 
   const describeView = (view) => {
-    const side = nearestSide(view);
-    if (side) {
-      return side[0].toUpperCase() + side.slice(1);
-    }
+    const side = nearestSide(unmirror(view));
     const [azimuth, elevation, roll] = findAngles(view);
-    return [
+    const angles = [
       [azimuth > 0 ? 'LAO ' : 'RAO ', Math.abs(azimuth)],
       [elevation > 0 ? 'CRA ' : 'CAU ', Math.abs(elevation)],
       ['roll ', roll],
-    ].filter(([, angle]) => Math.abs(angle) >= 0.05).map(([name, angle]) => name + formatDegrees(angle)).join(' ');
+    ].filter(([, angle]) => Math.abs(angle) >= 0.05).map(([name, angle]) => name + formatDegrees(angle));
+    const names = side ? [side[0].toUpperCase() + side.slice(1)] : angles;
+    return [...names, ...(findHand(view) < 0 ? ['mirrored'] : [])].join(' ');
   };
 
   const describeMode = (mode) => (mode === 'maximum' ? '' : mode[0].toUpperCase() + mode.slice(1));
@@ -379,17 +385,18 @@ function makeVolume(series, viewer) {
   /** Turns the volume: its front moves by degrees to the right and down. */
   function turn(view, right, down) {
     const [toRight, toBottom] = [normalize(view.u), normalize(view.v)];
+    const hand = findHand(view);
     if (isTrackball) {
-      const degrees = Math.hypot(right, down);
-      return degrees > 0 ? rotate(view, normalize(combine(toBottom, right, toRight, -down)), degrees) : view;
+      const degrees = hand * Math.hypot(right, down);
+      return degrees ? rotate(view, normalize(combine(toBottom, right, toRight, -down)), degrees) : view;
     }
     const [azimuth, elevation] = findAngles(view);
     const tilted = clamp(elevation + down, -90, 90);
     if (isSame(view, makeView(azimuth, elevation), 1e-6)) {
       return makeRoundView(azimuth - right, tilted);
     }
-    const turned = rotate(view, longAxis, -right);
-    return rotate(turned, normalize(turned.u), elevation - tilted);
+    const turned = rotate(view, longAxis, -hand * right);
+    return rotate(turned, normalize(turned.u), hand * (elevation - tilted));
   }
 
   const turnBy = (right, down) => stopAndTurn(turn(wanted.view, right, down));

@@ -226,15 +226,9 @@ DrawAngles(Canvas & canvas, const ViewAngles & angles)
 {
   const auto write = [](double angle, const std::string & positive, const std::string & negative) {
     const long         tenths = std::lround(10.0 * angle);
+    const bool         isNegative = tenths < 0 && tenths > -1800;
     std::ostringstream text;
-    if (std::abs(tenths) <= 900)
-    {
-      text << (tenths < 0 ? negative : positive) << ' ' << static_cast<double>(std::abs(tenths)) / 10.0;
-    }
-    else
-    {
-      text << static_cast<double>(tenths > -1800 ? tenths : 1800) / 10.0 << 'o';
-    }
+    text << (isNegative ? negative : positive) << ' ' << static_cast<double>(std::abs(tenths)) / 10.0;
     return text.str();
   };
   const std::string         primary = write(angles.primary, "LAO", "RAO");

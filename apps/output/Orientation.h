@@ -49,7 +49,8 @@ struct ViewAngles
   double secondary;
 };
 
-/** The angles of a picture with a \a transform as above; primary is 0 where secondary is 90 or -90. */
+/** The angles of a picture with a \a transform as above. Where secondary is 90 or -90, primary is that of the view from
+ * which the viewer rises or descends to this picture. */
 ViewAngles
 ComputeViewAngles(const itk::Transform<double, 3, 3> * transform);
 

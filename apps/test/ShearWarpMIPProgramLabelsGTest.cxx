@@ -135,7 +135,12 @@ TEST(Orientation, AnglesAreLongitudeAndLatitude)
   expect(Direction::Posterior, 0.0, 10.0, 180.0, 10.0);
   expect(Direction::Left, 0.0, 0.0, 90.0, 0.0);
   expect(Direction::Right, 0.0, 0.0, -90.0, 0.0);
-  expect(Direction::Superior, 0.0, 0.0, 0.0, 90.0);
+  for (const double azimuth : { -90.0, 0.0, 30.0, 180.0 })
+  {
+    expect(Direction::Anterior, azimuth, 90.0, azimuth, 90.0);
+    expect(Direction::Anterior, azimuth, -90.0, azimuth, -90.0);
+  }
+  expect(Direction::Superior, 0.0, 0.0, 180.0, 90.0);
   expect(Direction::Inferior, 0.0, 0.0, 0.0, -90.0);
   // however long the ray's direction is
   const auto scaled =
@@ -403,9 +408,9 @@ TEST(Labels, AnglesAreAtTheTopLeft)
   expect(-1e-9, -1e-9, "LAO 0 CRA 0");
   expect(-82.5, -12.46, "RAO 82.5 CAU 12.5");
   expect(90.0, 67.89, "LAO 90 CRA 67.9");
-  expect(90.1, 0.0, "90.1o CRA 0");
-  expect(-134.0, 0.0, "-134o CRA 0");
-  expect(-179.99, 5.0, "180o CRA 5");
+  expect(135.0, 0.0, "LAO 135 CRA 0");
+  expect(-134.0, 0.0, "RAO 134 CRA 0");
+  expect(-179.99, 5.0, "LAO 180 CRA 5");
   EXPECT_EQ(read(100, 30.0, 15.0), std::make_pair(std::string("LAO 30"), std::string("CRA 15")));
   EXPECT_EQ(read(64, 30.0, 0.0), std::make_pair(std::string(), std::string()));
 }

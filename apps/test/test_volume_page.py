@@ -351,6 +351,40 @@ def test_small_angle_has_a_name(page):
     assert page.text("view-name") == "Anterior"
 
 
+@pytest.mark.parametrize("is_trackball", [False, True])
+def test_mirrored_view(page, is_trackball):
+    """Has no roll, says so, and its front follows the pointer."""
+    center = np.array(make_series(make_voxels())["volume"]["center"])
+    page.show(view=np.column_stack([np.array(ANTERIOR) * (-1, 1, 1), center]).tolist())
+    assert page.text("view-name") == "Anterior mirrored" and page.element("view").get_property("value") == ""
+    if is_trackball:
+        page.press("t")
+    front = -np.array(page.view[6:])
+    page.drag(40)
+    page.drag(0, 20)
+    page.check()
+    u, v, _ = np.reshape(page.view, (3, 3))
+    assert u @ front > 0.1 and v @ front > 0.05
+    if not is_trackball:
+        degrees = 180 / page.stage.rect["height"]
+        assert page.text("view-name") == f"LAO {40 * degrees:.1f}° CRA {20 * degrees:.1f}° mirrored"
+
+
+@pytest.mark.parametrize("zero", [0.0, -0.0, 1e-17, -1e-17])
+def test_half_turn_is_positive(page, zero):
+    """Also where it is rounded."""
+    center = np.array(make_series(make_voxels())["volume"]["center"])
+    c, s = np.cos(0.1), np.sin(0.1)
+    page.show(view=np.column_stack([[[-1, zero, 0], [zero, c, -s], [0, -s, -c]], center]).tolist())
+    assert page.text("view-name").startswith("LAO 180° CRA 84.3°")
+
+
+def test_page_without_a_title(page):
+    page.show(title="")
+    assert page.canvas.get_attribute("aria-label").startswith("Anterior. Patient: ")
+    assert page.save_picture()[0] == "anterior.png"
+
+
 def test_keys_turn(page):
     page.show()
     for keys, name in (

@@ -36,15 +36,23 @@ def normalize(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     return axes
 
 
+def find_hand(matrix: NDArray[np.float64]) -> float:
+    """1, or -1 of a mirrored view."""
+    return float(np.sign(np.linalg.det(matrix[:3, :3])))
+
+
 def find_angles(matrix: NDArray[np.float64]) -> tuple[float, float, float]:
-    """Azimuth and elevation from anterior, and the roll of the picture, clockwise; in degrees."""
+    """Azimuth and elevation from anterior, and the roll of the picture before it is mirrored, clockwise; in degrees,
+    more than -180 and at most 180."""
     u, _, w = normalize(matrix).T
+    u = find_hand(matrix) * u
     elevation = np.arcsin(np.clip(-w[2], -1, 1))
     # seen along the long axis, what is up says where the front is
     azimuth = np.arctan2(u[1], u[0]) if np.hypot(w[0], w[1]) < 1e-6 else np.arctan2(-w[0], w[1])
     level = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
     roll = np.arctan2(np.dot(u, np.cross(w, level)), np.dot(u, level))
-    return tuple(round(float(angle), 6) + 0.0 for angle in np.degrees([azimuth, elevation, roll]))  # type: ignore[return-value]
+    angles = np.round(np.degrees([azimuth, elevation, roll]), 6) + 0.0
+    return tuple(np.where(angles > -180, angles, 180.0).tolist())
 
 
 def find_letters(direction: Any) -> str:

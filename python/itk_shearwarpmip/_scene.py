@@ -215,8 +215,13 @@ def get_axes(transform: Any) -> Array:
 
 
 def find_angles(transform: Any) -> tuple[float, float, float]:
-    """Azimuth and elevation from anterior, and the roll of the picture, clockwise; in degrees."""
+    """Azimuth, elevation and roll: see _labels.find_angles()."""
     return _labels.find_angles(get_matrix(transform))
+
+
+def find_hand(transform: Any) -> float:
+    """1, or -1 of a mirrored view."""
+    return _labels.find_hand(get_matrix(transform))
 
 
 # ---- The picture
@@ -401,15 +406,18 @@ class Scene:
             f"{'CRA' if elevation > 0 else 'CAU'} {abs(elevation):.1f}°" if abs(elevation) >= 0.05 else "",
             f"roll {roll:.1f}°" if abs(roll) >= 0.05 else "",
         ]
-        axes = get_axes(state.transform)
+        hand = find_hand(state.transform)
+        axes = get_axes(state.transform) * (hand, 1, 1)
         name = next(
             (
                 view.capitalize()
                 for view in SIDES
-                if np.allclose(axes, get_axes(make_view(self.layers[0].image, view)), rtol=0, atol=1e-6)
+                # angles that are written as 0
+                if np.allclose(axes, get_axes(make_view(self.layers[0].image, view)), rtol=0, atol=9e-4)
             ),
             "  ".join(part.replace(".0°", "°") for part in parts if part),
         )
+        name += "  mirrored" if hand < 0 else ""
         mode = {"maximum": "", "minimum": "Minimum", "absolute_maximum": "Absolute maximum", "mean": "Mean"}[state.mode]
         slab = ""
         if state.slab:

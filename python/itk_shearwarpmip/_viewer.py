@@ -508,9 +508,10 @@ class Viewer:
         turn = itk.ShearWarpMIPView.Turn
         center = self._scene.center.tolist()
         u, v, _ = _scene.get_axes(transform).T
+        hand = _scene.find_hand(transform)
         if not self.turns_about_axis:
             axis = right * v - down * u
-            return turn(transform, axis.tolist(), center, float(np.hypot(right, down)))
+            return turn(transform, axis.tolist(), center, hand * float(np.hypot(right, down)))
         azimuth, elevation, _ = _scene.find_angles(transform)
         named = _scene.make_view(self._image, "anterior", azimuth, elevation)
         if _is_same(transform, named, 1e-6):
@@ -519,8 +520,8 @@ class Viewer:
             elevation = round(float(np.clip(elevation + down, -90, 90)), 3)
             return _scene.make_view(self._image, "anterior", azimuth, elevation)
         down = float(np.clip(elevation + down, -90, 90)) - elevation
-        transform = turn(transform, [0.0, 0.0, 1.0], center, -right)
-        return turn(transform, u.tolist(), center, -down)
+        transform = turn(transform, [0.0, 0.0, 1.0], center, -hand * right)
+        return turn(transform, u.tolist(), center, -hand * down)
 
     def _pan(self, right: float, down: float) -> None:
         state = self._state

@@ -489,8 +489,15 @@ def test_drag_turns_about_the_long_axis(viewer):
     assert _scene.find_angles(viewer.transform)[1] == pytest.approx(90)
 
 
-def test_trackball(image, viewer):
+def mirror(viewer):
+    viewer.transform = _scene.get_matrix(viewer.transform) @ np.diag([-1, 1, 1, 1])
+
+
+@pytest.mark.parametrize("is_mirrored", [False, True])
+def test_trackball(image, viewer, is_mirrored):
     press(viewer, "t")
+    if is_mirrored:
+        mirror(viewer)
     center = viewer._scene.center
     for right, down in ((5, 0), (0, 5), (4, -3)):
         axes = _scene.get_axes(viewer.transform)
@@ -517,6 +524,27 @@ def test_turn_about_the_long_axis_of_any_view(image, viewer):
     assert _scene.find_angles(viewer.transform) == pytest.approx((-10, 20, 25), abs=0.01)
     drag(viewer, 0, 5)
     assert _scene.find_angles(viewer.transform)[1] > 25
+
+
+def test_mirrored_view(viewer, monkeypatch):
+    """Has no roll, says so, and its front follows the pointer."""
+    mirror(viewer)
+    assert "Anterior  mirrored" in record_stamps(viewer, monkeypatch)
+    drag(viewer, 15, 0)
+    drag(viewer, 0, 5)
+    assert _scene.find_angles(viewer.transform) == pytest.approx((30, 10, 0), abs=0.01)
+    assert "LAO 30°  CRA 10°  mirrored" in record_stamps(viewer, monkeypatch)
+
+
+@pytest.mark.parametrize("zero", [0.0, -0.0, 1e-17, -1e-17])
+def test_half_turn_is_positive(zero, image):
+    from_above = [[-1, zero, 0, 0], [zero, 1, 0, 0], [0, 0, -1, 0], [0, 0, 0, 1]]
+    assert _scene.find_angles(_scene.make_view(image, from_above)) == (180, 90, 0)
+
+
+def test_small_angle_has_a_name(viewer, monkeypatch):
+    viewer.transform = _scene.make_view(viewer._image, "anterior", 0.04, 0)
+    assert "Anterior" in record_stamps(viewer, monkeypatch)
 
 
 def test_arrow_keys(viewer):
