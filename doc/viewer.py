@@ -23,7 +23,7 @@ ANEURYSM = [37.5, -10.5, -9.5]  # mm
 
 def main(image: str, output: str) -> None:
     driver = chromium.start(1000, 863)
-    viewer = show(image, azimuth=30, elevation=10, page={"no_browser": True}, block=False)
+    viewer = show(image, azimuth=30, elevation=10, title="Synthetic angiogram", page={"no_browser": True}, block=False)
     try:
         driver.get(viewer.url)
         time.sleep(2)

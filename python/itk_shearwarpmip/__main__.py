@@ -182,6 +182,7 @@ def _make_view_parser() -> argparse.ArgumentParser:
     parser.add_argument("--mode", default="maximum", help="maximum, minimum, absolute-maximum or mean")
     parser.add_argument("--slab", metavar=("NEAR", "FAR"), nargs=2, type=float, help="depths to project, in mm")
     parser.add_argument("--exact", action="store_true", help="exact maxima while the picture is at rest")
+    parser.add_argument("--title", metavar="TEXT", default="", help="in the picture; by default no name of a file")
     parser.add_argument("--host", default="127.0.0.1", help="address to serve at; by default this computer only")
     parser.add_argument("--port", type=int, default=0, help="port of the page; by default a free one")
     parser.add_argument("--no-browser", action="store_true", help="only prints the page's address")

@@ -667,6 +667,7 @@ def show(
     mode: str = "maximum",
     slab: Sequence[float] | None = None,
     exact: bool = False,
+    title: str = "",
     size: tuple[int, int] = (640, 480),
     canvas: Any = None,
     block: bool | None = None,
@@ -689,6 +690,7 @@ def show(
     mode: "maximum", "minimum", "absolute_maximum" or "mean".
     slab: the least and the greatest depth of the samples that count, in mm behind the middle of the image.
     exact: True to make the picture at rest by exact maxima.
+    title: a text in the picture, ASCII. By default none, because the name of a file is often a patient's.
     size: columns and rows of the widget in a notebook, in CSS pixels.
     canvas: a canvas of rendercanvas to show the picture on, instead of a page or widget.
     block: whether to return only when the viewer is closed or interrupted; by default only in scripts, not in
@@ -724,6 +726,8 @@ def show(
         "interpolation", "crop", "mask", "mask_label", "attenuation", "local_maximum", "oversampling", "background",
     }  # fmt: skip
     require_known(show, parameters, known)
+    if not isinstance(title, str):
+        raise TypeError(f"title must be a text, but it is {title!r}")
     if canvas is not None and not hasattr(canvas, "get_bitmap_context"):
         raise TypeError(f"canvas must be one of rendercanvas, but it is {canvas!r}")
     if not isinstance(page, Mapping | None) or set(page or ()) - {"host", "port", "no_browser"}:
@@ -744,7 +748,7 @@ def show(
     state = State(_scene.make_view(image, view, azimuth, elevation), mode=mode, slab=_make_slab(slab), windows=windows)
     for layer in layers:
         layer.check(state, exact)
-    scene = Scene(layers, state, title=Path(path or "").name, opacity=opacity, exact=exact)
+    scene = Scene(layers, state, title=title, opacity=opacity, exact=exact)
     expression, written = repr(path) if path else "image", {**parameters, **({"exact": True} if exact else {})}
     if is_chunked(source):
         # of which mip() has no slabs and modes

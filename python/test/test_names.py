@@ -39,7 +39,7 @@ def test_table_is_complete():
     assert filters == setters | {"NumberOfWorkUnits"}
     assert keywords == find_keywords(mip) | find_keywords(turn)
     # what the viewer has beyond them
-    others = "overlay window overlay_window colour overlay_colour opacity canvas block page".split()
+    others = "overlay window overlay_window colour overlay_colour opacity title canvas block page".split()
     assert find_keywords(show) <= {*keywords, *others}
     if PROGRAM:
         text = subprocess.run([PROGRAM, "--help-all"], check=True, capture_output=True, text=True).stdout

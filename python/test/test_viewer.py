@@ -365,7 +365,9 @@ def test_texts_of_the_picture(image, tmp_path, open_viewer, monkeypatch):
     assert x > 0 > y and z > 0
     for text in (f"{point.value}", f"L {x:.1f}  A {-y:.1f}  H {z:.1f} mm", f"voxel {i}, {j}, {k}", "W 200  L 200"):
         assert text in placed
-    assert "head.nrrd" in placed and "LAO 30°  CAU 10°" in placed and "Minimum" not in placed
+    assert not any("head" in text for text in placed) and "LAO 30°  CAU 10°" in placed and "Minimum" not in placed
+    viewer = open_viewer(tmp_path / "head.nrrd", title="Case 3")
+    assert "Case 3" in record_stamps(viewer, monkeypatch)
     viewer.transform, viewer.mode = _scene.make_view(image, "anterior", -30.5, 10), "minimum"
     assert {"RAO 30.5°  CRA 10°", "Minimum"} <= set(record_stamps(viewer, monkeypatch))
 
@@ -982,6 +984,7 @@ def test_parameters_of_the_filter(image, open_viewer):
         ({"slab": (3, 2)}, ValueError, "near <= far"),
         ({"size": (0, 400)}, ValueError, "size must be positive"),
         ({"canvas": 3}, TypeError, "canvas must be one of rendercanvas, but it is 3"),
+        ({"title": 3}, TypeError, "title must be a text, but it is 3"),
         ({"page": {"hots": 1}}, TypeError, "page must be a dictionary of host, port and no_browser, but it is"),
         ({"size": "large"}, ValueError, "size must be two whole numbers"),
         ({"colour": "grayish"}, ValueError, "colour must be one of"),
