@@ -79,11 +79,6 @@ const std::map<std::string, std::array<double, 2>> windows = { { "lung", { { -13
                                                                { "brain", { { 0.0, 80.0 } } },
                                                                { "pet", { { 0.0, 10.0 } } } };
 
-// accepted with a note until the next version; --rocking DEGREES is too
-const std::map<std::string, std::string> formerNames = { { "--axis", "--rotation-axis" },
-                                                         { "--range", "--angular-range" },
-                                                         { "--spacing", "--output-spacing" } };
-
 template <typename TValue>
 std::vector<std::string>
 GetKeys(const std::map<std::string, TValue> & map)
@@ -865,7 +860,7 @@ FindGivenWithout(const CLI::App & app, const std::string & trait)
 }
 
 std::vector<std::string>
-CollectArguments(CLI::App & app, int argc, const char * const * argv, const WarningFunction & note)
+CollectArguments(CLI::App & app, int argc, const char * const * argv)
 {
   const auto isNumber = [](const std::string & text) {
     double number = 0.0;
@@ -894,36 +889,16 @@ CollectArguments(CLI::App & app, int argc, const char * const * argv, const Warn
     const bool isOther = areShort || FindFormat(argument) != FileFormat::None;
     return isWord && !isNumber(argument) && (isLong || !isOther) ? '-' + argument : argument;
   };
-  const bool hasRange = std::any_of(argv + std::min(argc, 1), argv + argc, [](const std::string & argument) {
-    return std::regex_search(argument.substr(0, 20), std::regex("^--?(angular-)?range(=|$)"));
-  });
   std::vector<std::string> arguments;
   int                      n = 1;
   for (; n < argc && argv[n] != std::string("--"); ++n)
   {
-    std::string       argument = complete(argv[n]);
-    const std::string given = argument.substr(0, argument.find('='));
-    if (const auto former = formerNames.find(given); former != formerNames.end())
-    {
-      note(given + " is " + former->second + " now");
-      argument.replace(0, given.size(), former->second);
-    }
+    const std::string argument = complete(argv[n]);
     const std::size_t equals = argument.find('=');
     const std::string name = argument.substr(0, equals);
     const std::string value = equals != std::string::npos ? argument.substr(equals + 1)
                               : n + 1 < argc              ? argv[n + 1]
                                                           : "";
-    if (name == "--rocking" && isNumber(value))
-    {
-      if (hasRange)
-      {
-        throw std::runtime_error("--rocking " + value + " has the angle that --angular-range has: give one of them");
-      }
-      note("--rocking " + value + " is --rocking --angular-range " + value + " now");
-      arguments.insert(arguments.end(), { name, "--angular-range=" + value });
-      n += equals == std::string::npos ? 1 : 0;
-      continue;
-    }
     if (name.compare(0, 2, "--") == 0 && equals != std::string::npos && value.empty())
     {
       // the parser would take the next argument

@@ -133,9 +133,9 @@ std::vector<std::string>
 FindGivenWithout(const CLI::App & app, const std::string & trait);
 
 /** The arguments, the last first, as CLI::App::parse() takes them: the values of a list are one argument. To be called
- * once for \a app. Former names of options are replaced, and \a note is told. */
+ * once for \a app. */
 std::vector<std::string>
-CollectArguments(CLI::App & app, int argc, const char * const * argv, const WarningFunction & note);
+CollectArguments(CLI::App & app, int argc, const char * const * argv);
 
 /** LOW and HIGH of --window or --wl, if one is given. Throws std::runtime_error if they are not numbers in order. */
 std::optional<std::array<double, 2>>

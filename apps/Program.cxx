@@ -742,8 +742,7 @@ RunProgram(int argc, const char * const * argv, std::ostream & output, std::ostr
   const auto fail = [&messages](const std::string & text) { return RefuseToRun(messages, text); };
   try
   {
-    app.parse(CollectArguments(
-      app, argc, argv, [&messages](const std::string & text) { Messages(messages, false).Note(text); }));
+    app.parse(CollectArguments(app, argc, argv));
     options.ofProjection = FindGivenWithout(app, "outputs");
     Messages steps(messages, options.verbose);
     if (app.count("--write-phantom") > 0 && app.count("--write-volume") == 0)

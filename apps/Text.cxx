@@ -144,10 +144,13 @@ std::string
 Suggest(const std::string & text, const std::vector<std::string> & words)
 {
   const std::string word = ToLower(text.substr(0, 100));
-  const auto        count = [&word](const std::string & other) {
-    return other.size() > word.size() && word.size() > 3 && other.compare(0, word.size(), word) == 0
-                    ? std::size_t{ 1 }
-                    : CountEdits(word, ToLower(other));
+  // a beginning, or the end of an option: --spacing for --output-spacing
+  const auto count = [&word](const std::string & other) {
+    const bool isPart =
+      other.size() > word.size() && word.size() > 3 &&
+      (other.compare(0, word.size(), word) == 0 ||
+       (word[0] == '-' && other.compare(other.size() - word.size() + 1, std::string::npos, word, 1) == 0));
+    return isPart ? std::size_t{ 1 } : CountEdits(word, ToLower(other));
   };
   const auto nearest = std::min_element(
     words.begin(), words.end(), [&](const std::string & a, const std::string & b) { return count(a) < count(b); });

@@ -432,27 +432,6 @@ TEST_F(ShearWarpMIPProgram, TakesFilesWhoseNamesBeginWithADash)
   }
 }
 
-TEST_F(ShearWarpMIPProgram, TakesFormerNamesWithANote)
-{
-  const std::array<std::string, 3> calls[] = {
-    { "--output-spacing 0.5 0.8", "--spacing 0.5 0.8", "--spacing is --output-spacing now" },
-    { "--frames 3 --rotation-axis 1 2 3", "--frames 3 -axis 1,2,3", "--axis is --rotation-axis now" },
-    { "--frames 3 --angular-range -90", "--frames 3 --range=-90", "--range is --angular-range now" },
-    { "--frames 3 --rocking --angular-range 60",
-      "--frames 3 --rocking 60",
-      "--rocking 60 is --rocking --angular-range 60 now" },
-    { "--frames 3 --rocking --angular-range -6e1",
-      "--frames 3 --rocking=-6e1",
-      "--rocking -6e1 is --rocking --angular-range -6e1 now" },
-  };
-  for (const auto & [name, former, note] : calls)
-  {
-    this->ExpectSuccess(name + " in.nrrd a.nrrd");
-    this->ExpectSuccess(former + " in.nrrd b.nrrd", "shear-warp-mip: note: " + note + '\n');
-    EXPECT_TRUE(ReadText(m_Folder / "a.nrrd") == ReadText(m_Folder / "b.nrrd")) << former;
-  }
-}
-
 TEST_F(ShearWarpMIPProgram, SaysWhatHasNoEffect)
 {
   const auto expectNote = [this](const std::string & arguments, const std::string & note) {
@@ -565,6 +544,7 @@ TEST_F(ShearWarpMIPProgram, AnswersWrongCalls)
     { "--depth= in.nrrd out.png", "--depth: a value is needed\n" },
     { "in.nrrd out.png --azimut 30", "--azimut 30 is not expected; did you mean '--azimuth'?" },
     { "in.nrrd out.png --WINDOW 3 4", "--WINDOW 3 4 is not expected; did you mean '--window'?" },
+    { "in.nrrd out.png --spacing 2", "--spacing 2 is not expected; did you mean '--output-spacing'?" },
     { "in.nrrd out.png --oversampl=2", "--oversampl=2 is not expected; did you mean '--oversampling'?" },
     { "in.nrrd out.png --gpu", "--gpu is not expected; see --help" },
     { "in.nrrd out.png 1 2 3 4 5 6 7", "1 2 3 4 5 and 2 more is not expected; see --help" },
@@ -622,10 +602,6 @@ TEST_F(ShearWarpMIPProgram, AnswersWrongCalls)
       "--local-maximum is not possible with --mode absolute-maximum" },
     { "in.nrrd out.png --background 70000", "--background 70000 is not a value of the image's pixel type, short" },
     { "in.nrrd out.png --rocking", "--rocking requires --frames" },
-    { "in.nrrd out.png --frames 3 --rocking=60 --angular-range 30",
-      "--rocking 60 has the angle that --angular-range has" },
-    { "in.nrrd out.png --frames 3 --angular-range=30 --rocking 60",
-      "--rocking 60 has the angle that --angular-range has" },
     { "in.nrrd out.png --frames 3 --sliding-slab 10 5", "--frames excludes --sliding-slab" },
     { "in.nrrd out.png --mask-label 2", "--mask-label requires --mask" },
     { "in.nrrd out.png --rate 5", "--rate requires a series; see --frames" },

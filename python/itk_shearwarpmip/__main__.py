@@ -8,22 +8,12 @@ import os
 import stat
 import sys
 from contextlib import ExitStack
-from typing import Any
 
 import itk
 import numpy as np
 
 import itk_shearwarpmip
 from itk_shearwarpmip._inputs import describe
-
-
-class _Former(argparse.Action):
-    """A former name of an option, until the next version."""
-
-    def __call__(self, parser: Any, namespace: Any, values: Any, option_string: str | None = None) -> None:
-        name = "--" + self.dest.replace("_", "-")
-        print(f"itk_shearwarpmip: note: {option_string} is {name} now", file=sys.stderr)
-        setattr(namespace, self.dest, values)
 
 
 def _make_parser() -> argparse.ArgumentParser:
@@ -50,7 +40,6 @@ def _make_parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--output-spacing", metavar="S", type=float, help="spacing of the output, in the units of the file"
     )
-    parser.add_argument("--spacing", dest="output_spacing", action=_Former, type=float, help=argparse.SUPPRESS)
     parser.add_argument("--oversampling", type=int, choices=(1, 2), default=1, help="intermediate pixels per voxel")
     parser.add_argument(
         "--level", metavar="N", type=int, help="resolution; 0 is the finest; by default chosen for --output-spacing"

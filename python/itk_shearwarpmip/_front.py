@@ -40,7 +40,6 @@ from itk_shearwarpmip._parameters import (
     find_lowest,
     set_parameters,
     set_value,
-    take_former,
     update,
 )
 from itk_shearwarpmip._places import find_places
@@ -148,7 +147,6 @@ def mip(
     ([0.5, 0.5], True)
     """
     mode = check_mode(mode)
-    threads = take_former(where, "number_of_threads", "threads", threads)
     parameters = Parameters(
         mode, slab, crop, mask, mask_label, depth, attenuation, local_maximum, background, exact, oversampling,
         output_spacing, size, output_origin, threads, places, interpolation,
@@ -298,7 +296,6 @@ def turn(
     (8, 8, 45.0)
     """
     mode = check_mode(mode)
-    threads = take_former(where, "number_of_threads", "threads", threads)
     parameters = Parameters(
         mode, slab, crop, mask, mask_label, depth, attenuation, local_maximum, background, exact, oversampling,
         output_spacing, size, output_origin, threads, places, interpolation,

@@ -1,7 +1,6 @@
 """The parameters of mip() and turn(), as the filters take them."""
 
 import re
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, cast
@@ -79,18 +78,7 @@ def set_parameters(made: Any, parameters: Parameters, background: Any) -> None:
     set_grid(made, parameters)
 
 
-def take_former(place: Any, former: str, name: str, value: Any) -> Any:
-    """The value of a parameter, also by its former name, until the next version."""
-    if former not in place:
-        return value
-    warnings.warn(f"{former} is {name} now", FutureWarning, stacklevel=3)
-    return place.pop(former)
-
-
 def check_mode(mode: Any) -> Mode:
-    if isinstance(mode, str) and mode == "absolute":
-        warnings.warn("absolute is absolute_maximum now", FutureWarning, stacklevel=3)
-        return "absolute_maximum"
     if not isinstance(mode, str) or mode not in MODES:
         raise ValueError(f"mode must be one of {', '.join(MODES)}, but it is {mode!r}")
     return cast(Mode, mode)

@@ -20,8 +20,8 @@ _ENVIRONMENT = {"GLIBC_TUNABLES": "glibc.malloc.hugetlb=1"}
 """Volumes lie in large pages, which are faster to get."""
 
 
-_NOTES = r"note: (there are no letters: .* does not say|.* looks like labels: |\S+ is \S+ now$)"
-"""The direction is unknown; values of pixels that no label has; a former name of an option."""
+_NOTES = r"note: (there are no letters: .* does not say|.* looks like labels: )"
+"""The direction is unknown; values of pixels that no label has."""
 
 
 class ProgramError(OSError, ValueError):

@@ -26,7 +26,7 @@ except ImportError as error:
 
 from itk_shearwarpmip._front import Place, require_known
 from itk_shearwarpmip._inputs import get_shape, is_chunked, is_plain_array, make_flag, make_numbers, open_image
-from itk_shearwarpmip._parameters import MODES, check_mode, take_former
+from itk_shearwarpmip._parameters import MODES, check_mode
 from itk_shearwarpmip._scene import Layer, Point, Scene, State, Window
 from itk_shearwarpmip._views import SIDES
 from itk_shearwarpmip._window import check_window
@@ -713,8 +713,6 @@ def show(
     >>> viewer.close()
     """
     mode = check_mode(mode)
-    colour = take_former(parameters, "colours", "colour", colour)
-    overlay_colour = take_former(parameters, "overlay_colours", "overlay_colour", overlay_colour)
     if block is not None:
         make_flag("block", block)
     if overlay is None and overlay_window is not None:

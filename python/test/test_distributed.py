@@ -639,9 +639,8 @@ def test_program(ome_zarr, tmp_path, capsys):
     assert main([str(path), str(output), "--frames", "5", "--level", "1"]) == 0
     assert "100%" in capsys.readouterr().out
     assert itk.imread(output).shape[0] == 5
-    assert main([str(path), str(output), "--spacing", "3", "--quiet"]) == 0
+    assert main([str(path), str(output), "--output-spacing", "3", "--quiet"]) == 0
     assert list(itk.imread(output).GetSpacing()) == [3, 3]
-    assert capsys.readouterr().err == "itk_shearwarpmip: note: --spacing is --output-spacing now\n"
     check_error(capsys, "levels 0 to 2", path, output, "--level", 9)
     check_error(capsys, "none.zarr is no OME-Zarr", tmp_path / "none.zarr", output)
     with pytest.raises(SystemExit, match="2"):

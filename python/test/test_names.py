@@ -6,11 +6,8 @@ import subprocess
 from pathlib import Path
 
 import itk
-import pytest
 from itk_shearwarpmip import mip, show, turn
-from numpy.testing import assert_array_equal
 from program import PROGRAM
-from rendercanvas.offscreen import RenderCanvas
 
 DOCUMENT = Path(__file__).parents[2] / "doc" / "parameters.md"
 
@@ -50,29 +47,3 @@ def test_package_and_program_have_the_same_words():
     for _, keywords, options in read_table():
         names = ["--" + name.replace("_", "-") for name in keywords]
         assert not (names and options) or names == options or options == ["--transform"]
-
-
-@pytest.mark.parametrize(
-    "former, now",
-    [({"mode": "absolute"}, {"mode": "absolute_maximum"}), ({"number_of_threads": 1}, {"threads": 1})],
-    ids=["mode", "threads"],
-)
-@pytest.mark.parametrize("function", [mip, turn])
-def test_former_names(function, former, now, image):
-    with pytest.warns(FutureWarning, match=r"^\w+ is \w+ now$") as said:
-        found = function(image, **former)
-    assert said[0].filename == __file__
-    expected = function(image, **now)
-    assert_array_equal(*(each.frames if function is turn else each for each in (found, expected)))
-
-
-def test_former_names_of_the_viewer(image):
-    with pytest.warns(FutureWarning, match=r"^(colours is colour|absolute is absolute_maximum) now$") as said:
-        viewer = show(image, mode="absolute", colours="red", canvas=RenderCanvas(size=(64, 48)))
-    assert {each.filename for each in said} == {__file__} and len(said) == 2
-    assert viewer.mode == "absolute_maximum"
-    viewer.mode = "minimum"
-    with pytest.warns(FutureWarning, match="^absolute is absolute_maximum now$"):
-        viewer.mode = "absolute"
-    assert viewer.mode == "absolute_maximum"
-    viewer.close()

@@ -584,8 +584,6 @@ def test_notes_about_the_picture_are_warnings(rng, tmp_path):
     with pytest.warns(UserWarning, match="^the source looks like labels: interpolation nearest"):
         write(labels, tmp_path / "x.png")
     write(labels, tmp_path / "x.png", interpolation="nearest")
-    with pytest.warns(UserWarning, match="^range is angular_range now$"):
-        write(image, tmp_path / "x.nrrd", frames=3, range=60)
 
 
 def test_warnings_do_not_name_temporary_files(head, tmp_path):
