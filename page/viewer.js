@@ -67,7 +67,7 @@ function startViewer(series, makeSource) {
   const context = canvas.getContext('2d', { alpha: false });
 
   // the point in the middle of the stage is center mm from the picture's center
-  const state = { labels: series.labels ?? true };
+  const state = {};
   let automatic = series.window;
   let range = series.window;
   let presets = {};
@@ -95,7 +95,7 @@ function startViewer(series, makeSource) {
 
   function setDefaults() {
     const [low, high] = automatic = series.window;
-    Object.assign(state, { low, high, inverted: series.inverted, zoom: 1, center: [0, 0] });
+    Object.assign(state, { low, high, inverted: series.inverted, zoom: 1, center: [0, 0], labels: series.labels ?? true });
   }
 
   // Display
@@ -289,6 +289,7 @@ function startViewer(series, makeSource) {
   function reset() {
     setDefaults();
     makePresets();
+    showLabels();
     place();
     source.reset();
     applyWindow();
@@ -435,6 +436,7 @@ function startViewer(series, makeSource) {
     '+': () => widen(1.1),
     '=': () => widen(1.1),
     '-': () => widen(1 / 1.1),
+    '−': () => widen(1 / 1.1),
     z: () => zoom(1.2),
     'Shift+z': () => zoom(1 / 1.2),
     i: invert,

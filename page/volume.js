@@ -313,7 +313,7 @@ function makeVolume(series, viewer) {
       let before = Math.round(fraction * (total - 1));
       return counts.findIndex((each, stored) => stored !== series.background && (before -= each) < 0);
     }).map((stored) => viewer.toValue(stored));
-    return total > 0 ? [low < high ? low : high - 1, high] : series.window;
+    return total > 0 ? [low, low < high ? high : low + 1] : series.window;
   }
 
   // Text
@@ -474,8 +474,12 @@ function makeVolume(series, viewer) {
   }
 
   function resizeSlab(factor) {
-    const [thickness, position] = measureSlab(wanted.slab ?? [-radius, radius]);
-    setSlab(thickness * factor, position);
+    if (wanted.slab) {
+      const [thickness, position] = measureSlab(wanted.slab);
+      setSlab(thickness * factor, position);
+    } else if (factor < 1) {
+      toggleSlab();
+    }
   }
 
   function moveSlab(quarters) {
@@ -676,6 +680,11 @@ function makeVolume(series, viewer) {
     Object.assign(element('slab-position-slider'), { min: -radius, max: radius });
     showState();
     resetWindows();
+    const { whole } = volume;
+    const isReduced = whole.size.some((length, axis) => length > count[axis]);
+    element('about').textContent = `This page holds ${count.join(' × ')} voxels`
+      + `${isReduced ? ` of ${whole.size.join(' × ')}` : ''}, in steps of ${Number(Math.abs(series.slope).toPrecision(3))}. `
+      + 'It loads nothing and sends nothing. It is not for diagnosis.';
     // the engine can also fail later
     return new Promise((_, reject) => {
       fail = reject;

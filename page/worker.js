@@ -65,7 +65,7 @@ async function unpack(text, take) {
 }
 
 const sayDamaged = (what) => (problem) => {
-  throw new Error(`This page is damaged: its ${what} cannot be read (${problem.message}).`);
+  throw new Error(`This page is damaged: its ${what} cannot be read (${problem.message.replace(/\.$/, '')}).`);
 };
 
 async function readEngine(text) {

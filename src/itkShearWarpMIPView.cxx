@@ -229,7 +229,11 @@ ShearWarpMIPView::GetCenter(const ImageBase<3> * image)
   {
     itkGenericExceptionMacro("The image is required but not set.");
   }
-  const ImageRegion<3> &     region = image->GetLargestPossibleRegion();
+  const ImageRegion<3> & region = image->GetLargestPossibleRegion();
+  if (region.GetNumberOfPixels() == 0)
+  {
+    itkGenericExceptionMacro("The image has no voxels: call UpdateOutputInformation() of its filter before.");
+  }
   ContinuousIndex<double, 3> index;
   for (unsigned int axis = 0; axis < 3; ++axis)
   {

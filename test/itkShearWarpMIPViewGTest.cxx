@@ -180,6 +180,10 @@ TEST(ShearWarpMIPView, ErrorsNameTheValue)
   EXPECT_NAMES(ShearWarpMIPView::MakeTransform(nullptr, Direction::Left, 0, 0), "image");
   EXPECT_NAMES(ShearWarpMIPView::MakeTransform(image, static_cast<Direction>(17), 0, 0), "17");
   EXPECT_THROW(ShearWarpMIPView::GetCenter(nullptr), itk::ExceptionObject);
+  // the output of a filter before its UpdateOutputInformation()
+  const auto empty = itk::Image<short, 3>::New();
+  EXPECT_NAMES(ShearWarpMIPView::MakeTransform(empty, Direction::Left, 0, 0), "UpdateOutputInformation");
+  EXPECT_THROW(ShearWarpMIPView::MakeUprightTransform(empty, Superior), itk::ExceptionObject);
 }
 
 TEST(ShearWarpMIPView, DirectionsPrintTheirNames)

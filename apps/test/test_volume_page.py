@@ -499,9 +499,13 @@ def test_slab(page):
     page.show()
     page.press("]")
     assert slab_of(page) is None and page.text("message") == "There is no slab: press , for one"
-    page.press(*"," * 8)
+    page.press(".")
+    assert slab_of(page) is None
+    page.press(",")
+    half = slab_of(page)
+    page.press(*"," * 3)
     near, far = slab_of(page)
-    assert near == pytest.approx(-far)
+    assert near == pytest.approx(-far) and [near, far] == pytest.approx([0.8**3 * each for each in half])
     page.check("--slab", near, far)
     page.press("]", "]", "[")
     assert slab_of(page) == pytest.approx([near + (far - near) / 4, far + (far - near) / 4])
@@ -869,14 +873,38 @@ def test_command_before_the_picture_of_a_mode(page, injected):
     assert "--mode minimum" in page.run("copied") and "--window" not in page.run("copied")
 
 
+def test_constant_picture_is_black(page):
+    page.show(np.full((20, 22, 24), 5, np.uint16))
+    page.press("m")
+    page.settle()
+    assert page.text("mode-name") == "Minimum" and not page.pixels().any()
+
+
+def test_help_says_what_the_page_holds(page):
+    page.show()
+    page.press("?")
+    text = "This page holds 40 × 36 × 30 voxels, in steps of 0.5. It loads nothing and sends nothing."
+    assert page.text("about").startswith(text)
+    page.press("?")
+
+
+def test_minus_as_it_is_typeset(page):
+    page.show()
+    low, high = page.window
+    page.press("−")
+    assert np.diff(page.window) == pytest.approx((high - low) / 1.1)
+
+
 def test_reset(page):
     page.show(slab=[-5, 5], azimuth=0)
     first = page.check("--slab", "-5", "5")
     page.drag(50, 50)
-    page.press("t", "m", "e", "z", "i", ".", "+")
+    page.press("t", "m", "e", "z", "i", ".", "+", "l")
     page.settle()
     click_bright(page)
+    assert not page.element("labels").is_displayed()
     page.press("r")
+    assert page.element("labels").is_displayed()
     np.testing.assert_array_equal(page.check("--slab", "-5", "5"), first)
     assert page.run("cine.zoom") == 1 and not page.run("cine.inverted") and page.run("cine.point") is None
     page.drag(0, 300)

@@ -188,7 +188,7 @@ def serve(
 
     viewer._end = end
     thread.start()
-    print(f"The picture is at {viewer.url}", flush=True)
+    print(f"The picture is at {viewer.url}{'; Ctrl-C ends it' if block else ''}", flush=True)
     if not no_browser:
         page = Path(folder.name, "viewer.html")
         page.write_text(f'<meta http-equiv="refresh" content="0; url={viewer.url}">\n')

@@ -197,8 +197,8 @@ PreparedVolume<TPixel>::Transpose(const Kernels<TPixel> & kernels, const RunTask
   const std::size_t    bytes = slice * m_Size[2] * sizeof(TPixel);
   memory.Reserve(bytes, "the transposed copy of the volume");
   TPixel * transposed = memory.GetPointer<TPixel>();
-  // a small copy stays in the cache
-  const bool isStreamed = bytes > std::size_t{ 1 } << 22;
+  // a small copy stays in the last cache
+  const bool isStreamed = bytes > std::size_t{ 1 } << 25;
   run(static_cast<std::size_t>(m_Size[2]), 1, [&](std::size_t z, std::size_t, std::size_t) {
     kernels.transposeSlice(m_First + z * slice, m_Size[0], m_Size[1], transposed + z * slice, isStreamed);
   });
