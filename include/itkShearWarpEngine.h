@@ -26,6 +26,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <type_traits>
 #include <vector>
 
 namespace itk
@@ -76,6 +77,29 @@ ShearWarpMIP_EXPORT std::ostream &
 
 namespace ShearWarp
 {
+/** Whether the values of \a TPixel have the bits of \a TEnginePixel. */
+template <typename TPixel, typename TEnginePixel>
+struct IsAlike
+  : std::bool_constant<sizeof(TPixel) == sizeof(TEnginePixel) &&
+                       std::is_signed_v<TPixel> == std::is_signed_v<TEnginePixel> &&
+                       std::is_integral_v<TPixel> == std::is_integral_v<TEnginePixel>>
+{
+  using Type = TEnginePixel;
+};
+
+/** The engine's type with the bits of an arithmetic type: integers of the same size and sign are one type to it. */
+template <typename TPixel>
+using EnginePixel = typename std::disjunction<IsAlike<TPixel, std::uint8_t>,
+                                              IsAlike<TPixel, std::int8_t>,
+                                              IsAlike<TPixel, std::uint16_t>,
+                                              IsAlike<TPixel, std::int16_t>,
+                                              IsAlike<TPixel, float>,
+                                              IsAlike<TPixel, std::int32_t>,
+                                              IsAlike<TPixel, std::uint32_t>,
+                                              IsAlike<TPixel, std::int64_t>,
+                                              IsAlike<TPixel, std::uint64_t>,
+                                              IsAlike<TPixel, double>>::Type;
+
 using Interpolation = ShearWarpMIPImageFilterEnums::Interpolation;
 using Mode = ShearWarpMIPImageFilterEnums::Mode;
 using ReducedResampling = ShearWarpMIPImageFilterEnums::ReducedResampling;
@@ -245,13 +269,15 @@ struct Measurements
  * The engine keeps the prepared volume until the volume changes, and keeps its memory. Only one thread at a time may
  * use it.
  *
- * \tparam TPixel Any arithmetic type but bool and long double.
+ * \tparam TPixel ShearWarp::EnginePixel of any arithmetic type but bool and long double.
  *
  * \ingroup ShearWarpMIP
  */
 template <typename TPixel>
 class ShearWarpMIP_EXPORT ShearWarpEngine
 {
+  static_assert(std::is_same_v<TPixel, ShearWarp::EnginePixel<TPixel>>, "see ShearWarp::EnginePixel");
+
 public:
   ShearWarpEngine();
   ~ShearWarpEngine();

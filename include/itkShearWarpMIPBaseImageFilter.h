@@ -341,7 +341,7 @@ public:
   UpdateOutputData(DataObject * output) override;
 
 protected:
-  using EngineType = ShearWarpEngine<InputPixelType>;
+  using EngineType = ShearWarpEngine<ShearWarp::EnginePixel<InputPixelType>>;
   using RuleType = typename EngineType::RuleType;
   using ViewList = std::vector<ShearWarp::AffineMap3D>;
 
@@ -437,8 +437,15 @@ protected:
 
   /** Returns the voxels of an image's buffered region, within the image of \a whole. */
   template <typename TPixel>
-  static ShearWarp::Voxels<TPixel>
+  static ShearWarp::Voxels<ShearWarp::EnginePixel<TPixel>>
   MakeVoxels(const Image<TPixel, 3> * image, const ImageRegion<3> & whole);
+
+  /** Returns the picture whose pixels begin at \a pixels. */
+  static typename EngineType::PictureType
+  MakePicture(InputPixelType * pixels)
+  {
+    return { reinterpret_cast<ShearWarp::EnginePixel<InputPixelType> *>(pixels), nullptr };
+  }
 
   using Superclass::MakeOutput;
   DataObject::Pointer

@@ -398,13 +398,13 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::LoadRegion(ImageBase<3> 
 
 template <typename TInputImage, typename TOutputImage>
 template <typename TPixel>
-ShearWarp::Voxels<TPixel>
+ShearWarp::Voxels<ShearWarp::EnginePixel<TPixel>>
 ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::MakeVoxels(const Image<TPixel, 3> * image,
                                                                    const ImageRegion<3> &   whole)
 {
-  const auto &              buffered = image->GetBufferedRegion();
-  ShearWarp::Voxels<TPixel> voxels;
-  voxels.data = image->GetBufferPointer();
+  const auto &                                      buffered = image->GetBufferedRegion();
+  ShearWarp::Voxels<ShearWarp::EnginePixel<TPixel>> voxels;
+  voxels.data = reinterpret_cast<const ShearWarp::EnginePixel<TPixel> *>(image->GetBufferPointer());
   voxels.owner = image;
   voxels.version = image->GetMTime();
   for (unsigned int axis = 0; axis < 3; ++axis)
@@ -494,7 +494,7 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::MakePictures(std::size_t
     const SizeValueType first = view * count;
     const auto          pixels = this->VerifyPixels(update.output.GetPointer(), first + count);
     typename DepthImageType::PixelContainerPointer depths;
-    ShearWarp::Picture<InputPixelType>             picture{ pixels->GetBufferPointer() + first, nullptr };
+    auto                                           picture = MakePicture(pixels->GetBufferPointer() + first);
     if (update.depths)
     {
       depths = this->VerifyPixels(update.depths.GetPointer(), first + count);

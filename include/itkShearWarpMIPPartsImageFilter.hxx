@@ -285,7 +285,7 @@ ShearWarpMIPPartsImageFilter<TInputImage>::GeneratePixels()
     const auto     size = this->GetPictureSize();
     const auto     pixels = this->VerifyPixels(this->GetOutput(), size[0] * size[1]);
     typename Superclass::DepthImageType::PixelContainerPointer depths;
-    ShearWarp::Picture<InputPixelType>                         picture{ pixels->GetBufferPointer(), nullptr };
+    auto                                                       picture = Self::MakePicture(pixels->GetBufferPointer());
     if (rule.hasDepth)
     {
       const typename Superclass::DepthImageType::Pointer output = this->GetDepthOutput();

@@ -92,7 +92,8 @@ TYPED_TEST(ShearWarpMIPModes, FollowTheRuleOnEveryInstructionSet)
     filter->SetOutputSpacing(itk::ShearWarpFactorization::ComputeProjectedSpacing(view, image) * random.Uniform(1, 3));
     ForEachInstructionSet([&](const std::string & name) {
       UpdateAnew(filter);
-      EXPECT_EQ(filter->GetInstructionSet() == name, itk::ShearWarp::GetKernels<TypeParam>().instructionSet == name);
+      EXPECT_EQ(filter->GetInstructionSet() == name,
+                itk::ShearWarp::GetKernels<itk::ShearWarp::EnginePixel<TypeParam>>().instructionSet == name);
       ExpectRule<TypeParam>(filter, view, image, rule, oversampling);
     });
   }

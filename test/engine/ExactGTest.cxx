@@ -28,8 +28,16 @@ namespace Kernels = itk::ShearWarp;
 template <typename TPixel>
 class ShearWarpExactKernels : public testing::Test
 {};
-using PixelTypes = testing::
-  Types<unsigned char, signed char, unsigned short, short, int, unsigned int, unsigned long, long long, float, double>;
+using PixelTypes = testing::Types<unsigned char,
+                                  signed char,
+                                  unsigned short,
+                                  short,
+                                  int,
+                                  unsigned int,
+                                  std::uint64_t,
+                                  std::int64_t,
+                                  float,
+                                  double>;
 TYPED_TEST_SUITE(ShearWarpExactKernels, PixelTypes, );
 
 /** Rays of a tile, some in each cell, or in the corners of cells. */

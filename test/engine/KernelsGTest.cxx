@@ -673,17 +673,14 @@ private:
 template <typename TPixel>
 class ShearWarpKernelsTyped : public testing::Test
 {};
-using AllPixelTypes = testing::Types<char,
-                                     signed char,
-                                     unsigned char,
-                                     short,
-                                     unsigned short,
-                                     int,
-                                     unsigned int,
-                                     long,
-                                     unsigned long,
-                                     long long,
-                                     unsigned long long,
+using AllPixelTypes = testing::Types<std::int8_t,
+                                     std::uint8_t,
+                                     std::int16_t,
+                                     std::uint16_t,
+                                     std::int32_t,
+                                     std::uint32_t,
+                                     std::int64_t,
+                                     std::uint64_t,
                                      float,
                                      double>;
 TYPED_TEST_SUITE(ShearWarpKernelsTyped, AllPixelTypes, );

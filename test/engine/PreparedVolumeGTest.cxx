@@ -79,7 +79,7 @@ ExpectSlicesOf(const TestVolume<TPixel> & volume, unsigned int axis, const Slice
 template <typename TPixel>
 class ShearWarpPreparedVolumeTyped : public testing::Test
 {};
-using PixelTypes = testing::Types<signed char, unsigned short, int, long long, float, double>;
+using PixelTypes = testing::Types<signed char, unsigned short, int, std::int64_t, float, double>;
 TYPED_TEST_SUITE(ShearWarpPreparedVolumeTyped, PixelTypes, );
 
 class ShearWarpPreparedVolume : public testing::Test

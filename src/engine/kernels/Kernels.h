@@ -28,7 +28,7 @@
 
 /** The steps of the projection on plain memory: pointers, strides and sizes.
  *
- * Kernels has one function for each step. Portable kernels are for every scalar type except `bool` and `long double`.
+ * Kernels has one function for each step. Portable kernels are for every pixel type of the engine.
  * Vector kernels of `unsigned char`, `signed char`, integers of 16 bits, and float are written for lanes. For the other
  * types they are the portable projection, compiled for an instruction set. All kernels give the same bits: they follow
  * the rule of itkShearWarpSampling.h. */

@@ -21,15 +21,15 @@
 /* The pixel types of the kernels: macro(type) for each. Web pages have the types of their voxels only. */
 
 #ifdef ShearWarpMIP_FOR_PAGE
-#  define SHEARWARP_PIXEL_TYPES unsigned char, unsigned short
-#  define SHEARWARP_FOR_EACH_PIXEL_TYPE(macro) macro(unsigned char) macro(unsigned short)
+#  define SHEARWARP_PIXEL_TYPES std::uint8_t, std::uint16_t
+#  define SHEARWARP_FOR_EACH_PIXEL_TYPE(macro) macro(std::uint8_t) macro(std::uint16_t)
 #else
-#  define SHEARWARP_PIXEL_TYPES                                                                                        \
-    unsigned char, signed char, unsigned short, short, float, char, int, unsigned int, long, unsigned long, long long, \
-      unsigned long long, double
-#  define SHEARWARP_FOR_EACH_PIXEL_TYPE(macro)                                                                     \
-    macro(unsigned char) macro(signed char) macro(unsigned short) macro(short) macro(float) macro(char) macro(int) \
-      macro(unsigned int) macro(long) macro(unsigned long) macro(long long) macro(unsigned long long) macro(double)
+#  define SHEARWARP_PIXEL_TYPES                                                                               \
+    std::uint8_t, std::int8_t, std::uint16_t, std::int16_t, float, std::int32_t, std::uint32_t, std::int64_t, \
+      std::uint64_t, double
+#  define SHEARWARP_FOR_EACH_PIXEL_TYPE(macro)                                                                       \
+    macro(std::uint8_t) macro(std::int8_t) macro(std::uint16_t) macro(std::int16_t) macro(float) macro(std::int32_t) \
+      macro(std::uint32_t) macro(std::int64_t) macro(std::uint64_t) macro(double)
 #endif
 
 #endif

@@ -134,7 +134,7 @@ PrefetchVoxel(const void * p)
 
 /** Whether kernels of a pixel type are written for lanes. */
 template <typename TPixel>
-constexpr bool HasLanes = std::is_same_v<TPixel, float> || (sizeof(TPixel) <= 2 && !std::is_same_v<TPixel, char>);
+constexpr bool HasLanes = std::is_same_v<TPixel, float> || sizeof(TPixel) <= 2;
 
 /** Other types have the portable kernels; the compiler makes vectors of the slowest ones. */
 template <typename TPixel>
