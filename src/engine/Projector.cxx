@@ -388,7 +388,7 @@ Projector<TPixel>::MakeShearedView(Worker & worker, std::size_t image, bool areS
     view.coverage.rowStride = m_RowStride;
     view.coverage.known = target.known.data();
   }
-  view.summed = this->GetSummed(target);
+  view.summed = m_HasSums ? this->GetSummed(target) : SummedImage<TPixel>{};
   view.ranked.ranks = this->GetRanks(target, 0);
   view.ranked.first = ranking.GetRank(static_cast<std::int32_t>(m_FirstSlice));
   view.ranked.step = ranking.step;

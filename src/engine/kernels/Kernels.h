@@ -361,9 +361,9 @@ struct ViewFading
 };
 
 /** A view along the axis of the slices: the place of each slice, and the image that collects the extremum of samples,
- * or the sums of samples in `summed`. If there is a `coverage`, only samples in its region count. If `ranked.ranks` is
- * not null, ranks tell which slices gave the pixels their values. The views of one call all have a coverage or none,
- * and all have ranks or none. Extrema with a mask, fading or a local threshold have ranks.
+ * or the sums of samples if `summed` has any. If there is a `coverage`, only samples in its region count. If
+ * `ranked.ranks` is not null, ranks tell which slices gave the pixels their values. The views of one call all have a
+ * coverage or none, and all have ranks or none. Extrema with a mask, fading or a local threshold have ranks.
  *
  * `localThreshold`, if not null, is for local maximum intensity projection (Sato et al. 1998). A ray whose pixel has
  * reached `*localThreshold` ends at the first sample that is worse, and so keeps its first local maximum. Blocks must

@@ -283,7 +283,7 @@ GetPortableKernels()
 {
   static constexpr Kernels<TPixel> kernels{ "portable",
                                             ProjectBlockByRows<TPixel>,
-                                            AddBlockByRows<TPixel>,
+                                            ProjectBlockByRows<TPixel>,
                                             IsAnyBelow<TPixel>,
                                             FindBlockExtremaByRows<TPixel>,
                                             WarpRow<TPixel>,

@@ -115,6 +115,29 @@ CallWithSampler(std::int32_t x, std::int32_t y, const TFunction & function)
   return y != 0 ? function(CellSampler<TPixel, false, true>(x, y)) : function(CellSampler<TPixel, false, false>(x, y));
 }
 
+/** Writes \a count samples of a sampler, the first one in column 0 of two rows. */
+template <typename TPixel, typename TSampler>
+void
+WriteSamples(const TPixel *              a,
+             const TPixel *              b,
+             std::ptrdiff_t              count,
+             const TSampler              sample,
+             TPixel * SHEARWARP_RESTRICT samples)
+{
+  for (std::ptrdiff_t n = 0; n < count; ++n)
+  {
+    samples[n] = sample(a, b, n - 1, n);
+  }
+}
+
+/** Writes \a count samples with weights \a x and \a y, the first one in column 0 of two rows. */
+template <typename TPixel>
+void
+SampleRun(const TPixel * a, const TPixel * b, std::int32_t x, std::int32_t y, std::ptrdiff_t count, TPixel * samples)
+{
+  CallWithSampler<TPixel>(x, y, [&](const auto & sample) { WriteSamples(a, b, count, sample, samples); });
+}
+
 /** A row of samples between two rows of a slice. */
 template <typename TPixel>
 struct SliceRow
@@ -128,30 +151,27 @@ struct SliceRow
   std::int32_t         y;      // 0 in the outer half voxels
 };
 
-/** \class ExtremumRow
- * The pixels of a row, which take the extremum of their samples. */
-template <Extremum VExtremum, typename TPixel>
-class ExtremumRow
+/** \class PixelRow
+ * The pixels of a row, which take the extremum of their samples or, if the view has sums, their sum. */
+template <typename TPixel>
+class PixelRow
 {
 public:
-  ExtremumRow(const ShearedView<TPixel> & view, std::ptrdiff_t row, SliceRank<TPixel> rank)
-    : m_Rank(rank)
+  PixelRow(const ShearedView<TPixel> & view, std::ptrdiff_t row, SliceRank<TPixel> rank)
+    : m_Extremum(view.extremum)
+    , m_Rank(rank)
     , m_Threshold(view.localThreshold)
     , m_Pixels(view.intermediate.pixels + row * view.intermediate.rowStride)
     , m_Ranks(view.ranked.ranks ? view.ranked.ranks + row * view.intermediate.rowStride : nullptr)
+    , m_Sums(view.summed.sums ? GetSums(view, row) : nullptr)
+    , m_CountSteps(view.summed.sums ? GetCountSteps(view, row) : nullptr)
   {}
-
-  void
-  Take(std::ptrdiff_t p, TPixel sample) const
-  {
-    TakeSample<VExtremum>(sample, m_Rank, m_Threshold, m_Pixels[p], m_Ranks ? m_Ranks + p : nullptr);
-  }
 
   /** Whether TakeRun() is possible. */
   bool
   HasRuns() const
   {
-    return !m_Threshold;
+    return !m_Ranks;
   }
 
   /** Takes \a count samples from pixel \a p on, of two rows from \a a and \a b on. */
@@ -159,24 +179,44 @@ public:
   void
   TakeRun(std::ptrdiff_t p, std::ptrdiff_t count, const TSampler & sample, const TPixel * a, const TPixel * b) const
   {
-    if (m_Ranks)
+    if (m_Sums)
     {
-      TakeRanked(m_Pixels + p, m_Ranks + p, m_Rank, count, sample, a, b);
+      return AddRun(m_Sums + p, m_CountSteps + p, count, sample, a, b);
     }
-    else
+    CallWithExtremum(
+      m_Extremum, [&](auto extremum) { TakePlainRun<decltype(extremum)::value>(m_Pixels + p, count, sample, a, b); });
+  }
+
+  /** Takes \a count samples from pixel \a p on. */
+  void
+  Take(std::ptrdiff_t p, std::ptrdiff_t count, const TPixel * samples) const
+  {
+    if (m_Sums)
     {
-      TakePlain(m_Pixels + p, count, sample, a, b);
+      const auto get = [](const TPixel * from, const TPixel *, std::ptrdiff_t, std::ptrdiff_t n) { return from[n]; };
+      return AddRun(m_Sums + p, m_CountSteps + p, count, get, samples, samples);
     }
+    CallWithExtremum(m_Extremum, [&](auto extremum) {
+      constexpr Extremum wanted = decltype(extremum)::value;
+      if (m_Ranks && !m_Threshold)
+      {
+        return TakeRankedRun<wanted>(m_Pixels + p, m_Ranks + p, m_Rank, count, samples);
+      }
+      for (std::ptrdiff_t n = p; n < p + count; ++n)
+      {
+        TakeSample<wanted>(samples[n - p], m_Rank, m_Threshold, m_Pixels[n], m_Ranks ? m_Ranks + n : nullptr);
+      }
+    });
   }
 
 private:
-  template <typename TSampler>
+  template <Extremum VExtremum, typename TSampler>
   static void
-  TakePlain(TPixel * SHEARWARP_RESTRICT pixels,
-            std::ptrdiff_t              count,
-            const TSampler              sample,
-            const TPixel *              a,
-            const TPixel *              b)
+  TakePlainRun(TPixel * SHEARWARP_RESTRICT pixels,
+               std::ptrdiff_t              count,
+               const TSampler              sample,
+               const TPixel *              a,
+               const TPixel *              b)
   {
     for (std::ptrdiff_t n = 0; n < count; ++n)
     {
@@ -185,19 +225,17 @@ private:
     }
   }
 
-  template <typename TSampler>
+  template <Extremum VExtremum>
   static void
-  TakeRanked(TPixel * SHEARWARP_RESTRICT            pixels,
-             SliceRank<TPixel> * SHEARWARP_RESTRICT ranks,
-             SliceRank<TPixel>                      rank,
-             std::ptrdiff_t                         count,
-             const TSampler                         sample,
-             const TPixel *                         a,
-             const TPixel *                         b)
+  TakeRankedRun(TPixel * SHEARWARP_RESTRICT            pixels,
+                SliceRank<TPixel> * SHEARWARP_RESTRICT ranks,
+                SliceRank<TPixel>                      rank,
+                std::ptrdiff_t                         count,
+                const TPixel *                         samples)
   {
     for (std::ptrdiff_t n = 0; n < count; ++n)
     {
-      const TPixel            value = sample(a, b, n - 1, n);
+      const TPixel            value = samples[n];
       const TPixel            pixel = pixels[n];
       const SliceRank<TPixel> lower = Smaller(rank, ranks[n]);
       const SliceRank<TPixel> equal = value == pixel ? lower : ranks[n];
@@ -206,66 +244,41 @@ private:
     }
   }
 
-  SliceRank<TPixel>   m_Rank;
-  const TPixel *      m_Threshold;
-  TPixel *            m_Pixels;
-  SliceRank<TPixel> * m_Ranks;
-};
-
-/** \class SumRow
- * The pixels of a row, which take the sum of their samples. */
-template <typename TPixel>
-class SumRow
-{
-public:
-  SumRow(const ShearedView<TPixel> & view, std::ptrdiff_t row, SliceRank<TPixel>)
-    : m_Sums(GetSums(view, row))
-    , m_CountSteps(GetCountSteps(view, row))
-  {}
-
-  void
-  Take(std::ptrdiff_t p, TPixel sample) const
-  {
-    AddSample(sample, m_Sums[p], m_CountSteps + p);
-  }
-
-  /** A float may be no number, which is not counted. */
-  static constexpr bool
-  HasRuns()
-  {
-    return !IsFloat<TPixel>;
-  }
-
-  /** As ExtremumRow. */
-  template <typename TSampler>
-  void
-  TakeRun(std::ptrdiff_t p, std::ptrdiff_t count, const TSampler & sample, const TPixel * a, const TPixel * b) const
-  {
-    AddRun(m_Sums + p, count, sample, a, b);
-    CountSamples(m_CountSteps, p, p + count);
-  }
-
-private:
   template <typename TSampler>
   static void
   AddRun(SampleSum<TPixel> * SHEARWARP_RESTRICT sums,
+         std::uint32_t * SHEARWARP_RESTRICT     countSteps,
          std::ptrdiff_t                         count,
          const TSampler                         sample,
          const TPixel *                         a,
          const TPixel *                         b)
   {
+    CountSamples(countSteps, 0, count);
     for (std::ptrdiff_t n = 0; n < count; ++n)
     {
-      AddToSum(sample(a, b, n - 1, n), sums[n]);
+      const TPixel value = sample(a, b, n - 1, n);
+      if (IsNumber(value))
+      {
+        AddToSum(value, sums[n]);
+      }
+      else
+      {
+        CountSamples(countSteps, n + 1, n);
+      }
     }
   }
 
+  Extremum            m_Extremum;
+  SliceRank<TPixel>   m_Rank;
+  const TPixel *      m_Threshold;
+  TPixel *            m_Pixels;
+  SliceRank<TPixel> * m_Ranks;
   SampleSum<TPixel> * m_Sums;
   std::uint32_t *     m_CountSteps;
 };
 
 /** Takes the samples of a row of a slice for a view. They fade if \a fading is not null. */
-template <typename TPixelRow, typename TPixel>
+template <typename TPixel>
 class RowProjector
 {
 public:
@@ -297,10 +310,9 @@ public:
       {
         this->TakeWhole(begin, end);
       }
-      for (std::ptrdiff_t p = begin; state == TileState::Masked && p < end; ++p)
+      if (state == TileState::Masked)
       {
-        const std::ptrdiff_t i = p - position.whole;
-        this->TakeCounted(p, i, i - 1, position.fraction);
+        this->TakeMasked(begin, end);
       }
     }
   }
@@ -315,32 +327,42 @@ public:
     const bool               hasEdge = edge >= span.begin && edge < span.end;
     if (hasEdge && this->GetState(edge) == TileState::Whole)
     {
-      CallWithSampler<TPixel>(
-        0, m_Row.y, [&](const auto & sample) { this->Take(edge, sample(m_Row.a, m_Row.b, i, i)); });
+      TPixel sample;
+      SampleRun(m_Row.a + i, m_Row.b + i, 0, m_Row.y, 1, &sample);
+      this->Take(edge, 1, &sample);
     }
     if (hasEdge && this->GetState(edge) == TileState::Masked)
     {
-      this->TakeCounted(edge, i, i, 0);
+      const unsigned int counted = this->FindCountedAt(i, i, 0);
+      if (counted != 0)
+      {
+        TPixel sample = SampleCounted(m_Row.a, m_Row.b, i, i, 0, m_Row.y, counted);
+        this->Take(edge, 1, &sample);
+      }
     }
   }
 
 private:
+  static constexpr std::ptrdiff_t MostSamples = 256;
+
   void
   TakeWhole(std::ptrdiff_t begin, std::ptrdiff_t end) const
   {
-    const std::ptrdiff_t first = begin - m_Row.column.whole;
-    const TPixel * const a = m_Row.a + first;
-    const TPixel * const b = m_Row.b + first;
-    CallWithSampler<TPixel>(m_Row.column.fraction, m_Row.y, [&](const auto & sample) {
-      if (!m_Fading && m_Pixels.HasRuns())
-      {
-        return m_Pixels.TakeRun(begin, end - begin, sample, a, b);
-      }
-      for (std::ptrdiff_t n = 0; n < end - begin; ++n)
-      {
-        this->Take(begin + n, sample(a, b, n - 1, n));
-      }
-    });
+    if (!m_Fading && m_Pixels.HasRuns())
+    {
+      const std::ptrdiff_t first = begin - m_Row.column.whole;
+      return CallWithSampler<TPixel>(m_Row.column.fraction, m_Row.y, [&](const auto & sample) {
+        m_Pixels.TakeRun(begin, end - begin, sample, m_Row.a + first, m_Row.b + first);
+      });
+    }
+    TPixel samples[MostSamples];
+    for (std::ptrdiff_t count = 0; begin < end; begin += count)
+    {
+      count = Smaller(MostSamples, end - begin);
+      const std::ptrdiff_t first = begin - m_Row.column.whole;
+      SampleRun(m_Row.a + first, m_Row.b + first, m_Row.column.fraction, m_Row.y, count, samples);
+      this->Take(begin, count, samples);
+    }
   }
 
   TileState
@@ -349,29 +371,52 @@ private:
     return m_Active ? m_Active[p / TileColumns] : m_Row.maskA ? TileState::Masked : TileState::Whole;
   }
 
+  /** Takes samples from pixel \a p on, which become the faded ones. */
   void
-  Take(std::ptrdiff_t p, TPixel value) const
+  Take(std::ptrdiff_t p, std::ptrdiff_t count, TPixel * samples) const
   {
-    const TPixel taken = m_Fading ? FadeInRow(*m_Fading, value, p) : value;
-    m_Pixels.Take(p, taken);
+    for (std::ptrdiff_t n = 0; m_Fading && n < count; ++n)
+    {
+      samples[n] = FadeInRow(*m_Fading, samples[n], p + n);
+    }
+    m_Pixels.Take(p, count, samples);
   }
 
-  /** Takes the sample between voxels \a before and \a i of both rows if the sample counts by the mask. */
+  /** Takes the samples that count by the mask. */
   void
-  TakeCounted(std::ptrdiff_t p, std::ptrdiff_t i, std::ptrdiff_t before, std::int32_t x) const
+  TakeMasked(std::ptrdiff_t begin, std::ptrdiff_t end) const
   {
-    const unsigned int counted = FindCounted(m_Row.maskA, m_Row.maskB, m_View.mask->label, i, before, x, m_Row.y);
-    if (counted != 0)
+    const std::int32_t x = m_Row.column.fraction;
+    TPixel             samples[MostSamples];
+    std::ptrdiff_t     count = 0;
+    for (std::ptrdiff_t p = begin; p < end; ++p)
     {
-      this->Take(p, SampleCounted(m_Row.a, m_Row.b, i, before, x, m_Row.y, counted));
+      const std::ptrdiff_t i = p - m_Row.column.whole;
+      const unsigned int   counted = this->FindCountedAt(i, i - 1, x);
+      if (counted != 0)
+      {
+        samples[count++] = SampleCounted(m_Row.a, m_Row.b, i, i - 1, x, m_Row.y, counted);
+      }
+      const std::ptrdiff_t next = counted != 0 ? p + 1 : p;
+      if (count > 0 && (next == p || next == end || count == MostSamples))
+      {
+        this->Take(next - count, count, samples);
+        count = 0;
+      }
     }
+  }
+
+  unsigned int
+  FindCountedAt(std::ptrdiff_t i, std::ptrdiff_t before, std::int32_t x) const
+  {
+    return FindCounted(m_Row.maskA, m_Row.maskB, m_View.mask->label, i, before, x, m_Row.y);
   }
 
   SliceRow<TPixel>            m_Row;
   const ShearedView<TPixel> & m_View;
   const TileState *           m_Active; // the states of the row's tiles, or null
   const FadingRow<TPixel> *   m_Fading;
-  TPixelRow                   m_Pixels;
+  PixelRow<TPixel>            m_Pixels;
 };
 
 /** Starts to fetch a row of voxels. */
@@ -387,7 +432,7 @@ FetchRow(const TPixel * row, std::ptrdiff_t columns)
 }
 
 /** Takes the block's samples of one slice. The first view fetches the rows of the next slice for all views. */
-template <typename TPixelRow, typename TPixel>
+template <typename TPixel>
 void
 ProjectSlice(const SliceStack<TPixel> &  stack,
              const Block &               block,
@@ -428,42 +473,24 @@ ProjectSlice(const SliceStack<TPixel> &  stack,
     {
       continue;
     }
-    const RowProjector<TPixelRow, TPixel> projector({ getRow(stack, a),
-                                                      getRow(stack, b),
-                                                      getRow(mask, a),
-                                                      getRow(mask, b),
-                                                      stack.columns,
-                                                      column,
-                                                      isEdge ? 0 : row.fraction },
-                                                    view,
-                                                    row.whole + j,
-                                                    view.active ? view.active + tile * view.activeStride : nullptr,
-                                                    GetRank(view.ranked, slice),
-                                                    view.fading ? &fading : nullptr);
+    const RowProjector<TPixel> projector({ getRow(stack, a),
+                                           getRow(stack, b),
+                                           getRow(mask, a),
+                                           getRow(mask, b),
+                                           stack.columns,
+                                           column,
+                                           isEdge ? 0 : row.fraction },
+                                         view,
+                                         row.whole + j,
+                                         view.active ? view.active + tile * view.activeStride : nullptr,
+                                         GetRank(view.ranked, slice),
+                                         view.fading ? &fading : nullptr);
     projector.ProjectInner(reached);
     projector.ProjectEdge(reached);
   }
 }
 
-/** Calls \a function(view, slice, whether it is the first view) for the slices of a block, and for each slice for all
- * views. */
-template <typename TPixel, typename TFunction>
-void
-ForEachSliceOfRows(const Block &               block,
-                   const ShearedView<TPixel> * views,
-                   std::size_t                 count,
-                   const TFunction &           function)
-{
-  for (std::ptrdiff_t n = block.sliceBegin; n < block.sliceEnd; ++n)
-  {
-    const std::ptrdiff_t slice = block.isBackward ? block.sliceBegin + block.sliceEnd - 1 - n : n;
-    for (const ShearedView<TPixel> * view = views; view != views + count; ++view)
-    {
-      function(*view, slice, view == views);
-    }
-  }
-}
-
+/** Projects or, if the views have sums, adds the slices of a block, each slice for all views. */
 template <typename TPixel>
 void
 ProjectBlockByRows(const SliceStack<TPixel> &  slices,
@@ -471,23 +498,14 @@ ProjectBlockByRows(const SliceStack<TPixel> &  slices,
                    const ShearedView<TPixel> * views,
                    std::size_t                 count)
 {
-  ForEachSliceOfRows(block, views, count, [&](const ShearedView<TPixel> & view, std::ptrdiff_t slice, bool isFirst) {
-    CallWithExtremum(view.extremum, [&](auto extremum) {
-      ProjectSlice<ExtremumRow<decltype(extremum)::value, TPixel>>(slices, block, view, slice, isFirst);
-    });
-  });
-}
-
-template <typename TPixel>
-void
-AddBlockByRows(const SliceStack<TPixel> &  slices,
-               const Block &               block,
-               const ShearedView<TPixel> * views,
-               std::size_t                 count)
-{
-  ForEachSliceOfRows(block, views, count, [&](const ShearedView<TPixel> & view, std::ptrdiff_t slice, bool isFirst) {
-    ProjectSlice<SumRow<TPixel>>(slices, block, view, slice, isFirst);
-  });
+  for (std::ptrdiff_t n = block.sliceBegin; n < block.sliceEnd; ++n)
+  {
+    const std::ptrdiff_t slice = block.isBackward ? block.sliceBegin + block.sliceEnd - 1 - n : n;
+    for (const ShearedView<TPixel> * view = views; view != views + count; ++view)
+    {
+      ProjectSlice(slices, block, *view, slice, view == views);
+    }
+  }
 }
 
 /** Raises maxima and lowers minima to the elements of a row. */

@@ -153,7 +153,7 @@ MakeKernels()
     Kernels<TPixel> kernels = GetPortableKernels<TPixel>();
     kernels.instructionSet = Lanes::Name;
     kernels.projectBlock = ProjectBlockByRows<TPixel>;
-    kernels.addBlock = AddBlockByRows<TPixel>;
+    kernels.addBlock = ProjectBlockByRows<TPixel>;
     kernels.findBlockExtrema = FindBlockExtremaByRows<TPixel>;
     return kernels;
   }
