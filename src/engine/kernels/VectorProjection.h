@@ -262,6 +262,7 @@ private:
     tiles.count = count;
     tiles.begin = samples.begin;
     tiles.end = samples.end;
+    tiles.extremum = m_View.extremum;
     tiles.pixelStride = m_View.intermediate.rowStride;
     tiles.nextSlice = m_Block.isBackward ? -m_Stack.sliceStride : m_Stack.sliceStride;
     tiles.prefetcher = m_View.active || m_View.coverage.region || !Lanes::HasPrefetch ? nullptr : &prefetcher;
@@ -486,16 +487,13 @@ ProjectBlock(const SliceStack<TPixel> &  slices,
   {
     return GetPortableKernels<TPixel>().projectBlock(slices, block, views, count);
   }
-  using AnyProjector = BlockProjector<ExtremumTiles<Extremum::Maximum>, TPixel>;
+  using Projector = BlockProjector<ExtremumTiles, TPixel>;
   const bool areTogether =
     block.rowsOf == BlockRows::OfMiddleSlices && !views->active && !views->coverage.region && !views->ranked.ranks;
-  const std::ptrdiff_t most = areTogether ? AnyProjector::MaximumSlices : 1;
+  const std::ptrdiff_t most = areTogether ? Projector::MaximumSlices : 1;
   const auto           total = static_cast<std::ptrdiff_t>(count);
   ForEachSlice(block, views, count, most, [&](const auto & view, auto index, auto begin, auto length) {
-    CallWithExtremum(view.extremum, [&](auto extremum) {
-      using Collector = ExtremumTiles<decltype(extremum)::value>;
-      BlockProjector<Collector, TPixel>(slices, block, view, index, total).Project(begin, length);
-    });
+    Projector(slices, block, view, index, total).Project(begin, length);
   });
 }
 

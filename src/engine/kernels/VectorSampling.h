@@ -121,6 +121,7 @@ struct TileRow
   std::ptrdiff_t row{ 0 }, begin{ 0 }, end{ 0 };
   int            rows{ BlockLength }; // 1 or BlockLength; for sums, any number up to it
 
+  Extremum            extremum{ Extremum::Maximum };
   TPixel *            pixels{ nullptr };
   SliceRank<TPixel> * ranks{ nullptr };
   std::ptrdiff_t      pixelStride{ 0 };

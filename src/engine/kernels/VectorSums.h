@@ -111,17 +111,21 @@ AddSomeSamples(const TileRow<TPixel> & row, std::ptrdiff_t column, std::uint32_t
   {
     return;
   }
-  const std::ptrdiff_t stride = row.rowStride;
-  const TPixel * const voxels = row.voxels + (row.slices->offset + row.row * stride + column);
-  TSampler             sampler(*row.slices, voxels, stride);
-  for (int r = 0; r < row.rows; ++r)
+  // stores of sums cannot change copies
+  const int                       rows = row.rows;
+  const bool                      hasMask = row.mask != nullptr;
+  const FadingRow<TPixel> * const fades = row.fades;
+  const std::ptrdiff_t            stride = row.rowStride;
+  const TPixel * const            voxels = row.voxels + (row.slices->offset + row.row * stride + column);
+  TSampler                        sampler(*row.slices, voxels, stride);
+  for (int r = 0; r < rows; ++r)
   {
-    if (row.mask)
+    if (hasMask)
     {
       CountLanes(row, r, column, samples.counted[r]);
     }
     const auto sample = TSampler::Finish(sampler.Next(voxels + r * stride));
-    const auto faded = row.fades ? Fade<TPixel>(sample, row.fades[r], column) : sample;
+    const auto faded = fades ? Fade<TPixel>(sample, fades[r], column) : sample;
     AddLanes<false>(row, r, column, faded, samples.whole[r]);
   }
   if (isMasked)

@@ -98,34 +98,42 @@ GetLanes(ColumnSpan span, std::ptrdiff_t column)
 template <typename TPixel>
 constexpr auto AllLanes = static_cast<std::uint32_t>((std::uint64_t{ 1 } << LaneCount<TPixel>)-1);
 
-/** Gives the pixels of a tile the samples of a slice. The tile has VRows rows of LaneCount pixels, from \a column on.
- * If VIsCut, only pixels in the spans take samples. */
-template <Extremum VExtremum, typename TSampler, int VRows, bool VIsCut = false, typename TPixel>
+/** Gives the pixels of a tile the samples of a slice. The tile has BlockLength rows of LaneCount pixels, from \a column
+ * on. */
+template <Extremum VExtremum, typename TSampler, typename TPixel>
 SHEARWARP_INLINE inline void
 TakeSlice(const TileRow<TPixel> & row, const PlacedSlice & slice, std::ptrdiff_t column)
 {
   // stores of pixels cannot change copies
-  const std::ptrdiff_t     stride = row.rowStride;
-  const std::ptrdiff_t     pixelStride = row.pixelStride;
-  const ColumnSpan * const spans = row.spans;
-  TPixel * const           pixels = row.pixels + column;
-  const TPixel * const     voxels = row.voxels + (slice.offset + row.row * stride + column);
-  TSampler                 sampler(slice, voxels, stride);
+  const std::ptrdiff_t stride = row.rowStride;
+  const std::ptrdiff_t pixelStride = row.pixelStride;
+  TPixel * const       pixels = row.pixels + column;
+  const TPixel * const voxels = row.voxels + (slice.offset + row.row * stride + column);
+  TSampler             sampler(slice, voxels, stride);
   SHEARWARP_UNROLL
-  for (int r = 0; r < VRows; ++r)
+  for (int r = 0; r < BlockLength; ++r)
   {
     TPixel * const pixel = pixels + r * pixelStride;
     const auto     sample = TSampler::Finish(sampler.Next(voxels + r * stride));
-    const auto     before = Lanes::Load(pixel);
-    const auto     better = Better<VExtremum, TPixel>(before, sample);
-    if constexpr (VIsCut)
-    {
-      Lanes::Store(pixel, Lanes::Select(before, better, GetLanes<TPixel>(spans[r], column)));
-    }
-    else
-    {
-      Lanes::Store(pixel, better);
-    }
+    Lanes::Store(pixel, Better<VExtremum, TPixel>(Lanes::Load(pixel), sample));
+  }
+}
+
+/** Does the same for any number of rows. If the row has spans, only pixels in them take samples. */
+template <Extremum VExtremum, typename TSampler, typename TPixel>
+__attribute__((noinline)) void
+TakeRows(const TileRow<TPixel> & row, const PlacedSlice & slice, std::ptrdiff_t column)
+{
+  const std::ptrdiff_t stride = row.rowStride;
+  const TPixel * const voxels = row.voxels + (slice.offset + row.row * stride + column);
+  TSampler             sampler(slice, voxels, stride);
+  for (int r = 0; r < row.rows; ++r)
+  {
+    TPixel * const      pixel = row.pixels + r * row.pixelStride + column;
+    const std::uint32_t lanes = row.spans ? GetLanes<TPixel>(row.spans[r], column) : AllLanes<TPixel>;
+    const auto          sample = TSampler::Finish(sampler.Next(voxels + r * stride));
+    const auto          before = Lanes::Load(pixel);
+    Lanes::Store(pixel, Lanes::Select(before, Better<VExtremum, TPixel>(before, sample), lanes));
   }
 }
 
@@ -359,12 +367,12 @@ TakeRankedTile(const TileRow<TPixel> & row, std::ptrdiff_t first, std::ptrdiff_t
 }
 
 /** Gives the pixels of a tile the samples of all slices. */
-template <Extremum VExtremum, typename TSampler, int VRows, typename TPixel>
+template <Extremum VExtremum, typename TSampler, typename TPixel>
 SHEARWARP_INLINE inline void
 TakeSlices(const TileRow<TPixel> & row, std::ptrdiff_t column)
 {
-  constexpr int rows = VRows < TSampler::MaximumRows ? VRows : TSampler::MaximumRows;
-  for (int first = 0; first < VRows; first += rows)
+  constexpr int rows = TSampler::MaximumRows;
+  for (int first = 0; first < BlockLength; first += rows)
   {
     typename TSampler::Sample best[rows];
     SHEARWARP_UNROLL
@@ -395,13 +403,13 @@ TakeSlices(const TileRow<TPixel> & row, std::ptrdiff_t column)
 }
 
 /** Fetches the voxels that the tile needs of the next slice. */
-template <int VRows, typename TPixel>
+template <typename TPixel>
 void
 FetchNextSlice(const TileRow<TPixel> & row, std::ptrdiff_t column)
 {
   constexpr std::ptrdiff_t lanes = LaneCount<TPixel>;
   const TPixel * voxels = row.voxels + (row.slices->offset + row.nextSlice + row.row * row.rowStride + column);
-  for (int r = 0; r < VRows; ++r, voxels += row.rowStride)
+  for (int r = 0; r < BlockLength; ++r, voxels += row.rowStride)
   {
     Lanes::Prefetch(reinterpret_cast<const char *>(voxels - 1));
     Lanes::Prefetch(reinterpret_cast<const char *>(voxels + lanes - 1));
@@ -429,36 +437,32 @@ ForEachTile(const TileRow<TPixel> & row, const TFunction & take)
     {
       row.prefetcher->Step();
     }
-    else if (row.rows == 1)
-    {
-      FetchNextSlice<1>(row, column);
-    }
     else
     {
-      FetchNextSlice<BlockLength>(row, column);
+      FetchNextSlice(row, column);
     }
     take(first, column);
   }
 }
 
 /** Gives the pixels of a row of tiles without ranks the samples of all slices. */
-template <Extremum VExtremum, typename TSampler, int VRows, typename TPixel>
+template <Extremum VExtremum, typename TSampler, typename TPixel>
 void
 ProjectUnrankedTiles(const TileRow<TPixel> & row)
 {
   constexpr std::ptrdiff_t lanes = LaneCount<TPixel>;
   ForEachTile(row, [&row](std::ptrdiff_t, std::ptrdiff_t column) SHEARWARP_INLINE {
-    if (row.IsCut(column))
+    if (row.rows != BlockLength || row.IsCut(column))
     {
-      TakeSlice<VExtremum, TSampler, VRows, true>(row, *row.slices, column);
+      TakeRows<VExtremum, TSampler>(row, *row.slices, column);
     }
     else if (row.count == 1)
     {
-      TakeSlice<VExtremum, TSampler, VRows>(row, *row.slices, column);
+      TakeSlice<VExtremum, TSampler>(row, *row.slices, column);
     }
     else
     {
-      TakeSlices<VExtremum, TSampler, VRows>(row, column);
+      TakeSlices<VExtremum, TSampler>(row, column);
     }
   });
   // columns that not all slices have
@@ -466,11 +470,11 @@ ProjectUnrankedTiles(const TileRow<TPixel> & row)
   {
     if (slice->inner.begin < row.begin)
     {
-      TakeSlice<VExtremum, TSampler, VRows>(row, *slice, slice->inner.begin);
+      TakeRows<VExtremum, TSampler>(row, *slice, slice->inner.begin);
     }
     if (slice->inner.end > row.end)
     {
-      TakeSlice<VExtremum, TSampler, VRows>(row, *slice, slice->inner.end - lanes);
+      TakeRows<VExtremum, TSampler>(row, *slice, slice->inner.end - lanes);
     }
   }
 }
@@ -485,13 +489,11 @@ ProjectTilesWithSampler(const TileRow<TPixel> & row)
       TakeRankedTile<VExtremum, TSampler>(row, first, column);
     });
   }
-  return row.rows == 1 ? ProjectUnrankedTiles<VExtremum, TSampler, 1>(row)
-                       : ProjectUnrankedTiles<VExtremum, TSampler, BlockLength>(row);
+  ProjectUnrankedTiles<VExtremum, TSampler>(row);
 }
 
 /** \class ExtremumTiles
  * Images collect the extremum of samples. */
-template <Extremum VExtremum>
 struct ExtremumTiles
 {
   static constexpr bool MayRepeat = true;
@@ -500,7 +502,8 @@ struct ExtremumTiles
   static void
   Project(const TileRow<TPixel> & row)
   {
-    ProjectTilesWithSampler<VExtremum, TSampler>(row);
+    CallWithExtremum(row.extremum,
+                     [&](auto extremum) { ProjectTilesWithSampler<decltype(extremum)::value, TSampler>(row); });
   }
 
   template <typename TPixel>
@@ -511,12 +514,11 @@ struct ExtremumTiles
        TPixel                      sample,
        SliceRank<TPixel>           rank)
   {
-    const std::ptrdiff_t place = row * view.intermediate.rowStride + column;
-    TakeSample<VExtremum>(sample,
-                          rank,
-                          view.localThreshold,
-                          view.intermediate.pixels[place],
-                          view.ranked.ranks ? view.ranked.ranks + place : nullptr);
+    const std::ptrdiff_t      place = row * view.intermediate.rowStride + column;
+    SliceRank<TPixel> * const ranks = view.ranked.ranks ? view.ranked.ranks + place : nullptr;
+    CallWithExtremum(view.extremum, [&](auto extremum) {
+      TakeSample<decltype(extremum)::value>(sample, rank, view.localThreshold, view.intermediate.pixels[place], ranks);
+    });
   }
 };
 
