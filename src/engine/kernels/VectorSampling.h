@@ -26,6 +26,10 @@ constexpr bool IsUnsignedShort = sizeof(TPixel) == 2 && static_cast<TPixel>(-1) 
 template <typename TPixel>
 constexpr std::ptrdiff_t LaneCount = IsFloat<TPixel> ? Lanes::FloatCount : Lanes::ShortCount;
 
+/** LaneCount pixels. */
+template <typename TPixel>
+using LanesOf = std::conditional_t<IsFloat<TPixel>, Lanes::Float, Lanes::Short>;
+
 /** Returns the larger of two pixels, or \a maximum if \a value is not a number. Pixels of 8 bits have lanes of 16 bits.
  */
 template <typename TPixel, typename TVector>

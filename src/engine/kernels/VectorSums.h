@@ -72,75 +72,52 @@ AddLanes(const TileRow<TPixel> & row, std::ptrdiff_t r, std::ptrdiff_t column, T
   }
 }
 
-/** Adds all samples of a slice to a tile. If VRows is not 0, the tile has so many rows. */
-template <typename TSampler, int VRows, typename TPixel>
+/** Adds all samples of a slice to a tile of BlockLength rows. */
+template <typename TSampler, typename TPixel>
 SHEARWARP_INLINE inline void
-AddSamples(const TileRow<TPixel> & row, std::ptrdiff_t column)
+AddSlice(const TileRow<TPixel> & row, std::ptrdiff_t column)
 {
   const std::ptrdiff_t stride = row.rowStride;
   const TPixel * const voxels = row.voxels + (row.slices->offset + row.row * stride + column);
   TSampler             sampler(*row.slices, voxels, stride);
-  const auto           addRow = [&](int r) SHEARWARP_INLINE {
-    AddLanes<true>(row, r, column, TSampler::Finish(sampler.Next(voxels + r * stride)), 0);
-  };
   SHEARWARP_UNROLL
-  for (int r = 0; r < VRows; ++r)
+  for (int r = 0; r < BlockLength; ++r)
   {
-    addRow(r);
-  }
-  for (int r = VRows; VRows == 0 && r < row.rows; ++r)
-  {
-    addRow(r);
+    AddLanes<true>(row, r, column, TSampler::Finish(sampler.Next(voxels + r * stride)), 0);
   }
 }
 
-/** Adds the samples of a slice that have a bit in \a lanes, and that the spans, the mask and \a state let count. */
-template <typename TSampler, typename TPixel>
+/** Adds samples that count. */
+template <typename TPixel>
 __attribute__((noinline)) void
-AddSomeSamples(const TileRow<TPixel> & row, std::ptrdiff_t column, std::uint32_t lanes, TileState state)
+AddSamples(const TileRow<TPixel> & row,
+           std::ptrdiff_t          column,
+           const LanesOf<TPixel> (&samples)[BlockLength],
+           const CountedSamples<TPixel> & counted)
 {
-  CountedSamples<TPixel> samples;
-  samples.CountAll(row, column);
-  for (int r = 0; r < row.rows; ++r)
-  {
-    samples.counted[r] &= lanes;
-    samples.whole[r] = samples.counted[r];
-  }
-  const bool isMasked = row.mask && state == TileState::Masked;
-  if (isMasked && !samples.KeepMasked(row, column))
-  {
-    return;
-  }
   // stores of sums cannot change copies
   const int                       rows = row.rows;
   const bool                      hasMask = row.mask != nullptr;
   const FadingRow<TPixel> * const fades = row.fades;
-  const std::ptrdiff_t            stride = row.rowStride;
-  const TPixel * const            voxels = row.voxels + (row.slices->offset + row.row * stride + column);
-  TSampler                        sampler(*row.slices, voxels, stride);
   for (int r = 0; r < rows; ++r)
   {
     if (hasMask)
     {
-      CountLanes(row, r, column, samples.counted[r]);
+      CountLanes(row, r, column, counted.counted[r]);
     }
-    const auto sample = TSampler::Finish(sampler.Next(voxels + r * stride));
-    const auto faded = fades ? Fade<TPixel>(sample, fades[r], column) : sample;
-    AddLanes<false>(row, r, column, faded, samples.whole[r]);
+    const auto faded = fades ? Fade<TPixel>(samples[r], fades[r], column) : samples[r];
+    AddLanes<false>(row, r, column, faded, counted.whole[r]);
   }
-  if (isMasked)
-  {
-    ForEachRimSample(row, column, samples, [&row](int r, std::ptrdiff_t p, TPixel sample) {
-      if (IsNumber(sample))
-      {
-        AddToSum(sample, row.sums[r * row.pixelStride + p]);
-      }
-      else
-      {
-        Uncount(row, r, p);
-      }
-    });
-  }
+  ForEachRimSample(row, column, counted, [&row](int r, std::ptrdiff_t p, TPixel sample) {
+    if (IsNumber(sample))
+    {
+      AddToSum(sample, row.sums[r * row.pixelStride + p]);
+    }
+    else
+    {
+      Uncount(row, r, p);
+    }
+  });
 }
 
 /** Counts the samples of a row of tiles. */
@@ -166,20 +143,22 @@ AddTiles(const TileRow<TPixel> & row)
     CountTiles(row);
   }
   ForEachTile(row, [&row](std::ptrdiff_t first, std::ptrdiff_t column) SHEARWARP_INLINE {
-    if (first != column || row.mask || row.fades || row.IsCut(column))
+    if (first != column || row.mask || row.fades || row.IsCut(column) || row.rows != BlockLength)
     {
-      const ColumnSpan span{ static_cast<std::int32_t>(Larger(first, row.begin)),
+      const ColumnSpan       span{ static_cast<std::int32_t>(Larger(first, row.begin)),
                              static_cast<std::int32_t>(Smaller(first + lanes, row.end)) };
-      const TileState  state = row.active ? row.active[first / TileColumns] : TileState::Masked;
-      AddSomeSamples<TSampler>(row, column, GetLanes<TPixel>(span, column), state);
-    }
-    else if (row.rows == BlockLength)
-    {
-      AddSamples<TSampler, BlockLength>(row, column);
+      const bool             isWhole = row.active && row.active[first / TileColumns] == TileState::Whole;
+      CountedSamples<TPixel> counted;
+      if (counted.Count(row, column, GetLanes<TPixel>(span, column), row.mask && !isWhole))
+      {
+        LanesOf<TPixel> samples[BlockLength];
+        SampleTile<TSampler>(row, *row.slices, column, samples);
+        AddSamples(row, column, samples, counted);
+      }
     }
     else
     {
-      AddSamples<TSampler, 0>(row, column);
+      AddSlice<TSampler>(row, column);
     }
   });
 }

@@ -119,21 +119,35 @@ TakeSlice(const TileRow<TPixel> & row, const PlacedSlice & slice, std::ptrdiff_t
   }
 }
 
-/** Does the same for any number of rows. If the row has spans, only pixels in them take samples. */
-template <Extremum VExtremum, typename TSampler, typename TPixel>
+/** Writes the samples of a slice for a tile, a vector for each row. What tiles need seldom is done with these vectors,
+ * so that it is compiled once for all samplers. */
+template <typename TSampler, typename TPixel>
 __attribute__((noinline)) void
-TakeRows(const TileRow<TPixel> & row, const PlacedSlice & slice, std::ptrdiff_t column)
+SampleTile(const TileRow<TPixel> & row,
+           const PlacedSlice &     slice,
+           std::ptrdiff_t          column,
+           LanesOf<TPixel> (&samples)[BlockLength])
 {
   const std::ptrdiff_t stride = row.rowStride;
   const TPixel * const voxels = row.voxels + (slice.offset + row.row * stride + column);
   TSampler             sampler(slice, voxels, stride);
   for (int r = 0; r < row.rows; ++r)
   {
+    samples[r] = TSampler::Finish(sampler.Next(voxels + r * stride));
+  }
+}
+
+/** Gives the pixels of a tile samples. If the row has spans, only pixels in them take samples. */
+template <Extremum VExtremum, typename TPixel>
+__attribute__((noinline)) void
+TakeSamples(const TileRow<TPixel> & row, std::ptrdiff_t column, const LanesOf<TPixel> (&samples)[BlockLength])
+{
+  for (int r = 0; r < row.rows; ++r)
+  {
     TPixel * const      pixel = row.pixels + r * row.pixelStride + column;
     const std::uint32_t lanes = row.spans ? GetLanes<TPixel>(row.spans[r], column) : AllLanes<TPixel>;
-    const auto          sample = TSampler::Finish(sampler.Next(voxels + r * stride));
     const auto          before = Lanes::Load(pixel);
-    Lanes::Store(pixel, Lanes::Select(before, Better<VExtremum, TPixel>(before, sample), lanes));
+    Lanes::Store(pixel, Lanes::Select(before, Better<VExtremum, TPixel>(before, samples[r]), lanes));
   }
 }
 
@@ -159,15 +173,17 @@ Fade(TVector sample, const FadingRow<TPixel> & fading, std::ptrdiff_t column)
 template <typename TPixel>
 struct CountedSamples
 {
-  /** Counts all samples in the spans of the tile's rows. */
-  void
-  CountAll(const TileRow<TPixel> & row, std::ptrdiff_t column)
+  /** Counts the samples that have a bit in \a lanes and are in the spans and, if \a isMasked, in the mask. Returns
+   * whether there may be one. */
+  __attribute__((noinline)) bool
+  Count(const TileRow<TPixel> & row, std::ptrdiff_t column, std::uint32_t lanes, bool isMasked)
   {
     for (int r = 0; r < row.rows; ++r)
     {
-      counted[r] = row.spans ? GetLanes<TPixel>(row.spans[r], column) : AllLanes<TPixel>;
+      counted[r] = row.spans ? GetLanes<TPixel>(row.spans[r], column) & lanes : lanes;
       whole[r] = counted[r];
     }
+    return !isMasked || this->KeepMasked(row, column);
   }
 
   /** Keeps samples whose nearest voxel is in the mask. Returns whether a sample is left. */
@@ -272,66 +288,78 @@ ForEachRimSample(const TileRow<TPixel> &        row,
   }
 }
 
-/** Gives the pixels of a tile the samples at the rim of the mask. */
+/** Gives the pixels of a tile samples of a slice, and its rank. If VAll, each sample counts, and fades. */
+template <Extremum VExtremum, bool VAll, typename TPixel>
+SHEARWARP_INLINE inline void
+TakeRankedRows(const TileRow<TPixel> & row,
+               std::ptrdiff_t          column,
+               const LanesOf<TPixel> (&samples)[BlockLength],
+               const CountedSamples<TPixel> & counted)
+{
+  // stores of pixels cannot change copies
+  const int                       rows = row.rows;
+  const std::ptrdiff_t            pixelStride = row.pixelStride;
+  const FadingRow<TPixel> * const fades = row.fades;
+  const TPixel * const            threshold = VAll ? nullptr : row.localThreshold;
+  const auto                      rank = Lanes::SetRank(row.rank);
+  TPixel * const                  pixels = row.pixels + column;
+  SliceRank<TPixel> * const       ranks = row.ranks + column;
+  for (int r = 0; r < rows; ++r)
+  {
+    const auto faded = VAll || fades ? Fade<TPixel>(samples[r], fades[r], column) : samples[r];
+    TakeRanked<VExtremum, VAll>(
+      faded, rank, threshold, counted.whole[r], pixels + r * pixelStride, ranks + r * pixelStride);
+  }
+}
+
+/** Gives the pixels of a tile the samples that count, and the slice's rank. */
 template <Extremum VExtremum, typename TPixel>
 __attribute__((noinline)) void
-TakeRim(const TileRow<TPixel> & row, std::ptrdiff_t column, const CountedSamples<TPixel> & samples)
+TakeRankedSamples(const TileRow<TPixel> & row,
+                  std::ptrdiff_t          column,
+                  const LanesOf<TPixel> (&samples)[BlockLength],
+                  const CountedSamples<TPixel> & counted,
+                  bool                           areAll)
 {
-  ForEachRimSample(row, column, samples, [&row](int r, std::ptrdiff_t p, TPixel sample) {
+  if (areAll && row.fades && !row.localThreshold)
+  {
+    return TakeRankedRows<VExtremum, true>(row, column, samples, counted);
+  }
+  TakeRankedRows<VExtremum, false>(row, column, samples, counted);
+  ForEachRimSample(row, column, counted, [&row](int r, std::ptrdiff_t p, TPixel sample) {
     const std::ptrdiff_t place = r * row.pixelStride + p;
     TakeSample<VExtremum>(sample, row.rank, row.localThreshold, row.pixels[place], row.ranks + place);
   });
 }
 
-/** \class Extras
- * What a tile with ranks needs beside samples. Only with Any, a tile may take a part of its samples. */
-enum class Extras
-{
-  None,
-  Fading,
-  LocalMaximum,
-  Any
-};
-
-/** Gives the pixels of a tile the samples of a slice, and its rank. With Extras::Any, \a taken has the bits of each
- * row's samples. */
-template <Extremum VExtremum, typename TSampler, Extras VExtras, typename TPixel>
+/** Gives the pixels of a tile the samples of a slice, and its rank. If VIsLocal, rays end at their first local maximum.
+ */
+template <Extremum VExtremum, typename TSampler, bool VIsLocal, typename TPixel>
 SHEARWARP_INLINE inline void
-TakeRankedRows(const TileRow<TPixel> & row, std::ptrdiff_t column, const std::uint32_t * taken = nullptr)
+TakeRankedSlice(const TileRow<TPixel> & row, std::ptrdiff_t column)
 {
-  constexpr bool hasAny = VExtras == Extras::Any;
   // stores of pixels cannot change copies
-  const int                       rows = row.rows;
-  const std::ptrdiff_t            stride = row.rowStride;
-  const std::ptrdiff_t            pixelStride = row.pixelStride;
-  const FadingRow<TPixel> * const fades = row.fades;
-  const bool                      isFading = VExtras == Extras::Fading || (hasAny && fades);
-  const TPixel * const            threshold = hasAny || VExtras == Extras::LocalMaximum ? row.localThreshold : nullptr;
-  const auto                      rank = Lanes::SetRank(row.rank);
-  TPixel * const                  pixels = row.pixels + column;
-  SliceRank<TPixel> * const       ranks = row.ranks + column;
-  const TPixel * const            voxels = row.voxels + (row.slices->offset + row.row * stride + column);
-  TSampler                        sampler(*row.slices, voxels, stride);
-  const auto                      takeRow = [&](int r) SHEARWARP_INLINE {
-    const std::uint32_t lanes = hasAny ? taken[r] : AllLanes<TPixel>;
-    const auto          sample = TSampler::Finish(sampler.Next(voxels + r * stride));
-    const auto          faded = isFading ? Fade<TPixel>(sample, fades[r], column) : sample;
-    TakeRanked<VExtremum, !hasAny>(faded, rank, threshold, lanes, pixels + r * pixelStride, ranks + r * pixelStride);
+  const std::ptrdiff_t      stride = row.rowStride;
+  const std::ptrdiff_t      pixelStride = row.pixelStride;
+  const TPixel * const      threshold = VIsLocal ? row.localThreshold : nullptr;
+  const auto                rank = Lanes::SetRank(row.rank);
+  TPixel * const            pixels = row.pixels + column;
+  SliceRank<TPixel> * const ranks = row.ranks + column;
+  const TPixel * const      voxels = row.voxels + (row.slices->offset + row.row * stride + column);
+  TSampler                  sampler(*row.slices, voxels, stride);
+  const auto                takeRow = [&](int r) SHEARWARP_INLINE {
+    const auto sample = TSampler::Finish(sampler.Next(voxels + r * stride));
+    TakeRanked<VExtremum, true>(sample, rank, threshold, 0, pixels + r * pixelStride, ranks + r * pixelStride);
   };
-  if (VExtras == Extras::None && rows == BlockLength)
+  SHEARWARP_UNROLL
+  for (int r = 0; r < BlockLength && !VIsLocal; ++r)
   {
-    SHEARWARP_UNROLL
-    for (int r = 0; r < BlockLength; ++r)
-    {
-      takeRow(r);
-    }
+    takeRow(r);
   }
-  else
+  const int rows = row.rows;
+  for (int r = 0; r < rows && VIsLocal; ++r)
   {
-    for (int r = 0; r < rows; ++r)
-    {
-      takeRow(r);
-    }
+    takeRow(r);
   }
 }
 
@@ -342,27 +370,21 @@ TakeRankedTile(const TileRow<TPixel> & row, std::ptrdiff_t first, std::ptrdiff_t
 {
   const TileState state = row.active ? row.active[first / TileColumns] : TileState::Masked;
   const bool      isMasked = row.mask && (state == TileState::Masked || row.isMoved || column != first);
-  if (isMasked || row.IsCut(column) || (row.fades && row.localThreshold))
+  const bool      areAll = !isMasked && !row.IsCut(column);
+  if (areAll && !row.fades && row.localThreshold)
   {
-    CountedSamples<TPixel> samples;
-    samples.CountAll(row, column);
-    if (!isMasked || samples.KeepMasked(row, column))
-    {
-      TakeRankedRows<VExtremum, TSampler, Extras::Any>(row, column, samples.whole);
-      TakeRim<VExtremum>(row, column, samples);
-    }
+    return TakeRankedSlice<VExtremum, TSampler, true>(row, column);
   }
-  else if (row.fades)
+  if (areAll && !row.fades && row.rows == BlockLength)
   {
-    TakeRankedRows<VExtremum, TSampler, Extras::Fading>(row, column);
+    return TakeRankedSlice<VExtremum, TSampler, false>(row, column);
   }
-  else if (row.localThreshold)
+  CountedSamples<TPixel> counted;
+  if (counted.Count(row, column, AllLanes<TPixel>, isMasked))
   {
-    TakeRankedRows<VExtremum, TSampler, Extras::LocalMaximum>(row, column);
-  }
-  else
-  {
-    TakeRankedRows<VExtremum, TSampler, Extras::None>(row, column);
+    LanesOf<TPixel> samples[BlockLength];
+    SampleTile<TSampler>(row, *row.slices, column, samples);
+    TakeRankedSamples<VExtremum>(row, column, samples, counted, areAll);
   }
 }
 
@@ -451,10 +473,15 @@ void
 ProjectUnrankedTiles(const TileRow<TPixel> & row)
 {
   constexpr std::ptrdiff_t lanes = LaneCount<TPixel>;
-  ForEachTile(row, [&row](std::ptrdiff_t, std::ptrdiff_t column) SHEARWARP_INLINE {
+  const auto               takeSome = [&row](const PlacedSlice & slice, std::ptrdiff_t column) {
+    LanesOf<TPixel> samples[BlockLength];
+    SampleTile<TSampler>(row, slice, column, samples);
+    TakeSamples<VExtremum>(row, column, samples);
+  };
+  ForEachTile(row, [&](std::ptrdiff_t, std::ptrdiff_t column) SHEARWARP_INLINE {
     if (row.rows != BlockLength || row.IsCut(column))
     {
-      TakeRows<VExtremum, TSampler>(row, *row.slices, column);
+      takeSome(*row.slices, column);
     }
     else if (row.count == 1)
     {
@@ -470,11 +497,11 @@ ProjectUnrankedTiles(const TileRow<TPixel> & row)
   {
     if (slice->inner.begin < row.begin)
     {
-      TakeRows<VExtremum, TSampler>(row, *slice, slice->inner.begin);
+      takeSome(*slice, slice->inner.begin);
     }
     if (slice->inner.end > row.end)
     {
-      TakeRows<VExtremum, TSampler>(row, *slice, slice->inner.end - lanes);
+      takeSome(*slice, slice->inner.end - lanes);
     }
   }
 }
