@@ -89,8 +89,8 @@ public:
    * \a direction, and moves around the image's center: first by \a azimuth degrees towards the right of the picture,
    * about the picture's vertical axis, then by \a elevation degrees towards the top of the picture. From anterior,
    * azimuth 90 is the left view; a positive azimuth is left anterior oblique, and a positive elevation is cranial.
-   * Throws ExceptionObject if \a image is null or has no voxels, as before its filter's UpdateOutputInformation(), or an
-   * angle is not finite. */
+   * Throws ExceptionObject if \a image is null or has no voxels, as before its filter's UpdateOutputInformation(), or
+   * an angle is not finite. */
   static ShearWarpMIP_EXPORT TransformType::Pointer
   MakeTransform(const ImageBase<3> * image, DirectionEnum direction, double azimuth = 0.0, double elevation = 0.0);
 

@@ -76,7 +76,7 @@ ComputeViewAngles(const itk::Transform<double, 3, 3> * transform)
   const double     equatorial = std::hypot(direction[0], direction[1]);
   const bool       isPole = equatorial < 1e-9 * direction.GetNorm();
   // seen along the long axis, what is up says where the front is
-  const auto       front = isPole ? ComputeAxis(transform, 1) * (direction[2] > 0.0 ? 1.0 : -1.0) : direction;
-  const double     primary = degrees * std::atan2(front[0], -front[1]);
+  const auto   front = isPole ? ComputeAxis(transform, 1) * (direction[2] > 0.0 ? 1.0 : -1.0) : direction;
+  const double primary = degrees * std::atan2(front[0], -front[1]);
   return { primary > -180.0 ? primary : 180.0, degrees * std::atan2(direction[2], equatorial) };
 }
