@@ -186,13 +186,15 @@ TransposeVectors(const TPixel * input, std::ptrdiff_t inputStride, TPixel * outp
   }
 }
 
-/** Transposes SquareLength columns of SquareLength rows. Strides are in pixels. */
+/** Transposes SquareLength columns of SquareLength rows, and fetches as many lines from \a next on. Strides are in
+ * pixels. */
 template <typename TPixel>
 SHEARWARP_INLINE inline void
 TransposeSquare(const TPixel * input,
                 std::ptrdiff_t inputStride,
                 TPixel *       output,
                 std::ptrdiff_t outputStride,
+                const TPixel * next,
                 bool           isStreamed)
 {
   constexpr std::ptrdiff_t square = SquareLength<TPixel>;
@@ -202,6 +204,12 @@ TransposeSquare(const TPixel * input,
   {
     for (std::ptrdiff_t row = 0; row < square; row += small)
     {
+      // all lines at once would wait for each other
+      for (std::ptrdiff_t line = 0; line < small; line += square / small)
+      {
+        Lanes::PrefetchFar(reinterpret_cast<const char *>(next));
+        next += square;
+      }
       TransposeVectors(input + row * inputStride + column, inputStride, &lines[column][row], square);
     }
   }
@@ -234,12 +242,9 @@ TransposeSlice(const TPixel * input, std::ptrdiff_t columns, std::ptrdiff_t rows
         }
         continue;
       }
-      // the next lines in the order of memory, as many as a square has
-      for (std::ptrdiff_t line = 0; line < square; ++line)
-      {
-        Lanes::PrefetchFar(reinterpret_cast<const char *>(input + j * columns + (i + line) * square + ahead));
-      }
-      TransposeSquare(input + j * columns + i, columns, output + i * rows + j, rows, isStreamed);
+      // the next lines in the order of memory
+      const TPixel * const next = input + j * columns + i * square + ahead;
+      TransposeSquare(input + j * columns + i, columns, output + i * rows + j, rows, next, isStreamed);
     }
   }
   Lanes::FinishLines();
