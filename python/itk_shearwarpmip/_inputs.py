@@ -118,6 +118,7 @@ def open_image(
         raise ValueError("only an OME-Zarr has levels, times and channels, and a 4D file times")
     _bring_up_to_date(source)
     if isinstance(source, itk.Object) and type(source) in _find_image_types():
+        _view_image(source)  # refuses an empty image
         _entries.keep(source)
         if spacing is None and origin is None and direction is None:
             return source

@@ -188,7 +188,7 @@ def serve(
 
     viewer._end = end
     thread.start()
-    print(f"The picture is at {viewer.url}{'; Ctrl-C ends it' if block else ''}", flush=True)
+    print(f"{'Ctrl-C ends the viewer. ' if block else ''}The picture is at {viewer.url}", flush=True)
     if not no_browser:
         page = Path(folder.name, "viewer.html")
         page.write_text(f'<meta http-equiv="refresh" content="0; url={viewer.url}">\n')
