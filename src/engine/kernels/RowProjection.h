@@ -149,6 +149,7 @@ struct SliceRow
   std::ptrdiff_t       columns;
   SamplingPosition     column; // of voxel 0 in the intermediate image
   std::int32_t         y;      // 0 in the outer half voxels
+  const TPixel *       next;   // the row of the next slice, which the projection fetches, or null
 };
 
 /** \class PixelRow
@@ -344,15 +345,34 @@ public:
 
 private:
   static constexpr std::ptrdiff_t MostSamples = 256;
+  static constexpr std::ptrdiff_t Line = 64 / sizeof(TPixel);
+  /** Many lines at once would wait for each other. */
+  static constexpr std::ptrdiff_t FetchedSamples = 8 * Line;
+
+  /** Starts to fetch the voxels of the next slice at these columns. */
+  void
+  FetchNext(std::ptrdiff_t first, std::ptrdiff_t count) const
+  {
+    for (std::ptrdiff_t n = first; m_Row.next && n < first + count; n += Line)
+    {
+      PrefetchVoxel(m_Row.next + n);
+    }
+  }
 
   void
   TakeWhole(std::ptrdiff_t begin, std::ptrdiff_t end) const
   {
     if (!m_Fading && m_Pixels.HasRuns())
     {
-      const std::ptrdiff_t first = begin - m_Row.column.whole;
       return CallWithSampler<TPixel>(m_Row.column.fraction, m_Row.y, [&](const auto & sample) {
-        m_Pixels.TakeRun(begin, end - begin, sample, m_Row.a + first, m_Row.b + first);
+        const std::ptrdiff_t most = m_Row.next ? FetchedSamples : end - begin;
+        for (std::ptrdiff_t p = begin; p < end; p += most)
+        {
+          const std::ptrdiff_t first = p - m_Row.column.whole;
+          const std::ptrdiff_t count = Smaller(most, end - p);
+          this->FetchNext(first, count);
+          m_Pixels.TakeRun(p, count, sample, m_Row.a + first, m_Row.b + first);
+        }
       });
     }
     TPixel samples[MostSamples];
@@ -360,6 +380,7 @@ private:
     {
       count = Smaller(MostSamples, end - begin);
       const std::ptrdiff_t first = begin - m_Row.column.whole;
+      this->FetchNext(first, count);
       SampleRun(m_Row.a + first, m_Row.b + first, m_Row.column.fraction, m_Row.y, count, samples);
       this->Take(begin, count, samples);
     }
@@ -419,18 +440,6 @@ private:
   PixelRow<TPixel>            m_Pixels;
 };
 
-/** Starts to fetch a row of voxels. */
-template <typename TPixel>
-void
-FetchRow(const TPixel * row, std::ptrdiff_t columns)
-{
-  constexpr std::ptrdiff_t line = 64 / sizeof(TPixel);
-  for (std::ptrdiff_t column = 0; column < columns; column += line)
-  {
-    PrefetchVoxel(row + column);
-  }
-}
-
 /** Takes the block's samples of one slice. The first view fetches the rows of the next slice for all views. */
 template <typename TPixel>
 void
@@ -453,10 +462,6 @@ ProjectSlice(const SliceStack<TPixel> &  stack,
   const bool fetches = isFirstView && !view.active && !view.coverage.region && next >= 0 && next < stack.slices;
   for (std::ptrdiff_t j = begin; j < end; ++j)
   {
-    if (fetches)
-    {
-      FetchRow(stack.voxels + (next * stack.sliceStride + Smaller(j, stack.rows - 1) * stack.rowStride), stack.columns);
-    }
     const bool           isEdge = j == 0 || j == stack.rows;
     const std::ptrdiff_t a = Larger<std::ptrdiff_t>(j - 1, 0);
     const std::ptrdiff_t b = Smaller(j, stack.rows - 1);
@@ -479,7 +484,9 @@ ProjectSlice(const SliceStack<TPixel> &  stack,
                                            getRow(mask, b),
                                            stack.columns,
                                            column,
-                                           isEdge ? 0 : row.fraction },
+                                           isEdge ? 0 : row.fraction,
+                                           fetches ? stack.voxels + (next * stack.sliceStride + b * stack.rowStride)
+                                                   : nullptr },
                                          view,
                                          row.whole + j,
                                          view.active ? view.active + tile * view.activeStride : nullptr,
