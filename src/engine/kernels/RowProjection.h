@@ -478,20 +478,20 @@ ProjectSlice(const SliceStack<TPixel> &  stack,
     {
       continue;
     }
-    const RowProjector<TPixel> projector({ getRow(stack, a),
-                                           getRow(stack, b),
-                                           getRow(mask, a),
-                                           getRow(mask, b),
-                                           stack.columns,
-                                           column,
-                                           isEdge ? 0 : row.fraction,
-                                           fetches ? stack.voxels + (next * stack.sliceStride + b * stack.rowStride)
-                                                   : nullptr },
-                                         view,
-                                         row.whole + j,
-                                         view.active ? view.active + tile * view.activeStride : nullptr,
-                                         GetRank(view.ranked, slice),
-                                         view.fading ? &fading : nullptr);
+    const RowProjector<TPixel> projector(
+      { getRow(stack, a),
+        getRow(stack, b),
+        getRow(mask, a),
+        getRow(mask, b),
+        stack.columns,
+        column,
+        isEdge ? 0 : row.fraction,
+        fetches ? stack.voxels + (next * stack.sliceStride + b * stack.rowStride) : nullptr },
+      view,
+      row.whole + j,
+      view.active ? view.active + tile * view.activeStride : nullptr,
+      GetRank(view.ranked, slice),
+      view.fading ? &fading : nullptr);
     projector.ProjectInner(reached);
     projector.ProjectEdge(reached);
   }
