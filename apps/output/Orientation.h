@@ -49,8 +49,8 @@ struct ViewAngles
   double secondary;
 };
 
-/** The angles of a picture with a \a transform as above. Where secondary is 90 or -90, primary is that of the view from
- * which the viewer rises or descends to this picture. */
+/** The angles of a picture with a \a transform as above. Where secondary is 90 or -90, primary is the angle of the
+ * view from which the viewer rises or descends to this picture. */
 ViewAngles
 ComputeViewAngles(const itk::Transform<double, 3, 3> * transform);
 
