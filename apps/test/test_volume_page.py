@@ -883,7 +883,7 @@ def test_constant_picture_is_black(page):
 def test_help_says_what_the_page_holds(page):
     page.show()
     page.press("?")
-    text = "This page holds 40 × 36 × 30 voxels, in steps of 0.5. It loads nothing and sends nothing."
+    text = "This page holds 40 \u00d7 36 \u00d7 30 voxels, in steps of 0.5. It loads nothing and sends nothing."
     assert page.text("about").startswith(text)
     page.press("?")
 
@@ -891,7 +891,7 @@ def test_help_says_what_the_page_holds(page):
 def test_minus_as_it_is_typeset(page):
     page.show()
     low, high = page.window
-    page.press("−")
+    page.press(MINUS)
     assert np.diff(page.window) == pytest.approx((high - low) / 1.1)
 
 
