@@ -2,11 +2,11 @@
 # Static analysis of the C++ code; any finding is a failure. Files that passed before are not analysed again.
 #
 #   compile   g++ with -Wall -Wextra -Wconversion -Wshadow; what asks for Linux or POSIX without these too
-#   libcxx    clang with libc++, on the library and the program
-#   tidy      clang-tidy, with the checks of .clang-tidy and clang's warnings; of the module and its program
+#   tidy      clang-tidy, with the checks of .clang-tidy and clang's warnings; of the module and its program, which are
+#             read with the headers of libc++
 #   cppcheck
 #
-# Usage: check.sh [compile | libcxx | tidy | cppcheck]...    [all four]
+# Usage: check.sh [compile | tidy | cppcheck]...    [all three]
 # Installs what is missing, as root or with sudo. Environment: see itk-build-tree.sh.
 set -euo pipefail
 . "$(dirname "${BASH_SOURCE[0]}")/common.sh"
@@ -18,10 +18,10 @@ build=$root/build/check
 clang_flags=(-Wno-sign-conversion -Wno-unknown-warning-option -Wno-deprecated-declarations -DITK_COMPILER_DETECTION_H -DITK_NOEXCEPT=noexcept)
 
 stages=("$@")
-[ ${#stages[@]} -gt 0 ] || stages=(compile libcxx tidy cppcheck)
+[ ${#stages[@]} -gt 0 ] || stages=(compile tidy cppcheck)
 for stage in "${stages[@]}"; do
   case $stage in
-    compile | libcxx | tidy | cppcheck) ;;
+    compile | tidy | cppcheck) ;;
     *) exit_with_usage "$stage" ;;
   esac
 done
@@ -68,23 +68,16 @@ check_compile() {
   { echo "$commands"; grep -F "$asking" <<< "$commands" | sed 's/$/ -U__linux__ -DShearWarpMIP_WITHOUT_POSIX/'; } | check_all
 }
 
-check_libcxx() {
-  need_packages clang libc++-dev libc++abi-dev
-  configure
-  list_commands | grep -E "$root/(apps|phantom|src)/.*\.cxx$" |
-    sed "s|^.*/c++ |clang++ -stdlib=libc++ |; s|$| ${clang_flags[*]}|" | check_all
-}
-
 check_tidy() {
-  need_packages python3-venv
+  need_packages python3-venv libc++-dev
   # from 22 on it leaves system headers alone, in a third of the time
   [ -x "$cache/clang-tidy/bin/python" ] || /usr/bin/python3 -m venv "$cache/clang-tidy"
   "$cache/clang-tidy/bin/pip" install --quiet --disable-pip-version-check clang-tidy==23.1.4
   configure
+  local tidy="$cache/clang-tidy/bin/clang-tidy --quiet -p $build ${clang_flags[*]/#/--extra-arg=}"
   # it looks at a file with all its commands
-  list_commands | grep -v " $root/benchmark/[^ ]*$" | awk '!seen[$NF]++' |
-    sed "s|.* \([^ ]*\)$|&\t$cache/clang-tidy/bin/clang-tidy --quiet -p $build ${clang_flags[*]/#/--extra-arg=} \1|" |
-    check_all
+  list_commands | grep -v " $root/benchmark/[^ ]*$" | awk '!seen[$NF]++' | sed "s|.* \([^ ]*\)$|&\t$tidy \1|
+    s,--quiet\(.* $root/\(apps\|phantom\|src\)/[^ ]*\)$,--quiet --extra-arg=-stdlib=libc++\1," | check_all
 }
 
 check_cppcheck() {
