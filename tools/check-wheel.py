@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Checks wheels: each has the program, and no library under the GPL, which a wheel under the Apache License must not have.
+"""Checks wheels: each has the program, the notices of the libraries in it, and no library under the GPL, which a wheel
+under the Apache License must not have.
 
 check-wheel.py WHEEL...
 """
@@ -11,16 +12,19 @@ from pathlib import Path
 
 # shared libraries under the GPL that image formats and build machines bring, as their files are named
 GPL = re.compile(
-    r"(lib)?(avcodec|avfilter|avformat|avutil|bfd|cdio|cholmod|dvdread|fftw3\w*|gdbm|gsl(cblas)?|history|jbig|opcodes"
-    r"|poppler|postproc|readline|swresample|swscale|umfpack|x26[45]|xvidcore)[-.\d].*"
+    r"(lib)?(a52|avcodec|avfilter|avformat|avutil|bfd|cdio\+\+|cdio|cholmod|dvdread|fftw3\w*|gdbm|gsl(cblas)?|history|jbig|mpeg2|opcodes"
+    r"|poppler|postproc|readline|spqr|swresample|swscale|umfpack|x26[45]|xvidcore)[-.\d].*"
 )
 PROGRAM = re.compile(r".*/scripts/shear-warp-mip(\.exe)?")
+NOTICE = re.compile(r".*\.dist-info/licenses/(CLI11|GDCM|PNG|TIFF)/.+")
 
 
 def find_faults(wheel: Path) -> list[str]:
     with zipfile.ZipFile(wheel) as file:
         names = file.namelist()
     faults = [f"has {name}, whose licence is the GPL" for name in names if GPL.fullmatch(Path(name).name)]
+    if len({match[1] for match in map(NOTICE.fullmatch, names) if match}) < 4:
+        faults.append("has not the notices of CLI11, GDCM, PNG and TIFF")
     if not any(PROGRAM.fullmatch(name) for name in names):
         faults.append("has no program shear-warp-mip")
     return [f"{wheel}: {fault}" for fault in faults]

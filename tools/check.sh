@@ -12,6 +12,7 @@ set -euo pipefail
 . "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 cd "$root"
 unset ITK_DIR
+[[ $root != *[[:space:]]* ]] || die "names of files are read as words here: clone the project to a path without spaces"
 
 build=$root/build/check
 # Debian's ITK refuses any other compiler than the one it was built with; its code is good for clang too
@@ -71,7 +72,7 @@ check_compile() {
 check_tidy() {
   need_packages python3-venv libc++-dev
   # from 22 on it leaves system headers alone, in a third of the time
-  [ -x "$cache/clang-tidy/bin/python" ] || /usr/bin/python3 -m venv "$cache/clang-tidy"
+  make_venv "$cache/clang-tidy"
   "$cache/clang-tidy/bin/pip" install --quiet --disable-pip-version-check clang-tidy==23.1.4
   configure
   local tidy="$cache/clang-tidy/bin/clang-tidy --quiet -p $build ${clang_flags[*]/#/--extra-arg=}"

@@ -35,14 +35,15 @@ need_packages() {
   command -v apt-get >/dev/null || die "please install: ${missing[*]}"
   say "installing Debian packages: ${missing[*]}"
   as_root apt-get update -qq >&2 || say "apt-get update failed; trying with the lists that are here"
-  as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}" >&2
+  as_root env DEBIAN_FRONTEND=noninteractive apt-get -o DPkg::Lock::Timeout=300 -o APT::Keep-Downloaded-Packages=false \
+    install -y -qq --no-install-recommends "${missing[@]}" >&2
 }
 
 # share_compilations: what is compiled from now on is kept in the cache, for other folders and runs too.
 share_compilations() {
   need_packages ccache
   # CCACHE_DEPEND: what is not in the cache is preprocessed only once
-  export CCACHE_DIR=$cache/ccache CCACHE_BASEDIR=$root CCACHE_NOHASHDIR=1 CCACHE_MAXSIZE=5G CCACHE_DEPEND=1
+  export CCACHE_DIR=$cache/ccache CCACHE_BASEDIR=$root CCACHE_NOHASHDIR=1 CCACHE_MAXSIZE=3G CCACHE_DEPEND=1
   export CMAKE_C_COMPILER_LAUNCHER=ccache CMAKE_CXX_COMPILER_LAUNCHER=ccache
 }
 
@@ -76,9 +77,14 @@ check_packages() {
   lintian --allow-root --fail-on error,warning "$1"/*.deb
 }
 
+# make_venv FOLDER: a virtual environment with pip, made anew if a run was cut short or its Python has gone.
+make_venv() {
+  "$1/bin/python" -m pip --version > /dev/null 2>&1 || /usr/bin/python3 -m venv --clear "$1"
+}
+
 # run_itk_python ARGUMENT...: Python with PyPI's itk-io, in the cache; needs python3-venv.
 run_itk_python() {
-  [ -x "$cache/itk-python/bin/python" ] || /usr/bin/python3 -m venv "$cache/itk-python"
+  make_venv "$cache/itk-python"
   "$cache/itk-python/bin/pip" install --quiet --disable-pip-version-check itk-io
   "$cache/itk-python/bin/python" "$@"
 }

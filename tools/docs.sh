@@ -23,7 +23,7 @@ draw_figures() {
 }
 
 install_sphinx() {
-  [ -x "$cache/sphinx/bin/python" ] || /usr/bin/python3 -m venv "$cache/sphinx"
+  make_venv "$cache/sphinx"
   "$cache/sphinx/bin/pip" install --quiet --disable-pip-version-check -r "$root/doc/requirements.txt"
 }
 

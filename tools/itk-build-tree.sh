@@ -104,7 +104,9 @@ make_tree() {
 
 # Sizes and names of what is built against. Modules built against the tree add files of their own to it.
 list_files() {
-  (cd "$1/build" && find lib Wrapping/Typedefs "$source"/{Modules,.ExternalData} -type f ! -name '*ShearWarp*' -printf '%s %p\n' | sort)
+  local folders=(lib Wrapping/Typedefs "$source/Modules")
+  [ ! -d "$source/.ExternalData" ] || folders+=("$source/.ExternalData")
+  (cd "$1/build" && find "${folders[@]}" -type f ! -name '*ShearWarp*' -printf '%s %p\n' | sort)
 }
 
 # intact DIR: whether the finished tree still has all its files, as long as they were.
@@ -149,6 +151,7 @@ find_source() {
   else
     make_once "$cache/itk-source" 5.4 make_source
     source=$cache/itk-source/source
+    [[ $(read_itk_version "$source") = 5.4.* ]] || die "Debian has another ITK now than 5.4: set ITK_SOURCE_DIR or ITK_DIR"
   fi
   [ -f "$source/CMake/itkVersion.cmake" ] || die "no ITK source in $source"
 }

@@ -105,6 +105,7 @@ test_fetch() {
   (cd "$dir" && GIT_CONFIG_COUNT=1 GIT_CONFIG_KEY_0=url.$dir/published.insteadOf GIT_CONFIG_VALUE_0=$url \
     cmake -DModule_ShearWarpMIP=ON -DITK_MINIMUM_COMPLIANCE_LEVEL=3 -DITK_SOURCE_DIR="$dir" -P "$dir/fetch.cmake")
   [ -f "$dir/Modules/Remote/ShearWarpMIP/itk-module.cmake" ] || die "$remote did not fetch the module"
+  rm -rf "$dir"
 }
 
 # ITK's source as links, in it the branch; at fixed places, so that ITK is compiled only once.

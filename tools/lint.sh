@@ -12,7 +12,7 @@ if [ $# -gt 1 ] || [[ ${1:-} == -* ]]; then
 fi
 
 need_packages git python3-venv
-[ -x "$cache/pre-commit/bin/python" ] || /usr/bin/python3 -m venv "$cache/pre-commit"
+make_venv "$cache/pre-commit"
 "$cache/pre-commit/bin/pip" install --quiet --disable-pip-version-check pre-commit==4.7.0
 cd "$root"
 PRE_COMMIT_HOME=$cache/pre-commit/hooks "$cache/pre-commit/bin/pre-commit" run --all-files --show-diff-on-failure "$@"

@@ -46,11 +46,11 @@ for stage in "${stages[@]}"; do
   esac
 done
 
-# build_tests DIR OPTION...
+# build_tests DIR OPTION...: of the module and of the program, which CMake leaves out where CLI11 is not found
 build_tests() {
   local dir=$1
   shift
-  cmake -S "$root" -B "$dir" -G Ninja -DCMAKE_BUILD_TYPE=Release -DBUILD_TESTING=ON "$@"
+  cmake -S "$root" -B "$dir" -G Ninja -DCMAKE_BUILD_TYPE=Release -DBUILD_TESTING=ON -DShearWarpMIP_BUILD_APPS=ON "$@"
   cmake --build "$dir" --parallel "$jobs"
 }
 
@@ -61,7 +61,6 @@ run_tests() {
 
 use_tree() {
   tree=$("$root/tools/itk-build-tree.sh")
-  source=$("$root/tools/itk-build-tree.sh" --source)
   PATH=$("$root/tools/itk-build-tree.sh" --tools):$PATH
 }
 
@@ -92,8 +91,9 @@ test_installed() (
   # Ubuntu has no such packages: the page is not tested in a browser there; its orthanc would be started as a service
   grep -q '^ID=ubuntu' /etc/os-release || need_packages chromium chromium-driver orthanc orthanc-dicomweb
   local package images
-  images=$(echo "$cache"/itk-5*-module/build/ExternalData/Modules/Filtering/ShearWarpMIP/test/Input)
-  [ -d "$images" ] || images=
+  # of the newest ITK
+  images=$(find "$cache"/itk-5*-module/build/ExternalData/Modules/Filtering/ShearWarpMIP/test -name Input 2> /dev/null |
+    sort -V | tail -n 1) || true
   build_tests "$build/installed" -DShearWarpMIP_TEST_IMAGES="$images" -DShearWarpMIP_BUILD_BENCHMARKS=ON
   run_tests "$build/installed" --tests-regex "$rare_types|RealImages"
   run_tests "$build/installed" --label-regex packages
@@ -173,7 +173,7 @@ test_python() (
     env=$dir/env
     [ "$each" = "$python" ] || env=$dir/env-$("$each" -c 'import sys; print("%d.%d" % sys.version_info[:2])')
     "$each" -m venv "$env"
-    "$env/bin/pip" install --quiet --no-compile --disable-pip-version-check "itk==$version" "${wheel}[test]"
+    "$env/bin/pip" install --quiet --no-cache-dir --no-compile --disable-pip-version-check "itk==$version" "${wheel}[test]"
     "$env/bin/shear-warp-mip" --version
     # without Python's cache each import of itk takes seconds; SWIG's types warn at import
     env -u PYTHONDONTWRITEBYTECODE SHEARWARPMIP_PAGE_ENGINE="$dir/build/apps/page-engine/shear-warp.wasm" \
@@ -243,7 +243,10 @@ share_compilations
 engine=
 if [[ " ${stages[*]} " = *' engine '* && ${stages[*]} != engine ]]; then
   need_packages "${engine_packages[@]}"
-  exec {engine}< <(set -e; renice -n 19 "$BASHPID" > /dev/null; run_stage engine < /dev/null 2>&1; echo passed)
+  mkdir -p "$build"
+  (renice -n 19 "$BASHPID" > /dev/null; run_stage engine) < /dev/null > "$build/engine.log" 2>&1 &
+  engine=$!
+  trap 'kill "$engine" 2> /dev/null || true' EXIT
 fi
 for stage in "${stages[@]}"; do
   if [ "$stage" != engine ] || [ -z "$engine" ]; then
@@ -251,8 +254,8 @@ for stage in "${stages[@]}"; do
   fi
 done
 if [ -n "$engine" ]; then
-  log=$(cat <&"$engine")
-  say "$log"
-  [[ $log = *passed ]] || die "the stage engine failed"
+  wait "$engine" && passed=yes || passed=
+  cat "$build/engine.log" >&2
+  [ -n "$passed" ] || die "the stage engine failed"
 fi
 say "all passed: ${stages[*]}"

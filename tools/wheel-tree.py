@@ -8,6 +8,7 @@ otherwise. The programs needed are git, Python 3.11 or later and a compiler; CMa
 """
 
 import os
+import shutil
 import subprocess
 import sys
 import sysconfig
@@ -43,6 +44,7 @@ def install_cli11(source: Path, folder: Path) -> None:
     parts = [f"-DCLI11_BUILD_{part}=OFF" for part in ("DOCS", "EXAMPLES", "TESTS")]
     configure(source, source / "build", f"-DCMAKE_INSTALL_PREFIX={folder.as_posix()}", *parts)
     run("cmake", "--build", source / "build", "--target", "install")
+    shutil.copy(source / "LICENSE", folder / "LICENSE.CLI11")
 
 
 def build_itk(source: Path, build: Path, *options: str) -> None:

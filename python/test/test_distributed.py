@@ -29,7 +29,7 @@ from itk_shearwarpmip import mip, open_image, open_volume, show, turn
 from itk_shearwarpmip.__main__ import main
 from numpy.testing import assert_array_equal
 from rendercanvas.offscreen import RenderCanvas
-from samples import make_image
+from samples import make_image, needs_posix
 
 DTYPES = [np.uint8, np.int16, np.uint16, np.float32, np.float64]
 IDENTITY = itk.IdentityTransform[itk.D, 3].New()
@@ -880,6 +880,7 @@ def kill_worker_once(block, marker=None):
     return block
 
 
+@needs_posix
 def test_a_killed_worker_changes_nothing(client, tmp_path):
     array = make_array(np.random.default_rng(10), (64, 64, 64), np.uint8) // 2
     array[32, 32, 32] = 255

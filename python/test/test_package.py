@@ -41,7 +41,7 @@ def test_needs_runtime_libraries_only(files):
 
 
 def test_program(files, tmp_path):
-    program = next(file for file in files if file.parent.name == "bin" and file.name == "shear-warp-mip")
+    program = next(file for file in files if file.parent.name in ("bin", "Scripts") and file.stem == "shear-warp-mip")
     version = subprocess.run([program, "--version"], check=True, capture_output=True, text=True).stdout
     assert version.startswith(f"shear-warp-mip {metadata.version('itk-shearwarpmip')}, ITK 5.4.")
     subprocess.run([program, "--write-phantom", tmp_path / "head.nrrd"], check=True)

@@ -24,7 +24,7 @@ import pytest
 from itk_shearwarpmip import _scene, show
 from itk_shearwarpmip.__main__ import main, view
 from PIL import Image
-from samples import make_image
+from samples import make_image, needs_posix, needs_proc
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.actions.action_builder import ActionBuilder
 from selenium.webdriver.common.actions.mouse_button import MouseButton
@@ -121,6 +121,7 @@ def test_other_origin(viewer):
         pass
 
 
+@needs_proc
 def test_loopback_only(viewer):
     host, port = viewer.url.split("/")[2].split(":")
     assert host == "127.0.0.1"
@@ -138,6 +139,7 @@ def test_host_that_is_asked_for(host, shown, open_page):
     assert httpx.get(viewer.url, headers={"Origin": "http://example.org"}).status_code == 403
 
 
+@needs_posix
 def test_browser_is_opened_without_the_token_in_its_arguments(volume, monkeypatch):
     """They can be seen by everyone on the computer; the page that leads on cannot."""
     opened = []
@@ -175,6 +177,7 @@ def interruptible():
     signal.signal(signal.SIGINT, before)
 
 
+@needs_posix
 @pytest.mark.usefixtures("interruptible")
 def test_command(volume, tmp_path):
     """Ctrl-C ends it without a word."""

@@ -11,6 +11,9 @@ import itk
 import numpy as np
 import pytest
 
+needs_posix = pytest.mark.skipif(os.name != "posix", reason="Windows has no such signals and modes of files")
+needs_proc = pytest.mark.skipif(not os.path.exists("/proc/self"), reason="only Linux lists processes in /proc")
+
 # Runs each snippet of code in a forked child: a crash ends only the child, and itk is imported once.
 _FORK_SERVER = """
 import json, os, sys, traceback
@@ -50,6 +53,8 @@ class Outcome(NamedTuple):
 @pytest.fixture(scope="session")
 def isolated() -> Callable[[str], Outcome]:
     """Runs code in a process of its own; gives its exit code (negative: signal) and all that it printed."""
+    if not hasattr(os, "fork"):
+        pytest.skip("Windows forks no process")
     environment = dict(os.environ, OPENBLAS_NUM_THREADS="1")
     server = subprocess.Popen(
         [sys.executable, "-c", _FORK_SERVER], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment

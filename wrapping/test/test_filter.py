@@ -10,7 +10,7 @@ import oracle
 import pytest
 import xarray
 from numpy.testing import assert_array_equal
-from samples import make_like, make_rotation
+from samples import make_like, make_rotation, needs_proc
 
 Enums = itk.ShearWarpMIPImageFilterEnums
 project = itk.shear_warp_mip_image_filter
@@ -476,6 +476,7 @@ view.SetRotation(0.0, np.pi / 2, 0.0)
 """
 
 
+@needs_proc
 @pytest.mark.parametrize("how", ["mip.ReleasePreparedVolume()", "del mip"])
 def test_memory_of_the_prepared_volume_is_freed(how, isolated):
     outcome = isolated(f"""{_LARGE_X_VIEW}
@@ -495,6 +496,7 @@ assert 250 < freed < 290, freed
     assert outcome.code == 0, outcome.text
 
 
+@needs_proc
 def test_functional_interface_keeps_no_prepared_volume(isolated):
     outcome = isolated(f"""{_LARGE_X_VIEW}
 before = resident()

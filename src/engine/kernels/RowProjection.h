@@ -162,7 +162,7 @@ public:
     : m_Extremum(view.extremum)
     , m_Rank(rank)
     , m_Threshold(view.localThreshold)
-    , m_Pixels(view.intermediate.pixels + row * view.intermediate.rowStride)
+    , m_Pixels(view.summed.sums ? nullptr : view.intermediate.pixels + row * view.intermediate.rowStride)
     , m_Ranks(view.ranked.ranks ? view.ranked.ranks + row * view.intermediate.rowStride : nullptr)
     , m_Sums(view.summed.sums ? GetSums(view, row) : nullptr)
     , m_CountSteps(view.summed.sums ? GetCountSteps(view, row) : nullptr)
