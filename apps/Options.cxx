@@ -189,6 +189,12 @@ GetVersionText()
 
 } // namespace
 
+unsigned int
+GetPageBits(const Options & options)
+{
+  return options.pageBits.value_or(options.isPageOfVolume && options.mode != "maximum" ? 16 : 8);
+}
+
 void
 DefineOptions(CLI::App & app, Options & options)
 {
@@ -347,7 +353,7 @@ DefineOptions(CLI::App & app, Options & options)
         "--oversampling",
         options.oversampling,
         "",
-        "1, or 2 for twice as many samples along both axes of each slice, which is sharper and up to three times as "
+        "1, or 2 for twice as many samples along both axes of each slice, which is sharper and about three times as "
         "slow")
       ->check(CLI::IsMember({ "1", "2" }))
       ->capture_default_str();
@@ -409,7 +415,7 @@ DefineOptions(CLI::App & app, Options & options)
       "--mode",
       options.mode,
       "",
-      "What of the values along a ray the picture shows; the absolute maximum keeps its sign")
+      "Which value along a ray the picture shows; the absolute maximum keeps its sign")
     ->transform(Choice(GetKeys(modes),
                        { { "mip", "maximum" }, { "minip", "minimum" }, { "aip", "mean" }, { "average", "mean" } }))
     ->capture_default_str();
@@ -554,10 +560,10 @@ DefineOptions(CLI::App & app, Options & options)
       "--page-bits",
       options.pageBits,
       "",
-      "Bits per pixel or voxel of a page: 8 stores values in twice the range of the window; 16 stores the whole range, "
-      "and makes the page two to four times as large")
-    ->check(CLI::IsMember({ "8", "16" }))
-    ->default_str("8");
+      "Bits per pixel or voxel of a page: 8 stores values in twice the range of the window, and cuts others; 16 stores "
+      "the whole range, and makes the page two to four times as large; default: 8, or 16 for a volume whose --mode is "
+      "not maximum")
+    ->check(CLI::IsMember({ "8", "16" }));
   const auto pageVolume =
     addFlag("Page, usual",
             "--page-volume",
@@ -593,7 +599,7 @@ DefineOptions(CLI::App & app, Options & options)
       "--title",
       options.title,
       "TEXT",
-      "Title of a page; default: Maximum intensity projection. The name of INPUT is in no page");
+      "Title of a page; default: the mode, such as Maximum intensity projection. The name of INPUT is in no page");
 
   add("Program, outputs, volumes", "--threads", options.threads, "N", "Threads to use; default: all processors")
     ->check(count);

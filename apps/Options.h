@@ -62,7 +62,7 @@ struct Options
   std::optional<unsigned int> pageBits;
   bool                        isPageOfVolume{ false };
   std::string                 pageVolumeSize{ "256" };
-  std::string                 title{ "Maximum intensity projection" };
+  std::optional<std::string>  title;
   std::vector<std::string>    rotationAxis{ "superior" };
   std::vector<double>         center;
   double                      angularRange{ 360.0 };
@@ -122,6 +122,11 @@ inline const std::map<std::string, itk::ShearWarpMIPImageFilterEnums::Interpolat
   { "linear", itk::ShearWarpMIPImageFilterEnums::Interpolation::Linear },
   { "nearest", itk::ShearWarpMIPImageFilterEnums::Interpolation::Nearest }
 };
+
+/** Bits of a page's values. A page of a volume with 8 bits cuts what a maximum does not show, which other modes show.
+ */
+unsigned int
+GetPageBits(const Options & options);
 
 /** Sets up \a app so that it fills \a options, which must live as long. */
 void

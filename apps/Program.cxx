@@ -304,7 +304,7 @@ NoteUnused(const Options & options, const Stack & stack, const Messages & messag
   note(isPage && options.isAnnotated && options.depthColour.empty(),
        "--annotate",
        name + " has scale bar and angles anyway");
-  note(!isPage && options.title != Options().title, "--title", name + " has no title");
+  note(!isPage && options.title.has_value(), "--title", name + " has no title");
   note(!isPage && !isAnimated && !options.isMultiFrame && options.rate.has_value(), "--rate", name + " does not play");
   const auto size = stack.projections.stack.image->GetLargestPossibleRegion().GetSize();
   if (isAnimated && size[2] == 1 && GetAngles(stack).empty())
@@ -578,8 +578,8 @@ DescribePage(const Options & options, const Reduction & volume)
   const double       megabytes = static_cast<double>(std::filesystem::file_size(options.output)) / 1e6;
   std::ostringstream text;
   text << '\'' << options.output << "' holds " << size[0] << " x " << size[1] << " x " << size[2] << " voxels of "
-       << options.pageBits.value_or(8) << " bits, " << std::fixed << std::setprecision(megabytes < 10.0 ? 1 : 0)
-       << megabytes << " MB";
+       << GetPageBits(options) << " bits, " << std::fixed << std::setprecision(megabytes < 10.0 ? 1 : 0) << megabytes
+       << " MB";
   return text.str();
 }
 

@@ -57,6 +57,9 @@ function startViewer(series, makeSource) {
   const { slope, intercept } = series;
   const isColoured = series.bits === 24;
   const toValue = (stored) => slope * stored + intercept;
+  const [lowest, highest] = series.cut ?? [];
+  const describeValue = (stored) =>
+    `${stored === lowest ? '≤ ' : stored === highest ? '≥ ' : ''}${format(toValue(stored), slope)}`;
   const ends = [toValue(0), toValue(2 ** series.bits - 1), ...series.window];
   const least = Math.min(...ends);
   const most = Math.max(...ends);
@@ -79,6 +82,7 @@ function startViewer(series, makeSource) {
 
   const viewer = {
     toValue,
+    describeValue,
     stage,
     isColoured,
     get window() { return [state.low, state.high]; },
@@ -86,6 +90,7 @@ function startViewer(series, makeSource) {
     setRange,
     useWindow,
     showPlaying,
+    setTitle,
   };
   const source = makeSource(series, viewer);
   const { width, height, spacing, origin, extent } = source;
@@ -210,8 +215,12 @@ function startViewer(series, makeSource) {
     }
     const [u, v] = [pointed.column, pointed.row].map((n, axis) =>
       format(origin[axis] + n * spacing[axis], Math.min(spacing[axis], 0.1)));
-    element('value').textContent = isColoured ? '' : stored === series.background ? 'no data' : format(toValue(stored), slope);
+    element('value').textContent = isColoured ? '' : stored === series.background ? 'no data' : describeValue(stored);
     element('place').textContent = `${u}, ${v} mm`;
+  }
+
+  function setTitle(title) {
+    document.title = element('title').textContent = series.title = title;
   }
 
   function showPlaying(isPlaying) {
@@ -562,7 +571,7 @@ function startViewer(series, makeSource) {
 
   // Start
 
-  document.title = element('title').textContent = series.title;
+  setTitle(series.title);
   [canvas.width, canvas.height] = [width, height];
   document.body.classList.toggle('coloured', isColoured);
   element('full-screen').hidden = !document.fullscreenEnabled;

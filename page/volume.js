@@ -99,6 +99,7 @@ function verifyBrowser() {
 // ---- A volume, which the engine projects
 
 const modes = ['maximum', 'minimum', 'mean'];
+const titleOf = (mode) => `${mode[0].toUpperCase()}${mode.slice(1)} intensity projection`;
 
 function makeVolume(series, viewer) {
   verifyBrowser();
@@ -362,6 +363,9 @@ function makeVolume(series, viewer) {
 
   function showState() {
     element('mode').value = wanted.mode;
+    if (modes.map(titleOf).includes(series.title)) {
+      viewer.setTitle(titleOf(wanted.mode));
+    }
     element('exact').checked = wanted.exact;
     element('slab').checked = wanted.slab !== null;
     element('slab-problem').hidden = true;
@@ -535,7 +539,7 @@ function makeVolume(series, viewer) {
     }
     const [x, y, z] = [...request.picture.slice(4), depths[0]];
     const position = [0, 1, 2].map((n) => view.u[n] * x + view.v[n] * y + view.w[n] * z + center[n]);
-    point = Number.isNaN(z) ? null : { position, value: viewer.toValue(values[0]), ...findIndex(position) };
+    point = Number.isNaN(z) ? null : { position, value: viewer.describeValue(values[0]), ...findIndex(position) };
     showPoint();
     if (!point) {
       say('There is nothing at this point');
@@ -565,7 +569,7 @@ function makeVolume(series, viewer) {
       return;
     }
     const { position, index, isReduced, value } = point;
-    element('point-value').textContent = format(value, series.slope);
+    element('point-value').textContent = value;
     element('point-position').textContent = `${position.map((each, axis) => (volume.hasOrientation
       ? `${['LR', 'PA', 'HF'][axis][Number(each < 0)]} ${format(Math.abs(each), precision)}`
       : `${'xyz'[axis]} ${format(each, precision)}`)).join('  ')} mm`;
@@ -683,7 +687,7 @@ function makeVolume(series, viewer) {
     const { whole } = volume;
     const isReduced = whole.size.some((length, axis) => length > count[axis]);
     element('about').textContent = `This page holds ${count.join(' × ')} voxels`
-      + `${isReduced ? ` of ${whole.size.join(' × ')}` : ''}, in steps of ${Number(Math.abs(series.slope).toPrecision(3))}. `
+      + `${isReduced ? ` of ${whole.size.join(' × ')}` : ''}, whose values are rounded to steps of ${Number(Math.abs(series.slope).toPrecision(3))}. `
       + 'It loads nothing and sends nothing. It is not for diagnosis.';
     // the engine can also fail later
     return new Promise((_, reject) => {

@@ -47,7 +47,7 @@ ExpectRule(FilterType<TPixel> *          filter,
   const auto *                 output = filter->GetOutput();
   BruteForceProjection<TPixel> expected(view, image, oversampling, rule);
   const auto                   values = expected.Evaluate(output, filter->GetDefaultPixelValue());
-  ASSERT_TRUE(HaveSamePixels(values, output)) << filter;
+  ASSERT_TRUE(HaveSamePixels(values, output)) << *filter;
   if (const auto * depths = filter->GetDepthOutput())
   {
     ASSERT_EQ(depths->GetBufferedRegion(), output->GetBufferedRegion());

@@ -68,7 +68,7 @@ WriteFramesPage(OutputFiles & files, const std::string & path, const Product & p
   if (!stored.image)
   {
     window = product.window ? *product.window : FindWindow(projections);
-    scale = MakeStoredScale(projections.stack, projections.background, window, product.options.pageBits.value_or(8));
+    scale = MakeStoredScale(projections.stack, projections.background, window, GetPageBits(product.options));
     stored = scale.bits == 8 ? Store<unsigned char>(projections, scale) : Store<unsigned short>(projections, scale);
   }
   const itk::ImageBase<3> & grid = *stored.image;

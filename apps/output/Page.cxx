@@ -17,6 +17,7 @@
  *=========================================================================*/
 #include "Page.h"
 #include "CinePageTemplate.h"
+#include "DicomSeries.h"
 
 #include "itksys/Base64.h"
 
@@ -76,9 +77,12 @@ MakeStoredScale(const AnyImage & values, std::optional<double> background, const
     WindowType & range = scale.range;
     if (bits == 8)
     {
-      const double margin = 0.5 * (window[1] - window[0]);
+      const double     margin = 0.5 * (window[1] - window[0]);
+      const WindowType all = range;
       range[0] = std::max(range[0], window[0] - margin);
       range[1] = std::max(range[0], std::min(range[1], window[1] + margin));
+      scale.isCut[0] = range[0] > all[0];
+      scale.isCut[1] = range[1] < all[1];
     }
     const bool isExact = std::is_integral_v<PixelType> && range[1] - range[0] <= levels;
     scale.slope = isExact || range[0] == range[1] ? 1.0 : (range[1] - range[0]) / levels;
@@ -120,12 +124,17 @@ EncodeBase64(std::string_view bytes)
 std::string
 DescribeDisplay(const Product & product, const StoredScale & scale, const WindowType & window)
 {
-  const Options &    options = product.options;
-  const bool         isInverted = product.stack.projections.isInverted && scale.bits != 24;
+  const Options &   options = product.options;
+  const bool        isInverted = product.stack.projections.isInverted && scale.bits != 24;
+  const std::string title = options.title.value_or(DescribeMode(modes.at(options.mode)).derivation);
+  // stored values that stand for values beyond them too
+  const int          lowest = scale.isCut[0] ? scale.Store(scale.range[0]) : -1;
+  const int          highest = scale.isCut[1] ? scale.Store(scale.range[1]) : -1;
   std::ostringstream text;
-  text << std::setprecision(std::numeric_limits<double>::max_digits10) << "\"title\": " << Quote(options.title)
+  text << std::setprecision(std::numeric_limits<double>::max_digits10) << "\"title\": " << Quote(title)
        << ", \"bits\": " << scale.bits << ", \"slope\": " << scale.slope << ", \"intercept\": " << scale.intercept
-       << ", \"background\": 0, \"inverted\": " << (isInverted ? "true" : "false") << ", \"window\": [" << window[0]
+       << ", \"cut\": [" << lowest << ", " << highest
+       << "], \"background\": 0, \"inverted\": " << (isInverted ? "true" : "false") << ", \"window\": [" << window[0]
        << ", " << window[1] << "], \"labels\": " << (options.isUnlabelled ? "false" : "true");
   return text.str();
 }

@@ -36,6 +36,8 @@ struct StoredScale
   double       slope{ 1.0 };
   double       intercept{ 0.0 };
   unsigned int bits{ 8 };
+  /** Whether there are values beyond each end of the range. */
+  bool isCut[2]{ false, false };
 
   /** The number of a value within the range, or of the end of the range that is nearest. What is no number is 1. */
   std::uint16_t

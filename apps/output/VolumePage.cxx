@@ -235,7 +235,7 @@ WriteVolumePage(OutputFiles & files, const std::string & path, const Product & p
   const auto &      grid = *volume.image.image;
   const auto &      whole = *volume.whole;
   const WindowType  window = product.window ? *product.window : FindWindow(stack.projections);
-  const StoredScale scale = MakeStoredScale(volume.image, std::nullopt, window, options.pageBits.value_or(8));
+  const StoredScale scale = MakeStoredScale(volume.image, std::nullopt, window, GetPageBits(options));
 
   const auto         size = grid.GetLargestPossibleRegion().GetSize();
   const double       spacing = stack.projections.stack.image->GetSpacing()[0];

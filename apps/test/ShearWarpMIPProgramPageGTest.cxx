@@ -132,6 +132,30 @@ TEST_F(ShearWarpMIPProgramPage, HasTheTitleThatIsGiven)
                       "shear-warp-mip: note: --title has no effect: 'out.nrrd' has no title\n");
 }
 
+TEST_F(ShearWarpMIPProgramPage, HasTheTitleOfTheMode)
+{
+  const std::map<std::string, std::string> titles = { { "minimum", "Minimum" }, { "mean", "Mean" } };
+  for (const auto & [mode, title] : titles)
+  {
+    this->ExpectSuccess("in.nrrd page.html --mode " + mode);
+    EXPECT_EQ(this->ReadSeries("page.html").find("{\"title\": \"" + title + " intensity projection\""), 0u);
+  }
+}
+
+TEST_F(ShearWarpMIPProgramPage, TellsWhichValuesAreCut)
+{
+  using Numbers = std::vector<double>;
+  const std::vector<std::pair<std::string, Numbers>> cases = { { "--window 100 104", { 1, 9 } },
+                                                               { "--window 0 70", { -1, 11 } },
+                                                               { "--window 0 100000", { -1, -1 } },
+                                                               { "--window 100 104 --page-bits 16", { -1, -1 } } };
+  for (const auto & [options, cut] : cases)
+  {
+    this->ExpectSuccess("in.nrrd page.html " + options);
+    EXPECT_EQ(GetNumbers(this->ReadSeries("page.html"), "cut"), cut) << options;
+  }
+}
+
 TEST_F(ShearWarpMIPProgramPage, HoldsAllValuesWith16Bits)
 {
   const auto        same = [](double value) { return value; };

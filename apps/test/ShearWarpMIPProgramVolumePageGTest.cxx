@@ -509,6 +509,15 @@ TEST_F(ShearWarpMIPProgramVolumePage, TellsNoNameOfThePatient)
             std::string::npos);
 }
 
+TEST_F(ShearWarpMIPProgramVolumePage, HasAllValuesForOtherModes)
+{
+  for (const auto & [mode, bits] : { std::pair("maximum", 8), std::pair("minimum", 16), std::pair("mean", 16) })
+  {
+    EXPECT_EQ(GetNumber(this->Make("in.nrrd --mode " + std::string(mode)).series, "bits"), bits) << mode;
+  }
+  EXPECT_EQ(GetNumber(this->Make("in.nrrd --mode mean --page-bits 8").series, "bits"), 8);
+}
+
 TEST_F(ShearWarpMIPProgramVolumePage, RefusesWhatItCannotHold)
 {
   for (const std::string option : { "--frames 3",

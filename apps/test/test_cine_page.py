@@ -285,26 +285,38 @@ def test_colours(page):
     assert {*map(tuple, saved.reshape(-1, 3))} - {(0, 0, 0)} <= {*map(tuple, frames[0].reshape(-1, 3))}
 
 
+def point_at_pixel(page, column, row):
+    box, stage = page.box, page.stage.rect
+    x = box["left"] + (column + 0.5) * box["width"] / WIDTH - stage["x"] - stage["width"] / 2
+    y = box["top"] + (row + 0.5) * box["height"] / HEIGHT - stage["y"] - stage["height"] / 2
+    page.point_at(x, y)
+
+
 def test_value_under_pointer(page):
     frames = make_frames(16)
     frames[:, 50:] = 5
     page.show(frames, background=5)
-    box, stage = page.box, page.stage.rect
-
-    def point(column, row):
-        x = box["left"] + (column + 0.5) * box["width"] / WIDTH - stage["x"] - stage["width"] / 2
-        y = box["top"] + (row + 0.5) * box["height"] / HEIGHT - stage["y"] - stage["height"] / 2
-        page.point_at(x, y)
-
-    point(69, 20)
+    point_at_pixel(page, 69, 20)
     assert page.text("value") == f"{0.1 * frames[0][20, 69] - 1024:.1f}".replace("-", MINUS)
     assert page.text("place") == f"{0.5 * (69 - 47.5):.1f}, {MINUS}{31.5 - 20:.1f} mm"
     page.press(Keys.ARROW_RIGHT)
     assert page.text("value") == f"{0.1 * frames[1][20, 69] - 1024:.1f}".replace("-", MINUS)
-    point(70, 60)
+    point_at_pixel(page, 70, 60)
     assert page.text("value") == "no data"
     page.point_at(-490, 0)
     assert page.text("value") == page.text("place") == ""
+
+
+def test_value_that_is_cut(page):
+    frames = make_frames(8)
+    frames[:, :20] = 1
+    frames[:, 20:40] = 200
+    frames[:, 40:] = 199
+    for cut, texts in {(1, 200): ["\u2264 1", "\u2265 200", "199"], (-1, -1): ["1", "200", "199"]}.items():
+        page.show(frames, cut=cut)
+        for row, text in zip((10, 30, 50), texts):
+            point_at_pixel(page, 60, row)
+            assert page.text("value") == text
 
 
 def record_play(page, changes):

@@ -458,6 +458,24 @@ def test_volume_without_orientation(page):
     assert page.text("point-position").startswith("x ")
 
 
+def test_title_is_the_mode(page):
+    for title in ("Maximum intensity projection", "Case 7"):
+        page.show(title=title)
+        page.press("m")
+        assert page.text("title") == page.driver.title == title.replace("Maximum", "Minimum")
+        page.press("r")
+        assert page.text("title") == title
+
+
+def test_point_whose_value_is_cut(page):
+    voxels = np.minimum(make_voxels(8), 100)
+    x, y, z = BRIGHT
+    voxels[z - 2 : z + 3, y - 2 : y + 3, x - 2 : x + 3] = 100
+    page.show(voxels, cut=[-1, 100])
+    click_bright(page)
+    assert page.text("point-value") == "\u2265 296"
+
+
 def test_modes(page):
     """Each has its own window."""
     page.show()
@@ -883,7 +901,7 @@ def test_constant_picture_is_black(page):
 def test_help_says_what_the_page_holds(page):
     page.show()
     page.press("?")
-    text = "This page holds 40 \u00d7 36 \u00d7 30 voxels, in steps of 0.5. It loads nothing and sends nothing."
+    text = "This page holds 40 \u00d7 36 \u00d7 30 voxels, whose values are rounded to steps of 0.5. It loads nothing and sends nothing."
     assert page.text("about").startswith(text)
     page.press("?")
 
