@@ -218,7 +218,8 @@ class Turn:
         labels: False for pictures and animations without letters; a page then hides them when it opens. See save_png().
         annotate: True for pictures and animations with a scale bar and the angles of each view.
         rate: frames per second of pages and animations, from 0.1 to 100; by default the turn takes four seconds.
-        page_bits: 16 for a page that stores the whole range of the values; 8 by default.
+        page_bits: 16 for a page that stores the whole range of the values; by default 8, or 16 for a page of a volume
+            whose mode is not the maximum.
         dicom_out: a folder for a DICOM series beside `path`.
         multi_frame: True for a DICOM series in one file.
 
