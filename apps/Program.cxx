@@ -521,10 +521,19 @@ ReadInput(Product & product, OutputFiles & files, Messages & messages)
   {
     RefuseSuv();
   }
-  if (options.window.size() == 1 && FindName(options.window.front(), { "pet" }) == "pet" &&
-      !volume.dicomFiles.empty() && !volume.isSuv)
+  if (options.window.size() == 1 && !volume.dicomFiles.empty())
   {
-    product.warn("--window pet is in SUV, but INPUT's values are not; see --suv");
+    const std::string & name = options.window.front();
+    const bool          isPet = FindName(name, { "pet" }) == "pet";
+    const std::string   modality = GetEntry(ReadAttributes(volume.dicomFiles.front()), "0008|0060");
+    if (isPet && !volume.isSuv)
+    {
+      product.warn("--window pet is in SUV, but INPUT's values are not; see --suv");
+    }
+    if (!isPet && !modality.empty() && modality != "CT")
+    {
+      product.warn("--window " + name + " is in HU, but INPUT is " + modality + ", not CT");
+    }
   }
   const AnyImage &  first = volume.times.front();
   const std::string times = volume.times.size() > 1 ? std::to_string(volume.times.size()) + " x " : "";

@@ -205,6 +205,8 @@ TEST_F(ShearWarpMIPProgramVolume, OfDicomHasItsInversionAndAttributesIfAsked)
   EXPECT_TRUE(this->HasLine("out.nrrd", "IsInverted:=1"));
   this->ExpectWarning("dicom --write-volume out.nii", "cannot say that low values are to be shown white");
 
+  this->ExpectWarning("dicom out.png --window lung", "--window lung is in HU, but INPUT is MR, not CT");
+
   this->ExpectSuccess("dicom --write-volume out.nrrd --with-attributes");
   EXPECT_TRUE(this->HasLine("out.nrrd", "0010|0010:=Roe^Jane"));
   EXPECT_TRUE(this->HasLine("out.nrrd", "0008|0060:=MR"));
