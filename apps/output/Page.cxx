@@ -126,7 +126,7 @@ DescribeDisplay(const Product & product, const StoredScale & scale, const Window
 {
   const Options &   options = product.options;
   const bool        isInverted = product.stack.projections.isInverted && scale.bits != 24;
-  const std::string title = options.title.value_or(DescribeMode(modes.at(options.mode)).derivation);
+  const std::string title = options.title.value_or(DescribeMode(product.stack.mode).derivation);
   // stored values that stand for values beyond them too
   const int          lowest = scale.isCut[0] ? scale.Store(scale.range[0]) : -1;
   const int          highest = scale.isCut[1] ? scale.Store(scale.range[1]) : -1;
