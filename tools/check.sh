@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # Static analysis of the C++ code; any finding is a failure. Files that passed before are not analysed again.
 #
-#   compile   g++ with -Wall -Wextra -Wconversion -Wshadow; what asks for Linux or POSIX without these too
+#   compile   g++ with the warnings of common.sh, by a build of all objects that test.sh and others find in the cache;
+#             what asks for Linux or POSIX without these too
 #   tidy      clang-tidy, with the checks of .clang-tidy and clang's warnings; of the module and its program, which are
 #             read with the headers of libc++
 #   cppcheck
@@ -31,8 +32,7 @@ configure() {
   need_packages build-essential cmake ninja-build libinsighttoolkit5-dev libbenchmark-dev libcli11-dev libgtest-dev
   cmake -S "$root" -B "$build" -G Ninja -DBUILD_TESTING=ON -DCMAKE_EXPORT_COMPILE_COMMANDS=ON \
     -DShearWarpMIP_BUILD_APPS=ON -DShearWarpMIP_BUILD_BENCHMARKS=ON -DShearWarpMIP_BUILD_PAGE_ENGINE=OFF \
-    -DCMAKE_BUILD_TYPE=Check \
-    '-DCMAKE_CXX_FLAGS_CHECK=-fsyntax-only -Wall -Wextra -Wconversion -Wshadow -Werror' > /dev/null
+    -DCMAKE_BUILD_TYPE=Check "-DCMAKE_CXX_FLAGS=$warnings" > /dev/null
 }
 
 list_commands() {
@@ -63,10 +63,25 @@ check_all() {
 
 check_compile() {
   configure
-  local commands asking
-  commands=$(list_commands)
-  asking=$(git grep -l '^#ifdef \(__linux__\|ShearWarpMIP_HAS_POSIX\)' -- "apps/*.cxx" "src/*.cxx" "src/**/*.cxx")
-  { echo "$commands"; grep -F "$asking" <<< "$commands" | sed 's/$/ -U__linux__ -DShearWarpMIP_WITHOUT_POSIX/'; } | check_all
+  build_objects "$root/build/compile"
+  list_commands | grep -F "$(git grep -l '^#ifdef \(__linux__\|ShearWarpMIP_HAS_POSIX\)' -- apps src | grep cxx$)" |
+    sed 's/$/ -fsyntax-only -Werror -U__linux__ -DShearWarpMIP_WITHOUT_POSIX/' | check_all
+}
+
+# build_objects FOLDER: made anew, because a compilation from the cache repeats its warnings
+build_objects() {
+  local objects
+  need_packages "${page_packages[@]}"
+  share_compilations
+  rm -rf "$1"
+  cmake -S "$root" -B "$1" -G Ninja -DCMAKE_BUILD_TYPE=Release -DBUILD_TESTING=ON -DShearWarpMIP_BUILD_APPS=ON \
+    -DShearWarpMIP_BUILD_BENCHMARKS=ON "-DCMAKE_CXX_FLAGS=$warnings" > /dev/null
+  mapfile -t objects < <(ninja -C "$1" -t targets all | sed -n 's|^\([^:]*[.]o\): .*|\1|p')
+  ninja -C "$1" -j "$jobs" "${objects[@]}" > "$1.log" 2>&1 || { tail -n 50 "$1.log" >&2; return 1; }
+  if grep -B 20 -A 5 'warning:' "$1.log" >&2; then
+    return 1
+  fi
+  rm -rf "$1"
 }
 
 check_tidy() {
