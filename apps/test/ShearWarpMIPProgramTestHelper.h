@@ -58,12 +58,8 @@ using Tags = std::map<std::string, std::string>;
 const std::string smallNote = "' has less than 48 pixels along one side";
 
 /** The program of the build, or the one that the environment variable SHEARWARPMIP_PROGRAM names. */
-inline std::string
-GetProgram()
-{
-  const char * const named = std::getenv("SHEARWARPMIP_PROGRAM");
-  return named ? named : SHEAR_WARP_MIP_PROGRAM;
-}
+std::string
+GetProgram();
 
 inline std::string
 ReadText(const fs::path & path)
