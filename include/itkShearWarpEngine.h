@@ -104,7 +104,8 @@ using Interpolation = ShearWarpMIPImageFilterEnums::Interpolation;
 using Mode = ShearWarpMIPImageFilterEnums::Mode;
 using ReducedResampling = ShearWarpMIPImageFilterEnums::ReducedResampling;
 
-/** What not every mode has. */
+/** \class Feature
+ * What not every mode has. */
 enum class Feature : std::uint8_t
 {
   Depth,

@@ -16,15 +16,15 @@ GPL = re.compile(
     r"|poppler|postproc|readline|spqr|swresample|swscale|umfpack|x26[45]|xvidcore)[-.\d].*"
 )
 PROGRAM = re.compile(r".*/scripts/shear-warp-mip(\.exe)?")
-NOTICE = re.compile(r".*\.dist-info/licenses/(CLI11|GDCM|PNG|TIFF)/.+")
+NOTICE = re.compile(r".*\.dist-info/licenses/(CLI11|GDCM|PNG|TIFF|wasi-libc)/.+")
 
 
 def find_faults(wheel: Path) -> list[str]:
     with zipfile.ZipFile(wheel) as file:
         names = file.namelist()
     faults = [f"has {name}, whose licence is the GPL" for name in names if GPL.fullmatch(Path(name).name)]
-    if len({match[1] for match in map(NOTICE.fullmatch, names) if match}) < 4:
-        faults.append("has not the notices of CLI11, GDCM, PNG and TIFF")
+    if len({match[1] for match in map(NOTICE.fullmatch, names) if match}) < 5:
+        faults.append("has not the notices of CLI11, GDCM, PNG, TIFF and wasi-libc")
     if not any(PROGRAM.fullmatch(name) for name in names):
         faults.append("has no program shear-warp-mip")
     return [f"{wheel}: {fault}" for fault in faults]
