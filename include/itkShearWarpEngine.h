@@ -105,7 +105,8 @@ using Mode = ShearWarpMIPImageFilterEnums::Mode;
 using ReducedResampling = ShearWarpMIPImageFilterEnums::ReducedResampling;
 
 /** \class Feature
- * What not every mode has. */
+ * What not every mode has.
+ * \ingroup ShearWarpMIP */
 enum class Feature : std::uint8_t
 {
   Depth,
