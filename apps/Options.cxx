@@ -32,6 +32,7 @@
 #include <cmath>
 #include <functional>
 #include <regex>
+#include <set>
 #include <sstream>
 
 namespace
@@ -46,8 +47,8 @@ constexpr auto description =
   "Animations .gif, .apng and .mp4 are made by the program ffmpeg. A page .html turns and plays a series in any "
   "browser. If OUTPUT is an empty folder, or a new one with a / at its end, the program writes a DICOM series into "
   "it.\n"
-  "If INPUT is a .nrrd or .mha that the program wrote, its pictures are written as any of these, without a new "
-  "projection: project once, write many.\n"
+  "If INPUT is a .nrrd or .mha that the program wrote, its pictures are written in any of these formats, without a "
+  "new projection: project once, write many.\n"
   "Sizes and positions of the output are in mm in the view plane. Names of values may be in capitals, and may be "
   "shortened as long as they are unique. Separate several numbers by commas or spaces.";
 
@@ -227,8 +228,8 @@ DefineOptions(CLI::App & app, Options & options)
     ->type_name("NUMBER")
     ->group("Options, volumes");
 
-  // behind the title of a group: usual ones are listed by --help, those of outputs go with frames that are projected
-  // already, and those of volumes with --write-volume
+  // behind the title of a group: --help lists usual options, options of outputs go with frames that are projected
+  // already, and options of volumes go with --write-volume
   const auto add = [&app](const std::string & group,
                           const std::string & names,
                           auto &              value,
@@ -329,7 +330,7 @@ DefineOptions(CLI::App & app, Options & options)
       "FPS",
       "Frames per second of an animation or page; by default the series, or one turn, takes four seconds, with 5 to "
       "25 frames per second")
-    ->check(CLI::Range(0.1, 100.0));
+    ->check(MakeCheck("a number from 0.1 to 100", [](double value) { return value >= 0.1 && value <= 100.0; }));
 
   addList(2,
           "Picture, usual",
@@ -482,14 +483,14 @@ DefineOptions(CLI::App & app, Options & options)
       options.depthColour,
       "FILE",
       "Also writes a picture coloured by depth: a .png, or for a series numbered ones or an animation. Of the bright "
-      "pixels, the nearest are red and the farthest blue. The brightness is that of OUTPUT with --window; pixels "
+      "pixels, the nearest are red and the farthest blue. The brightness is as in OUTPUT with --window; pixels "
       "without a value are black");
   add("Turning series, usual, outputs",
       "--dicom-out",
       options.dicomOut,
       "DIR",
       "Also writes a DICOM series, one file for each picture, into this folder, which must be new or empty. "
-      "Patient, study and frame of reference are those of a DICOM INPUT");
+      "Patient, study and frame of reference come from INPUT if it is DICOM");
   addFlag("Turning series, outputs",
           "--multi-frame",
           options.isMultiFrame,
@@ -546,7 +547,7 @@ DefineOptions(CLI::App & app, Options & options)
       options.segments,
       "FILE",
       "Draws the outlines of labels over pictures, animations, pages and --dicom-out. FILE is an image of labels or a "
-      "DICOM SEG in INPUT's space, on any grid. Colours are those of the SEG or of 3D Slicer's .seg.nrrd, if any");
+      "DICOM SEG in INPUT's space, on any grid. Colours come from the SEG or 3D Slicer's .seg.nrrd, if any");
 
   addFlag("Projection",
           "--in-place",
@@ -776,9 +777,10 @@ VerifyPageOfVolume(const Options & options)
   {
     throw std::runtime_error("--page-volume requires a page: .html");
   }
-  const std::string other = options.mode == "absolute-maximum"   ? "--mode absolute-maximum"
-                            : options.interpolation == "nearest" ? "--interpolation nearest"
-                                                                 : "";
+  const std::set<std::string> modesOfPages{ "maximum", "minimum", "mean" };
+  const std::string           other = modesOfPages.count(options.mode) == 0 ? "--mode " + options.mode
+                                      : options.interpolation == "nearest"  ? "--interpolation nearest"
+                                                                            : "";
   if (!other.empty())
   {
     throw std::runtime_error("--page-volume is not possible with " + other);
@@ -825,9 +827,11 @@ Verify(const Options & options)
   {
     throw std::runtime_error("--rotation-axis: it must be left, posterior, superior, i, j, k or a direction X,Y,Z");
   }
-  if (options.slab.size() == 2 && options.slab[0] > options.slab[1])
+  constexpr double infinity = std::numeric_limits<double>::infinity();
+  if (options.slab.size() == 2 &&
+      (options.slab[0] > options.slab[1] || options.slab[0] == infinity || options.slab[1] == -infinity))
   {
-    throw std::runtime_error("--slab: NEAR must not be greater than FAR");
+    throw std::runtime_error("--slab: NEAR must not be greater than FAR, NEAR not inf, and FAR not -inf");
   }
   VerifyMode(options);
   if (options.pageBits && FindFormat(options.output) != FileFormat::Page)

@@ -278,7 +278,16 @@ IsBlank(const Projections & projections)
   });
 }
 
-/** Says which options change nothing of what is written, and why pictures have no letters. */
+/** The only value of a blank picture. */
+std::string
+DescribeBackground(const Projections & projections)
+{
+  std::ostringstream text;
+  text << std::setprecision(9) << projections.background;
+  return std::isnan(projections.background) ? "no numbers" : text.str();
+}
+
+/** Says which options change nothing of what is written, and what may surprise in pictures. */
 void
 NoteUnused(const Options & options, const Stack & stack, const Messages & messages)
 {
@@ -314,6 +323,13 @@ NoteUnused(const Options & options, const Stack & stack, const Messages & messag
   if (picture.empty())
   {
     return;
+  }
+  const auto spacing = stack.projections.stack.image->GetSpacing();
+  if (!isPage && std::abs(spacing[0] - spacing[1]) > 1e-3 * spacing[0])
+  {
+    std::ostringstream text;
+    text << '\'' << picture << "' looks distorted: its pixels are " << spacing[0] << " x " << spacing[1] << " mm";
+    messages.Note(text.str());
   }
   const bool        isSmall = !isPage && std::min(size[0], size[1]) < SmallestLabelled;
   const std::string small =
@@ -539,12 +555,12 @@ ReadInput(Product & product, OutputFiles & files, Messages & messages)
   const std::string times = volume.times.size() > 1 ? std::to_string(volume.times.size()) + " x " : "";
   messages.StepDone("read " + options.input + ", " + times + Describe(first));
   VerifyTimes(options, volume.times.size());
-  const unsigned int components = first.image->GetNumberOfComponentsPerPixel();
-  VerifyComponents(options, components);
-  if (!options.isPageOfVolume && options.interpolation != "nearest" && components == 1 && LooksLikeLabels(first))
+  if (volume.times.size() > 1 && FindFormat(options.output) == FileFormat::Picture)
   {
-    messages.Note("'" + options.input + "' looks like labels: --interpolation nearest shows only these values");
+    messages.Note("'" + options.input + "' has " + std::to_string(volume.times.size()) + " points in time: '" +
+                  options.output + "' becomes as many numbered files");
   }
+  VerifyComponents(options, first.image->GetNumberOfComponentsPerPixel());
   return volume;
 }
 
@@ -637,10 +653,19 @@ Project(Product & product, OutputFiles & files, Messages & messages)
   Projections & projections = product.stack.projections;
   projections = project(volume, projection);
   messages.StepDone("projected, " + Describe(projections.stack));
-  if (!(options.slab.empty() && options.crop.empty()) && IsBlank(projections))
+  const std::string limit = !options.slab.empty() ? "--slab" : !options.crop.empty() ? "--crop" : "";
+  const bool        isAll = options.mask.empty() && options.overlay.empty() && options.segments.empty();
+  if ((!limit.empty() || isAll) && IsBlank(projections))
   {
-    product.warn("there is only background in the picture: is the image within " +
-                 std::string(options.slab.empty() ? "--crop?" : "--slab?"));
+    product.warn(
+      "there is only background in the picture: " +
+      (limit.empty() ? "all its values are " + DescribeBackground(projections) : "is the image within " + limit + '?'));
+  }
+  const AnyImage & first = volume.times.front();
+  if (!options.isPageOfVolume && options.interpolation != "nearest" && volume.dicomFiles.empty() &&
+      first.image->GetNumberOfComponentsPerPixel() == 1 && LooksLikeLabels(first))
+  {
+    messages.Note("'" + options.input + "' looks like labels: --interpolation nearest shows only these values");
   }
   if (!(options.overlay.empty() && options.segments.empty()))
   {

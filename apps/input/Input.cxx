@@ -124,6 +124,10 @@ ReadImage(itk::ImageIOBase & io, const std::filesystem::path & path, const Warni
   }
   io.SetIORegion(region);
   const auto grid = MakeGrid(geometry, io);
+  if (io.GetDimensions(2) == 1)
+  {
+    warn("'" + path.string() + "' has only one slice");
+  }
 
   Volume volume = DispatchPixelType(io.GetComponentType(), [&](auto tag) {
     using PixelType = typename decltype(tag)::Type;
@@ -197,6 +201,11 @@ ReadVolume(const std::filesystem::path & path,
       return;
     }
     const std::string reader = io ? io->GetNameOfClass() : "";
+    if (reader == "PNGImageIO" || reader == "JPEGImageIO" || reader == "BMPImageIO")
+    {
+      throw std::runtime_error("'" + path.string() + "' is one picture; make one file, such as TIFF or NRRD, of the " +
+                               "pictures of all slices");
+    }
     if (reader == "HDF5ImageIO" || reader == "MINCImageIO")
     {
       throw std::runtime_error("'" + path.string() +
@@ -258,13 +267,14 @@ ReadMask(const std::filesystem::path &        path,
   mask->CopyInformation(grid);
   mask->SetRegions(grid->GetLargestPossibleRegion());
   mask->Allocate();
-  const auto * const end = mask->GetBufferPointer() + grid->GetLargestPossibleRegion().GetNumberOfPixels();
+  unsigned char * const begin = mask->GetBufferPointer();
+  unsigned char * const end = begin + grid->GetLargestPossibleRegion().GetNumberOfPixels();
   DispatchPixelType(labels.componentType, [&](auto tag) {
     using PixelType = typename decltype(tag)::Type;
     if constexpr (std::is_integral_v<PixelType>)
     {
       const PixelType * value = CastImage<PixelType>(labels).GetBufferPointer();
-      for (unsigned char * pixel = mask->GetBufferPointer(); pixel != end; ++pixel, ++value)
+      for (unsigned char * pixel = begin; pixel != end; ++pixel, ++value)
       {
         const bool isLabel = *value > 0;
         const auto number = static_cast<std::uint64_t>(*value);
@@ -295,9 +305,10 @@ ReadMask(const std::filesystem::path &        path,
       warn("no voxel of the mask '" + path.string() + "' has the label " + std::to_string(number));
     }
   }
-  if (std::find(mask->GetBufferPointer(), const_cast<unsigned char *>(end), 1) == end)
+  const bool isEmpty = std::find(begin, end, 1) == end;
+  if (isEmpty || (removed.empty() && std::find(begin, end, 0) == end))
   {
-    warn("no voxel is in the mask '" + path.string() + "'");
+    warn((isEmpty ? "no voxel is in the mask '" : "all voxels are in the mask '") + path.string() + '\'');
   }
   return mask;
 }

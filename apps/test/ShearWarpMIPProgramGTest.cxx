@@ -22,6 +22,7 @@
 #include <cctype>
 #include <cmath>
 #include <complex>
+#include <limits>
 
 namespace
 {
@@ -134,7 +135,9 @@ TEST_F(ShearWarpMIPProgram, SameBytesWithAnyNumberOfThreads)
 
 TEST_F(ShearWarpMIPProgram, AcceptsFurtherDimensionsOfOne)
 {
-  this->WriteImage(MakeImage<itk::Image<PixelType, 4>>({ { 5, 6, 7, 1 } }), "four.nrrd");
+  const auto image = MakeImage<itk::Image<PixelType, 4>>({ { 5, 6, 7, 1 } });
+  image->FillBuffer(1);
+  this->WriteImage(image, "four.nrrd");
   this->ExpectSuccess("four.nrrd out.nrrd");
 }
 
@@ -382,9 +385,9 @@ TEST_F(ShearWarpMIPProgram, TakesWhatPeopleWrite)
     { "--view superior --mode absolute-maximum in.nrrd a.png", "--view s --mode abs in.nrrd b.png" },
     { "--mode maximum in.nrrd a.png", "--mode mip -o b.png in.nrrd" },
     { "in.nrrd a.png", "--output b.png in.nrrd" },
-    { "--output-spacing 0.5,0.8 in.nrrd a.png", "--output-spacing 0.5 0.8 in.nrrd b.png" },
-    { "--output-spacing 0.5,0.8 in.nrrd a.png", "--output-spacing 0.5, 0.8 in.nrrd b.png" },
-    { "--output-spacing 0.5,0.8 in.nrrd a.png", "'--output-spacing=0.5, 0.8' in.nrrd b.png" },
+    { "--output-spacing 0.5,0.8 in.nrrd a.nrrd", "--output-spacing 0.5 0.8 in.nrrd b.nrrd" },
+    { "--output-spacing 0.5,0.8 in.nrrd a.nrrd", "--output-spacing 0.5, 0.8 in.nrrd b.nrrd" },
+    { "--output-spacing 0.5,0.8 in.nrrd a.nrrd", "'--output-spacing=0.5, 0.8' in.nrrd b.nrrd" },
     { "--slab -1,3 in.nrrd a.png", "--slab -1 , 3 in.nrrd b.png" },
     { "--crop -90,90,-90,20,-90,90 in.nrrd a.png", "--crop '-90 90 -90 20 -90 90' in.nrrd b.png" },
     { "--crop -90,90,-90,20,-90,90 in.nrrd a.png", "--crop -90,90 -90,20 -90,90 in.nrrd b.png" },
@@ -454,6 +457,50 @@ TEST_F(ShearWarpMIPProgram, SaysWhatHasNoEffect)
   this->ExpectSuccess("in.nrrd a.html --no-labels");
   this->ExpectSuccess("in.nrrd a.nrrd --no-labels --annotate --depth-color depth.png --size 48 48");
   this->ExpectSuccess("in.nrrd a.html --annotate --depth-color depth.png --size 48 48");
+}
+
+TEST_F(ShearWarpMIPProgram, SaysWhatMaySurprise)
+{
+  const std::string warning = "shear-warp-mip: warning: ";
+  const std::string note = "shear-warp-mip: note: ";
+  this->ExpectSuccess("in.nrrd a.png --output-spacing 0.5 2",
+                      note + "'a.png' looks distorted: its pixels are 0.5 x 2 mm\n");
+  for (const std::string arguments : { "in.nrrd a.png --output-spacing 2",
+                                       "in.nrrd a.nrrd --output-spacing 0.5 2",
+                                       "in.nrrd a.html --output-spacing 0.5 2" })
+  {
+    this->ExpectSuccess(arguments);
+  }
+
+  this->WriteImage(MakeTimes({ m_Volume, m_Volume }), "times.nrrd");
+  this->ExpectSuccess("times.nrrd a.png",
+                      note + "'times.nrrd' has 2 points in time: 'a.png' becomes as many numbered files\n");
+  EXPECT_TRUE(fs::exists(m_Folder / "a-000.png") && fs::exists(m_Folder / "a-001.png"));
+  this->ExpectSuccess("times.nrrd a.nrrd");
+  this->ExpectSuccess("in.nrrd a.png --frames 2");
+
+  const std::string blank = warning + "there is only background in the picture: all its values are ";
+  const auto        zeros = MakeImageLike<VolumeType>(m_Volume);
+  this->WriteImage(zeros, "zeros.nrrd");
+  this->ExpectSuccess("zeros.nrrd a.png", blank + "0\n");
+  this->ExpectSuccess("zeros.nrrd a.nrrd --background 0", blank + "0\n");
+  zeros->FillBuffer(-7);
+  this->WriteImage(zeros, "same.nrrd");
+  this->ExpectSuccess("same.nrrd a.png", blank + "-7\n");
+  this->ExpectSuccess("same.nrrd a.png --background -8");
+  const auto floats = MakeImageLike<itk::Image<float, 3>>(m_Volume);
+  floats->FillBuffer(std::numeric_limits<float>::quiet_NaN());
+  this->WriteImage(floats, "floats.nrrd");
+  this->ExpectSuccess("floats.nrrd a.png", blank + "0\n");
+  this->ExpectSuccess("floats.nrrd a.nrrd --background nan", blank + "no numbers\n");
+
+  const auto slice = MakeImage<VolumeType>({ { 6, 5, 1 } });
+  slice->FillBuffer(3);
+  for (const std::string name : { "slice.nii", "slice.nrrd", "slice.mha" })
+  {
+    this->WriteImage(slice, name);
+    this->ExpectSuccess(name + " a.nrrd", warning + '\'' + name + "' has only one slice\n");
+  }
 }
 
 TEST_F(ShearWarpMIPProgram, SaysWhyThereAreNoLetters)
@@ -606,6 +653,8 @@ TEST_F(ShearWarpMIPProgram, AnswersWrongCalls)
     { "in.nrrd out.png --mask-label 2", "--mask-label requires --mask" },
     { "in.nrrd out.png --rate 5", "--rate requires a series; see --frames" },
     { "in.nrrd out.html --rate 5", "--rate requires a series; see --frames" },
+    { "in.nrrd out.gif --frames 2 --rate 1e9", "--rate: '1e9' is not a number from 0.1 to 100" },
+    { "in.nrrd out.gif --frames 2 --rate nan", "--rate: 'nan' is not a number from 0.1 to 100" },
     { "in.nrrd out.png --page-bits 8 --frames 3", "--page-bits requires a page: .html" },
     { "--write-phantom new.nrrd more.nrrd", "INPUT excludes --write-phantom" },
     { "in.nrrd out.png --write-phantom new.nrrd", "INPUT excludes --write-phantom" },

@@ -44,13 +44,15 @@ HaveSameDepths(const std::vector<float> & a, const std::vector<float> & b)
 class ShearWarpMIPProgramProjection : public ShearWarpMIPProgram
 {
 protected:
-  /** Expects that the options do what \a setUp does to the filter, which must make a difference. */
+  /** Expects that the options do what \a setUp does to the filter, which must make a difference, with \a messages. */
   void
-  ExpectSame(const std::string & arguments, const std::function<void(FilterType &)> & setUp) const
+  ExpectSame(const std::string &                       arguments,
+             const std::function<void(FilterType &)> & setUp,
+             const std::string &                       messages = "") const
   {
     SCOPED_TRACE(arguments);
     const auto transform = this->MakeTransform(Direction::Anterior, 20.0, 10.0);
-    this->ExpectSuccess("in.nrrd out.nrrd --azimuth 20 --elevation 10 " + arguments);
+    this->ExpectSuccess("in.nrrd out.nrrd --azimuth 20 --elevation 10 " + arguments, messages);
     const auto expected = this->Project(transform, setUp);
     this->ExpectPicture("out.nrrd", expected);
     EXPECT_NE(GetPixels(expected), GetPixels(this->Project(transform)));
@@ -187,6 +189,16 @@ TEST_F(ShearWarpMIPProgramProjection, TakesInterpolation)
   EXPECT_EQ(getValues(), (std::set<unsigned char>{ 0, 1, 2, 3 }));
   EXPECT_EQ(this->Run(view + " --interpolation nearest").messages.find("labels"), std::string::npos);
   EXPECT_EQ(getValues(), (std::set<unsigned char>{ 0, 1, 3 }));
+  // a CT of few values
+  const auto negative = MakeImageLike<VolumeType>(m_Volume);
+  negative->SetRegions(volume->GetLargestPossibleRegion());
+  negative->Allocate(true);
+  std::copy_n(volume->GetBufferPointer(), volume->GetPixelContainer()->Size(), negative->GetBufferPointer());
+  negative->GetBufferPointer()[7] = -1000;
+  this->WriteImage(negative, "negative.nrrd");
+  this->ExpectSuccess("negative.nrrd out.nrrd");
+  // what fails is not advised
+  this->ExpectFailure("labels.nrrd out.png --background 1000", "--background 1000 is not a value");
   // one label is a mask
   std::replace(volume->GetBufferPointer(), volume->GetBufferPointer() + volume->GetPixelContainer()->Size(), 3, 0);
   this->WriteImage(volume, "labels.nrrd");
@@ -206,6 +218,7 @@ TEST_F(ShearWarpMIPProgramProjection, TakesSlab)
   this->ExpectFailure("in.nrrd out.png --slab 3 -inf", "--slab: NEAR must not be greater than FAR");
   this->ExpectFailure("in.nrrd out.png --slab -1 -nan", "--slab: '-nan' is not a number");
   this->ExpectFailure("in.nrrd out.png --slab 3 2", "--slab: NEAR must not be greater than FAR");
+  this->ExpectFailures("in.nrrd out.png --slab ", { "inf inf", "-inf -inf" }, "FAR, NEAR not inf, and FAR not -inf");
   this->ExpectFailures("in.nrrd out.png --slab ", { "nan 2", "1 thick", "2" }, "--slab");
 }
 
@@ -312,6 +325,13 @@ TEST_F(ShearWarpMIPProgramProjection, TakesMask)
 
   this->ExpectSuccess("in.nrrd nothing.nrrd --mask large.nrrd --mask-label 1",
                       "shear-warp-mip: warning: no voxel is in the mask 'large.nrrd'\n");
+  bytes->FillBuffer(2);
+  this->WriteImage(bytes, "all.nrrd");
+  for (const std::string arguments : { "", " --mask-label 2" })
+  {
+    this->ExpectSuccess("in.nrrd out.nrrd --mask all.nrrd" + arguments,
+                        "shear-warp-mip: warning: all voxels are in the mask 'all.nrrd'\n");
+  }
   const auto pixels = this->ReadPixels("nothing.nrrd");
   EXPECT_EQ(std::count(pixels.begin(), pixels.end(), 0), static_cast<std::ptrdiff_t>(pixels.size()));
 }
@@ -405,7 +425,10 @@ TEST_F(ShearWarpMIPProgramProjection, TakesCrop)
 TEST_F(ShearWarpMIPProgramProjection, TakesAttenuation)
 {
   this->ExpectSame("--attenuation 0.05", [](FilterType & filter) { filter.SetDepthAttenuation(0.05); });
-  this->ExpectSame("--attenuation 1e300", [](FilterType & filter) { filter.SetDepthAttenuation(1e300); });
+  this->ExpectSame(
+    "--attenuation 1e300",
+    [](FilterType & filter) { filter.SetDepthAttenuation(1e300); },
+    "shear-warp-mip: warning: there is only background in the picture: all its values are 0\n");
   this->ExpectFailures("in.nrrd out.png --attenuation ", { "-0.1", "nan", "inf", "fast" }, "ttenuation");
 }
 
@@ -635,7 +658,9 @@ TEST_F(ShearWarpMIPProgramProjection, ProjectsEachPointInTime)
       EXPECT_TRUE(std::equal(expected.begin(), expected.end(), frame)) << time;
     }
   }
-  this->ExpectSuccess("times.nrrd cine.png");
+  this->ExpectSuccess(
+    "times.nrrd cine.png",
+    "shear-warp-mip: note: 'times.nrrd' has 4 points in time: 'cine.png' becomes as many numbered files\n");
   EXPECT_TRUE(fs::exists(m_Folder / "cine-003.png"));
   EXPECT_FALSE(fs::exists(m_Folder / "cine.png"));
   this->ExpectFailure("times.nrrd out.png --frames 3", "--frames is not possible: 'times.nrrd' has 4 points in time");

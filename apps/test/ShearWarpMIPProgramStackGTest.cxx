@@ -455,7 +455,7 @@ TEST_F(ShearWarpMIPProgramStack, IsNoVolumeInPlace)
 {
   this->ExpectSuccess("large.nrrd slice.nrrd --in-place --slab -5 5 --view left");
   EXPECT_EQ(ReadText(m_Folder / "slice.nrrd").find("FrameTransforms"), std::string::npos);
-  this->ExpectSuccess("slice.nrrd a.png --view left");
+  this->ExpectSuccess("slice.nrrd a.png --view left", "shear-warp-mip: warning: 'slice.nrrd' has only one slice\n");
 }
 
 TEST_F(ShearWarpMIPProgramStack, IsNotOverwritten)
@@ -469,7 +469,7 @@ TEST_F(ShearWarpMIPProgramStack, IsNotOverwritten)
   }
 }
 
-/** Letters of the page and Patient Orientation are those of one function, also at 22.5 and 45 degrees. */
+/** The letters of the page and of Patient Orientation come from one function, also at 22.5 and 45 degrees. */
 TEST_F(ShearWarpMIPProgramStack, HasTheSameLettersInPagesAndDicom)
 {
   for (const std::string projection : { "--frames 360",

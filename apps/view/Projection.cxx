@@ -47,7 +47,7 @@ IsPixel(double value)
   return fits;
 }
 
-/** Throws if \a value, that of the option \a name, is not one of the pixel type. */
+/** Throws if \a value, the value of the option \a name, is not a value of the pixel type. */
 template <typename TPixel>
 TPixel
 ToPixel(double value, const std::string & name)
@@ -296,7 +296,8 @@ LooksLikeLabels(const AnyImage & image)
     for (std::size_t n = 0; n < container.Size() && found.size() <= mostLabels; ++n)
     {
       const PixelType voxel = voxels[n];
-      if (!(std::abs(static_cast<double>(voxel)) < 0x1p53) || static_cast<PixelType>(std::trunc(voxel)) != voxel)
+      const auto      number = static_cast<double>(voxel);
+      if (!(number >= 0.0 && number < 0x1p53) || std::trunc(number) != number)
       {
         return false;
       }
