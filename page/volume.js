@@ -683,6 +683,8 @@ function makeVolume(series, viewer) {
     Object.assign(element('slab-thickness-slider'), { min: voxel, max: 2 * radius });
     Object.assign(element('slab-position-slider'), { min: -radius, max: radius });
     showState();
+    element('view').value = nearestSide(wanted.view) ?? '';
+    say('Loading the volume …');
     resetWindows();
     const { whole } = volume;
     const isReduced = whole.size.some((length, axis) => length > count[axis]);
@@ -696,6 +698,7 @@ function makeVolume(series, viewer) {
       element('voxels')?.remove();
       ask({ engine, voxels, bits: series.bits, size: count, toPhysical: volume.toPhysical.flat() }, ({ range }) => {
         loading.hidden = true;
+        say('');
         viewer.setRange(...range.map(viewer.toValue));
         change({});
       });
