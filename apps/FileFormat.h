@@ -38,7 +38,7 @@ enum class FileFormat
   Page
 };
 
-/** That of a name, by its extension. */
+/** The format of a name, by its extension. */
 FileFormat
 FindFormat(const std::filesystem::path & path);
 

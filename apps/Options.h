@@ -146,7 +146,7 @@ CollectArguments(CLI::App & app, int argc, const char * const * argv);
 std::optional<std::array<double, 2>>
 GetWindow(const Options & options);
 
-/** Takes an OUTPUT that is a folder, or is to be one, for that of --dicom-out; output is empty then. */
+/** Takes an OUTPUT that is a folder, or is to be one, for the folder of --dicom-out; output is empty then. */
 void
 UseOutputFolder(Options & options);
 

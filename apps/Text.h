@@ -33,7 +33,7 @@ MakeOneLine(std::string text);
 std::string
 Trim(const std::string & text);
 
-/** \a text, UTF-8, in small letters; in those of ASCII if the platform has no locale of UTF-8. */
+/** \a text, UTF-8, in small letters; only its ASCII letters are made small if the platform has no locale of UTF-8. */
 std::string
 ToLower(std::string text);
 

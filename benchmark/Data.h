@@ -34,7 +34,7 @@
 
 namespace itk::ShearWarpBenchmark
 {
-/** A volume to project: a synthetic one, see MakeVolume(), or that of a file. */
+/** A volume to project: a synthetic volume, see MakeVolume(), or the volume of a file. */
 struct DataSet
 {
   std::string kind; // or the file's name

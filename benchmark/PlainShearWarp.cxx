@@ -181,7 +181,7 @@ Warp(const ShearWarpFactorization & factorization,
     const std::int64_t column = locate(0);
     const std::int64_t row = locate(1);
 
-    // here the weights of the second pixel and row are those of the fraction
+    // here the fractions are the weights of the second pixel and row
     const ShearWarp::BilinearWeights cell(static_cast<std::int32_t>(column & (One - 1)),
                                           static_cast<std::int32_t>(row & (One - 1)));
     const std::int32_t               weights[] = { cell.bb, cell.ba, cell.ab, cell.aa };

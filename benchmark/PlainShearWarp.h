@@ -50,8 +50,8 @@ struct PermutedVolume
 
 /** Shears \a volume, the copy for the factorization's principal axis, slice by slice in storage order: for each row of
  * a slice that falls on rows [rowBegin, rowEnd) of the intermediate image calls \a process(placement, cell, column,
- * row), where \a cell points to the first voxel of the row's first cell, which falls on pixel (column, row); those of
- * the next cells and pixels follow. */
+ * row), where \a cell points to the first voxel of the row's first cell, which falls on pixel (column, row); the next
+ * cells follow, and fall on the next pixels. */
 template <typename TPixel, typename TFunction>
 void
 ForEachRow(const PermutedVolume<TPixel> & volume,

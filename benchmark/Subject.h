@@ -174,10 +174,10 @@ public:
   /** A square of the larger of the volume's first two sizes, at its smallest spacing. */
   typename OutputType::Pointer output;
 
-  /** For each principal axis the view whose larger shear is nearest to that of 30 degrees off the axis. */
+  /** For each principal axis the view whose larger shear is nearest to the shear at 30 degrees off the axis. */
   std::map<unsigned int, unsigned int> comparedViews;
 
-  /** Of Compare(), with one thread: mean over the compared views. That of the plain shear-warp is without the warp. */
+  /** Of Compare(), with one thread: mean over the compared views; for the plain shear-warp, without the warp. */
   double rayCastingSeconds{ 0.0 };
   double plainSeconds{ 0.0 };
 

@@ -2,7 +2,7 @@
 """The same image and the same views through other packages' maximum intensity projections: time and accuracy.
 
 Every peer (a file of benchmark/peer/) makes the same picture: square, as wide as the larger of the image's x and y,
-centered on the image's center, at the image's smallest spacing (1 mm for the made image). Times are those of the work
+centered on the image's center, at the image's smallest spacing (1 mm for the made image). Times measure the work
 for a new view, without imports, compiling and handing the image to the library. Each peer has a process of its own: one
 that crashes, hangs or is not installed is a line of the table and no more.
 
@@ -98,7 +98,7 @@ def measure(peer: Peer, view: View, repetitions: int) -> Record:
     """The first projection of a view, then others until `repetitions` or BUDGET are spent; times in ms.
 
     A peer whose first projection alone spends the budget is timed by that one. `cores` is the peer's processor time by
-    time, `others` that of all other programs meanwhile, which is not known for what is over at once.
+    time, `others` the same ratio of all other programs meanwhile, which is not known for what is over at once.
     """
     psutil.cpu_percent()
     own, start = time.process_time(), time.perf_counter()
@@ -189,7 +189,7 @@ def project_image(volume: Volume, arguments: argparse.Namespace) -> tuple[list[R
 
 
 def markdown(table: pd.DataFrame, head: str) -> str:
-    """Times and errors of each image, a row for each peer; errors are those of all views."""
+    """Times and errors of each image, a row for each peer; errors are over all views."""
     parts = [head]
     for image, rows in table.groupby("image", sort=False):
         names = rows.groupby("peer", sort=False)[[c for c in ("version", "problem") if c in rows]].first()

@@ -4,7 +4,7 @@
 Volumes are uncompressed OME-Zarr of uint16: the synthetic head of peers.py, which repeats after 512 voxels. Each case
 has a cluster of its own, whose workers are processes with one thread. One view goes before those that are timed, so
 that packages are imported and the files lie in the system's cache, where memory is enough. Every picture is compared
-with that of the filter for the whole volume in memory, up to the size that --whole gives. `tasks` are those that the
+with the filter's picture of the whole volume in memory, up to the size that --whole gives. `tasks` are those that the
 workers execute for a view.
 
     pip install "$(echo dist/itk_shearwarpmip-*.whl)[distributed]" pandas tabulate
@@ -120,7 +120,7 @@ def main() -> None:
             for block, workers in itertools.product(options.blocks, options.workers):
                 case, picture = measure(path, view, block, workers, options)
                 if expected not in (None, picture):
-                    sys.exit(f"error: {edge}: {case}: the picture is not that of the whole volume")
+                    sys.exit(f"error: {edge}: {case}: the picture differs from the picture of the whole volume")
                 cases.append({"edge": edge, **case})
                 print(cases[-1], file=sys.stderr)
     table = pd.DataFrame(cases)

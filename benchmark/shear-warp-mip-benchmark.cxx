@@ -228,7 +228,7 @@ Measure(::benchmark::State & state, const Measurement & measurement, Subject<TPi
     if (!subject.IsExpected(view, filter->GetOutput()))
     {
       throw std::runtime_error("the output of view " + std::to_string(view) +
-                               " differs from that of the plain shear-warp");
+                               " differs from the output of the plain shear-warp");
     }
     readSeconds[view].push_back(MeasureReadLimit(subject, measurement.threads));
     seconds[view].push_back(duration);

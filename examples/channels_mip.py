@@ -2,7 +2,7 @@
 """The projection of every channel of a colour or vector image, or of every time point of a 4D image.
 
 All are seen by one view, on one grid. The result has as many channels or time points; its first two
-axes are those of the view plane.
+axes are the axes of the view plane.
 
     channels_mip.py cells.tif mip.tif --azimuth 30
     channels_mip.py perfusion.nii.gz mip.nrrd --elevation 20

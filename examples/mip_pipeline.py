@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """The projection at the end of an ITK pipeline: vessels are enhanced, then projected.
 
-The picture shows the projection of the volume beside that of its vesselness (Sato et al. 1998, the
-largest response over several widths of vessel).
+The picture shows the projection of the volume beside the projection of its vesselness (Sato
+et al. 1998, the largest response over several widths of vessel).
 
     mip_pipeline.py angiogram.nrrd vessels.png --azimuth 30
 """

@@ -77,7 +77,7 @@ ShearWarpMIP_EXPORT Point<double, 3>
  * - a transform that is missing, not linear, not finite or not invertible
  * - an OutputSpacing that is not positive or not finite, an OutputOrigin that is not finite, or a Size of zero
  * - an Oversampling other than 1 and 2, or a NumberOfStreamDivisions of zero
- * - a SlabNear greater than SlabFar, a CropLower greater than CropUpper, or one of these that is not a number
+ * - a SlabNear greater than SlabFar, a CropLower greater than CropUpper, or one of these bounds that is not a number
  * - a SlabNear of infinity or a SlabFar of minus infinity
  * - a LocalMaximumThreshold that is not a number, with LocalMaximum
  * - LocalMaximum with the Mode AbsoluteMaximum or Mean; ComputeDepth or Exact with the Mode Mean

@@ -105,7 +105,7 @@ ToView(const itk::Transform<double, 3, 3> *            inverse,
   return inverse->TransformPoint(image->TransformContinuousIndexToPhysicalPoint<double>(index));
 }
 
-/** The columns of each row are those of its span. */
+/** The columns of each row are the columns of its span. */
 void
 ExpectSpans(const std::vector<std::set<std::int32_t>> &     columnsOfRows,
             const std::vector<itk::ShearWarp::ColumnSpan> & spans)

@@ -293,7 +293,7 @@ DrawSignedPermutations(Random & random)
 }
 
 /** The maxima of the voxels behind each pixel of \a grid, whose pixels are as large as voxels, along an axis of the
- * image; else 0. Only those of \a region count. */
+ * image; else 0. Only voxels of \a region count. */
 template <typename TGrid>
 std::vector<short>
 TakeMaxima(const itk::Image<short, 3> * image,
@@ -567,7 +567,7 @@ TEST(ShearWarpMIPProperties, LimitsInVoxelCentersIncludeTheVoxels)
     const PointType offsets[] = { GetCenter(image) + DrawVector(random, 20), a, GetCenter(image), PointType(0.0) };
     const auto      view = MakeView(image->GetDirection() * permutation, offsets[random.Integer(0, 3)]);
     const auto      toView = view->GetInverseTransform();
-    unsigned int    axes[3]{}; // of the image, along those of the view
+    unsigned int    axes[3]{}; // of the image, along the axes of the view
     for (unsigned int n = 0; n < 3; ++n)
     {
       for (unsigned int axis = 0; axis < 3; ++axis)

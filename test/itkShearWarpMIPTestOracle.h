@@ -291,7 +291,7 @@ public:
       }
       m_DepthOfIndex[column] = Determinant(replaced) / axesDeterminant;
     }
-    // the sphere's least depth: of directions d of physical space, that of u x v is the depth's gradient
+    // the sphere's least depth; in physical space, the depth's gradient has the direction of u x v
     long double center = 0.0L;
     for (int axis = 0; axis < 3; ++axis)
     {
@@ -598,8 +598,8 @@ private:
     return true;
   }
 
-  /** As InterpolateReached, but weights are those of a slice's samples: the first product is that of the neighbours
-   * before. */
+  /** As InterpolateReached, but with the weights of a slice's samples: the first product is the product of the
+   * neighbours before. */
   template <typename TPixelAt>
   static TPixel
   InterpolateBehind(const TPixelAt & pixel, std::int64_t column, std::int64_t row)

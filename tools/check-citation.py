@@ -27,7 +27,7 @@ def find_faults() -> list[str]:
     if not paper["title"].startswith(f"{citation['title']}: "):
         faults.append(f"its title does not begin with '{citation['title']}: ', as CITATION.cff has it")
     if [author["name"] for author in paper["authors"]] != [author["name"] for author in citation["authors"]]:
-        faults.append("its authors are not those of CITATION.cff")
+        faults.append("its authors are not the authors of CITATION.cff")
     for reference in citation["references"]:
         if reference["title"].lower() not in (ROOT / "paper/paper.bib").read_text().lower():
             faults.append(f"it does not cite '{reference['title']}', as CITATION.cff does")

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# Builds the documentation: the pages of doc/ by Sphinx, and those of the C++ interface by Doxygen. Any warning is an
-# error. The pages need no network; MathJax, which draws the formulas, is Debian's. What is missing on a Debian or Ubuntu
-# machine is installed, as root or through sudo, and Sphinx from PyPI into the cache.
+# Builds the documentation: the pages of doc/ by Sphinx, and the pages of the C++ interface by Doxygen. Any warning is
+# an error. The pages need no network; MathJax, which draws the formulas, is Debian's. What is missing on a Debian or
+# Ubuntu machine is installed, as root or through sudo, and Sphinx from PyPI into the cache.
 #
 #   JOBS=<n>              parallel compile jobs                   [all cores]
 #   XDG_CACHE_HOME=<dir>  the cache is itk-shearwarpmip/ inside   [~/.cache]

@@ -82,7 +82,8 @@ make_branch() {
   [ -z "$files" ] || die "ITK takes test data as .cid files only: $files"
 }
 
-# As ITK's own test of each module's style, without the rule on namespaces: that of ITK 5 does not know those of C++17.
+# As ITK's own test of each module's style, without the rule on namespaces: the rule of ITK 5 does not know the
+# namespaces of C++17.
 check_style() {
   need_packages kwstyle
   sed '/<Namespace>/d' "$source/Utilities/KWStyle/ITK.kws.xml" > "$root/build/itk-style.xml"

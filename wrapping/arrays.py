@@ -1,5 +1,5 @@
 # Part of the wrapped module. ITK takes the axes of an array in Fortran's order for x, y, z: the functions of this
-# module take those of each array as z, y, x.
+# module take the axes of each array as z, y, x.
 
 import functools
 import importlib

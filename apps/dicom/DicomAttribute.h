@@ -62,7 +62,7 @@ FindHeader(std::istream & file);
 gdcm::DataSet
 ReadHeader(const std::filesystem::path & path);
 
-/** Sets an attribute of text; its VR is that of the dictionary. */
+/** Sets an attribute of text, with the dictionary's VR. */
 void
 SetText(gdcm::DataSet & dataSet, const gdcm::Tag & tag, std::string text);
 

@@ -31,8 +31,8 @@
  * Its slices are the frames of the files. Each has a position, an orientation and pixel spacing of its own, which are
  * read here: ITK takes unit vectors, 1 mm and the first frame's for what is missing or differs. Slices are sorted by
  * position along their normal, frames of a single file in the direction in which they are stored. Where the positions
- * are sheared, as those of a tilted gantry are, so is the image: its third axis is from slice to slice. Where slices
- * have several distances, as in a CT of a head, they are interpolated.
+ * are sheared, as with a tilted gantry, so is the image: its third axis is from slice to slice. Where slices have
+ * several distances, as in a CT of a head, they are interpolated.
  *
  * Pixels have the values of the modality, by the rescaling of each frame, also where low ones are to be displayed white
  * (MONOCHROME1). Their type is ITK's; it is double where slices would have different ones.

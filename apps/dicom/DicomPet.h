@@ -28,9 +28,9 @@
 #include <vector>
 
 /** Attributes of a source that its reprojection has too: of the PET Series, PET Isotope and PET Image modules and of
- * that of the patient's orientation (PS3.3 C.8.9.1, C.8.9.2, C.8.9.4, C.8.4.6), but what is of one slice alone. */
+ * the patient orientation module (PS3.3 C.8.9.1, C.8.9.2, C.8.9.4, C.8.4.6), but what is of one slice alone. */
 extern const std::vector<std::uint32_t> petAttributes;
-/** Those of type 2: there without a value if the source has none. */
+/** Attributes of type 2: there without a value if the source has none. */
 extern const std::vector<std::uint32_t> petType2;
 
 extern const std::string petImageStorage;
@@ -57,7 +57,7 @@ struct PicturePlane
 };
 
 /** Why pictures are no PET reprojection, empty if they are one. Such pictures turn about a single axis, and their
- * center normals are co-planar and pass through a single point (PS3.3 C.8.9.1.1.1); their order is that of increasing
+ * center normals are co-planar and pass through a single point (PS3.3 C.8.9.1.1.1); they are in the order of increasing
  * or decreasing angles (C.8.9.4.1.9). Normals may miss the point by \a tolerance, in mm. */
 std::string
 FindReprojectionObstacle(const std::vector<PicturePlane> & planes, double tolerance);

@@ -768,7 +768,7 @@ WriteDicomSeries(OutputFiles &                              files,
       DataSet                 dataSet = MakeFrame(header, geometries[frame], views[frame], frame);
       for (std::size_t n = 1; n < together; ++n)
       {
-        // that of all frames, or none
+        // the Patient Orientation of all frames, or none
         const DataSet other = MakeFrame(header, geometries[n], views[n], n);
         if (GetText(other, { 0x0020, 0x0020 }) != GetText(dataSet, { 0x0020, 0x0020 }))
         {

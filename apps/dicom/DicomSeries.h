@@ -110,7 +110,7 @@ ComputeDepth(const itk::Transform<double, 3, 3> * transform, const itk::Point<do
  *   image may be a "PROJECTION IMAGE" (C.8.3.1.1.1). The standard's editor advises so: pydicom's issue 1186.
  * - PET Image Storage for a turn of a PET source, as a reprojection (C.8.9.1), of maxima about one axis: see
  *   FindReprojectionObstacle() and FindMissingPetAttribute(). Values keep their unit, so that SUV can be computed from
- * the attributes, which are those of the image that was acquired first. ImageType has PRIMARY (C.8.9.4.1.1).
+ *   the attributes, which come from the image that was acquired first. ImageType has PRIMARY (C.8.9.4.1.1).
  * - Secondary Capture Image Storage for all others, enhanced images among them. It is for computed pictures of any
  *   modality (A.8), may have an Image Plane, which ties it to a frame of reference (Table A.8-1 since CP 2330; older
  *   readers, as GDCM 3.0, ignore that), and any pixels.
@@ -129,8 +129,8 @@ ComputeDepth(const itk::Transform<double, 3, 3> * transform, const itk::Point<do
  *
  * RGB becomes Secondary Capture of 8 bits, without rescale and window (C.7.6.3.1.2).
  *
- * Low values are displayed white (MONOCHROME1) if those of the first source are, and values stay as they are. PET is
- * always MONOCHROME2 (C.8.9.4.1.2).
+ * Low values are displayed white (MONOCHROME1) if the first source's low values are, and values stay as they are. PET
+ * is always MONOCHROME2 (C.8.9.4.1.2).
  *
  * Patient Orientation has the letters of ComputeEdgeLetters().
  *

@@ -326,7 +326,7 @@ Decode(const Source & source)
   }
   if (source.format == gdcm::PixelFormat::SINGLEBIT && image.GetDataElement().GetByteValue())
   {
-    // bits follow one another, also those of the next row; GDCM has each row begin with a byte
+    // bits follow one another, also from row to row; GDCM has each row begin with a byte
     const gdcm::ByteValue & bits = *image.GetDataElement().GetByteValue();
     bytes.resize(std::size_t{ source.size[0] } * source.size[1] * source.size[2]);
     for (std::size_t n = 0; n < std::min<std::size_t>(bytes.size(), 8 * std::size_t{ bits.GetLength() }); ++n)

@@ -23,10 +23,10 @@
 #include <string>
 #include <vector>
 
-/** Sets the positions of slices, and leaves those of one volume where several lie at the same positions, such as echoes
- * or points in time. Volumes are told apart by the attributes that differ at one position and hold for most positions;
- * where each slice has its own value, such as the time, by the order in it. \a volume is the number in the list that
- * the error has, from 1; it may be empty if there is only one. Errors call the slices \a name, and the option
+/** Sets the positions of slices, and leaves the slices of one volume where several lie at the same positions, such as
+ * echoes or points in time. Volumes are told apart by the attributes that differ at one position and hold for most
+ * positions; where each slice has its own value, such as the time, by the order in it. \a volume is the number in the
+ * list that the error has, from 1; it may be empty if there is only one. Errors call the slices \a name, and the option
  * \a option; without one there is no choice. Throws if slices cannot be told apart. */
 void
 ChooseVolume(std::vector<Slice> & slices,

@@ -27,7 +27,7 @@
 #include <string>
 #include <vector>
 
-/** Reads a 3D image, or a series of them in time: a file, or a DICOM series of the folder \a path or of that of a
+/** Reads a 3D image, or a series of them in time: a file, or a DICOM series of the folder \a path or of the folder of a
  * DICOMDIR, and of the folders in it. \a series is its number in the list that the error has if there are several, its
  * instance UID or, ignoring case, a part of its description; it may be empty if there is only one. \a volume is the
  * number of a volume of the series, likewise. Errors name the \a option that gave the series; an empty one stands for
@@ -44,8 +44,8 @@ bool
 IsDicomFile(const std::filesystem::path & path);
 
 /** Reads an image of whole numbers that must lie on \a grid. The mask is 1 where that is \a label or, without one, not
- * 0; or, if there are \a removed labels, where it is none of these. \a sourceFiles gets the files that the mask was
- * made from, if its file names them. */
+ * 0; or, if there are \a removed labels, where it is none of these labels. \a sourceFiles gets the files that the mask
+ * was made from, if its file names them. */
 itk::Image<unsigned char, 3>::Pointer
 ReadMask(const std::filesystem::path &        path,
          const std::optional<std::int64_t> &  label,

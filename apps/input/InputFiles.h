@@ -38,12 +38,13 @@ SplitPaths(const std::string & text);
 void
 RequireReadable(const std::filesystem::path & path);
 
-/** The folder where the images of \a path are: itself, or that of a DICOMDIR. Empty if \a path is neither. */
+/** The folder where the images of \a path are: itself, or the folder of a DICOMDIR. Empty if \a path is neither. */
 std::filesystem::path
 GetImageFolder(const std::filesystem::path & path);
 
-/** The files that are there and are read for the image or transform \a path: those of its image folder; or the file,
- * others of its name, and those that its header names. In the first two cases none with an extension of an output. */
+/** The files that are there and are read for the image or transform \a path: the files of its image folder; or the
+ * file, others of its name, and those that its header names. In the first two cases none with an extension of an
+ * output. */
 std::vector<std::filesystem::path>
 FindInputFiles(const std::filesystem::path & path);
 

@@ -246,7 +246,7 @@ DrawAngles(Canvas & canvas, const ViewAngles & angles)
   }
 }
 
-/** \a spacing is that of the pixels, in mm. */
+/** \a spacing is the pixels' spacing, in mm. */
 void
 DrawScale(Canvas & canvas, double spacing, double width)
 {

@@ -133,7 +133,7 @@ private:
   std::string
   BeginFile(const Path & path);
 
-  /** That of a file that RemoveScratch() removes again, at the place of \a path and as secret. */
+  /** The temporary name of a file that RemoveScratch() removes again, at the place of \a path and as secret. */
   std::string
   BeginScratch(const Path & path, const std::string & extension);
 

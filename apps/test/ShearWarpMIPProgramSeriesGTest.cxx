@@ -30,7 +30,7 @@ class ShearWarpMIPProgramSeries : public ShearWarpMIPProgram
 protected:
   using CineType = itk::ShearWarpMIPCineImageFilter<VolumeType>;
 
-  /** The frames that the program writes are those of the filter, on its grid. */
+  /** The frames that the program writes are the filter's frames, on the filter's grid. */
   void
   ExpectFrames(const std::string & arguments, const std::function<void(CineType &)> & setUp) const
   {

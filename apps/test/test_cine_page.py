@@ -136,7 +136,7 @@ def test_png_of_16_bits(page):
 
 
 def test_on_screen(page):
-    """The aspect is that of the millimetres, and each block has its gray where it belongs."""
+    """The picture has its aspect in millimetres, and each block has its gray where it belongs."""
     page.show()
     box = page.box
     assert box["width"] / box["height"] == pytest.approx(WIDTH * 0.5 / HEIGHT, abs=0.01)
@@ -585,7 +585,7 @@ def test_constant_series_has_a_window(page):
 def test_typed_window(page):
     page.show()
     page.press("w")
-    assert names_of_presets(page) == ["Automatic", "Full range"]  # without those of CT
+    assert names_of_presets(page) == ["Automatic", "Full range"]  # without the presets of CT
     page.type("level", "-10.5")
     assert page.window == [-110.5, 89.5]
     page.type("width", "51")

@@ -89,7 +89,7 @@ def fail(*arguments):
 
 
 def write_nrrd(path, pixels, *fields):
-    """With fields that follow those of the pixels."""
+    """With fields that follow the fields of the pixels."""
     header = ["NRRD0004", f"type: {NRRD_TYPES[pixels.dtype.str[1:]]}", f"dimension: {pixels.ndim}"]
     header += [f"sizes: {' '.join(map(str, pixels.shape[::-1]))}", "encoding: raw", "endian: little", *fields]
     path.write_bytes("\n".join([*header, "", ""]).encode() + pixels.tobytes())

@@ -34,7 +34,7 @@ def project(study, folder, series):
 
 
 def values(image):
-    """With the slope and intercept that all of these have but MR."""
+    """With the slope and intercept that all images but MR have."""
     return image.pixel_array * float(image.get("RescaleSlope", 1)) + float(image.get("RescaleIntercept", 0))
 
 

@@ -47,8 +47,8 @@ MakeLayerOptions(const ProjectionOptions & options, const itk::ImageBase<3> * st
 
 /** RGB pictures of \a pictures, of 8 bits and one or three components. Where the overlay's value is above LOW of its
  * window, a component is (1 - opacity) * picture + opacity * color, as 3D Slicer blends a foreground that has a lower
- * threshold; elsewhere it is that of the picture. LOW gets the first color, HIGH and more the last. Warns if no pixel
- * is colored. */
+ * threshold; elsewhere it is the component of the picture. LOW gets the first color, HIGH and more the last. Warns if
+ * no pixel is colored. */
 AnyImage
 BlendOverlay(const AnyImage &        pictures,
              const Projections &     overlay,

@@ -92,8 +92,8 @@ FindLeast(itk::VectorImage<TPixel, 3> & image, const Box & box)
   return least;
 }
 
-/** Gives voxels outside of mask and crop the least value, and returns the box of those whose centers are in the crop.
- */
+/** Gives voxels outside of mask and crop the least value, and returns the box of the voxels whose centers are in the
+ * crop. */
 template <typename TPixel>
 Box
 Clear(itk::VectorImage<TPixel, 3> & image, const ProjectionOptions & options)

@@ -50,12 +50,11 @@ struct Segments
 /** Most segments of an image. */
 constexpr std::size_t MostSegments = 1000;
 
-/** Reads a DICOM segmentation, or an image of labels, whole numbers; 0 and less are none. Names and colors are those of
- * 3D Slicer's segmentation files (.seg.nrrd), in the file's meta data: SegmentN_LabelValue, SegmentN_Layer,
- * SegmentN_Name, SegmentN_Color; see
- * https://slicer.readthedocs.io/en/latest/developer_guide/modules/segmentations.html. Others are "label N" and have the
- * colors of Okabe and Ito, Color Universal Design, 2008. Throws if pixels are no whole numbers, if the image is 4D, or
- * if it has too many labels. */
+/** Reads a DICOM segmentation, or an image of labels, whole numbers; 0 and less are none. Names and colors are as in 3D
+ * Slicer's segmentation files (.seg.nrrd), in the file's meta data: SegmentN_LabelValue, SegmentN_Layer, SegmentN_Name,
+ * SegmentN_Color; see https://slicer.readthedocs.io/en/latest/developer_guide/modules/segmentations.html. Others are
+ * "label N" and have the colors of Okabe and Ito, Color Universal Design, 2008. Throws if pixels are no whole numbers,
+ * if the image is 4D, or if it has too many labels. */
 Segments
 ReadSegments(const std::string & path, const WarningFunction & warn);
 

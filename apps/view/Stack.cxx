@@ -391,7 +391,7 @@ ReadFrames(itk::ImageIOBase & io, const fs::path & path, double millimetres)
     if (!(std::abs(direction[axis] - 1.0) < 1e-6) || !(spacing[axis] > 0.0) || !std::isfinite(origin[axis]))
     {
       throw std::runtime_error("'" + path.string() +
-                               "' has frames, but its axes are not those of view space: right, down and frame");
+                               "' has frames, but its axes are not the axes of view space: right, down and frame");
     }
   }
   if (size[2] > 65535)

@@ -373,7 +373,7 @@ WriteFigure5(const VolumeType * image, const std::string & name, const std::stri
   filter->Update();
   if (shearWarp != GetPixels(filter->GetOutput()))
   {
-    itkGenericExceptionMacro("The filter's picture of " << name << " differs from that of the published shear-warp.");
+    itkGenericExceptionMacro("The filter's picture of " << name << " differs from the published shear-warp's picture.");
   }
 
   const auto difference = SubtractImageFilter<PictureType, PictureType, Image<float, 2>>::New();

@@ -54,7 +54,7 @@ MakeFittedOutput(const Image<std::uint16_t, 3> * image, const Transform<double, 
  * row's, or 3, the one across from 0. Of equal corners the first counts.
  *
  * A sample is rounded as the filter rounds it, which never takes it above the largest corner: what is skipped cannot
- * change a pixel, and the intermediate image is that of PlainShearWarp.h and of the filter, bit by bit. */
+ * change a pixel, and the intermediate image is the same as in PlainShearWarp.h and in the filter, bit by bit. */
 class TaggedShearWarp
 {
 public:
@@ -116,8 +116,8 @@ WriteTimings(const std::vector<Timing> & timings, const std::string & csvFile);
  * files in \a folder: `figure5-<name>-raycasting.tif` (RayCasting.h, a sample for each voxel of way) and `-shearwarp`
  * (TaggedShearWarp), 16 bits, and `-difference`, ray casting less shear-warp, 32-bit floating point. The azimuth turns
  * about the image's third axis, then the altitude about the first. \a image has voxels of up to 14 bits. Throws
- * ExceptionObject if the filter's picture is not that of the published shear-warp in every bit, or if a file cannot be
- * written. */
+ * ExceptionObject if the filter's picture differs in a bit from the published shear-warp's picture, or if a file cannot
+ * be written. */
 void
 WriteFigure5(const Image<std::uint16_t, 3> * image, const std::string & name, const std::string & folder);
 

@@ -172,7 +172,7 @@ class Turn:
     """Projections of a volume from many directions, made by turn(); a notebook shows them as a page."""
 
     frames: Any
-    """3D itk.Image, its third axis the frames; its entries "FrameAngles" and "FrameTransforms" are those of
+    """3D itk.Image, its third axis the frames; its entries "FrameAngles" and "FrameTransforms" are the entries of
     itk.ShearWarpMIPCineImageFilter."""
     transforms: list[Any]
     """The itk.Transform of each frame's view, from view space to physical space."""
@@ -189,7 +189,7 @@ class Turn:
     source_files: Sequence[Path] = ()
     """The files of the volume."""
     mask_files: Sequence[Path] = ()
-    """The file of the mask. None of these is ever written."""
+    """The file of the mask. Files of the volume and the mask are never written."""
 
     _window: tuple[float, float] | None = None
 

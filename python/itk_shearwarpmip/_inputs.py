@@ -514,7 +514,9 @@ def _take_data_array(source: Any) -> Placed:
     for name in "xyz":
         places = np.asarray(source.coords[name] if name in source.coords else range(source.sizes[name]))
         if places.dtype.kind not in "iuf":
-            raise TypeError(f"the coordinates of a DataArray must be numbers, but those of {name} are {places.dtype}")
+            raise TypeError(
+                f"the coordinates of a DataArray must be numbers, but the coordinates of {name} are {places.dtype}"
+            )
         places = places.astype(float)
         if not places.size:
             raise ValueError(f"a volume must not be empty, but this one has the shape {source.shape}")
@@ -523,7 +525,8 @@ def _take_data_array(source: Any) -> Placed:
         even = places[0] + step * np.arange(places.size)
         if not (step != 0 and np.allclose(places, even, 0, abs(step) / 100)):
             raise ValueError(
-                f"the coordinates of a DataArray must go in equal steps, but those of {name} do not: see its method interp()"
+                f"the coordinates of a DataArray must go in equal steps, but the coordinates of {name} do not: "
+                "see its method interp()"
             )
         steps.append(step)
         origin.append(places[0])

@@ -184,8 +184,8 @@ def _project(volume: Volume, transforms: Sequence[Any], parameters: Parameters) 
     token = uuid4().hex
     outline = Volume(_Shape(array.shape, array.dtype), volume.spacing, volume.origin, volume.direction)
     firsts = [np.cumsum((0, *lengths[:-1])).tolist() for lengths in array.chunks]
-    # samples lie between voxels: there are seams between chunks, but for extrema of those that follow each other along the
-    # rays
+    # samples lie between voxels, so there are seams between chunks; extrema need none between chunks that follow each
+    # other along the rays
     needs_all = parameters.mode == "mean" or parameters.exact
     sliced = set() if needs_all else _find_principal_axes(volume, transforms)
     seams = [axis for axis in range(3) if array.numblocks[axis] > 1 and sliced != {axis}]

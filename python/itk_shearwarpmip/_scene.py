@@ -294,7 +294,7 @@ class Scene:
             return self.layers[layer].find_window(state)
 
     def find_point(self, state: State, u: float, v: float) -> Point | None:
-        """Returns the point of the first volume with that of the second one, or None if the first has none."""
+        """Returns the point of the first volume with the point of the second volume, or None if the first has none."""
         with self._lock:
             found = [layer.find_point(state, u, v, self.exact) for layer in self.layers]
         if found[0] is None or len(found) == 1:

@@ -29,14 +29,14 @@ def mip(volume: torch.Tensor, views: Sequence[Any] | None = None, *, background:
     views: the view of each picture, of any kind that the view of mip() can be. Without views, the parameters of turn()
         define a turn: frames, angular_range, rotation_axis and so on.
     background: the value of pixels beside the volume.
-    parameters: spacing, origin and direction, which are those of all volumes, and all other keywords of turn() that
+    parameters: spacing, origin and direction, which all volumes share, and all other keywords of turn() that
         `exact` allows: mode, slab, crop, output_spacing, size, output_origin and threads.
 
     Returns a tensor (batch, channel, view, v, u) of the volume's type, on its device; the computation is the CPU's.
 
-    A pixel is the maximum of the trilinear interpolant along its ray, as that of turn(exact=True). So its gradient is the
-    eight interpolation weights at the place of this maximum. Where several places have the maximum, it is that of the
-    nearest one. Pixels beside the volume have the gradient 0. There is no second derivative.
+    A pixel is the maximum of the trilinear interpolant along its ray, as in turn(exact=True). So its gradient is the
+    eight interpolation weights at the place of this maximum. Where several places have the maximum, the nearest one
+    counts. Pixels beside the volume have the gradient 0. There is no second derivative.
 
     Raises TypeError for other tensors, and the exceptions of turn().
 
@@ -75,7 +75,7 @@ class _Projection(torch.autograd.Function):  # type: ignore[misc]
 
 
 def _spread(series: Turn, placed: Placed, gradient: NDArray[np.float64]) -> Any:
-    """The gradient of a volume, from that of its pictures."""
+    """The gradient of a volume, from the gradient of its pictures."""
     places = find_places(series.frames, series.depths).reshape(-1, 3)
     has_value = ~np.isnan(places[:, 0])
     shape = placed.array.shape

@@ -303,7 +303,7 @@ def test_volumes_can_be_compared():
 
 CHUNKED = dask.array.zeros((8, 8, 8), dtype=np.uint8, chunks=-1)
 
-# of volumes in chunks; test_front.py has those of others
+# for volumes in chunks; test_front.py has the entries for other volumes
 BAD = {
     "type": (lambda: project(CHUNKED.astype(np.int64)), TypeError, "voxels must be one of .* but they are int64"),
     "2D": (lambda: project(CHUNKED[0]), ValueError, "has the shape"),

@@ -594,8 +594,8 @@ BAD = {
     "label map": (call(SimpleITK.Image([3, 4, 5], SimpleITK.sitkLabelUInt8)), TypeError, "label map"),
     "names of axes": (call(xarray.DataArray(SHORTS)), ValueError, "the dimensions z, y, x"),
     "uneven coordinates": (call(label(z=[0, 1, 3])), ValueError, "equal steps, .* z do not: see its method interp"),
-    "coordinates to and fro": (call(label(y=[4, 2, 3, 1])), ValueError, "go in equal steps, but those of y"),
-    "one coordinate": (call(label(z=[2, 2, 2])), ValueError, "go in equal steps, but those of z"),
+    "coordinates to and fro": (call(label(y=[4, 2, 3, 1])), ValueError, "go in equal steps, but the coordinates of y"),
+    "one coordinate": (call(label(z=[2, 2, 2])), ValueError, "go in equal steps, but the coordinates of z"),
     "units of coordinates": (
         call(label(z=("z", [0, 1, 2], {"units": "mm"}), x=range(5))),
         ValueError,
@@ -604,7 +604,7 @@ BAD = {
     "dates as coordinates": (
         call(label(z=np.arange(3).astype("M8[D]"))),
         TypeError,
-        "must be numbers, but those of z are datetime64",
+        "must be numbers, but the coordinates of z are datetime64",
     ),
     "words as a direction in attributes": (
         call(xarray.DataArray(SHORTS, dims=list("zyx"), attrs={"direction": "RAS"})),

@@ -30,7 +30,7 @@ def test_needs_runtime_libraries_only(files):
     readelf = shutil.which("readelf")
     if not readelf:
         pytest.skip("readelf is not installed")
-    # others are those of the program, put in by auditwheel
+    # other libraries belong to the program, put in by auditwheel
     libraries = [file for file in files if ".so" in file.name and file.parent.name == "itk"]
     assert libraries
     for library in libraries:

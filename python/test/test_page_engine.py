@@ -113,7 +113,7 @@ def round_view(view):
 
 
 def make_views(to_physical):
-    """Views along each axis, those of the patient, and some onto the volume's own axes."""
+    """Views along each axis, along the patient's axes, and some onto the volume's own axes."""
     axes = to_physical[:, :3] / np.linalg.norm(to_physical[:, :3], axis=0)
     for matrix in (turn(30, 25), turn(85, 5), turn(5, -80), np.eye(3), axes, axes[:, [1, 2, 0]] * [1, -1, 1]):
         view = np.eye(4)

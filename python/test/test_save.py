@@ -122,7 +122,7 @@ def read_help():
 
 
 def test_options_are_the_program_s(tmp_path, head):
-    """Those of outputs are those that a file of frames takes."""
+    """The options of outputs are the options that a file of frames takes."""
     others = """output help help-all version write-phantom phantom-size write-volume with-attributes trust
         mask overlay segments""".split()
     run_program(save_head(head, tmp_path), tmp_path / "turn.nrrd", "--frames", 3)

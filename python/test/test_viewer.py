@@ -200,7 +200,7 @@ def test_window_is_that_of_the_program(image, viewer):
 
 
 def test_lower_resolution(image, viewer):
-    """A pixel of the coarse picture is at the middle of those that it stands for, also where they do not fit."""
+    """A coarse pixel is at the middle of the fine pixels that it stands for, also where they do not fit."""
     view, size = viewer._state, (25, 14)
     fine = viewer._scene.make_grid(view, size)
     coarse = fine.coarsen(3)
@@ -506,7 +506,7 @@ def test_trackball(image, viewer, is_mirrored):
         front = center - axes[:, 2]
         drag(viewer, right, down)
         turned = _scene.get_axes(viewer.transform)
-        # the angle is that of the way, and the point in front goes where the pointer goes
+        # the way gives the angle, and the point in front goes where the pointer goes
         angle = np.degrees(np.arccos(np.clip((np.trace(axes.T @ turned) - 1) / 2, -1, 1)))
         assert angle == pytest.approx(180 / 90 * np.hypot(right, down), rel=1e-6)
         moved = turned.T @ (front - center)

@@ -294,8 +294,8 @@ RaySearch<TPixel>::Clip(double p, double q) const
   return m_Search.records ? this->ClipToPart(p, q, begin, end) : std::pair(begin, end);
 }
 
-/** Rounds outward to whole slices: a ray's places in a cell, and so its bits, stay those of the whole volume. Cells
- * that the part does not have are left out later. */
+/** Rounds outward to whole slices: a ray's places in a cell, and so its bits, stay the same as in the whole volume.
+ * Cells that the part does not have are left out later. */
 template <typename TPixel>
 std::pair<double, double>
 RaySearch<TPixel>::ClipToPart(double p, double q, double begin, double end) const

@@ -71,8 +71,8 @@ public:
   void
   Merge(const unsigned char * records, unsigned char * into, std::ptrdiff_t count) const;
 
-  /** Writes the records of a row of an intermediate image, \a distance records from one to the next. Ranks become those
-   * of \a whole. \a sums are used for means. */
+  /** Writes the records of a row of an intermediate image, \a distance records from one to the next. Ranks become the
+   * ranks of \a whole. \a sums are used for means. */
   void
   Pack(const IntermediateImage<TPixel> & image,
        const SummedImage<TPixel> &       sums,

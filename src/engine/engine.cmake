@@ -68,8 +68,7 @@ if(ShearWarpMIP_USE_VECTOR_EXTENSIONS AND ShearWarpMIP_IS_X86_64)
 endif()
 set_source_files_properties(${kernels}/InstructionSets.cxx PROPERTIES COMPILE_DEFINITIONS "${kernel_definitions}")
 
-# the same bits on every machine: no fused multiply-add where the source has none; vectors where comparisons may be made
-# that the source does not make
+# without fused multiply-add, every machine computes the same bits; without traps and errno, more loops become vectors
 set(options -ffp-contract=off -fno-trapping-math -fno-math-errno)
 if(CMAKE_CXX_COMPILER_FRONTEND_VARIANT STREQUAL "MSVC")
   # clang-cl ignores them otherwise

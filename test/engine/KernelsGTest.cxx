@@ -454,7 +454,7 @@ public:
     return samples;
   }
 
-  /** False where no slice has a sample in the region; \a rank is that of the slice whose sample is \a chosen. */
+  /** False where no slice has a sample in the region; \a rank is the rank of the slice whose sample is \a chosen. */
   bool
   Evaluate(std::ptrdiff_t p, std::ptrdiff_t q, TPixel & chosen, std::int64_t * rank = nullptr) const
   {

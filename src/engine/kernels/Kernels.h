@@ -165,8 +165,8 @@ struct Ranking
  *
  * `ranks`, if not null, has the rank of each pixel's value, laid out as `pixels`; a rank of 0 or less is a pixel
  * without a value. If `hasGaps`, a reached pixel may have no value. If `isNearest`, an output pixel takes the nearest
- * pixel; of two equally near ones, that of the higher column or row. Without `ranks`, floating-point pixels that are
- * `none` have no value. */
+ * pixel; of two equally near pixels, the pixel of the higher column or row. Without `ranks`, floating-point pixels that
+ * are `none` have no value. */
 template <typename TPixel>
 struct IntermediateImage
 {
@@ -403,7 +403,7 @@ struct BlockExtrema
 template <typename TPixel>
 using ExactNumber = std::conditional_t<std::is_integral_v<TPixel> && (sizeof(TPixel) <= 2), float, double>;
 
-/** A volume whose slices are sheared, and the rays of a view in it: that of sheared column p and row q is at voxel
+/** A volume whose slices are sheared, and the rays of a view in it: the ray of sheared column p and row q is at voxel
  * column p - (shear[0] s + translation[0]), row q - (shear[1] s + translation[1]) and slice s. If `slices` are a part
  * of the volume, only cells between the part's voxels, and beyond the volume's outer voxels, have values. */
 template <typename TPixel>

@@ -35,7 +35,7 @@ constexpr std::ptrdiff_t FloatCount = SHEARWARP_VECTOR_BYTES / 4;
 constexpr std::ptrdiff_t WarpCount = SHEARWARP_VECTOR_BYTES == 64 ? 8 : 4;
 
 // clang-format off
-// pixels; those of 8 bits have lanes of 16 bits
+// pixels; pixels of 8 bits have lanes of 16 bits
 using Short [[gnu::vector_size(SHEARWARP_VECTOR_BYTES)]] = short;
 using UnsignedShort [[gnu::vector_size(SHEARWARP_VECTOR_BYTES)]] = unsigned short;
 using Int [[gnu::vector_size(SHEARWARP_VECTOR_BYTES)]] = int;

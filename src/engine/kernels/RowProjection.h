@@ -45,7 +45,7 @@ public:
     if constexpr (sizeof(TPixel) < sizeof(std::int64_t))
     {
       const Sum rounded = sum([](TPixel voxel) { return Sum{ voxel }; }) + One / 2;
-      // the low bits are those of the signed shift
+      // a signed shift has the same low bits
       return static_cast<TPixel>(static_cast<std::make_unsigned_t<Sum>>(rounded) >> FractionBits);
     }
     else
