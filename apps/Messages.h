@@ -39,7 +39,7 @@ public:
   void
   Warn(const std::string & text) const;
 
-  /** What has no effect. */
+  /** What has no effect, or may surprise. */
   void
   Note(const std::string & text) const;
 

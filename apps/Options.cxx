@@ -31,6 +31,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <limits>
 #include <regex>
 #include <set>
 #include <sstream>
@@ -732,6 +733,18 @@ UseOutputFolder(Options & options)
   options.dicomOut.swap(options.output);
 }
 
+std::string
+FindAgainstNearest(const Options & options)
+{
+  const std::string reason = ": the picture has only values of voxels";
+  return !itk::ShearWarp::HasFeature(modes.at(options.mode), itk::ShearWarp::Feature::Nearest)
+           ? "--mode " + options.mode
+         : options.isExact           ? "--exact" + reason
+         : options.attenuation > 0.0 ? "--attenuation" + reason
+         : options.oversampling != 1 ? "--oversampling" + reason
+                                     : "";
+}
+
 namespace
 {
 /** Throws std::runtime_error if the mode or the interpolation does not go with another option. */
@@ -739,8 +752,6 @@ void
 VerifyMode(const Options & options)
 {
   using itk::ShearWarp::Feature;
-  const bool        isNearest = options.interpolation == "nearest";
-  const std::string nearest = "--interpolation nearest";
   struct Given
   {
     bool        isGiven;
@@ -750,8 +761,7 @@ VerifyMode(const Options & options)
   const std::vector<Given> features = { { options.localMaximum.has_value(), Feature::LocalMaximum, "--local-maximum" },
                                         { !options.depth.empty(), Feature::Depth, "--depth" },
                                         { !options.depthColour.empty(), Feature::Depth, "--depth-colour" },
-                                        { options.isExact, Feature::Exact, "--exact" },
-                                        { isNearest, Feature::Nearest, nearest } };
+                                        { options.isExact, Feature::Exact, "--exact" } };
   for (const auto & [isGiven, feature, name] : features)
   {
     if (isGiven && !itk::ShearWarp::HasFeature(modes.at(options.mode), feature))
@@ -759,13 +769,9 @@ VerifyMode(const Options & options)
       throw std::runtime_error(name + " is not possible with --mode " + options.mode);
     }
   }
-  const std::string other = options.isExact             ? "--exact"
-                            : options.attenuation > 0.0 ? "--attenuation"
-                            : options.oversampling != 1 ? "--oversampling"
-                                                        : "";
-  if (isNearest && !other.empty())
+  if (const std::string other = FindAgainstNearest(options); options.interpolation == "nearest" && !other.empty())
   {
-    throw std::runtime_error(nearest + " is not possible with " + other + ": the picture has only values of voxels");
+    throw std::runtime_error("--interpolation nearest is not possible with " + other);
   }
 }
 
@@ -777,6 +783,7 @@ VerifyPageOfVolume(const Options & options)
   {
     throw std::runtime_error("--page-volume requires a page: .html");
   }
+  // as in page/volume.js
   const std::set<std::string> modesOfPages{ "maximum", "minimum", "mean" };
   const std::string           other = modesOfPages.count(options.mode) == 0 ? "--mode " + options.mode
                                       : options.interpolation == "nearest"  ? "--interpolation nearest"
@@ -831,7 +838,7 @@ Verify(const Options & options)
   if (options.slab.size() == 2 &&
       (options.slab[0] > options.slab[1] || options.slab[0] == infinity || options.slab[1] == -infinity))
   {
-    throw std::runtime_error("--slab: NEAR must not be greater than FAR, NEAR not inf, and FAR not -inf");
+    throw std::runtime_error("--slab: NEAR must not be greater than FAR; NEAR cannot be inf, and FAR cannot be -inf");
   }
   VerifyMode(options);
   if (options.pageBits && FindFormat(options.output) != FileFormat::Page)
@@ -848,9 +855,10 @@ Verify(const Options & options)
   }
   for (std::size_t n = 0; n < options.crop.size(); n += 2)
   {
-    if (options.crop[n] > options.crop[n + 1])
+    if (options.crop[n] > options.crop[n + 1] || options.crop[n] == infinity || options.crop[n + 1] == -infinity)
     {
-      throw std::runtime_error("--crop: X0, Y0 and Z0 must not be greater than X1, Y1 and Z1");
+      throw std::runtime_error("--crop: X0, Y0 and Z0 must not be greater than X1, Y1 and Z1; X0, Y0 and Z0 cannot be "
+                               "inf, and X1, Y1 and Z1 cannot be -inf");
     }
   }
 }

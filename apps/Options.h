@@ -128,6 +128,10 @@ inline const std::map<std::string, itk::ShearWarpMIPImageFilterEnums::Interpolat
 unsigned int
 GetPageBits(const Options & options);
 
+/** The option that nearest interpolation does not go with, and the reason; empty if there is none. */
+std::string
+FindAgainstNearest(const Options & options);
+
 /** Sets up \a app so that it fills \a options, which must live as long. */
 void
 DefineOptions(CLI::App & app, Options & options);

@@ -176,6 +176,17 @@ RefuseSuv()
   throw std::runtime_error("--suv is not possible: INPUT is no DICOM series of PET Image Storage");
 }
 
+/** Warns if \a volume has only one slice along an axis; files of DICOM are warned of when they are read. */
+void
+WarnOfOneSlice(const Volume & volume, const std::string & path, const WarningFunction & warn)
+{
+  const auto size = volume.times.front().image->GetLargestPossibleRegion().GetSize();
+  if (volume.dicomFiles.empty() && *std::min_element(size.begin(), size.end()) == 1)
+  {
+    warn('\'' + path + "' has only one slice");
+  }
+}
+
 void
 WriteVolume(const Options & options, Messages & messages)
 {
@@ -196,6 +207,7 @@ WriteVolume(const Options & options, Messages & messages)
     RefuseSuv();
   }
   messages.StepDone("read " + options.input + ", " + Describe(volume.times.front()));
+  WarnOfOneSlice(volume, options.input, warn);
   AddEntries(volume, options);
   const bool isNIfTI = extension != ".nrrd" && extension != ".mha";
   if (isNIfTI && (volume.isInverted || !volume.hasOrientation))
@@ -263,33 +275,77 @@ VerifyComponents(const Options & options, unsigned int components)
   }
 }
 
-/** Whether all is background. */
-bool
-IsBlank(const Projections & projections)
+/** Calls \a function with the first and the last pixel of \a image, and with \a background. */
+template <typename TFunction>
+auto
+VisitPixels(const AnyImage & image, double background, const TFunction & function)
 {
-  return DispatchPixelType(projections.stack.componentType, [&](auto tag) {
+  return DispatchPixelType(image.componentType, [&](auto tag) {
     using PixelType = typename decltype(tag)::Type;
-    const auto              background = static_cast<PixelType>(projections.background);
-    auto &                  pixels = *CastImage<PixelType>(projections.stack).GetPixelContainer();
+    auto &                  pixels = *CastImage<PixelType>(image).GetPixelContainer();
     const PixelType * const begin = pixels.GetBufferPointer();
-    return std::all_of(begin, begin + pixels.Size(), [background](PixelType pixel) {
-      return pixel == background || (pixel != pixel && background != background);
-    });
+    return function(begin, begin + pixels.Size(), static_cast<PixelType>(background));
   });
 }
 
-/** The only value of a blank picture. */
-std::string
-DescribeBackground(const Projections & projections)
+/** Whether all pixels are background or no numbers. */
+bool
+IsBlank(const AnyImage & image, double background)
 {
-  std::ostringstream text;
-  text << std::setprecision(9) << projections.background;
-  return std::isnan(projections.background) ? "no numbers" : text.str();
+  return VisitPixels(image, background, [](const auto * begin, const auto * end, auto nothing) {
+    return std::all_of(begin, end, [nothing](auto pixel) { return pixel == nothing || pixel != pixel; });
+  });
 }
 
-/** Says which options change nothing of what is written, and what may surprise in pictures. */
+/** The only value of a blank image. */
+std::string
+DescribeBlank(const AnyImage & image, double background)
+{
+  return VisitPixels(image, background, [](const auto * begin, const auto * end, auto nothing) {
+    std::ostringstream text;
+    text << +nothing;
+    return std::find(begin, end, nothing) == end ? "no numbers" : "only the value " + text.str();
+  });
+}
+
+/** Warns if the projections of \a volume are blank, and says why. */
 void
-NoteUnused(const Options & options, const Stack & stack, const Messages & messages)
+WarnOfBlank(const Projections &     projections,
+            const Volume &          volume,
+            const Options &         options,
+            const WarningFunction & warn)
+{
+  const double background = projections.background;
+  if (!IsBlank(projections.stack, background))
+  {
+    return;
+  }
+  std::vector<std::string> limits;
+  for (const auto & [isGiven, name] : { std::pair(!options.slab.empty(), "--slab"),
+                                        std::pair(!options.crop.empty(), "--crop"),
+                                        std::pair(!options.mask.empty(), "--mask") })
+  {
+    if (isGiven)
+    {
+      limits.emplace_back(name);
+    }
+  }
+  // a page's volume is cropped and masked
+  const bool canBlame = limits.empty() || !options.isPageOfVolume;
+  const bool isAll = canBlame && std::all_of(volume.times.begin(), volume.times.end(), [&](const AnyImage & image) {
+                       return IsBlank(image, background);
+                     });
+  const std::string reason = isAll ? '\'' + options.input + "' has " + DescribeBlank(volume.times[0], background)
+                             : !limits.empty() ? "is the image within " + CLI::detail::join(limits, " and ") + '?'
+                                               : "it has " + DescribeBlank(projections.stack, background);
+  const bool        isThin = !isAll && !options.slab.empty();
+  warn("there is only background in the picture: " + reason +
+       (isThin ? " A slab must be at least as thick as the voxels." : ""));
+}
+
+/** Notes which options change nothing of what is written, and what may surprise in pictures. */
+void
+AddNotes(const Options & options, const Stack & stack, const Messages & messages)
 {
   const std::string & output = options.output;
   const FileFormat    format = FindFormat(output);
@@ -320,16 +376,21 @@ NoteUnused(const Options & options, const Stack & stack, const Messages & messag
   {
     messages.Note("one view does not move; see --frames");
   }
+  const auto spacing = stack.projections.stack.image->GetSpacing();
+  for (const std::string & drawn : { output, options.depthColour })
+  {
+    const FileFormat formatDrawn = FindFormat(drawn);
+    const bool       isDrawn = formatDrawn == FileFormat::Picture || formatDrawn == FileFormat::Animation;
+    if (isDrawn && std::abs(spacing[0] - spacing[1]) > 1e-3 * spacing[0])
+    {
+      std::ostringstream text;
+      text << '\'' << drawn << "' looks distorted: its pixels are " << spacing[0] << " x " << spacing[1] << " mm";
+      messages.Note(text.str());
+    }
+  }
   if (picture.empty())
   {
     return;
-  }
-  const auto spacing = stack.projections.stack.image->GetSpacing();
-  if (!isPage && std::abs(spacing[0] - spacing[1]) > 1e-3 * spacing[0])
-  {
-    std::ostringstream text;
-    text << '\'' << picture << "' looks distorted: its pixels are " << spacing[0] << " x " << spacing[1] << " mm";
-    messages.Note(text.str());
   }
   const bool        isSmall = !isPage && std::min(size[0], size[1]) < SmallestLabelled;
   const std::string small =
@@ -555,11 +616,7 @@ ReadInput(Product & product, OutputFiles & files, Messages & messages)
   const std::string times = volume.times.size() > 1 ? std::to_string(volume.times.size()) + " x " : "";
   messages.StepDone("read " + options.input + ", " + times + Describe(first));
   VerifyTimes(options, volume.times.size());
-  if (volume.times.size() > 1 && FindFormat(options.output) == FileFormat::Picture)
-  {
-    messages.Note("'" + options.input + "' has " + std::to_string(volume.times.size()) + " points in time: '" +
-                  options.output + "' becomes as many numbered files");
-  }
+  WarnOfOneSlice(volume, options.input, product.warn);
   VerifyComponents(options, first.image->GetNumberOfComponentsPerPixel());
   return volume;
 }
@@ -636,6 +693,9 @@ Project(Product & product, OutputFiles & files, Messages & messages)
     files.Protect(IsTrusted(options, options.mask) ? sources : std::vector<std::filesystem::path>());
     messages.StepDone("read " + options.mask);
   }
+  // ReadMask() has said so
+  const unsigned char * const voxels = projection.mask ? projection.mask->GetBufferPointer() : nullptr;
+  const bool isMaskEmpty = voxels && std::count(voxels, voxels + projection.mask->GetPixelContainer()->Size(), 1) == 0;
   const Layers layers = ReadLayers(product, files, messages);
   if (options.isPageOfVolume)
   {
@@ -653,17 +713,21 @@ Project(Product & product, OutputFiles & files, Messages & messages)
   Projections & projections = product.stack.projections;
   projections = project(volume, projection);
   messages.StepDone("projected, " + Describe(projections.stack));
-  const std::string limit = !options.slab.empty() ? "--slab" : !options.crop.empty() ? "--crop" : "";
-  const bool        isAll = options.mask.empty() && options.overlay.empty() && options.segments.empty();
-  if ((!limit.empty() || isAll) && IsBlank(projections))
+  if (!isMaskEmpty)
   {
-    product.warn(
-      "there is only background in the picture: " +
-      (limit.empty() ? "all its values are " + DescribeBackground(projections) : "is the image within " + limit + '?'));
+    WarnOfBlank(projections, volume, options, product.warn);
+  }
+  const std::size_t count = product.stack.frames.size();
+  for (const std::string & drawn : { options.output, options.depthColour })
+  {
+    if (count > 1 && options.frames == 0 && options.slidingSlab.empty() && FindFormat(drawn) == FileFormat::Picture)
+    {
+      messages.Note('\'' + drawn + "' becomes " + std::to_string(count) + " numbered files");
+    }
   }
   const AnyImage & first = volume.times.front();
-  if (!options.isPageOfVolume && options.interpolation != "nearest" && volume.dicomFiles.empty() &&
-      first.image->GetNumberOfComponentsPerPixel() == 1 && LooksLikeLabels(first))
+  if (!options.isPageOfVolume && options.interpolation != "nearest" && FindAgainstNearest(options).empty() &&
+      volume.dicomFiles.empty() && first.image->GetNumberOfComponentsPerPixel() == 1 && LooksLikeLabels(first))
   {
     messages.Note("'" + options.input + "' looks like labels: --interpolation nearest shows only these values");
   }
@@ -697,7 +761,7 @@ void
 Write(const Product & product, OutputFiles & files, Messages & messages)
 {
   const Options & options = product.options;
-  NoteUnused(options, product.stack, messages);
+  AddNotes(options, product.stack, messages);
   messages.StepBegins("writing " + options.output);
   // before letters are drawn into the pictures
   if (!options.dicomOut.empty())

@@ -698,7 +698,6 @@ function makeVolume(series, viewer) {
       element('voxels')?.remove();
       ask({ engine, voxels, bits: series.bits, size: count, toPhysical: volume.toPhysical.flat() }, ({ range }) => {
         loading.hidden = true;
-        say('');
         viewer.setRange(...range.map(viewer.toValue));
         change({});
       });

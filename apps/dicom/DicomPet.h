@@ -30,7 +30,7 @@
 /** Attributes of a source that its reprojection has too: of the PET Series, PET Isotope and PET Image modules and of
  * the patient orientation module (PS3.3 C.8.9.1, C.8.9.2, C.8.9.4, C.8.4.6), but what is of one slice alone. */
 extern const std::vector<std::uint32_t> petAttributes;
-/** Attributes of type 2: there without a value if the source has none. */
+/** Its attributes of type 2: there without a value if the source has none. */
 extern const std::vector<std::uint32_t> petType2;
 
 extern const std::string petImageStorage;

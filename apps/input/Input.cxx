@@ -124,10 +124,6 @@ ReadImage(itk::ImageIOBase & io, const std::filesystem::path & path, const Warni
   }
   io.SetIORegion(region);
   const auto grid = MakeGrid(geometry, io);
-  if (io.GetDimensions(2) == 1)
-  {
-    warn("'" + path.string() + "' has only one slice");
-  }
 
   Volume volume = DispatchPixelType(io.GetComponentType(), [&](auto tag) {
     using PixelType = typename decltype(tag)::Type;
@@ -203,8 +199,8 @@ ReadVolume(const std::filesystem::path & path,
     const std::string reader = io ? io->GetNameOfClass() : "";
     if (reader == "PNGImageIO" || reader == "JPEGImageIO" || reader == "BMPImageIO")
     {
-      throw std::runtime_error("'" + path.string() + "' is one picture; make one file, such as TIFF or NRRD, of the " +
-                               "pictures of all slices");
+      throw std::runtime_error("'" + path.string() + "' is one picture, not a volume; put all slices into one file, " +
+                               "such as a TIFF or NRRD");
     }
     if (reader == "HDF5ImageIO" || reader == "MINCImageIO")
     {

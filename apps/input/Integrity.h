@@ -45,8 +45,8 @@ void
 ReadIntact(const std::filesystem::path & path, const std::function<void()> & read);
 
 /** Throws if the file \a path, whose header \a io has read, has fewer voxels than the header says, or values of cells.
- * The readers of VTK, GIPL and MRC do not notice. The readers of NRRD and MetaImage do, but need memory for all voxels
- * first. */
+ * The readers of VTK, GIPL and MRC do not notice. The readers of NRRD and MetaImage notice, but need memory for all
+ * voxels first. */
 void
 RequireAllVoxels(const itk::ImageIOBase & io, const std::filesystem::path & path);
 

@@ -124,7 +124,7 @@ TEST_F(ShearWarpMIPProgramFiles, NeverWritesWhatItReads)
   this->WriteText("7", "");
   fs::create_hard_link(m_Folder / "7", m_Folder / "seven.nrrd");
   this->WriteText("numbers.nrrd", "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 1 2 2\nencoding: ascii\n\n5\n6\n7\n8\n");
-  this->ExpectSuccess("numbers.nrrd seven.nrrd");
+  this->ExpectSuccess("numbers.nrrd seven.nrrd", "shear-warp-mip: warning: 'numbers.nrrd' has only one slice\n");
   this->ExpectFailure("dicom out.png --dicom-out dicom", "needs an empty folder");
   // a picture in the folder of slices is none
   this->ExpectSuccess("dicom dicom/new.png");

@@ -473,26 +473,25 @@ TEST_F(ShearWarpMIPProgram, SaysWhatMaySurprise)
   }
 
   this->WriteImage(MakeTimes({ m_Volume, m_Volume }), "times.nrrd");
-  this->ExpectSuccess("times.nrrd a.png",
-                      note + "'times.nrrd' has 2 points in time: 'a.png' becomes as many numbered files\n");
+  this->ExpectSuccess("times.nrrd a.png", note + "'a.png' becomes 2 numbered files\n");
   EXPECT_TRUE(fs::exists(m_Folder / "a-000.png") && fs::exists(m_Folder / "a-001.png"));
   this->ExpectSuccess("times.nrrd a.nrrd");
   this->ExpectSuccess("in.nrrd a.png --frames 2");
 
-  const std::string blank = warning + "there is only background in the picture: all its values are ";
+  const std::string blank = warning + "there is only background in the picture: ";
   const auto        zeros = MakeImageLike<VolumeType>(m_Volume);
   this->WriteImage(zeros, "zeros.nrrd");
-  this->ExpectSuccess("zeros.nrrd a.png", blank + "0\n");
-  this->ExpectSuccess("zeros.nrrd a.nrrd --background 0", blank + "0\n");
+  this->ExpectSuccess("zeros.nrrd a.png", blank + "'zeros.nrrd' has only the value 0\n");
+  this->ExpectSuccess("zeros.nrrd a.nrrd --slab -1 1", blank + "'zeros.nrrd' has only the value 0\n");
   zeros->FillBuffer(-7);
   this->WriteImage(zeros, "same.nrrd");
-  this->ExpectSuccess("same.nrrd a.png", blank + "-7\n");
+  this->ExpectSuccess("same.nrrd a.png", blank + "'same.nrrd' has only the value -7\n");
   this->ExpectSuccess("same.nrrd a.png --background -8");
   const auto floats = MakeImageLike<itk::Image<float, 3>>(m_Volume);
   floats->FillBuffer(std::numeric_limits<float>::quiet_NaN());
   this->WriteImage(floats, "floats.nrrd");
-  this->ExpectSuccess("floats.nrrd a.png", blank + "0\n");
-  this->ExpectSuccess("floats.nrrd a.nrrd --background nan", blank + "no numbers\n");
+  this->ExpectSuccess("floats.nrrd a.png", blank + "'floats.nrrd' has no numbers\n");
+  this->ExpectSuccess("floats.nrrd a.nrrd --background nan", blank + "'floats.nrrd' has no numbers\n");
 
   const auto slice = MakeImage<VolumeType>({ { 6, 5, 1 } });
   slice->FillBuffer(3);
@@ -500,7 +499,11 @@ TEST_F(ShearWarpMIPProgram, SaysWhatMaySurprise)
   {
     this->WriteImage(slice, name);
     this->ExpectSuccess(name + " a.nrrd", warning + '\'' + name + "' has only one slice\n");
+    this->ExpectSuccess(name + " --write-volume b.nrrd", warning + '\'' + name + "' has only one slice\n");
   }
+  this->ExpectSuccess("in.nrrd picture.png");
+  this->ExpectFailure("picture.png out.png",
+                      "'picture.png' is one picture, not a volume; put all slices into one file");
 }
 
 TEST_F(ShearWarpMIPProgram, SaysWhyThereAreNoLetters)
@@ -676,9 +679,10 @@ TEST_F(ShearWarpMIPProgram, AnswersWrongCalls)
 
   for (const std::string part : { "--slab 1000,2000", "--crop 900,901,0,1,0,1" })
   {
+    const std::string hint = part[2] == 's' ? " A slab must be at least as thick as the voxels." : "";
     this->ExpectSuccess("in.nrrd blank.png " + part,
                         "shear-warp-mip: warning: there is only background in the picture: is the image within " +
-                          part.substr(0, 6) + "?\n");
+                          part.substr(0, 6) + '?' + hint + '\n');
     const auto pixels = this->ReadPixels("blank.png");
     EXPECT_EQ(std::count(pixels.begin(), pixels.end(), 0), static_cast<std::ptrdiff_t>(pixels.size()));
   }

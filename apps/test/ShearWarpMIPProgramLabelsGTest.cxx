@@ -478,7 +478,7 @@ TEST_F(ShearWarpMIPProgram, LettersAreAtTheLandmarksSides)
     this->ExpectSuccess("landmark.nrrd plain.png --no-labels" + options);
     // without the landmark
     this->ExpectSuccess("landmark.nrrd labelled.png --mode minimum" + options,
-                        "shear-warp-mip: warning: there is only background in the picture: all its values are 0\n");
+                        "shear-warp-mip: warning: there is only background in the picture: it has only the value 0\n");
     const std::string landmark = FindLandmark(this->ReadPixels("plain.png"), 64);
     const auto        letters = ReadLetters(this->ReadPixels<GreyType>("labelled.png"), 64);
     // the landmark is at the left, anterior, superior

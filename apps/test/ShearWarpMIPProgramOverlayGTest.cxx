@@ -415,7 +415,7 @@ TEST_F(ShearWarpMIPProgramOverlay, IsOverEachPointInTime)
   std::copy(values.rbegin(), values.rend(), reversed->GetBufferPointer());
   this->WriteImage(MakeTimes({ m_Volume, reversed }), "times.nrrd");
   const std::string options = " --window 10 110 --overlay pet.nrrd --overlay-window 1 4.5";
-  this->ExpectSuccess("times.nrrd out.png" + options);
+  this->ExpectSuccess("times.nrrd out.png" + options, "shear-warp-mip: note: 'out.png' becomes 2 numbered files\n");
   this->ExpectSuccess("in.nrrd still.png" + options);
   const auto still = this->ReadPixels<ColourPictureType>("still.png");
   EXPECT_EQ(this->ReadPixels<ColourPictureType>("out-000.png"), still);
@@ -603,7 +603,10 @@ TEST_F(ShearWarpMIPProgramSegments, OutlinesWhatAnySliceHas)
                       "layers.seg.nrrd",
                       { { { "LabelValue", "300" }, { "Layer", "1" }, { "Name", "a" }, { "Color", "0.2 0.4 1" } },
                         { { "LabelValue", "1" }, { "Layer", "1" }, { "Name", "b" }, { "Color", "1" } } });
-  this->ExpectSuccess("flat.nrrd out.png --segments layers.seg.nrrd");
+  this->ExpectSuccess(
+    "flat.nrrd out.png --segments layers.seg.nrrd",
+    "shear-warp-mip: warning: there is only background in the picture: 'flat.nrrd' has only the value "
+    "0\n");
   // drawn in this order; without a color, Okabe's and Ito's by number
   const struct
   {

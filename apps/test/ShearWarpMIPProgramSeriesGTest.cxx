@@ -143,7 +143,8 @@ TEST_F(ShearWarpMIPProgramSeries, TakesAListOfTransforms)
     cine.AddTransform(first);
     cine.AddTransform(second);
   });
-  this->ExpectSuccess("in.nrrd out.png --transform views.tfm");
+  this->ExpectSuccess("in.nrrd out.png --transform views.tfm",
+                      "shear-warp-mip: note: 'out.png' becomes 2 numbered files\n");
   EXPECT_TRUE(fs::exists(m_Folder / "out-001.png"));
   fs::remove(m_Folder / "out.nrrd");
   this->ExpectFailure("in.nrrd out.nrrd --transform views.tfm --frames 3",

@@ -158,8 +158,9 @@ TEST_F(ShearWarpMIPProgramVolume, HasItsPointsInTimeAlongTheFourthAxis)
     this->ExpectSuccess("in.mha one.nrrd");
     this->ExpectSuccess(output + " other.nrrd");
     EXPECT_EQ(this->ReadPixels<VolumeType>("one.nrrd"), this->ReadPixels<VolumeType>("other.nrrd"));
-    this->ExpectSuccess("in.mha one.png --size 64 64");
-    this->ExpectSuccess(output + " other.png --size 64 64");
+    this->ExpectSuccess("in.mha one.png --size 64 64", "shear-warp-mip: note: 'one.png' becomes 3 numbered files\n");
+    this->ExpectSuccess(output + " other.png --size 64 64",
+                        "shear-warp-mip: note: 'other.png' becomes 3 numbered files\n");
     EXPECT_EQ(ReadText(m_Folder / "one-002.png"), ReadText(m_Folder / "other-002.png"));
   }
 }

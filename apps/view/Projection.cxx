@@ -296,16 +296,17 @@ LooksLikeLabels(const AnyImage & image)
     for (std::size_t n = 0; n < container.Size() && found.size() <= mostLabels; ++n)
     {
       const PixelType voxel = voxels[n];
-      const auto      number = static_cast<double>(voxel);
+      // most neighbours are equal
+      if (n > 0 && voxel == voxels[n - 1])
+      {
+        continue;
+      }
+      const auto number = static_cast<double>(voxel);
       if (!(number >= 0.0 && number < 0x1p53) || std::trunc(number) != number)
       {
         return false;
       }
-      // most neighbours are equal
-      if (n == 0 || voxel != voxels[n - 1])
-      {
-        found.insert(voxel);
-      }
+      found.insert(voxel);
     }
     return container.Size() >= fewestVoxels && found.size() >= fewestLabels && found.size() <= mostLabels;
   });

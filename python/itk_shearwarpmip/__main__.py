@@ -169,7 +169,7 @@ def _make_view_parser() -> argparse.ArgumentParser:
     parser.add_argument("--elevation", metavar="DEGREES", type=float, default=0.0)
     for name in ("window", "overlay-window"):
         parser.add_argument(f"--{name}", metavar=("LOW", "HIGH"), nargs=2, type=float, help="values of black and white")
-    parser.add_argument("--mode", default="maximum", help=", ".join(MODES).replace("_", "-"))
+    parser.add_argument("--mode", default="maximum", help=f"one of {', '.join(MODES)}".replace("_", "-"))
     parser.add_argument("--slab", metavar=("NEAR", "FAR"), nargs=2, type=float, help="depths to project, in mm")
     parser.add_argument("--exact", action="store_true", help="exact maxima while the picture is at rest")
     parser.add_argument("--title", metavar="TEXT", default="", help="in the picture; by default no name of a file")

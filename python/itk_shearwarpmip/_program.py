@@ -55,9 +55,8 @@ def run(
 ) -> None:
     """Runs the program, whose standard output goes to a file. The program ends before this function does.
 
-    Its warnings become warnings at the line that called the package. With `with_notes`, so do
-    the notes that say what a caller of Python cannot know: see _NOTES.
-    Names of `temporary` files are left out.
+    Its warnings become warnings at the line that called the package. With `with_notes`, so do the notes that say what a
+    caller of Python cannot know: see _NOTES. Names of `temporary` files are left out.
 
     Raises FileNotFoundError without the program or a file; TypeError for unknown options; ProgramError, an OSError and a
     ValueError, for what else the program refuses, with its sentence, in which options are keywords; and RuntimeError if

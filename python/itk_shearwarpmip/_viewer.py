@@ -622,7 +622,7 @@ def _is_same(one: Any, other: Any, tolerance: float) -> bool:
 
 
 def _write(value: Any) -> str:
-    """Python code of numbers, texts and their containers; nothing for other objects."""
+    """Python code of numbers, texts, and containers of numbers or texts; nothing for other objects."""
     if isinstance(value, float) and not np.isfinite(value):
         return f"float('{value}')"
     if isinstance(value, os.PathLike):

@@ -68,7 +68,8 @@ if(ShearWarpMIP_USE_VECTOR_EXTENSIONS AND ShearWarpMIP_IS_X86_64)
 endif()
 set_source_files_properties(${kernels}/InstructionSets.cxx PROPERTIES COMPILE_DEFINITIONS "${kernel_definitions}")
 
-# without fused multiply-add, every machine computes the same bits; without traps and errno, more loops become vectors
+# the same bits on every machine: no fused multiply-add. More loops become vectors: comparisons that the source does not
+# make are allowed, and errno is not set
 set(options -ffp-contract=off -fno-trapping-math -fno-math-errno)
 if(CMAKE_CXX_COMPILER_FRONTEND_VARIANT STREQUAL "MSVC")
   # clang-cl ignores them otherwise
