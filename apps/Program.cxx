@@ -308,15 +308,22 @@ DescribeBlank(const AnyImage & image, double background)
   });
 }
 
-/** Warns if the projections of \a volume are blank, and says why. */
+/** Warns if the projections of \a volume are blank, and says why; ReadMask() has warned of an empty mask. */
 void
-WarnOfBlank(const Projections &     projections,
-            const Volume &          volume,
-            const Options &         options,
-            const WarningFunction & warn)
+WarnOfBlank(const Projections &                  projections,
+            const Volume &                       volume,
+            const itk::Image<unsigned char, 3> * mask,
+            const Options &                      options,
+            const WarningFunction &              warn)
 {
   const double background = projections.background;
   if (!IsBlank(projections.stack, background))
+  {
+    return;
+  }
+  const unsigned char * const voxels = mask ? mask->GetBufferPointer() : nullptr;
+  const std::size_t           count = mask ? mask->GetPixelContainer()->Size() : 0;
+  if (mask && std::find(voxels, voxels + count, 1) == voxels + count)
   {
     return;
   }
@@ -693,9 +700,7 @@ Project(Product & product, OutputFiles & files, Messages & messages)
     files.Protect(IsTrusted(options, options.mask) ? sources : std::vector<std::filesystem::path>());
     messages.StepDone("read " + options.mask);
   }
-  // ReadMask() has said so
-  const unsigned char * const voxels = projection.mask ? projection.mask->GetBufferPointer() : nullptr;
-  const bool isMaskEmpty = voxels && std::count(voxels, voxels + projection.mask->GetPixelContainer()->Size(), 1) == 0;
+  const auto   mask = projection.mask;
   const Layers layers = ReadLayers(product, files, messages);
   if (options.isPageOfVolume)
   {
@@ -713,10 +718,7 @@ Project(Product & product, OutputFiles & files, Messages & messages)
   Projections & projections = product.stack.projections;
   projections = project(volume, projection);
   messages.StepDone("projected, " + Describe(projections.stack));
-  if (!isMaskEmpty)
-  {
-    WarnOfBlank(projections, volume, options, product.warn);
-  }
+  WarnOfBlank(projections, volume, mask, options, product.warn);
   const std::size_t count = product.stack.frames.size();
   for (const std::string & drawn : { options.output, options.depthColour })
   {
