@@ -8,7 +8,7 @@ release = tomllib.loads((Path(__file__).parent.parent / "pyproject.toml").read_t
 
 extensions = ["myst_parser", "sphinx.ext.mathjax"]
 myst_enable_extensions = ["dollarmath"]
-myst_heading_anchors = 2
+myst_heading_anchors = 3
 myst_update_mathjax = False
 exclude_patterns = ["cpp.md"]
 

@@ -17,6 +17,7 @@
  *=========================================================================*/
 #include "PreparedVolume.h"
 #include "itkShearWarpEngine.h"
+#include "kernels/PixelTypes.h"
 
 #include "TestVolume.h"
 
@@ -345,7 +346,7 @@ private:
 template <typename TPixel>
 class ShearWarpEngineTyped : public testing::Test
 {};
-using PixelTypes = testing::Types<unsigned char, signed char, unsigned short, short, float, int, double>;
+using PixelTypes = testing::Types<SHEARWARP_PIXEL_TYPES>;
 TYPED_TEST_SUITE(ShearWarpEngineTyped, PixelTypes, );
 } // namespace
 

@@ -17,6 +17,7 @@
  *=========================================================================*/
 #include "Exact.h"
 #include "PreparedVolume.h"
+#include "kernels/PixelTypes.h"
 
 #include "TestVolume.h"
 
@@ -28,16 +29,7 @@ namespace Kernels = itk::ShearWarp;
 template <typename TPixel>
 class ShearWarpExactKernels : public testing::Test
 {};
-using PixelTypes = testing::Types<unsigned char,
-                                  signed char,
-                                  unsigned short,
-                                  short,
-                                  int,
-                                  unsigned int,
-                                  std::uint64_t,
-                                  std::int64_t,
-                                  float,
-                                  double>;
+using PixelTypes = testing::Types<SHEARWARP_PIXEL_TYPES>;
 TYPED_TEST_SUITE(ShearWarpExactKernels, PixelTypes, );
 
 /** Rays of a tile, some in each cell, or in the corners of cells. */

@@ -16,6 +16,7 @@
  *
  *=========================================================================*/
 #include "kernels/Kernels.h"
+#include "kernels/PixelTypes.h"
 
 #include "itkShearWarpMIPTestRule.h"
 
@@ -673,17 +674,8 @@ private:
 template <typename TPixel>
 class ShearWarpKernelsTyped : public testing::Test
 {};
-using AllPixelTypes = testing::Types<std::int8_t,
-                                     std::uint8_t,
-                                     std::int16_t,
-                                     std::uint16_t,
-                                     std::int32_t,
-                                     std::uint32_t,
-                                     std::int64_t,
-                                     std::uint64_t,
-                                     float,
-                                     double>;
-TYPED_TEST_SUITE(ShearWarpKernelsTyped, AllPixelTypes, );
+using PixelTypes = testing::Types<SHEARWARP_PIXEL_TYPES>;
+TYPED_TEST_SUITE(ShearWarpKernelsTyped, PixelTypes, );
 
 template <typename TPixel>
 class ShearWarpKernelsFloating : public testing::Test
@@ -848,6 +840,29 @@ AddFixedRays(const Kernels::SliceStack<TPixel> & stack, std::uint64_t & checksum
 }
 
 template <typename TPixel>
+constexpr std::uint64_t FixedChecksum = 0;
+template <>
+constexpr std::uint64_t FixedChecksum<std::uint8_t> = 0x37b9f2234cea3296;
+template <>
+constexpr std::uint64_t FixedChecksum<std::int8_t> = 0xd52f6d2d8d81f668;
+template <>
+constexpr std::uint64_t FixedChecksum<std::uint16_t> = 0x58fbec20b27a8284;
+template <>
+constexpr std::uint64_t FixedChecksum<std::int16_t> = 0x2b4fc6d0bf74d747;
+template <>
+constexpr std::uint64_t FixedChecksum<std::int32_t> = 0xb7c76e30b524c010;
+template <>
+constexpr std::uint64_t FixedChecksum<std::uint32_t> = 0x62ae25f6e29db6f8;
+template <>
+constexpr std::uint64_t FixedChecksum<std::int64_t> = 0x4f3e83b79a7ef320;
+template <>
+constexpr std::uint64_t FixedChecksum<std::uint64_t> = 0x41bd688c80bf91e0;
+template <>
+constexpr std::uint64_t FixedChecksum<float> = 0xebaf84d1d1c85419;
+template <>
+constexpr std::uint64_t FixedChecksum<double> = 0xdd5bd692ec434d2d;
+
+template <typename TPixel>
 void
 ExpectFixedChecksum(std::uint64_t expected)
 {
@@ -870,14 +885,9 @@ ExpectFixedChecksum(std::uint64_t expected)
 }
 } // namespace
 
-TEST(ShearWarpKernels, FixedVolumesHaveTheChecksumsOfEveryMachine)
+TYPED_TEST(ShearWarpKernelsTyped, FixedVolumesHaveTheChecksumsOfEveryMachine)
 {
-  ExpectFixedChecksum<unsigned char>(0x37b9f2234cea3296);
-  ExpectFixedChecksum<signed char>(0xd52f6d2d8d81f668);
-  ExpectFixedChecksum<unsigned short>(0x58fbec20b27a8284);
-  ExpectFixedChecksum<short>(0x2b4fc6d0bf74d747);
-  ExpectFixedChecksum<float>(0xebaf84d1d1c85419);
-  ExpectFixedChecksum<double>(0xdd5bd692ec434d2d);
+  ExpectFixedChecksum<TypeParam>(FixedChecksum<TypeParam>);
 }
 
 TEST(ShearWarpKernels, ClippedColumnsAreThoseWhereTheFunctionIsWithinItsLimits)

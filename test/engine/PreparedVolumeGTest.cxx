@@ -16,6 +16,7 @@
  *
  *=========================================================================*/
 #include "PreparedVolume.h"
+#include "kernels/PixelTypes.h"
 
 #include "TestVolume.h"
 
@@ -79,7 +80,7 @@ ExpectSlicesOf(const TestVolume<TPixel> & volume, unsigned int axis, const Slice
 template <typename TPixel>
 class ShearWarpPreparedVolumeTyped : public testing::Test
 {};
-using PixelTypes = testing::Types<signed char, unsigned short, int, std::int64_t, float, double>;
+using PixelTypes = testing::Types<SHEARWARP_PIXEL_TYPES>;
 TYPED_TEST_SUITE(ShearWarpPreparedVolumeTyped, PixelTypes, );
 
 class ShearWarpPreparedVolume : public testing::Test

@@ -16,6 +16,7 @@
  *
  *=========================================================================*/
 #include "Projector.h"
+#include "kernels/PixelTypes.h"
 
 #include "TestVolume.h"
 
@@ -80,7 +81,7 @@ public:
   }
 };
 
-using PixelTypes = testing::Types<unsigned char, signed char, unsigned short, short, float, int, double>;
+using PixelTypes = testing::Types<SHEARWARP_PIXEL_TYPES>;
 TYPED_TEST_SUITE(ShearWarpProjectorTyped, PixelTypes, );
 } // namespace
 

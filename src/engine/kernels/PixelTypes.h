@@ -18,11 +18,16 @@
 #ifndef itkShearWarpPixelTypes_h
 #define itkShearWarpPixelTypes_h
 
-/* The pixel types of the kernels: macro(type) for each. Web pages have the types of their voxels only. */
+/* The pixel types of the kernels: macro(type) for each. Web pages have the types of their voxels only, and some tests
+ * the usual types. */
 
 #ifdef ShearWarpMIP_FOR_PAGE
 #  define SHEARWARP_PIXEL_TYPES std::uint8_t, std::uint16_t
 #  define SHEARWARP_FOR_EACH_PIXEL_TYPE(macro) macro(std::uint8_t) macro(std::uint16_t)
+#elif defined(ShearWarpMIP_FOR_USUAL_TYPES)
+#  define SHEARWARP_PIXEL_TYPES std::uint8_t, std::uint16_t, std::int16_t, float, double
+#  define SHEARWARP_FOR_EACH_PIXEL_TYPE(macro) \
+    macro(std::uint8_t) macro(std::uint16_t) macro(std::int16_t) macro(float) macro(double)
 #else
 #  define SHEARWARP_PIXEL_TYPES                                                                               \
     std::uint8_t, std::int8_t, std::uint16_t, std::int16_t, float, std::int32_t, std::uint32_t, std::int64_t, \
