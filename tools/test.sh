@@ -184,7 +184,7 @@ test_python() (
   # the program itself, without the launcher that auditwheel made; a copy of it alone would not find its libraries.
   # ITK as it is built for the wheel reads no transforms in files of HDF5 and MATLAB
   SHEARWARPMIP_PROGRAM=$(echo "$dir"/env/lib/python3*/site-packages/itk_shearwarpmip.scripts/shear-warp-mip) \
-    run_tests "$build/installed/apps" --tests-regex ShearWarpMIPProgram --exclude-regex 'Transform.*(hdf5|mat)|MATLAB'
+    run_tests "$build/installed/apps" --tests-regex ShearWarpMIPProgram --exclude-regex 'TransformFormat.*(h5|mat)|MATLAB'
 )
 
 # Any report ends a test. ITK itself is not instrumented: the waiting in its thread pool is invisible to ThreadSanitizer,
