@@ -502,6 +502,7 @@ TEST_F(ShearWarpMIPProgramDicom, LeavesNothingIfInterrupted)
   const AnyImage frames = MakeFrames<float>(2);
   EXPECT_EXIT(
     {
+      std::signal(SIGINT, SIG_DFL); // what a shell starts in the background ignores it
       const HeldSignals heldSignals;
       std::raise(SIGINT);
       this->ExpectError(frames, MakeViews(2), {}, m_Series, "interrupted");

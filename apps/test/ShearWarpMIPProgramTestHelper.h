@@ -43,6 +43,33 @@
 #include <random>
 #include <sstream>
 
+/* What most tests use, compiled once in ShearWarpMIPProgramTestTemplates.cxx: half of the time to compile them. */
+#define SHEARWARPMIP_TEST_TEMPLATES(declare)                                                  \
+  declare class itk::Image<short, 2>;                                                         \
+  declare class itk::Image<short, 3>;                                                         \
+  declare class itk::ImageFileReader<itk::Image<unsigned char, 2>>;                           \
+  declare class itk::ImageFileReader<itk::Image<unsigned short, 2>>;                          \
+  declare class itk::ImageFileReader<itk::Image<short, 2>>;                                   \
+  declare class itk::ImageFileReader<itk::Image<short, 3>>;                                   \
+  declare class itk::ImageFileReader<itk::Image<int, 2>>;                                     \
+  declare class itk::ImageFileReader<itk::Image<float, 2>>;                                   \
+  declare class itk::ImageFileReader<itk::Image<double, 2>>;                                  \
+  declare class itk::ImageFileReader<itk::Image<double, 3>>;                                  \
+  declare class itk::ImageFileWriter<itk::Image<unsigned char, 3>>;                           \
+  declare class itk::ImageFileWriter<itk::Image<short, 2>>;                                   \
+  declare class itk::ImageFileWriter<itk::Image<short, 3>>;                                   \
+  declare class itk::ImageFileWriter<itk::Image<short, 4>>;                                   \
+  declare class itk::ImageFileWriter<itk::Image<float, 3>>;                                   \
+  declare class itk::ImageFileWriter<itk::Image<double, 3>>;                                  \
+  declare class itk::ImageToImageFilter<itk::Image<short, 3>, itk::Image<short, 2>>;          \
+  declare class itk::ImageToImageFilter<itk::Image<float, 3>, itk::Image<float, 2>>;          \
+  declare class itk::ShearWarpMIPBaseImageFilter<itk::Image<short, 3>, itk::Image<short, 2>>; \
+  declare class itk::ShearWarpMIPBaseImageFilter<itk::Image<float, 3>, itk::Image<float, 2>>; \
+  declare class itk::ShearWarpMIPImageFilter<itk::Image<short, 3>>;                           \
+  declare class itk::ShearWarpMIPImageFilter<itk::Image<float, 3>>
+
+SHEARWARPMIP_TEST_TEMPLATES(extern template);
+
 namespace ShearWarpMIPProgramTest
 {
 namespace fs = std::filesystem;
