@@ -147,6 +147,7 @@ test_python() (
   need_packages binutils dicom3tools doxygen ffmpeg libcli11-dev python3-venv "${page_packages[@]}"
   # Ubuntu has no such packages: the viewer is not tested in a browser there
   grep -q '^ID=ubuntu' /etc/os-release || need_packages chromium chromium-driver
+  (build_quick) # before the tree's CMake is found, which would compile all of it again
   use_tree
   local dir=$build/python python=${PYTHON:-/usr/bin/python3} version wheel each env
   version=$(sed -n 's/^ *set(PACKAGE_VERSION "\(.*\)").*/\1/p' "$tree/ITKConfigVersion.cmake" | head -n 1)
@@ -180,7 +181,6 @@ test_python() (
       "$env/bin/python" -m pytest --numprocesses "$jobs" --dist worksteal \
       -W error -W 'ignore:builtin type' "$root/python/test" "$root/wrapping/test"
   done
-  build_quick
   # the program itself, without the launcher that auditwheel made; a copy of it alone would not find its libraries.
   # ITK as it is built for the wheel reads no transforms in files of HDF5 and MATLAB
   SHEARWARPMIP_PROGRAM=$(echo "$dir"/env/lib/python3*/site-packages/itk_shearwarpmip.scripts/shear-warp-mip) \
