@@ -92,7 +92,7 @@ check_tidy() {
   configure
   local tidy="$cache/clang-tidy/bin/clang-tidy --quiet -p $build ${clang_flags[*]/#/--extra-arg=}"
   tidy+=" --extra-arg=-stdlib=libc++"
-  # it looks at a file with all its commands; only one test includes the filter of parts
+  # it looks at a file with all its commands; one test is read too, because only tests have the filter of parts
   list_commands | awk -v left_out="^$root/(.*/)?(benchmark|test)/" \
     '($NF !~ left_out || $NF ~ /PartsImageFilterGTest/) && !seen[$NF]++' |
     sed "s|.* \([^ ]*\)$|&\t$tidy \1|" | check_all

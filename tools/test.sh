@@ -14,13 +14,14 @@
 #              the tests that `quick` compiles
 #   sanitize   the C++ tests under AddressSanitizer with UndefinedBehaviorSanitizer, and under ThreadSanitizer, against
 #              Debian's installed ITK
-#   engine     the engine and its tests alone, without ITK: with the portable kernels only, by clang for ARM64 under
-#              emulation, and by the compilers that follow, which --rest leaves out: g++ for ARM64, and clang for x86-64,
-#              where all tests run, as with g++ in `quick` and `installed`; beside the other stages, if there are any
+#   engine     the engine and its tests alone, without ITK: with the portable kernels only, by clang and g++ for ARM64
+#              under emulation, and by clang for x86-64. The last one runs all tests, and the others those that find most
+#              in little time. Beside the other stages, if there are any
 #
 # Usage: test.sh [quick | module | installed | python | --sanitize | engine]...    [quick]
 #        test.sh --all     all of them but --sanitize
-#        test.sh --rest    what CI tests after `quick`: the others, with `engine` for the usual pixel types only
+#        test.sh --rest    what CI tests after `quick`: the others, but of `engine` only the portable kernels, and clang
+#                          for ARM64 with uint8, uint16, int16, float and double
 #        test.sh --long    random cases for 30 minutes and an image of more than 2^31 voxels (5 GB), on an installed ITK
 # Installs what is missing, as root or with sudo. Environment: see itk-build-tree.sh, and
 #   PYTHONS='<program> ...'  more versions of Python to test the wheel with
@@ -182,9 +183,11 @@ test_python() (
       -W error -W 'ignore:builtin type' "$root/python/test" "$root/wrapping/test"
   done
   # the program itself, without the launcher that auditwheel made; a copy of it alone would not find its libraries.
-  # ITK as it is built for the wheel reads no transforms in files of HDF5 and MATLAB
+  # ITK as it is built for the wheel reads no transforms in files of HDF5 and MATLAB; tests of ProgramDicom start no
+  # program
   SHEARWARPMIP_PROGRAM=$(echo "$dir"/env/lib/python3*/site-packages/itk_shearwarpmip.scripts/shear-warp-mip) \
-    run_tests "$build/installed/apps" --tests-regex ShearWarpMIPProgram --exclude-regex 'TransformFormat.*(h5|mat)|MATLAB'
+    run_tests "$build/installed/apps" --tests-regex ShearWarpMIPProgram \
+      --exclude-regex 'TransformFormat.*(h5|mat)|MATLAB|^ShearWarpMIPProgramDicom[.]'
 )
 
 # Any report ends a test. ITK itself is not instrumented: the waiting in its thread pool is invisible to ThreadSanitizer,
@@ -217,6 +220,7 @@ test_engine() {
     -DCMAKE_CROSSCOMPILING_EMULATOR=qemu-aarch64-static)
   # g++'s sanitizer does not see an offset from a null pointer; traps need no library
   build_engine portable -DCMAKE_CXX_COMPILER=clang++ "$brief" -DShearWarpMIP_USE_VECTOR_EXTENSIONS=OFF \
+    -DShearWarpMIP_FOR_USUAL_TYPES=OFF \
     '-DCMAKE_CXX_FLAGS=-fsanitize=undefined -fsanitize-trap=undefined'
   build_engine arm64-clang++ "${arm[@]}" -DCMAKE_CXX_COMPILER=clang++ \
     -DCMAKE_CXX_COMPILER_TARGET=aarch64-linux-gnu
