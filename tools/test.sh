@@ -217,10 +217,9 @@ test_engine() {
   need_packages "${engine_packages[@]}"
   local name names=(portable arm64-clang++) brief=-DShearWarpMIP_TEST_BRIEFLY=ON
   local arm=("$brief" -DCMAKE_SYSTEM_NAME=Linux -DCMAKE_SYSTEM_PROCESSOR=aarch64 -DCMAKE_EXE_LINKER_FLAGS=-static
-    -DCMAKE_CROSSCOMPILING_EMULATOR=qemu-aarch64-static)
+    -DShearWarpMIP_FOR_USUAL_TYPES="$usual_types" -DCMAKE_CROSSCOMPILING_EMULATOR=qemu-aarch64-static)
   # g++'s sanitizer does not see an offset from a null pointer; traps need no library
   build_engine portable -DCMAKE_CXX_COMPILER=clang++ "$brief" -DShearWarpMIP_USE_VECTOR_EXTENSIONS=OFF \
-    -DShearWarpMIP_FOR_USUAL_TYPES=OFF \
     '-DCMAKE_CXX_FLAGS=-fsanitize=undefined -fsanitize-trap=undefined'
   build_engine arm64-clang++ "${arm[@]}" -DCMAKE_CXX_COMPILER=clang++ \
     -DCMAKE_CXX_COMPILER_TARGET=aarch64-linux-gnu
@@ -238,7 +237,7 @@ test_engine() {
 build_engine() {
   local dir=$build/engine/$1
   shift
-  cmake -S "$root/tools/engine" -B "$dir" -G Ninja -DCMAKE_BUILD_TYPE=Release -DShearWarpMIP_FOR_USUAL_TYPES="$usual_types" "$@"
+  cmake -S "$root/tools/engine" -B "$dir" -G Ninja -DCMAKE_BUILD_TYPE=Release "$@"
   cmake --build "$dir" --parallel "$jobs"
 }
 

@@ -288,8 +288,11 @@ TEST_F(ShearWarpMIPProgram, TellsWhatItDoes)
   const Result version = this->Run("--version");
   EXPECT_EQ(version.status, 0);
   EXPECT_EQ(version.output.find("shear-warp-mip "), 0u);
-  EXPECT_NE(version.output.find(", ITK " + std::to_string(itk::Version::GetITKMajorVersion()) + "."),
-            std::string::npos);
+  // a program of another build may have another version of ITK
+  const std::string itkVersion = std::getenv("SHEARWARPMIP_PROGRAM")
+                                   ? std::to_string(itk::Version::GetITKMajorVersion()) + "."
+                                   : itk::Version::GetITKVersion();
+  EXPECT_NE(version.output.find(", ITK " + itkVersion), std::string::npos);
 
   const Result verbose = this->Run("in.nrrd out.png --frames 2 --view left --verbose");
   EXPECT_EQ(verbose.status, 0);
