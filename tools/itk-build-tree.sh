@@ -104,7 +104,7 @@ make_tree() {
 
 # Sizes and names of what is built against. Modules built against the tree add files of their own to it.
 list_files() {
-  local folders=(lib Wrapping/Typedefs "$source/Modules")
+  local folders=(lib Wrapping/Typedefs ../source/Wrapping "$source/Modules")
   [ ! -d "$source/.ExternalData" ] || folders+=("$source/.ExternalData")
   (cd "$1/build" && find "${folders[@]}" -type f ! -name '*ShearWarp*' -printf '%s %p\n' | sort)
 }
@@ -112,10 +112,20 @@ list_files() {
 # intact DIR: whether the finished tree still has all its files, as long as they were.
 intact() { [ -z "$(comm -23 "$1/.files" <(list_files "$1") 2>&1)" ]; }
 
+# ITK 5.4 wraps only the classes of itk-wrapped.txt, a fifth of all: the module's interface imports no others.
 configure_tree() {
-  ln -s "$source" "$1/source"
-  cp "$root/tools/itk-build.cmake" "$1/"
-  cmake -S "$1/source" -B "$1/build" -G Ninja "${options[@]}" -DCMAKE_PROJECT_INCLUDE="$1/itk-build.cmake"
+  local list=THIS_MODULE_SUBMODULE_ORDER wrapped
+  wrapped=$(paste -sd '|' "$root/tools/itk-wrapped.txt") &&
+    mkdir "$1/source" &&
+    ln -s "$source"/* "$1/source" &&
+    rm "$1/source/Wrapping" &&
+    cp -r --no-preserve=mode "$source/Wrapping" "$1/source" || return
+  if [[ $version = 5.4.* ]]; then
+    sed -i "s/list(REMOVE_DUPLICATES $list)/&\n  list(FILTER $list INCLUDE REGEX \"^($wrapped)\$|ShearWarp\")/" \
+      "$1/source/Wrapping/macro_files/itk_auto_load_submodules.cmake" || return
+  fi
+  cp "$root/tools/itk-build.cmake" "$1/" &&
+    cmake -S "$1/source" -B "$1/build" -G Ninja "${options[@]}" -DCMAKE_PROJECT_INCLUDE="$1/itk-build.cmake"
 }
 
 # All static libraries, and the wrapping's interface files; no Python module is compiled.
@@ -173,7 +183,7 @@ if [ "$what" = --options ]; then
   exit
 fi
 key=$(printf '%s\n' "$source" "$version" "$(c++ --version)" "$("$python" --version)" "${tool_versions[@]}" "${options[@]}" \
-  "$(declare -f configure_tree build_tree; cat "$root/tools/itk-build.cmake")" | sha256sum | cut -c1-12)
+  "$(declare -f configure_tree build_tree; cat "$root/tools"/itk-{build.cmake,wrapped.txt})" | sha256sum | cut -c1-12)
 tree=$cache/itk-$version-$key
 
 if complete "$tree" "$key" && ! intact "$tree"; then
