@@ -307,8 +307,16 @@ ExpectExtremaOfTheInterpolant(const FilterType<TPixel> *    filter,
 template <typename TPixel>
 class ShearWarpExact : public testing::Test
 {};
-using PixelTypes = testing::
-  Types<unsigned char, signed char, unsigned short, short, int, unsigned int, unsigned long, long long, float, double>;
+using PixelTypes = itk::ShearWarpMIPTest::TestedTypes<unsigned char,
+                                                      signed char,
+                                                      unsigned short,
+                                                      short,
+                                                      int,
+                                                      unsigned int,
+                                                      unsigned long,
+                                                      long long,
+                                                      float,
+                                                      double>;
 TYPED_TEST_SUITE(ShearWarpExact, PixelTypes, );
 } // namespace
 

@@ -91,7 +91,8 @@ MakeRandomAxis(Random & random)
 template <typename TPixel>
 class ShearWarpMIPCineTyped : public testing::Test
 {};
-using PixelTypes = testing::Types<unsigned char, signed char, unsigned short, short, float, int, double>;
+using PixelTypes =
+  itk::ShearWarpMIPTest::TestedTypes<unsigned char, signed char, unsigned short, short, float, int, double>;
 TYPED_TEST_SUITE(ShearWarpMIPCineTyped, PixelTypes, );
 } // namespace
 

@@ -73,19 +73,19 @@ IsConstant(const itk::Image<TPixel, 2> * image, TPixel value)
 template <typename TPixel>
 class ShearWarpMIPImageFilterTyped : public testing::Test
 {};
-using PixelTypes = testing::Types<char,
-                                  unsigned char,
-                                  signed char,
-                                  short,
-                                  unsigned short,
-                                  int,
-                                  unsigned int,
-                                  long,
-                                  unsigned long,
-                                  long long,
-                                  unsigned long long,
-                                  float,
-                                  double>;
+using PixelTypes = itk::ShearWarpMIPTest::TestedTypes<char,
+                                                      unsigned char,
+                                                      signed char,
+                                                      short,
+                                                      unsigned short,
+                                                      int,
+                                                      unsigned int,
+                                                      long,
+                                                      unsigned long,
+                                                      long long,
+                                                      unsigned long long,
+                                                      float,
+                                                      double>;
 TYPED_TEST_SUITE(ShearWarpMIPImageFilterTyped, PixelTypes, );
 } // namespace
 

@@ -70,8 +70,8 @@ ExpectRule(FilterType<TPixel> *          filter,
 template <typename TPixel>
 class ShearWarpMIPModes : public testing::Test
 {};
-using PixelTypes =
-  testing::Types<unsigned char, signed char, unsigned short, short, int, unsigned long, long long, float, double>;
+using PixelTypes = itk::ShearWarpMIPTest::
+  TestedTypes<unsigned char, signed char, unsigned short, short, int, unsigned long, long long, float, double>;
 TYPED_TEST_SUITE(ShearWarpMIPModes, PixelTypes, );
 } // namespace
 

@@ -47,7 +47,8 @@ template <typename TPixel>
 class ShearWarpMIPPartsTyped : public testing::Test
 {};
 
-using PixelTypes = testing::Types<unsigned char, signed char, unsigned short, short, float, int, double>;
+using PixelTypes =
+  itk::ShearWarpMIPTest::TestedTypes<unsigned char, signed char, unsigned short, short, float, int, double>;
 TYPED_TEST_SUITE(ShearWarpMIPPartsTyped, PixelTypes, );
 
 class ShearWarpMIPParts : public testing::Test

@@ -39,7 +39,7 @@ MakeStreamingFilter(const TImagePointer & image, unsigned int divisions)
 template <typename TPixel>
 class ShearWarpMIPStreaming : public testing::Test
 {};
-using PixelTypes = testing::Types<unsigned char, short, unsigned short, float, double>;
+using PixelTypes = itk::ShearWarpMIPTest::TestedTypes<unsigned char, short, unsigned short, float, double>;
 TYPED_TEST_SUITE(ShearWarpMIPStreaming, PixelTypes, );
 } // namespace
 

@@ -27,6 +27,8 @@
 #include "itkShearWarpMIPImageFilter.h"
 #include "itkShearWarpMIPTestRule.h"
 
+#include <gtest/gtest.h>
+
 #include <functional>
 #include <sstream>
 #include <utility>
@@ -38,6 +40,15 @@ using MatrixType = Matrix<double, 3, 3>;
 using PointType = Point<double, 3>;
 using ViewBaseType = MatrixOffsetTransformBase<double, 3, 3>;
 using ViewType = AffineTransform<double, 3>;
+
+/** The given pixel types, or in brief builds four of them. */
+#ifdef SHEARWARPMIP_TEST_BRIEFLY
+template <typename...>
+using TestedTypes = testing::Types<unsigned char, unsigned short, short, float>;
+#else
+template <typename... TPixels>
+using TestedTypes = testing::Types<TPixels...>;
+#endif
 
 inline PointType
 MakePoint3(double x, double y, double z)

@@ -14,13 +14,19 @@
 #   JOBS=<n>              parallel compile jobs                   [all cores]
 #   XDG_CACHE_HOME=<dir>  the cache is itk-shearwarpmip/ inside   [~/.cache]
 #
-# Usage: itk-ingest.sh [--branch | OPTION_OF_CTEST...]
-#   --branch  makes the branch only
+# Usage: itk-ingest.sh [--branch | --briefly]
+#   --branch   makes the branch only
+#   --briefly  without the tests of the engine alone, and for four pixel types: unsigned char, short, unsigned short, float
 # Installs what is missing, as root or with sudo.
 set -euo pipefail
 . "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
-case ${1:-} in -h | --help) exit_with_usage "$1" ;; esac
+briefly=OFF
+case ${1:-} in
+  '' | --branch) ;;
+  --briefly) briefly=ON ;;
+  *) exit_with_usage "$1" ;;
+esac
 
 module=Modules/Filtering/ShearWarpMIP
 entries=(include src test wrapping CMakeLists.txt itk-module.cmake)
@@ -139,16 +145,16 @@ test_in_itk() {
   share_compilations
   export CCACHE_BASEDIR=$cache CTEST_OUTPUT_ON_FAILURE=1 CTEST_PARALLEL_LEVEL=$jobs
   cmake -S "$dir/source" -B "$dir/build" -G Ninja "${options[@]}" -DBUILD_TESTING=ON -DITK_FORBID_DOWNLOADS=OFF \
-    -DModule_ShearWarpMIP=ON -DCMAKE_PROJECT_INCLUDE="$root/tools/itk-build.cmake" \
+    -DModule_ShearWarpMIP=ON -DShearWarpMIP_TEST_BRIEFLY="$briefly" -DCMAKE_PROJECT_INCLUDE="$root/tools/itk-build.cmake" \
     "-DExternalData_OBJECT_STORES=$source/.ExternalData;$images/.ExternalData" > "$dir/configure.log" 2>&1 || {
     tail -n 30 "$dir/configure.log" >&2
     die "ITK $version with the module did not configure"
   }
   ninja -C "$dir/build" -j "$jobs" ShearWarpMIPGTestDriver
   ctest --test-dir "$dir/build/$module" --no-tests=error
-  ctest --test-dir "$dir/build/$module/test" --no-tests=error "$@"
+  ctest --test-dir "$dir/build/$module/test" --no-tests=error
   say "passed inside ITK $version"
 }
 
 make_branch
-[ "${1:-}" = --branch ] || test_in_itk "$@"
+[ "${1:-}" = --branch ] || test_in_itk

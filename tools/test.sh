@@ -1,11 +1,10 @@
 #!/usr/bin/env bash
 # Builds and tests, in build/ of this checkout:
 #
-#   quick      library, program and their tests against Debian's installed ITK; here and in `module` tests that there are
-#              for each pixel type run for unsigned char, short, unsigned short and float only
+#   quick      library, program and their tests against Debian's installed ITK; tests that there are for each pixel type
+#              run for unsigned char, short, unsigned short and float only
 #   module     the module and its tests inside ITK's source tree, with nothing but the entries that ITK takes, and with
-#              real clinical images from ITK's test data (tools/itk-ingest.sh); the engine, which needs nothing of ITK,
-#              was tested by `quick`
+#              real clinical images from ITK's test data (tools/itk-ingest.sh)
 #   installed  what `quick` leaves: its tests for the other types, and with those images if `module` went before; tests
 #              that need a browser, a DICOM archive or other packages; the methods that the benchmarks compare with; the
 #              Debian packages
@@ -20,8 +19,9 @@
 #
 # Usage: test.sh [quick | module | installed | python | --sanitize | engine]...    [quick]
 #        test.sh --all     all of them but --sanitize
-#        test.sh --rest    what CI tests after `quick`: the others, but of `engine` only the portable kernels, and clang
-#                          for ARM64 with uint8, uint16, int16, float and double
+#        test.sh --rest    what CI tests after `quick`: the others, but `module` without the engine's own tests and with
+#                          the pixel types of `quick`, and of `engine` only the portable kernels, and clang for ARM64
+#                          with uint8, uint16, int16, float and double
 #        test.sh --long    random cases for 30 minutes and an image of more than 2^31 voxels (5 GB), on an installed ITK
 # Installs what is missing, as root or with sudo. Environment: see itk-build-tree.sh, and
 #   PYTHONS='<program> ...'  more versions of Python to test the wheel with
@@ -34,12 +34,12 @@ rare_types='<(signed )?char>|<(unsigned )?(int|long|long long)>|<double>'
 export CTEST_OUTPUT_ON_FAILURE=1 CTEST_PARALLEL_LEVEL=$jobs
 
 rest=(module installed python engine)
-usual_types=OFF
+briefly=
 case $* in
   --all) stages=(quick "${rest[@]}") ;;
   --rest)
     stages=("${rest[@]}")
-    usual_types=ON
+    briefly=yes
     ;;
   '') stages=(quick) ;;
   *) stages=("${@#--}") ;;
@@ -140,8 +140,7 @@ test_pages() {
 }
 
 test_module() {
-  "$root/tools/itk-ingest.sh" --exclude-regex \
-    "$rare_types|^ShearWarp(Engine|ExactGuess|ExactKernels|Geometry|Kernels|PreparedVolume|Projector)"
+  "$root/tools/itk-ingest.sh" ${briefly:+--briefly}
 }
 
 test_python() (
@@ -217,13 +216,13 @@ test_engine() {
   need_packages "${engine_packages[@]}"
   local name names=(portable arm64-clang++) brief=-DShearWarpMIP_TEST_BRIEFLY=ON
   local arm=("$brief" -DCMAKE_SYSTEM_NAME=Linux -DCMAKE_SYSTEM_PROCESSOR=aarch64 -DCMAKE_EXE_LINKER_FLAGS=-static
-    -DShearWarpMIP_FOR_USUAL_TYPES="$usual_types" -DCMAKE_CROSSCOMPILING_EMULATOR=qemu-aarch64-static)
+    -DShearWarpMIP_FOR_USUAL_TYPES="${briefly:+ON}" -DCMAKE_CROSSCOMPILING_EMULATOR=qemu-aarch64-static)
   # g++'s sanitizer does not see an offset from a null pointer; traps need no library
   build_engine portable -DCMAKE_CXX_COMPILER=clang++ "$brief" -DShearWarpMIP_USE_VECTOR_EXTENSIONS=OFF \
     '-DCMAKE_CXX_FLAGS=-fsanitize=undefined -fsanitize-trap=undefined'
   build_engine arm64-clang++ "${arm[@]}" -DCMAKE_CXX_COMPILER=clang++ \
     -DCMAKE_CXX_COMPILER_TARGET=aarch64-linux-gnu
-  if [ "$usual_types" = OFF ]; then
+  if [ -z "$briefly" ]; then
     build_engine arm64-g++ "${arm[@]}" -DCMAKE_CXX_COMPILER=aarch64-linux-gnu-g++
     build_engine clang++ -DCMAKE_CXX_COMPILER=clang++
     names+=(arm64-g++ clang++)
