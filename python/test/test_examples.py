@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import itk
@@ -13,7 +14,7 @@ from itk_shearwarpmip import open_volume
 from numpy.testing import assert_array_equal
 from PIL import Image
 from program import PROGRAM
-from samples import make_image
+from samples import Outcome, make_image
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PROGRAMS = ["channels_mip.py", "mip_pipeline.py"]
@@ -22,6 +23,18 @@ PROGRAMS = ["channels_mip.py", "mip_pipeline.py"]
 def run(program: str, *arguments) -> subprocess.CompletedProcess:
     command = [sys.executable, EXAMPLES / program, *map(str, arguments)]
     return subprocess.run(command, check=False, capture_output=True, text=True, timeout=120)
+
+
+@pytest.fixture
+def run_forked(isolated) -> Callable[..., Outcome]:
+    """Runs a program in a process that has imported itk already."""
+
+    def run(program: str, *arguments) -> Outcome:
+        path = str(EXAMPLES / program)
+        command = [path, *map(str, arguments)]
+        return isolated(f"import runpy, sys\nsys.argv = {command!r}\nrunpy.run_path({path!r}, run_name='__main__')")
+
+    return run
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +77,7 @@ CHANNELS = {
 
 
 @pytest.mark.parametrize("kind", CHANNELS)
-def test_channels_mip(kind, tmp_path):
+def test_channels_mip(kind, run_forked, tmp_path):
     pixel_type, channels, dtype, extension = CHANNELS[kind]
     dimension = 4 if "time" in kind else 3
     times = 5 if dimension == 4 else 1
@@ -81,9 +94,9 @@ def test_channels_mip(kind, tmp_path):
     source, target = (tmp_path / f"{name}.{extension}" for name in ("image", "mip"))
     itk.imwrite(image, source)
 
-    outcome = run("channels_mip.py", source, target, "--azimuth", 25)
-    assert outcome.returncode == 0, outcome.stderr
-    assert f"{channels} channels, {times} time points" in outcome.stdout
+    outcome = run_forked("channels_mip.py", source, target, "--azimuth", 25)
+    assert outcome.code == 0, outcome.err
+    assert f"{channels} channels, {times} time points" in outcome.out
     result = itk.imread(target, pixel_type)
     assert result.GetImageDimension() == dimension - 1
     pixels = itk.array_from_image(result)
@@ -99,10 +112,10 @@ def test_channels_mip(kind, tmp_path):
     assert list(result.GetOrigin()) == pytest.approx([*mip.GetOrigin(), 10.0][: dimension - 1])
 
 
-def test_channels_mip_refuses_an_unknown_format(volume, tmp_path):
-    outcome = run("channels_mip.py", volume, tmp_path / "tube.avi")
-    assert outcome.returncode == 1
-    assert outcome.stderr == f"error: {tmp_path / 'tube.avi'} can't be written\n"
+def test_channels_mip_refuses_an_unknown_format(volume, run_forked, tmp_path):
+    outcome = run_forked("channels_mip.py", volume, tmp_path / "tube.avi")
+    assert outcome.code == 1
+    assert outcome.err == f"error: {tmp_path / 'tube.avi'} can't be written\n"
 
 
 def test_light_sheet(tmp_path):
@@ -125,13 +138,13 @@ def test_light_sheet(tmp_path):
         assert animation.n_frames == 5
 
 
-def test_light_sheet_refuses_bad_arguments(tmp_path):
+def test_light_sheet_refuses_bad_arguments(run_forked, tmp_path):
     (tmp_path / "file").write_text("")
     for arguments in ((tmp_path, "--workers", 0), (tmp_path / "file",)):
-        outcome = run("light_sheet.py", *arguments)
-        assert outcome.returncode == 1
-        assert outcome.stderr.startswith("error: ")
-        assert outcome.stderr.count("\n") == 1
+        outcome = run_forked("light_sheet.py", *arguments)
+        assert outcome.code == 1
+        assert outcome.err.startswith("error: ")
+        assert outcome.err.count("\n") == 1
 
 
 def test_skewed_stack(tmp_path):
@@ -148,11 +161,11 @@ def test_skewed_stack(tmp_path):
 
 
 @pytest.mark.parametrize("arguments", [("--angle", 0), ("--size", 1, 4, 4)])
-def test_skewed_stack_refuses_bad_arguments(arguments, tmp_path):
-    outcome = run("skewed_stack.py", tmp_path, *arguments)
-    assert outcome.returncode == 1
-    assert outcome.stderr.startswith("error: ")
-    assert outcome.stderr.count("\n") == 1
+def test_skewed_stack_refuses_bad_arguments(arguments, run_forked, tmp_path):
+    outcome = run_forked("skewed_stack.py", tmp_path, *arguments)
+    assert outcome.code == 1
+    assert outcome.err.startswith("error: ")
+    assert outcome.err.count("\n") == 1
 
 
 def test_vessel_tree(tmp_path):
@@ -208,10 +221,10 @@ def test_study_views(tmp_path):
 
 
 @pytest.mark.parametrize("program", [*PROGRAMS, "light_sheet.py", "skewed_stack.py"])
-def test_help(program):
-    outcome = run(program, "--help")
-    assert outcome.returncode == 0
-    assert "usage:" in outcome.stdout and "image" in outcome.stdout
+def test_help(program, run_forked):
+    outcome = run_forked(program, "--help")
+    assert outcome.code == 0
+    assert "usage:" in outcome.out and "image" in outcome.out
 
 
 @pytest.mark.parametrize("program", PROGRAMS)
@@ -219,14 +232,14 @@ def test_help(program):
     "name, text",
     [("missing.nrrd", "does not exist"), ("text.nrrd", "is not an image"), ("flat.mha", "has 2 dimensions, not 3")],
 )
-def test_errors_are_one_line(program, name, text, tmp_path):
+def test_errors_are_one_line(program, name, text, run_forked, tmp_path):
     (tmp_path / "text.nrrd").write_text("no image")
     itk.imwrite(itk.image_from_array(np.zeros((4, 5), np.uint8)), tmp_path / "flat.mha")
-    outcome = run(program, tmp_path / name, tmp_path / "out.png")
-    assert outcome.returncode == 1
-    assert outcome.stderr.startswith(f"error: {tmp_path / name} ")
-    assert text in outcome.stderr
-    assert outcome.stderr.count("\n") == 1
+    outcome = run_forked(program, tmp_path / name, tmp_path / "out.png")
+    assert outcome.code == 1
+    assert outcome.err.startswith(f"error: {tmp_path / name} ")
+    assert text in outcome.err
+    assert outcome.err.count("\n") == 1
 
 
 @pytest.mark.filterwarnings("ignore")

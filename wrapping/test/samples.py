@@ -16,43 +16,47 @@ needs_proc = pytest.mark.skipif(not os.path.exists("/proc/self"), reason="only L
 
 # Runs each snippet of code in a forked child: a crash ends only the child, and itk is imported once.
 _FORK_SERVER = """
-import json, os, sys, traceback
+import json, os, sys, tempfile, traceback
 import itk, numpy as np
 itk.ShearWarpMIPImageFilter
 itk.shear_warp_mip_image_filter
+itk.image_from_array(np.zeros((2, 2, 2), np.uint8))
+itk.ImageFileReader
 for line in sys.stdin:
-    reader, writer = os.pipe()
-    child = os.fork()
-    if child == 0:
-        os.dup2(writer, 1)
-        os.dup2(writer, 2)
-        os.close(reader)
-        os.close(writer)
-        status = 0
-        try:
-            exec(json.loads(line), {"itk": itk, "np": np})
-        except BaseException:
-            traceback.print_exc()
-            status = 1
-        sys.stdout.flush()
-        sys.stderr.flush()
-        os._exit(status)
-    os.close(writer)
-    with os.fdopen(reader, errors="replace") as stream:
-        text = stream.read()
-    code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
-    print(json.dumps([code, text]), flush=True)
+    with tempfile.TemporaryFile("w+", errors="replace") as out, tempfile.TemporaryFile("w+", errors="replace") as err:
+        child = os.fork()
+        if child == 0:
+            os.dup2(out.fileno(), 1)
+            os.dup2(err.fileno(), 2)
+            status = 0
+            try:
+                exec(json.loads(line), {"itk": itk, "np": np})
+            except SystemExit as end:
+                status = 1 if isinstance(end.code, str) else end.code or 0
+                if isinstance(end.code, str):
+                    print(end.code, file=sys.stderr)
+            except BaseException:
+                traceback.print_exc()
+                status = 1
+            sys.stdout.flush()
+            sys.stderr.flush()
+            os._exit(status)
+        code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+        out.seek(0)
+        err.seek(0)
+        print(json.dumps([code, out.read(), err.read()]), flush=True)
 """
 
 
 class Outcome(NamedTuple):
     code: int
-    text: str
+    out: str
+    err: str
 
 
 @pytest.fixture(scope="session")
 def isolated() -> Callable[[str], Outcome]:
-    """Runs code in a process of its own; gives its exit code (negative: signal) and all that it printed."""
+    """Runs code in a process of its own; gives its exit code (negative: signal), and what it printed."""
     if not hasattr(os, "fork"):
         pytest.skip("Windows forks no process")
     environment = dict(os.environ, OPENBLAS_NUM_THREADS="1")

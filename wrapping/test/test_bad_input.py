@@ -140,10 +140,10 @@ ERRORS = {
 @pytest.mark.parametrize("exception, code", [(exception, code) for exception in ERRORS for code in ERRORS[exception]])
 def test_bad_input_raises(exception, code, isolated):
     outcome = isolated(PREAMBLE + code)
-    assert outcome.code == 1, f"exit code {outcome.code}: {outcome.text}"
-    last = [line for line in outcome.text.splitlines() if line and not line.startswith((" ", "\t"))]
-    assert any(line.startswith(exception) or f".{exception}:" in line for line in last), outcome.text
-    assert ERRORS[exception][code] in outcome.text
+    assert outcome.code == 1, f"exit code {outcome.code}: {outcome.err}"
+    last = [line for line in outcome.err.splitlines() if line and not line.startswith((" ", "\t"))]
+    assert any(line.startswith(exception) or f".{exception}:" in line for line in last), outcome.err
+    assert ERRORS[exception][code] in outcome.err
 
 
 @pytest.mark.parametrize(
