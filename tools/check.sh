@@ -32,7 +32,7 @@ configure() {
   need_packages build-essential cmake ninja-build libinsighttoolkit5-dev libbenchmark-dev libcli11-dev libgtest-dev
   cmake -S "$root" -B "$build" -G Ninja -DBUILD_TESTING=ON -DCMAKE_EXPORT_COMPILE_COMMANDS=ON \
     -DShearWarpMIP_BUILD_APPS=ON -DShearWarpMIP_BUILD_BENCHMARKS=ON -DShearWarpMIP_BUILD_PAGE_ENGINE=OFF \
-    -DCMAKE_BUILD_TYPE=Check "-DCMAKE_CXX_FLAGS=$warnings" > /dev/null
+    -DCMAKE_DISABLE_PRECOMPILE_HEADERS=ON -DCMAKE_BUILD_TYPE=Check "-DCMAKE_CXX_FLAGS=$warnings" > /dev/null
 }
 
 list_commands() {

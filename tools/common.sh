@@ -47,8 +47,9 @@ need_packages() {
 # share_compilations: what is compiled from now on is kept in the cache, for other folders and runs too.
 share_compilations() {
   need_packages ccache
-  # CCACHE_DEPEND: what is not in the cache is preprocessed only once
+  # CCACHE_DEPEND: what is not in the cache is preprocessed only once; CCACHE_SLOPPINESS: precompiled headers
   export CCACHE_DIR=$cache/ccache CCACHE_BASEDIR=$root CCACHE_NOHASHDIR=1 CCACHE_MAXSIZE=3G CCACHE_DEPEND=1
+  export CCACHE_SLOPPINESS=pch_defines,time_macros
   export CMAKE_C_COMPILER_LAUNCHER=ccache CMAKE_CXX_COMPILER_LAUNCHER=ccache
 }
 
