@@ -53,6 +53,15 @@ share_compilations() {
   export CMAKE_C_COMPILER_LAUNCHER=ccache CMAKE_CXX_COMPILER_LAUNCHER=ccache
 }
 
+# relocate_unity_files BUILD SOURCE: CMake writes absolute paths of sources into them; with relative ones, builds in
+# other folders share their compilations.
+relocate_unity_files() {
+  local file
+  find "$1" -path '*/Unity/unity_*' -type f | while IFS= read -r file; do
+    sed -i "s|\"$2/|\"$(realpath --relative-to="${file%/*}" "$2")/|" "$file"
+  done
+}
+
 # read_itk_version SOURCE: prints the version of ITK's source.
 read_itk_version() {
   awk -F'"' '/set\(ITK_VERSION_(MAJOR|MINOR|PATCH)/ { v = v s $2; s = "." } END { print v }' "$1/CMake/itkVersion.cmake"

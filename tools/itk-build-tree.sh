@@ -125,7 +125,8 @@ configure_tree() {
       "$1/source/Wrapping/macro_files/itk_auto_load_submodules.cmake" || return
   fi
   cp "$root/tools/itk-build.cmake" "$1/" &&
-    cmake -S "$1/source" -B "$1/build" -G Ninja "${options[@]}" -DCMAKE_PROJECT_INCLUDE="$1/itk-build.cmake"
+    cmake -S "$1/source" -B "$1/build" -G Ninja "${options[@]}" -DCMAKE_PROJECT_INCLUDE="$1/itk-build.cmake" &&
+    relocate_unity_files "$1/build" "$1/source"
 }
 
 # All static libraries, and the wrapping's interface files; no Python module is compiled.

@@ -150,6 +150,7 @@ test_in_itk() {
     tail -n 30 "$dir/configure.log" >&2
     die "ITK $version with the module did not configure"
   }
+  relocate_unity_files "$dir/build" "$dir/source"
   ninja -C "$dir/build" -j "$jobs" ShearWarpMIPGTestDriver
   ctest --test-dir "$dir/build/$module" --no-tests=error
   ctest --test-dir "$dir/build/$module/test" --no-tests=error

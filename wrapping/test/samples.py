@@ -16,8 +16,9 @@ needs_proc = pytest.mark.skipif(not os.path.exists("/proc/self"), reason="only L
 
 # Runs each snippet of code in a forked child: a crash ends only the child, and itk is imported once.
 _FORK_SERVER = """
-import json, os, sys, tempfile, traceback
+import json, os, signal, sys, tempfile, traceback
 import itk, numpy as np
+# itk loads its libraries when a name is used: here, and not in each child
 itk.ShearWarpMIPImageFilter
 itk.shear_warp_mip_image_filter
 itk.image_from_array(np.zeros((2, 2, 2), np.uint8))
@@ -26,6 +27,8 @@ for line in sys.stdin:
     with tempfile.TemporaryFile("w+", errors="replace") as out, tempfile.TemporaryFile("w+", errors="replace") as err:
         child = os.fork()
         if child == 0:
+            signal.alarm(300)  # ends a child that hangs
+            os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
             os.dup2(out.fileno(), 1)
             os.dup2(err.fileno(), 2)
             status = 0
@@ -49,9 +52,11 @@ for line in sys.stdin:
 
 
 class Outcome(NamedTuple):
-    code: int
-    out: str
-    err: str
+    """As subprocess.CompletedProcess."""
+
+    returncode: int
+    stdout: str
+    stderr: str
 
 
 @pytest.fixture(scope="session")

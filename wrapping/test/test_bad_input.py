@@ -140,10 +140,10 @@ ERRORS = {
 @pytest.mark.parametrize("exception, code", [(exception, code) for exception in ERRORS for code in ERRORS[exception]])
 def test_bad_input_raises(exception, code, isolated):
     outcome = isolated(PREAMBLE + code)
-    assert outcome.code == 1, f"exit code {outcome.code}: {outcome.err}"
-    last = [line for line in outcome.err.splitlines() if line and not line.startswith((" ", "\t"))]
-    assert any(line.startswith(exception) or f".{exception}:" in line for line in last), outcome.err
-    assert ERRORS[exception][code] in outcome.err
+    assert outcome.returncode == 1, f"exit code {outcome.returncode}: {outcome.stderr}"
+    last = [line for line in outcome.stderr.splitlines() if line and not line.startswith((" ", "\t"))]
+    assert any(line.startswith(exception) or f".{exception}:" in line for line in last), outcome.stderr
+    assert ERRORS[exception][code] in outcome.stderr
 
 
 @pytest.mark.parametrize(

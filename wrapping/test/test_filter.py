@@ -384,7 +384,7 @@ def mip():
 for run in ({order}, {order}):
     assert np.asarray(run()).max() == 1
 """)
-    assert outcome.code == 0, outcome.err
+    assert outcome.returncode == 0, outcome.stderr
 
 
 def test_leaves_the_global_threader_alone(isolated):
@@ -493,7 +493,7 @@ assert first < 40, first
 assert 250 < held < 290, held
 assert 250 < freed < 290, freed
 """)
-    assert outcome.code == 0, outcome.err
+    assert outcome.returncode == 0, outcome.stderr
 
 
 @needs_proc
@@ -504,7 +504,7 @@ mip = itk.shear_warp_mip_image_filter(image, transform=view)
 assert resident() - before < 30, resident() - before
 assert itk.size(mip)[0] == 256
 """)
-    assert outcome.code == 0, outcome.err
+    assert outcome.returncode == 0, outcome.stderr
 
 
 def test_functional_interface_gives_an_array_of_its_own():
@@ -575,7 +575,7 @@ for update in ({updates}):
         raise AssertionError("none ran")
 done.set()
 """)
-    assert outcome.code == 0, outcome.err
+    assert outcome.returncode == 0, outcome.stderr
 
 
 def test_a_daemon_thread_in_an_update_ends_with_python():
@@ -598,7 +598,7 @@ mip = itk.ShearWarpMIPImageFilter.New(itk.image_from_array(np.ones((64, 64, 64),
 mip.AddObserver(itk.ProgressEvent(), lambda: mip.InvokeEvent(itk.StartEvent()))
 mip.Update()
 """)
-    assert outcome.code == 0, outcome.err
+    assert outcome.returncode == 0, outcome.stderr
 
 
 @pytest.mark.parametrize("divisions", [1, 8])
@@ -625,7 +625,7 @@ cine.SetNumberOfFrames(2)
 cine.Update()
 assert np.asarray(cine.GetOutput()).max() > 50_000
 """)
-    assert outcome.code == 0, outcome.err
+    assert outcome.returncode == 0, outcome.stderr
 
 
 @pytest.mark.parametrize("divisions", [1, 2])
