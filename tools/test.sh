@@ -186,7 +186,7 @@ test_python() (
   done
   # the program itself, without the launcher that auditwheel made; a copy of it alone would not find its libraries.
   # ITK as it is built for the wheel reads no transforms in files of HDF5 and MATLAB; tests of ProgramDicom start no
-  # program. In brief, without tests of pictures and pages, which are ITK's business least
+  # program. In brief, without the tests of pictures and pages: another ITK changes these least
   SHEARWARPMIP_PROGRAM=$(echo "$dir"/env/lib/python3*/site-packages/itk_shearwarpmip.scripts/shear-warp-mip) \
     run_tests "$build/installed/apps" --tests-regex ShearWarpMIPProgram \
       --exclude-regex "TransformFormat.*(h5|mat)|MATLAB|^ShearWarpMIPProgramDicom[.]${briefly:+|$of_pictures}"

@@ -35,9 +35,10 @@ for line in sys.stdin:
             try:
                 exec(json.loads(line), {"itk": itk, "np": np})
             except SystemExit as end:
-                status = 1 if isinstance(end.code, str) else end.code or 0
+                status = end.code or 0
                 if isinstance(end.code, str):
                     print(end.code, file=sys.stderr)
+                    status = 1
             except BaseException:
                 traceback.print_exc()
                 status = 1
