@@ -199,6 +199,326 @@ struct BestLanes
   Vector least, best, place;
 };
 
+/** The rays that are searched together, from a slice to the next one. In the slice, a ray is at column `x` and row `y`,
+ * counted from the corner of its first cell in the direction of the ray. The ray begins and ends between the two
+ * slices. `best` is the ray's best value so far. `voxels` are 3 x 3 x 2 voxels in the direction of the ray, columns
+ * first: a ray passes at most one column and one row. */
+template <typename TNumber>
+struct RayGroup
+{
+  static constexpr int Rays = 16; // at most 32
+
+  TNumber x[Rays], y[Rays];
+  TNumber missing[2][2][Rays]; // infinite if a part does not have the first or last columns, or rows, of cells
+  TNumber begin[Rays], end[Rays];
+  TNumber best[Rays];
+  TNumber voxels[18][Rays];
+};
+
+/** Finds the maxima of the rays of a group. Pixel types with the same numbers share the search. With VMayBeInfinite,
+ * voxels may be infinite or not-a-number. With VMayBeLarge, they may be so large or so small that products of them
+ * overflow or vanish. */
+template <typename TNumber, bool VMayBeInfinite, bool VMayBeLarge>
+class GroupSearch
+{
+public:
+  using Group = RayGroup<TNumber>;
+
+  /** The magnitudes of \a shear are the columns and rows that a ray passes from slice to slice. Backward rays come from
+   * the last slice. Only in a part do cells miss. Voxels are from \a lowest to \a highest. */
+  GroupSearch(const double (&shear)[2], bool isBackward, bool isPart, TNumber lowest, TNumber highest);
+
+  /** Writes each ray's best value and its place: 0 in the slice, 1 in the next one. Returns, as bits, the rays whose
+   * value is at least the best one so far. */
+  std::uint32_t
+  Search(const Group & group, TNumber (&best)[Group::Rays], TNumber (&places)[Group::Rays]) const;
+
+private:
+  using Vectors = ExactVector<TNumber>;
+  using Vector = typename Vectors::Type;
+  using Flags = decltype(Vector{} < Vector{});
+
+  static constexpr double Large = 0x1p1000;
+
+  /** Returns whether differences of the voxels may overflow. */
+  static bool
+  IsLarge(const CellLanes<TNumber> & cell)
+  {
+    bool isLarge = false;
+    for (int n = 0; n < 4; ++n)
+    {
+      isLarge |= (cell.front[n] < -Large) | (cell.front[n] > Large) | (cell.back[n] < -Large) | (cell.back[n] > Large);
+    }
+    return isLarge;
+  }
+
+  /** Returns a power of two. Squares of coefficients that are multiplied by it neither overflow nor vanish. */
+  static TNumber
+  FindScaleOfSquares(Vector f1, Vector f2, Vector f3)
+  {
+    if constexpr (VMayBeLarge)
+    {
+      const auto   abs = [](double v) { return v < 0 ? -v : v; };
+      const double largest = Larger(Larger(abs(f1), abs(f2)), abs(f3));
+      return largest > 0x1p400 ? 0x1p-600 : largest < 0x1p-400 ? 0x1p600 : 1.0;
+    }
+    return 1;
+  }
+
+  SHEARWARP_INLINE static Vector
+  GetLower(Vector a, Vector b)
+  {
+    return b < a ? b : a;
+  }
+
+  SHEARWARP_INLINE static Vector
+  GetHigher(Vector a, Vector b)
+  {
+    return a < b ? b : a;
+  }
+
+  /** Returns the lanes where \a value is better than a value before it. Among equal values the one nearer to the viewer
+   * is better. */
+  SHEARWARP_INLINE Flags
+  IsBetter(Vector value, Vector before) const
+  {
+    return m_IsBackward ? value >= before : value > before;
+  }
+
+  /** Returns the lanes whose rays meet the cell, if the cell may have a better value and all its voxels are finite. */
+  static Flags
+  FindCounted(const CellLanes<TNumber> & cell, Vector highest, Vector least);
+
+  /** Raises \a value to the cubic's local maximum within the cell, in the given lanes. The maximum is at most \a bound.
+   */
+  void
+  TakeLocalMaximum(const CellLanes<TNumber> & cell,
+                   const Cubic<TNumber> &     cubic,
+                   Vector                     bound,
+                   Flags                      lanes,
+                   Vector &                   value,
+                   Vector &                   place) const;
+
+  /** Raises best values to the maximum in the cell. A ray's cells come in the order of the slices. */
+  void
+  TakeCell(const CellLanes<TNumber> & cell, BestLanes<TNumber> & lanes) const;
+
+  /** Does the same for voxels of any magnitude. */
+  void
+  TakeAnyCell(const CellLanes<TNumber> & cell, BestLanes<TNumber> & lanes) const;
+
+  /** Does the same as Search() for as many rays as a vector has lanes, from ray \a first on. */
+  std::uint32_t
+  SearchLanes(const Group & group, int first, TNumber * best, TNumber * places) const;
+
+  bool    m_IsBackward;
+  bool    m_IsPart; // in columns or rows
+  bool    m_HasLargeVoxels;
+  TNumber m_Slope[2];    // columns and rows that a ray passes from slice to slice
+  TNumber m_PerVoxel[2]; // slices in which a ray passes a column or a row
+};
+
+template <typename TNumber, bool VMayBeInfinite, bool VMayBeLarge>
+GroupSearch<TNumber, VMayBeInfinite, VMayBeLarge>::GroupSearch(const double (&shear)[2],
+                                                               bool    isBackward,
+                                                               bool    isPart,
+                                                               TNumber lowest,
+                                                               TNumber highest)
+  : m_IsBackward(isBackward)
+  , m_IsPart(isPart)
+  , m_HasLargeVoxels(lowest<-Large || highest> Large)
+{
+  constexpr TNumber most = std::numeric_limits<TNumber>::max();
+  for (int axis = 0; axis < 2; ++axis)
+  {
+    const double slope = shear[axis] > 0 ? shear[axis] : -shear[axis];
+    m_Slope[axis] = static_cast<TNumber>(slope);
+    m_PerVoxel[axis] = slope > 1 / static_cast<double>(most) ? static_cast<TNumber>(1 / slope) : most;
+  }
+}
+
+template <typename TNumber, bool VMayBeInfinite, bool VMayBeLarge>
+SHEARWARP_INLINE inline auto
+GroupSearch<TNumber, VMayBeInfinite, VMayBeLarge>::FindCounted(const CellLanes<TNumber> & cell,
+                                                               Vector                     highest,
+                                                               Vector                     least) -> Flags
+{
+  Flags isCounted = (cell.begin <= cell.end) & (highest >= least);
+  if constexpr (VMayBeInfinite)
+  {
+    constexpr TNumber largest = std::numeric_limits<TNumber>::max();
+    const Vector      most = Vectors::Set(largest);
+    const auto &      a = cell.front;
+    const auto &      b = cell.back;
+    const Vector      sum = ((a[0] + b[0]) + (a[1] + b[1])) + ((a[2] + b[2]) + (a[3] + b[3]));
+    isCounted &= (sum >= -most) & (sum <= most);
+  }
+  return isCounted;
+}
+
+template <typename TNumber, bool VMayBeInfinite, bool VMayBeLarge>
+SHEARWARP_INLINE inline void
+GroupSearch<TNumber, VMayBeInfinite, VMayBeLarge>::TakeLocalMaximum(const CellLanes<TNumber> & cell,
+                                                                    const Cubic<TNumber> &     cubic,
+                                                                    Vector                     bound,
+                                                                    Flags                      lanes,
+                                                                    Vector &                   value,
+                                                                    Vector &                   place) const
+{
+  // the derivative, 3 g3 t^2 + 2 g2 t + g1 but for the scale, falls through 0 at t
+  const Vector  zero = Vectors::Set(0);
+  const TNumber scale = FindScaleOfSquares(cubic.f1, cubic.f2, cubic.f3);
+  const Vector  g1 = cubic.f1 * scale;
+  const Vector  g2 = cubic.f2 * scale;
+  const Vector  threeG3 = cubic.threeF3 * scale;
+  const Vector  discriminant = g2 * g2 - threeG3 * g1;
+  const Vector  root = Vectors::SquareRoot(GetHigher(discriminant, zero));
+  const Flags   isFalling = g2 <= zero;
+  const Vector  numerator = isFalling ? g1 : Vector(-(g2 + root));
+  const Vector  denominator = isFalling ? Vector(root - g2) : threeG3;
+  const Vector  t = numerator / denominator;
+  const Vector  atRoot = GetLower(cubic.Evaluate(t), bound);
+  const Flags   isTaken =
+    lanes & (discriminant >= zero) & (t > cell.begin) & (t < cell.end) & this->IsBetter(atRoot, value);
+  value = isTaken ? atRoot : value;
+  place = isTaken ? t : place;
+}
+
+template <typename TNumber, bool VMayBeInfinite, bool VMayBeLarge>
+SHEARWARP_INLINE inline void
+GroupSearch<TNumber, VMayBeInfinite, VMayBeLarge>::TakeCell(const CellLanes<TNumber> & cell,
+                                                            BestLanes<TNumber> &       lanes) const
+{
+  const auto & a = cell.front;
+  const auto & b = cell.back;
+  const Vector highest = GetHigher(GetHigher(GetHigher(a[0], b[0]), GetHigher(a[1], b[1])),
+                                   GetHigher(GetHigher(a[2], b[2]), GetHigher(a[3], b[3])));
+  const Flags  isCounted = FindCounted(cell, highest, lanes.least);
+  if (Vectors::GetBits(isCounted) == 0)
+  {
+    return;
+  }
+  const auto   cubic = ExpandInCell<TNumber>(cell, m_Slope);
+  const Vector atBegin = GetLower(cubic.Evaluate(cell.begin), highest);
+  const Vector atEnd = GetLower(cubic.Evaluate(cell.end), highest);
+  // a cubic is not above the control points of its Bernstein form
+  const TNumber three = 3;
+  const TNumber third = TNumber(1) / three;
+  const Vector  step = (cell.end - cell.begin) * third;
+  const Vector  bound =
+    GetLower(GetHigher(atBegin + step * cubic.Derive(cell.begin), atEnd - step * cubic.Derive(cell.end)), highest);
+  const Flags mayBeBetter = isCounted & (bound > atBegin) & (bound > atEnd) & (bound >= lanes.least);
+  Vector      value = atBegin;
+  Vector      place = cell.begin;
+  if (Vectors::GetBits(mayBeBetter) != 0)
+  {
+    this->TakeLocalMaximum(cell, cubic, bound, mayBeBetter, value, place);
+  }
+  const Flags takesEnd = this->IsBetter(atEnd, value);
+  value = takesEnd ? atEnd : value;
+  place = takesEnd ? cell.end : place;
+  const Flags isTaken = isCounted & this->IsBetter(value, lanes.best);
+  lanes.best = isTaken ? value : lanes.best;
+  lanes.place = isTaken ? place : lanes.place;
+}
+
+template <typename TNumber, bool VMayBeInfinite, bool VMayBeLarge>
+SHEARWARP_INLINE inline void
+GroupSearch<TNumber, VMayBeInfinite, VMayBeLarge>::TakeAnyCell(const CellLanes<TNumber> & cell,
+                                                               BestLanes<TNumber> &       lanes) const
+{
+  if constexpr (VMayBeLarge)
+  {
+    // most volumes have no large voxels, whose differences overflow
+    if (m_HasLargeVoxels && IsLarge(cell))
+    {
+      CellLanes<TNumber> scaled = cell;
+      for (int n = 0; n < 4; ++n)
+      {
+        scaled.front[n] *= 0x1p-30;
+        scaled.back[n] *= 0x1p-30;
+      }
+      BestLanes<TNumber> best{ lanes.least * 0x1p-30, NoSample<TNumber>, lanes.place };
+      this->TakeCell(scaled, best);
+      best.best *= 0x1p30;
+      lanes.place = this->IsBetter(best.best, lanes.best) ? best.place : lanes.place;
+      lanes.best = this->IsBetter(best.best, lanes.best) ? best.best : lanes.best;
+      return;
+    }
+  }
+  this->TakeCell(cell, lanes);
+}
+
+template <typename TNumber, bool VMayBeInfinite, bool VMayBeLarge>
+SHEARWARP_INLINE inline std::uint32_t
+GroupSearch<TNumber, VMayBeInfinite, VMayBeLarge>::SearchLanes(const Group & group,
+                                                               int           first,
+                                                               TNumber *     best,
+                                                               TNumber *     places) const
+{
+  const auto load = [first](const TNumber * numbers)
+                      SHEARWARP_INLINE -> Vector { return Vectors::Load(numbers + first); };
+  const Vector one = Vectors::Set(1);
+  const Vector x = load(group.x);
+  const Vector y = load(group.y);
+  const Vector begin = load(group.begin);
+  const Vector end = load(group.end);
+  Vector       v[18];
+  SHEARWARP_UNROLL
+  for (int voxel = 0; voxel < 18; ++voxel)
+  {
+    v[voxel] = load(group.voxels[voxel]);
+  }
+  // the ray leaves its first column or its first row, then the other one
+  const Vector leavesX = (one - x) * m_PerVoxel[0];
+  const Vector leavesY = (one - y) * m_PerVoxel[1];
+  const auto   isXFirst = leavesX <= leavesY;
+  const Vector leavesFirst = GetLower(leavesX, leavesY);
+  const Vector leavesLast = GetHigher(leavesX, leavesY);
+  const auto   next = [&](int voxel) SHEARWARP_INLINE -> Vector { return isXFirst ? v[voxel + 1] : v[voxel + 3]; };
+  Vector       begins[] = { begin, GetHigher(leavesFirst, begin), GetHigher(leavesLast, begin) };
+  if (m_IsPart)
+  {
+    const auto & [columns, rows] = group.missing;
+    const Vector ofFirst[] = { load(columns[0]), load(rows[0]) };
+    const Vector ofLast[] = { load(columns[1]), load(rows[1]) };
+    begins[0] += ofFirst[0] + ofFirst[1];
+    begins[1] += isXFirst ? Vector(ofLast[0] + ofFirst[1]) : Vector(ofFirst[0] + ofLast[1]);
+    begins[2] += ofLast[0] + ofLast[1];
+  }
+
+  BestLanes<TNumber> lanes{ load(group.best), Vectors::Set(NoSample<TNumber>), Vectors::Set(0) };
+  this->TakeAnyCell(
+    { { v[0], v[1], v[3], v[4] }, { v[9], v[10], v[12], v[13] }, x, y, begins[0], GetLower(leavesFirst, end) }, lanes);
+  this->TakeAnyCell({ { next(0), next(1), next(3), next(4) },
+                      { next(9), next(10), next(12), next(13) },
+                      isXFirst ? Vector(x - one) : x,
+                      isXFirst ? y : Vector(y - one),
+                      begins[1],
+                      GetLower(leavesLast, end) },
+                    lanes);
+  this->TakeAnyCell({ { v[4], v[5], v[7], v[8] }, { v[13], v[14], v[16], v[17] }, x - one, y - one, begins[2], end },
+                    lanes);
+  Vectors::Store(best + first, lanes.best);
+  Vectors::Store(places + first, lanes.place);
+  return Vectors::GetBits(lanes.best >= lanes.least);
+}
+
+template <typename TNumber, bool VMayBeInfinite, bool VMayBeLarge>
+std::uint32_t
+GroupSearch<TNumber, VMayBeInfinite, VMayBeLarge>::Search(const Group & group,
+                                                          TNumber (&best)[Group::Rays],
+                                                          TNumber (&places)[Group::Rays]) const
+{
+  static_assert(Group::Rays % Vectors::Count == 0);
+  std::uint32_t betterRays = 0;
+  for (int n = 0; n < Group::Rays; n += Vectors::Count)
+  {
+    betterRays |= this->SearchLanes(group, n, best, places) << n;
+  }
+  return betterRays;
+}
+
 /** Finds the maxima of the rays of a patch. */
 template <typename TPixel, bool VIsMinimum>
 class PatchSearch
@@ -229,10 +549,7 @@ public:
   Finish();
 
 private:
-  using Vectors = ExactVector<Number>;
-  using Vector = typename Vectors::Type;
-  using Flags = decltype(Vector{} < Vector{});
-
+  using Group = RayGroup<Number>;
   using LevelType = std::conditional_t<(sizeof(TPixel) <= 2), Levels<TPixel, VIsMinimum>, NoLevels>;
 
   /** Four voxels of at most two bytes. */
@@ -245,11 +562,11 @@ private:
   static constexpr bool IsBigEndian = false;
 #endif
 
-  static constexpr int  RaysTogether = 16; // at most 32
+  static constexpr int  RaysTogether = Group::Rays;
   static constexpr bool HasLevels = sizeof(TPixel) <= 2;
 
   /** Doubles may be so large or so small that products of them overflow or vanish. */
-  static constexpr bool HasLargeNumbers = std::is_same_v<TPixel, double>;
+  static constexpr bool MayBeLarge = std::is_same_v<TPixel, double>;
 
   /** Rounding may lower a level by half a unit if voxels are halved, and, along each axis, by one unit for the weight
    * and half a unit for the product. */
@@ -271,19 +588,6 @@ private:
   {
     PairOfRows<TPixel> rows[MostRows];
     TPixel             copies[MostRows][2][2 * RowWidth];
-  };
-
-  /** The rays that are evaluated together, from a slice to the next one. In the slice, a ray is at column `x` and row
-   * `y`, counted from the corner of its first cell in the direction of the ray. The ray begins and ends between the two
-   * slices. `best` is the ray's best value so far. `voxels` are 3 x 3 x 2 voxels in the direction of the ray, columns
-   * first: a ray passes at most one column and one row. */
-  struct RayGroup
-  {
-    Number x[RaysTogether], y[RaysTogether];
-    Number missing[2][2][RaysTogether]; // infinite if a part does not have the first or last columns, or rows, of cells
-    Number begin[RaysTogether], end[RaysTogether];
-    Number best[RaysTogether];
-    Number voxels[18][RaysTogether];
   };
 
   /** Where the voxels of a RayGroup are: the least column and row of each ray, and the two slices. */
@@ -309,52 +613,6 @@ private:
   /** Returns what a voxel must exceed, or reach if there is depth, to be better than \a best. */
   static TPixel
   FindLeast(Number best, bool hasDepth);
-
-  /** Returns whether differences of the voxels overflow. */
-  static bool
-  IsLarge(const CellLanes<Number> & cell)
-  {
-    bool isLarge = false;
-    for (int n = 0; n < 4; ++n)
-    {
-      isLarge |= (cell.front[n] < -0x1p1000) | (cell.front[n] > 0x1p1000) | (cell.back[n] < -0x1p1000) |
-                 (cell.back[n] > 0x1p1000);
-    }
-    return isLarge;
-  }
-
-  /** Returns a power of two. Squares of coefficients that are multiplied by it neither overflow nor vanish. */
-  static Number
-  FindScaleOfSquares(Vector f1, Vector f2, Vector f3)
-  {
-    if constexpr (HasLargeNumbers)
-    {
-      const auto   abs = [](double v) { return v < 0 ? -v : v; };
-      const double largest = Larger(Larger(abs(f1), abs(f2)), abs(f3));
-      return largest > 0x1p400 ? 0x1p-600 : largest < 0x1p-400 ? 0x1p600 : 1.0;
-    }
-    return 1;
-  }
-
-  SHEARWARP_INLINE static Vector
-  GetLower(Vector a, Vector b)
-  {
-    return b < a ? b : a;
-  }
-
-  SHEARWARP_INLINE static Vector
-  GetHigher(Vector a, Vector b)
-  {
-    return a < b ? b : a;
-  }
-
-  /** Returns the lanes where \a value is better than a value before it. Among equal values the one nearer to the viewer
-   * is better. */
-  SHEARWARP_INLINE Flags
-  IsBetter(Vector value, Vector before) const
-  {
-    return m_IsBackward ? value >= before : value > before;
-  }
 
   bool
   IsNearer(double slice, double other) const
@@ -435,19 +693,19 @@ private:
 
   /** Places the rays of the first \a count segments. The other rays of the group are copies of the first one. */
   void
-  PlaceRays(int count, RayGroup & group, VoxelPlaces & places) const;
+  PlaceRays(int count, Group & group, VoxelPlaces & places) const;
 
   /** Finds which cells the part of the volume does not have. */
   void
-  FindMissing(const VoxelPlaces & places, RayGroup & group) const;
+  FindMissing(const VoxelPlaces & places, Group & group) const;
 
   /** Loads voxels one by one. */
   void
-  LoadSingly(const VoxelPlaces & places, RayGroup & group) const;
+  LoadSingly(const VoxelPlaces & places, Group & group) const;
 
   /** Loads four voxels of a row at once. Pixels have one or two bytes. */
   void
-  LoadFours(const VoxelPlaces & places, RayGroup & group) const;
+  LoadFours(const VoxelPlaces & places, Group & group) const;
 
   /** Copies four voxels of three rows of two slices for each ray. Beside the volume, they are the outer voxels. */
   void
@@ -456,33 +714,6 @@ private:
   /** Converts three of four voxels to numbers, in the direction of rays. */
   void
   SplitLine(const std::uint32_t (&words)[WordsInFour][RaysTogether], Number (*voxels)[RaysTogether]) const;
-
-  /** Returns the lanes whose rays meet the cell, if the cell may have a better value and all its voxels are finite. */
-  static Flags
-  FindCounted(const CellLanes<Number> & cell, Vector highest, Vector least);
-
-  /** Raises \a value to the cubic's local maximum within the cell, in the given lanes. The maximum is at most \a bound.
-   */
-  void
-  TakeLocalMaximum(const CellLanes<Number> & cell,
-                   const Cubic<Number> &     cubic,
-                   Vector                    bound,
-                   Flags                     lanes,
-                   Vector &                  value,
-                   Vector &                  place) const;
-
-  /** Raises best values to the maximum in the cell. A ray's cells come in the order of the slices. */
-  void
-  TakeCell(const CellLanes<Number> & cell, BestLanes<Number> & lanes) const;
-
-  /** Does the same for voxels of any magnitude. */
-  void
-  TakeAnyCell(const CellLanes<Number> & cell, BestLanes<Number> & lanes) const;
-
-  /** Evaluates as many rays as a vector has lanes, from ray \a first on. Writes each ray's best value and its place in
-   * the segment. Returns, as bits, the rays whose value is at least the best one so far. */
-  std::uint32_t
-  EvaluateLanes(const RayGroup & group, int first, Number * best, Number * places) const;
 
   /** Gives a ray a value if it is better than the ray's best one so far, or as good and nearer to the viewer. */
   void
@@ -496,14 +727,14 @@ private:
   const RayPatch<TPixel> &   m_Patch;
   const SliceStack<TPixel> & m_Slices;
   bool                       m_IsBackward;
-  bool                       m_IsPart;      // in columns or rows
-  std::ptrdiff_t             m_Step[2];     // 1 or -1: the direction of rays
-  Number                     m_Slope[2];    // columns and rows that a ray passes from slice to slice
-  Number                     m_PerVoxel[2]; // slices in which a ray passes a column or a row
+  bool                       m_IsPart;  // in columns or rows
+  std::ptrdiff_t             m_Step[2]; // 1 or -1: the direction of rays
   LevelType                  m_Levels;
   bool                       m_HasChanged[CellRows]{};
   RaySegment                 m_Segments[RaysTogether]{};
   int                        m_Count{ 0 };
+
+  GroupSearch<Number, IsFloat<TPixel>, MayBeLarge> m_GroupSearch;
 };
 
 template <typename TPixel, bool VIsMinimum>
@@ -514,16 +745,14 @@ PatchSearch<TPixel, VIsMinimum>::PatchSearch(const ExactView<TPixel> & view, con
   , m_IsBackward(view.depth.perSlice < 0)
   , m_IsPart(!(view.slices.columnEnds.first && view.slices.columnEnds.last && view.slices.rowEnds.first &&
                view.slices.rowEnds.last))
+  , m_Step{ view.shear[0] > 0 ? -1 : 1, view.shear[1] > 0 ? -1 : 1 }
   , m_Levels(view.slices.lowest, view.slices.highest)
+  , m_GroupSearch(view.shear,
+                  m_IsBackward,
+                  m_IsPart,
+                  static_cast<Number>(view.slices.lowest),
+                  static_cast<Number>(view.slices.highest))
 {
-  constexpr Number most = std::numeric_limits<Number>::max();
-  for (int axis = 0; axis < 2; ++axis)
-  {
-    const double slope = view.shear[axis] > 0 ? view.shear[axis] : -view.shear[axis];
-    m_Step[axis] = view.shear[axis] > 0 ? -1 : 1;
-    m_Slope[axis] = static_cast<Number>(slope);
-    m_PerVoxel[axis] = slope > 1 / static_cast<double>(most) ? static_cast<Number>(1 / slope) : most;
-  }
   for (bool & hasChanged : m_HasChanged)
   {
     hasChanged = isNew;
@@ -790,7 +1019,7 @@ PatchSearch<TPixel, VIsMinimum>::SearchPair(std::ptrdiff_t slice)
 
 template <typename TPixel, bool VIsMinimum>
 void
-PatchSearch<TPixel, VIsMinimum>::PlaceRays(int count, RayGroup & group, VoxelPlaces & places) const
+PatchSearch<TPixel, VIsMinimum>::PlaceRays(int count, Group & group, VoxelPlaces & places) const
 {
   double p[RaysTogether], q[RaysTogether], begins[RaysTogether], ends[RaysTogether], first[RaysTogether];
   for (int n = 0; n < RaysTogether; ++n)
@@ -829,7 +1058,7 @@ PatchSearch<TPixel, VIsMinimum>::PlaceRays(int count, RayGroup & group, VoxelPla
 
 template <typename TPixel, bool VIsMinimum>
 void
-PatchSearch<TPixel, VIsMinimum>::FindMissing(const VoxelPlaces & places, RayGroup & group) const
+PatchSearch<TPixel, VIsMinimum>::FindMissing(const VoxelPlaces & places, Group & group) const
 {
   constexpr Number     infinity = std::numeric_limits<Number>::infinity();
   const std::ptrdiff_t lasts[] = { m_Slices.columns - 1, m_Slices.rows - 1 };
@@ -851,7 +1080,7 @@ PatchSearch<TPixel, VIsMinimum>::FindMissing(const VoxelPlaces & places, RayGrou
 
 template <typename TPixel, bool VIsMinimum>
 void
-PatchSearch<TPixel, VIsMinimum>::LoadSingly(const VoxelPlaces & places, RayGroup & group) const
+PatchSearch<TPixel, VIsMinimum>::LoadSingly(const VoxelPlaces & places, Group & group) const
 {
   const int  firstColumn = m_Step[0] > 0 ? 0 : 2;
   const int  firstRow = m_Step[1] > 0 ? 0 : 2;
@@ -934,7 +1163,7 @@ PatchSearch<TPixel, VIsMinimum>::SplitLine(const std::uint32_t (&words)[WordsInF
 
 template <typename TPixel, bool VIsMinimum>
 void
-PatchSearch<TPixel, VIsMinimum>::LoadFours(const VoxelPlaces & places, RayGroup & group) const
+PatchSearch<TPixel, VIsMinimum>::LoadFours(const VoxelPlaces & places, Group & group) const
 {
   Four fours[6][RaysTogether];
   this->CopyLines(places, fours);
@@ -956,166 +1185,6 @@ PatchSearch<TPixel, VIsMinimum>::LoadFours(const VoxelPlaces & places, RayGroup 
   {
     this->SplitLine(words[line / 3 * 3 + firstRow + line % 3 * stepY], group.voxels + 3 * line);
   }
-}
-
-template <typename TPixel, bool VIsMinimum>
-SHEARWARP_INLINE inline auto
-PatchSearch<TPixel, VIsMinimum>::FindCounted(const CellLanes<Number> & cell, Vector highest, Vector least) -> Flags
-{
-  Flags isCounted = (cell.begin <= cell.end) & (highest >= least);
-  if constexpr (IsFloat<TPixel>)
-  {
-    constexpr Number largest = std::numeric_limits<Number>::max();
-    const Vector     most = Vectors::Set(largest);
-    const auto &     a = cell.front;
-    const auto &     b = cell.back;
-    const Vector     sum = ((a[0] + b[0]) + (a[1] + b[1])) + ((a[2] + b[2]) + (a[3] + b[3]));
-    isCounted &= (sum >= -most) & (sum <= most);
-  }
-  return isCounted;
-}
-
-template <typename TPixel, bool VIsMinimum>
-SHEARWARP_INLINE inline void
-PatchSearch<TPixel, VIsMinimum>::TakeLocalMaximum(const CellLanes<Number> & cell,
-                                                  const Cubic<Number> &     cubic,
-                                                  Vector                    bound,
-                                                  Flags                     lanes,
-                                                  Vector &                  value,
-                                                  Vector &                  place) const
-{
-  // the derivative, 3 g3 t^2 + 2 g2 t + g1 but for the scale, falls through 0 at t
-  const Vector zero = Vectors::Set(0);
-  const Number scale = FindScaleOfSquares(cubic.f1, cubic.f2, cubic.f3);
-  const Vector g1 = cubic.f1 * scale;
-  const Vector g2 = cubic.f2 * scale;
-  const Vector threeG3 = cubic.threeF3 * scale;
-  const Vector discriminant = g2 * g2 - threeG3 * g1;
-  const Vector root = Vectors::SquareRoot(GetHigher(discriminant, zero));
-  const Flags  isFalling = g2 <= zero;
-  const Vector numerator = isFalling ? g1 : Vector(-(g2 + root));
-  const Vector denominator = isFalling ? Vector(root - g2) : threeG3;
-  const Vector t = numerator / denominator;
-  const Vector atRoot = GetLower(cubic.Evaluate(t), bound);
-  const Flags  isTaken =
-    lanes & (discriminant >= zero) & (t > cell.begin) & (t < cell.end) & this->IsBetter(atRoot, value);
-  value = isTaken ? atRoot : value;
-  place = isTaken ? t : place;
-}
-
-template <typename TPixel, bool VIsMinimum>
-SHEARWARP_INLINE inline void
-PatchSearch<TPixel, VIsMinimum>::TakeCell(const CellLanes<Number> & cell, BestLanes<Number> & lanes) const
-{
-  const auto & a = cell.front;
-  const auto & b = cell.back;
-  const Vector highest = GetHigher(GetHigher(GetHigher(a[0], b[0]), GetHigher(a[1], b[1])),
-                                   GetHigher(GetHigher(a[2], b[2]), GetHigher(a[3], b[3])));
-  const Flags  isCounted = FindCounted(cell, highest, lanes.least);
-  if (Vectors::GetBits(isCounted) == 0)
-  {
-    return;
-  }
-  const auto   cubic = ExpandInCell<Number>(cell, m_Slope);
-  const Vector atBegin = GetLower(cubic.Evaluate(cell.begin), highest);
-  const Vector atEnd = GetLower(cubic.Evaluate(cell.end), highest);
-  // a cubic is not above the control points of its Bernstein form
-  const Number three = 3;
-  const Number third = Number(1) / three;
-  const Vector step = (cell.end - cell.begin) * third;
-  const Vector bound =
-    GetLower(GetHigher(atBegin + step * cubic.Derive(cell.begin), atEnd - step * cubic.Derive(cell.end)), highest);
-  const Flags mayBeBetter = isCounted & (bound > atBegin) & (bound > atEnd) & (bound >= lanes.least);
-  Vector      value = atBegin;
-  Vector      place = cell.begin;
-  if (Vectors::GetBits(mayBeBetter) != 0)
-  {
-    this->TakeLocalMaximum(cell, cubic, bound, mayBeBetter, value, place);
-  }
-  const Flags takesEnd = this->IsBetter(atEnd, value);
-  value = takesEnd ? atEnd : value;
-  place = takesEnd ? cell.end : place;
-  const Flags isTaken = isCounted & this->IsBetter(value, lanes.best);
-  lanes.best = isTaken ? value : lanes.best;
-  lanes.place = isTaken ? place : lanes.place;
-}
-
-template <typename TPixel, bool VIsMinimum>
-SHEARWARP_INLINE inline void
-PatchSearch<TPixel, VIsMinimum>::TakeAnyCell(const CellLanes<Number> & cell, BestLanes<Number> & lanes) const
-{
-  if constexpr (HasLargeNumbers)
-  {
-    // most volumes have no large voxels, whose differences overflow
-    if ((m_Slices.lowest < -0x1p1000 || m_Slices.highest > 0x1p1000) && IsLarge(cell))
-    {
-      CellLanes<Number> scaled = cell;
-      for (int n = 0; n < 4; ++n)
-      {
-        scaled.front[n] *= 0x1p-30;
-        scaled.back[n] *= 0x1p-30;
-      }
-      BestLanes<Number> best{ lanes.least * 0x1p-30, NoSample<Number>, lanes.place };
-      this->TakeCell(scaled, best);
-      best.best *= 0x1p30;
-      lanes.place = this->IsBetter(best.best, lanes.best) ? best.place : lanes.place;
-      lanes.best = this->IsBetter(best.best, lanes.best) ? best.best : lanes.best;
-      return;
-    }
-  }
-  this->TakeCell(cell, lanes);
-}
-
-template <typename TPixel, bool VIsMinimum>
-SHEARWARP_INLINE inline std::uint32_t
-PatchSearch<TPixel, VIsMinimum>::EvaluateLanes(const RayGroup & group, int first, Number * best, Number * places) const
-{
-  const auto load = [first](const Number * numbers)
-                      SHEARWARP_INLINE -> Vector { return Vectors::Load(numbers + first); };
-  const Vector one = Vectors::Set(1);
-  const Vector x = load(group.x);
-  const Vector y = load(group.y);
-  const Vector begin = load(group.begin);
-  const Vector end = load(group.end);
-  Vector       v[18];
-  SHEARWARP_UNROLL
-  for (int voxel = 0; voxel < 18; ++voxel)
-  {
-    v[voxel] = load(group.voxels[voxel]);
-  }
-  // the ray leaves its first column or its first row, then the other one
-  const Vector leavesX = (one - x) * m_PerVoxel[0];
-  const Vector leavesY = (one - y) * m_PerVoxel[1];
-  const auto   isXFirst = leavesX <= leavesY;
-  const Vector leavesFirst = GetLower(leavesX, leavesY);
-  const Vector leavesLast = GetHigher(leavesX, leavesY);
-  const auto   next = [&](int voxel) SHEARWARP_INLINE -> Vector { return isXFirst ? v[voxel + 1] : v[voxel + 3]; };
-  Vector       begins[] = { begin, GetHigher(leavesFirst, begin), GetHigher(leavesLast, begin) };
-  if (m_IsPart)
-  {
-    const auto & [columns, rows] = group.missing;
-    const Vector ofFirst[] = { load(columns[0]), load(rows[0]) };
-    const Vector ofLast[] = { load(columns[1]), load(rows[1]) };
-    begins[0] += ofFirst[0] + ofFirst[1];
-    begins[1] += isXFirst ? Vector(ofLast[0] + ofFirst[1]) : Vector(ofFirst[0] + ofLast[1]);
-    begins[2] += ofLast[0] + ofLast[1];
-  }
-
-  BestLanes<Number> lanes{ load(group.best), Vectors::Set(NoSample<Number>), Vectors::Set(0) };
-  this->TakeAnyCell(
-    { { v[0], v[1], v[3], v[4] }, { v[9], v[10], v[12], v[13] }, x, y, begins[0], GetLower(leavesFirst, end) }, lanes);
-  this->TakeAnyCell({ { next(0), next(1), next(3), next(4) },
-                      { next(9), next(10), next(12), next(13) },
-                      isXFirst ? Vector(x - one) : x,
-                      isXFirst ? y : Vector(y - one),
-                      begins[1],
-                      GetLower(leavesLast, end) },
-                    lanes);
-  this->TakeAnyCell({ { v[4], v[5], v[7], v[8] }, { v[13], v[14], v[16], v[17] }, x - one, y - one, begins[2], end },
-                    lanes);
-  Vectors::Store(best + first, lanes.best);
-  Vectors::Store(places + first, lanes.place);
-  return Vectors::GetBits(lanes.best >= lanes.least);
 }
 
 template <typename TPixel, bool VIsMinimum>
@@ -1142,7 +1211,7 @@ PatchSearch<TPixel, VIsMinimum>::Evaluate()
   {
     return;
   }
-  RayGroup    group;
+  Group       group;
   VoxelPlaces voxelPlaces;
   this->PlaceRays(count, group, voxelPlaces);
   if (m_IsPart)
@@ -1158,11 +1227,7 @@ PatchSearch<TPixel, VIsMinimum>::Evaluate()
     this->LoadSingly(voxelPlaces, group);
   }
   Number        best[RaysTogether], places[RaysTogether];
-  std::uint32_t betterRays = 0;
-  for (int n = 0; n < RaysTogether; n += Vectors::Count)
-  {
-    betterRays |= this->EvaluateLanes(group, n, best, places) << n;
-  }
+  std::uint32_t betterRays = m_GroupSearch.Search(group, best, places);
   for (betterRays &= (std::uint32_t{ 1 } << count) - 1; betterRays != 0; betterRays &= betterRays - 1)
   {
     const int n = FindLowest(betterRays);

@@ -29,7 +29,11 @@
 
 #define SHEARWARP_UNROLL
 #define SHEARWARP_RESTRICT __restrict
-#define SHEARWARP_INLINE
+#if defined(__GNUC__)
+#  define SHEARWARP_INLINE __attribute__((always_inline))
+#else
+#  define SHEARWARP_INLINE
+#endif
 
 namespace itk::ShearWarp
 {
