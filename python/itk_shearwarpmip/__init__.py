@@ -39,7 +39,7 @@ def __getattr__(name: str) -> Any:
     try:
         import dask.array  # noqa: F401
     except ImportError as error:
-        raise ImportError("itk_shearwarpmip needs Dask: pip install itk-shearwarpmip[distributed]") from error
+        raise ImportError("itk_shearwarpmip needs Dask: install the wheel with its extra [distributed]") from error
     from itk_shearwarpmip import _volume
 
     return getattr(_volume, name)

@@ -6,7 +6,7 @@ from typing import Any
 try:
     from rendercanvas import anywidget
 except ImportError as error:
-    raise ImportError("the viewer in a notebook needs anywidget: pip install itk-shearwarpmip[viewer]") from error
+    raise ImportError("the viewer in a notebook needs anywidget: install the wheel with its extra [viewer]") from error
 
 from itk_shearwarpmip._canvas import AtOnce
 

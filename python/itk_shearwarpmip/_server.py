@@ -18,7 +18,7 @@ try:
     import uvicorn
     from rendercanvas import http
 except ImportError as error:
-    raise ImportError("the viewer's page needs uvicorn: pip install itk-shearwarpmip[viewer]") from error
+    raise ImportError("the viewer's page needs uvicorn: install the wheel with its extra [viewer]") from error
 
 from itk_shearwarpmip._canvas import AtOnce
 

@@ -21,7 +21,7 @@ try:
 
     from itk_shearwarpmip import _scene
 except ImportError as error:
-    raise ImportError("the viewer needs rendercanvas and Pillow: pip install itk-shearwarpmip[viewer]") from error
+    raise ImportError("the viewer needs rendercanvas and Pillow: install the wheel with its extra [viewer]") from error
 
 from itk_shearwarpmip._front import Place, require_known
 from itk_shearwarpmip._inputs import get_shape, is_chunked, is_plain_array, make_flag, make_numbers, open_image

@@ -156,7 +156,7 @@ class _OmeZarr:
         try:
             import zarr
         except ImportError as error:
-            raise ImportError("an OME-Zarr needs zarr: pip install itk-shearwarpmip[distributed]") from error
+            raise ImportError("an OME-Zarr needs zarr: install the wheel with its extra [distributed]") from error
 
         self._name = str(source)
         try:

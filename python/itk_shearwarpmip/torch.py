@@ -1,6 +1,6 @@
 """Projections of tensors that a network can learn from: mip() has a derivative with respect to the volume.
 
-Needs PyTorch: pip install itk-shearwarpmip[torch]
+Needs PyTorch: install the wheel with its extra [torch]
 """
 
 import math
@@ -19,7 +19,7 @@ try:
     import torch
     from torch.autograd.function import once_differentiable
 except ImportError as error:
-    raise ImportError("itk_shearwarpmip.torch needs PyTorch: pip install itk-shearwarpmip[torch]") from error
+    raise ImportError("itk_shearwarpmip.torch needs PyTorch: install the wheel with its extra [torch]") from error
 
 
 def mip(volume: torch.Tensor, views: Sequence[Any] | None = None, *, background: float = 0.0, **parameters: Any) -> Any:

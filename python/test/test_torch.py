@@ -143,7 +143,7 @@ def test_without_pytorch():
     outcome = subprocess.run([sys.executable, "-c", code], check=False, capture_output=True, text=True)
     assert outcome.returncode == 1
     assert outcome.stderr.endswith(
-        "ImportError: itk_shearwarpmip.torch needs PyTorch: pip install itk-shearwarpmip[torch]\n"
+        "ImportError: itk_shearwarpmip.torch needs PyTorch: install the wheel with its extra [torch]\n"
     )
 
 
