@@ -6,16 +6,17 @@
 #   JOBS=<n>              parallel compile jobs                   [all cores]
 #   XDG_CACHE_HOME=<dir>  the cache is itk-shearwarpmip/ inside   [~/.cache]
 #
-# Usage: demo.sh [IMAGE [FOLDER]]
-#   IMAGE   a 3D image, or the folder of one DICOM series         [a synthetic MR angiogram of a head]
+# Usage: demo.sh [IMAGE [FOLDER [OPTION]...]]
+#   IMAGE   a 3D image, or a folder with a DICOM series           [a synthetic MR angiogram of a head]
 #   FOLDER  where the pictures go                                 [demo-output]
+#   OPTION  of the program, such as --series 2
 set -euo pipefail
 . "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 [[ ${1:-} != -* ]] || exit_with_usage "$1"
-[ $# -le 2 ] || die "at most an image and a folder, see --help"
 image=${1:-}
 folder=${2:-demo-output}
+options=("${@:3}")
 [ -z "$image" ] || [ -e "$image" ] || die "'$image' does not exist"
 
 program=$root/build/demo/apps/shear-warp-mip
@@ -23,22 +24,23 @@ program=$root/build/demo/apps/shear-warp-mip
 render_views() {
   local view
   for view in anterior posterior left right superior inferior; do
-    "$program" "$image" "$folder/$view.png" --view "$view"
+    "$program" "$image" "$folder/$view.png" --view "$view" "${options[@]}"
   done
 }
 
 render_cine() {
   local extension
   for extension in gif html; do
-    "$program" "$image" "$folder/cine.$extension" --frames 36 --rate 12.5
+    "$program" "$image" "$folder/cine.$extension" --frames 36 --rate 12.5 "${options[@]}"
   done
-  "$program" "$image" "$folder/cine.nrrd" --frames 36
+  "$program" "$image" "$folder/cine.nrrd" --frames 36 "${options[@]}"
 }
 
 timed "installed what building needs" need_packages build-essential cmake ninja-build libinsighttoolkit5-dev \
   libcli11-dev ffmpeg "${page_packages[@]}"
 say "building the program, some minutes at the first time"
 timed "built the program" build_release demo all -DShearWarpMIP_BUILD_APPS=ON
+say "the program is $program"
 mkdir -p "$folder"
 if [ -z "$image" ]; then
   image=$folder/phantom.nrrd
@@ -46,11 +48,11 @@ if [ -z "$image" ]; then
 fi
 timed "rendered six views" render_views
 timed "rendered 36 frames, three times" render_cine
-timed "wrote a page that holds the volume" "$program" "$image" "$folder/volume.html" --page-volume
+timed "wrote a page that holds the volume" "$program" "$image" "$folder/volume.html" --page-volume "${options[@]}"
 
 say "
 The pictures are in $(cd "$folder" && pwd):
   anterior.png posterior.png left.png right.png superior.png inferior.png
   cine.gif (animated), cine.html (to turn, in a browser), cine.nrrd (with the image's values)
   volume.html (the volume itself, to turn freely, cut and click, in a browser)
-The program is $program; try it with --help."
+Try the program with --help: $program"
