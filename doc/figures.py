@@ -345,14 +345,18 @@ def draw_speed(path):
 
 
 def draw_memory(path):
-    """Peak memory against the number of slabs, by the table of the page."""
-    rows = read_table(ROOT / "doc" / "speed-and-memory.md", "| slabs |")
-    slabs, along_z, along_x = np.array([[float(cell) for cell in row] for row in rows]).T
+    """Peak memory against the number of divisions, by the table of the page."""
+    rows = read_table(ROOT / "doc" / "speed-and-memory.md", "| divisions |")
+    divisions, along_z, along_x = np.array([[float(cell) for cell in row] for row in rows]).T
     figure, axes = plt.subplots(figsize=(4.5, 2.6), layout="constrained")
-    axes.loglog(slabs, along_x, "o-", color=ORANGE, label="view along the image's x axis")
-    axes.loglog(slabs, along_z, "o-", color=BLUE, label="other views")
+    axes.loglog(divisions, along_x, "o-", color=ORANGE, label="view along the image's x axis")
+    axes.loglog(divisions, along_z, "o-", color=BLUE, label="other views")
     axes.set(
-        xlabel="slabs", ylabel="peak memory, MB", xticks=slabs, xticklabels=[f"{n:.0f}" for n in slabs], ylim=(20, 4000)
+        xlabel="divisions",
+        ylabel="peak memory, MB",
+        xticks=divisions,
+        xticklabels=[f"{n:.0f}" for n in divisions],
+        ylim=(20, 4000),
     )
     axes.minorticks_off()
     axes.grid(alpha=0.3)
