@@ -400,8 +400,7 @@ AddNotes(const Options & options, const Stack & stack, const Messages & messages
     return;
   }
   const bool        isSmall = !isPage && std::min(size[0], size[1]) < SmallestLabelled;
-  const std::string small =
-    '\'' + picture + "' has less than " + std::to_string(SmallestLabelled) + " pixels along one side";
+  const std::string small = '\'' + picture + "' has less than " + std::to_string(SmallestLabelled) + " columns or rows";
   note(isSmall && options.isAnnotated, "--annotate", small);
   if (!options.isUnlabelled && (isSmall || !stack.hasOrientation))
   {

@@ -252,9 +252,9 @@ public:
   itkGetConstMacro(Exact, bool);
   itkBooleanMacro(Exact);
 
-  /** The number of slabs along the input's z axis in which the filter requests the voxels, one after the other; 1 by
-   * default. It does not change the bits of the output. Slabs have at least eight slices. With more than one slab, the
-   * filter keeps nothing, and each update requests all slabs again. */
+  /** The number of divisions along the input's z axis in which the filter requests the voxels, one after the other; 1
+   * by default. It does not change the bits of the output. A division has at least eight slices. With more than one,
+   * the filter keeps nothing, and each update requests all divisions again. */
   itkSetMacro(NumberOfStreamDivisions, unsigned int);
   itkGetConstMacro(NumberOfStreamDivisions, unsigned int);
 

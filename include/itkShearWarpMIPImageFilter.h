@@ -98,10 +98,10 @@ ShearWarpMIP_EXPORT Point<double, 3>
  * even the requested region of an input. They can share voxels if each filter has its own image, made by
  * Image::Graft(). They can also share a transform, if nobody changes it.
  *
- * The filter always computes the whole output. It requests the whole input, or slab by slab with
+ * The filter always computes the whole output. It requests the whole input, or one division after the other with
  * NumberOfStreamDivisions from a source that streams, and the mask in the same way. So it can project an image larger
- * than memory. It then needs memory for a slab (twice for views along x), for the intermediate images and, with Exact,
- * for 4 to 16 bytes of each output pixel.
+ * than memory. It then needs memory for a division (twice for views along x), for the intermediate images and, with
+ * Exact, for 4 to 16 bytes of each output pixel.
  * ShearWarpMIPPartsImageFilter can also project parts of an image independently, on any computer, and make the picture
  * from them.
  *

@@ -9,11 +9,12 @@
 # Usage: demo.sh [IMAGE [FOLDER [OPTION]...]]
 #   IMAGE   a 3D image, or a folder with a DICOM series           [a synthetic MR angiogram of a head]
 #   FOLDER  where the pictures go                                 [demo-output]
-#   OPTION  of the program, such as --series 2
+#   OPTION  of the program, for all outputs, such as --series 2 or --time 0
 set -euo pipefail
 . "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 [[ ${1:-} != -* ]] || exit_with_usage "$1"
+[[ ${2:-} != -* ]] || die "the folder of the pictures comes before options, see --help"
 image=${1:-}
 folder=${2:-demo-output}
 options=("${@:3}")

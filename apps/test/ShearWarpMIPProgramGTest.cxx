@@ -456,7 +456,7 @@ TEST_F(ShearWarpMIPProgram, SaysWhatHasNoEffect)
   expectNote("in.nrrd a.nrrd --annotate", "--annotate has no effect: 'a.nrrd' has no annotations");
   expectNote("in.nrrd a.nrrd --depth-color depth.gif --size 48 48", "one view does not move; see --frames");
   expectNote("in.nrrd a.html --annotate", "--annotate has no effect: 'a.html' has scale bar and angles anyway");
-  expectNote("in.nrrd a.png --annotate", "--annotate has no effect: 'a.png' has less than 48 pixels along one side");
+  expectNote("in.nrrd a.png --annotate", "--annotate has no effect: 'a.png' has less than 48 columns or rows");
   this->ExpectSuccess("in.nrrd a.png --annotate --size 48 48");
   this->ExpectSuccess("in.nrrd a.html --no-labels");
   this->ExpectSuccess("in.nrrd a.nrrd --no-labels --annotate --depth-color depth.png --size 48 48");

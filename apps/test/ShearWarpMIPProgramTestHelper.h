@@ -82,7 +82,7 @@ using ViewTransformType = itk::ShearWarpMIPView::TransformType;
 /** Attributes of DICOM as "group|element", and their values. */
 using Tags = std::map<std::string, std::string>;
 
-const std::string smallNote = "' has less than 48 pixels along one side";
+const std::string smallNote = "' has less than 48 columns or rows";
 
 /** The program of the build, or the one that the environment variable SHEARWARPMIP_PROGRAM names. */
 std::string

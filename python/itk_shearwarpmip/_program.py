@@ -42,8 +42,8 @@ def find() -> str:
         if found := shutil.which(_NAME, path=folder):
             return found
     raise FileNotFoundError(
-        f"the program {_NAME}, which reads and writes files, is missing: install the wheel again, as by "
-        "pip install --force-reinstall --no-deps itk-shearwarpmip"
+        f"the program {_NAME}, which reads and writes files, is missing: install the wheel again by "
+        "pip install --force-reinstall --no-deps <wheel>"
     )
 
 

@@ -206,7 +206,7 @@ struct BestLanes
 template <typename TNumber>
 struct RayGroup
 {
-  static constexpr int Rays = 16; // at most 32
+  static constexpr int Rays = 16; // at most 31
 
   TNumber x[Rays], y[Rays];
   TNumber missing[2][2][Rays]; // infinite if a part does not have the first or last columns, or rows, of cells
@@ -225,7 +225,8 @@ public:
   using Group = RayGroup<TNumber>;
 
   /** The magnitudes of \a shear are the columns and rows that a ray passes from slice to slice. Backward rays come from
-   * the last slice. Only in a part do cells miss. Voxels are from \a lowest to \a highest. */
+   * the last slice. Only in a part do cells miss. The magnitude of a voxel is at most that of \a lowest or \a highest.
+   */
   GroupSearch(const double (&shear)[2], bool isBackward, bool isPart, TNumber lowest, TNumber highest);
 
   /** Writes each ray's best value and its place: 0 in the slice, 1 in the next one. Returns, as bits, the rays whose
@@ -326,7 +327,7 @@ GroupSearch<TNumber, VMayBeInfinite, VMayBeLarge>::GroupSearch(const double (&sh
                                                                TNumber highest)
   : m_IsBackward(isBackward)
   , m_IsPart(isPart)
-  , m_HasLargeVoxels(lowest<-Large || highest> Large)
+  , m_HasLargeVoxels(highest > Large || lowest < -Large)
 {
   constexpr TNumber most = std::numeric_limits<TNumber>::max();
   for (int axis = 0; axis < 2; ++axis)
