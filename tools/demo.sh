@@ -9,7 +9,7 @@
 # Usage: demo.sh [IMAGE [FOLDER [OPTION]...]]
 #   IMAGE   a 3D image, or a folder with a DICOM series           [a synthetic MR angiogram of a head]
 #   FOLDER  where the pictures go                                 [demo-output]
-#   OPTION  of the program, for all outputs, such as --series 2 or --time 0
+#   OPTION  of the program, for all outputs, such as --series 2; not --view, --frames and --rate, which are set here
 set -euo pipefail
 . "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 

@@ -16,10 +16,15 @@ All series show the same body with two bright spots, each on a grid of its own:
 import argparse
 from pathlib import Path
 
-import numpy as np
-from pydicom.dataset import Dataset, FileDataset, FileMetaDataset
-from pydicom.fileset import FileSet
-from pydicom.uid import ExplicitVRLittleEndian, generate_uid
+try:
+    import numpy as np
+    from pydicom.dataset import Dataset, FileDataset, FileMetaDataset
+    from pydicom.fileset import FileSet
+    from pydicom.uid import ExplicitVRLittleEndian, generate_uid
+except ImportError as error:
+    raise SystemExit(
+        f"make_study.py needs NumPy and pydicom, such as by 'pip install numpy pydicom': {error}"
+    ) from error
 
 CT = "1.2.840.10008.5.1.4.1.1.2"
 ENHANCED_CT = "1.2.840.10008.5.1.4.1.1.2.1"

@@ -383,7 +383,11 @@ TYPED_TEST(ShearWarpEngineTyped, FollowsTheRuleOfSampling)
     const auto                      pictures = Project(engine, scene, rule, MakeThreads(1 + repeat % 3), volume);
     EXPECT_EQ(engine.GetMeasurements().principalAxis, 2u);
     const auto expected = Evaluate(volume, view, scene.picture, sampleRule, rule.oversampling, rule.background);
-    EXPECT_TRUE(std::equal(expected.begin(), expected.end(), pictures.pixels.begin(), HaveSameBits<TypeParam>));
+    const auto [wanted, pixel] =
+      std::mismatch(expected.begin(), expected.end(), pictures.pixels.begin(), HaveSameBits<TypeParam>);
+    EXPECT_TRUE(wanted == expected.end())
+      << rule.mode << ", oversampling " << rule.oversampling << ": pixel " << wanted - expected.begin() << " is "
+      << +*pixel << " instead of " << +*wanted;
   }
 }
 
