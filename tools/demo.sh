@@ -9,7 +9,7 @@
 # Usage: demo.sh [IMAGE [FOLDER [OPTION]...]]
 #   IMAGE   a 3D image, or a folder with a DICOM series           [a synthetic MR angiogram of a head]
 #   FOLDER  where the pictures go                                 [demo-output]
-#   OPTION  of the program, for all outputs, such as --series 2; not --view, --frames and --rate, which are set here
+#   OPTION  of the program that chooses the volume, such as --series 2 or --time 0
 set -euo pipefail
 . "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
@@ -19,22 +19,23 @@ image=${1:-}
 folder=${2:-demo-output}
 options=("${@:3}")
 [ -z "$image" ] || [ -e "$image" ] || die "'$image' does not exist"
+[ -z "$image" ] || [ ! "$image" -ef "$folder" ] || die "choose another folder for the pictures than the image's"
 
 program=$root/build/demo/apps/shear-warp-mip
 
 render_views() {
   local view
   for view in anterior posterior left right superior inferior; do
-    "$program" "$image" "$folder/$view.png" --view "$view" "${options[@]}"
+    "$program" "$image" "$folder/$view.png" --view "$view"
   done
 }
 
 render_cine() {
   local extension
   for extension in gif html; do
-    "$program" "$image" "$folder/cine.$extension" --frames 36 --rate 12.5 "${options[@]}"
+    "$program" "$image" "$folder/cine.$extension" --frames 36 --rate 12.5
   done
-  "$program" "$image" "$folder/cine.nrrd" --frames 36 "${options[@]}"
+  "$program" "$image" "$folder/cine.nrrd" --frames 36
 }
 
 timed "installed what building needs" need_packages build-essential cmake ninja-build libinsighttoolkit5-dev \
@@ -46,10 +47,13 @@ mkdir -p "$folder"
 if [ -z "$image" ]; then
   image=$folder/phantom.nrrd
   timed "made a synthetic angiogram" "$program" --write-phantom "$image"
+else
+  timed "read the image" "$program" "$image" --write-volume "$folder/volume.nrrd" "${options[@]}"
+  image=$folder/volume.nrrd
 fi
 timed "rendered six views" render_views
 timed "rendered 36 frames, three times" render_cine
-timed "wrote a page that holds the volume" "$program" "$image" "$folder/volume.html" --page-volume "${options[@]}"
+timed "wrote a page that holds the volume" "$program" "$image" "$folder/volume.html" --page-volume
 
 say "
 The pictures are in $(cd "$folder" && pwd):
