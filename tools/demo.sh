@@ -9,7 +9,7 @@
 # Usage: demo.sh [IMAGE [FOLDER [OPTION]...]]
 #   IMAGE   a 3D image, or a folder with a DICOM series           [a synthetic MR angiogram of a head]
 #   FOLDER  where the pictures go                                 [demo-output]
-#   OPTION  of the program that chooses the volume, such as --series 2 or --time 0
+#   OPTION  of the program that chooses the volume, such as --series 2 or --volume 1
 set -euo pipefail
 . "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 

@@ -29,6 +29,7 @@
 
 #define SHEARWARP_UNROLL
 #define SHEARWARP_RESTRICT __restrict
+// otherwise g++ calls a function for each cell
 #if defined(__GNUC__)
 #  define SHEARWARP_INLINE __attribute__((always_inline))
 #else
