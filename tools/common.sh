@@ -15,11 +15,11 @@ warnings='-Wall -Wextra -Wconversion -Wshadow -Wno-nonnull'
 say() { printf '%s\n' "$*" >&2; }
 die() { say "$(basename "$0"): $*"; exit 1; }
 
-# exit_with_usage [OPTION]: prints the comment at the beginning of the script that calls it; a success if the option asks
-# for that.
+# exit_with_usage [ARGUMENT]: prints the comment at the beginning of the script that calls it; an error unless the
+# argument asks for it.
 exit_with_usage() {
   sed -n '2,/^set/{/^set/d;s/^# \{0,1\}//;p}' "${BASH_SOURCE[1]}" >&2
-  case ${1:-} in -h | --help) exit 0 ;; *) exit 1 ;; esac
+  case ${1:-} in -h | --help) exit 0 ;; *) die "'${1:-}' is not expected, see above" ;; esac
 }
 
 # as_root COMMAND...: runs it as root, through sudo where that is needed.

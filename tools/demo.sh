@@ -20,6 +20,7 @@ folder=${2:-demo-output}
 options=("${@:3}")
 [ -z "$image" ] || [ -e "$image" ] || die "'$image' does not exist"
 [ -z "$image" ] || [ ! "$image" -ef "$folder" ] || die "choose another folder for the pictures than the image's"
+[ ! -e "$folder" ] || [ -d "$folder" ] || die "'$folder' is a file, not a folder for the pictures"
 
 program=$root/build/demo/apps/shear-warp-mip
 

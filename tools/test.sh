@@ -49,7 +49,7 @@ esac
 for stage in "${stages[@]}"; do
   case $stage in
     quick | module | installed | python | sanitize | engine | long) ;;
-    *) exit_with_usage "$1" ;;
+    *) exit_with_usage "$*" ;;
   esac
 done
 
