@@ -9,12 +9,18 @@
 # Usage: demo.sh [IMAGE [FOLDER [OPTION]...]]
 #   IMAGE   a 3D image, or a folder with a DICOM series           [a synthetic MR angiogram of a head]
 #   FOLDER  where the pictures go                                 [demo-output]
-#   OPTION  of the program that chooses the volume, such as --series 2 or --volume 1
+#   OPTION  --series, --volume or --suv, as the program takes them
 set -euo pipefail
 . "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 [[ ${1:-} != -* ]] || exit_with_usage "$1"
 [[ ${2:-} != -* ]] || die "the folder of the pictures comes before options, see --help"
+for option in "${@:3}"; do
+  case $option in
+    --series | --series=* | --volume | --volume=* | --suv) ;;
+    -*) die "'$option' does not choose the volume; after this, build/demo/apps/shear-warp-mip takes all options" ;;
+  esac
+done
 image=${1:-}
 folder=${2:-demo-output}
 options=("${@:3}")
@@ -46,12 +52,11 @@ timed "built the program" build_release demo all -DShearWarpMIP_BUILD_APPS=ON
 say "the program is $program"
 mkdir -p "$folder"
 if [ -z "$image" ]; then
-  image=$folder/phantom.nrrd
-  timed "made a synthetic angiogram" "$program" --write-phantom "$image"
+  timed "made a synthetic angiogram" "$program" --write-phantom "$folder/volume.nrrd"
 else
   timed "read the image" "$program" "$image" --write-volume "$folder/volume.nrrd" "${options[@]}"
-  image=$folder/volume.nrrd
 fi
+image=$folder/volume.nrrd
 timed "rendered six views" render_views
 timed "rendered 36 frames, three times" render_cine
 timed "wrote a page that holds the volume" "$program" "$image" "$folder/volume.html" --page-volume
