@@ -252,7 +252,7 @@ VerifyTimes(const Options & options, std::size_t times)
   if (times > 1 && !refused.empty())
   {
     throw std::runtime_error(refused + " is not possible: '" + options.input + "' has " + std::to_string(times) +
-                             " points in time");
+                             " points in time; --volume NUMBER chooses one");
   }
 }
 

@@ -365,6 +365,12 @@ Interpolate(const std::vector<Slice> & slices,
 }
 } // namespace
 
+std::string
+GetVolumeOption(const std::string & seriesOption)
+{
+  return seriesOption.empty() ? "" : seriesOption.substr(0, seriesOption.rfind("series")) + "volume";
+}
+
 Volume
 ReadDicom(const fs::path &        path,
           const std::string &     series,
@@ -420,8 +426,7 @@ ReadDicom(const fs::path &        path,
     const auto ofSource = GetSlices(source);
     slices.insert(slices.end(), ofSource.begin(), ofSource.end());
   }
-  const std::string volumeOption = option.empty() ? "" : option.substr(0, option.rfind("series")) + "volume";
-  ChooseVolume(slices, volumeNumber, volumeOption, "'" + path.string() + "'");
+  ChooseVolume(slices, volumeNumber, GetVolumeOption(option), "'" + path.string() + "'");
   // masks and segments have no option for a series
   const auto arranged = ArrangeSlices(slices, option.empty(), warn);
   if (slices.size() == 1)

@@ -45,6 +45,10 @@ ReadDicom(const std::filesystem::path & path,
           const std::string &           option,
           const std::string &           volume);
 
+/** The option that chooses a volume, beside the one that chooses a series; empty if that is. */
+std::string
+GetVolumeOption(const std::string & seriesOption);
+
 /** The texts of a DICOM file in UTF-8, as itk::GDCMImageIO names them, such as 0008|0060. */
 itk::MetaDataDictionary
 ReadAttributes(const std::filesystem::path & path);

@@ -156,6 +156,40 @@ ReadImage(itk::ImageIOBase & io, const std::filesystem::path & path, const Warni
   volume.sourceFiles = SplitPaths(GetEntry(entries, "SourceFiles"));
   return volume;
 }
+
+/** The extension that a file's content should have, empty if the file has it or has other content. */
+std::string
+FindExtension(const std::filesystem::path & path)
+{
+  constexpr std::size_t magicOfNIfTI = 344;
+  const std::string     start = ReadStart(path, magicOfNIfTI + 3);
+  const std::string     extension = start.compare(0, 4, "NRRD") == 0       ? ".nrrd"
+                                    : start.compare(0, 2, "\x1f\x8b") == 0 ? ".nii.gz"
+                                    : start.size() > magicOfNIfTI && start.compare(magicOfNIfTI, 3, "n+1") == 0 ? ".nii"
+                                                                                                                : "";
+  const std::string     name = ToLower(path.filename().string());
+  const bool            hasIt =
+    name.size() >= extension.size() && name.compare(name.size() - extension.size(), std::string::npos, extension) == 0;
+  return hasIt ? "" : extension;
+}
+
+/** Keeps only the point in time with this \a number, which counts from 1. */
+void
+ChooseTime(Volume & volume, const std::string & number, const std::string & option, const std::filesystem::path & path)
+{
+  const std::size_t count = volume.times.size();
+  std::size_t       chosen = 0;
+  while (chosen < count && number != std::to_string(chosen + 1))
+  {
+    ++chosen;
+  }
+  if (chosen == count)
+  {
+    throw std::runtime_error(option + ' ' + number + " is not in '" + path.string() + "', which has " +
+                             (count == 1 ? "one volume" : "points in time 1 to " + std::to_string(count)));
+  }
+  volume.times = { volume.times[chosen] };
+}
 } // namespace
 
 bool
@@ -187,10 +221,6 @@ ReadVolume(const std::filesystem::path & path,
       volume = ReadDicom(path, series, warn, option, volumeNumber);
       return;
     }
-    if (!volumeNumber.empty())
-    {
-      throw std::runtime_error("--volume is for DICOM, but '" + path.string() + "' is not DICOM");
-    }
     if (LooksLikeTiff(path))
     {
       volume = ReadTiff(path, warn);
@@ -210,8 +240,10 @@ ReadVolume(const std::filesystem::path & path,
     }
     if (checkedReaders.count(reader) == 0)
     {
+      const std::string extension = FindExtension(path);
       throw std::runtime_error("'" + path.string() +
-                               "' is no image of DICOM, NIfTI-1, Analyze, NRRD, MetaImage, TIFF, VTK, GIPL or MRC");
+                               "' is no image of DICOM, NIfTI-1, Analyze, NRRD, MetaImage, TIFF, VTK, GIPL or MRC" +
+                               (extension.empty() ? "" : "; its content looks like " + extension + ", so rename it"));
     }
     volume = ReadImage(*io, path, warn);
   };
@@ -224,6 +256,10 @@ ReadVolume(const std::filesystem::path & path,
     else
     {
       ReadIntact(path, read);
+    }
+    if (!volumeNumber.empty() && volume.dicomFiles.empty())
+    {
+      ChooseTime(volume, volumeNumber, GetVolumeOption(option), path);
     }
   }
   catch (const itk::ExceptionObject & error)

@@ -508,8 +508,26 @@ TEST_F(ShearWarpMIPProgramFormats, OthersAreRefusedByName)
     this->WriteBytes(name, "no image");
     this->ExpectFailure(name + " out.png",
                         "'" + name +
-                          "' is no image of DICOM, NIfTI-1, Analyze, NRRD, MetaImage, TIFF, VTK, GIPL or MRC");
+                          "' is no image of DICOM, NIfTI-1, Analyze, NRRD, MetaImage, TIFF, VTK, GIPL or MRC\n");
   }
+}
+
+TEST_F(ShearWarpMIPProgramFormats, ContentSaysHowAFileIsToBeCalled)
+{
+  const std::vector<std::array<std::string, 3>> cases = { { { "x.nrrd", "y.nii", ".nrrd" } },
+                                                          { { "x.nii", "y.nrrd", ".nii" } },
+                                                          { { "x.nii.gz", "y.nii", ".nii.gz" } },
+                                                          { { "x.nii.gz", "y", ".nii.gz" } } };
+  for (const auto & [good, bad, extension] : cases)
+  {
+    SCOPED_TRACE(good + " as " + bad);
+    this->WriteImage(m_Volume, good);
+    fs::copy_file(m_Folder / good, m_Folder / bad, fs::copy_options::overwrite_existing);
+    this->ExpectFailure(bad + " out.png", "GIPL or MRC; its content looks like " + extension + ", so rename it\n");
+  }
+  this->WriteBytes("x.nii.gz", "\x1f\x8b no image");
+  this->ExpectFailure("x.nii.gz out.png", "x.nii.gz");
+  EXPECT_EQ(this->Run("x.nii.gz out.png").messages.find("rename"), std::string::npos);
 }
 
 struct FileType

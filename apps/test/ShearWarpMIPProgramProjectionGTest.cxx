@@ -661,12 +661,29 @@ TEST_F(ShearWarpMIPProgramProjection, ProjectsEachPointInTime)
       const auto         expected = GetPixels(this->ProjectPart(time));
       const auto * const frame = stack->GetBufferPointer() + time * expected.size();
       EXPECT_TRUE(std::equal(expected.begin(), expected.end(), frame)) << time;
+      this->ExpectSuccess(name + " one.nrrd --volume " + std::to_string(time + 1));
+      EXPECT_EQ(GetPixels(this->Read<PictureType>("one.nrrd")), expected) << time;
+    }
+    for (const std::string number : { "0", "5", "-1", "01", "a" })
+    {
+      this->ExpectFailure(name + " one.nrrd --volume=" + number,
+                          "--volume " + number + " is not in '" + name + "', which has points in time 1 to 4\n");
     }
   }
+  this->ExpectSuccess("times.nrrd --write-volume one.mha --volume 3");
+  EXPECT_EQ(this->Read<VolumeType>("one.mha")->GetLargestPossibleRegion(),
+            this->Read<VolumeType>("in.nrrd")->GetLargestPossibleRegion());
+  this->ExpectSuccess("times.nrrd turn.nrrd --frames 3 --volume 2");
+  this->ExpectSuccess("one.mha out.nrrd --volume 1");
+  this->ExpectFailure("in.nrrd out.png --volume 2", "--volume 2 is not in 'in.nrrd', which has one volume\n");
+  this->ExpectFailure("in.nrrd out.png --overlay times.nrrd",
+                      "4 points in time; --overlay-volume NUMBER chooses one\n");
+  this->ExpectFailure("in.nrrd out.png --overlay times.nrrd --overlay-volume 5", "--overlay-volume 5 is not in 'times");
+  this->ExpectSuccess("in.nrrd out.png --overlay times.nrrd --overlay-volume 4");
   this->ExpectSuccess("times.nrrd cine.png", "shear-warp-mip: note: 'cine.png' becomes 4 numbered files\n");
   EXPECT_TRUE(fs::exists(m_Folder / "cine-003.png"));
   EXPECT_FALSE(fs::exists(m_Folder / "cine.png"));
-  this->ExpectFailure("times.nrrd out.png --frames 3", "--frames is not possible: 'times.nrrd' has 4 points in time");
+  this->ExpectFailure("times.nrrd out.png --frames 3", "has 4 points in time; --volume NUMBER chooses one\n");
   this->ExpectFailure("times.nrrd out.png --sliding-slab 3 1", "--sliding-slab is not possible");
   this->ExpectFailure("times.nrrd out.nrrd --in-place", "--in-place is not possible");
 }

@@ -99,17 +99,16 @@ ReadOverlay(const Options & options, const WarningFunction & warn)
     options.overlayTransform.empty() ? nullptr : ReadInverse(options.overlayTransform);
   Volume volume = ReadVolume(options.overlay, options.overlaySeries, warn, "--overlay-series", options.overlayVolume);
   const auto refuse = [&](std::size_t count, const std::string & what) {
-    throw std::runtime_error("--overlay: '" + options.overlay + "' has " + std::to_string(count) + ' ' + what +
-                             "; 1 is needed");
+    throw std::runtime_error("--overlay: '" + options.overlay + "' has " + std::to_string(count) + ' ' + what);
   };
   if (volume.times.size() > 1)
   {
-    refuse(volume.times.size(), "points in time");
+    refuse(volume.times.size(), "points in time; --overlay-volume NUMBER chooses one");
   }
   itk::ImageBase<3> & image = *volume.times.front().image;
   if (image.GetNumberOfComponentsPerPixel() > 1)
   {
-    refuse(image.GetNumberOfComponentsPerPixel(), "components");
+    refuse(image.GetNumberOfComponentsPerPixel(), "components; 1 is needed");
   }
   if (toInput)
   {

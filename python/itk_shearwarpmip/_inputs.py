@@ -76,7 +76,8 @@ def open_image(
         for arrays is the identity.
     series: for a DICOM folder with several series: the number in the list of the error, a part of the description, or
         the Series Instance UID.
-    volume: for a DICOM series or file with several volumes, such as echoes: the number in the list of the error.
+    volume: for a DICOM series or file with several volumes, such as echoes: the number in the list of the error. For
+        other files, like time, but from 1 on.
     suv: True for the values of a DICOM PET series as SUV by body weight.
     level, channel: for an OME-Zarr image. If it has several levels, level is required; 0 is the finest.
     time: the number of the point in time; 0 is the first. If a file has several, it is required; the default of an
