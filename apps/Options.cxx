@@ -116,14 +116,22 @@ Choice(const std::vector<std::string> & names, const std::map<std::string, std::
   return CLI::Validator(choose, '{' + CLI::detail::join(names, ",") + '}');
 }
 
+/** A hint if there is a comma between digits. */
+std::string
+ExplainComma(const std::string & text)
+{
+  return std::regex_search(text, std::regex("[0-9],[0-9]")) ? "; decimals have a point" : "";
+}
+
 /** Accepts the numbers that are \a good. */
 CLI::Validator
 MakeCheck(const std::string & name, const std::function<bool(double)> & good)
 {
   const auto check = [=](const std::string & text) {
     double value = 0.0;
-    return CLI::detail::lexical_cast(text, value) && good(value) ? std::string()
-                                                                 : '\'' + Trim(text) + "' is not " + name;
+    return CLI::detail::lexical_cast(text, value) && good(value)
+             ? std::string()
+             : '\'' + Trim(text) + "' is not " + name + ExplainComma(text);
   };
   return CLI::Validator(check, "");
 }
@@ -224,8 +232,8 @@ DefineOptions(CLI::App & app, Options & options)
   app
     .add_option("--volume",
                 options.volume,
-                "Volume of a DICOM series or file that has several, such as echoes or points in time: its number in "
-                "the printed list")
+                "Volume of a DICOM series or of a file that has several, such as echoes or points in time: its number, "
+                "from 1 on")
     ->type_name("NUMBER")
     ->group("Options, volumes");
 
@@ -373,7 +381,9 @@ DefineOptions(CLI::App & app, Options & options)
             "LOW HIGH or NAME",
             "Values that become black and white in pictures and animations, and in a page when it opens "
             "(white and black for DICOM MONOCHROME1), or the name of a usual window: " +
-              DescribeWindows() + "; default: percentiles 1 and 99.8 of the pixels that are not background");
+              DescribeWindows() +
+              "; default: percentiles 1 and 99.8 of the pixels that are not background, or from the background on if "
+              "percentile 1 is their least value");
   add("Picture, usual, outputs",
       "--wl",
       options.levelAndWidth,
@@ -993,7 +1003,7 @@ Reword(const CLI::App & app, const CLI::ParseError & error)
     auto extra = app.remaining();
     extra.erase(std::remove(extra.begin(), extra.end(), "--"), extra.end());
     const std::string           first = extra.front().substr(0, extra.front().find('='));
-    const std::string           hint = first[0] == '-' ? Suggest(first, names) : "";
+    const std::string           hint = first[0] == '-' ? Suggest(first, names) : ExplainComma(first);
     const std::filesystem::path input = app.get_option("INPUT")->as<std::string>();
     const std::string           output = app.get_option("OUTPUT")->as<std::string>();
     std::error_code             ignored;

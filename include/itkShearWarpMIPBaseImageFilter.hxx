@@ -337,9 +337,9 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GenerateOutputInformatio
   const double bytes = size[0] * size[1] * sizeof(OutputPixelType) * static_cast<double>(m_Scene.views.size());
   if (!(bytes <= memory))
   {
-    itkExceptionMacro("Size must fit in memory, but an output of size ["
-                      << size[0] << ", " << size[1] << "], spacing [" << spacing[0] << ", " << spacing[1] << "], takes "
-                      << bytes << " bytes and this computer has " << memory << '.');
+    itkExceptionMacro("Size must fit in memory, but with an OutputSpacing of ["
+                      << spacing[0] << ", " << spacing[1] << "] it is [" << size[0] << ", " << size[1]
+                      << "], which takes " << bytes / 1e9 << " GB, and this computer has " << memory / 1e9 << '.');
   }
   this->SetGeometry(this->GetOutput());
   if (m_ComputeDepth)
