@@ -157,20 +157,22 @@ ReadImage(itk::ImageIOBase & io, const std::filesystem::path & path, const Warni
   return volume;
 }
 
-/** The extension that a file's content should have, empty if the file has it or has other content. */
+/** A hint if a file's content is of another format than its name says, empty otherwise. */
 std::string
-FindExtension(const std::filesystem::path & path)
+ExplainContent(const std::filesystem::path & path)
 {
   constexpr std::size_t magicOfNIfTI = 344;
   const std::string     start = ReadStart(path, magicOfNIfTI + 3);
-  const std::string     extension = start.compare(0, 4, "NRRD") == 0       ? ".nrrd"
-                                    : start.compare(0, 2, "\x1f\x8b") == 0 ? ".nii.gz"
-                                    : start.size() > magicOfNIfTI && start.compare(magicOfNIfTI, 3, "n+1") == 0 ? ".nii"
-                                                                                                                : "";
-  const std::string     name = ToLower(path.filename().string());
-  const bool            hasIt =
-    name.size() >= extension.size() && name.compare(name.size() - extension.size(), std::string::npos, extension) == 0;
-  return hasIt ? "" : extension;
+  const auto            hasAt = [&start](std::size_t place, const std::string & text) {
+    return start.size() >= place && start.compare(place, text.size(), text) == 0;
+  };
+  const std::string name = hasAt(0, "NRRD")             ? "NRRD, whose name ends in .nrrd"
+                           : hasAt(0, "ObjectType")     ? "MetaImage, whose name ends in .mha"
+                           : hasAt(magicOfNIfTI, "n+1") ? "NIfTI, whose name ends in .nii"
+                           : hasAt(0, "\x1f\x8b")
+                             ? "gzip: decompress it, or if it is NIfTI, let its name end in .nii.gz"
+                             : "";
+  return name.empty() ? "" : "; its content is " + name;
 }
 
 /** Keeps only the point in time with this \a number, which counts from 1. */
@@ -240,10 +242,9 @@ ReadVolume(const std::filesystem::path & path,
     }
     if (checkedReaders.count(reader) == 0)
     {
-      const std::string extension = FindExtension(path);
       throw std::runtime_error("'" + path.string() +
                                "' is no image of DICOM, NIfTI-1, Analyze, NRRD, MetaImage, TIFF, VTK, GIPL or MRC" +
-                               (extension.empty() ? "" : "; its content looks like " + extension + ", so rename it"));
+                               ExplainContent(path));
     }
     volume = ReadImage(*io, path, warn);
   };
