@@ -314,7 +314,7 @@ function makeVolume(series, viewer) {
       let before = Math.round(fraction * (total - 1));
       return counts.findIndex((each, stored) => stored !== series.background && (before -= each) < 0);
     }).map((stored) => viewer.toValue(stored));
-    return total > 0 ? [low, low < high ? high : low + 1] : series.window;
+    return total > 0 ? [low < high ? low : high - 1, high] : series.window;
   }
 
   // Text

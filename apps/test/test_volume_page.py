@@ -508,6 +508,17 @@ def test_modes(page):
     assert page.window == pytest.approx([slope * low + intercept, slope * high + intercept])
 
 
+def test_window_of_a_uniform_body(page):
+    """It is white, as the program shows it."""
+    voxels = np.full((30, 36, 40), 20000, np.uint16)
+    voxels[3, 4, 5] = 7
+    page.show(voxels)
+    page.press("m")
+    page.check("--mode", "minimum")
+    value = page.series["slope"] * 20000 + page.series["intercept"]
+    assert page.window == pytest.approx([value - 1, value])
+
+
 def slab_of(page):
     page.settle()
     return page.run("cine.state.slab")
