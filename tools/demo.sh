@@ -15,10 +15,11 @@ set -euo pipefail
 
 [[ ${1:-} != -* ]] || exit_with_usage "$1"
 [[ ${2:-} != -* ]] || die "the folder of the pictures comes before options, see --help"
-for option in "${@:3}"; do
-  case $option in
-    --series | --series=* | --volume | --volume=* | --suv) ;;
-    -*) die "'$option' does not choose the volume; after this, build/demo/apps/shear-warp-mip takes all options" ;;
+for ((n = 3; n <= $#; ++n)); do
+  case ${!n} in
+    --series=* | --volume=* | --suv) ;;
+    --series | --volume) [ $((++n)) -le $# ] || die "${!#} needs a value" ;;
+    *) die "'${!n}' does not choose the volume; the program takes all options, as build/demo/apps/shear-warp-mip" ;;
   esac
 done
 image=${1:-}
@@ -26,6 +27,7 @@ folder=${2:-demo-output}
 options=("${@:3}")
 [ -z "$image" ] || [ -e "$image" ] || die "'$image' does not exist"
 [ -z "$image" ] || [ ! "$image" -ef "$folder" ] || die "choose another folder for the pictures than the image's"
+[ ! "$image" -ef "$folder/volume.nrrd" ] || die "choose another folder: this one keeps its volume in '$image'"
 [ ! -e "$folder" ] || [ -d "$folder" ] || die "'$folder' is a file, not a folder for the pictures"
 
 program=$root/build/demo/apps/shear-warp-mip
