@@ -116,11 +116,12 @@ Choice(const std::vector<std::string> & names, const std::map<std::string, std::
   return CLI::Validator(choose, '{' + CLI::detail::join(names, ",") + '}');
 }
 
-/** A hint if there is a comma between digits. */
+/** A hint if the text is a number with a comma. */
 std::string
 ExplainComma(const std::string & text)
 {
-  return std::regex_search(text, std::regex("[0-9],[0-9]")) ? "; decimals have a point" : "";
+  const std::string start = text.substr(0, 40); // std::regex needs stack for each character
+  return std::regex_match(start, std::regex(" *[-+]?[0-9]*,[0-9]+")) ? "; decimals have a point" : "";
 }
 
 /** Accepts the numbers that are \a good. */
@@ -128,10 +129,11 @@ CLI::Validator
 MakeCheck(const std::string & name, const std::function<bool(double)> & good)
 {
   const auto check = [=](const std::string & text) {
-    double value = 0.0;
+    double     value = 0.0;
+    const bool isWhole = name.find("whole") != std::string::npos;
     return CLI::detail::lexical_cast(text, value) && good(value)
              ? std::string()
-             : '\'' + Trim(text) + "' is not " + name + ExplainComma(text);
+             : '\'' + Trim(text) + "' is not " + name + (isWhole ? "" : ExplainComma(text));
   };
   return CLI::Validator(check, "");
 }
@@ -381,9 +383,7 @@ DefineOptions(CLI::App & app, Options & options)
             "LOW HIGH or NAME",
             "Values that become black and white in pictures and animations, and in a page when it opens "
             "(white and black for DICOM MONOCHROME1), or the name of a usual window: " +
-              DescribeWindows() +
-              "; default: percentiles 1 and 99.8 of the pixels that are not background, or from the background on if "
-              "percentile 1 is their least value");
+              DescribeWindows() + "; default: percentiles 1 and 99.8 of the pixels that are not background");
   add("Picture, usual, outputs",
       "--wl",
       options.levelAndWidth,

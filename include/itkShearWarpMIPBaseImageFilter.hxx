@@ -337,9 +337,10 @@ ShearWarpMIPBaseImageFilter<TInputImage, TOutputImage>::GenerateOutputInformatio
   const double bytes = size[0] * size[1] * sizeof(OutputPixelType) * static_cast<double>(m_Scene.views.size());
   if (!(bytes <= memory))
   {
-    itkExceptionMacro("Size must fit in memory, but with an OutputSpacing of ["
-                      << spacing[0] << ", " << spacing[1] << "] it is [" << size[0] << ", " << size[1]
-                      << "], which takes " << bytes / 1e9 << " GB, and this computer has " << memory / 1e9 << '.');
+    itkExceptionMacro("Size must fit in memory, but " << m_Scene.views.size() << " x [" << size[0] << ", " << size[1]
+                                                      << "] pixels, with an OutputSpacing of [" << spacing[0] << ", "
+                                                      << spacing[1] << "], take " << bytes / 1e9
+                                                      << " GB, and this computer has " << memory / 1e9 << " GB.");
   }
   this->SetGeometry(this->GetOutput());
   if (m_ComputeDepth)

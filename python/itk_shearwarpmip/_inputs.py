@@ -80,8 +80,8 @@ def open_image(
         other files, like time, but from 1 on.
     suv: True for the values of a DICOM PET series as SUV by body weight.
     level, channel: for an OME-Zarr image. If it has several levels, level is required; 0 is the finest.
-    time: the number of the point in time; 0 is the first. If a file has several, it is required; the default of an
-        OME-Zarr image is 0.
+    time: the number of the point in time; 0 is the first. If a file has several, time or volume is required; the default
+        of an OME-Zarr image is 0.
 
     The image has voxels of uint8, int16, uint16, float32 or float64. Other voxels are converted by one rule: bool to
     uint8, int8 to int16, float16 to float32; other integers to int16 or, without a sign, to uint16 if each value fits,

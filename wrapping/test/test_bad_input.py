@@ -83,7 +83,7 @@ ERRORS = {
         "project(image, size=[0, 5])": "Size must not be zero, but it is [0, 5]",
         "project(image, size=[-1, 5])": "Size must fit in memory",
         "project(image, size=[10**7, 10**7])": "Size must fit in memory",
-        "project(image, output_spacing=1e-9)": "Size must fit in memory",
+        "project(image, output_spacing=1e-9)": "pixels, with an OutputSpacing of [1e-09, 1e-09], take",
         "project(image, oversampling=3)": "Oversampling must be 1 or 2, but it is 3",
         "project(image, slab_near=3.0, slab_far=2.0)": (
             "SlabNear must be less than infinity and not greater than SlabFar, but they are 3 and 2."
