@@ -198,7 +198,8 @@ test_python() (
 test_sanitize() (
   unset ITK_DIR
   need_packages build-essential cmake ninja-build libinsighttoolkit5-dev libcli11-dev libgtest-dev
-  local name skip='^$' options=halt_on_error=1:exitcode=99:allocator_may_return_null=1
+  # where GDCM and HDF5 fault, AddressSanitizer comes before the program, which has a message for that
+  local name skip='IsReadThoughObjectsOfOtherSeriesCannotBe|IsRefusedIfDamaged.*h5' options=halt_on_error=1:exitcode=99:allocator_may_return_null=1
   export ASAN_OPTIONS=$options:strict_init_order=1
   export UBSAN_OPTIONS=$options:print_stacktrace=1
   export TSAN_OPTIONS=$options:suppressions=$root/tools/races-of-itk.txt
@@ -207,7 +208,7 @@ test_sanitize() (
     if [ "$name" = thread ]; then
       export ITK_GLOBAL_DEFAULT_THREADER=Platform
       # the program has no threads but the library's, and itksysProcess learns late here that another one has ended
-      skip='ShearWarpMIPProgram[.DFMST]'
+      skip='ShearWarpMIPProgram[.DFMST]|IsRefusedIfDamaged.*h5'
     fi
     build_tests "$build/sanitize-${name%%,*}" -DCMAKE_CXX_FLAGS_RELEASE='-O1 -g1 -D_GLIBCXX_ASSERTIONS' \
       "-DCMAKE_CXX_FLAGS=-fsanitize=$name -fno-sanitize-recover=all -fno-omit-frame-pointer"
