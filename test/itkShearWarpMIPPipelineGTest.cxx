@@ -969,7 +969,7 @@ TEST_F(ShearWarpMIPPipeline, OutputLargerThanTheMemoryIsAnErrorThatNamesIt)
   EXPECT_NAMES(m_Filter->Update(), "Size", "memory");
   m_Filter->FitOutputGrid();
   m_Filter->SetOutputSpacing(MakeVector2(1e-12, 1.0));
-  EXPECT_NAMES(m_Filter->Update(), "spacing", "memory", "1e-12");
+  EXPECT_NAMES(m_Filter->Update(), "1 x [", "OutputSpacing", "memory", "1e-12", " GB");
   m_Filter->FitOutputGrid();
   m_Filter->SetOutputOrigin(MakePoint2(-1e300, 0.0));
   EXPECT_NAMES(m_Filter->Update(), "memory");
