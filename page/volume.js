@@ -309,10 +309,12 @@ function makeVolume(series, viewer) {
     for (const stored of values) {
       ++counts[stored];
     }
-    const total = values.length - counts[series.background];
+    counts[series.background] = 0;
+    counts[volume.backgroundVoxel] = 0;
+    const total = counts.reduce((sum, count) => sum + count, 0);
     const [low, high] = [0.01, 0.998].map((fraction) => {
       let before = Math.round(fraction * (total - 1));
-      return counts.findIndex((each, stored) => stored !== series.background && (before -= each) < 0);
+      return counts.findIndex((each) => (before -= each) < 0);
     }).map((stored) => viewer.toValue(stored));
     return total > 0 ? [low < high ? low : high - 1, high] : series.window;
   }

@@ -136,6 +136,13 @@ PackVoxels(const AnyImage & image, const StoredScale & scale)
   return text.Finish();
 }
 
+/** The stored value of voxels that are as the background; 0 if there are none. */
+unsigned int
+StoreBackground(const StoredScale & scale, double background)
+{
+  return scale.isCut[0] || background >= scale.range[0] ? scale.Store(background) : 0;
+}
+
 /** Three rows of JSON: the matrix, and the offset behind it. */
 std::string
 DescribeMap(const itk::ShearWarp::AffineMap3D & map)
@@ -251,7 +258,8 @@ WriteVolumePage(OutputFiles & files, const std::string & path, const Product & p
          << ", \"hasOrientation\": " << (stack.hasOrientation ? "true" : "false") << ", \"spacing\": " << spacing
          << ", \"whole\": {\"size\": " << DescribeList(whole.GetLargestPossibleRegion().GetSize())
          << ", \"spacing\": " << DescribeList(whole.GetSpacing()) << ", \"toPhysical\": " << DescribeGrid(whole)
-         << "}, \"command\": " << DescribeCommand(options) << "}}";
+         << "}, \"backgroundVoxel\": " << StoreBackground(scale, stack.projections.background)
+         << ", \"command\": " << DescribeCommand(options) << "}}";
 
   std::map<std::string, std::string> texts{ { "@SERIES@", series.str() } };
   texts["@ENGINE@"] = EncodeBase64(GetEngineOfPage());

@@ -429,6 +429,24 @@ TEST_F(ShearWarpMIPProgramVolumePage, HoldsTwiceTheWindowWith8Bits)
   }
 }
 
+TEST_F(ShearWarpMIPProgramVolumePage, SaysWhichVoxelsAreAsTheBackground)
+{
+  const auto image = MakeImage<VolumeType>({ { 3, 2, 2 } });
+  const auto expect = [&](short least, const std::string & arguments, double expected) {
+    std::iota(image->GetBufferPointer(), image->GetBufferPointer() + 12, least);
+    this->WriteImage(image, "ramp.nrrd");
+    const PageVolume volume = this->Make("ramp.nrrd --view anterior" + arguments);
+    EXPECT_EQ(GetNumber(volume.series, "backgroundVoxel"), expected) << least << arguments;
+  };
+  expect(0, "", 1);
+  expect(-7, "", 1);
+  expect(-20, "", 1);
+  expect(1, "", 0);
+  // the voxels below the stored range are 1
+  expect(-7, " --window 1 3", 1);
+  expect(0, " --window 8 9", 1);
+}
+
 TEST_F(ShearWarpMIPProgramVolumePage, HoldsFiniteNumbersAlone)
 {
   constexpr float infinity = std::numeric_limits<float>::infinity();

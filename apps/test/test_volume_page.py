@@ -71,6 +71,7 @@ def make_series(voxels, axes=AXES, /, **changes):
         "hasOrientation": True,
         "spacing": 0.8,
         "whole": {"size": size.tolist(), "spacing": np.linalg.norm(axes, axis=0).tolist()},
+        "backgroundVoxel": 0,
         "command": ["shear-warp-mip", "INPUT"],
     }
     volume |= {key: changes.pop(key) for key in volume.keys() & changes.keys()}
@@ -902,11 +903,26 @@ def test_command_before_the_picture_of_a_mode(page, injected):
     assert "--mode minimum" in page.run("copied") and "--window" not in page.run("copied")
 
 
-def test_constant_picture_is_black(page):
-    page.show(np.full((20, 22, 24), 5, np.uint16))
+def test_constant_picture_is_black_if_it_is_background(page):
+    voxels = np.full((20, 22, 24), 5, np.uint16)
+    for background in 5, 4:
+        page.show(voxels, backgroundVoxel=background, window=[100, 200])
+        page.press("m")
+        values = page.check("--mode", "minimum")
+        assert page.text("mode-name") == "Minimum" and (values == 5).any()
+        assert page.pixels().max() == (0 if background == 5 else 255)
+
+
+def test_window_leaves_out_voxels_of_background(page):
+    voxels = make_voxels()
+    voxels[:, :, 7:] = 9
+    page.show(voxels, backgroundVoxel=9)
     page.press("m")
-    page.settle()
-    assert page.text("mode-name") == "Minimum" and not page.pixels().any()
+    values = page.check("--mode", "minimum")
+    seen = np.sort(values[(values > 0) & (values != 9)])
+    assert 0 < seen.size < (values == 9).sum()
+    stored = np.array([seen[int(fraction * (seen.size - 1) + 0.5)] for fraction in (0.01, 0.998)])
+    assert page.window == pytest.approx(page.series["slope"] * stored + page.series["intercept"])
 
 
 def test_help_says_what_the_page_holds(page):
