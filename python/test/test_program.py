@@ -101,7 +101,7 @@ def test_points_in_time(rng, tmp_path):
     for time_, expected in enumerate(voxels):
         assert_array_equal(open_image(tmp_path / "x.nii", time=time_), expected)
         assert_array_equal(open_image(tmp_path / "x.nii", volume=time_ + 1), expected)
-    with pytest.raises(ValueError, match=r"--volume 4 is not in '.*x.nii', which has points in time 1 to 3"):
+    with pytest.raises(ValueError, match=r"^volume 4 is not in '.*x.nii', which has points in time 1 to 3"):
         open_image(tmp_path / "x.nii", volume=4)
     for wrong in (3, -1, 1.5, "a", True):
         with pytest.raises(ValueError, match=r"time must be a whole number (from 0 to 2|of at least 0)"):
