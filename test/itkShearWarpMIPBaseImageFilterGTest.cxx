@@ -664,6 +664,8 @@ TEST(ShearWarpObserved, VoxelsThatChangeDuringAnUpdateAreProjectedByTheNextOne)
 {
   const auto image = MakeTestImage();
   const auto filter = MakeConfigured<SingleType>();
+  // the observer writes what other threads would read
+  filter->SetNumberOfWorkUnits(1);
   filter->SetInput(image);
   const auto observer = filter->AddObserver(itk::ProgressEvent(), [&](const itk::EventObject &) {
     image->FillBuffer(33);
