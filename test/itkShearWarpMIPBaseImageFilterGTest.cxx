@@ -667,8 +667,12 @@ TEST(ShearWarpObserved, VoxelsThatChangeDuringAnUpdateAreProjectedByTheNextOne)
   // the observer writes what other threads would read
   filter->SetNumberOfWorkUnits(1);
   filter->SetInput(image);
+  // the second view keeps a copy
+  filter->Update();
+  filter->Modified();
+  short      value = 0;
   const auto observer = filter->AddObserver(itk::ProgressEvent(), [&](const itk::EventObject &) {
-    image->FillBuffer(33);
+    image->FillBuffer(++value);
     image->Modified();
   });
   filter->Update();
