@@ -124,14 +124,13 @@ ExplainComma(const std::string & text)
   return std::regex_match(start, std::regex(" *[-+]?[0-9]*,[0-9]+")) ? "; decimals have a point" : "";
 }
 
-/** Accepts the numbers that are \a good. */
+/** Accepts the numbers, or only the whole ones, that are \a good. */
 CLI::Validator
-MakeCheck(const std::string & name, const std::function<bool(double)> & good)
+MakeCheck(const std::string & name, const std::function<bool(double)> & good, bool isWhole = false)
 {
   const auto check = [=](const std::string & text) {
-    double     value = 0.0;
-    const bool isWhole = name.find("whole") != std::string::npos;
-    return CLI::detail::lexical_cast(text, value) && good(value)
+    double value = 0.0;
+    return CLI::detail::lexical_cast(text, value) && (!isWhole || value == std::trunc(value)) && good(value)
              ? std::string()
              : '\'' + Trim(text) + "' is not " + name + (isWhole ? "" : ExplainComma(text));
   };
@@ -140,19 +139,22 @@ MakeCheck(const std::string & name, const std::function<bool(double)> & good)
 
 /** Accepts finite numbers from \a lowest on. */
 CLI::Validator
-Number(const std::string & name, double lowest, bool whole = false)
+Number(const std::string & name, double lowest, bool isWhole = false)
 {
-  return MakeCheck(name, [=](double value) {
-    return std::isfinite(value) && value >= lowest && (!whole || (value == std::trunc(value) && value <= 0x1p53));
-  });
+  return MakeCheck(
+    name,
+    [=](double value) { return std::isfinite(value) && value >= lowest && (!isWhole || value <= 0x1p53); },
+    isWhole);
 }
 
 /** Accepts whole numbers from 1 to \a most. */
 CLI::Validator
 Count(unsigned int most)
 {
-  return MakeCheck("a whole number from 1 to " + std::to_string(most),
-                   [most](double value) { return value >= 1.0 && value <= most && value == std::trunc(value); });
+  return MakeCheck(
+    "a whole number from 1 to " + std::to_string(most),
+    [most](double value) { return value >= 1.0 && value <= most; },
+    true);
 }
 
 /** Accepts numbers, infinite ones too. */

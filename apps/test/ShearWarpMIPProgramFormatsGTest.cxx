@@ -529,6 +529,9 @@ TEST_F(ShearWarpMIPProgramFormats, ContentSaysHowAFileIsToBeCalled)
     fs::copy_file(m_Folder / good, m_Folder / bad, fs::copy_options::overwrite_existing);
     this->ExpectFailure(bad + " out.png", "GIPL or MRC; its content is " + content + '\n');
   }
+  this->WriteBytes("x.nii.gz", "\x1f\x8b no image");
+  this->ExpectFailure("x.nii.gz out.png", "x.nii.gz");
+  EXPECT_EQ(this->Run("x.nii.gz out.png").messages.find("its content is"), std::string::npos);
 }
 
 struct FileType
