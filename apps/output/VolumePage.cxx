@@ -140,7 +140,8 @@ PackVoxels(const AnyImage & image, const StoredScale & scale)
 unsigned int
 StoreBackground(const StoredScale & scale, double background)
 {
-  return scale.isCut[0] || background >= scale.range[0] ? scale.Store(background) : 0;
+  const bool isBelowAll = !scale.isCut[0] && background < scale.range[0] && std::isfinite(background);
+  return isBelowAll ? 0 : scale.Store(background);
 }
 
 /** Three rows of JSON: the matrix, and the offset behind it. */

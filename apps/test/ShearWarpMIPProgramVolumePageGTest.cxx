@@ -445,6 +445,12 @@ TEST_F(ShearWarpMIPProgramVolumePage, SaysWhichVoxelsAreAsTheBackground)
   // the voxels below the stored range are 1
   expect(-7, " --window 1 3", 1);
   expect(0, " --window 8 9", 1);
+
+  const auto logarithms = MakeImage<itk::Image<float, 3>>({ { 3, 2, 2 } });
+  std::iota(logarithms->GetBufferPointer(), logarithms->GetBufferPointer() + 12, 2.0f);
+  logarithms->GetBufferPointer()[5] = -std::numeric_limits<float>::infinity();
+  this->WriteImage(logarithms, "logarithms.nrrd");
+  EXPECT_EQ(GetNumber(this->Make("logarithms.nrrd --view anterior").series, "backgroundVoxel"), 1);
 }
 
 TEST_F(ShearWarpMIPProgramVolumePage, HoldsFiniteNumbersAlone)
